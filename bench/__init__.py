@@ -1,0 +1,1 @@
+"""Measurements against public packages, and the files that record them."""

@@ -1,0 +1,64 @@
+"""Labelled sets of recordings as canonical motion."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+from bench.record import recordings
+from pipeline.formats import read_clips
+from pipeline.kinematics import solve
+from pipeline.skeleton.canonicalise import canonicalise
+from pipeline.skeleton.rigs import identify, load_rigs
+from pipeline.words.features import Float32Array, Float64Array, WordConfig, word_features
+
+Row = dict[str, str]
+
+
+@dataclass(frozen=True)
+class LabelledClip:
+    """A clip with its class; positions [F, 21, 3], rotations [F, 21, 4] local."""
+
+    positions: Float64Array
+    rotations: Float64Array
+    fps: float
+    label: str
+    subject: str
+
+
+@dataclass(frozen=True)
+class _Set:
+    folder: str
+    label: str
+    chosen: Callable[[Row], bool] = lambda row: True
+
+
+SETS: Final = {
+    "hdm05": _Set("hdm05", "label"),
+    "salsa": _Set("cmu_dance", "subject", lambda row: row["label"] == "salsa"),
+    "bandai1": _Set("bandai1", "label"),
+    "utd_mhad": _Set("utd_mhad", "label"),
+}
+
+
+def load(name: str) -> list[LabelledClip]:
+    """Every labelled clip of a set, canonical, in the order of its labels file."""
+    chosen = SETS[name]
+    folder = recordings() / chosen.folder
+    rigs = load_rigs()
+    with (folder / "labels.csv").open(newline="", encoding="utf-8") as handle:
+        rows = [row for row in csv.DictReader(handle) if chosen.chosen(row)]
+    clips = []
+    for row in rows:
+        clip = read_clips(folder / row["file"])[0]
+        motion = canonicalise(clip, solve(clip), identify(clip.hierarchy.joints, rigs))
+        subject = row.get("subject") or ""
+        clips.append(LabelledClip(motion.positions, motion.rotations, motion.fps, row[chosen.label], subject))
+    return clips
+
+
+def features(clips: list[LabelledClip], config: WordConfig) -> list[Float32Array]:
+    """`word_features` of each clip."""
+    return [word_features(clip.positions, clip.rotations, clip.fps, config) for clip in clips]

@@ -1,0 +1,123 @@
+"""What every measurement shares: interleaved timing, and a dated record of figures, machine and data."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import platform
+import re
+import statistics
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterable, Mapping
+from datetime import UTC, datetime
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+RESULTS = Path(__file__).parent / "results"
+PACKAGES = ("motionlake", "numpy", "numba", "scipy", "duckdb", "torch")
+
+
+def recordings() -> Path:
+    """The folder of real recordings that MOTIONLAKE_DATA names; leaves with a message where it is unset."""
+    folder = os.environ.get("MOTIONLAKE_DATA")
+    if not folder:
+        sys.exit("MOTIONLAKE_DATA is not set: set it to the folder of the recordings")
+    return Path(folder)
+
+
+def interleave(functions: Mapping[str, Callable[[], object]], rounds: int = 7) -> dict[str, float]:
+    """Median seconds of each function over `rounds`, one call of each in turn after one call to warm up."""
+    seconds: dict[str, list[float]] = {name: [] for name in functions}
+    for function in functions.values():
+        function()
+    for _ in range(rounds):
+        for name, function in functions.items():
+            start = time.perf_counter()
+            function()
+            seconds[name].append(time.perf_counter() - start)
+    return {name: statistics.median(values) for name, values in seconds.items()}
+
+
+def hash_files(paths: Iterable[Path], base: Path) -> str:
+    """SHA-256 over the names relative to `base`, sizes and contents of files."""
+    digest = hashlib.sha256()
+    for path in sorted(paths):
+        content = path.read_bytes()
+        digest.update(f"{path.relative_to(base).as_posix()}\0{len(content)}\0".encode())
+        digest.update(content)
+    return digest.hexdigest()
+
+
+def machine() -> dict[str, Any]:
+    """Processor model, cores and system."""
+    try:
+        text = Path("/proc/cpuinfo").read_text(encoding="utf-8")
+    except OSError:
+        text = ""
+    model = re.search(r"^model name\s*:\s*(.+)$", text, re.MULTILINE)
+    return {
+        "processor": model[1] if model else platform.processor(),
+        "cores": os.cpu_count(),
+        "system": platform.system(),
+    }
+
+
+def versions(packages: Iterable[str] = PACKAGES) -> dict[str, str]:
+    """Versions of Python and of those packages that are installed."""
+    found = {"python": platform.python_version()}
+    for package in packages:
+        try:
+            found[package] = metadata.version(package)
+        except metadata.PackageNotFoundError:
+            continue
+    return found
+
+
+def revision() -> str:
+    """The working tree's git revision, with "+" where files differ from it, or "" outside a repository."""
+
+    def git(*words: str) -> str:
+        run = subprocess.run(["git", *words], cwd=Path(__file__).parent, capture_output=True, text=True, check=False)
+        return run.stdout.strip() if run.returncode == 0 else ""
+
+    head = git("rev-parse", "--short=12", "HEAD")
+    return head + ("+" if head and git("status", "--porcelain", "--untracked-files=no") else "")
+
+
+def record(
+    name: str,
+    figures: Mapping[str, Any],
+    data: str = "",
+    packages: Iterable[str] = (),
+    folder: Path = RESULTS,
+) -> Path:
+    """Write figures as `<folder>/<name>-<UTC time>.json` with what is needed to judge them.
+
+    Args:
+        name: the measurement's name.
+        figures: what was measured; JSON values.
+        data: `hash_files` of the data.
+        packages: peers whose versions matter, besides `PACKAGES`.
+        folder: where to.
+
+    Returns:
+        The file written.
+    """
+    now = datetime.now(UTC)
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / f"{name}-{now:%Y%m%dT%H%M%SZ}.json"
+    content = {
+        "name": name,
+        "date": now.isoformat(timespec="seconds"),
+        "revision": revision(),
+        "machine": machine(),
+        "versions": versions([*PACKAGES, *packages]),
+        "data_sha256": data,
+        "figures": dict(figures),
+    }
+    path.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
+    return path

@@ -1,0 +1,80 @@
+"""Where shards run: a local Dask cluster, or a running one that sees the lake's folder."""
+
+from __future__ import annotations
+
+import logging
+import os
+import uuid
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import dask
+from distributed import Client, LocalCluster
+
+from pipeline.errors import UserError
+from pipeline.lake.layout import Lake
+
+# Workers hold one shard a thread, and a shard's mathematics runs on that one thread.
+_ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")
+
+
+@contextmanager
+def cluster(lake: Lake, workers: int | None = None, scheduler: str | None = None) -> Iterator[Client]:
+    """A Dask client: `workers` local processes (default: one a core), or the cluster at `scheduler`.
+
+    Raises:
+        UserError: the scheduler does not answer, has no workers, or a worker cannot see the lake's folder.
+    """
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)
+    settings = {
+        "distributed.nanny.pre-spawn-environ": _ONE_THREAD,
+        "distributed.comm.timeouts.connect": "10s",
+        "distributed.scheduler.allowed-failures": 3,
+        "distributed.worker.memory.terminate": False,
+    }
+    with dask.config.set(settings):
+        if scheduler is None:
+            count = workers or os.cpu_count() or 1
+            with (
+                LocalCluster(n_workers=count, threads_per_worker=1, dashboard_address=None) as local,
+                Client(local) as client,
+            ):
+                yield client
+            return
+        try:
+            client = Client(scheduler, timeout="10s")
+        except (OSError, TimeoutError, ValueError) as error:
+            raise UserError(f"--scheduler {scheduler}: no Dask scheduler answers there ({error})") from error
+        with client:
+            _check_workers(client, scheduler, lake)
+            yield client
+
+
+def _check_workers(client: Client, scheduler: str, lake: Lake) -> None:
+    try:
+        client.wait_for_workers(1, timeout=30)
+    except TimeoutError:
+        raise UserError(f"--scheduler {scheduler}: it has no workers; start some with `dask worker`") from None
+    token = uuid.uuid4().hex
+    probe = lake.root / f".probe-{token}"
+    probe.write_text(token, encoding="utf-8")
+    try:
+        seen = client.run(_sees, str(probe), token)
+    except ImportError as error:
+        raise UserError(f"--scheduler {scheduler}: motionlake is not installed on its workers ({error})") from error
+    finally:
+        probe.unlink(missing_ok=True)
+    blind = sorted(address for address, sees in seen.items() if not sees)
+    if blind:
+        raise UserError(
+            f"--scheduler {scheduler}: worker {blind[0]} cannot see the lake's folder {lake.root} "
+            f"({len(blind)} of {len(seen)} workers); put the lake on storage that all of them share"
+        )
+
+
+def _sees(probe: str, token: str) -> bool:
+    try:
+        return Path(probe).read_text(encoding="utf-8") == token
+    except OSError:
+        return False

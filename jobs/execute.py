@@ -1,0 +1,152 @@
+"""Run the shards of a stage on a cluster and enter what they made, some at a time, into the catalog."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol
+
+import pyarrow as pa
+from distributed import Client, as_completed
+from threadpoolctl import threadpool_limits
+
+from pipeline.lake.catalog import load_rows, table_of, writing
+from pipeline.lake.layout import Lake
+from pipeline.stages.shard import Load, RunShard, Shard, ShardResult
+
+_S, _I = pa.string(), pa.int64()
+PLAN_ROWS = pa.schema({"stage": _S, "key": _S, "part": _S, "dataset": _S, "spec": _S})
+FINISH_ROWS = pa.schema(
+    {
+        "stage": _S, "key": _S, "part": _S, "state": _S, "reason": _S, "rows": _I, "bytes": _I,
+        "files": pa.list_(_S), "seconds": pa.float64(),
+    }
+)  # fmt: skip
+LOAD_EVERY = 15.0  # seconds; what a killed run has done since it last loaded is done again
+
+
+class Progress(Protocol):
+    """Told of finished clips: (stage, done, all)."""
+
+    def __call__(self, stage: str, done: int, total: int) -> None: ...
+
+
+@dataclass(frozen=True)
+class StageJob:
+    """One stage as a job: how a shard runs, and how finished shards are loaded.
+
+    Attributes:
+        one_load: load all shards in one transaction, because they are of use only together.
+    """
+
+    name: str
+    run: RunShard
+    load: Load
+    one_load: bool = False
+
+
+@dataclass
+class Outcome:
+    """What came of a stage: shards done and failed, clips in them, source files rejected."""
+
+    ok: int = 0
+    failed: int = 0
+    clips: int = 0
+    rejected: int = 0
+    rows: int = 0
+    bytes: int = 0
+    reason: str = ""  # of the last failure
+
+
+def execute(lake: Lake, job: StageJob, shards: Sequence[Shard], client: Client, progress: Progress) -> Outcome:
+    """Run shards, load results every few seconds in one transaction, record failures with their reason."""
+    outcome = Outcome()
+    if not shards:
+        return outcome
+    save_plan(lake, shards)
+    total = sum(s.items for s in shards)
+    progress(job.name, 0, total)
+    futures = {
+        client.submit(_run_limited, job.run, lake.root, shard, key=f"{job.name}-{shard.key}", pure=False): shard
+        for shard in shards
+    }
+    waiting: list[ShardResult] = []
+    failures: list[tuple[Shard, str]] = []
+    loaded_at, done, patience = time.monotonic(), 0, LOAD_EVERY
+    for future in as_completed(futures):
+        shard = futures.pop(future)
+        error = future.exception() if future.status != "finished" else None
+        if error is None:
+            waiting.append(future.result())
+        else:
+            failures.append((shard, f"{type(error).__name__}: {error}".splitlines()[0][:500]))
+        future.release()
+        done += shard.items
+        progress(job.name, done, total)
+        if waiting and not job.one_load and time.monotonic() - loaded_at > patience:
+            started = time.monotonic()
+            _load(lake, job, waiting, outcome)
+            waiting = []
+            loaded_at = time.monotonic()
+            patience = max(LOAD_EVERY, 10 * (loaded_at - started))
+    _load(lake, job, waiting, outcome, failures)
+    return outcome
+
+
+def _run_limited(run: RunShard, root: Path, shard: Shard) -> ShardResult:
+    """Within one worker thread: BLAS and OpenMP on that thread, so that results do not depend on the machine."""
+    with threadpool_limits(1):
+        return run(root, shard)
+
+
+def save_plan(lake: Lake, shards: Sequence[Shard]) -> None:
+    """Record the cut into shards before any runs: a resumed run must make the same parts."""
+    rows = [
+        {"stage": s.stage, "key": s.key, "part": s.part, "dataset": s.dataset, "spec": json.dumps(s.spec)}
+        for s in shards
+    ]
+    with writing(lake) as con:
+        load_rows(con, "queries/plan_shards.sql", table_of(rows, PLAN_ROWS))
+
+
+def _load(
+    lake: Lake,
+    job: StageJob,
+    results: Sequence[ShardResult],
+    outcome: Outcome,
+    failures: Sequence[tuple[Shard, str]] = (),
+) -> None:
+    if not results and not failures:
+        return
+    ordered = sorted(results, key=lambda r: (r.shard.dataset, r.shard.key))
+    rows = [_finished(r) for r in ordered] + [_failed(shard, reason) for shard, reason in failures]
+    with writing(lake) as con:
+        if ordered:
+            job.load(con, lake.root, ordered)
+        load_rows(con, "queries/finish_shards.sql", table_of(rows, FINISH_ROWS))
+    outcome.ok += len(ordered)
+    outcome.failed += len(failures)
+    outcome.clips += sum(r.shard.items - r.rejected for r in ordered)
+    outcome.rejected += sum(r.rejected for r in ordered)
+    outcome.rows += sum(r.rows for r in ordered)
+    outcome.bytes += sum(r.size for r in ordered)
+    if failures:
+        outcome.reason = failures[-1][1]
+
+
+def _finished(result: ShardResult) -> dict[str, object]:
+    shard = result.shard
+    return {
+        "stage": shard.stage, "key": shard.key, "part": shard.part, "state": "ok", "reason": None,
+        "rows": result.rows, "bytes": result.size, "files": list(result.files), "seconds": result.seconds,
+    }  # fmt: skip
+
+
+def _failed(shard: Shard, reason: str) -> dict[str, object]:
+    return {
+        "stage": shard.stage, "key": shard.key, "part": shard.part, "state": "failed", "reason": reason,
+        "rows": 0, "bytes": 0, "files": [], "seconds": None,
+    }  # fmt: skip

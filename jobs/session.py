@@ -1,0 +1,66 @@
+"""What every job of one command shares: the lake, its configuration, a cluster started when first needed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, field
+from datetime import datetime
+
+from distributed import Client
+
+from jobs.cluster import cluster
+from jobs.execute import Outcome, Progress
+from pipeline.config import LakeConfig, load_config
+from pipeline.lake.garbage import collect_garbage
+from pipeline.lake.layout import Lake
+from pipeline.lake.lock import locked
+
+
+@dataclass
+class Session:
+    """One writing command on one lake.
+
+    Attributes:
+        progress: told of finished clips.
+        notice: told, in one line, what a person should know while it runs.
+        outcomes: by stage, in the order they ran.
+    """
+
+    lake: Lake
+    config: LakeConfig
+    progress: Progress
+    notice: Callable[[str], None]
+    workers: int | None = None
+    scheduler: str | None = None
+    outcomes: dict[str, Outcome] = field(default_factory=dict)
+    started: datetime = field(default_factory=datetime.now)
+    _stack: ExitStack = field(default_factory=ExitStack)
+    _client: Client | None = None
+
+    @property
+    def client(self) -> Client:
+        if self._client is None:
+            self._client = self._stack.enter_context(cluster(self.lake, self.workers, self.scheduler))
+        return self._client
+
+
+@contextmanager
+def session(
+    lake: Lake,
+    command: str,
+    progress: Progress,
+    notice: Callable[[str], None],
+    workers: int | None = None,
+    scheduler: str | None = None,
+) -> Iterator[Session]:
+    """Hold the lake for one command.
+
+    Raises:
+        UserError: another run holds the lake, or its config.toml is at fault.
+    """
+    config = load_config(lake.config_file)
+    with locked(lake, command), ExitStack() as stack:
+        collect_garbage(lake)
+        yield Session(lake, config, progress, notice, workers, scheduler, _stack=stack)
+        collect_garbage(lake)

@@ -1,0 +1,20 @@
+"""Job "signatures": serve the signatures, and the motifs they are made of, in one transaction."""
+
+from __future__ import annotations
+
+from jobs.execute import Outcome, StageJob, execute
+from jobs.session import Session
+from pipeline.lake.catalog import reading
+from pipeline.stages import embed, motifs, signatures
+
+JOB = StageJob(signatures.NAME, signatures.run, signatures.load, one_load=True)
+
+
+def run(session: Session) -> Outcome:
+    with reading(session.lake) as con:
+        network = embed.fitting_network(con, session.config)
+        model = motifs.fitting_motifs(con, session.config, network) if network else None
+        if network is None or model is None:
+            return Outcome()
+        shards = signatures.plan(con, session.lake, session.config, network, model)
+    return execute(session.lake, JOB, shards, session.client, session.progress) if shards else Outcome()

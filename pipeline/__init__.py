@@ -1,0 +1,19 @@
+"""motionlake: motion capture repositories as Parquet frames and DuckDB tables."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from pipeline.connection import connect
+
+__all__ = ["connect"]
+
+
+def __getattr__(name: str) -> Any:
+    # Readers and kernels must not pay for the imports that a connection needs.
+    if name == "connect":
+        from pipeline.connection import connect
+
+        return connect
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -1,0 +1,114 @@
+"""motionlake ingest."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from jobs import frames
+from jobs.session import session
+from pipeline.cli.common import (
+    JsonOption,
+    LakeOption,
+    SchedulerOption,
+    WorkersOption,
+    notice,
+    print_json,
+    stage_progress,
+)
+from pipeline.cli.report import close_run, say_rejects
+from pipeline.errors import UserError
+from pipeline.lake.catalog import create_catalog, reading
+from pipeline.lake.layout import Lake, check_dataset
+from pipeline.skeleton.rigs import load_rigs
+from pipeline.stages.sources import IngestOptions, Root, check_options, known_roots
+
+
+def add_to(app: typer.Typer) -> None:
+    app.command()(ingest)
+
+
+def ingest(
+    sources: Annotated[list[Path], typer.Argument(help="Folders of clips, or single clip files.", show_default=False)],
+    lake: LakeOption,
+    dataset: Annotated[str | None, typer.Option(help="Name of the dataset (default: the folder's name).")] = None,
+    labels: Annotated[
+        Path | None, typer.Option(help="CSV: file, label, subject, split, … (default: SRC/labels.csv).")
+    ] = None,
+    segments: Annotated[
+        Path | None, typer.Option(help="CSV: file, start, stop, label (default: SRC/segments.csv).")
+    ] = None,
+    rig: Annotated[str | None, typer.Option(help="Use this rig map whatever the joints are called.")] = None,
+    up: Annotated[str | None, typer.Option(help="Axis that points up: x, y, z, -x, -y or -z.")] = None,
+    unit: Annotated[str | None, typer.Option(help="Length unit: m, dm, cm, mm, in, ft, or metres per unit.")] = None,
+    fps: Annotated[float | None, typer.Option(help="Frames a second, whatever the file says.")] = None,
+    licence: Annotated[str | None, typer.Option(help="Licence to record with every clip.")] = None,
+    checksum: Annotated[bool, typer.Option(help="Hash every file again; do not trust size and date.")] = False,
+    retry_failed: Annotated[bool, typer.Option("--retry-failed", help="Take up rejected files again.")] = False,
+    workers: WorkersOption = None,
+    scheduler: SchedulerOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Take clips into a lake (created if it is not there). Only new and changed files are read.
+
+    Example: motionlake ingest recordings/hdm05 --lake mylake --licence CC-BY-SA-3.0
+
+    A folder of Z-up clips in centimetres: motionlake ingest shots --lake mylake --up z --unit cm
+    """
+    options = IngestOptions(
+        up=up, unit=unit, fps=fps, rig=rig, licence=licence,
+        labels=str(labels.absolute()) if labels else None,
+        segments=str(segments.absolute()) if segments else None,
+    )  # fmt: skip
+    check_options(options)
+    target = Lake(lake.absolute())
+    roots = [_root(source, dataset, options) for source in sources]
+    if not target.catalog.exists():
+        create_catalog(target)
+    if rig is not None and rig not in load_rigs(target.rigs):
+        raise UserError(f"--rig {rig}: no such rig map; known are {', '.join(sorted(load_rigs(target.rigs)))}")
+    with stage_progress() as progress, session(target, "ingest", progress, notice, workers, scheduler) as job:
+        with reading(target) as con:
+            known = {(r.dataset, r.root): r for r in known_roots(con)}
+        roots = [_merged(root, known.get((root.dataset, root.root))) for root in roots]
+        report = frames.run(job, roots, checksum=checksum, retry_failed=retry_failed)
+        close_run(job)
+    for label in report.labels:
+        if label.unmatched:
+            notice(f"{label.file}: {label.unmatched} of {label.rows} rows name no clip file")
+    for path in report.gone[:5]:
+        notice(f"{path}: its source is gone; `motionlake remove` takes it out of the lake")
+    if len(report.gone) > 5:
+        notice(f"… and {len(report.gone) - 5} more whose source is gone")
+    outcome = report.outcome
+    figures = {
+        "clips": outcome.clips, "frames": outcome.rows, "bytes": outcome.bytes, "unchanged": report.unchanged,
+        "rejected": report.rejects, "failed": outcome.failed, "gone": len(report.gone),
+    }  # fmt: skip
+    if as_json:
+        print_json(figures)
+    else:
+        print(
+            f"{outcome.clips} clips taken in ({outcome.rows} frames), {report.unchanged} files unchanged, "
+            f"{report.rejects} rejected, {outcome.failed} shards failed, {len(report.gone)} sources gone"
+        )
+    say_rejects(target, sorted({r.dataset for r in roots}))
+    if report.rejects or outcome.failed:
+        raise typer.Exit(1)
+
+
+def _root(source: Path, dataset: str | None, options: IngestOptions) -> Root:
+    if not source.exists():
+        raise UserError(f"{source}: no such file or folder")
+    path = source.resolve()
+    folder = path.parent if path.is_file() else path
+    return Root(check_dataset(dataset or folder.name), str(path), options)
+
+
+def _merged(root: Root, known: Root | None) -> Root:
+    """Options not given again stay as they were when the folder was first taken in."""
+    if known is None:
+        return root
+    return frames.with_options(known, **{k: v for k, v in vars(root.options).items() if v is not None})

@@ -1,0 +1,26 @@
+"""motionlake init."""
+
+from __future__ import annotations
+
+import typer
+
+from pipeline.cli.common import LakeArgument, notice
+from pipeline.config import default_toml
+from pipeline.lake.catalog import create_catalog
+from pipeline.lake.layout import Lake
+
+
+def add_to(app: typer.Typer) -> None:
+    app.command()(init)
+
+
+def init(lake: LakeArgument) -> None:
+    """Create an empty lake.
+
+    Example: motionlake init mylake
+    """
+    target = Lake(lake.absolute())
+    create_catalog(target)
+    if not target.config_file.exists():
+        target.config_file.write_text(default_toml(), encoding="utf-8")
+    notice(f"an empty lake in {lake}; next: motionlake ingest FOLDER --lake {lake}")

@@ -1,0 +1,72 @@
+"""motionlake run."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from jobs.run import STAGES, run
+from jobs.session import session
+from pipeline.cli.common import (
+    JsonOption,
+    LakeOption,
+    SchedulerOption,
+    WorkersOption,
+    notice,
+    print_json,
+    print_rows,
+    stage_progress,
+)
+from pipeline.cli.report import close_run
+from pipeline.config import load_config
+from pipeline.errors import UserError
+from pipeline.lake.catalog import reading
+from pipeline.lake.layout import Lake, open_lake
+from pipeline.stages.outlook import outlook
+
+
+def add_to(app: typer.Typer) -> None:
+    app.command(name="run")(run_command)
+
+
+def run_command(
+    lake: LakeOption,
+    stage: Annotated[str, typer.Argument(help=f"all, or one of {', '.join(STAGES)}.")] = "all",
+    refit: Annotated[bool, typer.Option("--refit", help="Fit the models of the stage anew.")] = False,
+    retry_failed: Annotated[bool, typer.Option("--retry-failed", help="Take up what failed before.")] = False,
+    workers: WorkersOption = None,
+    scheduler: SchedulerOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Bring a lake up to date: only what is missing is made.
+
+    Example: motionlake run all --lake mylake
+
+    Fit motifs to all that is in the lake now: motionlake run motifs --refit --lake mylake
+    """
+    if stage != "all" and stage not in STAGES:
+        raise UserError(f"{stage}: no such stage; use all, or one of {', '.join(STAGES)}")
+    target = open_lake(lake)
+    stages = STAGES if stage == "all" else (stage,)
+    _announce(target, stages, refit)
+    with stage_progress() as progress, session(target, f"run {stage}", progress, notice, workers, scheduler) as job:
+        report = run(job, stages, refit=refit, retry_failed=retry_failed)
+        close_run(job)
+    rows = [
+        {"stage": name, "shards": o.ok, "failed": o.failed, "rows": o.rows, "bytes": o.bytes}
+        for name, o in job.outcomes.items()
+    ]
+    if as_json:
+        print_json(rows)
+    else:
+        print_rows(rows, as_json=False)
+    if any(o.failed for o in job.outcomes.values()) or (report and report.rejects):
+        raise typer.Exit(1)
+
+
+def _announce(lake: Lake, stages: tuple[str, ...], refit: bool) -> None:
+    config = load_config(lake.config_file)
+    with reading(lake) as con:
+        for line in outlook(con, config, stages, refit=refit):
+            notice(line)

@@ -1,0 +1,41 @@
+"""motionlake sql."""
+
+from __future__ import annotations
+
+import sys
+from typing import Annotated
+
+import duckdb
+import typer
+
+from pipeline.cli.common import JsonOption, LakeOption, print_rows
+from pipeline.errors import UserError
+
+
+def add_to(app: typer.Typer) -> None:
+    app.command(name="sql")(sql_command)
+
+
+def sql_command(
+    lake: LakeOption,
+    query: Annotated[str, typer.Argument(help="A query, or - to read it from stdin.", show_default=False)],
+    as_json: JsonOption = False,
+) -> None:
+    """Run SQL on a lake (read-only), with the lake's functions and macros.
+
+    Example: motionlake sql "SELECT label, count(*) FROM clips GROUP BY ALL" --lake mylake
+
+    Example: motionlake sql "FROM similar_clips('hdm05/clips/a.amc', 5)" --lake mylake
+    """
+    from pipeline.connection import connect
+
+    con = connect(lake)
+    try:
+        cursor = con.execute(sys.stdin.read() if query == "-" else query)
+        names = [c[0] for c in cursor.description or ()]
+        rows = [dict(zip(names, row, strict=True)) for row in cursor.fetchall()]
+    except duckdb.Error as error:
+        raise UserError(f"SQL: {error}") from error
+    finally:
+        con.close()
+    print_rows(rows, as_json=as_json)

@@ -1,0 +1,163 @@
+"""The frames of an AMC file: a line with the frame's number, then a line of values per bone."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numba import njit, uint64
+
+from pipeline.clip import FloatArray
+from pipeline.errors import ClipError
+from pipeline.formats.numbers import (
+    BAD_NUMBER,
+    LONG_ROW,
+    OK,
+    ONE,
+    SHORT_ROW,
+    UNDECIDED,
+    line_of,
+    scan_number,
+    settle,
+    skip_blanks,
+    token_at,
+)
+
+_UNKNOWN_BONE: Final = 10
+_TWICE: Final = 11
+_MISSING_BONE: Final = 12
+_FRAME_NUMBER: Final = 13
+
+
+@njit(cache=True)
+def _is_name(data, begin, end, names, first, last):  # type: ignore[no-untyped-def]
+    """Whether the word that starts at data[begin] is names[first:last]."""
+    start, stop, name = uint64(begin), uint64(begin + last - first), uint64(first)
+    if stop > uint64(end) or (stop < uint64(end) and not (data[stop] == 32 or 9 <= data[stop] <= 13)):
+        return False
+    while start < stop:
+        if data[start] != names[name]:
+            return False
+        start += ONE
+        name += ONE
+    return True
+
+
+@njit(cache=True)
+def _scan_frames(data, start, names, name_starts, columns, table, undecided):  # type: ignore[no-untyped-def]
+    """Fill `table` with the frames of an AMC file from its first frame number on.
+
+    Args:
+        data: uint8 [n].
+        start: first byte.
+        names: uint8, the names of B bones in a row.
+        name_starts: [B + 1] where in `names` each starts.
+        columns: [B + 1] the first column of each bone.
+        table: [capacity, columns[B]], filled in place.
+        undecided: int64 [table.size, 2], receives (flat index, first byte) of numbers for Python.
+
+    Returns:
+        (status, byte where it stopped, frames, numbers undecided, bone).
+    """
+    bones, width, end = len(columns) - 1, table.shape[1], len(data)
+    seen = np.full(bones, -1)
+    following = np.arange(1, bones + 2)
+    following[bones - 1 :] = 0
+    frame, found, last, left, number = -1, bones, bones, 0, 0
+    i = start
+    while True:
+        while i < end and (data[i] == 32 or 9 <= data[i] <= 13):
+            i += 1
+        new_frame = i < end and 48 <= data[i] <= 57
+        if i >= end or new_frame:
+            if found != bones:
+                return _MISSING_BONE, i, frame, left, np.argmin(seen)
+            if i >= end:
+                return OK, i, frame + 1, left, 0
+            begin = i
+            value = 0
+            while i < end and 48 <= data[i] <= 57 and i - begin < 18:
+                value = value * 10 + int(data[i]) - 48
+                i += 1
+            bare = i >= end or data[i] == 32 or 9 <= data[i] <= 13
+            if not bare or (frame >= 0 and value != number + 1) or frame + 1 == len(table):
+                return _FRAME_NUMBER, begin, frame, left, 0
+            number = value
+            frame += 1
+            found = 0
+            last = bones
+            continue
+        if frame < 0:
+            return _FRAME_NUMBER, i, frame, left, 0
+        # Frames list their bones in one order: try the one that came next the frame before.
+        bone = following[last]
+        if not _is_name(data, i, end, names, name_starts[bone], name_starts[bone + 1]):
+            bone = 0
+            while bone < bones and not _is_name(data, i, end, names, name_starts[bone], name_starts[bone + 1]):
+                bone += 1
+            if bone == bones:
+                return _UNKNOWN_BONE, i, frame, left, 0
+            following[last] = bone
+        if seen[bone] == frame:
+            return _TWICE, i, frame, left, bone
+        seen[bone] = frame
+        found += 1
+        last = bone
+        i += name_starts[bone + 1] - name_starts[bone]
+        for column in range(columns[bone], columns[bone + 1] + 1):
+            i = skip_blanks(data, i, end)
+            if i >= end or data[i] == 10:
+                if column < columns[bone + 1]:
+                    return SHORT_ROW, i, frame, left, bone
+                break
+            if column == columns[bone + 1]:
+                return LONG_ROW, i, frame, left, bone
+            status, value_read, stop = scan_number(data, i, end)
+            if status == BAD_NUMBER:
+                return BAD_NUMBER, i, frame, left, bone
+            if status == UNDECIDED:
+                undecided[left, 0] = frame * width + column
+                undecided[left, 1] = i
+                left += 1
+            table[frame, column] = value_read
+            i = stop
+
+
+def parse_frames(data: bytes, start: int, widths: dict[str, int]) -> FloatArray:
+    """Every frame's values [F, sum of widths] for bones with `widths` values each.
+
+    Raises:
+        ClipError: with the line of what is wrong.
+    """
+    bones = list(widths)
+    encoded = [name.encode("latin-1") for name in bones]
+    columns = np.cumsum([0, *widths.values()])
+    buffer = np.frombuffer(data, np.uint8)
+    # The fewest bytes of a frame: its number, and each bone's name and values, with what parts them.
+    fewest = 2 + sum(len(name) + 1 + 2 * width for name, width in zip(encoded, widths.values(), strict=True))
+    capacity = (len(data) - start) // fewest + 2
+    table = np.empty((capacity, int(columns[-1])))
+    undecided = np.empty((table.size, 2), np.int64)
+    status, offset, frames, left, bone = _scan_frames(
+        buffer,
+        start,
+        np.frombuffer(b"".join(encoded), np.uint8),
+        np.cumsum([0, *map(len, encoded)]),
+        columns,
+        table,
+        undecided,
+    )
+    if status != OK:
+        name = bones[bone]
+        reason = {
+            BAD_NUMBER: f"{token_at(data, offset)!r} is not a finite number",
+            SHORT_ROW: f"bone {name!r} has fewer than {widths[name]} values",
+            LONG_ROW: f"bone {name!r} has more than {widths[name]} values",
+            _UNKNOWN_BONE: f"{token_at(data, offset)!r} is not a bone that the skeleton moves",
+            _TWICE: f"bone {name!r} twice in one frame",
+            _MISSING_BONE: f"bone {name!r} is missing in the frame before this line",
+            _FRAME_NUMBER: f"the next frame's number is expected, not {token_at(data, offset)!r}",
+        }[status]
+        raise ClipError(reason, line_of(data, offset))
+    settle(data, table, undecided[:left])
+    return table[:frames]

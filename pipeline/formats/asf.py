@@ -1,0 +1,315 @@
+"""ASF (Acclaim skeleton file): units, root, bones and hierarchy; the skeleton that an AMC file moves."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from pipeline.clip import ChannelKind, FloatArray, Hierarchy
+from pipeline.errors import ClipError
+from pipeline.formats.registry import load_bytes
+from pipeline.rotations import from_euler
+
+ROOT: Final = "root"
+_METRES_PER_INCH: Final = 0.0254
+_CHANNELS: Final = {
+    f"{kind}{axis}".lower(): f"{axis}{what}" for kind, what in (("t", "position"), ("r", "rotation")) for axis in "XYZ"
+}
+_LENGTH: Final = "l"
+
+
+@dataclass
+class Bone:
+    """One bone as its file writes it.
+
+    Attributes:
+        name: the file's name for it, "root" for the root.
+        direction: unit vector of the bone at rest, in the world's axes.
+        length: in file units.
+        angles: degrees of its own axes, turned in `order` about fixed axes.
+        order: axis letters such as "XYZ".
+        dof: what an AMC line of this bone holds, in order: "tx" .. "rz" and "l".
+    """
+
+    name: str
+    direction: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    length: float = 0.0
+    angles: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    order: str = "XYZ"
+    dof: tuple[str, ...] = ()
+
+    @property
+    def vector(self) -> FloatArray:
+        """From the bone's start to its end at rest, file units [3]."""
+        direction = np.array(self.direction)
+        return direction * (self.length / (np.linalg.norm(direction) or 1.0))
+
+    @property
+    def axis(self) -> FloatArray:
+        """The bone's own axes as a rotation [4]."""
+        return from_euler(np.array(self.angles), self.order, fixed=True)
+
+    @property
+    def moves(self) -> bool:
+        """Whether the bone's start can leave its place, other than the root's."""
+        return self.name != ROOT and any(channel.startswith("t") for channel in self.dof)
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Channel names as `Hierarchy` has them; a bone that moves has all three positions first."""
+        rotations = tuple(_CHANNELS[channel] for channel in self.dof if channel.startswith("r"))
+        if self.name == ROOT:
+            return tuple(_CHANNELS[channel] for channel in self.dof if channel != _LENGTH)
+        return ("Xposition", "Yposition", "Zposition", *rotations) if self.moves else rotations
+
+
+@dataclass
+class Skeleton:
+    """An ASF file.
+
+    Attributes:
+        bones: by name, parents before children, the root first.
+        parents: name of each bone's parent.
+        position: of the root, added to its translation, file units.
+        length_unit: the file's `length`: its unit is this fraction of an inch to the power -1.
+        radians: whether angles, the AMC's too unless it says otherwise, are in radians.
+    """
+
+    bones: dict[str, Bone] = field(default_factory=lambda: {ROOT: Bone(ROOT)})
+    parents: dict[str, str] = field(default_factory=dict)
+    position: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    length_unit: float = 1.0
+    radians: bool = False
+
+    @property
+    def metres_per_unit(self) -> float:
+        """Length of the file's unit: `length` 0.45 says that 0.45 units are an inch."""
+        return _METRES_PER_INCH / self.length_unit
+
+    @functools.cached_property
+    def plain(self) -> bool:
+        """Whether an AMC's values are the hierarchy's channels as they stand."""
+        special = any(bone.moves or _LENGTH in bone.dof for bone in self.bones.values())
+        return not special and not any(self.position)
+
+    def hierarchy(self) -> Hierarchy:
+        """The skeleton as joints at the bones' starts; bones without children end in an end site."""
+        names = tuple(self.bones)
+        bones = list(self.bones.values())
+        starts = [bone.vector for bone in bones]
+        parents = [-1] + [names.index(self.parents[name]) for name in names[1:]]
+        return Hierarchy(
+            joints=names,
+            parents=tuple(parents),
+            offsets=np.array([np.zeros(3) if parent < 0 else starts[parent] for parent in parents]),
+            channels=tuple(bone.channels for bone in bones),
+            kind=ChannelKind.EULER,
+            axes=np.array([bone.axis for bone in bones]),
+            fixed_axes=True,
+            end_sites=tuple(
+                (i, (float(end[0]), float(end[1]), float(end[2]))) for i, end in enumerate(starts) if i not in parents
+            ),
+        )
+
+
+class _Lines:
+    """The file's lines as words, one after another, without comments and blank lines."""
+
+    def __init__(self, text: str, name: str) -> None:
+        self.name = name
+        self.number = 0
+        self._lines = text.split("\n")
+
+    def __iter__(self) -> Iterator[list[str]]:
+        while self.number < len(self._lines):
+            words = self._lines[self.number].split("#", 1)[0].split()
+            self.number += 1
+            if words:
+                yield words
+
+    def push_back(self) -> None:
+        """Give the last line again."""
+        self.number -= 1
+
+    def section(self) -> Iterator[list[str]]:
+        """The lines up to the next section's heading."""
+        for words in self:
+            if words[0].startswith(":"):
+                self.push_back()
+                return
+            yield words
+
+    def fault(self, reason: str) -> ClipError:
+        """A `ClipError` that says where in this file, which is not the clip's own."""
+        return ClipError(f"{self.name}, line {self.number}: {reason}")
+
+    def numbers(self, words: list[str], count: int) -> tuple[float, ...]:
+        """The first `count` words as numbers."""
+        try:
+            values = tuple(float(word) for word in words[:count])
+        except ValueError:
+            values = ()
+        if len(values) != count or not np.isfinite(values).all():
+            raise self.fault(f"{count} number(s) expected, not {' '.join(words)[:60]!r}")
+        return values
+
+    def vector(self, words: list[str]) -> tuple[float, float, float]:
+        """Three numbers."""
+        x, y, z = self.numbers(words, 3)
+        return x, y, z
+
+    def order(self, words: list[str]) -> str:
+        """A word such as "XYZ"."""
+        order = "".join(words).upper()
+        if sorted(order) != ["X", "Y", "Z"]:
+            raise self.fault(f"{order[:20]!r} is not an order of axes")
+        return order
+
+    def dof(self, words: list[str]) -> tuple[str, ...]:
+        """Degrees of freedom, in lower case."""
+        dof = tuple(word.lower() for word in words)
+        unknown = [word for word in dof if word not in _CHANNELS and word != _LENGTH]
+        if unknown or len(set(dof)) != len(dof):
+            raise self.fault(f"{' '.join(words)[:60]!r} are not degrees of freedom")
+        return dof
+
+
+def _read_units(lines: _Lines, skeleton: Skeleton) -> None:
+    for words in lines.section():
+        match words[0].lower():
+            case "length":
+                (skeleton.length_unit,) = lines.numbers(words[1:], 1)
+                if not skeleton.length_unit > 0:
+                    raise lines.fault("the unit of length is not above 0")
+            case "angle":
+                skeleton.radians = words[1:2] != [] and words[1].lower().startswith("rad")
+
+
+def _read_root(lines: _Lines, skeleton: Skeleton) -> None:
+    root = skeleton.bones[ROOT]
+    for words in lines.section():
+        match words[0].lower():
+            case "order":
+                root.dof = lines.dof(words[1:])
+            case "axis":
+                root.order = lines.order(words[1:])
+            case "position":
+                skeleton.position = lines.vector(words[1:])
+            case "orientation":
+                root.angles = lines.vector(words[1:])
+
+
+def _read_bone(lines: _Lines) -> Bone:
+    bone = Bone("")
+    for words in lines.section():
+        match words[0].lower():
+            case "end":
+                if not bone.name:
+                    raise lines.fault("a bone without a name")
+                return bone
+            case "name":
+                bone.name = " ".join(words[1:])
+            case "direction":
+                bone.direction = lines.vector(words[1:])
+            case "length":
+                (bone.length,) = lines.numbers(words[1:], 1)
+            case "axis":
+                bone.angles, bone.order = lines.vector(words[1:]), lines.order(words[4:])
+            case "dof":
+                bone.dof = lines.dof(words[1:])
+    raise lines.fault("a bone without 'end'")
+
+
+def _read_bones(lines: _Lines, skeleton: Skeleton) -> None:
+    for words in lines.section():
+        if words[0].lower() != "begin":
+            raise lines.fault(f"'begin' expected, not {words[0][:20]!r}")
+        bone = _read_bone(lines)
+        if bone.name in skeleton.bones:
+            raise lines.fault(f"bone {bone.name!r} twice")
+        skeleton.bones[bone.name] = bone
+
+
+def _read_hierarchy(lines: _Lines, skeleton: Skeleton) -> None:
+    for words in lines.section():
+        if len(words) == 1 and words[0].lower() in ("begin", "end"):
+            continue
+        unknown = next((word for word in words if word not in skeleton.bones), None)
+        if unknown is not None:
+            raise lines.fault(f"unknown bone {unknown!r}")
+        for child in words[1:]:
+            if child in skeleton.parents or child == ROOT:
+                raise lines.fault(f"bone {child!r} has two parents")
+            skeleton.parents[child] = words[0]
+
+
+def _sort(skeleton: Skeleton, name: str) -> None:
+    """Put the bones into depth-first order."""
+    children: dict[str, list[str]] = {}
+    for child, parent in skeleton.parents.items():
+        children.setdefault(parent, []).append(child)
+    ordered, waiting = {}, [ROOT]
+    while waiting:
+        bone = waiting.pop()
+        ordered[bone] = skeleton.bones[bone]
+        waiting.extend(reversed(children.get(bone, [])))
+    loose = next((bone for bone in skeleton.bones if bone not in ordered), None)
+    if loose is not None:
+        raise ClipError(f"{name}: bone {loose!r} does not hang from the root")
+    skeleton.bones = ordered
+
+
+def parse_asf(data: bytes, name: str) -> Skeleton:
+    """Read an ASF file.
+
+    Args:
+        data: the file.
+        name: its name, for messages.
+
+    Raises:
+        ClipError: with the file's name and line.
+    """
+    lines = _Lines(data.decode("latin-1"), name)
+    skeleton = Skeleton()
+    sections = {
+        ":units": _read_units,
+        ":root": _read_root,
+        ":bonedata": _read_bones,
+        ":hierarchy": _read_hierarchy,
+    }
+    seen = set()
+    for words in lines:
+        heading = words[0].lower()
+        if heading in sections:
+            seen.add(heading)
+            sections[heading](lines, skeleton)
+    missing = [heading for heading in (":root", ":bonedata", ":hierarchy") if heading not in seen]
+    if missing:
+        raise ClipError(f"{name}: is no ASF file, or cut short: no {missing[0]}")
+    _sort(skeleton, name)
+    if skeleton.radians:
+        for bone in skeleton.bones.values():
+            x, y, z = np.rad2deg(bone.angles).tolist()
+            bone.angles = (x, y, z)
+    return skeleton
+
+
+@functools.lru_cache(maxsize=64)
+def _load(path: Path, version: tuple[int, int]) -> tuple[Skeleton, Hierarchy]:
+    del version
+    skeleton = parse_asf(load_bytes(path), path.name)
+    return skeleton, skeleton.hierarchy()
+
+
+def load_asf(path: Path) -> tuple[Skeleton, Hierarchy]:
+    """Read an ASF file, or remember it: many clips share one skeleton. `ClipError` where it fails."""
+    try:
+        state = path.stat()
+    except OSError as error:
+        raise ClipError(f"{path.name}: cannot be read: {error.strerror or error}") from error
+    return _load(path, (state.st_mtime_ns, state.st_size))

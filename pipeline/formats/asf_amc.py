@@ -1,0 +1,130 @@
+"""ASF/AMC (Acclaim): an AMC file moves the skeleton of an ASF file that lies near it."""
+
+from __future__ import annotations
+
+import zlib
+from dataclasses import dataclass
+from gzip import GzipFile
+from pathlib import Path, PureWindowsPath
+from typing import BinaryIO, Final, cast
+
+import numpy as np
+
+from pipeline.clip import FloatArray, SourceClip
+from pipeline.errors import ClipError
+from pipeline.formats.amc_frames import parse_frames
+from pipeline.formats.asf import ROOT, Skeleton, load_asf
+from pipeline.formats.asf_finder import find_skeleton
+from pipeline.formats.registry import COMPRESSED_SUFFIX, HEAD_BYTES
+from pipeline.rotations import rotate
+
+DEFAULT_FPS: Final = 120.0
+
+
+@dataclass
+class _Preamble:
+    """What an AMC file says before its first frame."""
+
+    start: int = 0
+    asf: str = ""
+    radians: bool | None = None
+    fps: float | None = None
+
+    @classmethod
+    def of(cls, data: bytes) -> _Preamble:
+        found = cls()
+        while found.start < len(data):
+            newline = data.find(b"\n", found.start)
+            stop = len(data) if newline < 0 else newline + 1
+            words = data[found.start : min(stop, found.start + HEAD_BYTES)].decode("latin-1").split()
+            if words and words[0][0] not in "#:":
+                break
+            found.note(words)
+            found.start = stop
+        return found
+
+    def note(self, words: list[str]) -> None:
+        key = words[0].upper() if words else ""
+        if key == "#!OML:ASF":
+            self.asf = PureWindowsPath(" ".join(words[1:])).name
+        elif key in (":DEGREES", ":RADIANS"):
+            self.radians = key == ":RADIANS"
+        elif key == ":SAMPLES-PER-SECOND" and len(words) > 1:
+            try:
+                self.fps = float(words[1])
+            except ValueError:
+                raise ClipError(f"{words[1][:40]!r} is not a frame rate") from None
+
+
+def _to_channels(raw: FloatArray, skeleton: Skeleton) -> tuple[FloatArray, list[str]]:
+    """The values of an AMC in the order and meaning of `Hierarchy`, and notes on what was changed."""
+    notes: list[str] = []
+    parts: list[FloatArray] = []
+    column = 0
+    for bone in skeleton.bones.values():
+        values = {dof: raw[:, column + i] for i, dof in enumerate(bone.dof)}
+        column += len(bone.dof)
+        stretch = values.pop("l", None)
+        if stretch is not None and stretch.any():
+            notes.append(f"changes of the length of bone {bone.name!r} left out")
+        if bone.moves:
+            offset = skeleton.bones[skeleton.parents[bone.name]].vector
+            shift = np.stack([values.pop(f"t{axis}", np.zeros(len(raw))) for axis in "xyz"], -1)
+            parts.append(offset + rotate(bone.axis, shift))
+            notes.append(f"bone {bone.name!r} leaves its place: its rest offset was added to its channels")
+        elif bone.name == ROOT:
+            for axis, start in zip("xyz", skeleton.position, strict=True):
+                if f"t{axis}" in values:
+                    values[f"t{axis}"] = values[f"t{axis}"] + start
+        parts.extend(value[:, None] for value in values.values())
+    return np.concatenate(parts, axis=1), notes
+
+
+@dataclass(frozen=True)
+class AmcReader:
+    """Reader of .amc files with their .asf."""
+
+    name: str = "ASF/AMC"
+    suffixes: tuple[str, ...] = (".amc",)
+
+    def companions(self, path: Path) -> list[Path]:
+        """The .asf file; `ClipError` where there is none."""
+        try:
+            with path.open("rb") as raw:
+                compressed = path.name.lower().endswith(COMPRESSED_SUFFIX)
+                stream = cast(BinaryIO, GzipFile(fileobj=raw)) if compressed else raw
+                head = stream.read(HEAD_BYTES)
+        except (EOFError, OSError, zlib.error) as error:
+            raise ClipError(f"cannot be read: {error}") from error
+        return [find_skeleton(path, _Preamble.of(head).asf)[0]]
+
+    def read(self, data: bytes, path: Path) -> list[SourceClip]:
+        """Read an AMC file and the ASF file it belongs to.
+
+        Raises:
+            ClipError: with the line, for frames that are not numbered one after another, bones unknown,
+                missing or doubled in a frame, and tokens that are no number; also where no skeleton is found
+                or the skeleton cannot be read.
+        """
+        preamble = _Preamble.of(data)
+        asf, why = find_skeleton(path, preamble.asf)
+        skeleton, hierarchy = load_asf(asf)
+        widths = {bone.name: len(bone.dof) for bone in skeleton.bones.values() if bone.dof}
+        if not widths:
+            raise ClipError(f"{asf.name}: no bone moves")
+        channels = parse_frames(data, preamble.start, widths)
+        if skeleton.radians if preamble.radians is None else preamble.radians:
+            turns = [dof.startswith("r") for bone in skeleton.bones.values() for dof in bone.dof]
+            channels[:, turns] = np.rad2deg(channels[:, turns])
+        notes = [f"skeleton {asf.name}: {why}"]
+        if not skeleton.plain:
+            channels, changes = _to_channels(channels, skeleton)
+            notes += changes
+        if preamble.fps is None:
+            notes.append(f"frame rate {DEFAULT_FPS:g}/s assumed: the format has none")
+        fps = DEFAULT_FPS if preamble.fps is None else preamble.fps
+        unit = skeleton.metres_per_unit
+        return [SourceClip(hierarchy, channels, fps, metres_per_unit=unit, notes=tuple(notes))]
+
+
+READER: Final = AmcReader()

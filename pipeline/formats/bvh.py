@@ -1,0 +1,246 @@
+"""BVH (Biovision hierarchy): a joint tree, then one row of channel values per frame."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from pipeline.clip import ChannelKind, Hierarchy, SourceClip
+from pipeline.errors import ClipError
+from pipeline.formats.numbers import line_of, parse_table
+from pipeline.rotations import IDENTITY
+
+MAX_HEADER_BYTES: Final = 8 * 1024**2
+_CHANNELS: Final = {f"{axis}{what}".lower(): f"{axis}{what}" for axis in "XYZ" for what in ("position", "rotation")}
+_MOTION: Final = re.compile(rb"^[ \t]*MOTION[ \t\r]*$", re.IGNORECASE | re.MULTILINE)
+_TIMING: Final = re.compile(
+    rb"\s*Frames[ \t]*:[ \t]*(\S+)[ \t\r]*\n\s*Frame[ \t]+Time[ \t]*:[ \t]*(\S+)[ \t\r]*(?:\n|\Z)",
+    re.IGNORECASE,
+)
+_TOKEN: Final = re.compile(r"[{}]|[^\s{}]+")
+
+
+@dataclass
+class _Tokens:
+    """The header's tokens with their lines, read one after another."""
+
+    words: list[str]
+    lines: list[int]
+    next: int = 0
+
+    @classmethod
+    def of(cls, text: str) -> _Tokens:
+        found = [
+            (word, number) for number, line in enumerate(text.split("\n"), start=1) for word in _TOKEN.findall(line)
+        ]
+        return cls([word for word, _ in found], [number for _, number in found])
+
+    @property
+    def line(self) -> int:
+        """Line of the token last taken."""
+        return self.lines[max(self.next - 1, 0)] if self.lines else 1
+
+    def take(self, wanted: str) -> str:
+        if self.next >= len(self.words):
+            raise ClipError(f"the header ends where {wanted} is expected", self.line)
+        self.next += 1
+        return self.words[self.next - 1]
+
+    def expect(self, word: str) -> None:
+        found = self.take(repr(word))
+        if found.upper() != word:
+            raise ClipError(f"{found!r} where {word!r} is expected", self.line)
+
+    def name(self) -> str:
+        """The words up to the brace or the line's end: names may hold spaces."""
+        line = self.line
+        words = []
+        while self.next < len(self.words) and self.lines[self.next] == line and self.words[self.next] != "{":
+            words.append(self.take("a name"))
+        return " ".join(words)
+
+    def number(self) -> float:
+        word = self.take("a number")
+        try:
+            value = float(word)
+        except ValueError:
+            value = np.nan
+        if not np.isfinite(value):
+            raise ClipError(f"{word!r} is not a finite number", self.line)
+        return value
+
+    def vector(self) -> tuple[float, float, float]:
+        return self.number(), self.number(), self.number()
+
+
+@dataclass
+class _Tree:
+    """The joint tree while it grows."""
+
+    joints: list[str] = field(default_factory=list)
+    parents: list[int] = field(default_factory=list)
+    offsets: list[tuple[float, float, float] | None] = field(default_factory=list)
+    channels: list[tuple[str, ...]] = field(default_factory=list)
+    end_sites: list[tuple[int, tuple[float, float, float]]] = field(default_factory=list)
+
+    def add(self, name: str, parent: int) -> int:
+        self.joints.append(name)
+        self.parents.append(parent)
+        self.offsets.append(None)
+        self.channels.append(())
+        return len(self.joints) - 1
+
+
+def _read_channels(tokens: _Tokens) -> tuple[str, ...]:
+    word = tokens.take("the number of channels")
+    if not word.isascii() or not word.isdigit() or int(word) > len(_CHANNELS):
+        raise ClipError(f"{word!r} is not a number of channels", tokens.line)
+    names = []
+    for _ in range(int(word)):
+        found = tokens.take("a channel")
+        name = _CHANNELS.get(found.lower())
+        if name is None:
+            raise ClipError(f"CHANNELS {word}, but {found!r} is not a channel", tokens.line)
+        if name in names:
+            raise ClipError(f"channel {name!r} twice in one joint", tokens.line)
+        names.append(name)
+    return tuple(names)
+
+
+def _read_end_site(tokens: _Tokens) -> tuple[float, float, float]:
+    tokens.name()
+    tokens.expect("{")
+    tokens.expect("OFFSET")
+    offset = tokens.vector()
+    tokens.expect("}")
+    return offset
+
+
+def _read_tree(tokens: _Tokens) -> _Tree:
+    tree = _Tree()
+    tokens.expect("HIERARCHY")
+    tokens.expect("ROOT")
+    open_joints = [tree.add(tokens.name(), -1)]
+    tokens.expect("{")
+    while open_joints:
+        joint = open_joints[-1]
+        word = tokens.take("'}'")
+        match word.upper():
+            case "OFFSET" if tree.offsets[joint] is None:
+                tree.offsets[joint] = tokens.vector()
+            case "CHANNELS" if not tree.channels[joint]:
+                tree.channels[joint] = _read_channels(tokens)
+            case "JOINT":
+                open_joints.append(tree.add(tokens.name(), joint))
+                tokens.expect("{")
+            case "END":
+                tree.end_sites.append((joint, _read_end_site(tokens)))
+            case "}":
+                if tree.offsets[joint] is None:
+                    raise ClipError(f"joint {tree.joints[joint]!r} has no OFFSET", tokens.line)
+                open_joints.pop()
+            case _:
+                raise ClipError(f"{word!r} is not expected in joint {tree.joints[joint]!r}", tokens.line)
+    if tokens.next < len(tokens.words):
+        raise ClipError(f"{tokens.take('MOTION')!r} where 'MOTION' is expected", tokens.line)
+    return tree
+
+
+def _unique(names: list[str]) -> Iterator[str]:
+    """The names, every repetition with a number that makes it another name ("Hand", "Hand.2")."""
+    seen = set(names)
+    used: set[str] = set()
+    repeats: dict[str, int] = {}
+    for name in names:
+        fresh = name
+        while fresh in used or (fresh != name and fresh in seen):
+            repeats[name] = repeats.get(name, 1) + 1
+            fresh = f"{name}.{repeats[name]}"
+        used.add(fresh)
+        yield fresh
+
+
+def frame_rate(frame_time: str) -> float:
+    """Frames a second of a written frame time: the only whole number that rounds to it, if there is one.
+
+    ".0083333" is 120, not 120.00048; "0.0333667" stays 29.97, "0.016" 62.5.
+
+    Raises:
+        ValueError: not a number above 0.
+    """
+    seconds = float(frame_time)
+    if not seconds > 0:
+        raise ValueError(frame_time)
+    mantissa, _, exponent = frame_time.lower().partition("e")
+    decimals = len(mantissa.partition(".")[2]) - int(exponent or 0)
+    half_step = max(0.5 * 10.0**-decimals, 4 * math.ulp(seconds))
+    slowest = 1 / (seconds + half_step)
+    fastest = 1 / (seconds - half_step) if seconds > half_step else math.inf
+    whole = math.ceil(slowest)
+    return float(whole) if whole <= fastest < whole + 1 else 1 / seconds
+
+
+def _decode(header: bytes) -> str:
+    try:
+        return header.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return header.decode("latin-1")
+
+
+@dataclass(frozen=True)
+class BvhReader:
+    """Reader of .bvh files."""
+
+    name: str = "BVH"
+    suffixes: tuple[str, ...] = (".bvh",)
+
+    def read(self, data: bytes, path: Path) -> list[SourceClip]:
+        """Read a BVH file.
+
+        Raises:
+            ClipError: with the line, for a header that is no joint tree, a token that is no number, rows that
+                do not fit the channels or the declared number of frames, or a frame time that is not above 0.
+        """
+        del path
+        motion = _MOTION.search(data, 0, MAX_HEADER_BYTES)
+        if motion is None:
+            raise ClipError("is no BVH file, or cut short: no line MOTION")
+        tree = _read_tree(_Tokens.of(_decode(data[: motion.start()])))
+        timing = _TIMING.match(data, motion.end())
+        if timing is None:
+            raise ClipError("no 'Frames:' and 'Frame Time:' after MOTION", line_of(data, motion.end()))
+        frames = timing[1].decode("latin-1")
+        if not frames.isascii() or not frames.isdigit() or len(frames) > 12:
+            raise ClipError(f"{frames[:40]!r} is not a number of frames", line_of(data, timing.start(1)))
+        frame_time = timing[2].decode("latin-1")
+        try:
+            fps = frame_rate(frame_time)
+        except (ValueError, OverflowError):
+            line = line_of(data, timing.start(2))
+            raise ClipError(f"{frame_time[:40]!r} is not a frame time above 0", line) from None
+        columns = sum(map(len, tree.channels))
+        if not columns:
+            raise ClipError("no joint has a channel")
+        names = tuple(_unique(tree.joints))
+        renamed = [new for old, new in zip(tree.joints, names, strict=True) if old != new]
+        hierarchy = Hierarchy(
+            joints=names,
+            parents=tuple(tree.parents),
+            offsets=np.array(tree.offsets, float),
+            channels=tuple(tree.channels),
+            kind=ChannelKind.EULER,
+            axes=np.tile(IDENTITY, (len(names), 1)),
+            end_sites=tuple(tree.end_sites),
+        )
+        notes = (f"joint names used twice, renamed: {', '.join(renamed)}",) if renamed else ()
+        table = parse_table(data, timing.end(), int(frames), columns)
+        return [SourceClip(hierarchy, table, fps, notes=notes)]
+
+
+READER: Final = BvhReader()

@@ -1,0 +1,119 @@
+"""NTU RGB+D `.skeleton` text files: the 25 joints of a Kinect v2 for every body it saw, 30 frames a second.
+
+Layout (Shahroudy et al., "NTU RGB+D", CVPR 2016): the frame count; for each frame the number of bodies; for
+each body a line of ten values (ID first, tracking state last), the joint count, and one line of twelve values
+a joint (x, y, z in metres first, tracking state last).
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.clip import ChannelKind, FloatArray, Hierarchy, SourceClip
+from pipeline.errors import ClipError
+from pipeline.formats.ntu_bodies import parse_bodies
+from pipeline.formats.repair import fill_missing, repair_note
+
+FPS: Final = 30.0
+JOINTS: Final = (
+    "SpineBase", "SpineMid", "Neck", "Head",
+    "ShoulderLeft", "ElbowLeft", "WristLeft", "HandLeft",
+    "ShoulderRight", "ElbowRight", "WristRight", "HandRight",
+    "HipLeft", "KneeLeft", "AnkleLeft", "FootLeft",
+    "HipRight", "KneeRight", "AnkleRight", "FootRight",
+    "SpineShoulder", "HandTipLeft", "ThumbLeft", "HandTipRight", "ThumbRight",
+)  # fmt: skip
+PARENT_NAMES: Final = {
+    "SpineMid": "SpineBase", "SpineShoulder": "SpineMid", "Neck": "SpineShoulder", "Head": "Neck",
+    "ShoulderLeft": "SpineShoulder", "ElbowLeft": "ShoulderLeft", "WristLeft": "ElbowLeft",
+    "HandLeft": "WristLeft", "HandTipLeft": "HandLeft", "ThumbLeft": "WristLeft",
+    "ShoulderRight": "SpineShoulder", "ElbowRight": "ShoulderRight", "WristRight": "ElbowRight",
+    "HandRight": "WristRight", "HandTipRight": "HandRight", "ThumbRight": "WristRight",
+    "HipLeft": "SpineBase", "KneeLeft": "HipLeft", "AnkleLeft": "KneeLeft", "FootLeft": "AnkleLeft",
+    "HipRight": "SpineBase", "KneeRight": "HipRight", "AnkleRight": "KneeRight", "FootRight": "AnkleRight",
+}  # fmt: skip
+# The file lists SpineShoulder after its children; in the hierarchy a parent comes first.
+TREE_ORDER: Final = (0, 1, 20, *range(2, 20), *range(21, 25))
+
+
+class NtuSkeletonReader:
+    """NTU RGB+D and NTU RGB+D 120 skeletons."""
+
+    name = "NTU RGB+D"
+    suffixes = (".skeleton",)
+
+    def read(self, data: bytes, path: Path) -> list[SourceClip]:
+        """Read every body that is seen in at least half of its own first to last frame.
+
+        Bodies are numbered in order of appearance; `SourceClip.body` is that number, or "" where the file
+        has one body only. A body that is seen too rarely is left out with a note on the others.
+
+        Raises:
+            ClipError: a malformed line, a file cut short, or no body that can be kept.
+        """
+        frame_count, seen = parse_bodies(data)
+        clips, left_out = [], []
+        for number, (identity, (frames, positions, missing)) in enumerate(seen.items(), start=1):
+            label = str(number) if len(seen) > 1 else ""
+            try:
+                clips.append(_clip(label, identity, frame_count, frames, positions, missing))
+            except ClipError as error:
+                reason = error.reason.replace("the body", f"body {label}".strip())
+                left_out.append(reason)
+        if not clips:
+            raise ClipError("; ".join(left_out) or "no body is tracked in any frame")
+        notes = tuple(f"left out: {reason}" for reason in left_out)
+        return [replace(clip, notes=clip.notes + notes) for clip in clips]
+
+
+def _clip(
+    label: str,
+    identity: str,
+    frame_count: int,
+    frames: NDArray[np.int64],
+    positions: FloatArray,
+    missing: NDArray[np.bool_],
+) -> SourceClip:
+    visible = frames[~missing.all(axis=1)]
+    if not len(visible):
+        raise ClipError(f"the body is seen in 0 of {len(frames)} frames")
+    first, length = int(visible[0]), int(visible[-1] - visible[0]) + 1
+    inside = (frames >= first) & (frames < first + length)
+    dense = np.zeros((length, len(JOINTS), 3))
+    absent = np.ones((length, len(JOINTS)), np.bool_)
+    dense[frames[inside] - first] = positions[inside]
+    absent[frames[inside] - first] = missing[inside]
+    filled, repaired = fill_missing(dense, absent, JOINTS)
+    notes = [f"body ID {identity}"]
+    if length < frame_count:
+        notes.append(f"frames {first} to {first + length - 1} of {frame_count}")
+    return SourceClip(
+        hierarchy=_HIERARCHY,
+        channels=filled[:, TREE_ORDER].reshape(length, -1),
+        fps=FPS,
+        body=label,
+        metres_per_unit=1.0,
+        repaired=repaired,
+        notes=(*notes, *repair_note(repaired, length)),
+    )
+
+
+def _hierarchy() -> Hierarchy:
+    joints = tuple(JOINTS[index] for index in TREE_ORDER)
+    return Hierarchy(
+        joints=joints,
+        parents=(-1, *(joints.index(PARENT_NAMES[joint]) for joint in joints[1:])),
+        offsets=np.zeros((len(joints), 3)),
+        channels=(("x", "y", "z"),) * len(joints),
+        kind=ChannelKind.POSITIONS,
+        axes=np.tile([1.0, 0.0, 0.0, 0.0], (len(joints), 1)),
+    )
+
+
+_HIERARCHY: Final = _hierarchy()
+READER: Final = NtuSkeletonReader()

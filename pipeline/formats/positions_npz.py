@@ -1,0 +1,151 @@
+"""Joint positions in a NumPy archive: `positions` [frames, joints, 3] in metres, `joints`, `parents`, `fps`.
+
+The archive is read member by member rather than with `numpy.load`, so that a damaged or hostile header
+cannot ask for more memory than the member holds.
+"""
+
+from __future__ import annotations
+
+import io
+import struct
+import tokenize
+import zipfile
+import zlib
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.clip import ChannelKind, FloatArray, Hierarchy, SourceClip
+from pipeline.errors import ClipError
+from pipeline.formats.repair import fill_missing, missing_samples, repair_note
+
+MEMBERS: Final = ("positions", "joints", "parents", "fps")
+MAX_MEMBER_BYTES: Final = 1024**3
+_HEADERS: Final[dict[tuple[int, int], Any]] = {
+    (1, 0): np.lib.format.read_array_header_1_0,
+    (2, 0): np.lib.format.read_array_header_2_0,
+}
+COMPRESSIONS: Final = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
+
+
+class PositionsReader:
+    """Positions `.npz`, the interchange form of Kinect-like data sets."""
+
+    name = "positions"
+    suffixes = (".npz",)
+
+    def read(self, data: bytes, path: Path) -> list[SourceClip]:
+        """Read one body; `ClipError` where the archive, a shape, the joint tree or the rate is bad."""
+        positions, joints, parents, fps = _members(data)
+        if positions.ndim != 3 or positions.shape[2] != 3 or positions.dtype.kind not in "fiu":
+            raise ClipError(f"positions is {_describe(positions)}, not numbers [frames, joints, 3]")
+        if joints.ndim != 1 or joints.dtype.kind not in "US":
+            raise ClipError(f"joints is {_describe(joints)}, not a list of names")
+        if parents.ndim != 1 or parents.dtype.kind not in "iu":
+            raise ClipError(f"parents is {_describe(parents)}, not a list of indices")
+        if fps.size != 1 or fps.dtype.kind not in "fiu":
+            raise ClipError(f"fps is {_describe(fps)}, not one number")
+        if not len(joints) == len(parents) == positions.shape[1] > 0:
+            counts = f"{positions.shape[1]} joints in positions, {len(joints)} names, {len(parents)} parents"
+            raise ClipError(f"counts differ: {counts}")
+        names = [str(name, "utf-8") if isinstance(name, bytes) else str(name) for name in joints.tolist()]
+        if len(set(names)) < len(names):
+            raise ClipError("has two joints of one name")
+        order = parents_first(parents.tolist())
+        return [_clip(positions.astype(np.float64), names, parents.tolist(), order, float(fps.item()))]
+
+
+def parents_first(parents: list[int]) -> list[int]:
+    """The joints' indices, every parent before its children and otherwise in file order.
+
+    Args:
+        parents: J indices, -1 (any negative number) at the root.
+
+    Raises:
+        ClipError: an index out of range, no root, several roots, or a joint not under the root.
+    """
+    children: dict[int, list[int]] = {}
+    for joint, parent in enumerate(parents):
+        if parent >= len(parents):
+            raise ClipError(f"joint {joint} has parent {parent}, but there are {len(parents)} joints")
+        children.setdefault(max(parent, -1), []).append(joint)
+    roots = children.get(-1, [])
+    if len(roots) != 1:
+        raise ClipError(f"has {len(roots)} root joints; one body has one")
+    if all(parent < joint for joint, parent in enumerate(parents)):
+        return list(range(len(parents)))
+    order, stack = [], roots
+    while stack:
+        joint = stack.pop()
+        order.append(joint)
+        stack.extend(reversed(children.get(joint, [])))
+    if len(order) < len(parents):
+        raise ClipError(f"{len(parents) - len(order)} joints are their own ancestors")
+    return order
+
+
+def _clip(positions: FloatArray, names: list[str], parents: list[int], order: list[int], fps: float) -> SourceClip:
+    reordered = order != list(range(len(order)))
+    positions = positions[:, order]
+    joints = tuple(names[joint] for joint in order)
+    filled, repaired = fill_missing(positions, missing_samples(positions), joints)
+    rank = {joint: place for place, joint in enumerate(order)} | {-1: -1}
+    hierarchy = Hierarchy(
+        joints=joints,
+        parents=tuple(rank[max(parents[joint], -1)] for joint in order),
+        offsets=np.zeros((len(order), 3)),
+        channels=(("x", "y", "z"),) * len(order),
+        kind=ChannelKind.POSITIONS,
+        axes=np.tile([1.0, 0.0, 0.0, 0.0], (len(order), 1)),
+    )
+    notes = ("joints reordered: parents before children",) if reordered else ()
+    return SourceClip(
+        hierarchy=hierarchy,
+        channels=filled.reshape(len(filled), -1),
+        fps=fps,
+        metres_per_unit=1.0,
+        repaired=repaired,
+        notes=notes + repair_note(repaired, len(filled)),
+    )
+
+
+def _members(data: bytes) -> list[NDArray[Any]]:
+    try:
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            return [_array(archive, name) for name in MEMBERS]
+    except (zipfile.BadZipFile, zlib.error, struct.error, OSError, EOFError, ValueError) as error:
+        raise ClipError(f"damaged .npz archive: {error}") from error
+    except (NotImplementedError, RuntimeError) as error:
+        raise ClipError(f"unsupported .npz archive: {error}") from error
+
+
+def _array(archive: zipfile.ZipFile, name: str) -> NDArray[Any]:
+    try:
+        member = archive.getinfo(f"{name}.npy")
+    except KeyError as error:
+        raise ClipError(f"has no array {name!r} (needed: {', '.join(MEMBERS)})") from error
+    if member.file_size > MAX_MEMBER_BYTES or member.compress_type not in COMPRESSIONS:
+        raise ClipError(f"array {name!r} is {member.file_size} bytes, or compressed in an unknown way")
+    stream = io.BytesIO(archive.read(member))
+    try:
+        shape, fortran, dtype = _HEADERS[np.lib.format.read_magic(stream)](stream)  # type: ignore[no-untyped-call]
+    except (KeyError, ValueError, SyntaxError, TypeError, tokenize.TokenError) as error:
+        raise ClipError(f"array {name!r} has a damaged header") from error
+    if dtype.hasobject:
+        raise ClipError(f"array {name!r} holds Python objects, which are never loaded")
+    payload = stream.getbuffer()[stream.tell() :]
+    count = 1
+    for size in shape:
+        count *= size
+    if min(shape, default=0) < 0 or count * dtype.itemsize != len(payload):
+        raise ClipError(f"array {name!r} is {len(payload)} bytes long, but its header says {shape} {dtype}")
+    return np.frombuffer(payload, dtype=dtype).reshape(shape, order="F" if fortran else "C")
+
+
+def _describe(array: NDArray[Any]) -> str:
+    return f"{array.dtype} {list(array.shape)}"
+
+
+READER: Final = PositionsReader()

@@ -1,0 +1,175 @@
+"""Which reader reads which file: every module of this package with a `READER` is one file format."""
+
+from __future__ import annotations
+
+import codecs
+import functools
+import importlib
+import pkgutil
+import zlib
+from gzip import BadGzipFile, GzipFile
+from pathlib import Path
+from types import ModuleType
+from typing import BinaryIO, Final, Protocol, runtime_checkable
+
+import numpy as np
+
+from pipeline.clip import SourceClip
+from pipeline.errors import ClipError
+
+MAX_PLAIN_BYTES: Final = 2 * 1024**3
+MIN_FPS: Final = 1.0
+MAX_FPS: Final = 1000.0
+COMPRESSED_SUFFIX: Final = ".gz"
+_CHUNK_BYTES: Final = 4 * 1024**2
+HEAD_BYTES: Final = 4096
+MAX_REASON: Final = 200
+
+
+@runtime_checkable
+class Reader(Protocol):
+    """One file format.
+
+    A reader may also have a method `companions(path: Path) -> list[Path]`: further files that belong to the
+    clip's content, such as the .asf of an .amc; and a method `sniff(head: bytes) -> bool`: whether a file
+    that begins so is of this format, where its suffixes are not this format's alone.
+
+    Attributes:
+        name: the format's name, as users see it.
+        suffixes: lower-case file name endings with the dot, without ".gz".
+    """
+
+    name: str
+    suffixes: tuple[str, ...]
+
+    def read(self, data: bytes, path: Path) -> list[SourceClip]:
+        """Read the decompressed bytes of `path`, one `SourceClip` per body; `ClipError` where it cannot."""
+        ...
+
+
+@functools.cache
+def readers() -> tuple[Reader, ...]:
+    """The `READER` of every module of this package, in the order of their names."""
+    found = []
+    for module_info in pkgutil.iter_modules([str(Path(__file__).parent)]):
+        module: ModuleType = importlib.import_module(f"{__package__}.{module_info.name}")
+        reader = getattr(module, "READER", None)
+        if isinstance(reader, Reader):
+            found.append(reader)
+    return tuple(sorted(found, key=lambda reader: reader.name))
+
+
+def reader_for(path: Path) -> Reader | None:
+    """The reader for the file's name (".gz" and letter case aside), or None where there is none."""
+    name = path.name.lower().removesuffix(COMPRESSED_SUFFIX)
+    matches = [(suffix, reader) for reader in readers() for suffix in reader.suffixes if name.endswith(suffix)]
+    return max(matches, key=lambda match: len(match[0]))[1] if matches else None
+
+
+def is_clip(path: Path) -> bool:
+    """Whether the file is a clip by its name (a skeleton alone, such as an .asf, is none).
+
+    Where a reader shares its suffix with other kinds of files (`.txt`), by its first bytes too. Such a file
+    that cannot be read is none.
+    """
+    reader = reader_for(path)
+    sniff = getattr(reader, "sniff", None)
+    if sniff is None:
+        return reader is not None
+    try:
+        with path.open("rb") as raw:
+            compressed = path.name.lower().endswith(COMPRESSED_SUFFIX)
+            head = (GzipFile(fileobj=raw) if compressed else raw).read(HEAD_BYTES)
+    except (EOFError, OSError, zlib.error):
+        return False
+    return bool(sniff(head))
+
+
+def companions(path: Path) -> list[Path]:
+    """Further files that make up the clip's content; `ClipError` where one is needed and missing."""
+    find = getattr(reader_for(path), "companions", None)
+    return list(find(path)) if find is not None else []
+
+
+def load_bytes(path: Path, limit: int = MAX_PLAIN_BYTES) -> bytes:
+    """The file's bytes, decompressed where its name ends in ".gz".
+
+    Raises:
+        ClipError: unreadable, longer than `limit` bytes once decompressed, or a damaged gzip stream.
+    """
+    try:
+        if not path.is_file():
+            raise ClipError("is not a regular file" if path.exists() else "does not exist")
+        with path.open("rb") as raw:
+            if not path.name.lower().endswith(COMPRESSED_SUFFIX):
+                if path.stat().st_size > limit:
+                    raise ClipError(f"is larger than {limit} bytes")
+                return raw.read()
+            return _decompress(raw, limit)
+    except (EOFError, BadGzipFile, zlib.error) as error:
+        raise ClipError(f"damaged gzip stream: {error}") from error
+    except OSError as error:
+        raise ClipError(f"cannot be read: {error.strerror or error}") from error
+
+
+def _decompress(raw: BinaryIO, limit: int) -> bytes:
+    plain = bytearray()
+    with GzipFile(fileobj=raw) as stream:
+        while chunk := stream.read(_CHUNK_BYTES):
+            plain += chunk
+            if len(plain) > limit:
+                raise ClipError(f"is larger than {limit} bytes once decompressed")
+    return bytes(plain)
+
+
+def read_clips(path: Path) -> list[SourceClip]:
+    """Read every body's clip of a file and check what holds for all formats.
+
+    Raises:
+        ClipError: no reader for the name, or the file cannot be read, or it has fewer than two frames,
+            non-finite channels, a frame rate outside [1, 1000] or a malformed hierarchy. Nothing else.
+    """
+    reader = reader_for(path)
+    if reader is None:
+        known = ", ".join(sorted({suffix for each in readers() for suffix in each.suffixes}))
+        raise ClipError(f"no reader for this kind of file (known: {known})")
+    data = load_bytes(path).removeprefix(codecs.BOM_UTF8)
+    if not data or data.isspace():
+        raise ClipError("is empty")
+    try:
+        clips = reader.read(data, path)
+        for clip in clips:
+            check_clip(clip)
+    except ClipError as error:
+        if len(error.reason) <= MAX_REASON:
+            raise
+        raise ClipError(f"{error.reason[:MAX_REASON]}…", error.line) from error
+    except Exception as error:
+        # A run over a big repository must outlive any one file: a parser's surprise is a bad clip.
+        raise ClipError(f"not a readable {reader.name} file ({type(error).__name__}: {error})") from error
+    if not clips:
+        raise ClipError("holds no body")
+    return clips
+
+
+def check_clip(clip: SourceClip) -> None:
+    """Raise `ClipError` unless shapes agree, parents precede children and all numbers are finite."""
+    hierarchy, channels = clip.hierarchy, clip.channels
+    joints = len(hierarchy.joints)
+    if not joints:
+        raise ClipError("has no joints")
+    if len(set(hierarchy.joints)) != joints:
+        raise ClipError("has two joints of one name")
+    tree = len(hierarchy.parents) == len(hierarchy.channels) == joints and hierarchy.parents[0] == -1
+    if not tree or any(not 0 <= parent < joint for joint, parent in enumerate(hierarchy.parents) if joint):
+        raise ClipError("its joints form no tree of which joint 0 is the root")
+    if hierarchy.offsets.shape != (joints, 3) or not np.isfinite(hierarchy.offsets).all():
+        raise ClipError("has a joint without a finite offset")
+    if channels.ndim != 2 or channels.shape[1] != len(hierarchy.channel_names):
+        raise ClipError("its rows do not fit its channels")
+    if len(channels) < 2:
+        raise ClipError(f"has {len(channels)} frame(s); a motion needs at least two")
+    if not np.isfinite(channels).all():
+        raise ClipError("has a channel value that is not finite")
+    if not MIN_FPS <= clip.fps <= MAX_FPS:
+        raise ClipError(f"frame rate {clip.fps:g}/s is outside [{MIN_FPS:g}, {MAX_FPS:g}]")

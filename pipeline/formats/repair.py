@@ -1,0 +1,68 @@
+"""Fill in what a depth camera did not see: missing joint positions, interpolated over time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.clip import FloatArray
+from pipeline.errors import ClipError
+
+# No recording is this large; a value beyond it is a broken number, and its square must stay finite.
+FARTHEST: Final = 1e5
+MAX_MISSING: Final = 0.5
+MIN_SEEN: Final = 2
+
+
+def missing_samples(positions: FloatArray) -> NDArray[np.bool_]:
+    """[F, J] where a joint has no position: a coordinate is not finite or absurd, or all three are zero.
+
+    A root at the origin in every frame that has it is a root-centred recording, not a missing joint.
+
+    Args:
+        positions: [F, J, 3], the root first.
+    """
+    with np.errstate(invalid="ignore"):
+        sound = np.all(np.abs(positions) <= FARTHEST, axis=2)
+    at_origin = np.all(positions == 0.0, axis=2)
+    if np.all(at_origin[:, 0] | ~sound[:, 0]):
+        at_origin[:, 0] = at_origin.all(axis=1)
+    missing: NDArray[np.bool_] = at_origin | ~sound
+    return missing
+
+
+def fill_missing(positions: FloatArray, missing: NDArray[np.bool_], joints: Sequence[str]) -> tuple[FloatArray, int]:
+    """Interpolate every missing joint linearly between the frames that show it; hold it at both ends.
+
+    Args:
+        positions: [F, J, 3].
+        missing: [F, J].
+        joints: J names, for the reason of a rejection.
+
+    Returns:
+        The filled positions, finite everywhere, and how many frames needed it.
+
+    Raises:
+        ClipError: a joint is missing in more than half of the frames, or seen in fewer than two.
+    """
+    frames = len(positions)
+    seen = frames - missing.sum(axis=0)
+    worst = int(seen.argmin())
+    if seen[worst] < MIN_SEEN or frames - seen[worst] > MAX_MISSING * frames:
+        whose = "the body" if (seen == seen[worst]).all() else joints[worst]
+        raise ClipError(f"{whose} is seen in {seen[worst]} of {frames} frames")
+    filled = positions.copy()
+    times = np.arange(frames)
+    for joint in np.flatnonzero(missing.any(axis=0)):
+        gaps = missing[:, joint]
+        for axis in range(3):
+            filled[gaps, joint, axis] = np.interp(times[gaps], times[~gaps], positions[~gaps, joint, axis])
+    return filled, int(missing.any(axis=1).sum())
+
+
+def repair_note(repaired: int, frames: int) -> tuple[str, ...]:
+    """What a person should know of the repair; nothing where there was none."""
+    return (f"{repaired} of {frames} frames had missing joints, interpolated",) if repaired else ()

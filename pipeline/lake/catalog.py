@@ -1,0 +1,133 @@
+"""The catalog: one DuckDB file, changed by building the next one beside it and renaming.
+
+A read-write handle on a DuckDB file shuts out every other process. So nobody ever opens the served file for
+writing: a transaction works on a copy that then takes the file's name. Searches go on reading the file they
+have opened, and a killed writer leaves the last whole catalog.
+"""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+import duckdb
+import pyarrow as pa
+
+import sql
+from pipeline.errors import UserError
+from pipeline.lake.layout import Lake
+from pipeline.lake.parts import replacing
+
+Connection = duckdb.DuckDBPyConnection
+
+
+def run_sql(con: Connection, name: str, parameters: Mapping[str, Any] | None = None) -> Connection:
+    """Run the statements of one .sql file in turn, each with those of the parameters that it names.
+
+    Raises:
+        duckdb.Error: with a note of the file and the statement.
+    """
+    given = parameters or {}
+    for statement in con.extract_statements(sql.read(name)):
+        try:
+            con.execute(statement, {k: given[k] for k in statement.named_parameters})
+        except duckdb.Error as error:
+            error.add_note(f"in sql/{name}: {statement.query.strip()}")
+            raise
+    return con
+
+
+def fetch(con: Connection, name: str, parameters: Mapping[str, Any] | None = None) -> list[dict[str, Any]]:
+    """The rows of a query file as dictionaries."""
+    cursor = run_sql(con, name, parameters)
+    columns = [c[0] for c in cursor.description or ()]
+    return [dict(zip(columns, row, strict=True)) for row in cursor.fetchall()]
+
+
+def load_rows(con: Connection, name: str, rows: pa.Table, parameters: Mapping[str, Any] | None = None) -> None:
+    """Run a .sql file that reads from the Arrow table `rows`."""
+    con.register("rows", rows)
+    try:
+        run_sql(con, name, parameters)
+    finally:
+        con.unregister("rows")
+
+
+def create_catalog(lake: Lake) -> None:
+    """Write an empty catalog. Raises `UserError` if there is one."""
+    if lake.catalog.exists():
+        raise UserError(f"{lake.root}: there is a lake here already")
+    lake.root.mkdir(parents=True, exist_ok=True)
+    with replacing(lake.catalog) as temporary:
+        con = duckdb.connect(str(temporary))
+        try:
+            for name in sql.names("schema"):
+                run_sql(con, name)
+            for name in sql.names("macros"):
+                run_sql(con, name)
+        finally:
+            con.close()
+
+
+@contextmanager
+def reading(lake: Lake) -> Iterator[Connection]:
+    """A read-only connection to the catalog as it stands; relative Parquet paths resolve in the lake."""
+    con = connect_read_only(lake)
+    try:
+        yield con
+    finally:
+        con.close()
+
+
+def connect_read_only(lake: Lake) -> Connection:
+    try:
+        con = duckdb.connect(str(lake.catalog), read_only=True)
+    except duckdb.IOException as error:
+        raise UserError(
+            f"{lake.catalog}: cannot be opened for reading ({str(error).splitlines()[0]}); "
+            "close the program that has it open for writing"
+        ) from error
+    use_lake_paths(con, lake)
+    return con
+
+
+def use_lake_paths(con: Connection, lake: Lake) -> None:
+    run_sql(con, "queries/use_lake.sql", {"root": str(lake.root)})
+
+
+@contextmanager
+def writing(lake: Lake) -> Iterator[Connection]:
+    """A transaction over the whole catalog: all of it is served when the block ends well, else nothing."""
+    with replacing(lake.catalog) as temporary:
+        shutil.copyfile(lake.catalog, temporary)
+        con = duckdb.connect(str(temporary))
+        try:
+            use_lake_paths(con, lake)
+            con.begin()
+            yield con
+            refresh_views(con, lake)
+            con.commit()
+            con.execute("CHECKPOINT")
+        finally:
+            con.close()
+            temporary.with_name(temporary.name + ".wal").unlink(missing_ok=True)
+
+
+def refresh_views(con: Connection, lake: Lake) -> None:
+    """Views over Parquet exist while there are parts to read (DuckDB binds them when they are made)."""
+    for name in sql.names("views"):
+        folder = name.removeprefix("views/").removesuffix(".sql")
+        if any(lake.root.joinpath(folder).glob("**/[!.]*.parquet")):
+            run_sql(con, name)
+
+
+def table_of(rows: Sequence[Mapping[str, Any]], schema: pa.Schema) -> pa.Table:
+    return pa.Table.from_pylist(list(rows), schema=schema)
+
+
+def remove_stale_copies(lake: Lake) -> None:
+    """Delete the unfinished catalogs of killed runs; the caller holds the lake's lock."""
+    for path in lake.root.glob(".catalog.duckdb.*.tmp*"):
+        path.unlink(missing_ok=True)

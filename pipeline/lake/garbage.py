@@ -1,0 +1,22 @@
+"""Parts that nothing names any more, and what killed runs left behind."""
+
+from __future__ import annotations
+
+from pipeline.lake.catalog import fetch, reading, remove_stale_copies
+from pipeline.lake.layout import Lake
+
+FOLDERS = ("frames", "raw", "features", "embeddings", "assigned", "staging", "models")
+
+
+def collect_garbage(lake: Lake) -> int:
+    """Delete parts the catalog does not name; returns how many. The caller holds the lake's lock."""
+    remove_stale_copies(lake)
+    with reading(lake) as con:
+        live = {row["file"] for row in fetch(con, "queries/live_files.sql")}
+    deleted = 0
+    for folder in FOLDERS:
+        for path in lake.root.joinpath(folder).rglob("*"):
+            if path.is_file() and lake.relative(path) not in live:
+                path.unlink()
+                deleted += 1
+    return deleted

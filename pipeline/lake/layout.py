@@ -1,0 +1,69 @@
+"""Where things lie in a lake, and the checks that a folder is one."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+from pipeline.errors import UserError
+
+_DATASET = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}")
+
+
+@dataclass(frozen=True)
+class Lake:
+    """A folder of Parquet parts with one catalog.
+
+    Layout: `catalog.duckdb`, `config.toml`, `frames/dataset=…/<part>.parquet`,
+    `raw/layout=…/<part>.parquet`, `features/<part>.parquet`, `embeddings/<part>.parquet`, `models/`,
+    `staging/` (rows on their way into the catalog).
+    """
+
+    root: Path
+
+    @property
+    def catalog(self) -> Path:
+        return self.root / "catalog.duckdb"
+
+    @property
+    def config_file(self) -> Path:
+        return self.root / "config.toml"
+
+    @property
+    def rigs(self) -> Path:
+        """A folder for the user's own rig maps (TOML)."""
+        return self.root / "rigs"
+
+    def path(self, relative: str) -> Path:
+        """A file of the lake by its relative name; refuses names that lead out of the lake."""
+        path = (self.root / relative).resolve()
+        if not path.is_relative_to(self.root.resolve()):
+            raise UserError(f"{relative}: leads out of the lake {self.root}")
+        return path
+
+    def relative(self, path: Path) -> str:
+        return path.relative_to(self.root).as_posix()
+
+    def frames_part(self, dataset: str, part: str) -> str:
+        return f"frames/dataset={dataset}/{part}.parquet"
+
+    def raw_part(self, layout: str, part: str) -> str:
+        return f"raw/layout={layout}/{part}.parquet"
+
+
+def open_lake(root: Path | str) -> Lake:
+    """The lake in a folder. Raises `UserError` if there is none."""
+    lake = Lake(Path(root).absolute())
+    if not lake.catalog.is_file():
+        raise UserError(f"{root}: no lake here (no catalog.duckdb); create one with `motionlake init {root}`")
+    return lake
+
+
+def check_dataset(name: str) -> str:
+    """A dataset's name is part of paths: letters, digits, '_', '-', '.', at most 64."""
+    if not _DATASET.fullmatch(name):
+        raise UserError(
+            f"dataset {name!r}: use letters, digits, '_', '-' and '.', at most 64 characters (--dataset NAME)"
+        )
+    return name

@@ -1,0 +1,50 @@
+"""Motion signatures: tf-idf histograms of a clip's motifs (Deep Motifs, section 4.2).
+
+tf is the share of the clip's words that belong to a motif. idf = ln((1 + N) / (1 + n)) + 1, with N clips in
+the corpus and n of them holding the motif: the smooth variant, positive even for a motif that every clip
+holds, finite for one that none does. A signature is tf * idf divided by its sum: a distribution of mass 1.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+Float64Array = NDArray[np.float64]
+
+
+def motif_counts(motifs: NDArray[np.integer], k: int) -> NDArray[np.int64]:
+    """[K] how many of a clip's words ([n] motif indices) belong to each of `k` motifs."""
+    return np.asarray(np.bincount(motifs, minlength=k), dtype=np.int64)
+
+
+def document_frequency(counts: NDArray[np.integer]) -> NDArray[np.int64]:
+    """[K] number of clips that hold each motif; `counts` [clips, K]."""
+    return np.asarray(np.count_nonzero(counts, axis=0), dtype=np.int64)
+
+
+def inverse_document_frequency(clips_with_motif: NDArray[np.integer], n_clips: int) -> Float64Array:
+    """[K] idf from how many of `n_clips` hold each motif."""
+    return np.asarray(np.log((1 + n_clips) / (1 + clips_with_motif)) + 1, dtype=np.float64)
+
+
+def signature(counts: NDArray[np.integer], idf: Float64Array) -> NDArray[np.float32]:
+    """[K] signature of a clip with motif `counts` [K].
+
+    Raises:
+        ValueError: a clip without words.
+    """
+    weights = counts * idf
+    total = weights.sum()
+    if not total > 0:
+        raise ValueError("a clip without words has no signature")
+    return np.asarray(weights / total, dtype=np.float32)
+
+
+def signatures(clips: Sequence[NDArray[np.integer]], k: int) -> tuple[NDArray[np.float32], Float64Array]:
+    """Signatures [clips, K] of a corpus, and its idf [K], from the motif indices of each clip's words."""
+    counts = np.stack([motif_counts(motifs, k) for motifs in clips])
+    idf = inverse_document_frequency(document_frequency(counts), len(counts))
+    return np.stack([signature(row, idf) for row in counts]), idf

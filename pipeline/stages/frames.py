@@ -1,0 +1,276 @@
+"""Stage "frames": source files become canonical frames, raw channels and clip rows."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+
+from pipeline import frames, raw
+from pipeline.clip import SourceClip
+from pipeline.config import FramesConfig, config_hash
+from pipeline.errors import ClipError
+from pipeline.formats import read_clips, reader_for
+from pipeline.kinematics import solve
+from pipeline.lake.catalog import Connection, load_rows, run_sql, table_of
+from pipeline.lake.layout import Lake
+from pipeline.lake.parts import PartWriter, check_part, replacing
+from pipeline.skeleton.canonicalise import CanonicalMotion, canonicalise
+from pipeline.skeleton.rigs import RigMap, identify, load_rigs
+from pipeline.stages.shard import Shard, ShardResult, tables_of
+from pipeline.stages.sources import IngestOptions, Root, SourceFile
+
+NAME = "frames"
+_S, _F, _I = pa.string(), pa.float64(), pa.int64()
+CLIP_ROWS = pa.schema(
+    {
+        "clip": _S, "dataset": _S, "path": _S, "body": _S, "format": _S, "rig": _S, "frames": _I, "fps": _F,
+        "up": _S, "metres_per_unit": _F, "body_height": _F, "twist": pa.bool_(), "filled": pa.list_(_S),
+        "repaired": _I, "fk_error": _F, "rest_offsets": pa.list_(pa.float32()), "layout": _S,
+        "source_offsets": pa.list_(_F), "source_axes": pa.list_(_F), "source_ends": pa.list_(_F),
+        "notes": pa.list_(_S), "licence": _S, "content_hash": _S, "part": _S,
+    }
+)  # fmt: skip
+REJECT_ROWS = pa.schema({"dataset": _S, "path": _S, "line": _I, "reason": _S, "content_hash": _S})
+SOURCE_ROWS = pa.schema(
+    {
+        "dataset": _S, "path": _S, "root": _S, "size": _I, "mtime_ns": _I, "content_hash": _S,
+        "config_hash": _S, "part": _S,
+    }
+)  # fmt: skip
+KEY_ROWS = pa.schema({"stage": _S, "key": _S})
+LAYOUT_ROWS = pa.schema(
+    {
+        "layout": _S, "kind": _S, "fixed_axes": pa.bool_(), "joints": pa.list_(_S),
+        "parents": pa.list_(pa.int32()), "channels": pa.list_(pa.list_(_S)),
+    }
+)  # fmt: skip
+
+
+def plan(root: Root, changed: Sequence[SourceFile], config: FramesConfig, shaping_hash: str) -> list[Shard]:
+    """Cut new and changed files, by path, into shards of some MB of source each.
+
+    The cut depends on the files alone, so any number of workers makes the same parts.
+    """
+    total = sum(f.size for f in changed)
+    limit = min(max(total // 16, 2 << 20), 32 << 20)
+    shards, group, weight = [], [], 0
+    for file in sorted(changed, key=lambda f: f.path):
+        group.append(file)
+        weight += file.size
+        if weight >= limit or len(group) == 512:
+            shards.append(_shard(root, group, config, shaping_hash))
+            group, weight = [], 0
+    if group:
+        shards.append(_shard(root, group, config, shaping_hash))
+    return shards
+
+
+def _shard(root: Root, files: Sequence[SourceFile], config: FramesConfig, shaping_hash: str) -> Shard:
+    key = config_hash(NAME, root.dataset, shaping_hash, [[f.path, f.content_hash] for f in files])
+    spec = {
+        "base": str(root.base),
+        "files": [asdict(f) for f in files],
+        "options": asdict(root.options),
+        "config": asdict(config),
+        "shaping_hash": shaping_hash,
+    }
+    return Shard(NAME, key, key[:16], root.dataset, spec, len(files))
+
+
+def shard_from(row: Mapping[str, Any]) -> Shard:
+    """A shard again from its row in the manifest."""
+    spec = json.loads(row["spec"])
+    return Shard(NAME, row["key"], row["part"], row["dataset"], spec, len(spec["files"]))
+
+
+def run(lake_root: Path, shard: Shard) -> ShardResult:
+    """Read, solve and canonicalise every file of a shard; write one frames part and a raw part a layout."""
+    started = time.perf_counter()
+    lake = Lake(lake_root)
+    options = IngestOptions(**shard.spec["options"])
+    config = FramesConfig(**shard.spec["config"])
+    rigs = load_rigs(lake.rigs)
+    clips: list[dict[str, Any]] = []
+    rejects: list[dict[str, Any]] = []
+    layouts: dict[str, dict[str, Any]] = {}
+    with ExitStack() as stack:
+        parts = _Parts(lake, shard, stack)
+        for file in shard.spec["files"]:
+            try:
+                made = list(_read(Path(shard.spec["base"]) / file["path"], rigs, options))
+            except ClipError as error:
+                rejects.append(_reject_row(shard, file, error))
+                continue
+            for clip, motion, rig in made:
+                name = clip_name(shard.dataset, file["path"], clip.body)
+                layout = raw.layout_row(clip.hierarchy)
+                layouts[layout["layout"]] = layout
+                parts.write(name, clip, motion, layout["layout"], config)
+                clips.append(_clip_row(name, shard, file, clip, motion, rig, layout["layout"], options))
+    files = parts.written
+    sources = [_source_row(shard, file) for file in shard.spec["files"]]
+    return ShardResult(
+        shard,
+        rows=sum(c["frames"] for c in clips),
+        size=sum(check_part(lake.path(name), rows) for name, rows in files.items()),
+        files=tuple(files),
+        seconds=time.perf_counter() - started,
+        rejected=len(rejects),
+        tables={
+            "clips": table_of(clips, CLIP_ROWS),
+            "rejects": table_of(rejects, REJECT_ROWS),
+            "sources": table_of(sources, SOURCE_ROWS),
+            "layouts": table_of(sorted(layouts.values(), key=lambda r: r["layout"]), LAYOUT_ROWS),
+        },
+    )
+
+
+def clip_name(dataset: str, path: str, body: str) -> str:
+    """A clip's identity: its dataset, its relative path, and the body where a file holds several."""
+    return f"{dataset}/{path}" + (f"#{body}" if body else "")
+
+
+def canonical_motions(
+    path: Path, rigs: Mapping[str, RigMap], options: IngestOptions
+) -> Iterator[tuple[SourceClip, CanonicalMotion, RigMap]]:
+    """Every body of a file with its canonical motion.
+
+    Raises:
+        ClipError: the file cannot be read, its rig is unknown, or its motion makes no sense.
+    """
+    for clip in read_clips(path):
+        if options.fps is not None:
+            clip = replace(clip, fps=options.fps)
+        rig = rigs[options.rig] if options.rig else identify(clip.hierarchy.joints, rigs)
+        motion = canonicalise(clip, solve(clip), rig, up=options.up, metres_per_unit=options.metres_per_unit)
+        yield clip, motion, rig
+
+
+def _read(
+    path: Path, rigs: Mapping[str, RigMap], options: IngestOptions
+) -> Iterator[tuple[SourceClip, CanonicalMotion, RigMap]]:
+    try:
+        yield from canonical_motions(path, rigs, options)
+    except ClipError:
+        raise
+    except Exception as error:
+        # One clip's surprise must not cost a repository its run; the reason says what it was.
+        raise ClipError(f"could not be processed ({type(error).__name__}: {error})") from error
+
+
+class _Parts:
+    """The Parquet parts of one shard, opened when the first clip needs them."""
+
+    def __init__(self, lake: Lake, shard: Shard, stack: ExitStack) -> None:
+        self._lake, self._shard, self._stack = lake, shard, stack
+        self._writers: dict[str, PartWriter] = {}
+
+    @property
+    def written(self) -> dict[str, int]:
+        return {name: writer.rows for name, writer in sorted(self._writers.items())}
+
+    def write(self, name: str, clip: SourceClip, motion: CanonicalMotion, layout: str, config: FramesConfig) -> None:
+        part = self._shard.part
+        canonical = frames.Frames(name, motion.rotations, motion.positions)
+        self._append(
+            self._lake.frames_part(self._shard.dataset, part),
+            frames.to_table(canonical, part, config.position_step, config.rotation_step),
+        )
+        height = motion.body_height / motion.metres_per_unit
+        self._append(self._lake.raw_part(layout, part), raw.to_table(name, part, clip, height))
+
+    def _append(self, name: str, table: pa.Table) -> None:
+        if name not in self._writers:
+            temporary = self._stack.enter_context(replacing(self._lake.path(name)))
+            writer = PartWriter(temporary, table.schema, {"key": self._shard.key})
+            self._stack.callback(writer.close)
+            self._writers[name] = writer
+        self._writers[name].append(table)
+
+
+def _clip_row(
+    name: str,
+    shard: Shard,
+    file: Mapping[str, Any],
+    clip: SourceClip,
+    motion: CanonicalMotion,
+    rig: RigMap,
+    layout: str,
+    options: IngestOptions,
+) -> dict[str, Any]:
+    path = Path(file["path"])
+    reader = reader_for(path)
+    return {
+        "clip": name,
+        "dataset": shard.dataset,
+        "path": file["path"],
+        "body": clip.body,
+        "format": reader.name if reader else "",
+        "rig": rig.name,
+        "frames": len(motion.positions),
+        "fps": clip.fps,
+        "up": motion.up,
+        "metres_per_unit": motion.metres_per_unit,
+        "body_height": motion.body_height,
+        "twist": motion.twist,
+        "filled": list(motion.filled),
+        "repaired": clip.repaired,
+        "fk_error": motion.fk_error,
+        "rest_offsets": motion.rest_offsets.astype(np.float32).ravel(),
+        "layout": layout,
+        **raw.clip_columns(clip.hierarchy),
+        "notes": [*clip.notes, *motion.notes],
+        "licence": options.licence,
+        "content_hash": file["content_hash"],
+        "part": shard.part,
+    }
+
+
+def _reject_row(shard: Shard, file: Mapping[str, Any], error: ClipError) -> dict[str, Any]:
+    return {
+        "dataset": shard.dataset,
+        "path": file["path"],
+        "line": error.line,
+        "reason": error.reason,
+        "content_hash": file["content_hash"],
+    }
+
+
+def _source_row(shard: Shard, file: Mapping[str, Any]) -> dict[str, Any]:
+    spec = shard.spec
+    return {
+        "dataset": shard.dataset,
+        "root": spec["base"],
+        "config_hash": spec["shaping_hash"],
+        "part": shard.part,
+        **file,
+    }
+
+
+def load(con: Connection, _root: Path, results: Sequence[ShardResult]) -> None:
+    """Replace the rows of every source file in the results; what was derived from them goes too."""
+    sources = tables_of(results, "sources")
+    load_rows(con, "queries/forget_sources.sql", sources)
+    load_rows(con, "queries/load_sources.sql", sources)
+    load_rows(con, "queries/load_clips.sql", tables_of(results, "clips"))
+    load_rows(con, "queries/load_rejects.sql", tables_of(results, "rejects"))
+    load_rows(con, "queries/load_layouts.sql", tables_of(results, "layouts"))
+    run_sql(con, "queries/forget_orphans.sql")
+
+
+def content_key(con: Connection) -> str:
+    """sha256 over every clip and its content: what a model fitted to the whole lake was fitted to."""
+    rows = run_sql(con, "queries/content.sql").fetchall()
+    digest = hashlib.sha256()
+    for row in rows:
+        digest.update(repr(row).encode())
+    return digest.hexdigest()

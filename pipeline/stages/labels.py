@@ -1,0 +1,120 @@
+"""labels.csv and segments.csv: what people say of clips; it lives in the catalog and recomputes no frames."""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import pyarrow as pa
+
+from pipeline.config import config_hash
+from pipeline.errors import UserError
+from pipeline.lake.catalog import Connection, fetch, load_rows, table_of
+from pipeline.stages.sources import Root
+
+_S = pa.string()
+LABEL_ROWS = pa.schema(
+    {"path": _S, "label": _S, "subject": _S, "split": _S, "licence": _S, "attributes": pa.map_(_S, _S)}
+)
+SEGMENT_ROWS = pa.schema({"path": _S, "start": pa.int64(), "stop": pa.int64(), "label": _S})
+_OWN = ("label", "subject", "split", "licence")
+
+
+@dataclass(frozen=True)
+class LabelReport:
+    """What a label file said: rows taken, and rows that name no file of the root."""
+
+    file: str
+    rows: int
+    unmatched: int
+
+
+def apply_labels(con: Connection, root: Root) -> list[LabelReport]:
+    """Enter the labels and segments of one root.
+
+    Raises:
+        UserError: a label file named by the user is missing, or a file lacks a column or holds no number
+            where one must stand.
+    """
+    reports = []
+    parameters = {"dataset": root.dataset, "root": str(root.base)}
+    labels = _find(root, root.options.labels, "labels.csv")
+    rows = _label_rows(root, labels) if labels else []
+    licence = {"licence": root.options.licence}
+    load_rows(con, "queries/load_labels.sql", table_of(rows, LABEL_ROWS), {**parameters, **licence})
+    if labels:
+        reports.append(_report(con, root, labels, rows))
+    segments = _find(root, root.options.segments, "segments.csv")
+    rows = _segment_rows(root, segments) if segments else []
+    load_rows(con, "queries/load_segments.sql", table_of(rows, SEGMENT_ROWS), parameters)
+    if segments:
+        reports.append(_report(con, root, segments, rows))
+    return reports
+
+
+def labels_hash(root: Root) -> str:
+    """sha256 over what the label files of a root say, and how it was asked for."""
+    said = [root.options.licence]
+    for file in (_find(root, root.options.labels, "labels.csv"), _find(root, root.options.segments, "segments.csv")):
+        said.append(hashlib.sha256(file.read_bytes()).hexdigest() if file else None)
+    return config_hash(said)
+
+
+def _find(root: Root, named: str | None, usual: str) -> Path | None:
+    if named:
+        if not Path(named).is_file():
+            raise UserError(f"{named}: no such file")
+        return Path(named)
+    file = root.base / usual
+    return file if Path(root.root).is_dir() and file.is_file() else None
+
+
+def _rows(file: Path, needed: set[str]) -> Iterator[tuple[int, dict[str, str]]]:
+    try:
+        with file.open(newline="", encoding="utf-8-sig") as handle:
+            reader = csv.DictReader(handle)
+            missing = needed - set(reader.fieldnames or ())
+            if missing:
+                raise UserError(f"{file}: has no column {', '.join(sorted(missing))}")
+            for row in reader:
+                yield reader.line_num, {k: (v or "").strip() for k, v in row.items() if isinstance(k, str)}
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise UserError(f"{file}: not a UTF-8 CSV file: {error}") from error
+
+
+def _relative(root: Root, file: Path, name: str) -> str:
+    """A path of a label file, relative to that file, as a path relative to the root; "" where it is outside."""
+    path = (file.parent / name).absolute()
+    return path.relative_to(root.base).as_posix() if path.is_relative_to(root.base) else ""
+
+
+def _label_rows(root: Root, file: Path) -> list[dict[str, object]]:
+    rows: list[dict[str, object]] = []
+    for _, row in _rows(file, {"file"}):
+        extra = [(k, v) for k, v in sorted(row.items()) if v and k not in {"file", *_OWN}]
+        own = {name: row.get(name) or None for name in _OWN}
+        rows.append({"path": _relative(root, file, row["file"]), **own, "attributes": extra})
+    return rows
+
+
+def _segment_rows(root: Root, file: Path) -> list[dict[str, object]]:
+    rows: list[dict[str, object]] = []
+    for line, row in _rows(file, {"file", "start", "stop", "label"}):
+        try:
+            start, stop = int(row["start"]), int(row["stop"])
+        except ValueError:
+            raise UserError(f"{file}, line {line}: start and stop must be frame numbers") from None
+        if not 0 <= start < stop:
+            raise UserError(f"{file}, line {line}: start {start} and stop {stop} are no range of frames")
+        path = _relative(root, file, row["file"])
+        rows.append({"path": path, "start": start, "stop": stop, "label": row["label"]})
+    return rows
+
+
+def _report(con: Connection, root: Root, file: Path, rows: list[dict[str, object]]) -> LabelReport:
+    parameters = {"dataset": root.dataset, "root": str(root.base), "paths": [r["path"] for r in rows]}
+    known = fetch(con, "queries/count_unmatched.sql", parameters)
+    return LabelReport(str(file), len(rows), known[0]["unmatched"])

@@ -1,0 +1,226 @@
+"""Source folders: which clip files they hold, and which of them are new or changed since they were taken in."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from pipeline.config import FramesConfig, config_hash
+from pipeline.errors import ClipError, UserError
+from pipeline.formats import companions, is_clip
+from pipeline.lake.catalog import Connection, fetch
+from pipeline.lake.layout import Lake
+
+UNITS = {"m": 1.0, "dm": 0.1, "cm": 0.01, "mm": 0.001, "in": 0.0254, "ft": 0.3048}
+UPS = ("x", "y", "z", "-x", "-y", "-z")
+FRAMES_VERSION = 1
+
+
+@dataclass(frozen=True)
+class IngestOptions:
+    """What the user said of a source folder; None leaves it to the file and its rig.
+
+    Attributes:
+        up: axis of the files that points up.
+        unit: length unit of the files: a name of `UNITS` or metres per unit as a number.
+        fps: frames a second.
+        rig: name of the rig map.
+        licence: recorded with every clip.
+        labels, segments: files; None means labels.csv and segments.csv in the source folder, where they are.
+    """
+
+    up: str | None = None
+    unit: str | None = None
+    fps: float | None = None
+    rig: str | None = None
+    licence: str | None = None
+    labels: str | None = None
+    segments: str | None = None
+
+    @property
+    def metres_per_unit(self) -> float | None:
+        return None if self.unit is None else (UNITS.get(self.unit) or float(self.unit))
+
+    def shaping(self) -> dict[str, Any]:
+        """The options that shape frames (labels and licence do not)."""
+        return {"up": self.up, "unit": self.unit, "fps": self.fps, "rig": self.rig}
+
+
+def check_options(options: IngestOptions) -> None:
+    """Raises `UserError` on an option no file could satisfy."""
+    if options.up is not None and options.up not in UPS:
+        raise UserError(f"--up {options.up}: use one of {', '.join(UPS)}")
+    if options.unit is not None and options.unit not in UNITS:
+        try:
+            fits = 0 < float(options.unit) < 1000
+        except ValueError:
+            fits = False
+        if not fits:
+            raise UserError(f"--unit {options.unit}: use one of {', '.join(UNITS)}, or metres per unit as a number")
+    if options.fps is not None and not 1 <= options.fps <= 1000:
+        raise UserError(f"--fps {options.fps:g}: use a rate from 1 to 1000")
+
+
+@dataclass(frozen=True)
+class Root:
+    """One source folder of a dataset."""
+
+    dataset: str
+    root: str
+    options: IngestOptions
+
+    @property
+    def base(self) -> Path:
+        """The folder that paths are relative to; a root may be a single file."""
+        folder = Path(self.root)
+        return folder.parent if folder.is_file() else folder
+
+    def shaping_hash(self, config: FramesConfig, lake: Lake) -> str:
+        return config_hash("frames", FRAMES_VERSION, config, self.options.shaping(), user_rigs_hash(lake))
+
+
+def user_rigs_hash(lake: Lake) -> str:
+    """sha256 over the user's rig maps; the package's own are covered by `FRAMES_VERSION`."""
+    digest = hashlib.sha256()
+    for path in sorted(lake.rigs.glob("*.toml")):
+        digest.update(path.name.encode() + b"\0" + path.read_bytes() + b"\0")
+    return digest.hexdigest()
+
+
+def known_roots(con: Connection) -> list[Root]:
+    rows = fetch(con, "queries/roots.sql")
+    return [Root(r["dataset"], r["root"], IngestOptions(**json.loads(r["options"]))) for r in rows]
+
+
+def options_json(options: IngestOptions) -> str:
+    return json.dumps(asdict(options), sort_keys=True)
+
+
+@dataclass(frozen=True)
+class SourceFile:
+    """A clip file found in a root; `content_hash` is empty until it was needed."""
+
+    path: str
+    size: int
+    mtime_ns: int
+    content_hash: str = ""
+
+
+@dataclass(frozen=True)
+class Difference:
+    """What a root holds against what the lake knows of it.
+
+    Attributes:
+        changed: new or changed files, hashed, by path.
+        touched: files with a new date and the old content.
+        unchanged: how many are as they were.
+        gone: paths in the lake without a file.
+    """
+
+    changed: list[SourceFile]
+    touched: list[SourceFile]
+    unchanged: int
+    gone: list[str]
+
+
+def scan(root: Path, lake: Lake) -> Iterator[SourceFile]:
+    """Every clip file below a folder (or the one file), sorted by path; hidden files and the lake are left out."""
+    if root.is_file():
+        yield _source_file(root.parent, root)
+        return
+    for folder, folders, names in os.walk(root):
+        here = Path(folder)
+        folders[:] = sorted(f for f in folders if not f.startswith(".") and (here / f) != lake.root)
+        for name in sorted(names):
+            path = here / name
+            if not name.startswith(".") and is_clip(path):
+                yield _source_file(root, path)
+
+
+def _source_file(root: Path, path: Path) -> SourceFile:
+    stats = [p.stat() for p in [path, *_companions(path)]]
+    size, newest = sum(s.st_size for s in stats), max(s.st_mtime_ns for s in stats)
+    return SourceFile(path.relative_to(root).as_posix(), size, newest)
+
+
+def _companions(path: Path) -> list[Path]:
+    try:
+        return companions(path)
+    except (ClipError, OSError):
+        return []
+
+
+def content_hash(path: Path) -> str:
+    """sha256 over a clip file and its companions."""
+    digest = hashlib.sha256()
+    for part in [path, *_companions(path)]:
+        with part.open("rb") as handle:
+            digest.update(hashlib.file_digest(handle, "sha256").digest())
+    return digest.hexdigest()
+
+
+def compare(
+    con: Connection,
+    lake: Lake,
+    root: Root,
+    shaping_hash: str,
+    *,
+    checksum: bool = False,
+    retry_failed: bool = False,
+    progress: Callable[[int, int], None] | None = None,
+) -> Difference:
+    """What is new, changed and gone in a root.
+
+    A file of the recorded size and date counts as unchanged unless `checksum` has every file hashed again.
+    `retry_failed` takes rejected files up again.
+    """
+    base = root.base
+    known = {r["path"]: r for r in fetch(con, "queries/sources_of.sql", {"dataset": root.dataset})}
+    rejected = {r["path"] for r in fetch(con, "queries/rejects_of.sql", {"dataset": root.dataset})}
+    found = list(scan(Path(root.root), lake))
+    _refuse_collisions(root, known, found)
+    suspects, unchanged = [], 0
+    for file in found:
+        old = known.get(file.path)
+        same = old and (old["size"], old["mtime_ns"], old["config_hash"]) == (file.size, file.mtime_ns, shaping_hash)
+        if same and not checksum and not (retry_failed and file.path in rejected):
+            unchanged += 1
+        else:
+            suspects.append(file)
+    changed, touched = [], []
+    for file in _hashed(base, suspects, progress):
+        old = known.get(file.path)
+        same = old and (old["content_hash"], old["config_hash"]) == (file.content_hash, shaping_hash)
+        if same and not (retry_failed and file.path in rejected):
+            touched.append(file)
+        else:
+            changed.append(file)
+    present = {f.path for f in found}
+    ours = (p for p, r in known.items() if r["root"] == str(base) and p not in present)
+    gone = sorted(p for p in ours if not (base / p).exists())
+    return Difference(changed, touched, unchanged, gone)
+
+
+def _refuse_collisions(root: Root, known: dict[str, dict[str, Any]], found: list[SourceFile]) -> None:
+    for file in found:
+        old = known.get(file.path)
+        if old and old["root"] != str(root.base):
+            raise UserError(
+                f"{root.root}/{file.path}: dataset {root.dataset} holds a clip of this path from {old['root']}; "
+                "give this folder a dataset of its own (--dataset NAME)"
+            )
+
+
+def _hashed(base: Path, files: list[SourceFile], progress: Callable[[int, int], None] | None) -> Iterator[SourceFile]:
+    with ThreadPoolExecutor(min(8, os.cpu_count() or 1)) as pool:
+        hashes = pool.map(lambda f: content_hash(base / f.path), files)
+        for done, (file, digest) in enumerate(zip(files, hashes, strict=True), start=1):
+            if progress:
+                progress(done, len(files))
+            yield SourceFile(file.path, file.size, file.mtime_ns, digest)

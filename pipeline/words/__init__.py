@@ -1,0 +1,1 @@
+"""Motion words: features, windows, their distances, and the network that embeds them."""

@@ -1,0 +1,316 @@
+"""Dynamic time warping between motion words (Deep Motifs, section 3.3 and equation 3).
+
+The distance of two words is the cost of the cheapest warping path through their frame-pair distances,
+divided by the number of matched frame pairs on it ("the average distance of the matched frames in the
+optimal matching sequence"). Steps are (1, 1), (1, 0) and (0, 1); where costs tie, the path comes from the
+diagonal, then from above (the frame before of the first word), then from the left.
+
+Frame distances come from one matrix product for many words at once; then `LANES` words are aligned side by
+side in the lanes of one kernel. They are squares in both metrics:
+
+- "euclidean": sum over the D features of the squared difference;
+- "geodesic": equation 3, sum over the joints of ||log(q_j^-1 q_i)||^2, the squared angle between unit
+  quaternions on S3 (half the rotation's angle), q and -q being one rotation.
+
+Both are float32. Frame distances come from inner products, hence carry an absolute error of about 1e-6
+times the squared norms of the (centred) features, or 2e-6 rad^2 a joint.
+"""
+
+from __future__ import annotations
+
+from typing import Final, Literal
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from pipeline.words.features import Float32Array
+
+Metric = Literal["euclidean", "geodesic"]
+Index = NDArray[np.int64]
+
+LANES: Final = 32
+# Words of one matrix product: keeps frame distances of a chunk (words * length * length floats) in cache.
+CHUNK_WORDS_A: Final = 8
+CHUNK_BLOCKS_B: Final = 4
+# Consecutive words of a clip aligned from one copy of their frame distances, again to stay in cache.
+TILE_WORDS: Final = 32
+
+
+def _acos_squared_coefficients(degree: int = 7) -> tuple[float, ...]:
+    """Polynomial p, lowest power first, with acos(1 - x)^2 = x p(x) on 0 <= x <= 1.
+
+    acos(1 - x)^2 is analytic up to x = 2, so a Chebyshev fit converges fast and needs no square root.
+    """
+
+    def target(x: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.arccos(1 - x) ** 2 / x
+
+    fit = np.polynomial.Chebyshev.interpolate(target, degree, domain=[0.0, 1.0])
+    return tuple(float(c) for c in fit.convert(kind=np.polynomial.Polynomial).coef)
+
+
+_P0, _P1, _P2, _P3, _P4, _P5, _P6, _P7 = (np.float32(c) for c in _acos_squared_coefficients())
+
+
+def word_distances(
+    a: Float32Array, b: Float32Array, metric: Metric = "euclidean", *, average: bool = True
+) -> Float32Array:
+    """Distances of every word of `a` from every word of `b`.
+
+    Args:
+        a: [n, length, D] words; views are welcome.
+        b: [m, length', D] words.
+        metric: the frame distance. "geodesic" takes D = 4 * joints unit quaternions.
+        average: divide by the number of matched pairs (equation 3's text); False gives the plain sum that
+            DTW packages compute with squared Euclidean distances.
+
+    Returns:
+        [n, m] float32.
+
+    Raises:
+        ValueError: shapes that do not fit.
+    """
+    _check_words(a, b, metric)
+    n_a, n_b = len(a), len(b)
+    result = np.empty((n_a, n_b), dtype=np.float32)
+    if not (n_a and n_b):
+        return result
+    n_blocks = -(-n_b // LANES)
+    lanes = np.minimum(np.arange(n_blocks * LANES), n_b - 1).reshape(n_blocks, LANES)
+    left, right = _operands(a.reshape(-1, a.shape[2]), b.reshape(-1, b.shape[2]), metric)
+    left = left.reshape(n_a, a.shape[1], -1)
+    right = right.reshape(n_b, b.shape[1], -1)
+    block_columns = b.shape[1] * LANES
+    distances = np.empty((n_a, n_blocks * LANES), dtype=np.float32)
+    for first in range(0, n_blocks, CHUNK_BLOCKS_B):
+        block_words = lanes[first : first + CHUNK_BLOCKS_B]
+        columns = right[block_words].transpose(0, 2, 1, 3).reshape(len(block_words) * block_columns, -1)
+        columns = np.ascontiguousarray(columns.T)
+        for start in range(0, n_a, CHUNK_WORDS_A):
+            rows = left[start : start + CHUNK_WORDS_A]
+            frames = _product(rows.reshape(-1, rows.shape[2]), columns, metric)
+            columns_out = slice(first * LANES, (first + len(block_words)) * LANES)
+            _align(frames, a.shape[1], b.shape[1], average, distances[start : start + len(rows), columns_out])
+    result[:] = distances[:, :n_b]
+    return result
+
+
+def pair_distances(
+    a: Float32Array,
+    b: Float32Array,
+    pairs: NDArray[np.integer],
+    metric: Metric = "euclidean",
+    *,
+    average: bool = True,
+) -> Float32Array:
+    """Distances of chosen pairs of words.
+
+    Args:
+        a: [n, length, D] words.
+        b: [m, length', D] words.
+        pairs: [p, 2] indices into `a` and `b`.
+        metric: the frame distance.
+        average: as in `word_distances`.
+
+    Returns:
+        [p] float32.
+    """
+    _check_words(a, b, metric)
+    distances = np.empty(len(pairs), dtype=np.float32)
+    for start in range(0, len(pairs), LANES):
+        chunk = pairs[start : start + LANES]
+        frames = np.zeros((a.shape[1], b.shape[1], LANES), dtype=np.float32)
+        for lane, (i, j) in enumerate(chunk):
+            frames[:, :, lane] = frame_distances(a[i], b[j], metric)
+        aligned = np.empty((1, LANES), dtype=np.float32)
+        _align(frames.reshape(a.shape[1], -1), a.shape[1], b.shape[1], average, aligned)
+        distances[start : start + len(chunk)] = aligned[0, : len(chunk)]
+    return distances
+
+
+def clip_pair_dtw(
+    features_a: Float32Array,
+    starts_a: Index,
+    features_b: Float32Array,
+    starts_b: Index,
+    length: int = 16,
+    metric: Metric = "euclidean",
+    *,
+    average: bool = True,
+) -> Float32Array:
+    """Distances of every word of one clip from every word of another, computing each frame pair once.
+
+    Words of stride 4 and length 16 share all but a sixteenth of their frame pairs, so this is the fast way
+    wherever words come as clips.
+
+    Args:
+        features_a: [Ta, D] frames (`windows.padded` for short clips); starts_a: [n] first frames of words.
+        features_b: [Tb, D] frames; starts_b: [m] first frames of words.
+        length: frames of a word.
+        metric: the frame distance.
+        average: as in `word_distances`.
+
+    Returns:
+        [n, m] float32, equal to `word_distances` of the same words up to rounding.
+
+    Raises:
+        ValueError: a word that reaches beyond its clip.
+    """
+    for features, starts in ((features_a, starts_a), (features_b, starts_b)):
+        if len(starts) and (np.min(starts) < 0 or np.max(starts) + length > len(features)):
+            raise ValueError("a word reaches beyond its clip")
+    distances = np.empty((len(starts_a), len(starts_b)), dtype=np.float32)
+    if distances.size:
+        frames = frame_distances(features_a, features_b, metric)
+        _align_shared(frames, starts_a.astype(np.int64), starts_b.astype(np.int64), length, average, distances)
+    return distances
+
+
+def frame_distances(a: Float32Array, b: Float32Array, metric: Metric = "euclidean") -> Float32Array:
+    """[R, C] squared distances between frames `a` [R, D] and `b` [C, D]."""
+    left, right = _operands(a, b, metric)
+    return np.maximum(_product(left, np.ascontiguousarray(right.T), metric), np.float32(0))
+
+
+def _check_words(a: Float32Array, b: Float32Array, metric: Metric) -> None:
+    if a.ndim != 3 or b.ndim != 3 or a.shape[2] != b.shape[2] or not (a.shape[1] and b.shape[1]):
+        raise ValueError(f"words of shapes {a.shape} and {b.shape} cannot be compared")
+    if metric == "geodesic" and a.shape[2] % 4:
+        raise ValueError(f"{a.shape[2]} numbers a frame are no whole number of quaternions")
+
+
+def _operands(a: Float32Array, b: Float32Array, metric: Metric) -> tuple[Float32Array, Float32Array]:
+    """Rows whose `_product` is the frame distance.
+
+    Squared Euclidean distance as one inner product: [-2a, |a|^2, 1] . [b, 1, |b|^2]. Centring on the mean
+    of `a` changes no distance and keeps the cancellation small.
+    """
+    if metric == "geodesic":
+        return np.ascontiguousarray(a, dtype=np.float32), np.ascontiguousarray(b, dtype=np.float32)
+    centre = a.mean(axis=0, dtype=np.float64).astype(np.float32) if len(a) else np.float32(0)
+    a, b = a - centre, b - centre
+    norm_a, norm_b = np.einsum("rd,rd->r", a, a), np.einsum("rd,rd->r", b, b)
+    left = np.column_stack([np.float32(-2) * a, norm_a, np.ones_like(norm_a)])
+    return left, np.column_stack([b, np.ones_like(norm_b), norm_b])
+
+
+def _product(left: Float32Array, right: Float32Array, metric: Metric) -> Float32Array:
+    """[R, C] frame distances of operands [R, E] and [E, C]; may be a rounding error below zero."""
+    if metric == "euclidean":
+        return left @ right
+    if metric == "geodesic":
+        distances = np.empty((left.shape[0], right.shape[1]), dtype=np.float32)
+        _squared_geodesics(left, right, distances)
+        return distances
+    raise ValueError(f"metric is {metric!r}, not euclidean or geodesic")
+
+
+@njit(cache=True, fastmath=True)  # type: ignore[untyped-decorator]
+def _squared_geodesics(a: Float32Array, b: Float32Array, out: Float32Array) -> None:
+    """out[r, c] = sum over joints of acos(|a_r . b_c|)^2; a [R, 4J], b [4J, C]."""
+    n_joints = a.shape[1] // 4
+    n_rows, n_columns = out.shape
+    tile = 64
+    total = np.empty(tile, dtype=np.float32)
+    one, zero = np.float32(1), np.float32(0)
+    for first in range(0, n_columns, tile):
+        width = min(tile, n_columns - first)
+        for r in range(n_rows):
+            total[:] = zero
+            for joint in range(n_joints):
+                w, x, y, z = a[r, 4 * joint], a[r, 4 * joint + 1], a[r, 4 * joint + 2], a[r, 4 * joint + 3]
+                b_w = b[4 * joint, first : first + width]
+                b_x = b[4 * joint + 1, first : first + width]
+                b_y = b[4 * joint + 2, first : first + width]
+                b_z = b[4 * joint + 3, first : first + width]
+                for c in range(width):
+                    gap = max(zero, one - abs(w * b_w[c] + x * b_x[c] + y * b_y[c] + z * b_z[c]))
+                    series = _P0 + gap * (
+                        _P1 + gap * (_P2 + gap * (_P3 + gap * (_P4 + gap * (_P5 + gap * (_P6 + gap * _P7)))))
+                    )
+                    total[c] += gap * series
+            out[r, first : first + width] = total[:width]
+
+
+@njit(cache=True)  # type: ignore[untyped-decorator]
+def _align_block(
+    frames: Float32Array,
+    row: int,
+    column: int,
+    n: int,
+    m: int,
+    scratch: Float32Array,
+    out: Float32Array,
+    average: bool,
+) -> None:
+    """Align one word of n frames with `LANES` words of m frames.
+
+    frames: frame distances, C-contiguous; those of frame i of the one with frame j of the others stand in
+    row `row + i` from column `column + j * LANES`. scratch: 4 * (m + 1) * LANES floats, two rows of path
+    costs and of path lengths. out: [LANES].
+    """
+    one, zero, infinity = np.float32(1), np.float32(0), np.float32(np.inf)
+    width = (m + 1) * LANES
+    scratch[:] = infinity
+    scratch[:LANES] = zero
+    scratch[width : width + LANES] = zero
+    for i in range(n):
+        above, here = (i & 1) * 2 * width, (1 - (i & 1)) * 2 * width
+        scratch[here : here + LANES] = infinity
+        for j in range(m):
+            cost_above = scratch[above + j * LANES : above + (j + 2) * LANES]
+            steps_above = scratch[above + width + j * LANES : above + width + (j + 2) * LANES]
+            cost_here = scratch[here + j * LANES : here + (j + 2) * LANES]
+            steps_here = scratch[here + width + j * LANES : here + width + (j + 2) * LANES]
+            distance = frames[row + i, column + j * LANES : column + (j + 1) * LANES]
+            for lane in range(LANES):
+                cost, steps = cost_above[lane], steps_above[lane]
+                other_cost, other_steps = cost_above[LANES + lane], steps_above[LANES + lane]
+                better = other_cost < cost
+                cost, steps = (other_cost if better else cost), (other_steps if better else steps)
+                other_cost, other_steps = cost_here[lane], steps_here[lane]
+                better = other_cost < cost
+                cost, steps = (other_cost if better else cost), (other_steps if better else steps)
+                step_cost = distance[lane]
+                cost_here[LANES + lane] = cost + (step_cost if step_cost > zero else zero)
+                steps_here[LANES + lane] = steps + one
+    last = (n & 1) * 2 * width
+    for lane in range(LANES):
+        cost = scratch[last + m * LANES + lane]
+        out[lane] = cost / scratch[last + width + m * LANES + lane] if average else cost
+
+
+@njit(cache=True)  # type: ignore[untyped-decorator]
+def _align(frames: Float32Array, n: int, m: int, average: bool, out: Float32Array) -> None:
+    """frames [words * n, blocks * m * LANES] -> out [words, blocks * LANES]."""
+    scratch = np.empty(4 * (m + 1) * LANES, dtype=np.float32)
+    aligned = np.empty(LANES, dtype=np.float32)
+    for word in range(frames.shape[0] // n):
+        for block in range(frames.shape[1] // (m * LANES)):
+            _align_block(frames, word * n, block * m * LANES, n, m, scratch, aligned, average)
+            out[word, block * LANES : (block + 1) * LANES] = aligned
+
+
+@njit(cache=True)  # type: ignore[untyped-decorator]
+def _align_shared(
+    frames: Float32Array, starts_a: Index, starts_b: Index, length: int, average: bool, out: Float32Array
+) -> None:
+    """frames [Ta, Tb] -> out [n, m], lanes filled with consecutive words of b."""
+    lanes = np.empty((frames.shape[0], length * LANES), dtype=np.float32)
+    scratch = np.empty(4 * (length + 1) * LANES, dtype=np.float32)
+    aligned = np.empty(LANES, dtype=np.float32)
+    for first in range(0, len(starts_b), LANES):
+        width = min(LANES, len(starts_b) - first)
+        for tile in range(0, len(starts_a), TILE_WORDS):
+            words = starts_a[tile : tile + TILE_WORDS]
+            low, high = words.min(), words.max() + length
+            for t in range(low, high):
+                for j in range(length):
+                    for lane in range(width):
+                        lanes[t - low, j * LANES + lane] = frames[t, starts_b[first + lane] + j]
+                    for lane in range(width, LANES):
+                        lanes[t - low, j * LANES + lane] = np.float32(0)
+            for word in range(len(words)):
+                _align_block(lanes, words[word] - low, 0, length, length, scratch, aligned, average)
+                out[tile + word, first : first + width] = aligned[:width]

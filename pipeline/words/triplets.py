@@ -1,0 +1,156 @@
+"""What a word network learns from: anchors, their positives and negatives (Deep Motifs, section 3.4).
+
+Positives of an anchor are the z words of its clip closest in time without overlap, its k nearest words by
+DTW in *other* clips, and time-warped copies of itself. Negatives are words farther than a share of the
+median word distance: words drawn blindly are too often of the same action, and pushing those away teaches
+the network who moves and when instead of what.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.words.dtw import Metric, word_distances
+from pipeline.words.features import Float32Array, WordConfig
+from pipeline.words.windows import windows, word_windows
+
+Indices = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class TripletConfig:
+    """How training material is drawn.
+
+    Attributes:
+        temporal: z, positives closest in time.
+        nearest: k, positives nearest by DTW in other clips.
+        anchors: words whose distances from all words are computed.
+        far: negatives lie beyond this share of the median word distance.
+        neighbourhood: share of all words that count as an anchor's neighbourhood when pairs are drawn.
+    """
+
+    temporal: int = 4
+    nearest: int = 5
+    anchors: int = 1500
+    far: float = 0.6
+    neighbourhood: float = 0.02
+
+
+@dataclass(frozen=True)
+class TrainingWords:
+    """N words, A of them anchors with known distances from all.
+
+    Attributes:
+        words: [N, length, D].
+        clips: [N] index of the clip each word is of.
+        starts: [N] first frame in its clip.
+        anchors: [A] indices of words, ascending.
+        distances: [A, N] word distances: the square root of the path-averaged DTW cost, divided by `scale`.
+        scale: median word distance; the median of `distances` is 1.
+        temporal: [A, z] words closest in time without overlap; the anchor itself where there are none.
+        nearest: [A, k] nearest words of other clips; the anchor itself where there are none.
+        neighbours: [A, h] the nearest words of any clip, the anchor left out.
+    """
+
+    words: Float32Array
+    clips: Indices
+    starts: Indices
+    anchors: Indices
+    distances: Float32Array
+    scale: float
+    temporal: Indices
+    nearest: Indices
+    neighbours: Indices
+
+
+def training_words(
+    features: list[Float32Array], words: WordConfig, config: TripletConfig, max_words: int, seed: int
+) -> TrainingWords:
+    """Cut clips into words, draw anchors and find their positives.
+
+    Args:
+        features: [T, D] of each clip.
+        words: how words are cut, and which frame distance compares them.
+        config: what is drawn.
+        max_words: at most this many words are kept, drawn at random.
+        seed: of every draw.
+
+    Raises:
+        ValueError: fewer than two words.
+    """
+    rng = np.random.default_rng(seed)
+    counts = [len(windows(len(clip), words)) for clip in features]
+    if sum(counts) < 2:
+        raise ValueError(f"{sum(counts)} words are too few to train a word network")
+    clips = np.repeat(np.arange(len(features)), counts)
+    starts = np.concatenate([windows(len(f), words) for f in features])
+    stacked = np.concatenate([word_windows(f, words) for f in features]).astype(np.float32, copy=False)
+    kept = np.sort(rng.permutation(len(clips))[:max_words])
+    stacked, clips, starts = stacked[kept], clips[kept].astype(np.int64), starts[kept]
+    anchors = np.sort(rng.permutation(len(clips))[: config.anchors])
+    metric: Metric = "geodesic" if words.representation == "rotations" else "euclidean"
+    distances = np.sqrt(word_distances(stacked[anchors], stacked, metric))
+    scale = float(np.median(distances)) or 1.0
+    distances /= np.float32(scale)
+    return TrainingWords(
+        stacked,
+        clips,
+        starts,
+        anchors,
+        distances,
+        scale,
+        _temporal(clips, starts, anchors, words.length, config.temporal),
+        _nearest(distances, anchors, clips[anchors][:, None] != clips, config.nearest),
+        _nearest(
+            distances,
+            anchors,
+            np.arange(len(clips)) != anchors[:, None],
+            max(config.nearest, round(config.neighbourhood * len(clips))),
+        ),
+    )
+
+
+def time_warped(words: Float32Array, rng: np.random.Generator, strength: float = 0.5) -> Float32Array:
+    """Copies of `words` [n, length, D] played along random smooth monotone curves with fixed ends.
+
+    A curve is t + s sin(pi t) + r sin(2 pi t) / 2 over t in [0, 1] with |s| + |r| <= strength / pi: speeds
+    stay within 1 +- strength of the original.
+    """
+    n, length, _ = words.shape
+    time = np.linspace(0, 1, length)
+    s, r = rng.uniform(-1, 1, (2, n, 1)) * (strength / (2 * np.pi))
+    curve = time + s * np.sin(np.pi * time) + r * np.sin(2 * np.pi * time) / 2
+    place = np.clip(curve, 0, 1) * (length - 1)
+    below = np.minimum(place.astype(np.int64), max(length - 2, 0))
+    weight = (place - below)[..., None].astype(np.float32)
+    rows = np.arange(n)[:, None]
+    first, second = words[rows, below], words[rows, np.minimum(below + 1, length - 1)]
+    return np.asarray(first + weight * (second - first), dtype=np.float32)
+
+
+def _temporal(clips: Indices, starts: Indices, anchors: Indices, length: int, count: int) -> Indices:
+    positives = np.repeat(anchors[:, None], count, axis=1)
+    for row, anchor in enumerate(anchors):
+        low, high = np.searchsorted(clips, [clips[anchor], clips[anchor] + 1])
+        apart = np.abs(starts[low:high] - starts[anchor])
+        order = np.argsort(apart, kind="stable")
+        chosen = order[apart[order] >= length][:count]
+        positives[row, : len(chosen)] = low + chosen
+        if 0 < len(chosen) < count:  # few: repeat them rather than the anchor
+            positives[row, len(chosen) :] = low + chosen[np.arange(count - len(chosen)) % len(chosen)]
+    return positives
+
+
+def _nearest(distances: Float32Array, anchors: Indices, allowed: NDArray[np.bool_], count: int) -> Indices:
+    """[A, count] nearest allowed words of each anchor, nearest first; the anchor itself where too few."""
+    count = min(count, distances.shape[1] - 1)
+    masked = np.where(allowed, distances, np.inf)
+    candidates = np.argpartition(masked, count - 1, axis=1)[:, :count]
+    reached = np.take_along_axis(masked, candidates, axis=1)
+    order = np.lexsort((candidates, reached), axis=1)
+    found = np.take_along_axis(candidates, order, axis=1)
+    reached = np.take_along_axis(reached, order, axis=1)
+    return np.where(np.isfinite(reached), found, anchors[:, None]).astype(np.int64)

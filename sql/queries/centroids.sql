@@ -1,0 +1,1 @@
+SELECT centroid FROM motifs ORDER BY motif;

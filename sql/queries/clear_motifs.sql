@@ -1,0 +1,3 @@
+DELETE FROM motifs;
+DELETE FROM word_motifs;
+DELETE FROM signatures;

@@ -1,0 +1,1 @@
+SELECT clip, content_hash FROM clips ORDER BY clip;

@@ -1,0 +1,1 @@
+SELECT model, version, key, config, figures, file FROM models WHERE kind = $kind AND "current";

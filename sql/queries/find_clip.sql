@@ -1,0 +1,1 @@
+FROM find_clip($name);

@@ -1,0 +1,1 @@
+SELECT clip FROM signatures WHERE clip = $clip;

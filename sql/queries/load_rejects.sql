@@ -1,0 +1,1 @@
+INSERT INTO rejects BY NAME FROM rows ORDER BY dataset, path;

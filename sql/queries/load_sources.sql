@@ -1,0 +1,1 @@
+INSERT INTO sources BY NAME FROM rows ORDER BY dataset, path;

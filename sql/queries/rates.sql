@@ -1,0 +1,1 @@
+SELECT clip, fps FROM clips WHERE part = $part ORDER BY clip;

@@ -1,0 +1,1 @@
+SELECT path, line, reason FROM rejects WHERE dataset = $dataset ORDER BY path;

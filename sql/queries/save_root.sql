@@ -1,0 +1,1 @@
+INSERT OR REPLACE INTO roots VALUES ($dataset, $root, $options, $labels_hash);

@@ -1,0 +1,1 @@
+FROM similar_clips($clip, $k, within := $dataset);

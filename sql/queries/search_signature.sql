@@ -1,0 +1,1 @@
+FROM clips_like($signature, $k, within := $dataset);

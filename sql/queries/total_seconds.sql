@@ -1,0 +1,1 @@
+SELECT coalesce(sum(seconds), 0) AS seconds FROM clips;

@@ -1,0 +1,1 @@
+SELECT clip, part, count(*)::BIGINT AS words FROM words GROUP BY ALL ORDER BY clip;

@@ -1,0 +1,223 @@
+"""Writers of small clips in every format that the readers read; each as the format's own tools print it."""
+
+from __future__ import annotations
+
+import io
+import json
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+KINECT_1 = (
+    "HipCenter", "Spine", "ShoulderCenter", "Head", "ShoulderLeft", "ElbowLeft", "WristLeft", "HandLeft",
+    "ShoulderRight", "ElbowRight", "WristRight", "HandRight", "HipLeft", "KneeLeft", "AnkleLeft", "FootLeft",
+    "HipRight", "KneeRight", "AnkleRight", "FootRight",
+)  # fmt: skip
+KINECT_1_PARENTS = (-1, 0, 1, 2, 2, 4, 5, 6, 2, 8, 9, 10, 0, 12, 13, 14, 0, 16, 17, 18)
+
+
+def kinect_2_from_1(positions: FloatArray) -> FloatArray:
+    """[F, 25, 3] in the order of NTU files, from the 20 joints of a Kinect v1: shared joints as they are."""
+    joint = {name: positions[:, index] for index, name in enumerate(KINECT_1)}
+    neck = 0.7 * joint["ShoulderCenter"] + 0.3 * joint["Head"]
+    body = [joint["HipCenter"], joint["Spine"], neck, joint["Head"]]
+    limbs = [joint[name] for name in KINECT_1[4:]]
+    hands = []
+    for side in ("Left", "Right"):
+        hand, wrist = joint[f"Hand{side}"], joint[f"Wrist{side}"]
+        hands += [hand + 0.5 * (hand - wrist), wrist + 0.4 * (hand - wrist) + [0.0, 0.0, -0.03]]
+    return np.stack([*body, *limbs, joint["ShoulderCenter"], *hands], axis=1)
+
+
+def ntu_text(
+    bodies: Sequence[tuple[str, int, FloatArray]],
+    *,
+    dropped: frozenset[tuple[int, int]] = frozenset(),
+    untracked: frozenset[tuple[int, int, int]] = frozenset(),
+    newline: str = "\n",
+) -> str:
+    """An NTU RGB+D file.
+
+    Args:
+        bodies: (body ID, first frame, positions [F, 25, 3]) of everyone in the file.
+        dropped: (body, frame of the file) where the body is not listed.
+        untracked: (body, frame of the file, joint) with tracking state 0.
+        newline: the end of each line.
+    """
+    frame_count = max(first + len(positions) for _, first, positions in bodies)
+    lines = [str(frame_count)]
+    for frame in range(frame_count):
+        present = [
+            (index, name, positions[frame - first])
+            for index, (name, first, positions) in enumerate(bodies)
+            if first <= frame < first + len(positions) and (index, frame) not in dropped
+        ]
+        lines.append(str(len(present)))
+        for index, name, pose in present:
+            lines += [f"{name} 0 1 1 1 1 0 -0.0274631 0.1234567 2", "25"]
+            for joint, (x, y, z) in enumerate(pose):
+                state = 0 if (index, frame, joint) in untracked else 2
+                pixels = f"{256 + 365 * x:.7g} {212 - 365 * y:.7g} {960 + 1050 * x:.7g} {540 - 1050 * y:.7g}"
+                lines.append(f"{x:.7g} {y:.7g} {z:.7g} {pixels} 0.7071068 0 -0.7071068 1e-07 {state}")
+    return newline.join(lines) + newline
+
+
+def npz_bytes(positions: FloatArray, joints: Sequence[str], parents: Sequence[int], fps: float) -> bytes:
+    """A positions `.npz`."""
+    stream = io.BytesIO()
+    np.savez_compressed(
+        stream,
+        positions=positions.astype(np.float32),
+        joints=np.array(joints),
+        parents=np.array(parents, np.int16),
+        fps=np.float32(fps),
+    )
+    return stream.getvalue()
+
+
+def deepmimic_frames(count: int) -> FloatArray:
+    """[count, 44] a DeepMimic humanoid at 30 frames a second that bends knees and elbows as it moves +x."""
+    frames = np.zeros((count, 44))
+    phase = np.linspace(0.0, 2.0 * np.pi, count)
+    frames[:, 0] = 1 / 30
+    frames[:, 1] = np.linspace(0.0, 1.0, count)
+    frames[:, 2] = 0.85
+    frames[:, [4, 8, 12, 16, 21, 25, 30, 35, 39]] = 1.0
+    frames[:, 16], frames[:, 19] = np.cos(0.2 * np.sin(phase)), np.sin(0.2 * np.sin(phase))
+    frames[:, [20, 34]] = -0.5 + 0.4 * np.stack([np.sin(phase), np.cos(phase)], axis=1)
+    frames[:, [29, 43]] = 0.8
+    return frames
+
+
+def deepmimic_text(frames: FloatArray) -> str:
+    """A DeepMimic motion file."""
+    rows = ",\n".join(json.dumps(frame) for frame in frames.tolist())
+    return f'{{\n"Loop": "wrap",\n"Frames":\n[\n{rows}\n]\n}}\n'
+
+
+def swinging_body(count: int) -> FloatArray:
+    """[count, 20, 3] a made-up Kinect v1 body three metres from the sensor, arms swinging."""
+    spine, arm, leg = (0.0, 0.1, 0.45, 0.65), (0.4, 0.1, -0.1, -0.2), (-0.1, -0.5, -0.9, -1.0)
+    up = (*spine, *arm, *arm, *leg, *leg)
+    across = np.repeat([0.0, -0.25, 0.25, -0.1, 0.1], 4)
+    pose = np.stack([across, up, np.full(20, 3.0)], axis=1)
+    motion = np.tile(pose, (count, 1, 1))
+    swing = 0.2 * np.sin(np.linspace(0.0, 6.0, count))
+    motion[:, [5, 6, 7], 2] += swing[:, None]
+    motion[:, [9, 10, 11], 2] -= swing[:, None]
+    return motion
+
+
+BVH = """HIERARCHY
+ROOT Hips
+{
+  OFFSET 0.0 0.0 0.0
+  CHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation Yrotation
+  JOINT Chest
+  {
+    OFFSET 0.0 20.5 0.0
+    CHANNELS 3 Zrotation Xrotation Yrotation
+    End Site
+    {
+      OFFSET 0.0 15.0 0.0
+    }
+  }
+  JOINT LeftUpLeg
+  {
+    OFFSET 9.0 -5.0 0.0
+    CHANNELS 3 Zrotation Xrotation Yrotation
+    End Site
+    {
+      OFFSET 0.0 -40.0 0.0
+    }
+  }
+}
+MOTION
+Frames: 4
+Frame Time: 0.0333333
+0.0 90.0 0.0 0.0 0.0 0.0 1.0 2.0 3.0 4.0 5.0 6.0
+0.5 90.5 0.1 0.0 1.0 0.0 1.5 2.0 3.0 4.0 5.5 6.0
+1.0 91.0 0.2 0.0 2.0 0.0 2.0 2.0 3.0 4.0 6.0 6.0
+1.5 90.5 0.3 0.0 3.0 0.0 2.5 2.0 3.0 4.0 6.5 6.0
+"""
+
+ASF = """# AST/ASF file
+:version 1.10
+:name sample
+:units
+  mass 1.0
+  length 0.45
+  angle deg
+:documentation
+   made for tests
+:root
+   order TX TY TZ RX RY RZ
+   axis XYZ
+   position 0 0 0
+   orientation 0 0 0
+:bonedata
+  begin
+     id 1
+     name lowerback
+     direction 0.0 1.0 0.0
+     length 2.0
+     axis 0 0 0 XYZ
+     dof rx ry rz
+     limits (-20.0 45.0)
+            (-30.0 30.0)
+            (-30.0 30.0)
+  end
+  begin
+     id 2
+     name lfemur
+     direction 0.34 -0.94 0.0
+     length 7.1
+     axis 0 0 20 XYZ
+     dof rx
+     limits (-160.0 20.0)
+  end
+:hierarchy
+  begin
+    root lowerback lfemur
+  end
+"""
+AMC = """#!OML:ASF sample.asf
+:FULLY-SPECIFIED
+:DEGREES
+1
+root 9.3 17.5 -17.2 -2.4 -2.5 -1.1
+lowerback 4.1 0.5 2.1
+lfemur -3.25
+2
+root 9.4 17.6 -17.1 -2.3 -2.4 -1.2
+lowerback 4.2 0.6 2.2
+lfemur -4.25
+3
+root 9.5 17.7 -17.0 -2.2 -2.3 -1.3
+lowerback 4.3 0.7 2.3
+lfemur -5.25
+"""
+
+
+def _text(content: Callable[[], str]) -> Callable[[Path], bytes]:
+    return lambda folder: content().encode()
+
+
+def _amc(folder: Path) -> bytes:
+    (folder / "sample.asf").write_text(ASF, newline="\n")
+    return AMC.encode()
+
+
+# By suffix: the bytes of a good clip, after its companions are written to the given folder.
+SAMPLES: dict[str, Callable[[Path], bytes]] = {
+    ".bvh": _text(lambda: BVH),
+    ".amc": _amc,
+    ".skeleton": _text(lambda: ntu_text([("72057594037944738", 0, kinect_2_from_1(swinging_body(12)))])),
+    ".txt": _text(lambda: deepmimic_text(deepmimic_frames(12))),
+    ".npz": lambda folder: npz_bytes(swinging_body(12), KINECT_1, KINECT_1_PARENTS, 30.0),
+}
+BINARY = frozenset({".npz"})

@@ -1,0 +1,122 @@
+"""Damaged files are read or rejected with a reason: no crash, no hang, no flood of memory."""
+
+from __future__ import annotations
+
+import resource
+import shutil
+import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from types import FrameType
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from pipeline.errors import ClipError
+from pipeline.formats import is_clip, read_clips
+from pipeline.kinematics import solve
+from pipeline.skeleton.canonicalise import canonicalise
+from pipeline.skeleton.rigs import identify, load_rigs
+from tests.damage import damaged_files
+from tests.samples import deepmimic_frames, deepmimic_text, kinect_2_from_1, ntu_text
+
+COUNT = 500
+SEED = 20
+SECONDS_PER_FILE = 20
+EXTRA_MEMORY = 2 * 1024**3
+
+
+@contextmanager
+def limited_memory(extra: int) -> Iterator[None]:
+    """Let the process's address space grow by `extra` bytes at most, so that a flood is a MemoryError."""
+    pages = int(Path("/proc/self/statm").read_text().split()[0])
+    soft, hard = resource.getrlimit(resource.RLIMIT_AS)
+    resource.setrlimit(resource.RLIMIT_AS, (pages * resource.getpagesize() + extra, hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_AS, (soft, hard))
+
+
+class TooSlowError(BaseException):
+    """Not an `Exception`, so that no reader takes it for a fault of the file."""
+
+
+def too_slow(signum: int, frame: FrameType | None) -> None:
+    raise TooSlowError(f"still reading after {SECONDS_PER_FILE} s")
+
+
+@contextmanager
+def limited_time(seconds: int) -> Iterator[None]:
+    before = signal.signal(signal.SIGALRM, too_slow)
+    signal.alarm(seconds)
+    try:
+        yield
+    finally:
+        signal.alarm(0)
+        signal.signal(signal.SIGALRM, before)
+
+
+def finite(values: NDArray[np.floating]) -> bool:
+    return bool(np.isfinite(values).all())
+
+
+def gather(recordings: Path, folder: Path) -> None:
+    """Small real clips of every format; NTU files hold real Kinect motion."""
+    folder.mkdir()
+    bvh = sorted((recordings / "bandai1" / "clips").rglob("*.bvh"), key=lambda path: path.stat().st_size)[:12]
+    amc = sorted((recordings / "hdm05" / "clips").rglob("*.amc"), key=lambda path: path.stat().st_size)[:12]
+    npz = sorted((recordings / "utd_mhad" / "clips").glob("*.npz"))[::70]
+    for path in [*bvh, *amc, *npz, *(recordings / "hdm05" / "clips").glob("*.asf")]:
+        shutil.copy(path, folder / path.name)
+    for path in npz[:6]:
+        with np.load(path, allow_pickle=False) as archive:
+            body = kinect_2_from_1(archive["positions"].astype(np.float64))
+        beside = body[:-5] + np.array([1.0, 0.0, 0.2])
+        bodies = [("72057594037944738", 0, body), ("72057594037944739", 5, beside)]
+        (folder / f"{path.stem}.skeleton").write_text(ntu_text(bodies, newline="\r\n"), newline="")
+    (folder / "humanoid3d_made.txt").write_text(deepmimic_text(deepmimic_frames(60)))
+
+
+@pytest.mark.recordings
+def test_damaged_files_are_read_or_rejected_with_a_reason(recordings: Path, tmp_path: Path) -> None:
+    gather(recordings, tmp_path / "good")
+    for path in sorted((tmp_path / "good").iterdir()):
+        if is_clip(path):
+            read_clips(path)
+    paths = damaged_files(tmp_path / "good", tmp_path / "damaged", COUNT, SEED)
+    rigs = load_rigs()
+    rejected: dict[str, int] = {}
+    surprises = []
+    for path in paths:
+        name = str(path.relative_to(tmp_path / "damaged"))
+        try:
+            with limited_memory(EXTRA_MEMORY), limited_time(SECONDS_PER_FILE):
+                for clip in read_clips(path):
+                    motion = solve(clip)
+                    canonical = canonicalise(clip, motion, identify(clip.hierarchy.joints, rigs))
+                    if not all(map(finite, (motion.positions, canonical.positions, canonical.rotations))):
+                        surprises.append(f"{name}: positions or rotations that are not finite")
+        except ClipError as error:
+            rejected[path.name.split(".", 1)[1]] = rejected.get(path.name.split(".", 1)[1], 0) + 1
+            if "\n" in str(error) or not 3 < len(str(error)) < 300 or "Error:" in str(error):
+                surprises.append(f"{name}: {error}")
+        except (Exception, TooSlowError) as error:
+            surprises.append(f"{name}: {type(error).__name__}: {error}")
+    assert len(paths) == COUNT
+    assert not surprises, "\n".join(surprises[:20])
+    assert COUNT / 3 < sum(rejected.values()) < COUNT
+    assert len(rejected) > 5
+
+
+@pytest.mark.recordings
+def test_damage_is_the_same_for_the_same_seed(recordings: Path, tmp_path: Path) -> None:
+    gather(recordings, tmp_path / "good")
+    first, again, other = (
+        [path.read_bytes() for path in damaged_files(tmp_path / "good", tmp_path / name, 24, seed)]
+        for name, seed in (("first", 1), ("again", 1), ("other", 2))
+    )
+    assert first == again
+    assert first != other

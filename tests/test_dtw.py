@@ -1,0 +1,122 @@
+"""Word distances against naive dynamic time warping."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from pipeline.words.dtw import LANES, Metric, clip_pair_dtw, frame_distances, pair_distances, word_distances
+from pipeline.words.features import Float32Array, WordConfig
+from pipeline.words.windows import padded, windows, word_windows
+
+
+def naive_frame_distance(a: Float32Array, b: Float32Array, metric: Metric) -> float:
+    x, y = a.astype(np.float64), b.astype(np.float64)
+    if metric == "euclidean":
+        return float(np.sum((x - y) ** 2))
+    dots = np.abs(np.sum(x.reshape(-1, 4) * y.reshape(-1, 4), axis=1))
+    return float(np.sum(np.arccos(np.minimum(dots, 1.0)) ** 2))
+
+
+def naive_align(frames: Float32Array, average: bool) -> float:
+    """Ties come from the diagonal, then from above, then from the left."""
+    best = {(-1, -1): (np.float32(0), 0)}
+    nowhere = (np.float32(np.inf), 0)
+    for i, j in np.ndindex(*frames.shape):
+        before = [best.get(cell, nowhere) for cell in ((i - 1, j - 1), (i - 1, j), (i, j - 1))]
+        cost, steps = min(before, key=lambda found: found[0])
+        best[i, j] = (cost + frames[i, j], steps + 1)
+    cost, steps = best[frames.shape[0] - 1, frames.shape[1] - 1]
+    return float(cost / steps) if average else float(cost)
+
+
+def random_words(n: int, length: int, width: int, metric: Metric, seed: int) -> Float32Array:
+    words = np.random.default_rng(seed).standard_normal((n, length, width))
+    if metric == "geodesic":
+        quaternions = words.reshape(n, length, -1, 4)
+        words = (quaternions / np.linalg.norm(quaternions, axis=-1, keepdims=True)).reshape(words.shape)
+    return words.astype(np.float32)
+
+
+@pytest.mark.parametrize("metric", ["euclidean", "geodesic"])
+def test_frame_distances_match_their_definition(metric: Metric) -> None:
+    a, b = random_words(1, 40, 64, metric, 1)[0], random_words(1, 70, 64, metric, 2)[0]
+    b[:3] = a[:3]
+    b[3] = -a[3]
+    expected = np.array([[naive_frame_distance(x, y, metric) for y in b] for x in a])
+    np.testing.assert_allclose(frame_distances(a, b, metric), expected, rtol=2e-6, atol=5e-5)
+    assert frame_distances(a, b, metric).min() >= 0
+
+
+def test_a_quaternion_and_its_negative_are_one_rotation() -> None:
+    a = random_words(1, 16, 64, "geodesic", 3)
+    np.testing.assert_allclose(word_distances(a, -a, "geodesic"), 0, atol=1e-5)
+
+
+@pytest.mark.parametrize("average", [True, False])
+@pytest.mark.parametrize("metric", ["euclidean", "geodesic"])
+@pytest.mark.parametrize(("n", "m", "length_a", "length_b"), [(3, LANES + 5, 16, 16), (19, 2, 5, 9), (1, 1, 1, 4)])
+def test_word_distances_match_naive(
+    n: int, m: int, length_a: int, length_b: int, metric: Metric, average: bool
+) -> None:
+    a, b = random_words(n, length_a, 12, metric, 4), random_words(m, length_b, 12, metric, 5)
+    expected = np.array([[naive_align(frame_distances(x, y, metric), average) for y in b] for x in a])
+    np.testing.assert_allclose(word_distances(a, b, metric, average=average), expected, rtol=1e-5, atol=1e-5)
+    pairs = np.argwhere(np.ones((n, m)))[::-1]
+    chosen = pair_distances(a, b, pairs, metric, average=average)
+    np.testing.assert_allclose(chosen, expected[pairs[:, 0], pairs[:, 1]], rtol=1e-5, atol=1e-5)
+
+
+small_words = arrays(np.float32, (2, 6, 2), elements=st.integers(-2, 2).map(float))
+
+
+@settings(max_examples=60, deadline=None)
+@given(small_words, small_words)
+def test_ties_come_from_the_diagonal_then_above_then_left(a: Float32Array, b: Float32Array) -> None:
+    # a and its negative average to the origin: centring keeps small integers exact, hence ties exact
+    a = np.concatenate([a, -a])
+    frames = np.sum((a[:, None, :, None] - b[None, :, None, :]) ** 2, axis=-1)
+    expected = [[naive_align(between, True) for between in row] for row in frames]
+    np.testing.assert_array_equal(word_distances(a, b), np.array(expected, dtype=np.float32))
+
+
+def test_averaging_divides_by_the_length_of_the_path() -> None:
+    a = np.array([[[0], [0], [1]]], dtype=np.float32)
+    b = np.array([[[1], [3], [3]]], dtype=np.float32)
+    # 0-1, 0-1, 1-1, 1-3, 1-3 costs as much as 0-1, 0-1, 1-3, 1-3, whose last but one step is diagonal
+    assert word_distances(a, b, average=False).item() == pytest.approx(10)
+    assert word_distances(a, b).item() == pytest.approx(10 / 4)
+
+
+@pytest.mark.parametrize("metric", ["euclidean", "geodesic"])
+@pytest.mark.parametrize(("frames_a", "frames_b"), [(16, 300), (141, 60), (9, 17)])
+def test_clips_share_frame_distances_without_changing_them(frames_a: int, frames_b: int, metric: Metric) -> None:
+    config = WordConfig()
+    a = padded(random_words(1, frames_a, 8, metric, 6)[0], config)
+    b = padded(random_words(1, frames_b, 8, metric, 7)[0], config)
+    shared = clip_pair_dtw(a, windows(frames_a, config), b, windows(frames_b, config), config.length, metric)
+    direct = word_distances(word_windows(a, config), word_windows(b, config), metric)
+    np.testing.assert_allclose(shared, direct, rtol=1e-4, atol=1e-5)
+
+
+def test_a_time_warped_word_is_close() -> None:
+    time = np.linspace(0, 1, 16)
+    curve = lambda t: np.column_stack([np.sin(6 * t), np.cos(6 * t)])  # noqa: E731
+    word, warped = curve(time)[None].astype(np.float32), curve(time**1.4)[None].astype(np.float32)
+    plain = np.mean(np.sum((word - warped) ** 2, axis=2))
+    assert word_distances(word, warped).item() < 0.2 * plain
+    assert word_distances(word, word).item() == pytest.approx(0, abs=1e-6)
+
+
+def test_shapes_that_do_not_fit_are_refused() -> None:
+    words = random_words(2, 16, 8, "euclidean", 8)
+    with pytest.raises(ValueError, match="cannot be compared"):
+        word_distances(words, words[:, :, :4])
+    with pytest.raises(ValueError, match="no whole number of quaternions"):
+        word_distances(words[:, :, :6], words[:, :, :6], "geodesic")
+    with pytest.raises(ValueError, match="beyond its clip"):
+        clip_pair_dtw(words[0], np.array([1]), words[1], np.array([0]))
+    assert word_distances(words[:0], words).shape == (0, 2)

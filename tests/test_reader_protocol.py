@@ -1,0 +1,121 @@
+"""What every reader of the registry owes its callers: one test body over all of them."""
+
+from __future__ import annotations
+
+import gzip
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pipeline.clip import ChannelKind, SourceClip
+from pipeline.errors import ClipError
+from pipeline.formats.registry import Reader, companions, is_clip, read_clips, reader_for, readers
+from pipeline.kinematics import solve
+from tests.samples import BINARY, SAMPLES
+
+CASES = [pytest.param(reader, id=reader.name) for reader in readers()]
+CHANNELS = {
+    ChannelKind.EULER: {f"{axis}{what}" for axis in "XYZ" for what in ("position", "rotation")},
+    ChannelKind.QUATERNION: {f"{axis}position" for axis in "XYZ"} | {f"{axis}quaternion" for axis in "WXYZ"},
+    ChannelKind.POSITIONS: {"x", "y", "z"},
+}
+
+
+def suffix_of(reader: Reader) -> str:
+    suffix = next((suffix for suffix in reader.suffixes if suffix in SAMPLES), None)
+    assert suffix is not None, f"add a sample of {reader.name} to tests/samples.py"
+    return suffix
+
+
+def sample(reader: Reader, folder: Path) -> tuple[Path, bytes]:
+    folder.mkdir(exist_ok=True)
+    suffix = suffix_of(reader)
+    data = SAMPLES[suffix](folder)
+    path = folder / f"sample{suffix}"
+    path.write_bytes(data)
+    return path, data
+
+
+def assert_same(one: list[SourceClip], two: list[SourceClip]) -> None:
+    assert len(one) == len(two)
+    for left, right in zip(one, two, strict=True):
+        assert left.hierarchy.joints == right.hierarchy.joints
+        assert left.hierarchy.channel_names == right.hierarchy.channel_names
+        np.testing.assert_array_equal(left.hierarchy.offsets, right.hierarchy.offsets)
+        np.testing.assert_array_equal(left.channels, right.channels)
+        assert (left.fps, left.body, left.notes) == (right.fps, right.body, right.notes)
+
+
+@pytest.mark.parametrize("reader", CASES)
+def test_a_good_clip_keeps_the_contract(reader: Reader, tmp_path: Path) -> None:
+    path, _ = sample(reader, tmp_path)
+    assert reader_for(path) is reader
+    assert is_clip(path)
+    assert is_clip(path.with_name("SAMPLE" + path.suffix.upper())) or hasattr(reader, "sniff")
+    assert all(other.is_file() for other in companions(path))
+    clips = read_clips(path)
+    assert clips
+    for clip in clips:
+        hierarchy = clip.hierarchy
+        count = len(hierarchy.joints)
+        assert len(set(hierarchy.joints)) == count
+        assert hierarchy.parents[0] == -1
+        assert all(0 <= parent < joint for joint, parent in enumerate(hierarchy.parents) if joint)
+        assert len(hierarchy.parents) == len(hierarchy.channels) == count
+        assert hierarchy.offsets.shape == (count, 3)
+        assert hierarchy.axes.shape == (count, 4)
+        np.testing.assert_allclose(np.linalg.norm(hierarchy.axes, axis=1), 1.0, atol=1e-12)
+        assert clip.channels.dtype == np.float64
+        assert clip.channels.shape[1] == sum(map(len, hierarchy.channels))
+        assert set().union(*hierarchy.channels) <= CHANNELS[hierarchy.kind]
+        assert all(0 <= joint < count for joint, _ in hierarchy.end_sites)
+        assert np.isfinite(solve(clip).positions).all()
+
+
+@pytest.mark.parametrize("reader", CASES)
+def test_the_same_bytes_give_the_same_clip(reader: Reader, tmp_path: Path) -> None:
+    path, data = sample(reader, tmp_path)
+    clips = read_clips(path)
+    assert_same(clips, read_clips(path))
+    twin = path.with_name(path.name + ".gz")
+    twin.write_bytes(gzip.compress(data))
+    assert is_clip(twin)
+    assert_same(clips, read_clips(twin))
+    if path.suffix in BINARY:
+        return
+    byte_order_mark = b"\xef\xbb\xbf" + data
+    for variant in (data.replace(b"\n", b"\r\n"), data.rstrip(), data + b"\n\n", byte_order_mark):
+        path.write_bytes(variant)
+        assert_same(clips, read_clips(path))
+
+
+@pytest.mark.parametrize("reader", CASES)
+def test_a_file_cut_short_is_rejected_or_has_no_more_frames(reader: Reader, tmp_path: Path) -> None:
+    path, data = sample(reader, tmp_path)
+    whole = read_clips(path)
+    rejected = 0
+    for length in range(0, len(data) - 1, max(1, len(data) // 60)):
+        path.write_bytes(data[:length])
+        try:
+            cut = read_clips(path)
+        except ClipError:
+            rejected += 1
+            continue
+        assert len(cut) <= len(whole)
+        assert all(len(clip.channels) <= len(whole[0].channels) for clip in cut)
+    assert rejected > 40
+
+
+@pytest.mark.parametrize("reader", CASES)
+def test_what_is_no_clip_is_rejected_with_one_line(reader: Reader, tmp_path: Path) -> None:
+    path, _ = sample(reader, tmp_path)
+    rng = np.random.default_rng(7)
+    contents = [b"", b"\n \n", b"\0" * 5000, b"[" * 5000, b"1 " * 5000, b"{}", b"\xff\xfe"]
+    contents += [rng.integers(0, 256, size, np.uint8).tobytes() for size in (1, 100, 4000)]
+    for content in contents:
+        path.write_bytes(content)
+        with pytest.raises(ClipError) as caught:
+            read_clips(path)
+        assert str(caught.value)
+        assert "\n" not in str(caught.value)

@@ -1,0 +1,69 @@
+"""Finding readers and loading bytes."""
+
+from __future__ import annotations
+
+import gzip
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pipeline.clip import SourceClip
+from pipeline.errors import ClipError
+from pipeline.formats import load_bytes, read_clips, reader_for, registry
+from tests.test_bvh import TIDY, read
+
+
+@pytest.mark.parametrize("name", ["a.bvh", "a.BVH", "a.b.bvh.gz", "A.Bvh.GZ"])
+def test_a_reader_is_found_by_suffix_whatever_its_case(name: str) -> None:
+    reader = reader_for(Path(name))
+    assert reader is not None
+    assert reader.name == "BVH"
+
+
+@pytest.mark.parametrize("name", ["a.asf", "a.gz", "bvh", "a.bvh.bak", ""])
+def test_other_files_have_no_reader(name: str) -> None:
+    assert reader_for(Path(name)) is None
+
+
+def test_compressed_clips_are_read_and_damaged_ones_refused(tmp_path: Path) -> None:
+    whole = gzip.compress(TIDY.encode())
+    path = tmp_path / "x.bvh.gz"
+    path.write_bytes(whole)
+    np.testing.assert_array_equal(read_clips(path)[0].channels, read(TIDY).channels)
+    for damaged in (whole[:-9], whole[:12], TIDY.encode(), whole[:60] + b"\xff" * 9 + whole[69:]):
+        path.write_bytes(damaged)
+        with pytest.raises(ClipError, match="gzip"):
+            read_clips(path)
+
+
+def test_what_is_longer_than_the_limit_is_refused_compressed_or_not(tmp_path: Path) -> None:
+    bomb = tmp_path / "x.bvh.gz"
+    bomb.write_bytes(gzip.compress(b"\0" * 30_000_000))
+    plain = tmp_path / "x.bvh"
+    plain.write_bytes(b"\0" * 1001)
+    assert len(load_bytes(bomb, 30_000_000)) == 30_000_000
+    for path in (bomb, plain):
+        with pytest.raises(ClipError, match="larger than 1000 bytes"):
+            load_bytes(path, 1000)
+
+
+def test_what_is_no_file_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "folder.bvh").mkdir()
+    for name, reason in (("folder.bvh", "not a regular file"), ("none.bvh", "does not exist")):
+        with pytest.raises(ClipError, match=reason):
+            read_clips(tmp_path / name)
+
+
+def test_a_reader_that_fails_unforeseen_makes_a_clip_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    class Broken:
+        name = "broken"
+        suffixes = (".broken",)
+
+        def read(self, data: bytes, path: Path) -> list[SourceClip]:
+            raise IndexError("list index out of range")
+
+    monkeypatch.setattr(registry, "readers", lambda: (Broken(),))
+    (tmp_path / "x.broken").write_bytes(b"x")
+    with pytest.raises(ClipError, match="IndexError"):
+        read_clips(tmp_path / "x.broken")

@@ -1,0 +1,121 @@
+"""Rig maps: what is shipped is whole, what is recorded is recognised, what is unknown is explained."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pipeline.clip import ChannelKind, Hierarchy
+from pipeline.errors import ClipError, UserError
+from pipeline.formats import read_clips
+from pipeline.skeleton.canonical import INDEX, JOINTS, PARENTS
+from pipeline.skeleton.rigs import RigMap, bare_names, identify, load_rigs, parse_rig, starter_map
+from pipeline.skeleton.starter import guess_joints
+from tests.rig_samples import SETS, sample
+
+RIGS = load_rigs()
+
+
+@pytest.mark.parametrize("rig", RIGS.values(), ids=RIGS.keys())
+def test_a_shipped_rig_recognises_its_own_joints_under_any_namespace(rig: RigMap) -> None:
+    names = (*rig.joints.values(), *rig.known)
+    assert identify(names, RIGS) is rig
+    assert identify([f"mixamorig:{name}" for name in names], RIGS) is rig
+    assert identify([f"Character1_{name}" for name in names], RIGS) is rig
+
+
+@pytest.mark.recordings
+@pytest.mark.parametrize("name", SETS)
+def test_recordings_are_recognised(recordings: Path, name: str) -> None:
+    for path in sample(recordings, name):
+        for clip in read_clips(path):
+            assert identify(clip.hierarchy.joints, RIGS).name == SETS[name].rig
+
+
+def test_an_unknown_rig_is_told_with_the_closest_and_its_missing_joints() -> None:
+    names = ["foot_tip" if name == "lfoot" else name for name in RIGS["cmu_asf"].joints.values()]
+    with pytest.raises(
+        ClipError, match=r"closest known is cmu_asf; joints that did not match: lfoot; .*motionlake rig"
+    ):
+        identify(names, RIGS)
+
+
+def test_a_named_rig_is_taken_and_must_fit() -> None:
+    names = tuple(RIGS["smpl"].joints.values())
+    assert identify(names, RIGS, "smpl").name == "smpl"
+    with pytest.raises(ClipError, match="closest known is bandai"):
+        identify(names, RIGS, "bandai")
+    with pytest.raises(UserError, match=r"--rig nobody: no such rig; there are bandai"):
+        identify(names, RIGS, "nobody")
+
+
+def test_a_user_map_is_added_and_one_of_the_same_name_replaces(tmp_path: Path) -> None:
+    text = (Path(__file__).parents[1] / "pipeline/skeleton/rigs/smpl.toml").read_text()
+    (tmp_path / "mine.toml").write_text(text.replace('hips = "pelvis"', 'hips = "basin"'))
+    rigs = load_rigs(tmp_path)
+    assert rigs.keys() == RIGS.keys()
+    assert rigs["smpl"].joints["hips"] == "basin"
+    assert load_rigs(tmp_path / "absent") == RIGS
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        ('hips = "pelvis"', "", "canonical joint hips"),
+        ('neck = "neck"', 'nekk = "neck"', "canonical joint neck"),
+        ('neck = "neck"', 'neck = "neck"\nnekk = "n"', "'nekk' is no canonical joint"),
+        ('neck = "neck"', 'neck = "head"', "'head' stands for two"),
+        ('up = "y"', 'up = "north"', "'north'"),
+        ("metres_per_unit = 1.0", "metres_per_unit = -1.0", "not positive"),
+        ("metres_per_unit = 1.0", "", "no key 'metres_per_unit'"),
+        ('rest = "zero"', 'rest = "sitting"', "sitting"),
+        ('rest = "zero"', "rest = zero", "Invalid value"),
+        ('rest = "zero"', "rest = 'zero'\nrests = 1", "unknown key 'rests'"),
+    ],
+)
+def test_a_faulty_map_is_told_in_one_line(old: str, new: str, told: str) -> None:
+    text = (Path(__file__).parents[1] / "pipeline/skeleton/rigs/smpl.toml").read_text()
+    assert old in text
+    with pytest.raises(UserError, match=r"rig map mine\.toml: ") as caught:
+        parse_rig(text.replace(old, new, 1), "mine.toml")
+    assert told in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_namespaces_are_stripped_but_not_sides() -> None:
+    assert bare_names(["mixamorig:Hips", "mixamorig:LeftArm"]) == ["hips", "leftarm"]
+    assert bare_names(["Model_Hips", "Model_Left_Arm"]) == ["hips", "left_arm"]
+    assert bare_names(["left_hip", "right_hip", "hips"]) == ["left_hip", "right_hip", "hips"]
+    assert bare_names(["joint_Root", "Hips", "Spine"]) == ["joint_root", "hips", "spine"]
+
+
+@pytest.mark.recordings
+@pytest.mark.parametrize("name", SETS)
+def test_starter_maps_of_recordings_load_and_find_the_limbs(recordings: Path, name: str) -> None:
+    hierarchy = read_clips(sample(recordings, name)[0])[0].hierarchy
+    starter = parse_rig(starter_map(hierarchy), "starter")
+    assert identify(hierarchy.joints, {"my_rig": starter}) is starter
+    known = identify(hierarchy.joints, RIGS)
+    same = [joint for joint, source in known.joints.items() if starter.joints.get(joint) == source]
+    assert len(same) >= 16
+    assert {"hips", "left_shoulder", "right_elbow", "left_hip", "right_knee", "left_ankle"} <= set(same)
+
+
+def test_a_starter_map_of_nonsense_still_loads() -> None:
+    """Names that say nothing: everything but the root is filled, for a person to mend."""
+    parents = PARENTS
+    hierarchy = Hierarchy(
+        tuple(f"J{i}" for i in range(len(JOINTS))),
+        parents,
+        np.zeros((len(JOINTS), 3)),
+        ((),) * len(JOINTS),
+        ChannelKind.POSITIONS,
+        np.tile(np.array([1.0, 0, 0, 0]), (len(JOINTS), 1)),
+    )
+    starter = parse_rig(starter_map(hierarchy), "starter")
+    assert starter.joints == {"hips": "J0"}
+    assert set(starter.filled) == set(JOINTS) - {"hips"}
+    named = Hierarchy(JOINTS, parents, hierarchy.offsets, hierarchy.channels, hierarchy.kind, hierarchy.axes)
+    assert guess_joints(named) == INDEX
