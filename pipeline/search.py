@@ -36,20 +36,6 @@ class Hit:
         return asdict(self)
 
 
-def resolve_clip(con: Connection, name: str) -> str:
-    """The one clip a name means: its full name, or an unambiguous end of it.
-
-    Raises:
-        UserError: no clip or several are meant.
-    """
-    found = [r["clip"] for r in fetch(con, "queries/find_clip.sql", {"name": name})]
-    if not found:
-        raise UserError(f"{name}: no such clip in the lake, and no such file; `motionlake status` lists what there is")
-    if len(found) > 1:
-        raise UserError(f"{name}: means {len(found)} clips, among them {found[0]} and {found[1]}; name one in full")
-    return str(found[0])
-
-
 def similar_to_clip(con: Connection, clip: str, k: int, dataset: str | None = None) -> list[Hit]:
     """The k clips nearest to a clip of the lake by signature; the clip itself is left out.
 

@@ -11,7 +11,7 @@ import typer
 
 from pipeline.errors import UserError
 
-COMMANDS = ("init", "ingest", "run", "search", "sql")
+COMMANDS = ("init", "ingest", "run", "status", "search", "sql", "export", "remove", "rig")
 
 app = typer.Typer(
     name="motionlake",

@@ -10,6 +10,7 @@ import typer
 from pipeline.cli.common import JsonOption, LakeOption, print_rows
 from pipeline.formats import is_clip
 from pipeline.lake.layout import check_dataset, open_lake
+from pipeline.stages.resolve import resolve_clip
 
 
 def add_to(app: typer.Typer) -> None:
@@ -32,7 +33,7 @@ def search(
     A file that is not in the lake: motionlake search shots/new_take.bvh --lake mylake
     """
     from pipeline.connection import connect
-    from pipeline.search import resolve_clip, similar_to_clip, similar_to_file
+    from pipeline.search import similar_to_clip, similar_to_file
 
     target = open_lake(lake)
     if dataset is not None:

@@ -6,7 +6,9 @@ from collections.abc import Sequence
 
 from pipeline.config import LakeConfig
 from pipeline.lake.catalog import Connection, fetch
-from pipeline.stages import embed, motifs
+from pipeline.lake.layout import Lake
+from pipeline.stages import embed, frames, motifs, signatures, words
+from pipeline.stages.derived import Part
 from pipeline.words.training import estimate_seconds
 
 
@@ -30,6 +32,22 @@ def outlook(con: Connection, config: LakeConfig, stages: Sequence[str], *, refit
         else:
             lines.append(f"motifs: will not fit; new words are assigned to {fitted.model}")
     return lines
+
+
+def pending(con: Connection, lake: Lake, config: LakeConfig) -> dict[str, int]:
+    """How many parts each stage still lacks (for "frames": planned shards that have not run)."""
+    network = embed.fitting_network(con, config)
+    model = motifs.fitting_motifs(con, config, network) if network else None
+    wanted: dict[str, list[Part] | None] = {words.NAME: words.keyed(con, config.words)}
+    wanted[embed.NAME] = embed.keyed(con, lake, config, network) if network else None
+    assigned = motifs.keyed(con, lake, config, network, model) if network and model else None
+    wanted[motifs.NAME] = assigned
+    wanted[signatures.NAME] = signatures.keyed(assigned) if assigned is not None else None
+    due = {frames.NAME: sum(r["state"] == "planned" for r in fetch(con, "queries/shards.sql", {"stage": frames.NAME}))}
+    for stage, parts in wanted.items():
+        done = {r["key"] for r in fetch(con, "queries/shards.sql", {"stage": stage}) if r["state"] == "ok"}
+        due[stage] = len(wanted[words.NAME] or []) if parts is None else sum(p.key not in done for p in parts)
+    return due
 
 
 def _words(con: Connection, config: LakeConfig) -> int:

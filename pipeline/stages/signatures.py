@@ -17,13 +17,18 @@ NAME = "signatures"
 VERSION = 1
 
 
+def keyed(assigned: list[Part]) -> list[Part]:
+    """Parts of the stage "motifs" with the key their signatures must have."""
+    return derive(assigned, NAME, VERSION)
+
+
 def plan(con: Connection, lake: Lake, config: LakeConfig, network: Model, model: Model) -> list[Shard]:
     """One shard a part; its work is done when it is loaded."""
 
     def spec(part: Part) -> dict[str, object]:
         return {"assigned": motifs.assigned_file(part.upstream), "motifs": model.file, "model": model.model}
 
-    parts = derive(motifs.keyed(con, lake, config, network, model), NAME, VERSION)
+    parts = keyed(motifs.keyed(con, lake, config, network, model))
     return due(con, NAME, motifs.NAME, parts, spec)
 
 

@@ -1,0 +1,49 @@
+"""motionlake remove."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from jobs.session import session
+from pipeline.cli.common import JsonOption, LakeOption, notice, print_json, stage_progress
+from pipeline.errors import UserError
+from pipeline.lake.catalog import reading
+from pipeline.lake.layout import check_dataset, open_lake
+from pipeline.stages.removal import Removal, gone_sources, remove_dataset, remove_sources, sources_of
+
+
+def add_to(app: typer.Typer) -> None:
+    app.command()(remove)
+
+
+def remove(
+    lake: LakeOption,
+    clips: Annotated[list[str] | None, typer.Argument(help="Clips, by name.", show_default=False)] = None,
+    dataset: Annotated[str | None, typer.Option(help="Remove a whole dataset.", show_default=False)] = None,
+    gone: Annotated[bool, typer.Option("--gone", help="Remove every clip whose source file is gone.")] = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Take clips out of a lake, with all that was derived from them. Source files are not touched.
+
+    A removed clip comes back when its folder is ingested again.
+
+    Example: motionlake remove walk_01 --lake mylake
+
+    Example: motionlake remove --gone --lake mylake
+    """
+    if not clips and dataset is None and not gone:
+        raise UserError("remove: name clips, or give --dataset NAME or --gone")
+    target = open_lake(lake)
+    with stage_progress() as progress, session(target, "remove", progress, notice):
+        removed = Removal(0, 0)
+        if dataset is not None:
+            removed += remove_dataset(target, check_dataset(dataset))
+        with reading(target) as con:
+            sources = sources_of(con, clips or []) + (gone_sources(con) if gone else [])
+        removed += remove_sources(target, sources)
+    if as_json:
+        print_json({"clips": removed.clips, "files": removed.files})
+    else:
+        print(f"{removed.clips} clips removed ({removed.files} source files forgotten)")

@@ -1,0 +1,49 @@
+"""motionlake rig."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from pipeline.cli.common import JsonOption, print_json, print_rows
+from pipeline.errors import ClipError, UserError
+from pipeline.formats import read_clips
+from pipeline.skeleton.rigs import identify, load_rigs, starter_map
+
+
+def add_to(app: typer.Typer) -> None:
+    app.command()(rig)
+
+
+def rig(
+    clip: Annotated[Path | None, typer.Argument(help="A clip file; without one, the known rigs.")] = None,
+    lake: Annotated[Path | None, typer.Option("--lake", "-l", help="Also the rig maps of this lake.")] = None,
+    starter: Annotated[bool, typer.Option("--starter", help="Print a starter map even for a known rig.")] = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Which rig a clip has; for an unknown one, a starter map to edit and put into LAKE/rigs/.
+
+    Example: motionlake rig shots/take.bvh > mylake/rigs/studio.toml
+
+    Example: motionlake rig
+    """
+    rigs = load_rigs(lake / "rigs" if lake else None)
+    if clip is None:
+        print_rows([{"rig": r.name, "description": r.description} for r in rigs.values()], as_json=as_json)
+        return
+    try:
+        source = read_clips(clip)[0]
+    except ClipError as error:
+        raise UserError(f"{clip}: {error}") from error
+    try:
+        known = None if starter else identify(source.hierarchy.joints, rigs)
+    except ClipError:
+        known = None
+    if as_json:
+        print_json({"rig": known.name if known else None, "joints": list(source.hierarchy.joints)})
+    elif known:
+        print(f"{known.name}: {known.description}")
+    else:
+        print(starter_map(source.hierarchy))

@@ -1,0 +1,40 @@
+"""motionlake status."""
+
+from __future__ import annotations
+
+import typer
+
+from jobs.run import STAGES
+from pipeline.cli.common import JsonOption, LakeOption, print_json, print_rows
+from pipeline.config import load_config
+from pipeline.lake.catalog import fetch, reading
+from pipeline.lake.layout import open_lake
+from pipeline.stages.outlook import pending
+
+
+def add_to(app: typer.Typer) -> None:
+    app.command()(status)
+
+
+def status(lake: LakeOption, as_json: JsonOption = False) -> None:
+    """What a lake holds, what is made, what is missing, what was rejected and what failed.
+
+    Example: motionlake status --lake mylake
+    """
+    target = open_lake(lake)
+    config = load_config(target.config_file)
+    with reading(target) as con:
+        datasets = fetch(con, "queries/status_datasets.sql")
+        done = {row["stage"]: row for row in fetch(con, "queries/status_stages.sql")}
+        due = pending(con, target, config)
+        models = fetch(con, "queries/status_models.sql")
+        failed = fetch(con, "queries/failed_shards.sql")
+    nothing = {"shards": 0, "rows": 0, "bytes": 0, "failed": 0}
+    stages = [{"stage": s, **nothing, **done.get(s, {}), "due": due[s]} for s in STAGES]
+    if as_json:
+        print_json({"datasets": datasets, "stages": stages, "models": models, "failed": failed})
+        return
+    for title, rows in (("datasets", datasets), ("stages", stages), ("models", models), ("failed shards", failed)):
+        if rows:
+            print(f"\n{title}")
+            print_rows(rows, as_json=False)

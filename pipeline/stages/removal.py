@@ -1,0 +1,78 @@
+"""Taking clips out of a lake."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from pipeline.errors import UserError
+from pipeline.lake.catalog import Connection, fetch, load_rows, reading, run_sql, table_of, writing
+from pipeline.lake.layout import Lake
+from pipeline.stages.frames import SOURCE_ROWS
+from pipeline.stages.resolve import resolve_clip
+
+
+@dataclass(frozen=True)
+class Removal:
+    """How many clips left, and how many source files were forgotten."""
+
+    clips: int
+    files: int
+
+    def __add__(self, other: Removal) -> Removal:
+        return Removal(self.clips + other.clips, self.files + other.files)
+
+
+Source = dict[str, str]  # dataset, path
+
+
+def sources_of(con: Connection, names: Sequence[str]) -> list[Source]:
+    """The source files of clips, by name; all bodies of a file go together."""
+    return [
+        {"dataset": row["dataset"], "path": row["path"]}
+        for name in names
+        for row in fetch(con, "queries/clip.sql", {"clip": resolve_clip(con, name)})
+    ]
+
+
+def gone_sources(con: Connection) -> list[Source]:
+    """Every source file the lake knows that is not on disk any more."""
+    rows = fetch(con, "queries/all_sources.sql")
+    return [
+        {"dataset": r["dataset"], "path": r["path"]} for r in rows if not Path(r["root"]).joinpath(r["path"]).exists()
+    ]
+
+
+def remove_dataset(lake: Lake, dataset: str) -> Removal:
+    """Remove a dataset and forget its folders.
+
+    Raises:
+        UserError: there is no such dataset.
+    """
+    with reading(lake) as con:
+        rows = fetch(con, "queries/sources_of.sql", {"dataset": dataset})
+        roots = [r["dataset"] for r in fetch(con, "queries/roots.sql")]
+    if not rows and dataset not in roots:
+        raise UserError(
+            f"{dataset}: no such dataset in {lake.root}; it holds {', '.join(sorted(set(roots))) or 'none'}"
+        )
+    removed = remove_sources(lake, [{"dataset": dataset, "path": r["path"]} for r in rows])
+    with writing(lake) as con:
+        run_sql(con, "queries/forget_roots.sql", {"dataset": dataset})
+    return removed
+
+
+def remove_sources(lake: Lake, sources: Sequence[Source]) -> Removal:
+    """Forget source files, their clips, and what was derived from them, in one transaction."""
+    if not sources:
+        return Removal(0, 0)
+    with writing(lake) as con:
+        before = _clips(con)
+        load_rows(con, "queries/forget_sources.sql", table_of(sources, SOURCE_ROWS))
+        run_sql(con, "queries/forget_orphans.sql")
+        return Removal(before - _clips(con), len(sources))
+
+
+def _clips(con: Connection) -> int:
+    return int(fetch(con, "queries/count_clips.sql")[0]["clips"])

@@ -1,0 +1,1 @@
+SELECT dataset, path, root FROM sources ORDER BY dataset, path;

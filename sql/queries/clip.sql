@@ -1,0 +1,1 @@
+SELECT * FROM clips WHERE clip = $clip;

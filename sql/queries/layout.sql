@@ -1,0 +1,1 @@
+SELECT * FROM layouts WHERE layout = $layout;
