@@ -10,9 +10,8 @@ from __future__ import annotations
 import shutil
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
-import duckdb
 import pyarrow as pa
 
 import sql
@@ -20,7 +19,11 @@ from pipeline.errors import UserError
 from pipeline.lake.layout import Lake
 from pipeline.lake.parts import replacing
 
-Connection = duckdb.DuckDBPyConnection
+if TYPE_CHECKING:
+    import duckdb
+
+# DuckDB is imported where a connection is used: workers import this module and never open the catalog.
+Connection: TypeAlias = "duckdb.DuckDBPyConnection"
 
 
 def run_sql(con: Connection, name: str, parameters: Mapping[str, Any] | None = None) -> Connection:
@@ -29,6 +32,8 @@ def run_sql(con: Connection, name: str, parameters: Mapping[str, Any] | None = N
     Raises:
         duckdb.Error: with a note of the file and the statement.
     """
+    import duckdb
+
     given = parameters or {}
     for statement in con.extract_statements(sql.read(name)):
         try:
@@ -59,6 +64,8 @@ def create_catalog(lake: Lake) -> None:
     """Write an empty catalog. Raises `UserError` if there is one."""
     if lake.catalog.exists():
         raise UserError(f"{lake.root}: there is a lake here already")
+    import duckdb
+
     lake.root.mkdir(parents=True, exist_ok=True)
     with replacing(lake.catalog) as temporary:
         con = duckdb.connect(str(temporary))
@@ -82,6 +89,9 @@ def reading(lake: Lake) -> Iterator[Connection]:
 
 
 def connect_read_only(lake: Lake) -> Connection:
+    """Open the catalog for reading. Raises `UserError` if somebody has it open for writing."""
+    import duckdb
+
     try:
         con = duckdb.connect(str(lake.catalog), read_only=True)
     except duckdb.IOException as error:
@@ -100,6 +110,8 @@ def use_lake_paths(con: Connection, lake: Lake) -> None:
 @contextmanager
 def writing(lake: Lake) -> Iterator[Connection]:
     """A transaction over the whole catalog: all of it is served when the block ends well, else nothing."""
+    import duckdb
+
     with replacing(lake.catalog) as temporary:
         shutil.copyfile(lake.catalog, temporary)
         con = duckdb.connect(str(temporary))
