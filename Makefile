@@ -1,23 +1,90 @@
 PYTHON ?= python3
 BIN := .venv/bin
+BENCH := .venv-bench/bin
+PIP := -m pip --quiet --disable-pip-version-check
 LAKE ?= lake
+STAGES := frames words embed motifs signatures
+# What `make demo` takes in: by default the DeepMimic motions, fetched first.
+DATA ?= demo/clips
+DEMO_LAKE = demo/$(notdir $(abspath $(DATA)))-lake
+DEMO_QUERIES = $(if $(filter demo/clips,$(DATA)),humanoid3d_walk humanoid3d_kick humanoid3d_dance_a,--sample 3)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup test lint
+.PHONY: help setup demo test lint ingest all $(STAGES) status wheel bench-ingest bench-lake bench-dtw bench-retrieval bench-representation
 
 help: ## Show this help
-	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
+	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 24
 
 setup: .venv/.ready ## Make .venv with the pinned packages
 
 .venv/.ready: requirements.lock pyproject.toml
 	test -x $(BIN)/python || $(PYTHON) -m venv .venv
-	$(BIN)/pip install --quiet --disable-pip-version-check -r requirements.lock
-	$(BIN)/pip install --quiet --disable-pip-version-check --no-deps --editable .
+	$(BIN)/python $(PIP) install -r requirements.lock
+	$(BIN)/python $(PIP) install --no-deps --editable .
 	touch $@
 
-test: setup lint ## Run the checks and all tests (MOTIONLAKE_DATA: folder of real recordings)
+demo: setup $(if $(filter demo/clips,$(DATA)),demo/clips/.ready) ## Real clips through every stage to answered queries (DATA=folder: your own)
+	$(BIN)/motionlake ingest "$(DATA)" --lake "$(DEMO_LAKE)" || test $$? = 1
+	$(BIN)/motionlake run all --lake "$(DEMO_LAKE)" || test $$? = 1
+	$(BIN)/motionlake status --lake "$(DEMO_LAKE)"
+	$(BIN)/motionlake search $(DEMO_QUERIES) -k 3 --lake "$(DEMO_LAKE)"
+	$(BIN)/motionlake sql "SELECT clip, rig, frames, round(seconds, 1) AS seconds FROM clips ORDER BY frames DESC LIMIT 5" \
+		--lake "$(DEMO_LAKE)"
+
+demo/clips/.ready: | setup
+	rm -rf demo/wheel demo/clips && mkdir -p demo/wheel
+	$(BIN)/python $(PIP) download --no-deps --only-binary=:all: --python-version 3.11 \
+		--platform manylinux2014_x86_64 --dest demo/wheel pybullet==3.2.7
+	$(BIN)/python -m zipfile -e demo/wheel/pybullet-*.whl demo/wheel
+	mv demo/wheel/pybullet_data/data/motions demo/clips && rm -rf demo/wheel
+	touch $@
+
+test: lint ## Run the checks and all tests (MOTIONLAKE_DATA: folder of real recordings)
 	$(BIN)/python -m pytest
 
-lint: setup ## Run ruff
-	$(BIN)/ruff check pipeline jobs sql tests bench
+lint: setup ## Run ruff, mypy and the import contracts
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports --no-cache > .lint-imports.log || { cat .lint-imports.log; exit 1; }
+
+ingest: setup ## Take the clips of SRC=folder into LAKE=folder
+	$(BIN)/motionlake ingest "$(SRC)" --lake "$(LAKE)"
+
+all: setup ## Bring every stage of LAKE=folder up to date
+	$(BIN)/motionlake run all --lake "$(LAKE)"
+
+frames: setup ## Stage: source files to canonical frames in Parquet
+words: setup ## Stage: frames to the features and ranges of motion words
+embed: setup ## Stage: train the word network if there is none, embed every word
+motifs: setup ## Stage: cluster the words if there are no motifs, assign every word
+signatures: setup ## Stage: tf-idf signatures of clips, ready for search
+
+$(STAGES):
+	$(BIN)/motionlake run $@ --lake "$(LAKE)"
+
+status: setup ## Show what LAKE=folder holds and lacks
+	$(BIN)/motionlake status --lake "$(LAKE)"
+
+wheel: setup ## Build the wheel into dist/
+	$(BIN)/python -m build --wheel --outdir dist
+
+.venv-bench/.ready: requirements-bench.lock pyproject.toml
+	test -x $(BENCH)/python || $(PYTHON) -m venv .venv-bench
+	$(BENCH)/python $(PIP) install -r requirements-bench.lock
+	$(BENCH)/python $(PIP) install --no-deps --editable .
+	touch $@
+
+bench-ingest: .venv-bench/.ready setup ## Measure reading against peers, then whole ingests: speed, memory, bytes a frame
+	$(BENCH)/python -m bench.ingest peers
+	$(BIN)/python -m bench.lake ingest
+
+bench-dtw: .venv-bench/.ready ## Measure word DTW against peers
+	$(BENCH)/python -m bench.dtw
+
+bench-retrieval: setup ## Measure retrieval on hdm05 beside its floors, and across rigs
+	$(BIN)/python -m bench.retrieval hdm05
+	$(BIN)/python -m bench.retrieval cross-rig
+
+bench-representation: setup ## Measure which features and networks make the best words
+	$(BIN)/python -m bench.representation

@@ -19,11 +19,11 @@ from threadpoolctl import threadpool_limits
 
 from bench.canonical_sets import LabelledClip, features, load
 from bench.record import record
-from pipeline.config import NetworkConfig
 from pipeline.emd import emd_matrix, ground_distances
 from pipeline.evaluation.retrieval import RetrievalScores, leave_one_out
 from pipeline.motifs import assign, fit_motifs
 from pipeline.signatures import signatures
+from pipeline.words.config import NetworkConfig
 from pipeline.words.features import Float32Array, WordConfig
 from pipeline.words.training import train_words
 from pipeline.words.windows import word_windows

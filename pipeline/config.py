@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.errors import UserError
+from pipeline.words.config import NetworkConfig
 from pipeline.words.features import WordConfig
 
 
@@ -24,23 +25,6 @@ class FramesConfig:
 
     position_step: float = 2.0**-13
     rotation_step: float = 2.0**-13
-
-
-@dataclass(frozen=True)
-class NetworkConfig:
-    """Which word network embeds, and how it is trained (see `pipeline.words.training`).
-
-    Attributes:
-        architecture: name of the network.
-        seed: of its training.
-        steps: optimiser steps.
-        max_words: size of the sample of words it is trained on.
-    """
-
-    architecture: str = "conv"
-    seed: int = 0
-    steps: int = 500
-    max_words: int = 20_000
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ from pathlib import Path
 import duckdb
 import numpy as np
 import pyarrow as pa
+from duckdb.func import ARROW, SPECIAL
 from duckdb.sqltypes import DOUBLE, FLOAT
 
 import sql
@@ -41,4 +42,4 @@ def _register_emd(con: Connection, centroids: np.ndarray) -> None:
         return pa.array([None if p is None or q is None else emd(p, q, ground) for p, q in pairs], pa.float64())
 
     lists = duckdb.list_type(FLOAT)
-    con.create_function("emd", distances, [lists, lists], DOUBLE, type="arrow", null_handling="special")
+    con.create_function("emd", distances, [lists, lists], DOUBLE, type=ARROW, null_handling=SPECIAL)

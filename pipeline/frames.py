@@ -34,8 +34,8 @@ class Frames:
     """
 
     clip: str
-    rotations: NDArray[np.float32]
-    positions: NDArray[np.float32]
+    rotations: NDArray[np.floating]
+    positions: NDArray[np.floating]
 
 
 def quantise(values: NDArray[np.floating], step: float) -> NDArray[np.float32]:

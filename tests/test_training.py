@@ -9,7 +9,7 @@ import pytest
 import torch
 from safetensors.numpy import save_file
 
-from pipeline.config import NetworkConfig
+from pipeline.words.config import NetworkConfig
 from pipeline.words.dtw import word_distances
 from pipeline.words.features import Float32Array, WordConfig
 from pipeline.words.network import ConvBody

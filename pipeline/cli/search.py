@@ -7,9 +7,11 @@ from typing import Annotated
 
 import typer
 
-from pipeline.cli.common import JsonOption, LakeOption, print_rows
+from pipeline.cli.common import JsonOption, LakeOption, print_json, print_rows
+from pipeline.errors import UserError
 from pipeline.formats import is_clip
-from pipeline.lake.layout import check_dataset, open_lake
+from pipeline.lake.catalog import Connection, fetch
+from pipeline.lake.layout import Lake, check_dataset, open_lake
 from pipeline.stages.resolve import resolve_clip
 
 
@@ -18,12 +20,15 @@ def add_to(app: typer.Typer) -> None:
 
 
 def search(
-    clip: Annotated[str, typer.Argument(help="A clip of the lake, or a clip file.", show_default=False)],
     lake: LakeOption,
+    clips: Annotated[
+        list[str] | None, typer.Argument(help="Clips of the lake, or clip files.", show_default=False)
+    ] = None,
     k: Annotated[int, typer.Option("-k", min=1, help="How many answers.")] = 10,
     dataset: Annotated[
         str | None, typer.Option("--in", help="Answer from this dataset only.", show_default=False)
     ] = None,
+    sample: Annotated[int, typer.Option(min=0, help="Also ask for so many clips of the lake, to try it out.")] = 0,
     as_json: JsonOption = False,
 ) -> None:
     """The clips most like one, nearest first.
@@ -33,17 +38,32 @@ def search(
     A file that is not in the lake: motionlake search shots/new_take.bvh --lake mylake
     """
     from pipeline.connection import connect
-    from pipeline.search import similar_to_clip, similar_to_file
 
     target = open_lake(lake)
     if dataset is not None:
         check_dataset(dataset)
     con = connect(target.root)
     try:
-        if Path(clip).is_file() and is_clip(Path(clip)):
-            hits = similar_to_file(con, target, Path(clip), k, dataset)
-        else:
-            hits = similar_to_clip(con, resolve_clip(con, clip), k, dataset)
+        queries = [*(clips or []), *(row["clip"] for row in fetch(con, "queries/sample_clips.sql", {"count": sample}))]
+        if not queries:
+            raise UserError("search: name a clip or a clip file, or give --sample N")
+        answers = [(query, _answer(con, target, query, k, dataset)) for query in queries]
     finally:
         con.close()
-    print_rows([hit.as_row() for hit in hits], as_json=as_json)
+    if as_json:
+        print_json([{"query": query, **row} for query, rows in answers for row in rows])
+        return
+    for query, rows in answers:
+        if len(answers) > 1:
+            print(f"\n{query}")
+        print_rows(rows, as_json=False)
+
+
+def _answer(con: Connection, lake: Lake, query: str, k: int, dataset: str | None) -> list[dict[str, object]]:
+    from pipeline.search import similar_to_clip, similar_to_file
+
+    if Path(query).is_file() and is_clip(Path(query)):
+        hits = similar_to_file(con, lake, Path(query), k, dataset)
+    else:
+        hits = similar_to_clip(con, resolve_clip(con, query), k, dataset)
+    return [hit.as_row() for hit in hits]

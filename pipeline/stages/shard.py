@@ -61,7 +61,7 @@ RunShard = Callable[[Path, Shard], ShardResult]
 class Load(Protocol):
     """Enter finished shards into the catalog, within the caller's transaction."""
 
-    def __call__(self, con: Connection, root: Path, results: Sequence[ShardResult]) -> None: ...
+    def __call__(self, con: Connection, root: Path, results: Sequence[ShardResult], /) -> None: ...
 
 
 def tables_of(results: Iterable[ShardResult], name: str) -> pa.Table:

@@ -65,7 +65,7 @@ def run(lake_root: Path, shard: Shard) -> ShardResult:
             if clip.clip not in rates:
                 continue  # left the lake since the part was written
             fps = rates[clip.clip]
-            features = word_features(clip.positions, clip.rotations, fps, config)
+            features = word_features(clip.positions.astype(float), clip.rotations.astype(float), fps, config)
             ranges.append(_ranges(clip.clip, shard.part, len(features), fps, len(clip.positions), config))
             table = features_table(clip.clip, shard, features)
             writer = writer or PartWriter(temporary, table.schema, {"key": shard.key})

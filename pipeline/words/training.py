@@ -15,7 +15,7 @@ from safetensors import safe_open
 from safetensors.torch import save_file
 from torch import Tensor
 
-from pipeline.config import NetworkConfig
+from pipeline.words.config import NetworkConfig
 from pipeline.words.features import Float32Array, WordConfig
 from pipeline.words.network import ConvBody, WordNetwork, build
 from pipeline.words.triplets import TrainingWords, TripletConfig, time_warped, training_words
