@@ -5,9 +5,9 @@ PIP := -m pip --quiet --disable-pip-version-check
 LAKE ?= lake
 STAGES := frames words embed motifs signatures
 # What `make demo` takes in: by default the DeepMimic motions, fetched first.
-DATA ?= demo/clips
+DATA ?= demo/deepmimic
 DEMO_LAKE = demo/$(notdir $(abspath $(DATA)))-lake
-DEMO_QUERIES = $(if $(filter demo/clips,$(DATA)),humanoid3d_walk humanoid3d_kick humanoid3d_dance_a,--sample 3)
+DEMO_QUERIES = $(if $(filter demo/deepmimic,$(DATA)),humanoid3d_walk humanoid3d_kick humanoid3d_dance_a,--sample 3)
 
 .DEFAULT_GOAL := help
 .PHONY: help setup demo test lint ingest all $(STAGES) status wheel bench-ingest bench-lake bench-dtw bench-retrieval bench-representation
@@ -23,7 +23,7 @@ setup: .venv/.ready ## Make .venv with the pinned packages
 	$(BIN)/python $(PIP) install --no-deps --editable .
 	touch $@
 
-demo: setup $(if $(filter demo/clips,$(DATA)),demo/clips/.ready) ## Real clips through every stage to answered queries (DATA=folder: your own)
+demo: setup $(if $(filter demo/deepmimic,$(DATA)),demo/deepmimic/.ready) ## Real clips through every stage to answered queries (DATA=folder: your own)
 	$(BIN)/motionlake ingest "$(DATA)" --lake "$(DEMO_LAKE)" || test $$? = 1
 	$(BIN)/motionlake run all --lake "$(DEMO_LAKE)" || test $$? = 1
 	$(BIN)/motionlake status --lake "$(DEMO_LAKE)"
@@ -31,12 +31,12 @@ demo: setup $(if $(filter demo/clips,$(DATA)),demo/clips/.ready) ## Real clips t
 	$(BIN)/motionlake sql "SELECT clip, rig, frames, round(seconds, 1) AS seconds FROM clips ORDER BY frames DESC LIMIT 5" \
 		--lake "$(DEMO_LAKE)"
 
-demo/clips/.ready: | setup
-	rm -rf demo/wheel demo/clips && mkdir -p demo/wheel
+demo/deepmimic/.ready: | setup
+	rm -rf demo/wheel demo/deepmimic && mkdir -p demo/wheel
 	$(BIN)/python $(PIP) download --no-deps --only-binary=:all: --python-version 3.11 \
 		--platform manylinux2014_x86_64 --dest demo/wheel pybullet==3.2.7
 	$(BIN)/python -m zipfile -e demo/wheel/pybullet-*.whl demo/wheel
-	mv demo/wheel/pybullet_data/data/motions demo/clips && rm -rf demo/wheel
+	mv demo/wheel/pybullet_data/data/motions demo/deepmimic && rm -rf demo/wheel
 	touch $@
 
 test: lint ## Run the checks and all tests (MOTIONLAKE_DATA: folder of real recordings)

@@ -13,6 +13,7 @@ import numpy as np
 import torch
 from safetensors import safe_open
 from safetensors.torch import save_file
+from threadpoolctl import threadpool_limits
 from torch import Tensor
 
 from pipeline.words.config import NetworkConfig
@@ -138,8 +139,8 @@ def train_words(
         ValueError: fewer than two words, or an unknown architecture.
     """
     recipe = recipe or Recipe()
-    material = training_words(features, words, recipe.triplets, config.max_words, config.seed)
     with _threads(recipe.threads), torch.random.fork_rng(devices=[]):
+        material = training_words(features, words, recipe.triplets, config.max_words, config.seed)
         torch.manual_seed(config.seed)
         network = build(config.architecture, words.length, words.dimension)
         _initialise(network, material)
@@ -161,10 +162,12 @@ def estimate_seconds(config: NetworkConfig, words: int) -> float:
 
 @contextmanager
 def _threads(count: int) -> Iterator[None]:
+    """So many threads for torch and for numpy's linear algebra, whatever the machine or its environment says."""
     before = torch.get_num_threads()
     torch.set_num_threads(count)
     try:
-        yield
+        with threadpool_limits(limits=count):
+            yield
     finally:
         torch.set_num_threads(before)
 

@@ -1,0 +1,181 @@
+"""Small lakes for tests: source folders of real or made clips, runs of the command line, tables to compare."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, redirect_stderr, redirect_stdout
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from unittest import mock
+
+import duckdb
+import numpy as np
+import pytest
+
+from pipeline.cli.main import main
+from tests.samples import (
+    KINECT_1,
+    KINECT_1_PARENTS,
+    deepmimic_frames,
+    deepmimic_text,
+    kinect_2_from_1,
+    npz_bytes,
+    ntu_text,
+    swinging_body,
+)
+
+QUICK = "[network]\nsteps = 20\nmax_words = 500\n[motifs]\nk = 12\n"
+# Columns that tell time, or how often something was tried.
+CLOCKS: Mapping[str, tuple[str, ...]] = {
+    "manifest": ("seconds", "finished", "attempts"),
+    "models": ("seconds", "created"),
+}
+UNCOMPARED = ("runs",)
+
+
+def real_clips(recordings: Path, folder: Path, count: int) -> None:
+    """The `count` smallest clips of each of three sets, with their labels and companions."""
+    rows: list[dict[str, str]] = []
+    for name, pattern in (("bandai1", "*.bvh"), ("hdm05", "*.amc"), ("utd_mhad", "*.npz")):
+        base = recordings / name
+        labels = {r["file"]: r for r in csv.DictReader((base / "labels.csv").open(encoding="utf-8"))}
+        paths = sorted((base / "clips").rglob(pattern), key=lambda p: (p.stat().st_size, p.name))[:count]
+        for path in paths:
+            target = folder / name / path.relative_to(base / "clips")
+            target.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(path, target)
+            row = labels[path.relative_to(base).as_posix()]
+            label = row.get("label") or row.get("content") or ""
+            file = target.relative_to(folder).as_posix()
+            rows.append({"file": file, "label": label, "subject": row.get("subject") or "", "note": name})
+        for companion in (base / "clips").rglob("*.asf"):
+            shutil.copyfile(companion, folder / name / companion.relative_to(base / "clips"))
+    write_labels(folder / "labels.csv", rows)
+
+
+def made_clips(folder: Path, count: int) -> None:
+    """`count` made clips of each of three formats."""
+    rows = []
+    for i in range(count):
+        body = swinging_body(40 + 7 * i)
+        body[:, 5, 1] += 0.1 * np.sin(np.arange(len(body)) / (3 + i))
+        contents: dict[str, bytes] = {
+            f"kinect/a{i}.npz": npz_bytes(body, KINECT_1, KINECT_1_PARENTS, 30.0),
+            f"ntu/b{i}.skeleton": ntu_text([(str(i), 0, kinect_2_from_1(body))]).encode(),
+            f"deepmimic/c{i}.txt": deepmimic_text(deepmimic_frames(50 + 9 * i)).encode(),
+        }
+        for name, content in contents.items():
+            target = folder / name
+            target.parent.mkdir(parents=True, exist_ok=True)
+            target.write_bytes(content)
+            rows.append({"file": name, "label": name[:3], "subject": str(i % 2), "note": "made"})
+    write_labels(folder / "labels.csv", rows)
+
+
+def write_labels(path: Path, rows: Sequence[Mapping[str, str]]) -> None:
+    with path.open("w", newline="", encoding="utf-8") as handle:
+        writer = csv.DictWriter(handle, list(rows[0]))
+        writer.writeheader()
+        writer.writerows(rows)
+
+
+@dataclass(frozen=True)
+class Run:
+    """What one run of the command line came to."""
+
+    status: int
+    out: str
+    err: str
+
+    @property
+    def json(self) -> Any:
+        return json.loads(self.out)
+
+
+def start(*words: str | Path) -> subprocess.Popen[str]:
+    """The command line in a process group of its own."""
+    return subprocess.Popen(
+        [sys.executable, "-m", "pipeline.cli.main", *map(str, words)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+        env={k: v for k, v in os.environ.items() if k != "MOTIONLAKE_DEBUG"},
+    )
+
+
+def finish(process: subprocess.Popen[str]) -> Run:
+    out, err = process.communicate(timeout=300)
+    return Run(process.returncode, out, err)
+
+
+def motionlake(*words: str | Path) -> Run:
+    """Run the command line within this process."""
+    out, err = io.StringIO(), io.StringIO()
+    with (
+        mock.patch.object(sys, "argv", ["motionlake", *map(str, words)]),
+        redirect_stdout(out),
+        redirect_stderr(err),
+        pytest.raises(SystemExit) as stopped,
+    ):
+        main()
+    return Run(int(stopped.value.code or 0), out.getvalue(), err.getvalue())
+
+
+def quick_lake(root: Path, config: str = QUICK) -> Path:
+    """An empty lake whose models are fitted in a moment."""
+    run = motionlake("init", root)
+    assert run.status == 0, run.err
+    (root / "config.toml").write_text(config, encoding="utf-8")
+    return root
+
+
+@contextmanager
+def catalog(lake: Path) -> Iterator[duckdb.DuckDBPyConnection]:
+    """The catalog in plain DuckDB, as any program may open it."""
+    con = duckdb.connect(str(lake / "catalog.duckdb"), read_only=True)
+    try:
+        con.execute("SET file_search_path = $root", {"root": str(lake)})
+        yield con
+    finally:
+        con.close()
+
+
+def query(lake: Path, text: str) -> list[tuple[Any, ...]]:
+    with catalog(lake) as con:
+        return con.execute(text).fetchall()
+
+
+def tables(lake: Path) -> dict[str, list[str]]:
+    """Every row of every table and view, sorted, without the columns that tell time."""
+    with catalog(lake) as con:
+        names = [r[0] for r in con.execute("SELECT table_name FROM information_schema.tables").fetchall()]
+        found = {}
+        for name in sorted(set(names) - set(UNCOMPARED)):
+            relation = con.table(name)
+            columns = ", ".join(f'"{c}"' for c in relation.columns if c not in CLOCKS.get(name, ()))
+            found[name] = sorted(map(repr, relation.project(columns).fetchall()))
+        return found
+
+
+def files(lake: Path) -> set[str]:
+    """Every file of a lake but the lock."""
+    return {p.relative_to(lake).as_posix() for p in lake.rglob("*") if p.is_file() and p.name != ".lock"}
+
+
+def assert_same(left: Mapping[str, list[str]], right: Mapping[str, list[str]]) -> None:
+    """Fail with the first rows that differ."""
+    assert left.keys() == right.keys()
+    for name, rows in left.items():
+        if rows != right[name]:
+            only_left = sorted(set(rows) - set(right[name]))[:2]
+            only_right = sorted(set(right[name]) - set(rows))[:2]
+            raise AssertionError(f"{name}: {len(rows)} and {len(right[name])} rows; {only_left} {only_right}"[:1500])

@@ -1,0 +1,94 @@
+"""Tables do not depend on who computes them: one worker or several, a local cluster or a running one."""
+
+from __future__ import annotations
+
+import shutil
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
+from pathlib import Path
+
+import pytest
+
+from tests.lakes import assert_same, motionlake, quick_lake, tables
+
+STARTING = 60.0
+
+
+@contextmanager
+def process(*words: str) -> Iterator[subprocess.Popen[bytes]]:
+    started = subprocess.Popen([sys.executable, *words], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    try:
+        yield started
+    finally:
+        started.terminate()
+        started.wait(timeout=30)
+
+
+@contextmanager
+def running_cluster(*workers: tuple[str, ...]) -> Iterator[str]:
+    """A scheduler and its workers as processes of their own, the way people run them."""
+    with closing(socket.socket()) as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    address = f"tcp://127.0.0.1:{port}"
+    words = ("-m", "distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", str(port), "--no-dashboard")
+    with process(*words) as scheduler:
+        for _ in range(int(STARTING / 0.1)):
+            with closing(socket.socket()) as probe:
+                if probe.connect_ex(("127.0.0.1", port)) == 0:
+                    break
+            assert scheduler.poll() is None
+            time.sleep(0.1)
+        worker = ("-m", "distributed.cli.dask_worker", address, "--nthreads", "1", "--no-dashboard")
+        with process(*worker), process(*worker):
+            yield address
+
+
+def build(lake: Path, source: Path, *how: str) -> dict[str, list[str]]:
+    quick_lake(lake)
+    for words in (["ingest", source], ["run", "all"]):
+        run = motionlake(*words, "--lake", lake, *how)
+        assert run.status == 0, run.err
+    return tables(lake)
+
+
+def test_any_number_of_workers_makes_the_same_tables(tmp_path: Path, clips_folder: Path, built_lake: Path) -> None:
+    assert_same(tables(built_lake), build(tmp_path / "one", clips_folder, "--workers", "1"))
+    assert_same(tables(built_lake), build(tmp_path / "three", clips_folder, "--workers", "3"))
+
+
+def test_a_running_cluster_makes_the_same_tables(tmp_path: Path, clips_folder: Path, built_lake: Path) -> None:
+    with running_cluster() as address:
+        assert_same(tables(built_lake), build(tmp_path / "lake", clips_folder, "--scheduler", address))
+
+
+def test_a_worker_that_cannot_see_the_lake_is_a_clear_error(
+    tmp_path: Path, clips_folder: Path, scheduler: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    lake = quick_lake(tmp_path / "lake")
+    # The workers of another machine, as the driver meets them: the probe it wrote is not there.
+    monkeypatch.setattr(Path, "write_text", lambda self, *_, **__: 0)
+    run = motionlake("ingest", clips_folder, "--lake", lake, "--scheduler", scheduler)
+    assert run.status == 2
+    assert "cannot see the lake's folder" in run.err
+    assert len(run.err.strip().splitlines()) <= 2
+
+
+def test_no_scheduler_is_a_clear_error(tmp_path: Path, clips_folder: Path) -> None:
+    lake = quick_lake(tmp_path / "lake")
+    run = motionlake("ingest", clips_folder, "--lake", lake, "--scheduler", "tcp://127.0.0.1:9")
+    assert run.status == 2
+    assert "no Dask scheduler answers there" in run.err
+
+
+def test_a_lake_may_be_moved(tmp_path: Path, lake: Path, clips_folder: Path, scheduler: str) -> None:
+    moved = Path(shutil.move(lake, tmp_path / "elsewhere"))
+    before = tables(moved)
+    run = motionlake("run", "all", "--lake", moved, "--scheduler", scheduler, "--json")
+    assert run.status == 0
+    assert not any(row["shards"] for row in run.json)
+    assert_same(before, tables(moved))

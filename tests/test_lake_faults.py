@@ -1,0 +1,159 @@
+"""Real processes killed at bad moments: the same command, run again, ends in the tables of an undisturbed run."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+import subprocess
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import psutil
+import pytest
+
+from tests.lakes import Run, assert_same, finish, motionlake, query, quick_lake, start, tables
+
+# What stands on disk at the moment the driver dies, stage by stage.
+FRAMES_MOMENTS = ("frames/**/.*.tmp", "frames/**/[!.]*.parquet", ".catalog.duckdb.*.tmp")
+RUN_MOMENTS = ("features/[!.]*.parquet", "models/network*", "embeddings/.*.tmp", "models/motifs*", "assigned/[!.]*")
+
+
+@pytest.fixture(scope="module")
+def many(tmp_path_factory: pytest.TempPathFactory, clips_folder: Path) -> Path:
+    """Enough clips for several shards: copies of the small clips, in folders of their own."""
+    folder = tmp_path_factory.mktemp("many") / "many"
+    size = sum(p.stat().st_size for p in clips_folder.rglob("*") if p.is_file())
+    for i in range(max(3, (24 << 20) // size)):
+        shutil.copytree(clips_folder, folder / f"copy{i}", ignore=shutil.ignore_patterns("labels.csv"))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def undisturbed(tmp_path_factory: pytest.TempPathFactory, many: Path) -> dict[str, list[str]]:
+    lake = quick_lake(tmp_path_factory.mktemp("lakes") / "lake")
+    for words in (["ingest", many], ["run", "all"]):
+        run = motionlake(*words, "--lake", lake)
+        assert run.status == 0, run.err
+    return tables(lake)
+
+
+def seen(lake: Path, pattern: str) -> set[Path]:
+    return set(lake.glob(pattern))
+
+
+def kill_when(process: subprocess.Popen[str], happened: Callable[[], bool]) -> bool:
+    """kill -9 the driver as soon as something has happened; False if it ended before."""
+    while process.poll() is None:
+        if happened():
+            process.send_signal(signal.SIGKILL)
+            process.communicate()
+            return True
+        time.sleep(0.001)
+    process.communicate()
+    return False
+
+
+def kill_driver_at(lake: Path, words: Sequence[str | Path], moments: Sequence[str]) -> int:
+    """Run a command once a moment and kill its driver there; how many were caught alive."""
+    caught = 0
+    for pattern in moments:
+        before = seen(lake, pattern)
+        process = start(*words, "--lake", lake)
+        caught += kill_when(process, lambda pattern=pattern, before=before: bool(seen(lake, pattern) - before))
+    return caught
+
+
+def test_a_killed_driver(tmp_path: Path, many: Path, undisturbed: dict[str, list[str]]) -> None:
+    lake = quick_lake(tmp_path / "lake")
+    caught = kill_driver_at(lake, ["ingest", many], FRAMES_MOMENTS)
+    assert motionlake("ingest", many, "--lake", lake).status == 0
+    caught += kill_driver_at(lake, ["run", "all"], RUN_MOMENTS)
+    assert motionlake("run", "all", "--lake", lake).status == 0
+    assert caught >= len(FRAMES_MOMENTS) + len(RUN_MOMENTS) - 2
+    assert_same(undisturbed, tables(lake))
+    assert not [p for p in lake.rglob("*") if p.name.endswith(".tmp")]
+
+
+def worker_processes(driver: int) -> list[psutil.Process]:
+    """The Dask workers of a driver."""
+    try:
+        children = psutil.Process(driver).children(recursive=True)
+        return [c for c in children if any("spawn_main" in word for word in c.cmdline())]
+    except psutil.NoSuchProcess:
+        return []
+
+
+def kill_a_worker(process: subprocess.Popen[str], lake: Path, pattern: str) -> Run:
+    before = seen(lake, pattern)
+    killed = False
+    while process.poll() is None and not killed:
+        if seen(lake, pattern) - before:
+            for worker in worker_processes(process.pid)[:1]:
+                os.kill(worker.pid, signal.SIGKILL)
+                killed = True
+        time.sleep(0.001)
+    assert killed, finish(process)
+    return finish(process)
+
+
+def test_a_killed_worker(tmp_path: Path, many: Path, undisturbed: dict[str, list[str]]) -> None:
+    lake = quick_lake(tmp_path / "lake")
+    run = kill_a_worker(start("ingest", many, "--lake", lake), lake, "frames/**/.*.tmp")
+    assert run.status == 0, run.err
+    run = kill_a_worker(start("run", "all", "--lake", lake), lake, "features/.*.tmp")
+    assert run.status == 0, run.err
+    assert "leaked" not in run.err
+    assert_same(undisturbed, tables(lake))
+
+
+def test_the_second_of_two_runs_says_so_and_exits(tmp_path: Path, many: Path) -> None:
+    lake = quick_lake(tmp_path / "lake")
+    first = start("ingest", many, "--lake", lake)
+    while first.poll() is None and not (lake / ".lock").exists():
+        time.sleep(0.001)
+    while not (lake / ".lock").read_text(encoding="utf-8"):
+        time.sleep(0.001)
+    second = motionlake("run", "all", "--lake", lake)
+    assert second.status == 2
+    assert f"process {first.pid}" in second.err
+    assert "another run is using this lake (ingest" in second.err
+    assert finish(first).status == 0
+
+
+def test_searches_work_while_a_run_writes(lake: Path, many: Path) -> None:
+    name = query(lake, "SELECT min(clip) FROM clips")[0][0]
+    expected = motionlake("search", name, "--in", "clips", "-k", "3", "--json", "--lake", lake).json
+    answered = 0
+    writer = start("ingest", many, "--lake", lake)
+    while writer.poll() is None:
+        run = motionlake("search", name, "--in", "clips", "-k", "3", "--json", "--lake", lake)
+        assert run.status == 0, run.err
+        assert run.json == expected
+        answered += 1
+    assert finish(writer).status == 0
+    assert answered > 2
+
+
+def test_a_catalog_held_open_for_writing_is_a_clear_error(lake: Path) -> None:
+    import duckdb
+
+    con = duckdb.connect(str(lake / "catalog.duckdb"))
+    try:
+        run = finish(start("status", "--lake", lake))
+    finally:
+        con.close()
+    assert run.status == 2
+    assert "close the program that has it open for writing" in run.err
+
+
+def test_a_part_that_was_lost_is_a_clear_error(lake: Path, scheduler: str) -> None:
+    for part in lake.glob("embeddings/*.parquet"):
+        part.unlink()
+    with (lake / "config.toml").open("a", encoding="utf-8") as handle:
+        handle.write("seed = 5\n")
+    run = motionlake("run", "all", "--lake", lake, "--scheduler", scheduler)
+    assert run.status == 2
+    assert len(run.err.strip().splitlines()[-1]) < 400
+    assert "embeddings/" in run.err
