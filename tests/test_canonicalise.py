@@ -164,6 +164,18 @@ def test_the_unit_is_the_option_then_the_file_then_the_rig_and_a_giant_is_refuse
         canonicalise(clip, motion, replace(rig, metres_per_unit=None))
 
 
+@pytest.mark.parametrize(("joint", "distance"), [(0, 1001.0), (8, -1001.0), (20, 1e200), (3, np.inf)])
+def test_a_joint_that_goes_absurdly_far_is_refused(joint: int, distance: float) -> None:
+    _, world, positions = made_motion(6)
+    positions += [3e6, 0, 0]
+    clip, motion = clip_of(world, positions)
+    assert canonicalise(clip, motion, RIGS["canonical"], metres_per_unit=1.0).root[0, 0] > 2e6
+    far = positions.copy()
+    far[2, joint, 2] = distance
+    with pytest.raises(ClipError, match=rf"^frame 2: {JOINTS[joint]} is .* m from the first frame's hips"):
+        canonicalise(clip, replace(motion, positions=far), RIGS["canonical"], metres_per_unit=1.0)
+
+
 def test_a_body_across_the_up_axis_is_noted() -> None:
     _, world, positions = made_motion(5)
     clip, motion = clip_of(world, positions * 100)

@@ -1,11 +1,10 @@
-"""DeepMimic motions: the published ones where pybullet's data is installed, and made ones for the faults."""
+"""DeepMimic motions: made ones, and the published ones where `make demo` has put them into the checkout."""
 
 from __future__ import annotations
 
-import importlib.util
+import gzip
 import json
 from pathlib import Path
-from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -13,21 +12,12 @@ from scipy.spatial.transform import Rotation
 
 from pipeline.clip import SourceClip
 from pipeline.errors import ClipError
-from pipeline.formats import is_clip
-from pipeline.formats.deepmimic import CHARACTER, READER
+from pipeline.formats import is_clip, read_clips
+from pipeline.formats.deepmimic import READER
 from pipeline.kinematics import solve
 from tests.samples import FloatArray, deepmimic_frames, deepmimic_text
 
-URDF_SCALE = 4.0
-
-
-@pytest.fixture(scope="module")
-def published() -> Path:
-    """The data folder of the PyPI package pybullet, which carries DeepMimic's motions and character."""
-    spec = importlib.util.find_spec("pybullet_data")
-    if spec is None or not spec.submodule_search_locations:
-        pytest.skip("pybullet_data is not installed: no published DeepMimic motions here")
-    return Path(spec.submodule_search_locations[0])
+DEMO = Path(__file__).parents[1] / "demo" / "deepmimic"
 
 
 def read(text: str) -> SourceClip:
@@ -35,32 +25,49 @@ def read(text: str) -> SourceClip:
     return clip
 
 
-def test_rest_offsets_are_those_of_the_published_character(published: Path) -> None:
-    tree = ElementTree.fromstring((published / "humanoid" / "humanoid.urdf").read_bytes().strip(b"\0 \n"))
-    found = {}
-    for joint in tree.iter("joint"):
-        link, origin = joint.find("parent"), joint.find("origin")
-        assert link is not None
-        assert origin is not None
-        offset = np.array([float(value) for value in origin.attrib["xyz"].split()])
-        found[joint.attrib["name"]] = (link.attrib["link"], offset / URDF_SCALE)
-    for name, index, _, offset in CHARACTER[1:]:
-        parent_name, published_offset = found[name]
-        assert parent_name == CHARACTER[index][0]
-        np.testing.assert_allclose(offset, published_offset, atol=1e-9)
+def leg_angles(forwards: FloatArray, upwards: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Hip and knee angles about z that put the ankle there as seen from the hip, the knee in front."""
+    thigh, shin = 0.421546, 0.409870
+    reach = np.hypot(forwards, upwards)
+    knee = -np.arccos((reach**2 - thigh**2 - shin**2) / (2 * thigh * shin))
+    lean = np.arccos((thigh**2 + reach**2 - shin**2) / (2 * thigh * reach))
+    return np.arctan2(forwards, -upwards) + lean, knee
 
 
-def test_published_walk_stands_on_its_feet_and_moves_forwards(published: Path) -> None:
+def made_walk() -> str:
+    """A walk towards +x at 1.2 m/s: each foot rests at one place for half of a step of 1 s, then swings."""
+    frames = deepmimic_frames(60)
+    time = np.arange(60) / 30
+    frames[:, 1], frames[:, 2] = 1.2 * time, 0.75
+    for hip, knee, phase in ((16, 20, 0.0), (30, 34, 0.5)):
+        step, within = np.divmod(time + phase, 1.0)
+        swing = np.clip(2 * within - 1, 0, 1)
+        place = 1.2 * (step + swing + 0.25 - phase)
+        angle, frames[:, knee] = leg_angles(place - frames[:, 1], 0.08 + 0.1 * np.sin(np.pi * swing) - 0.75)
+        frames[:, hip], frames[:, hip + 3] = np.cos(angle / 2), np.sin(angle / 2)
+    return deepmimic_text(frames)
+
+
+def published(pattern: str) -> dict[str, str]:
+    """Motions that `make demo` has put into the checkout, if it was run, by name."""
+    return {path.stem: path.read_text() for path in sorted(DEMO.glob(pattern))}
+
+
+WALKS = {"made": made_walk()} | published("humanoid3d_walk.txt")
+MOTIONS = {"made": deepmimic_text(deepmimic_frames(12))} | published("*.txt")
+
+
+@pytest.mark.parametrize("name", WALKS)
+def test_a_walk_stands_on_its_feet_and_moves_forwards(name: str) -> None:
     """A wrong offset, axis or quaternion order makes the standing foot slide or leave the ground."""
-    path = published / "data" / "motions" / "humanoid3d_walk.txt"
-    (clip,) = READER.read(path.read_bytes(), path)
+    clip = read(WALKS[name])
     positions = solve(clip).positions
     speed = np.linalg.norm(np.diff(positions, axis=0), axis=2) * clip.fps
     ankles = [clip.hierarchy.joints.index(f"{side}_ankle") for side in ("left", "right")]
     assert np.median(speed[:, 0]) > 0.9
-    assert np.median(speed[:, ankles].min(axis=1)) < 0.1
+    assert np.median(speed[:, ankles].min(axis=1)) < (1e-6 if name == "made" else 0.1)
     lower = positions[:, ankles, 1].min(axis=1)
-    assert np.ptp(lower) < 0.08
+    assert np.ptp(lower) < (1e-6 if name == "made" else 0.08)
     left, right = positions[:, clip.hierarchy.joints.index("left_hip")], positions[:, 3]
     facing = np.cross([0.0, 1.0, 0.0], (right - left).mean(axis=0))
     travelled = positions[-1, 0] - positions[0, 0]
@@ -68,20 +75,22 @@ def test_published_walk_stands_on_its_feet_and_moves_forwards(published: Path) -
     assert travelled[0] > 0
 
 
-def test_published_motions_are_read_and_another_character_is_not(published: Path) -> None:
-    folder = published / "data" / "motions"
-    for path in sorted(folder.rglob("humanoid3d_*.txt")):
-        assert is_clip(path)
-        (clip,) = READER.read(path.read_bytes(), path)
-        frames = json.loads(path.read_text())["Frames"]
-        assert clip.fps in (16.0, 24.0, 30.0, 60.0)
-        assert clip.fps == pytest.approx(1 / frames[0][0], rel=1e-3)
-        # One dropped frame in the roll: its next one lasts twice as long.
-        assert len(clip.channels) == len(frames) + (path.stem == "humanoid3d_roll")
-        assert bool(clip.notes) == (path.stem == "humanoid3d_roll")
-    dog = folder / "laikago_walk.txt"
-    with pytest.raises(ClipError, match="frame 0 has 20 numbers, a DeepMimic humanoid has 44 a frame"):
-        READER.read(dog.read_bytes(), dog)
+@pytest.mark.parametrize("text", MOTIONS.values(), ids=MOTIONS)
+def test_a_motion_is_read_in_full_or_refused_as_another_characters(text: str, tmp_path: Path) -> None:
+    (tmp_path / "x.txt").write_text(text)
+    assert is_clip(tmp_path / "x.txt")
+    frames = json.loads(text)["Frames"]
+    if len(frames[0]) != 44:
+        with pytest.raises(ClipError, match=rf"frame 0 has {len(frames[0])} numbers, a DeepMimic humanoid has 44"):
+            read(text)
+        return
+    clip = read(text)
+    durations = np.array([frame[0] for frame in frames[:-1]])
+    even = np.ptp(durations) < 1e-4
+    assert clip.fps in (16.0, 24.0, 30.0, 60.0)
+    assert clip.fps == pytest.approx(1 / np.median(durations), rel=1e-3)
+    assert len(clip.channels) == (len(frames) if even else round(durations.sum() * clip.fps) + 1)
+    assert bool(clip.notes) != even
 
 
 def test_channels_hold_the_numbers_of_the_file() -> None:
@@ -170,10 +179,33 @@ def test_only_texts_that_look_like_a_motion_are_clips(tmp_path: Path) -> None:
     contents = {
         "motion.txt": deepmimic_text(deepmimic_frames(3)),
         "motion.json": json.dumps({"Frames": deepmimic_frames(3).tolist()}),
+        "other.json": '{"name": "hop",\n "Frames" : [[0.1, 2]]}',
+        "cut.txt": deepmimic_text(deepmimic_frames(30))[200:],
+        "scrambled.txt": "\ufffd" * 4096 + deepmimic_text(deepmimic_frames(30))[4096:],
         "notes.txt": 'Frames of the "Loop" are kept in {curly} brackets',
-        "settings.json": '{"frames": 3}',
+        "settings.json": '{"frames": 3, "Frames": 7, "Loop": true, "loops": ["wrap"]}',
+        "matrices.json": json.dumps({"camera": np.eye(4).ravel().tolist(), "words": [[0.5] * 43, [0.5] * 45]}),
+        "table.txt": "\n".join(" ".join(["0.5"] * 44) for _ in range(9)),
         "empty.txt": "",
     }
     for name, content in contents.items():
         (tmp_path / name).write_text(content)
-    assert {name for name in contents if is_clip(tmp_path / name)} == {"motion.txt", "motion.json"}
+    clips = {name for name in contents if is_clip(tmp_path / name)}
+    assert clips == {"motion.txt", "motion.json", "other.json", "cut.txt", "scrambled.txt"}
+    for name in ("other.json", "cut.txt", "scrambled.txt"):
+        with pytest.raises(ClipError, match=r"JSON|has 1 frame"):
+            read_clips(tmp_path / name)
+
+
+def test_a_compressed_text_is_looked_into_and_a_damaged_one_is_not_passed_over(tmp_path: Path) -> None:
+    path = tmp_path / "x.txt.gz"
+    for text, expected in ((deepmimic_text(deepmimic_frames(3)), True), ("notes " * 9, False)):
+        stream = gzip.compress(text.encode())
+        path.write_bytes(stream)
+        assert is_clip(path) is expected
+        path.write_bytes(stream[:-9])
+        assert is_clip(path) is expected
+        path.write_bytes(stream[9:])
+        assert is_clip(path)
+        with pytest.raises(ClipError, match="gzip"):
+            read_clips(path)

@@ -8,8 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from pipeline.words.dtw import LANES, Metric, clip_pair_dtw, frame_distances, pair_distances, word_distances
+from pipeline.words.dtw import LANES, clip_pair_dtw, pair_distances, word_distances
 from pipeline.words.features import Float32Array, WordConfig
+from pipeline.words.frame_distance import Metric, frame_distances
 from pipeline.words.windows import padded, windows, word_windows
 
 

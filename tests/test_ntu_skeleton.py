@@ -12,6 +12,9 @@ from hypothesis import strategies as st
 from pipeline.clip import ChannelKind, SourceClip
 from pipeline.errors import ClipError
 from pipeline.formats.ntu_skeleton import JOINTS, READER
+from pipeline.kinematics import solve
+from pipeline.skeleton.canonicalise import canonicalise
+from pipeline.skeleton.rigs import load_rigs
 from tests.samples import FloatArray, kinect_2_from_1, ntu_text, swinging_body
 
 FIRST_ID, SECOND_ID = "72057594037944738", "72057594037944739"
@@ -96,9 +99,36 @@ def test_a_hopeless_body_is_left_out_and_its_file_is_not() -> None:
 
 def test_a_joint_that_is_never_tracked_rejects_the_body() -> None:
     body = kinect_2_from_1(swinging_body(10))
-    body[:, JOINTS.index("HandTipLeft")] = 0.0
-    with pytest.raises(ClipError, match="HandTipLeft is seen in 0 of 10 frames"):
+    body[:, JOINTS.index("FootLeft")] = 0.0
+    with pytest.raises(ClipError, match="FootLeft is seen in 0 of 10 frames"):
         read(ntu_text([(FIRST_ID, 0, body)]))
+
+
+def test_a_body_stays_though_its_hands_were_hardly_seen() -> None:
+    """Hands of a real body are often hidden; they go with the arm rather than stay behind in the room."""
+    body = kinect_2_from_1(swinging_body(12))
+    body[..., 0] += np.linspace(0, 3, 12)[:, None]
+    expected = body.copy()
+    wrist, hand, tip, thumb = (JOINTS.index(f"{part}Left") for part in ("Wrist", "Hand", "HandTip", "Thumb"))
+    for joint in (hand, tip):
+        expected[3:, joint] = expected[3:, wrist] + (body[2, joint] - body[2, wrist])
+        body[3:, joint] = 0.0
+    expected[:, thumb], body[:, thumb] = body[:, wrist], 0.0
+    (clip,) = read(ntu_text([(FIRST_ID, 0, body)]))
+    np.testing.assert_allclose(in_file_order(clip), expected, atol=1e-6)
+    assert clip.repaired == 12
+    assert "HandTipLeft seen in 3 of 12 frames, carried by HandLeft" in clip.notes
+    motion = canonicalise(clip, solve(clip), load_rigs()["kinect_v2"])
+    assert np.isfinite(motion.rotations).all()
+
+
+def test_a_body_of_a_few_frames_is_noise_beside_a_longer_one_and_a_clip_alone() -> None:
+    body = kinect_2_from_1(swinging_body(12))
+    (clip,) = read(ntu_text([(FIRST_ID, 0, body), (SECOND_ID, 0, body[:11])]))
+    assert len(clip.channels) == 12
+    assert clip.notes[-1] == "left out: body 2 is seen in 11 of 12 frames"
+    assert len(read(ntu_text([(FIRST_ID, 0, body), (SECOND_ID, 0, body)]))) == 2
+    assert len(read(ntu_text([(FIRST_ID, 0, body[:11]), (SECOND_ID, 0, body[:5])]))) == 2
 
 
 @pytest.mark.parametrize("token", ["NaN", "-nan", "-1.#IND", "Infinity", "-inf", "1e30"])

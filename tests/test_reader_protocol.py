@@ -48,6 +48,16 @@ def assert_same(one: list[SourceClip], two: list[SourceClip]) -> None:
 
 
 @pytest.mark.parametrize("reader", CASES)
+def test_the_user_may_say_the_frame_rate(reader: Reader, tmp_path: Path) -> None:
+    path, _ = sample(reader, tmp_path)
+    told = read_clips(path, fps=57.5)
+    assert {clip.fps for clip in told} == {57.5}
+    for one, two in zip(told, read_clips(path), strict=True):
+        np.testing.assert_array_equal(one.channels, two.channels)
+        assert not any("frame rate" in note for note in one.notes)
+
+
+@pytest.mark.parametrize("reader", CASES)
 def test_a_good_clip_keeps_the_contract(reader: Reader, tmp_path: Path) -> None:
     path, _ = sample(reader, tmp_path)
     assert reader_for(path) is reader

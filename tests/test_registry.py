@@ -55,12 +55,30 @@ def test_what_is_no_file_is_refused(tmp_path: Path) -> None:
             read_clips(tmp_path / name)
 
 
+@pytest.mark.parametrize("timing", ["", "Frame Time:", "Frame Time: 0", "Frame Time: soon", "Frame Time: 1e-9"])
+def test_a_rate_that_the_user_says_stands_in_place_of_a_bad_one(tmp_path: Path, timing: str) -> None:
+    path = tmp_path / "x.bvh"
+    path.write_text(TIDY.replace("Frame Time: .0083333\n", timing and f"{timing}\n"))
+    with pytest.raises(ClipError, match="say --fps") as caught:
+        read_clips(path)
+    assert caught.value.line == 18
+    (clip,) = read_clips(path, fps=60.0)
+    assert clip.fps == 60.0
+    np.testing.assert_array_equal(clip.channels, read(TIDY).channels)
+
+
+def test_a_rate_outside_what_any_clip_may_have_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "x.bvh").write_text(TIDY)
+    with pytest.raises(ClipError, match=r"frame rate 0\.5/s is outside"):
+        read_clips(tmp_path / "x.bvh", fps=0.5)
+
+
 def test_a_reader_that_fails_unforeseen_makes_a_clip_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     class Broken:
         name = "broken"
         suffixes = (".broken",)
 
-        def read(self, data: bytes, path: Path) -> list[SourceClip]:
+        def read(self, data: bytes, path: Path, fps: float | None = None) -> list[SourceClip]:
             raise IndexError("list index out of range")
 
     monkeypatch.setattr(registry, "readers", lambda: (Broken(),))

@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from pipeline.skeleton.canonical import COMMON, DEEP_MOTIFS, INDEX, JOINTS
-from pipeline.words.features import WordConfig, body_length, heading, resample, sample_count, word_features
+from pipeline.skeleton.facing import facing
+from pipeline.words.features import WordConfig, body_length, resample, sample_count, word_features
 from pipeline.words.windows import native_range, padded, windows, word_windows
 
 NO_ROTATIONS = np.empty((0, 21, 4))
@@ -73,7 +74,7 @@ def test_turning_shows_as_yaw_rate_and_velocity_is_seen_from_the_body() -> None:
     path = np.cumsum(np.column_stack([np.sin(angles), 0 * angles, np.cos(angles)]), axis=0) * 0.01
     config = WordConfig(root_weight=1.0, velocity_weight=0)
     features = word_features(spinning + path[:, None], NO_ROTATIONS, 24.0, config)
-    np.testing.assert_allclose(np.diff(heading(spinning)), 0.05, atol=1e-9)
+    np.testing.assert_allclose(np.diff(facing(spinning)), 0.05, atol=1e-9)
     np.testing.assert_allclose(features[:, -1], 0.05, atol=1e-6)
     root = (spinning + path[:, None])[:, 0]
     speed = np.linalg.norm(np.gradient(root, axis=0), axis=1) / body_length(spinning)
@@ -86,7 +87,9 @@ def test_a_body_lying_on_its_side_keeps_its_heading() -> None:
     for side, y in (("left", 1.0), ("right", 0.6)):
         for joint in ("hip", "shoulder"):
             body[2:4, INDEX[f"{side}_{joint}"]] = [0.1, y, 0.2]
-    np.testing.assert_allclose(heading(body), 0.7, atol=1e-9)
+    np.testing.assert_allclose(facing(body), 0.7, atol=1e-9)
+    lying = word_features(body, NO_ROTATIONS, 24.0, WordConfig(velocity_weight=0))
+    np.testing.assert_allclose(lying[:, -1], 0, atol=1e-6)
 
 
 @pytest.mark.parametrize(

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from numba import njit, uint64
+from numpy.typing import NDArray
 
 from pipeline.clip import FloatArray
 from pipeline.errors import ClipError
@@ -123,41 +126,63 @@ def _scan_frames(data, start, names, name_starts, columns, table, undecided):  #
             i = stop
 
 
-def parse_frames(data: bytes, start: int, widths: dict[str, int]) -> FloatArray:
-    """Every frame's values [F, sum of widths] for bones with `widths` values each.
+@dataclass(frozen=True, eq=False)
+class Layout:
+    """What the lines of a frame hold, as the kernel wants it; made once for all clips of a skeleton.
+
+    Attributes:
+        widths: values of each bone that has any, by its name, in the order of the columns.
+        names: uint8, the bones' names in a row; name_starts: [B + 1] where in `names` each starts.
+        columns: [B + 1] the first column of each bone.
+        fewest: bytes that a frame takes at least: its number, names and values, and what parts them.
+    """
+
+    widths: Mapping[str, int]
+    names: NDArray[np.uint8]
+    name_starts: NDArray[np.int64]
+    columns: NDArray[np.int64]
+    fewest: int
+
+    @classmethod
+    def of(cls, widths: Mapping[str, int]) -> Layout:
+        """The layout of bones with `widths` values each."""
+        encoded = [name.encode("latin-1") for name in widths]
+        return cls(
+            widths=widths,
+            names=np.frombuffer(b"".join(encoded), np.uint8),
+            name_starts=np.cumsum([0, *map(len, encoded)], dtype=np.int64),
+            columns=np.cumsum([0, *widths.values()], dtype=np.int64),
+            fewest=2 + sum(len(name) + 1 + 2 * width for name, width in zip(encoded, widths.values(), strict=True)),
+        )
+
+
+def parse_frames(data: bytes, start: int, layout: Layout) -> FloatArray:
+    """Every frame's values [F, sum of widths].
 
     Raises:
         ClipError: with the line of what is wrong.
     """
-    bones = list(widths)
-    encoded = [name.encode("latin-1") for name in bones]
-    columns = np.cumsum([0, *widths.values()])
-    buffer = np.frombuffer(data, np.uint8)
-    # The fewest bytes of a frame: its number, and each bone's name and values, with what parts them.
-    fewest = 2 + sum(len(name) + 1 + 2 * width for name, width in zip(encoded, widths.values(), strict=True))
-    capacity = (len(data) - start) // fewest + 2
-    table = np.empty((capacity, int(columns[-1])))
+    capacity = (len(data) - start) // layout.fewest + 2
+    table = np.empty((capacity, int(layout.columns[-1])))
     undecided = np.empty((table.size, 2), np.int64)
     status, offset, frames, left, bone = _scan_frames(
-        buffer,
-        start,
-        np.frombuffer(b"".join(encoded), np.uint8),
-        np.cumsum([0, *map(len, encoded)]),
-        columns,
-        table,
-        undecided,
+        np.frombuffer(data, np.uint8), start, layout.names, layout.name_starts, layout.columns, table, undecided
     )
     if status != OK:
-        name = bones[bone]
-        reason = {
-            BAD_NUMBER: f"{token_at(data, offset)!r} is not a finite number",
-            SHORT_ROW: f"bone {name!r} has fewer than {widths[name]} values",
-            LONG_ROW: f"bone {name!r} has more than {widths[name]} values",
-            _UNKNOWN_BONE: f"{token_at(data, offset)!r} is not a bone that the skeleton moves",
-            _TWICE: f"bone {name!r} twice in one frame",
-            _MISSING_BONE: f"bone {name!r} is missing in the frame before this line",
-            _FRAME_NUMBER: f"the next frame's number is expected, not {token_at(data, offset)!r}",
-        }[status]
-        raise ClipError(reason, line_of(data, offset))
+        raise _fault(status, data, offset, list(layout.widths.items())[bone])
     settle(data, table, undecided[:left])
     return table[:frames]
+
+
+def _fault(status: int, data: bytes, offset: int, bone: tuple[str, int]) -> ClipError:
+    name, width = bone
+    reason = {
+        BAD_NUMBER: f"{token_at(data, offset)!r} is not a finite number",
+        SHORT_ROW: f"bone {name!r} has fewer than {width} values",
+        LONG_ROW: f"bone {name!r} has more than {width} values",
+        _UNKNOWN_BONE: f"{token_at(data, offset)!r} is not a bone that the skeleton moves",
+        _TWICE: f"bone {name!r} twice in one frame",
+        _MISSING_BONE: f"bone {name!r} is missing in the frame before this line",
+        _FRAME_NUMBER: f"the next frame's number is expected, not {token_at(data, offset)!r}",
+    }[status]
+    return ClipError(reason, line_of(data, offset))

@@ -2,119 +2,17 @@
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Iterator
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 
-from pipeline.clip import ChannelKind, FloatArray, Hierarchy
+from pipeline.clip import Hierarchy
 from pipeline.errors import ClipError
+from pipeline.formats.asf_skeleton import CHANNELS, LENGTH, ROOT, Bone, Skeleton
 from pipeline.formats.registry import load_bytes
-from pipeline.rotations import from_euler
-
-ROOT: Final = "root"
-_METRES_PER_INCH: Final = 0.0254
-_CHANNELS: Final = {
-    f"{kind}{axis}".lower(): f"{axis}{what}" for kind, what in (("t", "position"), ("r", "rotation")) for axis in "XYZ"
-}
-_LENGTH: Final = "l"
-
-
-@dataclass
-class Bone:
-    """One bone as its file writes it.
-
-    Attributes:
-        name: the file's name for it, "root" for the root.
-        direction: unit vector of the bone at rest, in the world's axes.
-        length: in file units.
-        angles: degrees of its own axes, turned in `order` about fixed axes.
-        order: axis letters such as "XYZ".
-        dof: what an AMC line of this bone holds, in order: "tx" .. "rz" and "l".
-    """
-
-    name: str
-    direction: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    length: float = 0.0
-    angles: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    order: str = "XYZ"
-    dof: tuple[str, ...] = ()
-
-    @property
-    def vector(self) -> FloatArray:
-        """From the bone's start to its end at rest, file units [3]."""
-        direction = np.array(self.direction)
-        return direction * (self.length / (np.linalg.norm(direction) or 1.0))
-
-    @property
-    def axis(self) -> FloatArray:
-        """The bone's own axes as a rotation [4]."""
-        return from_euler(np.array(self.angles), self.order, fixed=True)
-
-    @property
-    def moves(self) -> bool:
-        """Whether the bone's start can leave its place, other than the root's."""
-        return self.name != ROOT and any(channel.startswith("t") for channel in self.dof)
-
-    @property
-    def channels(self) -> tuple[str, ...]:
-        """Channel names as `Hierarchy` has them; a bone that moves has all three positions first."""
-        rotations = tuple(_CHANNELS[channel] for channel in self.dof if channel.startswith("r"))
-        if self.name == ROOT:
-            return tuple(_CHANNELS[channel] for channel in self.dof if channel != _LENGTH)
-        return ("Xposition", "Yposition", "Zposition", *rotations) if self.moves else rotations
-
-
-@dataclass
-class Skeleton:
-    """An ASF file.
-
-    Attributes:
-        bones: by name, parents before children, the root first.
-        parents: name of each bone's parent.
-        position: of the root, added to its translation, file units.
-        length_unit: the file's `length`: its unit is this fraction of an inch to the power -1.
-        radians: whether angles, the AMC's too unless it says otherwise, are in radians.
-    """
-
-    bones: dict[str, Bone] = field(default_factory=lambda: {ROOT: Bone(ROOT)})
-    parents: dict[str, str] = field(default_factory=dict)
-    position: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    length_unit: float = 1.0
-    radians: bool = False
-
-    @property
-    def metres_per_unit(self) -> float:
-        """Length of the file's unit: `length` 0.45 says that 0.45 units are an inch."""
-        return _METRES_PER_INCH / self.length_unit
-
-    @functools.cached_property
-    def plain(self) -> bool:
-        """Whether an AMC's values are the hierarchy's channels as they stand."""
-        special = any(bone.moves or _LENGTH in bone.dof for bone in self.bones.values())
-        return not special and not any(self.position)
-
-    def hierarchy(self) -> Hierarchy:
-        """The skeleton as joints at the bones' starts; bones without children end in an end site."""
-        names = tuple(self.bones)
-        bones = list(self.bones.values())
-        starts = [bone.vector for bone in bones]
-        parents = [-1] + [names.index(self.parents[name]) for name in names[1:]]
-        return Hierarchy(
-            joints=names,
-            parents=tuple(parents),
-            offsets=np.array([np.zeros(3) if parent < 0 else starts[parent] for parent in parents]),
-            channels=tuple(bone.channels for bone in bones),
-            kind=ChannelKind.EULER,
-            axes=np.array([bone.axis for bone in bones]),
-            fixed_axes=True,
-            end_sites=tuple(
-                (i, (float(end[0]), float(end[1]), float(end[2]))) for i, end in enumerate(starts) if i not in parents
-            ),
-        )
+from pipeline.formats.remembered import Remembered
 
 
 class _Lines:
@@ -173,7 +71,7 @@ class _Lines:
     def dof(self, words: list[str]) -> tuple[str, ...]:
         """Degrees of freedom, in lower case."""
         dof = tuple(word.lower() for word in words)
-        unknown = [word for word in dof if word not in _CHANNELS and word != _LENGTH]
+        unknown = [word for word in dof if word not in CHANNELS and word != LENGTH]
         if unknown or len(set(dof)) != len(dof):
             raise self.fault(f"{' '.join(words)[:60]!r} are not degrees of freedom")
         return dof
@@ -299,17 +197,17 @@ def parse_asf(data: bytes, name: str) -> Skeleton:
     return skeleton
 
 
-@functools.lru_cache(maxsize=64)
-def _load(path: Path, version: tuple[int, int]) -> tuple[Skeleton, Hierarchy]:
-    del version
+def _load(path: Path) -> tuple[Skeleton, Hierarchy]:
     skeleton = parse_asf(load_bytes(path), path.name)
     return skeleton, skeleton.hierarchy()
+
+
+_loaded: Final = Remembered(_load, size=64)
 
 
 def load_asf(path: Path) -> tuple[Skeleton, Hierarchy]:
     """Read an ASF file, or remember it: many clips share one skeleton. `ClipError` where it fails."""
     try:
-        state = path.stat()
+        return _loaded(path)
     except OSError as error:
         raise ClipError(f"{path.name}: cannot be read: {error.strerror or error}") from error
-    return _load(path, (state.st_mtime_ns, state.st_size))

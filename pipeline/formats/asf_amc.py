@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import re
 import zlib
 from dataclasses import dataclass
 from gzip import GzipFile
-from pathlib import Path, PureWindowsPath
+from pathlib import Path
 from typing import BinaryIO, Final, cast
 
 import numpy as np
@@ -13,12 +14,15 @@ import numpy as np
 from pipeline.clip import FloatArray, SourceClip
 from pipeline.errors import ClipError
 from pipeline.formats.amc_frames import parse_frames
-from pipeline.formats.asf import ROOT, Skeleton, load_asf
+from pipeline.formats.asf import load_asf
 from pipeline.formats.asf_finder import find_skeleton
-from pipeline.formats.registry import COMPRESSED_SUFFIX, HEAD_BYTES
+from pipeline.formats.asf_skeleton import ROOT, Skeleton
+from pipeline.formats.registry import COMPRESSED_SUFFIX
 from pipeline.rotations import rotate
 
 DEFAULT_FPS: Final = 120.0
+HEAD_BYTES: Final = 4096
+_FOLDERS: Final = re.compile(r".*[\\/:]")
 
 
 @dataclass
@@ -28,7 +32,7 @@ class _Preamble:
     start: int = 0
     asf: str = ""
     radians: bool | None = None
-    fps: float | None = None
+    rate: str = ""
 
     @classmethod
     def of(cls, data: bytes) -> _Preamble:
@@ -46,14 +50,20 @@ class _Preamble:
     def note(self, words: list[str]) -> None:
         key = words[0].upper() if words else ""
         if key == "#!OML:ASF":
-            self.asf = PureWindowsPath(" ".join(words[1:])).name
+            self.asf = _FOLDERS.sub("", " ".join(words[1:]))
         elif key in (":DEGREES", ":RADIANS"):
             self.radians = key == ":RADIANS"
         elif key == ":SAMPLES-PER-SECOND" and len(words) > 1:
-            try:
-                self.fps = float(words[1])
-            except ValueError:
-                raise ClipError(f"{words[1][:40]!r} is not a frame rate") from None
+            self.rate = words[1]
+
+    @property
+    def fps(self) -> float:
+        if not self.rate:
+            return DEFAULT_FPS
+        try:
+            return float(self.rate)
+        except ValueError:
+            raise ClipError(f"{self.rate[:40]!r} is not a frame rate: say --fps") from None
 
 
 def _to_channels(raw: FloatArray, skeleton: Skeleton) -> tuple[FloatArray, list[str]]:
@@ -98,8 +108,8 @@ class AmcReader:
             raise ClipError(f"cannot be read: {error}") from error
         return [find_skeleton(path, _Preamble.of(head).asf)[0]]
 
-    def read(self, data: bytes, path: Path) -> list[SourceClip]:
-        """Read an AMC file and the ASF file it belongs to.
+    def read(self, data: bytes, path: Path, fps: float | None = None) -> list[SourceClip]:
+        """Read an AMC file and the ASF file it belongs to; `fps` stands in place of the file's rate.
 
         Raises:
             ClipError: with the line, for frames that are not numbered one after another, bones unknown,
@@ -109,10 +119,7 @@ class AmcReader:
         preamble = _Preamble.of(data)
         asf, why = find_skeleton(path, preamble.asf)
         skeleton, hierarchy = load_asf(asf)
-        widths = {bone.name: len(bone.dof) for bone in skeleton.bones.values() if bone.dof}
-        if not widths:
-            raise ClipError(f"{asf.name}: no bone moves")
-        channels = parse_frames(data, preamble.start, widths)
+        channels = parse_frames(data, preamble.start, skeleton.layout)
         if skeleton.radians if preamble.radians is None else preamble.radians:
             turns = [dof.startswith("r") for bone in skeleton.bones.values() for dof in bone.dof]
             channels[:, turns] = np.rad2deg(channels[:, turns])
@@ -120,9 +127,10 @@ class AmcReader:
         if not skeleton.plain:
             channels, changes = _to_channels(channels, skeleton)
             notes += changes
-        if preamble.fps is None:
-            notes.append(f"frame rate {DEFAULT_FPS:g}/s assumed: the format has none")
-        fps = DEFAULT_FPS if preamble.fps is None else preamble.fps
+        if fps is None:
+            fps = preamble.fps
+            if not preamble.rate:
+                notes.append(f"frame rate {DEFAULT_FPS:g}/s assumed: the format has none")
         unit = skeleton.metres_per_unit
         return [SourceClip(hierarchy, channels, fps, metres_per_unit=unit, notes=tuple(notes))]
 

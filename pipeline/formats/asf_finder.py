@@ -2,26 +2,32 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
 
 from pipeline.errors import ClipError
 from pipeline.formats.registry import COMPRESSED_SUFFIX
+from pipeline.formats.remembered import Remembered
 
 _ANCESTORS: Final = 3
 _SUFFIXES: Final = (".asf", f".asf{COMPRESSED_SUFFIX}")
 
 
+def _list_skeletons(folder: Path) -> dict[str, Path]:
+    names = sorted(entry.name for entry in folder.iterdir() if entry.name.lower().endswith(_SUFFIXES))
+    return {name.lower().removesuffix(COMPRESSED_SUFFIX).removesuffix(".asf"): folder / name for name in names}
+
+
+_listed: Final = Remembered(_list_skeletons, size=256)
+
+
 def _skeletons_in(folder: Path) -> dict[str, Path]:
     """The folder's ASF files by lower-case stem."""
     try:
-        names = os.listdir(folder)  # noqa: PTH208 - a path for each of many clips would be slow
+        return _listed(folder)
     except OSError:
         return {}
-    found = sorted(name for name in names if name.lower().endswith(_SUFFIXES))
-    return {name.lower().removesuffix(COMPRESSED_SUFFIX).removesuffix(".asf"): folder / name for name in found}
 
 
 def _prefixes(stem: str, skeletons: dict[str, Path]) -> Iterator[str]:
@@ -47,11 +53,15 @@ def find_skeleton(path: Path, named: str = "") -> tuple[Path, str]:
     by_name = named.lower().removesuffix(".asf")
     if by_name in here:
         return here[by_name], "named by the clip"
-    for ancestor in (folder, *folder.parents[:_ANCESTORS]):
-        skeletons = here if ancestor is folder else _skeletons_in(ancestor)
+    ancestor, skeletons = folder, here
+    for _ in range(1 + _ANCESTORS):
         found = max(_prefixes(stem, skeletons), key=len, default=None)
         if found is not None:
             return skeletons[found], "the clip's name begins with its name"
+        if ancestor == ancestor.parent:
+            break
+        ancestor = ancestor.parent
+        skeletons = _skeletons_in(ancestor)
     if len(here) == 1:
         return next(iter(here.values())), "the only one in the clip's folder"
     wanted = f"{named!r} or " if named else ""

@@ -14,15 +14,14 @@ import numpy as np
 from pipeline.clip import ChannelKind, Hierarchy, SourceClip
 from pipeline.errors import ClipError
 from pipeline.formats.numbers import line_of, parse_table
+from pipeline.formats.registry import MAX_FPS, MIN_FPS
 from pipeline.rotations import IDENTITY
 
 MAX_HEADER_BYTES: Final = 8 * 1024**2
 _CHANNELS: Final = {f"{axis}{what}".lower(): f"{axis}{what}" for axis in "XYZ" for what in ("position", "rotation")}
 _MOTION: Final = re.compile(rb"^[ \t]*MOTION[ \t\r]*$", re.IGNORECASE | re.MULTILINE)
-_TIMING: Final = re.compile(
-    rb"\s*Frames[ \t]*:[ \t]*(\S+)[ \t\r]*\n\s*Frame[ \t]+Time[ \t]*:[ \t]*(\S+)[ \t\r]*(?:\n|\Z)",
-    re.IGNORECASE,
-)
+_FRAMES: Final = re.compile(rb"\s*Frames[ \t]*:[ \t]*(\S+)[ \t\r]*(?:\n|\Z)", re.IGNORECASE)
+_FRAME_TIME: Final = re.compile(rb"\s*Frame[ \t]+Time[ \t]*:[ \t]*(\S*)[ \t\r]*(?:\n|\Z)", re.IGNORECASE)
 _TOKEN: Final = re.compile(r"[{}]|[^\s{}]+")
 
 
@@ -186,6 +185,16 @@ def frame_rate(frame_time: str) -> float:
     return float(whole) if whole <= fastest < whole + 1 else 1 / seconds
 
 
+def _rate(frame_time: str, line: int) -> float:
+    try:
+        fps = frame_rate(frame_time)
+    except (ValueError, OverflowError):
+        raise ClipError(f"{frame_time[:40]!r} is not a frame time above 0: say --fps", line) from None
+    if not MIN_FPS <= fps <= MAX_FPS:
+        raise ClipError(f"frame time {frame_time[:40]} s is {fps:.4g} frames a second: say --fps", line)
+    return fps
+
+
 def _decode(header: bytes) -> str:
     try:
         return header.decode("utf-8-sig")
@@ -200,30 +209,29 @@ class BvhReader:
     name: str = "BVH"
     suffixes: tuple[str, ...] = (".bvh",)
 
-    def read(self, data: bytes, path: Path) -> list[SourceClip]:
-        """Read a BVH file.
+    def read(self, data: bytes, path: Path, fps: float | None = None) -> list[SourceClip]:
+        """Read a BVH file; `fps` stands in place of its frame time.
 
         Raises:
             ClipError: with the line, for a header that is no joint tree, a token that is no number, rows that
-                do not fit the channels or the declared number of frames, or a frame time that is not above 0.
+                do not fit the channels or the declared number of frames, or a frame time outside 1/1000 to 1 s.
         """
         del path
         motion = _MOTION.search(data, 0, MAX_HEADER_BYTES)
         if motion is None:
             raise ClipError("is no BVH file, or cut short: no line MOTION")
         tree = _read_tree(_Tokens.of(_decode(data[: motion.start()])))
-        timing = _TIMING.match(data, motion.end())
-        if timing is None:
-            raise ClipError("no 'Frames:' and 'Frame Time:' after MOTION", line_of(data, motion.end()))
-        frames = timing[1].decode("latin-1")
+        count = _FRAMES.match(data, motion.end())
+        if count is None:
+            raise ClipError("no 'Frames:' after MOTION", line_of(data, motion.end()))
+        frames = count[1].decode("latin-1")
         if not frames.isascii() or not frames.isdigit() or len(frames) > 12:
-            raise ClipError(f"{frames[:40]!r} is not a number of frames", line_of(data, timing.start(1)))
-        frame_time = timing[2].decode("latin-1")
-        try:
-            fps = frame_rate(frame_time)
-        except (ValueError, OverflowError):
-            line = line_of(data, timing.start(2))
-            raise ClipError(f"{frame_time[:40]!r} is not a frame time above 0", line) from None
+            raise ClipError(f"{frames[:40]!r} is not a number of frames", line_of(data, count.start(1)))
+        timing = _FRAME_TIME.match(data, count.end())
+        if fps is None:
+            if timing is None:
+                raise ClipError("no 'Frame Time:' after 'Frames:': say --fps", line_of(data, count.end()))
+            fps = _rate(timing[1].decode("latin-1"), line_of(data, timing.start(1)))
         columns = sum(map(len, tree.channels))
         if not columns:
             raise ClipError("no joint has a channel")
@@ -239,7 +247,7 @@ class BvhReader:
             end_sites=tuple(tree.end_sites),
         )
         notes = (f"joint names used twice, renamed: {', '.join(renamed)}",) if renamed else ()
-        table = parse_table(data, timing.end(), int(frames), columns)
+        table = parse_table(data, (timing or count).end(), int(frames), columns)
         return [SourceClip(hierarchy, table, fps, notes=notes)]
 
 

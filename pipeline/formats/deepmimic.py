@@ -9,6 +9,7 @@ The character faces +x, y is up, lengths are metres.
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from typing import Final
 
@@ -56,6 +57,11 @@ MAX_STRETCH: Final = 100
 # Less than the difference between 30 and 29.97 a second.
 ROUNDING: Final = 1e-4
 MIN_NORM: Final = 1e-3
+_SIGNS: Final = (
+    re.compile(rb'"Loop"\s*+:\s*+"(?:wrap|none)"'),
+    re.compile(rb'"Frames"\s*+:\s*+\['),
+    re.compile(rb"\[(?:\s*+[-+.\deE]++\s*+,){%d}\s*+[-+.\deE]++\s*+\]" % (FRAME_VALUES - 1)),
+)
 
 
 class DeepMimicReader:
@@ -65,21 +71,25 @@ class DeepMimicReader:
     suffixes = (".txt", ".json")
 
     def sniff(self, head: bytes) -> bool:
-        """Whether a file that begins with these bytes is a DeepMimic motion, not just any text or JSON."""
-        start = head.removeprefix(b"\xef\xbb\xbf").lstrip()
-        return start.startswith(b"{") and any(key in start for key in (b'"Frames"', b'"Loop"'))
+        """Whether these first bytes are a DeepMimic motion's, damaged or whole, not just any text or JSON's.
 
-    def read(self, data: bytes, path: Path) -> list[SourceClip]:
+        They are where they say how the motion loops, open a list "Frames", or hold a list of a frame's length.
+        """
+        return any(sign.search(head) for sign in _SIGNS)
+
+    def read(self, data: bytes, path: Path, fps: float | None = None) -> list[SourceClip]:
         """Read one body.
 
         Knees and elbows become quaternion channels. Frames that do not all last equally long are resampled
         to their median duration (spherical linear interpolation), which a note says. The last frame's
-        duration has no meaning and may be 0.
+        duration has no meaning and may be 0. With `fps` durations are not looked at.
 
         Raises:
             ClipError: no DeepMimic JSON, another character's frames, or a bad duration or quaternion.
         """
         frames = _frames(data)
+        if fps is not None:
+            return [SourceClip(_HIERARCHY, _channels(frames), fps=fps, metres_per_unit=1.0)]
         durations = frames[:-1, 0]
         if not (durations > 0).all():
             index = int((durations <= 0).argmax())

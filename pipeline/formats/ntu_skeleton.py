@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from pipeline.clip import ChannelKind, FloatArray, Hierarchy, SourceClip
 from pipeline.errors import ClipError
 from pipeline.formats.ntu_bodies import parse_bodies
-from pipeline.formats.repair import fill_missing, repair_note
+from pipeline.formats.repair import carry, fill_missing, rarely_seen, repair_note
 
 FPS: Final = 30.0
 JOINTS: Final = (
@@ -38,6 +38,14 @@ PARENT_NAMES: Final = {
     "HipRight": "SpineBase", "KneeRight": "HipRight", "AnkleRight": "KneeRight", "FootRight": "AnkleRight",
 }  # fmt: skip
 # The file lists SpineShoulder after its children; in the hierarchy a parent comes first.
+# Joints of the hands with what carries them where the camera hardly saw them: no ground to drop a body.
+HANDS: Final = (
+    ("HandLeft", "WristLeft"), ("HandTipLeft", "HandLeft"), ("ThumbLeft", "WristLeft"),
+    ("HandRight", "WristRight"), ("HandTipRight", "HandRight"), ("ThumbRight", "WristRight"),
+)  # fmt: skip
+# Beside a body that is seen longer, one that is not seen in more frames than these is the sensor's noise: the
+# threshold that is customary in preparing NTU for action recognition.
+NOISE_FRAMES: Final = 11
 TREE_ORDER: Final = (0, 1, 20, *range(2, 20), *range(21, 25))
 
 
@@ -47,20 +55,24 @@ class NtuSkeletonReader:
     name = "NTU RGB+D"
     suffixes = (".skeleton",)
 
-    def read(self, data: bytes, path: Path) -> list[SourceClip]:
-        """Read every body that is seen in at least half of its own first to last frame.
+    def read(self, data: bytes, path: Path, fps: float | None = None) -> list[SourceClip]:
+        """Read every body that is seen in at least half of its own first to last frame; `fps` is 30 by default.
 
         Bodies are numbered in order of appearance; `SourceClip.body` is that number, or "" where the file
-        has one body only. A body that is seen too rarely is left out with a note on the others.
+        has one body only. A body is left out, with a note on the others, where a joint other than a hand's
+        is missing in more than half of its frames, or where it shows in a few frames beside a longer one.
 
         Raises:
             ClipError: a malformed line, a file cut short, or no body that can be kept.
         """
         frame_count, seen = parse_bodies(data)
         clips, left_out = [], []
+        longest = max((_visible(missing) for _, _, missing in seen.values()), default=0)
         for number, (identity, (frames, positions, missing)) in enumerate(seen.items(), start=1):
             label = str(number) if len(seen) > 1 else ""
             try:
+                if _visible(missing) <= NOISE_FRAMES < longest:
+                    raise ClipError(f"the body is seen in {_visible(missing)} of {frame_count} frames")
                 clips.append(_clip(label, identity, frame_count, frames, positions, missing))
             except ClipError as error:
                 reason = error.reason.replace("the body", f"body {label}".strip())
@@ -68,7 +80,28 @@ class NtuSkeletonReader:
         if not clips:
             raise ClipError("; ".join(left_out) or "no body is tracked in any frame")
         notes = tuple(f"left out: {reason}" for reason in left_out)
-        return [replace(clip, notes=clip.notes + notes) for clip in clips]
+        rate = FPS if fps is None else fps
+        return [replace(clip, fps=rate, notes=clip.notes + notes) for clip in clips]
+
+
+def _visible(missing: NDArray[np.bool_]) -> int:
+    """Frames that show any joint."""
+    return int((~missing).any(axis=1).sum())
+
+
+def _fill(positions: FloatArray, missing: NDArray[np.bool_]) -> tuple[FloatArray, list[str]]:
+    """The body [F, 25, 3] without gaps, and notes on what was hardly seen."""
+    rare = rarely_seen(missing)
+    carried = [(JOINTS.index(name), JOINTS.index(by)) for name, by in HANDS if rare[JOINTS.index(name)]]
+    others = [joint for joint in range(len(JOINTS)) if joint not in {hand for hand, _ in carried}]
+    filled = positions.copy()
+    filled[:, others], _ = fill_missing(positions[:, others], missing[:, others], [JOINTS[joint] for joint in others])
+    notes = []
+    for joint, carrier in carried:
+        carry(filled, missing, joint, carrier)
+        seen = len(missing) - int(missing[:, joint].sum())
+        notes.append(f"{JOINTS[joint]} seen in {seen} of {len(missing)} frames, carried by {JOINTS[carrier]}")
+    return filled, notes
 
 
 def _clip(
@@ -88,7 +121,8 @@ def _clip(
     absent = np.ones((length, len(JOINTS)), np.bool_)
     dense[frames[inside] - first] = positions[inside]
     absent[frames[inside] - first] = missing[inside]
-    filled, repaired = fill_missing(dense, absent, JOINTS)
+    filled, carried = _fill(dense, absent)
+    repaired = int(absent.any(axis=1).sum())
     notes = [f"body ID {identity}"]
     if length < frame_count:
         notes.append(f"frames {first} to {first + length - 1} of {frame_count}")
@@ -99,7 +133,7 @@ def _clip(
         body=label,
         metres_per_unit=1.0,
         repaired=repaired,
-        notes=(*notes, *repair_note(repaired, length)),
+        notes=(*notes, *carried, *repair_note(repaired, length)),
     )
 
 

@@ -22,6 +22,7 @@ from pipeline.errors import ClipError
 from pipeline.formats.repair import fill_missing, missing_samples, repair_note
 
 MEMBERS: Final = ("positions", "joints", "parents", "fps")
+RATE: Final = "fps"
 MAX_MEMBER_BYTES: Final = 1024**3
 _HEADERS: Final[dict[tuple[int, int], Any]] = {
     (1, 0): np.lib.format.read_array_header_1_0,
@@ -36,17 +37,23 @@ class PositionsReader:
     name = "positions"
     suffixes = (".npz",)
 
-    def read(self, data: bytes, path: Path) -> list[SourceClip]:
-        """Read one body; `ClipError` where the archive, a shape, the joint tree or the rate is bad."""
-        positions, joints, parents, fps = _members(data)
+    def read(self, data: bytes, path: Path, fps: float | None = None) -> list[SourceClip]:
+        """Read one body, at `fps` in place of the archive's own.
+
+        Raises:
+            ClipError: the archive, a shape, the joint tree or the rate is bad.
+        """
+        members = _members(data, MEMBERS if fps is None else tuple(name for name in MEMBERS if name != RATE))
+        positions, joints, parents = members["positions"], members["joints"], members["parents"]
         if positions.ndim != 3 or positions.shape[2] != 3 or positions.dtype.kind not in "fiu":
             raise ClipError(f"positions is {_describe(positions)}, not numbers [frames, joints, 3]")
         if joints.ndim != 1 or joints.dtype.kind not in "US":
             raise ClipError(f"joints is {_describe(joints)}, not a list of names")
         if parents.ndim != 1 or parents.dtype.kind not in "iu":
             raise ClipError(f"parents is {_describe(parents)}, not a list of indices")
-        if fps.size != 1 or fps.dtype.kind not in "fiu":
-            raise ClipError(f"fps is {_describe(fps)}, not one number")
+        rate = members[RATE] if fps is None else np.array(fps)
+        if rate.size != 1 or rate.dtype.kind not in "fiu":
+            raise ClipError(f"fps is {_describe(rate)}, not one number")
         if not len(joints) == len(parents) == positions.shape[1] > 0:
             counts = f"{positions.shape[1]} joints in positions, {len(joints)} names, {len(parents)} parents"
             raise ClipError(f"counts differ: {counts}")
@@ -54,7 +61,7 @@ class PositionsReader:
         if len(set(names)) < len(names):
             raise ClipError("has two joints of one name")
         order = parents_first(parents.tolist())
-        return [_clip(positions.astype(np.float64), names, parents.tolist(), order, float(fps.item()))]
+        return [_clip(positions.astype(np.float64), names, parents.tolist(), order, float(rate.item()))]
 
 
 def parents_first(parents: list[int]) -> list[int]:
@@ -111,10 +118,10 @@ def _clip(positions: FloatArray, names: list[str], parents: list[int], order: li
     )
 
 
-def _members(data: bytes) -> list[NDArray[Any]]:
+def _members(data: bytes, names: tuple[str, ...]) -> dict[str, NDArray[Any]]:
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
-            return [_array(archive, name) for name in MEMBERS]
+            return {name: _array(archive, name) for name in names}
     except (zipfile.BadZipFile, zlib.error, struct.error, OSError, EOFError, ValueError) as error:
         raise ClipError(f"damaged .npz archive: {error}") from error
     except (NotImplementedError, RuntimeError) as error:
@@ -130,7 +137,7 @@ def _array(archive: zipfile.ZipFile, name: str) -> NDArray[Any]:
         raise ClipError(f"array {name!r} is {member.file_size} bytes, or compressed in an unknown way")
     stream = io.BytesIO(archive.read(member))
     try:
-        shape, fortran, dtype = _HEADERS[np.lib.format.read_magic(stream)](stream)  # type: ignore[no-untyped-call]
+        shape, fortran, dtype = _HEADERS[np.lib.format.read_magic(stream)](stream)
     except (KeyError, ValueError, SyntaxError, TypeError, tokenize.TokenError) as error:
         raise ClipError(f"array {name!r} has a damaged header") from error
     if dtype.hasobject:

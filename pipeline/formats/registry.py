@@ -6,6 +6,7 @@ import codecs
 import functools
 import importlib
 import pkgutil
+import stat
 import zlib
 from gzip import BadGzipFile, GzipFile
 from pathlib import Path
@@ -22,7 +23,8 @@ MIN_FPS: Final = 1.0
 MAX_FPS: Final = 1000.0
 COMPRESSED_SUFFIX: Final = ".gz"
 _CHUNK_BYTES: Final = 4 * 1024**2
-HEAD_BYTES: Final = 4096
+# Enough to know a clip whose first kilobytes are damaged.
+HEAD_BYTES: Final = 64 * 1024
 MAX_REASON: Final = 200
 
 
@@ -42,8 +44,11 @@ class Reader(Protocol):
     name: str
     suffixes: tuple[str, ...]
 
-    def read(self, data: bytes, path: Path) -> list[SourceClip]:
-        """Read the decompressed bytes of `path`, one `SourceClip` per body; `ClipError` where it cannot."""
+    def read(self, data: bytes, path: Path, fps: float | None = None) -> list[SourceClip]:
+        """Read the decompressed bytes of `path`, one `SourceClip` per body; `ClipError` where it cannot.
+
+        Where the user says the frame rate (`fps`), it stands in place of the file's, which may be anything.
+        """
         ...
 
 
@@ -69,8 +74,8 @@ def reader_for(path: Path) -> Reader | None:
 def is_clip(path: Path) -> bool:
     """Whether the file is a clip by its name (a skeleton alone, such as an .asf, is none).
 
-    Where a reader shares its suffix with other kinds of files (`.txt`), by its first bytes too. Such a file
-    that cannot be read is none.
+    Where a reader shares its suffix with other kinds of files (`.txt`), by its first 64 KiB too. Such a file
+    is none where it cannot be opened, and is one, to be rejected, where its gzip stream is damaged there.
     """
     reader = reader_for(path)
     sniff = getattr(reader, "sniff", None)
@@ -78,10 +83,14 @@ def is_clip(path: Path) -> bool:
         return reader is not None
     try:
         with path.open("rb") as raw:
-            compressed = path.name.lower().endswith(COMPRESSED_SUFFIX)
-            head = (GzipFile(fileobj=raw) if compressed else raw).read(HEAD_BYTES)
-    except (EOFError, OSError, zlib.error):
+            head = raw.read(HEAD_BYTES)
+    except OSError:
         return False
+    if path.name.lower().endswith(COMPRESSED_SUFFIX):
+        try:
+            head = zlib.decompressobj(wbits=zlib.MAX_WBITS | 16).decompress(head, HEAD_BYTES)
+        except zlib.error:
+            return True
     return bool(sniff(head))
 
 
@@ -98,14 +107,17 @@ def load_bytes(path: Path, limit: int = MAX_PLAIN_BYTES) -> bytes:
         ClipError: unreadable, longer than `limit` bytes once decompressed, or a damaged gzip stream.
     """
     try:
-        if not path.is_file():
-            raise ClipError("is not a regular file" if path.exists() else "does not exist")
+        state = path.stat()
+        if not stat.S_ISREG(state.st_mode):
+            raise ClipError("is not a regular file")
         with path.open("rb") as raw:
-            if not path.name.lower().endswith(COMPRESSED_SUFFIX):
-                if path.stat().st_size > limit:
-                    raise ClipError(f"is larger than {limit} bytes")
-                return raw.read()
-            return _decompress(raw, limit)
+            if path.name.lower().endswith(COMPRESSED_SUFFIX):
+                return _decompress(raw, limit)
+            if state.st_size > limit:
+                raise ClipError(f"is larger than {limit} bytes")
+            return raw.read()
+    except FileNotFoundError as error:
+        raise ClipError("does not exist") from error
     except (EOFError, BadGzipFile, zlib.error) as error:
         raise ClipError(f"damaged gzip stream: {error}") from error
     except OSError as error:
@@ -122,8 +134,12 @@ def _decompress(raw: BinaryIO, limit: int) -> bytes:
     return bytes(plain)
 
 
-def read_clips(path: Path) -> list[SourceClip]:
+def read_clips(path: Path, fps: float | None = None) -> list[SourceClip]:
     """Read every body's clip of a file and check what holds for all formats.
+
+    Args:
+        path: the file.
+        fps: frames a second, in place of what the file says, which then is not looked at.
 
     Raises:
         ClipError: no reader for the name, or the file cannot be read, or it has fewer than two frames,
@@ -137,7 +153,7 @@ def read_clips(path: Path) -> list[SourceClip]:
     if not data or data.isspace():
         raise ClipError("is empty")
     try:
-        clips = reader.read(data, path)
+        clips = reader.read(data, path, fps)
         for clip in clips:
             check_clip(clip)
     except ClipError as error:
@@ -165,11 +181,11 @@ def check_clip(clip: SourceClip) -> None:
         raise ClipError("its joints form no tree of which joint 0 is the root")
     if hierarchy.offsets.shape != (joints, 3) or not np.isfinite(hierarchy.offsets).all():
         raise ClipError("has a joint without a finite offset")
-    if channels.ndim != 2 or channels.shape[1] != len(hierarchy.channel_names):
+    if channels.ndim != 2 or channels.shape[1] != sum(map(len, hierarchy.channels)):
         raise ClipError("its rows do not fit its channels")
     if len(channels) < 2:
         raise ClipError(f"has {len(channels)} frame(s); a motion needs at least two")
     if not np.isfinite(channels).all():
         raise ClipError("has a channel value that is not finite")
     if not MIN_FPS <= clip.fps <= MAX_FPS:
-        raise ClipError(f"frame rate {clip.fps:g}/s is outside [{MIN_FPS:g}, {MAX_FPS:g}]")
+        raise ClipError(f"frame rate {clip.fps:g}/s is outside [{MIN_FPS:g}, {MAX_FPS:g}]: say --fps")

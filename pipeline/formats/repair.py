@@ -51,7 +51,7 @@ def fill_missing(positions: FloatArray, missing: NDArray[np.bool_], joints: Sequ
     frames = len(positions)
     seen = frames - missing.sum(axis=0)
     worst = int(seen.argmin())
-    if seen[worst] < MIN_SEEN or frames - seen[worst] > MAX_MISSING * frames:
+    if rarely_seen(missing).any():
         whose = "the body" if (seen == seen[worst]).all() else joints[worst]
         raise ClipError(f"{whose} is seen in {seen[worst]} of {frames} frames")
     filled = positions.copy()
@@ -61,6 +61,32 @@ def fill_missing(positions: FloatArray, missing: NDArray[np.bool_], joints: Sequ
         for axis in range(3):
             filled[gaps, joint, axis] = np.interp(times[gaps], times[~gaps], positions[~gaps, joint, axis])
     return filled, int(missing.any(axis=1).sum())
+
+
+def rarely_seen(missing: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """[J] joints that `fill_missing` would refuse; `missing` is [F, J]."""
+    seen = len(missing) - missing.sum(axis=0)
+    rare: NDArray[np.bool_] = (seen < MIN_SEEN) | (len(missing) - seen > MAX_MISSING * len(missing))
+    return rare
+
+
+def carry(positions: FloatArray, missing: NDArray[np.bool_], joint: int, carrier: int) -> None:
+    """Place a joint where it is missing as it was seen from another that is known throughout, in place.
+
+    Its offset is interpolated over time and held at both ends; zero where it was never seen.
+
+    Args:
+        positions: [F, J, 3].
+        missing: [F, J].
+        joint: to be placed.
+        carrier: its column of `positions` is sound in every frame.
+    """
+    gaps = missing[:, joint]
+    times = np.arange(len(positions))
+    offsets = positions[~gaps, joint] - positions[~gaps, carrier]
+    for axis in range(3):
+        between = np.interp(times[gaps], times[~gaps], offsets[:, axis]) if len(offsets) else 0.0
+        positions[gaps, joint, axis] = positions[gaps, carrier, axis] + between
 
 
 def repair_note(repaired: int, frames: int) -> tuple[str, ...]:

@@ -19,6 +19,8 @@ from pipeline.skeleton.rigs import Rest, RigMap
 
 MIN_HEIGHT: Final = 0.4
 MAX_HEIGHT: Final = 3.0
+# No recording goes this far (metres) from where it starts: a number is damaged, or the unit is wrong.
+FARTHEST: Final = 1000.0
 # Up axis of the file -> axis and degrees of the turn that brings it to +y.
 _TURNS: Final[dict[str, tuple[tuple[float, float, float], float]]] = {
     "y": ((1.0, 0.0, 0.0), 0.0),
@@ -88,7 +90,8 @@ def canonicalise(
         metres_per_unit: length unit of the file; by default what the file says, else the rig's.
 
     Raises:
-        ClipError: the rig does not fit, no length unit is known, or the body is outside 0.4 to 3 m.
+        ClipError: the rig does not fit, no length unit is known, a joint goes more than 1 km from the first
+            frame's root, or the body is outside 0.4 to 3 m.
     """
     up = up if up is not None else rig.up
     if up not in _TURNS:
@@ -100,6 +103,7 @@ def canonicalise(
     hierarchy = clip.hierarchy
     binding = bind(rig, hierarchy)
     turn = _turn(up)
+    _check_reach(motion.positions, hierarchy.joints, scale)
     source_positions = rotate(turn, motion.positions) * scale
     source_world = None if motion.world is None else multiply(turn, motion.world)
     positions = place(binding, hierarchy, source_positions, source_world, scale)
@@ -138,6 +142,19 @@ def canonicalise(
         fk_error_mean=float(errors.mean()),
         notes=tuple(notes),
     )
+
+
+def _check_reach(positions: FloatArray, joints: tuple[str, ...], scale: float) -> None:
+    """`ClipError` where one of the file's joints [F, J, 3], of `scale` metres, goes absurdly far."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        distance = np.linalg.norm(positions - positions[0, 0], axis=-1) * scale
+    far = ~(distance <= FARTHEST)
+    if far.any():
+        frame, joint = (int(index) for index in np.argwhere(far)[0])
+        raise ClipError(
+            f"frame {frame}: {joints[joint]} is {distance[frame, joint]:.4g} m from the first frame's "
+            f"{joints[0]} with unit {scale:.4g} m: a damaged number, or say --unit"
+        )
 
 
 def _turn(up: str) -> FloatArray:

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from pipeline.skeleton.canonical import INDEX
 
-# A left axis whose horizontal part is shorter than this share of its length says nothing of the heading.
-MIN_HORIZONTAL: Final = 0.1
+# A mean left axis (of length 1 at most) whose horizontal part is shorter says nothing of the heading.
+MIN_HORIZONTAL: Final = 0.05
 
 
 def facing(positions: NDArray[np.floating]) -> NDArray[np.float64]:
@@ -30,7 +30,7 @@ def facing(positions: NDArray[np.floating]) -> NDArray[np.float64]:
     for joint in ("hip", "shoulder"):
         sides = positions[:, [INDEX[f"left_{joint}"], INDEX[f"right_{joint}"]]].astype(np.float64)
         axis = sides[:, 0] - sides[:, 1]
-        left += axis / np.maximum(np.linalg.norm(axis, axis=-1, keepdims=True), 1e-12)
+        left += axis / np.maximum(np.linalg.norm(axis, axis=-1, keepdims=True), 1e-12) / 2
     valid = np.flatnonzero(np.hypot(left[:, 0], left[:, 2]) > MIN_HORIZONTAL)
     if not len(valid):
         return np.zeros(len(positions))

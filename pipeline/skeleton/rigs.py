@@ -218,7 +218,7 @@ def identify(joint_names: Sequence[str], rigs: Mapping[str, RigMap], name: str |
 
     Raises:
         UserError: there is no map called `name`.
-        ClipError: no map fits; the reason names the closest one and what did not match.
+        ClipError: no map fits, or not the one called `name`; the reason says what did not match.
     """
     if name is not None and name not in rigs:
         raise UserError(f"--rig {name}: no such rig; there are {', '.join(sorted(rigs))}")
@@ -232,6 +232,8 @@ def identify(joint_names: Sequence[str], rigs: Mapping[str, RigMap], name: str |
     listed = ", ".join(missing[:MAX_LISTED]) + (
         f" and {len(missing) - MAX_LISTED} more" if len(missing) > MAX_LISTED else ""
     )
+    if name is not None:
+        raise ClipError(f"rig {name} does not fit: the file has no joint {listed}")
     raise ClipError(
         f"unknown rig: closest known is {closest.name}; joints that did not match: {listed}; "
         "`motionlake rig FILE` prints a starter map"

@@ -7,7 +7,7 @@ import json
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +17,7 @@ import pyarrow as pa
 from pipeline import frames, raw
 from pipeline.clip import SourceClip
 from pipeline.config import FramesConfig, config_hash
-from pipeline.errors import ClipError
+from pipeline.errors import ClipError, UserError
 from pipeline.formats import read_clips, reader_for
 from pipeline.kinematics import solve
 from pipeline.lake.catalog import Connection, load_rows, run_sql, table_of
@@ -146,11 +146,10 @@ def canonical_motions(
 
     Raises:
         ClipError: the file cannot be read, its rig is unknown, or its motion makes no sense.
+        UserError: `options.rig` is no rig.
     """
-    for clip in read_clips(path):
-        if options.fps is not None:
-            clip = replace(clip, fps=options.fps)
-        rig = rigs[options.rig] if options.rig else identify(clip.hierarchy.joints, rigs)
+    for clip in read_clips(path, options.fps):
+        rig = identify(clip.hierarchy.joints, rigs, options.rig)
         motion = canonicalise(clip, solve(clip), rig, up=options.up, metres_per_unit=options.metres_per_unit)
         yield clip, motion, rig
 
@@ -160,7 +159,7 @@ def _read(
 ) -> Iterator[tuple[SourceClip, CanonicalMotion, RigMap]]:
     try:
         yield from canonical_motions(path, rigs, options)
-    except ClipError:
+    except (ClipError, UserError):
         raise
     except Exception as error:
         # One clip's surprise must not cost a repository its run; the reason says what it was.

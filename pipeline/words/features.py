@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.skeleton.canonical import COMMON, DEEP_MOTIFS, INDEX
+from pipeline.skeleton.facing import facing
 
 Representation = Literal["positions", "rotations"]
 JointSet = Literal["common15", "deep_motifs16"]
@@ -168,25 +169,6 @@ def body_length(positions: Float64Array) -> float:
     return length
 
 
-def heading(positions: Float64Array) -> Float64Array:
-    """[F] angle in radians about +y that turns +z to where the body faces, unwrapped.
-
-    The facing is perpendicular to the line across hips and shoulders. A body lying on its side, whose
-    line is vertical, keeps the heading of the frame before.
-    """
-    across = (
-        positions[:, INDEX["left_hip"]] - positions[:, INDEX["right_hip"]]
-        + positions[:, INDEX["left_shoulder"]] - positions[:, INDEX["right_shoulder"]]
-    )  # fmt: skip
-    known = np.hypot(across[:, 0], across[:, 2]) > 1e-9
-    angles = np.arctan2(-across[:, 2], across[:, 0])
-    if not known.all():
-        last = np.maximum.accumulate(np.where(known, np.arange(len(known)), -1))
-        first_known = int(np.argmax(known)) if known.any() else 0
-        angles = np.where(known.any(), angles[np.where(last < 0, first_known, last)], 0.0)
-    return np.asarray(np.unwrap(angles), dtype=np.float64)
-
-
 def _turned_back(vectors: Float64Array, angles: Float64Array) -> Float64Array:
     """`vectors` [T, ..., 3] turned by -angles [T] about +y."""
     shape = (-1,) + (1,) * (vectors.ndim - 2)
@@ -202,7 +184,7 @@ def _rate(values: Float64Array) -> Float64Array:
 
 def _position_features(positions: Float64Array, size: float, config: WordConfig) -> Float32Array:
     n_frames = len(positions)
-    angles = heading(positions)
+    angles = facing(positions)
     root = positions[:, INDEX["hips"]]
     joints = _turned_back(positions[:, list(config.joint_indices)] - root[:, None], angles) / size
     parts = [joints.reshape(n_frames, -1)]
