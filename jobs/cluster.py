@@ -37,7 +37,7 @@ def cluster(lake: Lake, workers: int | None = None, scheduler: str | None = None
         if scheduler is None:
             count = workers or os.cpu_count() or 1
             with (
-                LocalCluster(n_workers=count, threads_per_worker=1, dashboard_address=None) as local,
+                LocalCluster(n_workers=count, threads_per_worker=1, dashboard_address="127.0.0.1:0") as local,
                 Client(local) as client,
             ):
                 yield client

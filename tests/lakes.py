@@ -149,9 +149,9 @@ def catalog(lake: Path) -> Iterator[duckdb.DuckDBPyConnection]:
         con.close()
 
 
-def query(lake: Path, text: str) -> list[tuple[Any, ...]]:
+def query(lake: Path, text: str, **parameters: Any) -> list[tuple[Any, ...]]:
     with catalog(lake) as con:
-        return con.execute(text).fetchall()
+        return con.execute(text, parameters).fetchall()
 
 
 def tables(lake: Path) -> dict[str, list[str]]:

@@ -20,6 +20,7 @@ from pipeline.kinematics import solve
 from pipeline.skeleton.canonicalise import canonicalise
 from pipeline.skeleton.rigs import identify, load_rigs
 from tests.damage import damaged_files
+from tests.lakes import motionlake, query, quick_lake
 from tests.samples import deepmimic_frames, deepmimic_text, kinect_2_from_1, ntu_text
 
 COUNT = 500
@@ -122,3 +123,22 @@ def test_damage_is_the_same_for_the_same_seed(recordings: Path, tmp_path: Path) 
     )
     assert first == again
     assert first != other
+
+
+@pytest.mark.recordings
+def test_a_folder_of_damaged_files_does_not_stop_a_run(recordings: Path, tmp_path: Path, scheduler: str) -> None:
+    gather(recordings, tmp_path / "good")
+    paths = damaged_files(tmp_path / "good", tmp_path / "damaged", COUNT, SEED)
+    lake = quick_lake(tmp_path / "lake")
+    run = motionlake("ingest", tmp_path / "damaged", "--lake", lake, "--scheduler", scheduler, "--json")
+    assert run.status == 1, run.err
+    assert run.json["failed"] == 0
+    taken = {r[0] for r in query(lake, "SELECT DISTINCT path FROM clips")}
+    rejected = {r[0] for r in query(lake, "SELECT path FROM rejects")}
+    assert not taken & rejected
+    assert taken | rejected == {p.relative_to(tmp_path / "damaged").as_posix() for p in paths}
+    assert len(rejected) == run.json["rejected"]
+    assert all(reason for (reason,) in query(lake, "SELECT reason FROM rejects"))
+    run = motionlake("run", "all", "--lake", lake, "--scheduler", scheduler)
+    assert run.status == 1, run.err
+    assert query(lake, "SELECT count(*) FROM clips ANTI JOIN signatures USING (clip)") == [(0,)]

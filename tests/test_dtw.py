@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from pipeline.words.dtw import LANES, clip_pair_dtw, pair_distances, word_distances
+from pipeline.words.dtw import LANES, clip_pair_dtw, word_distances
 from pipeline.words.features import Float32Array, WordConfig
 from pipeline.words.frame_distance import Metric, frame_distances
 from pipeline.words.windows import padded, windows, word_windows
@@ -66,9 +66,6 @@ def test_word_distances_match_naive(
     a, b = random_words(n, length_a, 12, metric, 4), random_words(m, length_b, 12, metric, 5)
     expected = np.array([[naive_align(frame_distances(x, y, metric), average) for y in b] for x in a])
     np.testing.assert_allclose(word_distances(a, b, metric, average=average), expected, rtol=1e-5, atol=1e-5)
-    pairs = np.argwhere(np.ones((n, m)))[::-1]
-    chosen = pair_distances(a, b, pairs, metric, average=average)
-    np.testing.assert_allclose(chosen, expected[pairs[:, 0], pairs[:, 1]], rtol=1e-5, atol=1e-5)
 
 
 small_words = arrays(np.float32, (2, 6, 2), elements=st.integers(-2, 2).map(float))

@@ -7,7 +7,8 @@ import shutil
 import signal
 import subprocess
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 
 import psutil
@@ -15,9 +16,16 @@ import pytest
 
 from tests.lakes import Run, assert_same, finish, motionlake, query, quick_lake, start, tables
 
-# What stands on disk at the moment the driver dies, stage by stage.
-FRAMES_MOMENTS = ("frames/**/.*.tmp", "frames/**/[!.]*.parquet", ".catalog.duckdb.*.tmp")
-RUN_MOMENTS = ("features/[!.]*.parquet", "models/network*", "embeddings/.*.tmp", "models/motifs*", "assigned/[!.]*")
+# What has appeared on disk, one after the other, when the driver dies.
+CATALOG = ".catalog.duckdb.*.tmp"
+FRAMES_MOMENTS = ((CATALOG,), ("frames/**/.*.tmp",), ("frames/**/[!.]*.parquet", CATALOG))
+RUN_MOMENTS = (
+    ("features/[!.]*.parquet",),
+    ("models/network*",),
+    ("models/network*", CATALOG),
+    ("models/motifs*", CATALOG),
+    ("assigned/[!.]*", CATALOG),
+)
 
 
 @pytest.fixture(scope="module")
@@ -25,7 +33,7 @@ def many(tmp_path_factory: pytest.TempPathFactory, clips_folder: Path) -> Path:
     """Enough clips for several shards: copies of the small clips, in folders of their own."""
     folder = tmp_path_factory.mktemp("many") / "many"
     size = sum(p.stat().st_size for p in clips_folder.rglob("*") if p.is_file())
-    for i in range(max(3, (24 << 20) // size)):
+    for i in range(max(3, (10 << 20) // size)):
         shutil.copytree(clips_folder, folder / f"copy{i}", ignore=shutil.ignore_patterns("labels.csv"))
     return folder
 
@@ -39,29 +47,35 @@ def undisturbed(tmp_path_factory: pytest.TempPathFactory, many: Path) -> dict[st
     return tables(lake)
 
 
-def seen(lake: Path, pattern: str) -> set[Path]:
-    return set(lake.glob(pattern))
+def seen(lake: Path, pattern: str) -> set[tuple[Path, int]]:
+    """Files of a pattern with their dates."""
+    found = set()
+    for path in lake.glob(pattern):
+        with suppress(FileNotFoundError):
+            found.add((path, path.stat().st_mtime_ns))
+    return found
 
 
-def kill_when(process: subprocess.Popen[str], happened: Callable[[], bool]) -> bool:
-    """kill -9 the driver as soon as something has happened; False if it ended before."""
-    while process.poll() is None:
-        if happened():
-            process.send_signal(signal.SIGKILL)
-            process.communicate()
-            return True
-        time.sleep(0.001)
-    process.communicate()
-    return False
-
-
-def kill_driver_at(lake: Path, words: Sequence[str | Path], moments: Sequence[str]) -> int:
-    """Run a command once a moment and kill its driver there; how many were caught alive."""
-    caught = 0
-    for pattern in moments:
+def waits_for(process: subprocess.Popen[str], lake: Path, patterns: Sequence[str]) -> bool:
+    """Wait until each pattern in turn has a file it had not before; False if the process ends first."""
+    for pattern in patterns:
         before = seen(lake, pattern)
+        while not seen(lake, pattern) - before:
+            if process.poll() is not None:
+                return False
+            time.sleep(0.001)
+    return True
+
+
+def kill_driver_at(lake: Path, words: Sequence[str | Path], moments: Sequence[Sequence[str]]) -> int:
+    """Run a command once a moment and kill -9 its driver there; how many were caught alive."""
+    caught = 0
+    for patterns in moments:
         process = start(*words, "--lake", lake)
-        caught += kill_when(process, lambda pattern=pattern, before=before: bool(seen(lake, pattern) - before))
+        if waits_for(process, lake, patterns):
+            process.send_signal(signal.SIGKILL)
+            caught += 1
+        process.communicate()
     return caught
 
 
@@ -86,15 +100,11 @@ def worker_processes(driver: int) -> list[psutil.Process]:
 
 
 def kill_a_worker(process: subprocess.Popen[str], lake: Path, pattern: str) -> Run:
-    before = seen(lake, pattern)
-    killed = False
-    while process.poll() is None and not killed:
-        if seen(lake, pattern) - before:
-            for worker in worker_processes(process.pid)[:1]:
-                os.kill(worker.pid, signal.SIGKILL)
-                killed = True
-        time.sleep(0.001)
-    assert killed, finish(process)
+    """kill -9 one worker when a file of the pattern has appeared, and let the run go on."""
+    assert waits_for(process, lake, [pattern])
+    workers = worker_processes(process.pid)
+    assert workers
+    os.kill(workers[0].pid, signal.SIGKILL)
     return finish(process)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import gzip
 import shutil
 from pathlib import Path
 
@@ -76,8 +77,12 @@ def test_one_new_clip_costs_one_clip(own_lake: Path, source: Path, scheduler: st
     assert after["models"] == before["models"]
     assert after["motifs"] == before["motifs"]
     assert held < files(own_lake)
-    twins = query(own_lake, "SELECT signature FROM signatures WHERE clip ILIKE '%/twin.%' OR clip IN "
-                            f"(SELECT clip FROM clips WHERE path = '{first.relative_to(source).as_posix()}')")  # fmt: skip
+    twins = query(
+        own_lake,
+        "SELECT signature FROM signatures JOIN clips USING (clip) WHERE path IN ($first, $twin)",
+        first=first.relative_to(source).as_posix(),
+        twin=first.with_name("twin" + first.suffix).relative_to(source).as_posix(),
+    )
     assert len(twins) == 2
     assert twins[0] == twins[1]
 
@@ -183,15 +188,11 @@ def test_removing_a_dataset_leaves_no_file_behind(lake: Path) -> None:
 
 
 def test_a_gzipped_twin_is_the_same_motion(own_lake: Path, source: Path, scheduler: str) -> None:
-    import gzip
-
     first = clip_files(source)[0]
     packed = first.with_name(first.name + ".gz")
     packed.write_bytes(gzip.compress(first.read_bytes()))
     assert ingest(source, own_lake, scheduler).json["clips"] == 1
-    rows = query(own_lake, "SELECT * EXCLUDE (clip) FROM frames SEMI JOIN "
-                           f"(FROM clips WHERE ends_with(clip, '/{first.name}')) USING (clip) ORDER BY frame")  # fmt: skip
-    twin = query(own_lake, "SELECT * EXCLUDE (clip) FROM frames SEMI JOIN "
-                           f"(FROM clips WHERE ends_with(clip, '/{packed.name}')) USING (clip) ORDER BY frame")  # fmt: skip
-    assert rows == twin
+    text = "SELECT * EXCLUDE (clip) FROM frames WHERE ends_with(clip, '/' || $name) ORDER BY frame"
+    rows = query(own_lake, text, name=first.name)
+    assert rows == query(own_lake, text, name=packed.name)
     assert rows

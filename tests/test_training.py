@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import torch
 from safetensors.numpy import save_file
+from threadpoolctl import threadpool_limits
 
 from pipeline.words.config import NetworkConfig
 from pipeline.words.dtw import word_distances
@@ -180,3 +181,13 @@ def test_progress_is_reported() -> None:
         progress=lambda step, steps, loss: seen.append((step, steps)),
     )
     assert seen == [(50, 60), (60, 60)]
+
+
+def test_the_machine_s_threads_do_not_show(tmp_path: Path) -> None:
+    saved = []
+    for threads in (1, 2):
+        with threadpool_limits(threads):
+            network = train_words(clips(60, seed=5), CONFIG, NetworkConfig(steps=3))
+        network.save(tmp_path / f"{threads}.safetensors")
+        saved.append((tmp_path / f"{threads}.safetensors").read_bytes())
+    assert saved[0] == saved[1]

@@ -20,8 +20,6 @@ from numpy.typing import NDArray
 from pipeline.words.features import Float32Array
 from pipeline.words.frame_distance import Metric, frame_distances, operands, product
 
-__all__ = ["LANES", "Metric", "clip_pair_dtw", "pair_distances", "word_distances"]
-
 Index = NDArray[np.int64]
 
 LANES: Final = 32
@@ -73,39 +71,6 @@ def word_distances(
             _align(frames, a.shape[1], b.shape[1], average, distances[start : start + len(rows), columns_out])
     result[:] = distances[:, :n_b]
     return result
-
-
-def pair_distances(
-    a: Float32Array,
-    b: Float32Array,
-    pairs: NDArray[np.integer],
-    metric: Metric = "euclidean",
-    *,
-    average: bool = True,
-) -> Float32Array:
-    """Distances of chosen pairs of words.
-
-    Args:
-        a: [n, length, D] words.
-        b: [m, length', D] words.
-        pairs: [p, 2] indices into `a` and `b`.
-        metric: the frame distance.
-        average: as in `word_distances`.
-
-    Returns:
-        [p] float32.
-    """
-    _check_words(a, b, metric)
-    distances = np.empty(len(pairs), dtype=np.float32)
-    for start in range(0, len(pairs), LANES):
-        chunk = pairs[start : start + LANES]
-        frames = np.zeros((a.shape[1], b.shape[1], LANES), dtype=np.float32)
-        for lane, (i, j) in enumerate(chunk):
-            frames[:, :, lane] = frame_distances(a[i], b[j], metric)
-        aligned = np.empty((1, LANES), dtype=np.float32)
-        _align(frames.reshape(a.shape[1], -1), a.shape[1], b.shape[1], average, aligned)
-        distances[start : start + len(chunk)] = aligned[0, : len(chunk)]
-    return distances
 
 
 def clip_pair_dtw(

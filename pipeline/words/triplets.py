@@ -13,8 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.words.dtw import Metric, word_distances
+from pipeline.words.dtw import word_distances
 from pipeline.words.features import Float32Array, WordConfig
+from pipeline.words.frame_distance import Metric
 from pipeline.words.windows import windows, word_windows
 
 Indices = NDArray[np.int64]

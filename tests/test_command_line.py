@@ -1,0 +1,166 @@
+"""What people meet: help with examples, one clear line for a mistake, exit status 0, 1 and 2, JSON for machines."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+from pathlib import Path
+
+import pytest
+
+from pipeline.cli.main import COMMANDS
+from tests.lakes import Run, finish, motionlake, quick_lake, start
+from tests.samples import BVH
+
+CREATES = ("init", "ingest")
+COMMAND_LINES = {
+    "ingest": ["ingest", "{source}"],
+    "run": ["run", "all"],
+    "status": ["status"],
+    "search": ["search", "x"],
+    "sql": ["sql", "SELECT 1"],
+    "export": ["export", "x"],
+    "remove": ["remove", "x"],
+}
+
+
+def assert_clear(run: Run, *parts: str) -> None:
+    """Exit status 2, one line on stderr that says what and where, nothing on stdout."""
+    assert run.status == 2, run.err
+    line = run.err.strip().splitlines()[-1]
+    assert line.startswith("motionlake: ")
+    assert "Traceback" not in run.err
+    for part in parts:
+        assert part in line, line
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_command_has_an_example(command: str) -> None:
+    run = motionlake(command, "--help")
+    assert run.status == 0
+    assert re.search(rf"Example: motionlake\s+{command}", run.out)
+
+
+@pytest.mark.parametrize("command", [c for c in COMMAND_LINES if c not in CREATES])
+def test_a_folder_that_is_no_lake(command: str, tmp_path: Path) -> None:
+    assert_clear(motionlake(*COMMAND_LINES[command], "--lake", tmp_path), "no lake here", "motionlake init")
+
+
+@pytest.mark.parametrize(
+    ("words", "parts"),
+    [
+        (["search", "no_such_clip"], ["no_such_clip: no such clip"]),
+        (["search"], ["name a clip"]),
+        (["sql", "SELECT * FROM nowhere"], ["SQL", "nowhere"]),
+        (["sql", "DROP TABLE clips"], ["SQL", "read-only"]),
+        (["export", "no_such_clip"], ["no such clip"]),
+        (["export", "a0", "--rig", "mine"], ["--rig mine", "own or canonical"]),
+        (["run", "frobnicate"], ["frobnicate: no such stage", "signatures"]),
+        (["remove"], ["--dataset", "--gone"]),
+        (["remove", "--dataset", "nowhere"], ["nowhere: no such dataset", "clips"]),
+        (["remove", "--dataset", "../x"], ["dataset '../x'"]),
+        (["ingest", "/no/such/folder"], ["/no/such/folder: no such file or folder"]),
+        (["ingest", "{source}", "--rig", "nonsense"], ["--rig nonsense", "cmu_asf"]),
+        (["ingest", "{source}", "--up", "w"], ["--up w", "x, y, z"]),
+        (["ingest", "{source}", "--unit", "ells"], ["--unit ells", "cm"]),
+        (["ingest", "{source}", "--fps", "0"], ["--fps 0"]),
+        (["ingest", "{source}", "--dataset", "../../etc"], ["dataset '../../etc'"]),
+        (["ingest", "{source}", "--labels", "/no/labels.csv"], ["/no/labels.csv: no such file"]),
+    ],
+)
+def test_a_mistake_gets_one_clear_line(
+    built_lake: Path, clips_folder: Path, words: list[str], parts: list[str]
+) -> None:
+    filled = [w.format(source=clips_folder) for w in words]
+    assert_clear(motionlake(*filled, "--lake", built_lake), *parts)
+
+
+@pytest.mark.parametrize(
+    ("text", "parts"),
+    [
+        ("[words]\nstride = 'four'\n", ["config.toml", "stride", "int"]),
+        ("[wrods]\nstride = 4\n", ["config.toml", "[wrods]", "words"]),
+        ("[words]\nstrid = 4\n", ["config.toml", "strid", "stride"]),
+        ("[words\n", ["config.toml", "not valid TOML"]),
+    ],
+)
+def test_a_mistake_in_the_configuration(tmp_path: Path, text: str, parts: list[str]) -> None:
+    lake = quick_lake(tmp_path / "lake", text)
+    assert_clear(motionlake("run", "all", "--lake", lake), *parts)
+
+
+def test_debug_shows_the_traceback(tmp_path: Path) -> None:
+    run = finish(start("--debug", "status", "--lake", tmp_path))
+    assert run.status != 0
+    assert "Traceback" in run.err
+
+
+def test_init_does_not_overwrite(built_lake: Path) -> None:
+    assert_clear(motionlake("init", built_lake), "there is a lake here already")
+
+
+def test_an_ambiguous_name_lists_what_it_may_mean(tmp_path: Path, clips_folder: Path, scheduler: str) -> None:
+    clip = next(p for p in sorted(clips_folder.rglob("*")) if p.suffix in (".bvh", ".npz"))
+    for name in ("a", "b"):
+        (tmp_path / "twice" / name).mkdir(parents=True)
+        shutil.copyfile(clip, tmp_path / "twice" / name / clip.name)
+    lake = quick_lake(tmp_path / "lake")
+    run = motionlake("ingest", tmp_path / "twice", "--lake", lake, "--scheduler", scheduler)
+    assert run.status == 0, run.err
+    assert_clear(motionlake("export", clip.stem, "--lake", lake), "means 2 clips", f"twice/a/{clip.name}")
+
+
+def test_search_before_there_are_motifs(tmp_path: Path, clips_folder: Path, scheduler: str) -> None:
+    lake = quick_lake(tmp_path / "lake")
+    assert motionlake("ingest", clips_folder, "--lake", lake, "--scheduler", scheduler).status == 0
+    clip = next(p for p in sorted(clips_folder.rglob("*")) if p.suffix in (".bvh", ".npz"))
+    assert_clear(motionlake("search", clip.name, "--lake", lake), "has no signature yet", "motionlake run all")
+    assert_clear(motionlake("search", clip, "--lake", lake), "has no motifs yet", "motionlake run all")
+
+
+def test_rejects_are_named_counted_and_told_by_the_exit_status(
+    tmp_path: Path, clips_folder: Path, scheduler: str
+) -> None:
+    source = Path(shutil.copytree(clips_folder, tmp_path / "clips"))
+    (source / "broken.bvh").write_text(BVH.replace("OFFSET 9.0", "OFFSET nine", 1), encoding="utf-8")
+    line = 1 + BVH[: BVH.index("OFFSET 9.0")].count("\n")
+    (source / "empty.bvh").touch()
+    lake = quick_lake(tmp_path / "lake")
+    run = motionlake("ingest", source, "--lake", lake, "--scheduler", scheduler)
+    assert run.status == 1
+    assert "2 rejected" in run.out
+    assert f"rejected clips/broken.bvh, line {line}: " in run.err
+    again = motionlake("ingest", source, "--lake", lake, "--scheduler", scheduler, "--json")
+    assert (again.status, again.json["clips"], again.json["rejected"]) == (1, 0, 2)
+    retried = motionlake("ingest", source, "--lake", lake, "--scheduler", scheduler, "--retry-failed", "--json")
+    assert (retried.status, retried.json["clips"], retried.json["rejected"]) == (1, 0, 2)
+    run = motionlake("sql", "SELECT path, line, reason FROM rejects ORDER BY path", "--lake", lake, "--json")
+    assert [(r["path"], r["line"]) for r in run.json] == [("broken.bvh", line), ("empty.bvh", None)]
+    (source / "broken.bvh").unlink()
+    (source / "empty.bvh").unlink()
+    assert motionlake("remove", "--gone", "--lake", lake).status == 0
+    assert motionlake("ingest", source, "--lake", lake, "--scheduler", scheduler).status == 0
+
+
+@pytest.mark.parametrize("words", [["status"], ["sql", "FROM clips LIMIT 2"], ["search", "--sample", "2", "-k", "1"]])
+def test_json_is_json_and_alone_on_stdout(built_lake: Path, words: list[str]) -> None:
+    run = motionlake(*words, "--lake", built_lake, "--json")
+    assert run.status == 0
+    assert json.loads(run.out)
+
+
+def test_a_run_says_before_it_starts_whether_it_will_train(lake: Path, tmp_path: Path, scheduler: str) -> None:
+    run = motionlake("run", "all", "--lake", lake, "--scheduler", scheduler)
+    assert "will not train" in run.err
+    run = motionlake("run", "embed", "--refit", "--lake", lake, "--scheduler", scheduler)
+    assert re.search(r"will train a word network .*about [\d.]+ minutes", run.err)
+
+
+def test_status_counts_what_is_due(lake: Path) -> None:
+    before = motionlake("status", "--lake", lake, "--json").json
+    assert all(stage["due"] == 0 for stage in before["stages"])
+    (lake / "config.toml").write_text("[motifs]\nk = 5\n", encoding="utf-8")
+    after = {s["stage"]: s["due"] for s in motionlake("status", "--lake", lake, "--json").json["stages"]}
+    assert after["frames"] == after["words"] == 0
+    assert after["embed"] > 0

@@ -1,0 +1,76 @@
+"""Any program with DuckDB reads a lake: every table, every view, and the macros the docs call plain."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pyarrow.parquet as pq
+import pytest
+
+from tests.lakes import catalog, query
+
+TABLES = (
+    "clips", "rejects", "segments", "manifest", "models", "runs", "roots", "sources", "layouts", "words", "motifs",
+    "word_motifs", "signatures", "frames", "embeddings",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("table", TABLES)
+def test_every_table_reads(built_lake: Path, table: str) -> None:
+    rows = query(built_lake, f"SELECT count(*) FROM (SELECT * FROM {table})")
+    assert rows[0][0] > 0 or table in ("rejects", "segments")
+
+
+def test_no_table_is_left_out(built_lake: Path) -> None:
+    names = {r[0] for r in query(built_lake, "SELECT table_name FROM information_schema.tables")}
+    assert names == set(TABLES)
+
+
+def test_plain_macros(built_lake: Path) -> None:
+    clip = query(built_lake, "SELECT min(clip) FROM clips")[0][0]
+    stem = clip.rpartition("/")[2]
+    assert query(built_lake, "FROM find_clip($name)", name=stem) == [(clip,)]
+    shared = query(built_lake, "SELECT clip, shared FROM overlapping_motifs($clip, 5)", clip=clip)
+    assert len(shared) == 5
+    assert all(0 <= s <= 1 + 1e-6 for _, s in shared)
+    assert query(built_lake, "FROM clip_segments($clip)", clip=clip) == []
+
+
+def test_from_within_the_lake_nothing_has_to_be_set(built_lake: Path) -> None:
+    text = (
+        "import duckdb; con = duckdb.connect('catalog.duckdb', read_only=True); "
+        "print(con.execute('SELECT count(*) FROM frames').fetchall()[0][0])"
+    )
+    found = subprocess.run(
+        [sys.executable, "-c", text], cwd=built_lake, capture_output=True, text=True, check=True
+    ).stdout
+    assert int(found) == query(built_lake, "SELECT sum(frames) FROM clips")[0][0]
+
+
+def test_frames_are_sorted_and_complete(built_lake: Path) -> None:
+    for part in built_lake.glob("frames/dataset=*/*.parquet"):
+        table = pq.read_table(part, columns=["clip", "frame"])
+        rows = list(zip(table["clip"].to_pylist(), table["frame"].to_pylist(), strict=True))
+        assert rows == sorted(rows)
+    rows = query(built_lake, "SELECT clip, max(frame) + 1 FROM frames GROUP BY clip ORDER BY clip")
+    assert rows == query(built_lake, "SELECT clip, frames FROM clips ORDER BY clip")
+
+
+def test_frame_columns_are_compressed_as_documented(built_lake: Path) -> None:
+    part = next(built_lake.glob("frames/dataset=*/*.parquet"))
+    group = pq.ParquetFile(part).metadata.row_group(0)
+    for i in range(group.num_columns):
+        column = group.column(i)
+        assert column.compression == "ZSTD"
+        if column.physical_type == "FLOAT":
+            assert "BYTE_STREAM_SPLIT" in column.encodings
+
+
+def test_labels_and_attributes(built_lake: Path) -> None:
+    rows = query(built_lake, "SELECT label, subject, attributes['note'] FROM clips")
+    assert all(label and note for label, _, note in rows)
+    with catalog(built_lake) as con:
+        kinds = dict(con.execute("SELECT rig, count(*) FROM clips GROUP BY rig").fetchall())
+    assert len(kinds) == 3

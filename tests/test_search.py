@@ -1,0 +1,120 @@
+"""One answer, however it is asked for: command line, SQL, Python, by a clip's name or by its file."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pipeline.connection import connect
+from pipeline.emd import emd, ground_distances
+from pipeline.lake.layout import open_lake
+from pipeline.search import signature_of_file, similar_to_clip, similar_to_file
+from tests.lakes import motionlake, query
+
+Answer = list[tuple[int, str, float]]
+K = 6
+
+
+def by_command_line(lake: Path, clip: str, source: Path) -> Answer:
+    rows = motionlake("search", clip, "-k", K, "--lake", lake, "--json").json
+    return [(r["rank"], r["clip"], r["distance"]) for r in rows]
+
+
+def by_sql_command(lake: Path, clip: str, source: Path) -> Answer:
+    rows = motionlake("sql", f"FROM similar_clips('{clip}', {K})", "--lake", lake, "--json").json
+    return [(r["rank"], r["clip"], r["distance"]) for r in rows]
+
+
+def by_connection(lake: Path, clip: str, source: Path) -> Answer:
+    con = connect(lake)
+    try:
+        text = "SELECT rank, clip, distance FROM similar_clips($clip, $k)"
+        return con.execute(text, {"clip": clip, "k": K}).fetchall()
+    finally:
+        con.close()
+
+
+def by_python(lake: Path, clip: str, source: Path) -> Answer:
+    con = connect(lake)
+    try:
+        return [(h.rank, h.clip, h.distance) for h in similar_to_clip(con, clip, K)]
+    finally:
+        con.close()
+
+
+def by_file(lake: Path, clip: str, source: Path) -> Answer:
+    """The clip's own file, as one that is not in the lake: itself comes first."""
+    con = connect(lake)
+    try:
+        hits = similar_to_file(con, open_lake(lake), source / clip.partition("/")[2], K + 1)
+    finally:
+        con.close()
+    assert hits[0].distance == pytest.approx(0, abs=1e-6)
+    hits = [h for h in hits if h.clip != clip]
+    return [(rank, h.clip, h.distance) for rank, h in enumerate(hits, start=1)]
+
+
+def by_definition(lake: Path, clip: str, source: Path) -> Answer:
+    """The naive oracle: the distance to every signature, sorted."""
+    rows = query(lake, "SELECT clip, signature FROM signatures ORDER BY clip")
+    centroids = query(lake, "SELECT centroid FROM motifs ORDER BY motif")
+    ground = ground_distances(np.array([r[0] for r in centroids], dtype=np.float32))
+    signatures = dict(rows)
+    found = [(emd(signatures[clip], s, ground), name) for name, s in rows if name != clip]
+    return [(rank, name, distance) for rank, (distance, name) in enumerate(sorted(found)[:K], start=1)]
+
+
+@pytest.mark.parametrize("retriever", [by_command_line, by_sql_command, by_connection, by_python, by_file])
+def test_every_way_to_ask_gives_the_same_answer(
+    built_lake: Path, clips_folder: Path, retriever: Callable[[Path, str, Path], Answer]
+) -> None:
+    for (clip,) in query(built_lake, "SELECT clip FROM clips ORDER BY md5(clip) LIMIT 4"):
+        expected = by_definition(built_lake, clip, clips_folder)
+        answer = retriever(built_lake, clip, clips_folder)
+        assert [row[2] for row in answer] == pytest.approx([row[2] for row in expected], abs=1e-6)
+        assert {row[1] for row in answer} == {row[1] for row in expected}
+        assert [row[0] for row in answer] == list(range(1, K + 1))
+
+
+def test_a_file_has_the_signature_that_the_lake_gave_its_clip(built_lake: Path, clips_folder: Path) -> None:
+    con = connect(built_lake)
+    try:
+        rows = con.execute("SELECT path, signature FROM signatures JOIN clips USING (clip) ORDER BY clip").fetchall()
+        for path, signature in rows:
+            found = signature_of_file(con, open_lake(built_lake), clips_folder / path)
+            # A word near the border between two motifs may fall the other way before its frames are quantised.
+            assert (
+                np.abs(found - signature).sum()
+                <= 2.5
+                / query(
+                    built_lake, "SELECT words FROM signatures JOIN clips USING (clip) WHERE path = $path", path=path
+                )[0][0]
+            )
+    finally:
+        con.close()
+
+
+def test_signatures_are_histograms(built_lake: Path) -> None:
+    rows = query(built_lake, "SELECT signature, words FROM signatures")
+    assert len(rows) == query(built_lake, "SELECT count(*) FROM clips")[0][0]
+    for signature, words in rows:
+        assert len(signature) == 12
+        assert min(signature) >= 0
+        assert sum(signature) == pytest.approx(1, abs=1e-5)
+        assert words > 0
+
+
+def test_answers_may_be_kept_to_a_dataset(built_lake: Path) -> None:
+    clip = query(built_lake, "SELECT min(clip) FROM clips")[0][0]
+    assert motionlake("search", clip, "--in", "clips", "-k", 3, "--lake", built_lake, "--json").json
+    assert motionlake("search", clip, "--in", "elsewhere", "--lake", built_lake, "--json").json == []
+
+
+def test_several_queries_at_once(built_lake: Path) -> None:
+    names = [r[0] for r in query(built_lake, "SELECT clip FROM clips ORDER BY clip LIMIT 2")]
+    rows = motionlake("search", *names, "-k", 2, "--lake", built_lake, "--json").json
+    assert [r["query"] for r in rows] == [names[0]] * 2 + [names[1]] * 2
+    assert rows[:2] == motionlake("search", names[0], "-k", 2, "--lake", built_lake, "--json").json
