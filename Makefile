@@ -3,6 +3,7 @@ BIN := .venv/bin
 BENCH := .venv-bench/bin
 PIP := -m pip --quiet --disable-pip-version-check
 LAKE ?= lake
+DIST ?= dist
 STAGES := frames words embed motifs signatures
 # What `make demo` takes in: by default the DeepMimic motions, fetched first.
 DATA ?= demo/deepmimic
@@ -10,7 +11,7 @@ DEMO_LAKE = demo/$(notdir $(abspath $(DATA)))-lake
 DEMO_QUERIES = $(if $(filter demo/deepmimic,$(DATA)),humanoid3d_walk humanoid3d_kick humanoid3d_dance_a,--sample 3)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test lint ingest all $(STAGES) status wheel bench-ingest bench-lake bench-dtw bench-retrieval bench-representation
+.PHONY: help setup demo test lint ingest all $(STAGES) status wheel bench-ingest bench-dtw bench-retrieval bench-representation
 
 help: ## Show this help
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 24
@@ -20,7 +21,7 @@ setup: .venv/.ready ## Make .venv with the pinned packages
 .venv/.ready: requirements.lock pyproject.toml
 	test -x $(BIN)/python || $(PYTHON) -m venv .venv
 	$(BIN)/python $(PIP) install -r requirements.lock
-	$(BIN)/python $(PIP) install --no-deps --editable .
+	$(BIN)/python $(PIP) install --no-deps --no-build-isolation --editable .
 	touch $@
 
 demo: setup $(if $(filter demo/deepmimic,$(DATA)),demo/deepmimic/.ready) ## Real clips through every stage to answered queries (DATA=folder: your own)
@@ -66,13 +67,14 @@ $(STAGES):
 status: setup ## Show what LAKE=folder holds and lacks
 	$(BIN)/motionlake status --lake "$(LAKE)"
 
-wheel: setup ## Build the wheel into dist/
-	$(BIN)/python -m build --wheel --outdir dist
+wheel: setup ## Build the wheel into DIST=folder (dist)
+	rm -rf build
+	$(BIN)/python -m build --wheel --no-isolation --outdir $(DIST)
 
 .venv-bench/.ready: requirements-bench.lock pyproject.toml
 	test -x $(BENCH)/python || $(PYTHON) -m venv .venv-bench
 	$(BENCH)/python $(PIP) install -r requirements-bench.lock
-	$(BENCH)/python $(PIP) install --no-deps --editable .
+	$(BENCH)/python $(PIP) install --no-deps --no-build-isolation --editable .
 	touch $@
 
 bench-ingest: .venv-bench/.ready setup ## Measure reading against peers, then whole ingests: speed, memory, bytes a frame

@@ -12,8 +12,6 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from sklearn.cluster import KMeans
-from sklearn.exceptions import ConvergenceWarning
 from threadpoolctl import threadpool_limits
 
 Float32Array = NDArray[np.float32]
@@ -53,6 +51,9 @@ def fit_motifs(embeddings: Float32Array, k: int, seed: int) -> Motifs:
     Raises:
         ValueError: no words, `k` < 1, or values that are not finite.
     """
+    from sklearn.cluster import KMeans  # half a second, which assigning words need not pay
+    from sklearn.exceptions import ConvergenceWarning
+
     if len(embeddings) == 0 or k < 1:
         raise ValueError(f"{len(embeddings)} words cannot be clustered into {k} motifs")
     if not np.isfinite(embeddings).all():

@@ -9,7 +9,6 @@ from pipeline.lake.catalog import Connection, fetch
 from pipeline.lake.layout import Lake
 from pipeline.stages import embed, frames, motifs, signatures, words
 from pipeline.stages.derived import Part
-from pipeline.words.training import estimate_seconds
 
 
 def outlook(con: Connection, config: LakeConfig, stages: Sequence[str], *, refit: bool) -> list[str]:
@@ -19,7 +18,7 @@ def outlook(con: Connection, config: LakeConfig, stages: Sequence[str], *, refit
     if "embed" in stages:
         if network is None or refit:
             words = min(_words(con, config), config.network.max_words)
-            minutes = estimate_seconds(config.network, words) / 60
+            minutes = config.network.seconds(words) / 60
             lines.append(
                 f"embed: will train a word network ({config.network.architecture}), about {minutes:.1f} minutes"
             )

@@ -155,11 +155,6 @@ def train_words(
     return TrainedNetwork(network.eval(), config.architecture, words, figures)
 
 
-def estimate_seconds(config: NetworkConfig, words: int) -> float:
-    """About how long training takes on one core, from timings of the default network."""
-    return 0.03 * config.steps + 2e-3 * min(words, config.max_words)
-
-
 @contextmanager
 def _threads(count: int) -> Iterator[None]:
     """So many threads for torch and for numpy's linear algebra, whatever the machine or its environment says."""

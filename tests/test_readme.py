@@ -1,0 +1,113 @@
+"""README's commands and the Makefile's targets are run, so that they cannot rot."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import pytest
+
+from tests.lakes import QUICK, query
+from tests.samples import deepmimic_frames, deepmimic_text
+
+ROOT = Path(__file__).parents[1]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+MAKEFILE = (ROOT / "Makefile").read_text(encoding="utf-8")
+TARGETS = re.findall(r"^([a-z-]+):.*##", MAKEFILE, re.MULTILINE)
+
+
+def shell(command: str, folder: Path, **environment: str) -> subprocess.CompletedProcess[str]:
+    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    return subprocess.run(
+        ["sh", "-c", command],
+        cwd=folder,
+        env={**os.environ, "PATH": path, **environment},
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=300,
+    )
+
+
+@pytest.fixture(scope="module")
+def motions(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder that README speaks of: the fetched motions where `make demo` was run, else made ones."""
+    folder = tmp_path_factory.mktemp("readme") / "demo" / "deepmimic"
+    if (ROOT / "demo" / "deepmimic").is_dir():
+        return Path(shutil.copytree(ROOT / "demo" / "deepmimic", folder))
+    folder.mkdir(parents=True)
+    for i, name in enumerate(("walk", "kick", "run", "dance_a", "jump", "spin")):
+        (folder / f"humanoid3d_{name}.txt").write_text(deepmimic_text(deepmimic_frames(60 + 10 * i)))
+    return folder
+
+
+def test_readme_s_commands_run(motions: Path) -> None:
+    base = motions.parents[1]
+    commands = [
+        line for block in re.findall(r"```sh\n(.*?)```", README, re.DOTALL) for line in block.strip().splitlines()
+    ]
+    assert len(commands) > 10
+    assert shell("motionlake init mylake", base).returncode == 0
+    (base / "mylake" / "config.toml").write_text(QUICK, encoding="utf-8")
+    for command in commands:
+        run = shell(command, base)
+        # 1: the robot dog among the fetched motions is rejected
+        assert run.returncode in (0, 1), f"{command}: {run.stderr}"
+        assert run.stdout.strip() or "rejects" in command, command
+    assert (base / "walk.bvh").is_file()
+
+
+def test_readme_names_targets_that_are_there() -> None:
+    assert set(re.findall(r"`make ([a-z-]+)", README)) <= set(TARGETS)
+
+
+def test_every_target_has_its_line_of_help() -> None:
+    phony = re.search(r"^\.PHONY:(.*)$", MAKEFILE, re.MULTILINE)
+    stages = re.search(r"^STAGES := (.*)$", MAKEFILE, re.MULTILINE)
+    assert phony
+    assert stages
+    assert set(phony[1].replace("$(STAGES)", stages[1]).split()) == set(TARGETS)
+
+
+def test_the_demo_with_a_folder_of_one_s_own(motions: Path, tmp_path: Path) -> None:
+    run = shell(f"make demo DATA={motions} DEMO_LAKE={tmp_path / 'lake'}", ROOT)
+    assert run.returncode == 0, run.stderr
+    assert "rank" in run.stdout
+    assert query(tmp_path / "lake", "SELECT count(*) > 5 FROM signatures") == [(True,)]
+
+
+def test_stages_are_targets(motions: Path, tmp_path: Path) -> None:
+    lake = tmp_path / "lake"
+    assert shell(f"motionlake init {lake}", tmp_path).returncode == 0
+    (lake / "config.toml").write_text(QUICK, encoding="utf-8")
+    source = tmp_path / "clips"
+    source.mkdir()
+    for path in sorted(motions.glob("humanoid3d_*.txt"))[:5]:
+        shutil.copyfile(path, source / path.name)
+    run = shell(f"make ingest frames words embed motifs signatures status SRC={source} LAKE={lake}", ROOT)
+    assert run.returncode == 0, run.stderr
+    assert query(lake, "SELECT count(*) FROM signatures") == [(5,)]
+
+
+def test_a_built_wheel_works_as_the_checkout_does(motions: Path, tmp_path: Path) -> None:
+    run = shell(f"make wheel DIST={tmp_path}", ROOT)
+    assert run.returncode == 0, run.stderr
+    site = tmp_path / "site"
+    with zipfile.ZipFile(next(tmp_path.glob("*.whl"))) as wheel:
+        wheel.extractall(site)
+    command = f"{sys.executable} -m pipeline.cli.main"
+    where = shell(f"{sys.executable} -c 'import jobs, pipeline, sql; print(pipeline.__file__)'", tmp_path,
+                  PYTHONPATH=str(site))  # fmt: skip
+    assert where.stdout.startswith(str(site)), where.stderr
+    lake = tmp_path / "lake"
+    for words in (f"init {lake}", f"ingest {motions} --lake {lake}", f"run all --lake {lake}", f"status --lake {lake}",
+                  f"search humanoid3d_walk --lake {lake}"):  # fmt: skip
+        run = shell(f"{command} {words}", tmp_path, PYTHONPATH=str(site))
+        assert run.returncode in (0, 1), run.stderr
+        if words.startswith("init"):
+            (lake / "config.toml").write_text(QUICK, encoding="utf-8")
