@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 from typing import Protocol
 
 import pyarrow as pa
-from distributed import Client, as_completed
+from distributed import Client, Future, as_completed
 from threadpoolctl import threadpool_limits
 
 from pipeline.lake.catalog import load_rows, table_of, writing
@@ -25,7 +26,8 @@ FINISH_ROWS = pa.schema(
         "files": pa.list_(_S), "seconds": pa.float64(),
     }
 )  # fmt: skip
-LOAD_EVERY = 15.0  # seconds; what a killed run has done since it last loaded is done again
+AHEAD = 4  # shards submitted for each worker thread
+LOAD_EVERY = 5.0  # seconds; what a killed run has done since it last loaded is done again
 
 
 class Progress(Protocol):
@@ -69,15 +71,10 @@ def execute(lake: Lake, job: StageJob, shards: Sequence[Shard], client: Client, 
     save_plan(lake, shards)
     total = sum(s.items for s in shards)
     progress(job.name, 0, total)
-    futures = {
-        client.submit(_run_limited, job.run, lake.root, shard, key=f"{job.name}-{shard.key}", pure=False): shard
-        for shard in shards
-    }
     waiting: list[ShardResult] = []
     failures: list[tuple[Shard, str]] = []
     loaded_at, done, patience = time.monotonic(), 0, LOAD_EVERY
-    for future in as_completed(futures):
-        shard = futures.pop(future)
+    for shard, future in _finishing(lake, job, shards, client):
         error = future.exception() if future.status != "finished" else None
         if error is None:
             waiting.append(future.result())
@@ -94,6 +91,26 @@ def execute(lake: Lake, job: StageJob, shards: Sequence[Shard], client: Client, 
             patience = max(LOAD_EVERY, 10 * (loaded_at - started))
     _load(lake, job, waiting, outcome, failures)
     return outcome
+
+
+def _finishing(lake: Lake, job: StageJob, shards: Sequence[Shard], client: Client) -> Iterator[tuple[Shard, Future]]:
+    """Shards as they finish, with a few a worker thread in the cluster's hands: its memory must not grow with them."""
+    running: dict[Future, Shard] = {}
+    pool = as_completed()
+    left = iter(shards)
+
+    def submit() -> None:
+        wanted = AHEAD * max(1, sum(client.nthreads().values()))
+        for shard in islice(left, max(0, wanted - len(running))):
+            key = f"{job.name}-{shard.key}"
+            future = client.submit(_run_limited, job.run, lake.root, shard, key=key, pure=False)
+            running[future] = shard
+            pool.add(future)
+
+    submit()
+    for future in pool:
+        yield running.pop(future), future
+        submit()
 
 
 def _run_limited(run: RunShard, root: Path, shard: Shard) -> ShardResult:

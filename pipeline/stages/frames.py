@@ -29,6 +29,7 @@ from pipeline.stages.shard import Shard, ShardResult, tables_of
 from pipeline.stages.sources import IngestOptions, Root, SourceFile
 
 NAME = "frames"
+SHARD_BYTES = 8 << 20  # of source files; a worker's memory grows with it
 _S, _F, _I = pa.string(), pa.float64(), pa.int64()
 CLIP_ROWS = pa.schema(
     {
@@ -61,7 +62,7 @@ def plan(root: Root, changed: Sequence[SourceFile], config: FramesConfig, shapin
     The cut depends on the files alone, so any number of workers makes the same parts.
     """
     total = sum(f.size for f in changed)
-    limit = min(max(total // 16, 2 << 20), 32 << 20)
+    limit = min(max(total // 16, 2 << 20), SHARD_BYTES)
     shards, group, weight = [], [], 0
     for file in sorted(changed, key=lambda f: f.path):
         group.append(file)

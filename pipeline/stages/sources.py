@@ -20,6 +20,7 @@ from pipeline.lake.layout import Lake
 UNITS = {"m": 1.0, "dm": 0.1, "cm": 0.01, "mm": 0.001, "in": 0.0254, "ft": 0.3048}
 UPS = ("x", "y", "z", "-x", "-y", "-z")
 FRAMES_VERSION = 1
+HASHED_TOGETHER = 256
 
 
 @dataclass(frozen=True)
@@ -102,7 +103,7 @@ def options_json(options: IngestOptions) -> str:
     return json.dumps(asdict(options), sort_keys=True)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class SourceFile:
     """A clip file found in a root; `content_hash` is empty until it was needed."""
 
@@ -219,8 +220,10 @@ def _refuse_collisions(root: Root, known: dict[str, dict[str, Any]], found: list
 
 def _hashed(base: Path, files: list[SourceFile], progress: Callable[[int, int], None] | None) -> Iterator[SourceFile]:
     with ThreadPoolExecutor(min(8, os.cpu_count() or 1)) as pool:
-        hashes = pool.map(lambda f: content_hash(base / f.path), files)
-        for done, (file, digest) in enumerate(zip(files, hashes, strict=True), start=1):
-            if progress:
-                progress(done, len(files))
-            yield SourceFile(file.path, file.size, file.mtime_ns, digest)
+        for start in range(0, len(files), HASHED_TOGETHER):
+            batch = files[start : start + HASHED_TOGETHER]
+            hashes = pool.map(lambda f: content_hash(base / f.path), batch)
+            for done, (file, digest) in enumerate(zip(batch, hashes, strict=True), start=start + 1):
+                if progress:
+                    progress(done, len(files))
+                yield SourceFile(file.path, file.size, file.mtime_ns, digest)

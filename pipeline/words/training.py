@@ -36,7 +36,7 @@ class Recipe:
     Attributes:
         triplets: what positives and negatives are.
         margin: alpha of equation 2, in units of the squared median word distance.
-        temporal_weight: of the positives closest in time, beside 1 for each other kind.
+        temporal_weight: of the positives closest in time, beside 1 for each other kind. The paper's is 1.
         triplet_weight: of the triplet loss.
         metric_weight: of the term that keeps embedding distances equal to word distances.
         batch: anchors of a step.
@@ -47,7 +47,7 @@ class Recipe:
 
     triplets: TripletConfig = field(default_factory=TripletConfig)
     margin: float = 0.2
-    temporal_weight: float = 0.25
+    temporal_weight: float = 0.0
     triplet_weight: float = 1.0
     metric_weight: float = 1.0
     batch: int = 64

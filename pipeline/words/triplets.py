@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from pipeline.words.dtw import word_distances
 from pipeline.words.features import Float32Array, WordConfig
-from pipeline.words.frame_distance import Metric
+from pipeline.words.frame_distance import Metric, rigid_distances
 from pipeline.words.windows import windows, word_windows
 
 Indices = NDArray[np.int64]
@@ -27,10 +27,11 @@ class TripletConfig:
 
     Attributes:
         temporal: z, positives closest in time.
-        nearest: k, positives nearest by DTW in other clips.
+        nearest: k, positives nearest by word distance in other clips.
         anchors: words whose distances from all words are computed.
         far: negatives lie beyond this share of the median word distance.
         neighbourhood: share of all words that count as an anchor's neighbourhood when pairs are drawn.
+        elastic: share of DTW in the word distance; the rest compares words frame by frame. The paper's is 1.
     """
 
     temporal: int = 4
@@ -38,6 +39,7 @@ class TripletConfig:
     anchors: int = 1500
     far: float = 0.6
     neighbourhood: float = 0.02
+    elastic: float = 0.5
 
 
 @dataclass(frozen=True)
@@ -49,8 +51,8 @@ class TrainingWords:
         clips: [N] index of the clip each word is of.
         starts: [N] first frame in its clip.
         anchors: [A] indices of words, ascending.
-        distances: [A, N] word distances: the square root of the path-averaged DTW cost, divided by `scale`.
-        scale: median word distance; the median of `distances` is 1.
+        distances: [A, N] word distances (`_distances`); their median is 1.
+        scale: median distance of words before that.
         temporal: [A, z] words closest in time without overlap; the anchor itself where there are none.
         nearest: [A, k] nearest words of other clips; the anchor itself where there are none.
         neighbours: [A, h] the nearest words of any clip, the anchor left out.
@@ -93,9 +95,7 @@ def training_words(
     stacked, clips, starts = stacked[kept], clips[kept].astype(np.int64), starts[kept]
     anchors = np.sort(rng.permutation(len(clips))[: config.anchors])
     metric: Metric = "geodesic" if words.representation == "rotations" else "euclidean"
-    distances = np.sqrt(word_distances(stacked[anchors], stacked, metric))
-    scale = float(np.median(distances)) or 1.0
-    distances /= np.float32(scale)
+    distances, scale = _distances(stacked[anchors], stacked, metric, config.elastic)
     return TrainingWords(
         stacked,
         clips,
@@ -130,6 +130,25 @@ def time_warped(words: Float32Array, rng: np.random.Generator, strength: float =
     rows = np.arange(n)[:, None]
     first, second = words[rows, below], words[rows, np.minimum(below + 1, length - 1)]
     return np.asarray(first + weight * (second - first), dtype=np.float32)
+
+
+def _distances(a: Float32Array, b: Float32Array, metric: Metric, elastic: float) -> tuple[Float32Array, float]:
+    """Word distances over their median, and that median.
+
+    DTW forgives tempo, and with it what tells a gesture from its slow and partial likenesses; frame by frame, a
+    small shift in time is already a distance. Each is the square root of a mean squared frame distance, over its
+    own median.
+    """
+    total = np.zeros((len(a), len(b)), dtype=np.float32)
+    scale = 0.0
+    for share, distance in ((elastic, word_distances), (1 - elastic, rigid_distances)):
+        if share:
+            found = np.sqrt(distance(a, b, metric))
+            median = float(np.median(found)) or 1.0
+            total += found * np.float32(share / median)
+            scale += share * median
+    middle = float(np.median(total)) or 1.0
+    return total / np.float32(middle), scale * middle
 
 
 def _temporal(clips: Indices, starts: Indices, anchors: Indices, length: int, count: int) -> Indices:
