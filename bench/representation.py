@@ -109,7 +109,8 @@ def main() -> None:
     means = {m: float(np.mean([figures[n][m]["map"] for n in names])) for m in figures[names[0]]}
     for method, value in sorted(means.items(), key=lambda item: -item[1]):
         print(f"mean MAP {value:.3f}  {method}")
-    print(record("representation", {"sets": figures, "mean_map": means, "floors": FLOORS}))
+    name = "-".join(["representation", *sys.argv[1:]])
+    print(record(name, {"sets": figures, "mean_map": means, "floors": FLOORS}))
 
 
 if __name__ == "__main__":

@@ -1,0 +1,87 @@
+"""Lakes made for measuring, and the signatures of their clips."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bench.representation import K, shallow
+from jobs import frames
+from jobs.run import STAGES, run
+from jobs.session import session
+from pipeline.config import load_config
+from pipeline.emd import ground_distances
+from pipeline.lake.catalog import create_catalog, reading
+from pipeline.lake.layout import Lake
+from pipeline.motifs import assign, fit_motifs
+from pipeline.signatures import signatures
+from pipeline.stages import words
+from pipeline.stages.sources import IngestOptions, Root
+from pipeline.words.features import Float32Array, Float64Array
+
+CLIPS = "SELECT clip, dataset, label, coalesce(subject, '') FROM clips ORDER BY clip"
+SIGNATURES = "SELECT signature FROM signatures JOIN clips USING (clip) ORDER BY clip"
+CENTROIDS = "SELECT centroid FROM motifs ORDER BY motif"
+
+
+@dataclass(frozen=True)
+class SignedClips:
+    """Labelled clips with signatures [n, K] and the distances [K, K] of the motifs these are made of."""
+
+    datasets: list[str]
+    labels: list[str]
+    subjects: list[str]
+    signatures: NDArray[np.float32]
+    ground: Float64Array
+
+
+def make_lake(folder: Path, sources: Sequence[Path]) -> Lake:
+    """A lake of some source folders, each a dataset of its own."""
+    lake = Lake(folder / "lake")
+    create_catalog(lake)
+    roots = [Root(source.name, str(source.resolve()), IngestOptions()) for source in sources]
+    with session(lake, "bench", lambda stage, done, total: None, lambda line: None) as job:
+        frames.run(job, roots)
+    return lake
+
+
+def run_all(lake: Lake, seed: int) -> None:
+    """Every stage, with the seed for training and for clustering."""
+    lake.config_file.write_text(f"[network]\nseed = {seed}\n\n[motifs]\nseed = {seed}\n", encoding="utf-8")
+    with session(lake, "bench", lambda stage, done, total: None, lambda line: None) as job:
+        run(job, STAGES)
+        failed = [f"{stage}: {outcome.reason}" for stage, outcome in job.outcomes.items() if outcome.failed]
+    if failed:
+        raise RuntimeError("; ".join(failed))
+
+
+def learned_signatures(lake: Lake) -> SignedClips:
+    """What the lake serves."""
+    with reading(lake) as con:
+        made = np.array([row[0] for row in con.execute(SIGNATURES).fetchall()], dtype=np.float32)
+        centroids = np.array([row[0] for row in con.execute(CENTROIDS).fetchall()], dtype=np.float32)
+    return SignedClips(*_labels(lake), made, ground_distances(centroids))
+
+
+def shallow_signatures(lake: Lake, seed: int) -> SignedClips:
+    """The same words embedded by their principal components, all else as in the lake."""
+    config = load_config(lake.config_file)
+    with reading(lake) as con:
+        files = [lake.path(words.features_file(part.key)) for part in words.keyed(con, config.words)]
+    features: dict[str, Float32Array] = {clip: rows for file in files for clip, rows in words.read_features(file)}
+    embedded = shallow([features[clip] for clip in sorted(features)], config.words, seed)
+    motifs = fit_motifs(np.concatenate(embedded), K, seed)
+    made, _ = signatures([assign(vectors, motifs) for vectors in embedded], motifs.k)
+    return SignedClips(*_labels(lake), made, ground_distances(motifs.centroids))
+
+
+def _labels(lake: Lake) -> tuple[list[str], list[str], list[str]]:
+    """Dataset, label and subject of every clip, by name."""
+    with reading(lake) as con:
+        rows = con.execute(CLIPS).fetchall()
+    _, datasets, labels, subjects = (list(column) for column in zip(*rows, strict=True))
+    return datasets, labels, subjects
