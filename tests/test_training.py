@@ -13,6 +13,7 @@ from threadpoolctl import threadpool_limits
 from pipeline.words.config import NetworkConfig
 from pipeline.words.dtw import word_distances
 from pipeline.words.features import Float32Array, WordConfig
+from pipeline.words.frame_distance import Metric, frame_distances, rigid_distances
 from pipeline.words.network import ConvBody
 from pipeline.words.training import Recipe, TrainedNetwork, load_network, train_words
 from pipeline.words.triplets import TripletConfig, time_warped, training_words
@@ -49,7 +50,7 @@ def trained() -> TrainedNetwork:
 
 
 def test_positives_and_distances_are_what_they_claim() -> None:
-    config = TripletConfig(anchors=25)
+    config = TripletConfig(anchors=25, elastic=1)
     found = training_words(clips(12), CONFIG, config, max_words=70, seed=1)
     assert len(found.words) == 70
     truth = np.sqrt(word_distances(found.words[found.anchors], found.words)) / found.scale
@@ -181,6 +182,26 @@ def test_progress_is_reported() -> None:
         progress=lambda step, steps, loss: seen.append((step, steps)),
     )
     assert seen == [(50, 60), (60, 60)]
+
+
+@pytest.mark.parametrize("metric", ["euclidean", "geodesic"])
+def test_rigid_distances_match_naive(metric: Metric) -> None:
+    rng = np.random.default_rng(7)
+    a, b = (rng.standard_normal((n, 5, 8)).astype(np.float32) for n in (3, 4))
+    if metric == "geodesic":
+        a, b = (x / np.linalg.norm(x.reshape(*x.shape[:2], 2, 4), axis=-1).repeat(4, axis=-1) for x in (a, b))
+    expected = [
+        [np.mean([frame_distances(x[t : t + 1], y[t : t + 1], metric)[0, 0] for t in range(5)]) for y in b] for x in a
+    ]
+    np.testing.assert_allclose(rigid_distances(a, b, metric), expected, rtol=1e-4, atol=1e-5)
+
+
+def test_word_distances_are_half_elastic_half_rigid() -> None:
+    found = training_words(clips(12), CONFIG, TripletConfig(anchors=25), max_words=70, seed=1)
+    anchors = found.words[found.anchors]
+    parts = [np.sqrt(word_distances(anchors, found.words)), np.sqrt(rigid_distances(anchors, found.words))]
+    expected = sum(part / np.median(part) for part in parts)
+    np.testing.assert_allclose(found.distances, expected / np.median(expected), rtol=1e-4, atol=1e-5)
 
 
 def test_the_machine_s_threads_do_not_show(tmp_path: Path) -> None:
