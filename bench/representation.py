@@ -25,7 +25,7 @@ from pipeline.motifs import assign, fit_motifs
 from pipeline.signatures import signatures
 from pipeline.words.config import NetworkConfig
 from pipeline.words.features import Float32Array, WordConfig
-from pipeline.words.training import train_words
+from pipeline.words.training import Recipe, train_words
 from pipeline.words.windows import word_windows
 
 SEEDS: Final = (0, 1, 2)
@@ -54,20 +54,15 @@ def shallow(clips: list[Float32Array], config: WordConfig, seed: int) -> list[Fl
     return np.split(reduced, np.cumsum([len(w) for w in words])[:-1])
 
 
-def log_map(clips: list[Float32Array], config: WordConfig, seed: int) -> list[Float32Array]:
-    """As `shallow`, with each quaternion as its logarithm, whose Euclidean distance is nearly geodesic."""
-    logarithms = []
-    for clip in clips:
-        q = clip.reshape(len(clip), -1, 4)
-        sine = np.linalg.norm(q[..., 1:], axis=-1, keepdims=True)
-        log = q[..., 1:] * (np.arctan2(sine, q[..., :1]) / np.maximum(sine, 1e-12))
-        logarithms.append(np.ascontiguousarray(log.reshape(len(clip), -1)))
-    return shallow(logarithms, config, seed)
-
-
 def trained(clips: list[Float32Array], config: WordConfig, seed: int) -> list[Float32Array]:
     """The default network, trained on the set's own clips without their labels."""
     network = train_words(clips, config, NetworkConfig(seed=seed, steps=STEPS))
+    return [network.embed(word_windows(clip, config)) for clip in clips]
+
+
+def trained_as_published(clips: list[Float32Array], config: WordConfig, seed: int) -> list[Float32Array]:
+    """The same network, trained with the paper's positives, distance and loss."""
+    network = train_words(clips, config, NetworkConfig(seed=seed, steps=STEPS), recipe=Recipe.deep_motifs())
     return [network.embed(word_windows(clip, config)) for clip in clips]
 
 
@@ -89,7 +84,7 @@ def measure(clips: list[LabelledClip], config: WordConfig, embedding: Embedding)
 
 
 def main() -> None:
-    names = sys.argv[1:] or ["hdm05", "salsa", "bandai1"]
+    names = sys.argv[1:] or list(FLOORS)
     figures: dict[str, dict[str, dict[str, float]]] = {}
     for name in names:
         clips = load(name)
@@ -97,8 +92,8 @@ def main() -> None:
         methods: dict[str, tuple[WordConfig, Embedding]] = {
             f"shallow {variant}": (config, shallow) for variant, config in VARIANTS.items()
         }
-        methods["shallow log of rotations"] = (WordConfig.deep_motifs(), log_map)
         methods["trained default"] = (WordConfig(), trained)
+        methods["trained as published"] = (WordConfig(), trained_as_published)
         methods["trained rotations"] = (WordConfig.deep_motifs(), trained)
         figures[name] = {}
         for method, (config, embedding) in methods.items():

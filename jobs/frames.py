@@ -39,6 +39,7 @@ def run(
     """Bring the lake up to date with source folders (default: all it knows)."""
     with reading(session.lake) as con:
         roots = known_roots(con) if roots is None else roots
+    said = [labels_hash(root) for root in roots]  # first of all: a label file that is not there is a mistake
     due: list[tuple[Root, Difference, str]] = []
     for root in roots:
         shaping = root.shaping_hash(session.config.frames, session.lake)
@@ -53,7 +54,11 @@ def run(
     session.notice(f"frames: {sum(s.items for s in shards)} new or changed files")
     outcome = execute(session.lake, JOB, shards, session.client, session.progress) if shards else Outcome()
     session.outcomes[frames.NAME] = outcome
-    labels = [report for root, _, _ in due for report in _label(session, root, changed=bool(shards))]
+    labels = [
+        report
+        for root, words in zip(roots, said, strict=True)
+        for report in _label(session, root, words, changed=bool(shards))
+    ]
     with reading(session.lake) as con:
         rejects = sum(
             r["rejects"]
@@ -107,8 +112,7 @@ def _shards(session: Session, root: Root, difference: Difference, shaping: str, 
     return kept + frames.plan(root, list(rest.values()), session.config.frames, shaping)
 
 
-def _label(session: Session, root: Root, *, changed: bool) -> list[LabelReport]:
-    said = labels_hash(root)
+def _label(session: Session, root: Root, said: str, *, changed: bool) -> list[LabelReport]:
     with reading(session.lake) as con:
         rows = fetch(con, "queries/roots.sql")
     before = {(r["dataset"], r["root"]): r["labels_hash"] for r in rows}

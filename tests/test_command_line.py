@@ -5,13 +5,15 @@ from __future__ import annotations
 import json
 import re
 import shutil
+import tomllib
 from pathlib import Path
 
 import pytest
 
+import pipeline.skeleton
 from pipeline.cli.main import COMMANDS
-from tests.lakes import Run, finish, motionlake, quick_lake, start
-from tests.samples import BVH
+from tests.lakes import Run, assert_same, finish, motionlake, query, quick_lake, start, tables
+from tests.samples import BVH, KINECT_1, KINECT_1_PARENTS, npz_bytes, swinging_body
 
 CREATES = ("init", "ingest")
 COMMAND_LINES = {
@@ -73,7 +75,9 @@ def test_a_mistake_gets_one_clear_line(
     built_lake: Path, clips_folder: Path, words: list[str], parts: list[str]
 ) -> None:
     filled = [w.format(source=clips_folder) for w in words]
+    before = tables(built_lake)
     assert_clear(motionlake(*filled, "--lake", built_lake), *parts)
+    assert_same(before, tables(built_lake))
 
 
 @pytest.mark.parametrize(
@@ -164,3 +168,28 @@ def test_status_counts_what_is_due(lake: Path) -> None:
     after = {s["stage"]: s["due"] for s in motionlake("status", "--lake", lake, "--json").json["stages"]}
     assert after["frames"] == after["words"] == 0
     assert after["embed"] > 0
+
+
+def test_an_unknown_rig_is_rejected_until_its_map_is_there(tmp_path: Path, scheduler: str) -> None:
+    source, lake = tmp_path / "shots", quick_lake(tmp_path / "lake")
+    source.mkdir()
+    renamed = [name for name in KINECT_1 if name.endswith(("Left", "Right")) or name == "HipCenter"]
+    joints = [f"{name}Bone" if name in renamed else name for name in KINECT_1]
+    (source / "take.npz").write_bytes(npz_bytes(swinging_body(40), joints, KINECT_1_PARENTS, 30.0))
+    run = motionlake("ingest", source, "--lake", lake, "--scheduler", scheduler)
+    assert run.status == 1
+    assert "unknown rig" in run.err
+    assert "kinect_v1" in run.err
+    starter = motionlake("rig", source / "take.npz", "--lake", lake)
+    assert starter.status == 0
+    tomllib.loads(starter.out)
+    assert "HipCenterBone" in starter.out
+    # What the user makes of it: the map of the rig it resembles, with its own names.
+    known = (Path(pipeline.skeleton.__file__).parent / "rigs" / "kinect_v1.toml").read_text(encoding="utf-8")
+    text = re.sub("|".join(renamed), lambda m: f"{m[0]}Bone", known)
+    (lake / "rigs").mkdir(exist_ok=True)
+    (lake / "rigs" / "studio.toml").write_text(text.replace('"kinect_v1"', '"studio"'), encoding="utf-8")
+    run = motionlake("ingest", source, "--lake", lake, "--scheduler", scheduler)
+    assert run.status == 0, run.err
+    assert query(lake, "SELECT rig FROM clips") == [("studio",)]
+    assert motionlake("rig", source / "take.npz", "--lake", lake).out.startswith("studio")

@@ -55,6 +55,11 @@ class Recipe:
     learning_rate: float = 1e-3
     threads: int = 1
 
+    @classmethod
+    def deep_motifs(cls) -> Recipe:
+        """The paper's (sections 3.3, 3.4): DTW alone, positives closest in time, equation 2 and nothing beside it."""
+        return cls(triplets=TripletConfig(elastic=1.0), temporal_weight=1.0, metric_weight=0.0)
+
 
 @dataclass(frozen=True)
 class TrainedNetwork:
