@@ -16,7 +16,8 @@ def own_rig(con: Connection, lake: Lake, clip: str) -> SourceClip:
     """A clip in its own rig, from its raw channels."""
     row = fetch(con, "queries/clip.sql", {"clip": clip})[0]
     layout = fetch(con, "queries/layout.sql", {"layout": row["layout"]})[0]
-    return raw.read_source(lake.path(lake.raw_part(row["layout"], row["part"])), row, layout)
+    skeleton = fetch(con, "queries/skeleton.sql", {"skeleton": row["skeleton"]})[0]
+    return raw.read_source(lake.path(lake.raw_part(row["layout"], row["part"])), row, layout, skeleton)
 
 
 def canonical_rig(con: Connection, lake: Lake, clip: str) -> SourceClip:

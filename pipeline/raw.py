@@ -32,14 +32,15 @@ def layout_row(hierarchy: Hierarchy) -> dict[str, Any]:
     return {"layout": hashlib.sha256(canonical_json(row).encode()).hexdigest()[:12], **row}
 
 
-def clip_columns(hierarchy: Hierarchy) -> dict[str, Any]:
-    """What of a hierarchy differs between clips of one layout, flattened for `clips`."""
+def skeleton_row(hierarchy: Hierarchy) -> dict[str, Any]:
+    """What of a hierarchy differs between bodies of one layout, as a row of `skeletons`."""
     plain = np.allclose(hierarchy.axes, _IDENTITY, atol=0)
-    return {
-        "source_offsets": hierarchy.offsets.ravel(),
-        "source_axes": np.empty(0) if plain else hierarchy.axes.ravel(),
-        "source_ends": np.array([[j, *offset] for j, offset in hierarchy.end_sites], dtype=float).ravel(),
+    row: dict[str, Any] = {
+        "offsets": hierarchy.offsets.ravel().tolist(),
+        "axes": [] if plain else hierarchy.axes.ravel().tolist(),
+        "ends": [float(number) for joint, offset in hierarchy.end_sites for number in (joint, *offset)],
     }
+    return {"skeleton": hashlib.sha256(canonical_json(row).encode()).hexdigest()[:16], **row}
 
 
 def to_table(name: str, part: str, clip: SourceClip, height: float) -> pa.Table:
@@ -64,15 +65,17 @@ def _step(channel: str, height: float) -> float:
     return float(2.0 ** np.floor(np.log2(max(height, 1e-9) * 1e-5)))
 
 
-def read_source(path: Path, clip: Mapping[str, Any], layout: Mapping[str, Any]) -> SourceClip:
-    """The source clip again, from its raw part, its row in `clips` and its row in `layouts`."""
+def read_source(
+    path: Path, clip: Mapping[str, Any], layout: Mapping[str, Any], skeleton: Mapping[str, Any]
+) -> SourceClip:
+    """The source clip again, from its raw part and its rows in `clips`, `layouts` and `skeletons`."""
     joints = len(layout["joints"])
-    axes = np.array(clip["source_axes"], dtype=float).reshape(-1, 4)
-    ends = np.array(clip["source_ends"], dtype=float).reshape(-1, 4)
+    axes = np.array(skeleton["axes"], dtype=float).reshape(-1, 4)
+    ends = np.array(skeleton["ends"], dtype=float).reshape(-1, 4)
     hierarchy = Hierarchy(
         joints=tuple(layout["joints"]),
         parents=tuple(layout["parents"]),
-        offsets=np.array(clip["source_offsets"], dtype=float).reshape(joints, 3),
+        offsets=np.array(skeleton["offsets"], dtype=float).reshape(joints, 3),
         channels=tuple(tuple(c) for c in layout["channels"]),
         kind=ChannelKind(layout["kind"]),
         axes=axes if len(axes) else np.tile(_IDENTITY, (joints, 1)),

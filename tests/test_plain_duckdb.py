@@ -12,8 +12,8 @@ import pytest
 from tests.lakes import catalog, query
 
 TABLES = (
-    "clips", "rejects", "segments", "manifest", "models", "runs", "roots", "sources", "layouts", "words", "motifs",
-    "word_motifs", "signatures", "frames", "embeddings",
+    "clips", "rejects", "segments", "manifest", "models", "runs", "roots", "sources", "layouts", "skeletons", "words",
+    "motifs", "word_motifs", "signatures", "frames", "embeddings",
 )  # fmt: skip
 
 

@@ -37,7 +37,6 @@ PARENT_NAMES: Final = {
     "HipLeft": "SpineBase", "KneeLeft": "HipLeft", "AnkleLeft": "KneeLeft", "FootLeft": "AnkleLeft",
     "HipRight": "SpineBase", "KneeRight": "HipRight", "AnkleRight": "KneeRight", "FootRight": "AnkleRight",
 }  # fmt: skip
-# The file lists SpineShoulder after its children; in the hierarchy a parent comes first.
 # Joints of the hands with what carries them where the camera hardly saw them: no ground to drop a body.
 HANDS: Final = (
     ("HandLeft", "WristLeft"), ("HandTipLeft", "HandLeft"), ("ThumbLeft", "WristLeft"),
@@ -46,6 +45,7 @@ HANDS: Final = (
 # Beside a body that is seen longer, one that is not seen in more frames than these is the sensor's noise: the
 # threshold that is customary in preparing NTU for action recognition.
 NOISE_FRAMES: Final = 11
+# The file lists SpineShoulder after its children; in the hierarchy a parent comes first.
 TREE_ORDER: Final = (0, 1, 20, *range(2, 20), *range(21, 25))
 
 

@@ -36,8 +36,7 @@ CLIP_ROWS = pa.schema(
         "clip": _S, "dataset": _S, "path": _S, "body": _S, "format": _S, "rig": _S, "frames": _I, "fps": _F,
         "up": _S, "metres_per_unit": _F, "body_height": _F, "twist": pa.bool_(), "filled": pa.list_(_S),
         "repaired": _I, "fk_error": _F, "rest_offsets": pa.list_(pa.float32()), "layout": _S,
-        "source_offsets": pa.list_(_F), "source_axes": pa.list_(_F), "source_ends": pa.list_(_F),
-        "notes": pa.list_(_S), "licence": _S, "content_hash": _S, "part": _S,
+        "skeleton": _S, "notes": pa.list_(_S), "licence": _S, "content_hash": _S, "part": _S,
     }
 )  # fmt: skip
 REJECT_ROWS = pa.schema({"dataset": _S, "path": _S, "line": _I, "reason": _S, "content_hash": _S})
@@ -48,6 +47,7 @@ SOURCE_ROWS = pa.schema(
     }
 )  # fmt: skip
 KEY_ROWS = pa.schema({"stage": _S, "key": _S})
+SKELETON_ROWS = pa.schema({"skeleton": _S, "offsets": pa.list_(_F), "axes": pa.list_(_F), "ends": pa.list_(_F)})
 LAYOUT_ROWS = pa.schema(
     {
         "layout": _S, "kind": _S, "fixed_axes": pa.bool_(), "joints": pa.list_(_S),
@@ -103,6 +103,7 @@ def run(lake_root: Path, shard: Shard) -> ShardResult:
     clips: list[dict[str, Any]] = []
     rejects: list[dict[str, Any]] = []
     layouts: dict[str, dict[str, Any]] = {}
+    skeletons: dict[str, dict[str, Any]] = {}
     with ExitStack() as stack:
         parts = _Parts(lake, shard, stack)
         for file in shard.spec["files"]:
@@ -113,10 +114,12 @@ def run(lake_root: Path, shard: Shard) -> ShardResult:
                 continue
             for clip, motion, rig in made:
                 name = clip_name(shard.dataset, file["path"], clip.body)
-                layout = raw.layout_row(clip.hierarchy)
+                layout, skeleton = raw.layout_row(clip.hierarchy), raw.skeleton_row(clip.hierarchy)
                 layouts[layout["layout"]] = layout
+                skeletons[skeleton["skeleton"]] = skeleton
                 parts.write(name, clip, motion, layout["layout"], config)
-                clips.append(_clip_row(name, shard, file, clip, motion, rig, layout["layout"], options))
+                row = _clip_row(name, shard, file, clip, motion, rig, options)
+                clips.append(row | {"layout": layout["layout"], "skeleton": skeleton["skeleton"]})
     files = parts.written
     sources = [_source_row(shard, file) for file in shard.spec["files"]]
     return ShardResult(
@@ -130,7 +133,8 @@ def run(lake_root: Path, shard: Shard) -> ShardResult:
             "clips": table_of(clips, CLIP_ROWS),
             "rejects": table_of(rejects, REJECT_ROWS),
             "sources": table_of(sources, SOURCE_ROWS),
-            "layouts": table_of(sorted(layouts.values(), key=lambda r: r["layout"]), LAYOUT_ROWS),
+            "layouts": table_of([layouts[k] for k in sorted(layouts)], LAYOUT_ROWS),
+            "skeletons": table_of([skeletons[k] for k in sorted(skeletons)], SKELETON_ROWS),
         },
     )
 
@@ -204,7 +208,6 @@ def _clip_row(
     clip: SourceClip,
     motion: CanonicalMotion,
     rig: RigMap,
-    layout: str,
     options: IngestOptions,
 ) -> dict[str, Any]:
     path = Path(file["path"])
@@ -226,8 +229,6 @@ def _clip_row(
         "repaired": clip.repaired,
         "fk_error": motion.fk_error,
         "rest_offsets": motion.rest_offsets.astype(np.float32).ravel(),
-        "layout": layout,
-        **raw.clip_columns(clip.hierarchy),
         "notes": [*clip.notes, *motion.notes],
         "licence": options.licence,
         "content_hash": file["content_hash"],
@@ -264,6 +265,7 @@ def load(con: Connection, _root: Path, results: Sequence[ShardResult]) -> None:
     load_rows(con, "queries/load_clips.sql", tables_of(results, "clips"))
     load_rows(con, "queries/load_rejects.sql", tables_of(results, "rejects"))
     load_rows(con, "queries/load_layouts.sql", tables_of(results, "layouts"))
+    load_rows(con, "queries/load_skeletons.sql", tables_of(results, "skeletons"))
     run_sql(con, "queries/forget_orphans.sql")
 
 

@@ -22,9 +22,7 @@ CREATE TABLE clips (
     fk_error DOUBLE NOT NULL,        -- metres, largest distance between stored and rebuilt joints
     rest_offsets FLOAT[] NOT NULL,   -- 21 x 3, metres, canonical rest pose
     layout VARCHAR NOT NULL,         -- of the raw channels
-    source_offsets DOUBLE[] NOT NULL,-- joints x 3, file units
-    source_axes DOUBLE[] NOT NULL,   -- joints x 4, empty where all are identity
-    source_ends DOUBLE[] NOT NULL,   -- (joint, x, y, z) of every end site
+    skeleton VARCHAR NOT NULL,       -- of the file
     notes VARCHAR[] NOT NULL,
     content_hash VARCHAR NOT NULL,
     part VARCHAR NOT NULL            -- the Parquet part that holds its frames
@@ -44,4 +42,11 @@ CREATE TABLE layouts (
     joints VARCHAR[] NOT NULL,
     parents INTEGER[] NOT NULL,
     channels VARCHAR[][] NOT NULL
+);
+-- Skeletons of source files, in their own units; clips of one body mostly share one.
+CREATE TABLE skeletons (
+    skeleton VARCHAR PRIMARY KEY,
+    offsets DOUBLE[] NOT NULL,       -- joints of the layout x 3
+    axes DOUBLE[] NOT NULL,          -- joints x 4 (quaternions), empty where all are identity
+    ends DOUBLE[] NOT NULL           -- (joint, x, y, z) of every end site
 );

@@ -1,0 +1,1 @@
+SELECT * FROM skeletons WHERE skeleton = $skeleton;
