@@ -29,8 +29,8 @@ def process(*words: str) -> Iterator[subprocess.Popen[bytes]]:
 
 
 @contextmanager
-def running_cluster(*workers: tuple[str, ...]) -> Iterator[str]:
-    """A scheduler and its workers as processes of their own, the way people run them."""
+def running_cluster() -> Iterator[str]:
+    """A scheduler and two workers, of one thread and of two, as processes of their own, the way people run them."""
     with closing(socket.socket()) as probe:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]
@@ -43,8 +43,8 @@ def running_cluster(*workers: tuple[str, ...]) -> Iterator[str]:
                     break
             assert scheduler.poll() is None
             time.sleep(0.1)
-        worker = ("-m", "distributed.cli.dask_worker", address, "--nthreads", "1", "--no-dashboard")
-        with process(*worker), process(*worker):
+        worker = ("-m", "distributed.cli.dask_worker", address, "--no-dashboard", "--nthreads")
+        with process(*worker, "1"), process(*worker, "2"):
             yield address
 
 
