@@ -33,6 +33,7 @@ def _train(session: Session) -> Model | None:
         file = next_file(con, embed.NETWORK, ".safetensors")
         data_hash = frames.content_key(con)
     if not features:
+        session.notice("embed: there are no words yet; `motionlake run all` makes every stage")
         return None
     figures = embed.train(
         lake, features, config, file, lambda step, steps, loss: session.progress("train", step, steps)

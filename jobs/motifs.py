@@ -19,6 +19,7 @@ def run(session: Session, *, refit: bool = False) -> Outcome:
         network = embed.fitting_network(con, session.config)
         fitted = motifs.fitting_motifs(con, session.config, network) if network and not refit else None
     if network is None:
+        session.notice("motifs: there are no embeddings yet; `motionlake run all` makes every stage")
         return Outcome()
     model = fitted or _fit(session, network)
     with reading(session.lake) as con:

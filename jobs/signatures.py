@@ -15,6 +15,7 @@ def run(session: Session) -> Outcome:
         network = embed.fitting_network(con, session.config)
         model = motifs.fitting_motifs(con, session.config, network) if network else None
         if network is None or model is None:
+            session.notice("signatures: there are no motifs yet; `motionlake run all` makes every stage")
             return Outcome()
         shards = signatures.plan(con, session.lake, session.config, network, model)
     return execute(session.lake, JOB, shards, session.client, session.progress) if shards else Outcome()

@@ -63,6 +63,8 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
         return
     ran = len(terminalreporter.stats.get("passed", [])) + len(terminalreporter.stats.get("failed", []))
     skipped = len(terminalreporter.stats.get("skipped", []))
+    if not ran + skipped:
+        return
     terminalreporter.write_line(
         f"without real recordings: {ran} tests ran (made clips stand in where they can), {skipped} need MOTIONLAKE_DATA"
     )

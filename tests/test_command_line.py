@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 import shutil
 import tomllib
@@ -42,6 +43,7 @@ def test_every_command_has_an_example(command: str) -> None:
     run = motionlake(command, "--help")
     assert run.status == 0
     assert re.search(rf"Example: motionlake\s+{command}", run.out)
+    assert "--json" in run.out
 
 
 @pytest.mark.parametrize("command", [c for c in COMMAND_LINES if c not in CREATES])
@@ -56,6 +58,7 @@ def test_a_folder_that_is_no_lake(command: str, tmp_path: Path) -> None:
         (["search"], ["name a clip"]),
         (["sql", "SELECT * FROM nowhere"], ["SQL", "nowhere"]),
         (["sql", "DROP TABLE clips"], ["SQL", "read-only"]),
+        (["sql", ""], ["no statement"]),
         (["export", "no_such_clip"], ["no such clip"]),
         (["export", "a0", "--rig", "mine"], ["--rig mine", "own or canonical"]),
         (["run", "frobnicate"], ["frobnicate: no such stage", "signatures"]),
@@ -193,3 +196,37 @@ def test_an_unknown_rig_is_rejected_until_its_map_is_there(tmp_path: Path, sched
     assert run.status == 0, run.err
     assert query(lake, "SELECT rig FROM clips") == [("studio",)]
     assert motionlake("rig", source / "take.npz", "--lake", lake).out.startswith("studio")
+
+
+def test_what_is_no_regular_file_is_rejected_and_stops_nothing(
+    tmp_path: Path, clips_folder: Path, scheduler: str
+) -> None:
+    source, lake = tmp_path / "clips", quick_lake(tmp_path / "lake")
+    (source / "ünï'cødé").mkdir(parents=True)
+    clip = next(p for p in sorted(clips_folder.rglob("*")) if p.suffix in (".bvh", ".npz"))
+    shutil.copyfile(clip, source / "ünï'cødé" / f'it\'s "one"{clip.suffix}')
+    (source / "dangling.bvh").symlink_to(tmp_path / "nowhere.bvh")
+    (source / "loop").symlink_to(source)
+    (source / "folder.bvh").mkdir()
+    for name in ("pipe.bvh", "pipe.amc", "pipe.txt"):
+        os.mkfifo(source / name)
+    run = motionlake("ingest", source, "--lake", lake, "--scheduler", scheduler, "--json")
+    assert run.status == 1, run.err
+    assert run.json["clips"] == 1
+    reasons = dict(query(lake, "SELECT path, reason FROM rejects"))
+    assert reasons.keys() == {"dangling.bvh", "pipe.bvh", "pipe.amc"}
+    assert "does not exist" in reasons["dangling.bvh"]
+    assert "not a regular file" in reasons["pipe.bvh"]
+    assert motionlake("run", "all", "--lake", lake, "--scheduler", scheduler).status == 1
+    found = motionlake("search", 'it\'s "one"', "--lake", lake, "--json")
+    assert (found.status, found.json) == (0, [])
+    before = tables(lake)
+    assert motionlake("ingest", source, "--lake", lake, "--scheduler", scheduler, "--json").json["clips"] == 0
+    assert_same(before, tables(lake))
+
+
+def test_a_folder_without_clips(tmp_path: Path, scheduler: str) -> None:
+    (tmp_path / "empty").mkdir()
+    run = motionlake("ingest", tmp_path / "empty", "--lake", tmp_path / "lake", "--scheduler", scheduler)
+    assert run.status == 0
+    assert "no clip files; motionlake reads .amc, .bvh" in run.err

@@ -106,13 +106,16 @@ def test_changed_labels_recompute_nothing(own_lake: Path, source: Path, schedule
     stamps = query(own_lake, "FROM manifest ORDER BY ALL")
     with (source / "labels.csv").open(encoding="utf-8") as handle:
         rows = [{**row, "label": f"new {i}"} for i, row in enumerate(csv.DictReader(handle))]
-    write_labels(source / "labels.csv", rows)
+    twice = {**rows[0], "label": "overruled"}
+    write_labels(source / "labels.csv", [twice, *rows, {**twice, "file": "../../outside.bvh"}])
     write_labels(
         source / "segments.csv",
         [{"file": rows[0]["file"], "start": "0", "stop": "9", "label": "a"},
          {"file": rows[0]["file"], "start": "5", "stop": "12", "label": "b"}],
     )  # fmt: skip
-    assert ingest(source, own_lake, scheduler).json["clips"] == 0
+    run = ingest(source, own_lake, scheduler)
+    assert run.json["clips"] == 0
+    assert "labels.csv: 1 of" in run.err
     assert set(run_all(own_lake, scheduler).values()) == {0}
     assert query(own_lake, "FROM manifest ORDER BY ALL") == stamps
     assert {r[0] for r in query(own_lake, "SELECT label FROM clips")} == {row["label"] for row in rows}

@@ -20,6 +20,7 @@ from pipeline.cli.common import (
 )
 from pipeline.cli.report import close_run, say_rejects
 from pipeline.errors import UserError
+from pipeline.formats import readers
 from pipeline.lake.catalog import create_catalog, reading
 from pipeline.lake.layout import Lake, check_dataset
 from pipeline.skeleton.rigs import load_rigs
@@ -83,6 +84,11 @@ def ingest(
     if len(report.gone) > 5:
         notice(f"… and {len(report.gone) - 5} more whose source is gone")
     outcome = report.outcome
+    if not (outcome.clips or report.unchanged or report.rejects or outcome.failed):
+        suffixes = sorted({suffix for reader in readers() for suffix in reader.suffixes})
+        notice(
+            f"{', '.join(map(str, sources))}: no clip files; motionlake reads {', '.join(suffixes)}, and .gz of each"
+        )
     figures = {
         "clips": outcome.clips, "frames": outcome.rows, "bytes": outcome.bytes, "unchanged": report.unchanged,
         "rejected": report.rejects, "failed": outcome.failed, "gone": len(report.gone),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import typer
 
-from pipeline.cli.common import LakeArgument, notice
+from pipeline.cli.common import JsonOption, LakeArgument, notice, print_json
 from pipeline.config import default_toml
 from pipeline.lake.catalog import create_catalog
 from pipeline.lake.layout import Lake
@@ -14,7 +14,7 @@ def add_to(app: typer.Typer) -> None:
     app.command()(init)
 
 
-def init(lake: LakeArgument) -> None:
+def init(lake: LakeArgument, as_json: JsonOption = False) -> None:
     """Create an empty lake.
 
     Example: motionlake init mylake
@@ -24,3 +24,5 @@ def init(lake: LakeArgument) -> None:
     if not target.config_file.exists():
         target.config_file.write_text(default_toml(), encoding="utf-8")
     notice(f"an empty lake in {lake}; next: motionlake ingest FOLDER --lake {lake}")
+    if as_json:
+        print_json({"lake": str(target.root)})

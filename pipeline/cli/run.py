@@ -24,6 +24,7 @@ from pipeline.errors import UserError
 from pipeline.lake.catalog import reading
 from pipeline.lake.layout import Lake, open_lake
 from pipeline.stages.outlook import outlook
+from pipeline.stages.sources import known_roots
 
 
 def add_to(app: typer.Typer) -> None:
@@ -68,5 +69,8 @@ def run_command(
 def _announce(lake: Lake, stages: tuple[str, ...], refit: bool) -> None:
     config = load_config(lake.config_file)
     with reading(lake) as con:
+        if not known_roots(con):
+            notice(f"{lake.root}: holds no clips yet; take some in with `motionlake ingest FOLDER --lake {lake.root}`")
+            return
         for line in outlook(con, config, stages, refit=refit):
             notice(line)

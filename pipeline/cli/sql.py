@@ -31,7 +31,10 @@ def sql_command(
 
     con = connect(lake)
     try:
-        cursor = con.execute(sys.stdin.read() if query == "-" else query)
+        text = sys.stdin.read() if query == "-" else query
+        if not con.extract_statements(text):
+            raise UserError("sql: there is no statement in the query")
+        cursor = con.execute(text)
         names = [c[0] for c in cursor.description or ()]
         rows = [dict(zip(names, row, strict=True)) for row in cursor.fetchall()]
     except duckdb.Error as error:

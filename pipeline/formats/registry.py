@@ -81,6 +81,8 @@ def is_clip(path: Path) -> bool:
     sniff = getattr(reader, "sniff", None)
     if sniff is None:
         return reader is not None
+    if not path.is_file():  # a pipe would never end
+        return False
     try:
         with path.open("rb") as raw:
             head = raw.read(HEAD_BYTES)

@@ -92,12 +92,14 @@ def _relative(root: Root, file: Path, name: str) -> str:
 
 
 def _label_rows(root: Root, file: Path) -> list[dict[str, object]]:
-    rows: list[dict[str, object]] = []
-    for _, row in _rows(file, {"file"}):
+    """A row a line; of several lines for one file the last stands."""
+    rows: dict[str, dict[str, object]] = {}
+    for line, row in _rows(file, {"file"}):
         extra = [(k, v) for k, v in sorted(row.items()) if v and k not in {"file", *_OWN}]
         own = {name: row.get(name) or None for name in _OWN}
-        rows.append({"path": _relative(root, file, row["file"]), **own, "attributes": extra})
-    return rows
+        path = _relative(root, file, row["file"])
+        rows[path or f"line {line}"] = {"path": path, **own, "attributes": extra}
+    return list(rows.values())
 
 
 def _segment_rows(root: Root, file: Path) -> list[dict[str, object]]:

@@ -145,24 +145,32 @@ def scan(root: Path, lake: Lake) -> Iterator[SourceFile]:
 
 
 def _source_file(root: Path, path: Path) -> SourceFile:
-    stats = [p.stat() for p in [path, *_companions(path)]]
+    try:
+        stats = [p.stat() for p in [path, *_companions(path)]]
+    except OSError:  # a link to nothing: the reader says so, and the file is rejected
+        return SourceFile(path.relative_to(root).as_posix(), 0, 0)
     size, newest = sum(s.st_size for s in stats), max(s.st_mtime_ns for s in stats)
     return SourceFile(path.relative_to(root).as_posix(), size, newest)
 
 
 def _companions(path: Path) -> list[Path]:
     try:
-        return companions(path)
+        return companions(path) if path.is_file() else []
     except (ClipError, OSError):
         return []
 
 
 def content_hash(path: Path) -> str:
-    """sha256 over a clip file and its companions."""
+    """sha256 over a clip file and its companions; over nothing where there is no regular file that opens."""
     digest = hashlib.sha256()
     for part in [path, *_companions(path)]:
-        with part.open("rb") as handle:
-            digest.update(hashlib.file_digest(handle, "sha256").digest())
+        if not part.is_file():  # a pipe would never end
+            continue
+        try:
+            with part.open("rb") as handle:
+                digest.update(hashlib.file_digest(handle, "sha256").digest())
+        except OSError:
+            continue
     return digest.hexdigest()
 
 
