@@ -117,6 +117,7 @@ def writing(lake: Lake) -> Iterator[Connection]:
         con = duckdb.connect(str(temporary))
         try:
             use_lake_paths(con, lake)
+            run_sql(con, "queries/one_thread.sql")
             con.begin()
             yield con
             refresh_views(con, lake)
