@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.clip import ChannelKind
 from pipeline.formats import read_clips
 from pipeline.frames import read_clip
 from pipeline.kinematics import solve
@@ -31,9 +30,7 @@ def test_a_round_trip_in_its_own_rig_keeps_every_joint(built_lake: Path, clips_f
         assert again.fps == pytest.approx(source.fps, rel=1e-5)
         order = [again.hierarchy.joints.index(joint) for joint in source.hierarchy.joints]
         worst = np.abs(after.positions[:, order] - before.positions).max()
-        # Positions without rotations come back over bones of constant length; the file's own vary.
-        if source.hierarchy.kind is not ChannelKind.POSITIONS:
-            assert worst < 1e-4 * height, clip
+        assert worst < 1e-4 * height, clip
 
 
 def test_retargeted_to_the_canonical_skeleton(built_lake: Path, tmp_path: Path) -> None:
