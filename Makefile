@@ -47,7 +47,7 @@ lint: setup ## Run ruff, mypy and the import contracts
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
-	$(BIN)/lint-imports --no-cache > .lint-imports.log || { cat .lint-imports.log; exit 1; }
+	@said=$$($(BIN)/lint-imports --no-cache 2>&1) || { echo "$$said"; exit 1; }
 
 ingest: setup ## Take the clips of SRC=folder into LAKE=folder
 	$(BIN)/motionlake ingest "$(SRC)" --lake "$(LAKE)"
