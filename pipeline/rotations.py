@@ -184,29 +184,6 @@ def angle(a: FloatArray, b: FloatArray) -> FloatArray:
     return degrees
 
 
-def nlerp(a: FloatArray, b: FloatArray, t: FloatArray | float) -> FloatArray:
-    """Normalised linear blend of a (t = 0) and b (t = 1) [..., 4] along the shorter arc; t [...]."""
-    weight = np.asarray(t, float)[..., None]
-    return normalise((1 - weight) * a + weight * _nearer(b, a))
-
-
-def slerp(a: FloatArray, b: FloatArray, t: FloatArray | float) -> FloatArray:
-    """Blend of a (t = 0) and b (t = 1) [..., 4] at constant speed along the shorter arc; t [...]."""
-    weight = np.asarray(t, float)[..., None]
-    b = _nearer(b, a)
-    half = np.arctan2(np.linalg.norm(a - b, axis=-1), np.linalg.norm(a + b, axis=-1))[..., None] * 2
-    small = half < _POLE
-    sine = np.where(small, 1.0, np.sin(half))
-    first = np.where(small, 1 - weight, np.sin((1 - weight) * half) / sine)
-    second = np.where(small, weight, np.sin(weight * half) / sine)
-    return normalise(first * a + second * b)
-
-
-def _nearer(q: FloatArray, reference: FloatArray) -> FloatArray:
-    """q or -q, whichever is nearer to the reference."""
-    return np.where(np.sum(q * reference, -1, keepdims=True) < 0, -q, q)
-
-
 def continuous(q: FloatArray) -> FloatArray:
     """q [F, ..., 4] with signs such that no frame is farther from the one before than its opposite is."""
     flips = np.sum(q[1:] * q[:-1], -1) < 0

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from scipy.spatial.transform import Rotation, Slerp
+from scipy.spatial.transform import Rotation
 
 from pipeline import rotations as rot
 from pipeline.clip import ChannelKind, FloatArray, Hierarchy, SourceClip
@@ -71,21 +71,6 @@ def test_swing_turns_one_direction_into_the_other_the_short_way(u: FloatArray, v
     np.testing.assert_allclose(rot.rotate(q, u), v, atol=1e-7)
     shortest = 2 * np.arctan2(np.linalg.norm(u - v, axis=1), np.linalg.norm(u + v, axis=1))
     np.testing.assert_allclose(scipy_of(q).magnitude(), shortest, atol=1e-6)
-
-
-@settings(max_examples=40, deadline=None)
-@given(angles, angles, st.floats(0, 1))
-def test_blends_follow_the_shorter_arc(a: FloatArray, b: FloatArray, t: float) -> None:
-    p, q = rot.from_euler(a, "ZYX"), rot.from_euler(b, "ZYX")
-    for one, other in zip(p, q, strict=True):
-        arc = rot.angle(one, other)
-        if arc > 179:
-            continue
-        expected = Slerp([0, 1], scipy_of(np.array([one, other])))(t)
-        assert_same_rotation(rot.slerp(one, other, t), expected, 1e-6)
-        assert_same_rotation(rot.slerp(one, -other, t), expected, 1e-6)
-        blend = rot.nlerp(one, -other, t)
-        assert rot.angle(one, blend) + rot.angle(blend, other) == pytest.approx(arc, abs=1e-4)
 
 
 def hierarchy(kind: ChannelKind, channels: list[tuple[str, ...]], axes: FloatArray, fixed: bool) -> Hierarchy:

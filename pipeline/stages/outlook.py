@@ -17,8 +17,7 @@ def outlook(con: Connection, config: LakeConfig, stages: Sequence[str], *, refit
     network = embed.fitting_network(con, config)
     if "embed" in stages:
         if network is None or refit:
-            words = min(_words(con, config), config.network.max_words)
-            minutes = config.network.seconds(words) / 60
+            minutes = config.network.seconds(_words(con, config)) / 60
             lines.append(
                 f"embed: will train a word network ({config.network.architecture}), about {minutes:.1f} minutes"
             )
