@@ -48,3 +48,27 @@ def signatures(clips: Sequence[NDArray[np.integer]], k: int) -> tuple[NDArray[np
     counts = np.stack([motif_counts(motifs, k) for motifs in clips])
     idf = inverse_document_frequency(document_frequency(counts), len(counts))
     return np.stack([signature(row, idf) for row in counts]), idf
+
+
+def window_signatures(motifs: NDArray[np.integer], idf: Float64Array, n_words: int) -> NDArray[np.float32]:
+    """Signatures of a window sliding over a clip word by word (sections 6.1 and 6.2).
+
+    Args:
+        motifs: [w] motif of each word of a clip, in time.
+        idf: [K].
+        n_words: words of a window.
+
+    Returns:
+        [max(1, w - n_words + 1), K]; a clip of fewer words than a window gives one, of all its words.
+
+    Raises:
+        ValueError: a clip without words, or `n_words` < 1.
+    """
+    if len(motifs) == 0 or n_words < 1:
+        raise ValueError(f"{len(motifs)} words have no windows of {n_words}")
+    present = np.zeros((len(motifs) + 1, len(idf)), dtype=np.int64)
+    present[np.arange(1, len(motifs) + 1), motifs] = 1
+    running = np.cumsum(present, axis=0)
+    width = min(n_words, len(motifs))
+    weights = (running[width:] - running[:-width]) * idf
+    return np.asarray(weights / weights.sum(axis=1, keepdims=True), dtype=np.float32)

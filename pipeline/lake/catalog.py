@@ -51,6 +51,11 @@ def fetch(con: Connection, name: str, parameters: Mapping[str, Any] | None = Non
     return [dict(zip(columns, row, strict=True)) for row in cursor.fetchall()]
 
 
+def fetch_table(con: Connection, name: str, parameters: Mapping[str, Any] | None = None) -> pa.Table:
+    """The rows of a query file as an Arrow table."""
+    return run_sql(con, name, parameters).to_arrow_table()
+
+
 def load_rows(con: Connection, name: str, rows: pa.Table, parameters: Mapping[str, Any] | None = None) -> None:
     """Run a .sql file that reads from the Arrow table `rows`."""
     con.register("rows", rows)

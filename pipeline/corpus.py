@@ -1,0 +1,106 @@
+"""The signed words of a lake as arrays: what every application of motifs and signatures reads."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.emd import ground_distances
+from pipeline.errors import UserError
+from pipeline.lake.catalog import Connection, fetch, fetch_table
+from pipeline.signatures import window_signatures
+
+Float64Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class CorpusClip:
+    """What is known of one clip; `frames` at its own rate `fps`."""
+
+    clip: str
+    dataset: str
+    label: str | None
+    subject: str | None
+    split: str | None
+    fps: float
+    frames: int
+
+
+@dataclass(frozen=True)
+class Corpus:
+    """n clips, W words in the order of clips and of time, K motifs.
+
+    Attributes:
+        clips: n, by name.
+        offsets: [n + 1]; the words of clip i are `offsets[i]:offsets[i + 1]`.
+        motifs: [W] motif of each word.
+        starts: [W] first frame of each word, at the clip's own rate.
+        stops: [W] frame after its last.
+        centroids: [K, d] of the motifs.
+        idf: [K], frozen with the motifs.
+        strength: [K] density of the motifs.
+        model: name of the motifs: signatures of two models do not compare.
+    """
+
+    clips: list[CorpusClip]
+    offsets: NDArray[np.int64]
+    motifs: NDArray[np.int32]
+    starts: NDArray[np.int64]
+    stops: NDArray[np.int64]
+    centroids: NDArray[np.float32]
+    idf: Float64Array
+    strength: Float64Array
+    model: str
+
+    @cached_property
+    def ground(self) -> Float64Array:
+        """[K, K] distances of the motifs."""
+        return ground_distances(self.centroids)
+
+    @cached_property
+    def positions(self) -> dict[str, int]:
+        """Index of each clip by its name."""
+        return {c.clip: i for i, c in enumerate(self.clips)}
+
+    def words_of(self, clip: int) -> slice:
+        """Where the words of a clip stand."""
+        return slice(int(self.offsets[clip]), int(self.offsets[clip + 1]))
+
+    def windows_of(self, clip: int, n_words: int) -> NDArray[np.float32]:
+        """[max(1, w - n_words + 1), K] signatures of a window of `n_words` words sliding over a clip of w.
+
+        A clip of fewer words gives one window, the whole of it.
+        """
+        return window_signatures(self.motifs[self.words_of(clip)], self.idf, n_words)
+
+
+def read_corpus(con: Connection, dataset: str | None = None) -> Corpus:
+    """The signed words of a lake, or of one of its datasets.
+
+    Raises:
+        UserError: the lake has no motifs yet, or no signed clip of that dataset.
+    """
+    motifs = fetch(con, "queries/corpus_motifs.sql")
+    if not motifs:
+        raise UserError("the lake has no motifs yet; make them with `motionlake run all`")
+    clips = [CorpusClip(**row) for row in fetch(con, "queries/corpus_clips.sql", {"dataset": dataset})]
+    if not clips:
+        raise UserError(f"dataset {dataset}: has no clip with a signature; `motionlake status` shows what there is")
+    words = fetch_table(con, "queries/corpus_words.sql", {"dataset": dataset})
+    names = words.column("clip").to_numpy(zero_copy_only=False)
+    counts = dict(zip(*np.unique(names, return_counts=True), strict=True))
+    offsets = np.concatenate([[0], np.cumsum([counts[c.clip] for c in clips])]).astype(np.int64)
+    return Corpus(
+        clips,
+        offsets,
+        words.column("motif").to_numpy().astype(np.int32),
+        words.column("start").to_numpy().astype(np.int64),
+        words.column("stop").to_numpy().astype(np.int64),
+        np.array([row["centroid"] for row in motifs], dtype=np.float32),
+        np.array([row["idf"] for row in motifs]),
+        np.array([row["strength"] for row in motifs]),
+        motifs[0]["model"],
+    )

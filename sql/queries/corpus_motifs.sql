@@ -1,0 +1,1 @@
+SELECT model, centroid, idf, strength FROM motifs ORDER BY motif;
