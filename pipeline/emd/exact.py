@@ -1,0 +1,108 @@
+"""The Earth Mover's Distance of signatures, solved exactly by POT's network simplex."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+Float64Array = NDArray[np.float64]
+Signature = NDArray[np.floating] | Sequence[float]
+
+
+def ground_distances(centroids: NDArray[np.floating]) -> Float64Array:
+    """[K, K] L2 distances of motif `centroids` [K, d]: the ground distance, a metric."""
+    from scipy.spatial.distance import cdist
+
+    points = centroids.astype(np.float64)
+    return np.ascontiguousarray(cdist(points, points))
+
+
+def emd(p: Signature, q: Signature, ground: Float64Array) -> float:
+    """Earth Mover's Distance of two signatures.
+
+    Args:
+        p: [K] non-negative weights with a positive sum; scaled to mass 1.
+        q: [K] likewise.
+        ground: [K, K] distances of the motifs, a metric (`ground_distances`).
+
+    Returns:
+        A distance in the unit of `ground`; exactly 0 for equal signatures; symmetric.
+
+    Raises:
+        ValueError: a signature of another length, with negative weights or without mass.
+    """
+    return transport(unit_mass(p, ground), unit_mass(q, ground), ground)
+
+
+def emd_many(query: Signature, signatures: NDArray[np.floating], ground: Float64Array) -> Float64Array:
+    """[n] distances of `query` [K] from each of `signatures` [n, K]; see `emd`."""
+    p = unit_mass(query, ground)
+    return np.array([transport(p, q, ground) for q in unit_masses(signatures, ground)], dtype=np.float64)
+
+
+def emd_matrix(signatures: NDArray[np.floating], ground: Float64Array) -> Float64Array:
+    """[n, n] distances between all of `signatures` [n, K]; see `emd`."""
+    masses = unit_masses(signatures, ground)
+    matrix = np.zeros((len(masses), len(masses)))
+    for i, p in enumerate(masses):
+        for j in range(i):
+            matrix[i, j] = matrix[j, i] = transport(p, masses[j], ground)
+    return matrix
+
+
+def unit_mass(weights: Signature, ground: Float64Array) -> Float64Array:
+    """[K] a signature scaled to mass 1. Raises `ValueError` as `check_signatures` does."""
+    mass = check_signature(weights, len(ground))
+    return np.asarray(mass / mass.sum(), dtype=np.float64)
+
+
+def unit_masses(weights: NDArray[np.floating], ground: Float64Array) -> Float64Array:
+    """[n, K] signatures scaled to mass 1. Raises `ValueError` as `check_signatures` does."""
+    mass = check_signatures(weights, len(ground))
+    return np.asarray(mass / mass.sum(axis=1, keepdims=True), dtype=np.float64)
+
+
+def check_signature(weights: Signature, k: int) -> Float64Array:
+    """[K] float64 weights. Raises `ValueError` as `check_signatures` does."""
+    return np.asarray(check_signatures(np.asarray(weights, dtype=np.float64)[None], k)[0], dtype=np.float64)
+
+
+def check_signatures(weights: NDArray[np.floating], k: int) -> Float64Array:
+    """[n, K] float64 weights. Raises `ValueError` where a row is no signature over `k` motifs."""
+    mass = np.ascontiguousarray(weights, dtype=np.float64)
+    if mass.shape[1:] != (k,):
+        raise ValueError(
+            f"a signature of shape {mass.shape[1:]} does not fit {k} motifs; was it made with other motifs?"
+        )
+    totals = mass.sum(axis=1)
+    if not (np.isfinite(totals).all() and (totals > 0).all() and (mass >= 0).all()):
+        raise ValueError("a signature needs finite, non-negative weights with a positive sum")
+    return mass
+
+
+def check_model(model: str | None, served: str | None) -> None:
+    """Raises `ValueError` where both are known and differ: signatures of two sets of motifs do not compare."""
+    if model is not None and served is not None and model != served:
+        raise ValueError(f"a signature over {model} does not compare with signatures over {served}; make it again")
+
+
+def transport(p: Float64Array, q: Float64Array, ground: Float64Array) -> float:
+    """`emd` of checked signatures of mass 1."""
+    # The ground distance is a metric: some optimal flow leaves the mass that both share where it is.
+    shared = np.minimum(p, q)
+    surplus, deficit = p - shared, q - shared
+    sources, sinks = np.flatnonzero(surplus), np.flatnonzero(deficit)
+    if not (len(sources) and len(sinks)):
+        return 0.0
+    if tuple(sources) > tuple(sinks):  # one order for both directions: the same rounding
+        surplus, deficit, sources, sinks = deficit, surplus, sinks, sources
+    return cheapest_flow(surplus[sources], deficit[sinks], np.ascontiguousarray(ground[np.ix_(sources, sinks)]))
+
+
+def cheapest_flow(sources: Float64Array, sinks: Float64Array, costs: Float64Array) -> float:
+    """Cost of moving `sources` [s] to `sinks` [t], of the same total, at `costs` [s, t]."""
+    import ot  # seconds, which what solves nothing need not pay
+
+    return float(ot.emd2(sources, sinks, costs, check_marginals=False, center_dual=False))

@@ -1,0 +1,1 @@
+SELECT clip, dataset, signature FROM signatures JOIN clips USING (clip) ORDER BY clip;
