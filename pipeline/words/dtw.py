@@ -118,8 +118,8 @@ def _check_words(a: Float32Array, b: Float32Array, metric: Metric) -> None:
         raise ValueError(f"{a.shape[2]} numbers a frame are no whole number of quaternions")
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
-def _align_block(
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def align_block(
     frames: Float32Array,
     row: int,
     column: int,
@@ -166,18 +166,18 @@ def _align_block(
         out[lane] = cost / scratch[last + width + m * LANES + lane] if average else cost
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
 def _align(frames: Float32Array, n: int, m: int, average: bool, out: Float32Array) -> None:
     """frames [words * n, blocks * m * LANES] -> out [words, blocks * LANES]."""
     scratch = np.empty(4 * (m + 1) * LANES, dtype=np.float32)
     aligned = np.empty(LANES, dtype=np.float32)
     for word in range(frames.shape[0] // n):
         for block in range(frames.shape[1] // (m * LANES)):
-            _align_block(frames, word * n, block * m * LANES, n, m, scratch, aligned, average)
+            align_block(frames, word * n, block * m * LANES, n, m, scratch, aligned, average)
             out[word, block * LANES : (block + 1) * LANES] = aligned
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
 def _align_shared(
     frames: Float32Array, starts_a: Index, starts_b: Index, length: int, average: bool, out: Float32Array
 ) -> None:
@@ -197,5 +197,5 @@ def _align_shared(
                     for lane in range(width, LANES):
                         lanes[t - low, j * LANES + lane] = np.float32(0)
             for word in range(len(words)):
-                _align_block(lanes, words[word] - low, 0, length, length, scratch, aligned, average)
+                align_block(lanes, words[word] - low, 0, length, length, scratch, aligned, average)
                 out[tile + word, first : first + width] = aligned[:width]

@@ -72,13 +72,13 @@ def product(left: Float32Array, right: Float32Array, metric: Metric) -> Float32A
         return left @ right
     if metric == "geodesic":
         distances = np.empty((left.shape[0], right.shape[1]), dtype=np.float32)
-        _squared_geodesics(left, right, distances)
+        squared_geodesics(left, right, distances)
         return distances
     raise ValueError(f"metric is {metric!r}, not euclidean or geodesic")
 
 
-@njit(cache=True, fastmath=True)  # type: ignore[untyped-decorator]
-def _squared_geodesics(a: Float32Array, b: Float32Array, out: Float32Array) -> None:
+@njit(cache=True, nogil=True, fastmath=True)  # type: ignore[untyped-decorator]
+def squared_geodesics(a: Float32Array, b: Float32Array, out: Float32Array) -> None:
     """out[r, c] = sum over joints of acos(|a_r . b_c|)^2; a [R, 4J], b [4J, C]."""
     n_joints = a.shape[1] // 4
     n_rows, n_columns = out.shape
