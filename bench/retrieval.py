@@ -5,7 +5,7 @@ them stand the same measures for the shallow embedding (principal components of 
 3 seeds.
 
 "hdm05": leave-one-out over its clips. "cross-rig": kicks and jogs of hdm05 (ASF/AMC) query bandai1 (BVH)
-alone, as `motionlake search --in bandai1` does.
+alone, as `motionlake search --in bandai1` does, and with `--mirrored` (hdm05's kicks are left, bandai1's right).
 """
 
 from __future__ import annotations
@@ -62,12 +62,13 @@ def cross_rig(folder: Path) -> dict[str, Scores]:
     """Measures of hdm05's kicks and jogs against bandai1, of both embeddings, beside chance."""
     data = recordings()
     lake = make_lake(folder, [data / "hdm05", data / "bandai1"])
-    runs: dict[str, list[Scores]] = {"motionlake": [], "shallow, same words": []}
+    runs: dict[str, list[Scores]] = {"motionlake": [], "motionlake --mirrored": [], "shallow, same words": []}
     for seed in SEEDS:
         run_all(lake, seed)
         signed = shallow_signatures(lake, seed)
         for name, ranked in (
             ("motionlake", lambda label: _search(lake, label)),
+            ("motionlake --mirrored", lambda label: _search(lake, label, mirrored=True)),
             ("shallow, same words", lambda label, signed=signed: _rank(signed, label)),
         ):
             runs[name].append(_cross_rig_scores(ranked))
@@ -85,14 +86,14 @@ def _cross_rig_scores(ranked: Callable[[str], Rankings]) -> Scores:
     }
 
 
-def _search(lake: Lake, label: str) -> Rankings:
+def _search(lake: Lake, label: str, *, mirrored: bool = False) -> Rankings:
     """As a user searches: every clip of bandai1 for each hdm05 clip of a label."""
     con = connect(lake.root)
     try:
         queries = con.execute(
             "SELECT clip FROM clips WHERE dataset = 'hdm05' AND label = $label ORDER BY clip", {"label": label}
         ).fetchall()
-        answers = [similar_to_clip(con, clip, 1000, "bandai1") for (clip,) in queries]
+        answers = [similar_to_clip(con, clip, 1000, "bandai1", mirrored=mirrored) for (clip,) in queries]
     finally:
         con.close()
     return [[hit.label or "" for hit in hits] for hits in answers]

@@ -7,23 +7,23 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
-from pipeline.config import load_config
-from pipeline.errors import ClipError, UserError
+from pipeline.emd import check_model, check_signature
+from pipeline.errors import UserError
 from pipeline.lake.catalog import Connection, fetch
 from pipeline.lake.layout import Lake
-from pipeline.motifs import assign
-from pipeline.skeleton.rigs import load_rigs
-from pipeline.stages import embed, motifs
-from pipeline.stages.frames import canonical_motions
+from pipeline.signing import serving_models, signature_of_motifs, words_of_file
 from pipeline.stages.sources import IngestOptions
-from pipeline.words.features import word_features
-from pipeline.words.windows import word_windows
 
 
 @dataclass(frozen=True)
 class Hit:
-    """One answer: its rank from 1, the clip, and its distance from the query."""
+    """One answer: its rank from 1, the clip, and its distance from the query.
+
+    Attributes:
+        mirrored: the mirrored query is nearer than the query itself; None where it was not asked for.
+    """
 
     rank: int
     clip: str
@@ -31,50 +31,83 @@ class Hit:
     label: str | None
     dataset: str
     seconds: float
+    mirrored: bool | None = None
 
     def as_row(self) -> dict[str, object]:
-        return asdict(self)
+        row = asdict(self)
+        if self.mirrored is None:
+            del row["mirrored"]
+        return row
 
 
-def similar_to_clip(con: Connection, clip: str, k: int, dataset: str | None = None) -> list[Hit]:
+def similar_to_clip(
+    con: Connection, clip: str, k: int, dataset: str | None = None, *, mirrored: bool = False
+) -> list[Hit]:
     """The k clips nearest to a clip of the lake by signature; the clip itself is left out.
+
+    With `mirrored`, nearest to the clip or to its mirror image.
 
     Raises:
         UserError: the clip has no signature yet.
     """
-    if not fetch(con, "queries/has_signature.sql", {"clip": clip}):
-        raise UserError(f"{clip}: has no signature yet; make it with `motionlake run all`")
-    return _hits(con, "queries/search_clip.sql", {"clip": clip, "k": k, "dataset": dataset})
+    there, query = ("has_signature", "search_clip")
+    if mirrored:
+        there, query = ("has_mirrored_signature", "search_clip_or_mirrored")
+    if not fetch(con, f"queries/{there}.sql", {"clip": clip}):
+        kind = "mirrored signature" if mirrored else "signature"
+        raise UserError(f"{clip}: has no {kind} yet; make it with `motionlake run all`")
+    return _hits(con, f"queries/{query}.sql", {"clip": clip, "k": k, "dataset": dataset})
 
 
-def similar_to_file(con: Connection, lake: Lake, path: Path, k: int, dataset: str | None = None) -> list[Hit]:
+def similar_to_file(
+    con: Connection, lake: Lake, path: Path, k: int, dataset: str | None = None, *, mirrored: bool = False
+) -> list[Hit]:
     """The k clips nearest to a clip file that need not be in the lake (its first body).
+
+    With `mirrored`, nearest to the clip or to its mirror image.
 
     Raises:
         UserError: the file cannot be read, or the lake has no motifs yet.
     """
-    signature = signature_of_file(con, lake, path)
+    parameters: dict[str, object] = {"k": k, "dataset": dataset}
+    if not mirrored:
+        parameters["signature"] = signature_of_file(con, lake, path).tolist()
+        return _hits(con, "queries/search_signature.sql", parameters)
+    models = serving_models(con, lake)
+    features = words_of_file(lake, models.config.words, path).features
+    parameters["signature"] = signature_of_motifs(con, models.motifs_of(features)).tolist()
+    parameters["mirrored"] = signature_of_motifs(con, models.mirrored_motifs_of(features)).tolist()
+    return _hits(con, "queries/search_signature_or_mirrored.sql", parameters)
+
+
+def similar_to_signature(
+    con: Connection,
+    signature: NDArray[np.floating],
+    k: int,
+    dataset: str | None = None,
+    model: str | None = None,
+) -> list[Hit]:
+    """The k clips nearest to a signature [K] made with the lake's motifs (`model`, where their name is known).
+
+    Raises:
+        UserError: the lake has no motifs yet, or the signature is over others.
+    """
+    served = fetch(con, "queries/corpus_motifs.sql")
+    if not served:
+        raise UserError("the lake has no motifs yet; make them with `motionlake run all`")
+    try:
+        check_model(model, served[0]["model"])
+        check_signature(signature, len(served))
+    except ValueError as error:
+        raise UserError(f"{error} (`signature_of_file` makes one that fits)") from error
     return _hits(con, "queries/search_signature.sql", {"signature": signature.tolist(), "k": k, "dataset": dataset})
 
 
 def signature_of_file(con: Connection, lake: Lake, path: Path, options: IngestOptions | None = None) -> np.ndarray:
     """[K] signature of a file's first body under the lake's frozen models."""
-    from pipeline.words.training import load_network
-
-    config = load_config(lake.config_file)
-    network = embed.fitting_network(con, config)
-    model = motifs.fitting_motifs(con, config, network) if network else None
-    if network is None or model is None:
-        raise UserError(f"{lake.root}: has no motifs yet; make them with `motionlake run all`")
-    try:
-        clip, motion, _ = next(iter(canonical_motions(path, load_rigs(lake.rigs), options or IngestOptions())))
-    except ClipError as error:
-        raise UserError(f"{path}: {error}") from error
-    features = word_features(motion.positions, motion.rotations, clip.fps, config.words)
-    vectors = load_network(lake.path(network.file)).embed(word_windows(features, config.words))
-    words = assign(vectors, motifs.read_motifs(lake.path(model.file)))
-    rows = fetch(con, "queries/weigh_motifs.sql", {"motifs": words.tolist()})
-    return np.array(rows[0]["signature"], dtype=np.float32)
+    models = serving_models(con, lake)
+    file = words_of_file(lake, models.config.words, path, options)
+    return signature_of_motifs(con, models.motifs_of(file.features))
 
 
 def _hits(con: Connection, query: str, parameters: dict[str, object]) -> list[Hit]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
+import duckdb
 import numpy as np
 import pytest
 
@@ -118,3 +119,49 @@ def test_several_queries_at_once(built_lake: Path) -> None:
     rows = motionlake("search", *names, "-k", 2, "--lake", built_lake, "--json").json
     assert [r["query"] for r in rows] == [names[0]] * 2 + [names[1]] * 2
     assert rows[:2] == motionlake("search", names[0], "-k", 2, "--lake", built_lake, "--json").json
+
+
+def mirrored_by_definition(lake: Path, clip: str) -> list[tuple[int, str, float, bool]]:
+    """The naive oracle: the nearer of both distances to every signature, sorted."""
+    centroids = query(lake, "SELECT centroid FROM motifs ORDER BY motif")
+    ground = ground_distances(np.array([r[0] for r in centroids], dtype=np.float32))
+    signatures = dict(query(lake, "SELECT clip, signature FROM signatures"))
+    turned = query(lake, "SELECT signature FROM mirrored_signatures WHERE clip = $clip", clip=clip)[0][0]
+    found = []
+    for name, signature in signatures.items():
+        straight, other = emd(signatures[clip], signature, ground), emd(turned, signature, ground)
+        if name != clip:
+            found.append((min(straight, other), name, other < straight))
+    ranked = enumerate(sorted(found)[:K], start=1)
+    return [(rank, name, distance, mirrored) for rank, (distance, name, mirrored) in ranked]
+
+
+def test_a_mirrored_search_ranks_by_the_nearer_of_both(built_lake: Path, clips_folder: Path) -> None:
+    flags = set()
+    for (clip,) in query(built_lake, "SELECT clip FROM clips ORDER BY md5(clip) LIMIT 4"):
+        expected = mirrored_by_definition(built_lake, clip)
+        words = ["--mirrored", "--lake", built_lake, "--json"]
+        rows = motionlake("search", clip, "-k", K, *words).json
+        assert [(r["rank"], r["clip"], r["mirrored"]) for r in rows] == [(r[0], r[1], r[3]) for r in expected]
+        assert [r["distance"] for r in rows] == pytest.approx([r[2] for r in expected], abs=1e-6)
+        flags |= {r["mirrored"] for r in rows}
+        of_file = motionlake("search", clips_folder / clip.partition("/")[2], "-k", K + 1, *words).json
+        assert of_file[0]["distance"] == pytest.approx(0, abs=1e-6)
+        assert [r["distance"] for r in of_file if r["clip"] != clip] == pytest.approx(
+            [r[2] for r in expected], abs=1e-6
+        )
+    assert flags == {True, False}
+
+
+def test_a_lake_without_mirrored_signatures_says_what_to_do(lake: Path, scheduler: str) -> None:
+    clip = query(lake, "SELECT min(clip) FROM clips")[0][0]
+    con = duckdb.connect(str(lake / "catalog.duckdb"))
+    con.execute("DROP TABLE mirrored_signatures")  # as in a lake made before there was one
+    con.execute("DELETE FROM manifest WHERE stage = 'mirrored'")
+    con.close()
+    assert motionlake("search", clip, "--lake", lake).status == 0
+    run = motionlake("search", clip, "--mirrored", "--lake", lake)
+    assert (run.status, run.err.count("\n")) == (2, 1)
+    assert "no mirrored signature yet; make it with `motionlake run all`" in run.err
+    assert motionlake("run", "mirrored", "--lake", lake, "--scheduler", scheduler).status == 0
+    assert motionlake("search", clip, "--mirrored", "--lake", lake).status == 0

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from pipeline.cli.common import JsonOption, LakeOption, print_json, print_rows
+from pipeline.cli.hits_picture import PictureOption, check_picture, save_picture
 from pipeline.errors import UserError
 from pipeline.formats import is_clip
 from pipeline.lake.catalog import Connection, fetch
@@ -28,7 +29,9 @@ def search(
     dataset: Annotated[
         str | None, typer.Option("--in", help="Answer from this dataset only.", show_default=False)
     ] = None,
+    mirrored: Annotated[bool, typer.Option("--mirrored", help="Search for the mirrored motion too.")] = False,
     sample: Annotated[int, typer.Option(min=0, help="Also ask for so many clips of the lake, to try it out.")] = 0,
+    picture: PictureOption = None,
     as_json: JsonOption = False,
 ) -> None:
     """The clips most like one, nearest first.
@@ -47,7 +50,9 @@ def search(
         queries = [*(clips or []), *(row["clip"] for row in fetch(con, "queries/sample_clips.sql", {"count": sample}))]
         if not queries:
             raise UserError("search: name a clip or a clip file, or give --sample N")
-        answers = [(query, _answer(con, target, query, k, dataset)) for query in queries]
+        check_picture(picture, len(queries))
+        answers = [(query, _answer(con, target, query, k, dataset, mirrored)) for query in queries]
+        save_picture(con, target, picture, answers)
     finally:
         con.close()
     if as_json:
@@ -59,11 +64,13 @@ def search(
         print_rows(rows, as_json=False)
 
 
-def _answer(con: Connection, lake: Lake, query: str, k: int, dataset: str | None) -> list[dict[str, object]]:
+def _answer(
+    con: Connection, lake: Lake, query: str, k: int, dataset: str | None, mirrored: bool
+) -> list[dict[str, object]]:
     from pipeline.search import similar_to_clip, similar_to_file
 
     if Path(query).is_file() and is_clip(Path(query)):
-        hits = similar_to_file(con, lake, Path(query), k, dataset)
+        hits = similar_to_file(con, lake, Path(query), k, dataset, mirrored=mirrored)
     else:
-        hits = similar_to_clip(con, resolve_clip(con, query), k, dataset)
+        hits = similar_to_clip(con, resolve_clip(con, query), k, dataset, mirrored=mirrored)
     return [hit.as_row() for hit in hits]

@@ -1,0 +1,175 @@
+"""Query by example inside sequences beside sub-sequence DTW: `python -m bench.query_by_example`.
+
+cmu_exercises, in a lake of its own with the default configuration but for the seeds: every window of 5 words
+that lies wholly within a labelled segment is a query against the other takes, if its label occurs in one. The
+score of a frame is the distance of the nearest window that covers it; relevant are frames labelled like the
+query; frames without a label (there are next to none) are left out. Average precision over all frames of the
+other takes at the words' rate, tied frames together; means over the queries, then over 3 seeds of network and
+k-means.
+
+DTW aligns the query's frames (the same features) anywhere in a take; the score of a frame is the cost of the
+cheapest alignment that covers it, over its matched pairs. Four forms are measured, and the best is the bar.
+"""
+
+from __future__ import annotations
+
+import csv
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from sklearn.metrics import average_precision_score
+
+from bench.record import hash_files, record, recordings
+from bench.signed import make_lake, run_all
+from bench.subsequence_dtw import STEPS, alignment_ends, frame_costs
+from pipeline.applications.query_by_example import ExampleQuery, frame_distances_along
+from pipeline.config import load_config
+from pipeline.corpus import Corpus, read_corpus
+from pipeline.lake.catalog import reading
+from pipeline.lake.layout import Lake
+from pipeline.stages import words
+from pipeline.words.features import Float32Array, WordConfig
+
+SEEDS: Final = (0, 1, 2)
+N_WORDS: Final = 5
+Float64Array = NDArray[np.float64]
+# The distances of a query's frames in one take from another take: [T].
+Scorer = Callable[["Query", int], Float64Array]
+
+
+@dataclass(frozen=True)
+class Query:
+    """Words [first, first + N_WORDS) of a clip, all of one label."""
+
+    clip: int
+    first: int
+    label: str
+
+
+@dataclass(frozen=True)
+class Takes:
+    """Clips with features [T, D] and labels [T] at the words' rate; "" where there is none."""
+
+    corpus: Corpus
+    features: list[Float32Array]
+    labels: list[NDArray[np.str_]]
+    config: WordConfig
+
+
+def takes_of(lake: Lake, segments: Path) -> Takes:
+    """What a lake holds of them, beside the labels of their frames."""
+    config = load_config(lake.config_file).words
+    with reading(lake) as con:
+        corpus = read_corpus(con)
+        files = [lake.path(words.features_file(part.key)) for part in words.keyed(con, config)]
+    features = {clip: rows for file in files for clip, rows in words.read_features(file)}
+    with segments.open(newline="", encoding="utf-8") as handle:
+        rows = list(csv.DictReader(handle))
+    labels = []
+    for clip in corpus.clips:
+        instants = np.arange(len(features[clip.clip])) * (clip.fps / config.fps)
+        found = np.full(len(instants), "", dtype="U32")
+        for row in rows:
+            if clip.clip.endswith("/" + row["file"]):
+                found[(instants >= int(row["start"])) & (instants < int(row["stop"]))] = row["label"]
+        labels.append(found)
+    return Takes(corpus, [features[clip.clip] for clip in corpus.clips], labels, config)
+
+
+def queries_of(takes: Takes) -> Iterator[Query]:
+    """Every window within one segment whose label another take has too."""
+    span = takes.config.length + takes.config.stride * (N_WORDS - 1)
+    for clip, labels in enumerate(takes.labels):
+        elsewhere = {label for i, other in enumerate(takes.labels) if i != clip for label in other}
+        for first, start in enumerate(range(0, len(labels) - span + 1, takes.config.stride)):
+            found = set(labels[start : start + span].tolist())
+            if len(found) == 1 and found <= elsewhere - {""}:
+                yield Query(clip, first, found.pop())
+
+
+def motionlake(takes: Takes) -> Scorer:
+    """The signature of the query's words, as `motionlake find` compares it."""
+
+    def score(query: Query, clip: int) -> Float64Array:
+        motifs = takes.corpus.motifs[takes.corpus.words_of(query.clip)][query.first : query.first + N_WORDS]
+        along = frame_distances_along(takes.corpus, clip, ExampleQuery(motifs))
+        rate = takes.corpus.clips[clip].fps / takes.config.fps
+        at = np.round(np.arange(len(takes.labels[clip])) * rate).astype(np.int64)
+        return np.asarray(along[np.minimum(at, len(along) - 1)], dtype=np.float64)
+
+    return score
+
+
+def dtw(takes: Takes, steps: str, squared: bool) -> Scorer:
+    """The frames of the query's words, aligned."""
+    span = takes.config.length + takes.config.stride * (N_WORDS - 1)
+
+    def score(query: Query, clip: int) -> Float64Array:
+        start = query.first * takes.config.stride
+        frames = takes.features[query.clip][start : start + span]
+        return frame_costs(*alignment_ends(frames, takes.features[clip], steps, squared=squared))
+
+    return score
+
+
+def mean_average_precision(takes: Takes, queries: Sequence[Query], scorer: Scorer) -> dict[str, float]:
+    """Means over all queries, and over those of each label."""
+    found: dict[str, list[float]] = {}
+    for query in queries:
+        others = [clip for clip in range(len(takes.labels)) if clip != query.clip]
+        labels = np.concatenate([takes.labels[clip] for clip in others])
+        distances = np.concatenate([scorer(query, clip) for clip in others])
+        known = labels != ""
+        precision = average_precision_score(labels[known] == query.label, -distances[known])
+        found.setdefault(query.label, []).append(float(precision))
+    every = [value for values in found.values() for value in values]
+    return {"mean": float(np.mean(every))} | {label: float(np.mean(found[label])) for label in sorted(found)}
+
+
+def chance(takes: Takes, queries: Sequence[Query]) -> float:
+    """The share of relevant frames, mean over queries."""
+    shares = []
+    for query in queries:
+        labels = np.concatenate([found for clip, found in enumerate(takes.labels) if clip != query.clip])
+        shares.append(np.mean(labels[labels != ""] == query.label))
+    return float(np.mean(shares))
+
+
+def main() -> None:
+    source = recordings() / "cmu_exercises"
+    ours = []
+    with tempfile.TemporaryDirectory(prefix="bench-find-") as folder:
+        lake = make_lake(Path(folder), [source])
+        for seed in SEEDS:
+            run_all(lake, seed)
+            takes = takes_of(lake, source / "segments.csv")
+            queries = list(queries_of(takes))
+            ours.append(mean_average_precision(takes, queries, motionlake(takes)))
+            print(f"seed {seed}, {len(queries)} queries: {_line(ours[-1])}", flush=True)
+    figures = {"motionlake": {name: float(np.mean([run[name] for run in ours])) for name in ours[0]}}
+    for steps in STEPS:
+        for squared in (False, True):
+            name = f"sub-sequence DTW, {steps} steps, {'squared ' if squared else ''}distances"
+            figures[name] = mean_average_precision(takes, queries, dtw(takes, steps, squared))
+    print("\nmeans")
+    for name, scores in figures.items():
+        print(f"  {name:50} {_line(scores)}")
+    bar = max(scores["mean"] for name, scores in figures.items() if name != "motionlake")
+    print(f"  bar {bar:.3f}: {'met' if figures['motionlake']['mean'] > bar else 'MISSED'}")
+    by_seed = [run["mean"] for run in ours]
+    result = {"average_precision": figures, "chance": chance(takes, queries), "by_seed": by_seed}
+    data = hash_files([*source.rglob("*.amc"), source / "segments.csv"], source)
+    print(record("query-by-example", result | {"queries": len(queries), "seeds": list(SEEDS)}, data))
+
+
+def _line(scores: dict[str, float]) -> str:
+    return "  ".join(f"{name} {value:.3f}" for name, value in scores.items())
+
+
+if __name__ == "__main__":
+    main()

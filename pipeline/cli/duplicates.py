@@ -1,0 +1,53 @@
+"""motionlake duplicates."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import Annotated
+
+import typer
+
+from pipeline.cli.common import JsonOption, LakeOption, print_rows
+from pipeline.lake.catalog import reading
+from pipeline.lake.layout import check_dataset, open_lake
+
+
+def add_to(app: typer.Typer) -> None:
+    app.command()(duplicates)
+
+
+def duplicates(
+    lake: LakeOption,
+    within: Annotated[
+        str | None, typer.Option("--within", help="Compare the clips of this dataset only.", show_default=False)
+    ] = None,
+    across: Annotated[bool, typer.Option("--across", help="Only pairs of clips of two datasets.")] = False,
+    mirrored: Annotated[bool, typer.Option("--mirrored", help="Mirror images too.")] = False,
+    max_distance: Annotated[
+        float | None,
+        typer.Option(
+            "--max-distance", help="What may differ, as a part of the movement (default: 0.1).", show_default=False
+        ),
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Clips that are one recording: exported again, resampled, cut, or mirrored.
+
+    Example: motionlake duplicates --across --mirrored --lake mylake
+    """
+    from pipeline.applications.duplicates import MAX_DISTANCE
+    from pipeline.duplicates import near_duplicates
+
+    target = open_lake(lake)
+    if within is not None:
+        check_dataset(within)
+    with reading(target) as con:
+        found = near_duplicates(
+            con,
+            target,
+            max_distance=MAX_DISTANCE if max_distance is None else max_distance,
+            within=within,
+            across=across,
+            mirrored=mirrored,
+        )
+    print_rows([asdict(pair) for pair in found], as_json=as_json)

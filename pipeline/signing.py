@@ -1,0 +1,109 @@
+"""Words of clips, mirrored clips and clip files under the network and motifs that a lake serves."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.config import LakeConfig, load_config
+from pipeline.errors import ClipError, UserError
+from pipeline.lake.catalog import Connection, fetch
+from pipeline.lake.layout import Lake
+from pipeline.motifs import Motifs, assign
+from pipeline.skeleton.rigs import load_rigs
+from pipeline.stages import embed, motifs, words
+from pipeline.stages.frames import canonical_motions
+from pipeline.stages.sources import IngestOptions
+from pipeline.words.features import Float32Array, WordConfig, word_features
+from pipeline.words.mirror import mirrored_features
+from pipeline.words.windows import native_range, windows, word_windows
+
+
+@dataclass(frozen=True)
+class Models:
+    """The network and the motifs that a lake serves, read when first used."""
+
+    lake: Lake
+    config: LakeConfig
+    network_file: str
+    motifs_file: str
+
+    @cached_property
+    def vocabulary(self) -> Motifs:
+        return motifs.read_motifs(self.lake.path(self.motifs_file))
+
+    def motifs_of(self, features: Float32Array) -> NDArray[np.int32]:
+        """[n] motif of each word of a clip's features [T, D]."""
+        from pipeline.words.training import load_network
+
+        network = load_network(self.lake.path(self.network_file))
+        return assign(network.embed(word_windows(features, self.config.words)), self.vocabulary)
+
+    def mirrored_motifs_of(self, features: Float32Array) -> NDArray[np.int32]:
+        """[n] motif of each word of the mirrored clip."""
+        return self.motifs_of(mirrored_features(features, self.config.words))
+
+
+@dataclass(frozen=True)
+class FileWords:
+    """Features [T, D] of a clip file, and the half-open frames [n, 2] of its words at its own rate."""
+
+    features: Float32Array
+    ranges: NDArray[np.int64]
+    frames: int
+    fps: float
+
+
+def serving_models(con: Connection, lake: Lake) -> Models:
+    """The models of a lake.
+
+    Raises:
+        UserError: the lake has no motifs yet.
+    """
+    config = load_config(lake.config_file)
+    network = embed.fitting_network(con, config)
+    model = motifs.fitting_motifs(con, config, network) if network else None
+    if network is None or model is None:
+        raise UserError(f"{lake.root}: has no motifs yet; make them with `motionlake run all`")
+    return Models(lake, config, network.file, model.file)
+
+
+def features_of_clip(con: Connection, lake: Lake, config: WordConfig, clip: str) -> Float32Array:
+    """[T, D] features of a clip of the lake.
+
+    Raises:
+        UserError: the lake has no words of it yet.
+    """
+    part = fetch(con, "queries/clip.sql", {"clip": clip})[0]["part"]
+    key = next(p.key for p in words.keyed(con, config) if p.part == part)
+    file = lake.path(words.features_file(key))
+    found = dict(words.read_features(file)).get(clip) if file.exists() else None
+    if found is None:
+        raise UserError(f"{clip}: has no words yet; make them with `motionlake run all`")
+    return found
+
+
+def words_of_file(lake: Lake, config: WordConfig, path: Path, options: IngestOptions | None = None) -> FileWords:
+    """The words of a clip file's first body.
+
+    Raises:
+        UserError: the file cannot be read.
+    """
+    try:
+        clip, motion, _ = next(iter(canonical_motions(path, load_rigs(lake.rigs), options or IngestOptions())))
+    except ClipError as error:
+        raise UserError(f"{path}: {error}") from error
+    features = word_features(motion.positions, motion.rotations, clip.fps, config)
+    frames = len(motion.positions)
+    ranges = [native_range(int(s), clip.fps, frames, config) for s in windows(len(features), config)]
+    return FileWords(features, np.array(ranges, dtype=np.int64), frames, clip.fps)
+
+
+def signature_of_motifs(con: Connection, found: NDArray[np.int32]) -> NDArray[np.float32]:
+    """[K] signature of words by their motifs, weighed as those of the lake are."""
+    rows = fetch(con, "queries/weigh_motifs.sql", {"motifs": found.tolist()})
+    return np.array(rows[0]["signature"], dtype=np.float32)

@@ -1,0 +1,95 @@
+"""Stage "mirrored": the signature that each clip would have if it were mirrored left to right.
+
+Words of the mirrored features go through the network and the motifs that the lake serves, and are weighed
+with the frozen idf, as the clip's own words are.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+
+from pipeline.config import LakeConfig
+from pipeline.lake.catalog import Connection, fetch, run_sql
+from pipeline.lake.layout import Lake
+from pipeline.lake.parts import write_part
+from pipeline.motifs import assign
+from pipeline.stages import motifs, signatures, words
+from pipeline.stages.derived import Part, derive, due
+from pipeline.stages.models import Model
+from pipeline.stages.shard import Shard, ShardResult
+from pipeline.words.features import WordConfig
+from pipeline.words.mirror import mirrored_features
+from pipeline.words.windows import word_windows
+
+NAME = "mirrored"
+VERSION = 1
+ROWS = pa.schema([("clip", pa.string()), ("part", pa.string()), ("motif", pa.int32())])
+
+
+def keyed(signed: list[Part]) -> list[Part]:
+    """Parts of the stage "signatures" with the key their mirrored signatures must have."""
+    return derive(signed, NAME, VERSION)
+
+
+def plan(con: Connection, lake: Lake, config: LakeConfig, network: Model, model: Model) -> list[Shard]:
+    """A shard for every part whose signatures are served: mirrored ones must be of the same motifs."""
+    features = {p.part: words.features_file(p.key) for p in words.keyed(con, config.words)}
+
+    def spec(part: Part) -> dict[str, object]:
+        return {
+            "features": features[part.part],
+            "network": network.file,
+            "motifs": model.file,
+            "words": asdict(config.words),
+        }
+
+    parts = keyed(signatures.keyed(motifs.keyed(con, lake, config, network, model)))
+    return due(con, NAME, signatures.NAME, parts, spec)
+
+
+def rows_file(key: str) -> str:
+    return f"staging/mirrored-{key[:16]}.parquet"
+
+
+def run(lake_root: Path, shard: Shard) -> ShardResult:
+    """The motif of every mirrored word of one features part."""
+    from pipeline.words.training import load_network
+
+    started = time.perf_counter()
+    lake = Lake(lake_root)
+    config = WordConfig(**shard.spec["words"])
+    network = load_network(lake.path(shard.spec["network"]))
+    vocabulary = motifs.read_motifs(lake.path(shard.spec["motifs"]))
+    rows = []
+    for clip, features in words.read_features(lake.path(shard.spec["features"])):
+        found = assign(network.embed(word_windows(mirrored_features(features, config), config)), vocabulary)
+        rows.append(_rows(clip, shard, found))
+    table = pa.concat_tables(rows)
+    size = write_part(lake.path(rows_file(shard.key)), table, {})
+    return ShardResult(shard, table.num_rows, size, (), time.perf_counter() - started)
+
+
+def _rows(clip: str, shard: Shard, found: np.ndarray) -> pa.Table:
+    keys = [pa.repeat(pa.scalar(value), len(found)) for value in (clip, shard.part)]
+    return pa.Table.from_arrays([*keys, pa.array(found, pa.int32())], schema=ROWS)
+
+
+def see_table(con: Connection) -> None:
+    """Let a connection see an empty table of mirrored signatures in a lake made before there was one."""
+    if not fetch(con, "queries/has_mirrored_table.sql"):
+        run_sql(con, "queries/no_mirrored_table.sql")
+
+
+def load(con: Connection, root: Path, results: Sequence[ShardResult]) -> None:
+    """Replace the mirrored signatures of the parts in the results."""
+    parameters = {
+        "parts": [r.shard.part for r in results],
+        "files": [str(root / rows_file(r.shard.key)) for r in results],
+    }
+    run_sql(con, "queries/load_mirrored.sql", parameters)

@@ -1,0 +1,3 @@
+SELECT clip, dataset, part, s.signature, m.signature AS mirrored
+FROM clips JOIN signatures s USING (clip) LEFT JOIN mirrored_signatures m USING (clip)
+ORDER BY clip;
