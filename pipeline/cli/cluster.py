@@ -1,0 +1,43 @@
+"""motionlake cluster."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import Annotated
+
+import typer
+
+from pipeline.cli.common import JsonOption, LakeOption, notice, print_json, print_rows
+from pipeline.errors import UserError
+from pipeline.lake.catalog import reading
+from pipeline.lake.layout import check_dataset, open_lake
+
+
+def add_to(app: typer.Typer) -> None:
+    app.command()(cluster)
+
+
+def cluster(
+    lake: LakeOption,
+    k: Annotated[str, typer.Option("--k", "-k", help="How many clusters, or auto.")] = "auto",
+    dataset: Annotated[str | None, typer.Option("--in", help="Clips of this dataset only.", show_default=False)] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Groups of similar clips; no labels are used. Clusters are numbered from 0, the largest first.
+
+    Example: motionlake cluster --k 12 --in bandai1 --lake mylake
+    """
+    from pipeline.labelling import clusters_of_lake
+
+    target = open_lake(lake)
+    if dataset is not None:
+        check_dataset(dataset)
+    if k != "auto" and not k.isdecimal():
+        raise UserError(f"--k {k}: give a number of clusters, or auto")
+    with reading(target) as con:
+        rows, silhouette = clusters_of_lake(con, None if k == "auto" else int(k), dataset)
+    notice(f"{len({row.cluster for row in rows})} clusters of {len(rows)} clips, silhouette {silhouette:.3f}")
+    if as_json:
+        print_json([asdict(row) for row in rows])
+    else:
+        print_rows([row.as_row() for row in rows], as_json=False)

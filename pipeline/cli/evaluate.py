@@ -1,0 +1,117 @@
+"""motionlake evaluate."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, Any
+
+import typer
+
+from pipeline.cli.common import JsonOption, LakeOption, notice, print_json, print_rows
+from pipeline.cli.segment import LabelColumn
+from pipeline.errors import UserError
+from pipeline.lake.catalog import reading
+from pipeline.lake.layout import check_dataset, open_lake
+
+BASELINES = {"auto": None, "dtw": True, "none": False}
+
+DatasetOption = Annotated[str | None, typer.Option("--dataset", help="Clips of this dataset only.", show_default=False)]
+
+
+def add_to(app: typer.Typer) -> None:
+    evaluate = typer.Typer(name="evaluate", help="Measures on labelled clips of a lake.", no_args_is_help=True)
+    evaluate.command()(signatures)
+    evaluate.command()(segmentation)
+    app.add_typer(evaluate)
+
+
+def signatures(
+    lake: LakeOption,
+    dataset: DatasetOption = None,
+    column: LabelColumn = "label",
+    only: Annotated[
+        str | None, typer.Option("--only", help="COLUMN=VALUE: clips with this value alone.", show_default=False)
+    ] = None,
+    baseline: Annotated[
+        str, typer.Option(help="Whole-clip DTW beside it: auto (where it takes minutes at most), dtw, none.")
+    ] = "auto",
+    as_json: JsonOption = False,
+) -> None:
+    """How well signatures retrieve and classify: each labelled clip queries all others.
+
+    nn, top5, first_tier, second_tier, map, cross_subject_nn; one-vs-all classification; n queries.
+
+    Example: motionlake evaluate signatures --dataset hdm05 --json --lake mylake
+
+    The partners of a dance: motionlake evaluate signatures --label-column subject --only label=salsa --lake mylake
+    """
+    from pipeline.evaluating import evaluate_signatures
+
+    if baseline not in BASELINES:
+        raise UserError(f"--baseline {baseline}: use one of {', '.join(BASELINES)}")
+    target = open_lake(lake)
+    if dataset is not None:
+        check_dataset(dataset)
+    with reading(target) as con:
+        found = evaluate_signatures(
+            con, target, dataset=dataset, column=column, only=_only(only), dtw=BASELINES[baseline], notice=notice
+        )
+    if as_json:
+        print_json(found)
+        return
+    rows = [_row("signatures", found)]
+    if found["dtw"] is not None:
+        rows.append(_row("whole-clip DTW", found["dtw"]))
+    print_rows(rows, as_json=False)
+
+
+def segmentation(
+    lake: LakeOption,
+    dataset: DatasetOption = None,
+    window: Annotated[int, typer.Option(min=1, help="Words of a window.")] = 9,
+    k: Annotated[int, typer.Option("-k", min=1, help="Nearest windows that vote.")] = 5,
+    reach: Annotated[int, typer.Option(min=0, help="A window votes for words up to so many from its middle.")] = 6,
+    mirrored: Annotated[bool, typer.Option(help="Learn from the mirrored clips too.")] = True,
+    as_json: JsonOption = False,
+) -> None:
+    """How well clips are segmented by the segments of the others: each clip that has segments is left out in turn.
+
+    accuracy: of all labelled words; "unknown" is right for classes never taught, else wrong. accuracy_known: of the
+    words whose class was taught, each given a taught class. accuracy_known_or_unknown: of these, "unknown" wrong.
+
+    Example: motionlake evaluate segmentation --dataset cmu_exercises --json --lake mylake
+    """
+    from pipeline.applications.segmentation import SegmentationConfig
+    from pipeline.evaluating import evaluate_segmentation
+
+    target = open_lake(lake)
+    if dataset is not None:
+        check_dataset(dataset)
+    config = SegmentationConfig(window, k, reach)
+    with reading(target) as con:
+        found = evaluate_segmentation(con, target, dataset=dataset, config=config, mirrored=mirrored).as_dict()
+    if as_json:
+        print_json(found)
+        return
+    rows = [{"clip": clip, **scores} for clip, scores in found["per_clip"].items()]
+    print_rows([*rows, {"clip": "mean", **{k: v for k, v in found.items() if k != "per_clip"}}], as_json=False)
+
+
+def _only(text: str | None) -> tuple[str, str] | None:
+    if text is None:
+        return None
+    column, equals, value = text.partition("=")
+    if not (column and equals):
+        raise UserError(f"--only {text}: give COLUMN=VALUE")
+    return column, value
+
+
+def _row(method: str, found: Mapping[str, Any]) -> dict[str, Any]:
+    keys = ("nn", "top5", "first_tier", "second_tier", "map", "cross_subject_nn")
+    classified = found["classification"]
+    return {
+        "method": method,
+        **{key: found[key] for key in keys},
+        "one_vs_all": classified and classified["accuracy"],
+        "n": found["n"],
+    }

@@ -1,0 +1,63 @@
+"""motionlake segment."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from pipeline.cli.common import JsonOption, LakeOption, print_rows
+from pipeline.formats import is_clip
+from pipeline.lake.catalog import reading
+from pipeline.lake.layout import check_dataset, open_lake
+from pipeline.stages.resolve import resolve_clip
+
+LabelColumn = Annotated[str, typer.Option("--label-column", help="Column of labels.csv that holds the classes.")]
+
+
+def add_to(app: typer.Typer) -> None:
+    app.command()(segment)
+
+
+def segment(
+    lake: LakeOption,
+    query: Annotated[str, typer.Argument(help="A clip of the lake, or a clip file.", show_default=False)],
+    teach: Annotated[
+        list[str] | None, typer.Option("--teach", help="Learn from this dataset (repeat it for more).")
+    ] = None,
+    teach_clips: Annotated[
+        list[str] | None, typer.Option("--teach-clips", help="Learn from this clip (repeat it for more).")
+    ] = None,
+    column: LabelColumn = "label",
+    mirrored: Annotated[bool, typer.Option(help="Learn from the mirrored clips too.")] = True,
+    window: Annotated[int, typer.Option(min=1, help="Words of a window.")] = 9,
+    k: Annotated[int, typer.Option("-k", min=1, help="Nearest windows that vote.")] = 5,
+    reach: Annotated[int, typer.Option(min=0, help="A window votes for words up to so many from its middle.")] = 6,
+    unknown: Annotated[bool, typer.Option(help="Say unknown where nothing like it was taught.")] = True,
+    as_json: JsonOption = False,
+) -> None:
+    """Which class each part of a clip shows, learned from labelled clips: bands of frames.
+
+    Classes come from the segments (segments.csv) of clips; a clip without them teaches its label as a whole,
+    where its dataset or itself is named, or where the lake has no segments.
+
+    Example: motionlake segment 14_20 --teach cmu_exercises --lake mylake
+
+    Of a file that is not in the lake: motionlake segment shots/new_take.bvh --teach hdm05 --lake mylake
+    """
+    from pipeline.applications.segmentation import SegmentationConfig
+    from pipeline.labelling import LakeSegmenter, Lessons
+
+    target = open_lake(lake)
+    for dataset in teach or ():
+        check_dataset(dataset)
+    config = SegmentationConfig(window, k, reach, unknown=1.0 if unknown else None)
+    with reading(target) as con:
+        names = [resolve_clip(con, name) for name in teach_clips or ()] or None
+        segmenter = LakeSegmenter(con, target, Lessons(teach or None, names, column, mirrored), config)
+        if Path(query).is_file() and is_clip(Path(query)):
+            found = segmenter.file(Path(query))
+        else:
+            found = segmenter.clip(resolve_clip(con, query))
+    print_rows([band.as_row() for band in found], as_json=as_json)

@@ -1,0 +1,45 @@
+"""How often clips get their class from other clips (Deep Motifs, section 5.3 and table 1)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+Float64Array = NDArray[np.float64]
+# Distances [q, n] of clips from n labelled ones, distances [n, n] of these, their labels [n] -> q classes.
+Classifier = Callable[[Float64Array, Float64Array, list[str]], list[str]]
+
+
+def folded_accuracy(distances: Float64Array, labels: Sequence[str], folds: int, classify: Classifier) -> float:
+    """Share of clips that get their own class while they, and the others of their part, are left out.
+
+    Each class is dealt evenly over `folds` parts; n parts of n clips leave one out. Clips whose class nobody
+    else holds then are left out of the share.
+
+    Args:
+        distances: [n, n], row i from clip i.
+        labels: [n].
+        folds: how many parts.
+        classify: a method.
+
+    Raises:
+        ValueError: shapes that do not fit, or no clip with another of its class.
+    """
+    names = np.asarray(labels)
+    if distances.shape != (len(names), len(names)):
+        raise ValueError(f"distances of shape {distances.shape} do not fit {len(names)} labels")
+    part = np.empty(len(names), dtype=np.int64)
+    part[np.argsort(names, kind="stable")] = np.arange(len(names)) % folds
+    right, asked = 0, 0
+    for fold in range(folds):
+        test, known = np.flatnonzero(part == fold), np.flatnonzero(part != fold)
+        test = test[np.isin(names[test], names[known])]
+        if len(test):
+            found = classify(distances[np.ix_(test, known)], distances[np.ix_(known, known)], names[known].tolist())
+            right += int(np.sum(np.asarray(found) == names[test]))
+            asked += len(test)
+    if not asked:
+        raise ValueError("no clip has another of its class: nothing to learn from")
+    return right / asked
