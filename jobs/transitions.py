@@ -1,0 +1,39 @@
+"""Job "transitions": compare the clips of a dataset pair by pair of parts, then the contexts of what is near."""
+
+from __future__ import annotations
+
+from jobs.execute import Outcome, StageJob, execute
+from jobs.session import Session
+from pipeline.errors import UserError
+from pipeline.lake.catalog import reading
+from pipeline.stages import embed, motifs, transitions
+
+PAIRS = StageJob(transitions.NAME, transitions.run, transitions.load)
+CONTEXTS = StageJob(transitions.CONTEXTS, transitions.run_contexts, transitions.load_contexts, one_load=True)
+
+
+def run(session: Session, dataset: str | None = None) -> Outcome:
+    """Bring the transitions of one dataset, or of all, up to date.
+
+    Raises:
+        UserError: no such dataset.
+    """
+    lake, config = session.lake, session.config
+    with reading(lake) as con:
+        known = transitions.parts_of(con)
+        if dataset is not None and dataset not in known:
+            raise UserError(f"{dataset}: no such dataset in {lake.root}; it holds {', '.join(known) or 'none'}")
+        network = embed.fitting_network(con, config)
+        if network is None or motifs.fitting_motifs(con, config, network) is None:
+            session.notice("transitions: there are no motifs yet; `motionlake run all` makes every stage")
+            return Outcome()
+        shards = transitions.plan(con, config, dataset)
+    outcome = execute(lake, PAIRS, shards, session.client, session.progress) if shards else Outcome()
+    with reading(lake) as con:
+        shards = transitions.plan_contexts(con, lake, config, dataset)
+    if shards:
+        made = execute(lake, CONTEXTS, shards, session.client, session.progress)
+        outcome.ok += made.ok
+        outcome.failed += made.failed
+        outcome.reason = made.reason or outcome.reason
+    return outcome

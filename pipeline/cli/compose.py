@@ -1,0 +1,149 @@
+"""motionlake compose."""
+
+from __future__ import annotations
+
+import csv
+import json
+import random
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Final
+
+import typer
+
+from pipeline.cli.common import JsonOption, LakeOption, notice, print_json, print_rows
+from pipeline.errors import UserError
+from pipeline.lake.catalog import Connection, fetch, reading
+from pipeline.lake.layout import check_dataset, open_lake
+from pipeline.motiongraph.errors import NoWalkError
+from pipeline.stages.resolve import resolve_clip
+
+if TYPE_CHECKING:
+    from pipeline.compose import Composition, LakeGraph
+
+# How many clips `--sample` tries to start from.
+TRIES: Final = 10
+
+
+def add_to(app: typer.Typer) -> None:
+    app.command()(compose)
+
+
+def compose(
+    lake: LakeOption,
+    out: Annotated[Path, typer.Option("--out", "-o", help="BVH file to write.", show_default=False)],
+    clip: Annotated[str | None, typer.Argument(help="Clip of the lake to start with.", show_default=False)] = None,
+    sample: Annotated[bool, typer.Option("--sample", help="Draw the clip to start with.")] = False,
+    dataset: Annotated[
+        str | None, typer.Option("--in", help="With --sample: from this dataset.", show_default=False)
+    ] = None,
+    seconds: Annotated[float, typer.Option(help="Length of the motion.")] = 60.0,
+    seed: Annotated[int, typer.Option(min=0, help="Another seed, another walk.")] = 0,
+    constraint: Annotated[
+        bool, typer.Option("--constraint/--no-constraint", help="Only between clips that do alike things there.")
+    ] = True,
+    distance_quantile: Annotated[
+        float, typer.Option(min=0.0, max=1.0, help="Share of the transitions to use, nearest poses first.")
+    ] = 0.5,
+    context_quantile: Annotated[
+        float, typer.Option(min=0.0, max=1.0, help="Of these, the share within the constraint.")
+    ] = 0.25,
+    lineage: Annotated[
+        Path | None, typer.Option(help="Also write where every frame comes from: .csv or .json.", show_default=False)
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Compose a new motion out of a dataset's clips, as BVH: a walk through their motion graph.
+
+    Example: motionlake compose salsa/01 --seconds 60 --seed 1 -o new.bvh --lineage new.csv --lake mylake
+
+    The transitions are made by: motionlake run transitions --dataset dances --lake mylake
+    """
+    from pipeline.compose import compose as compose_motion
+    from pipeline.compose import read_graph
+    from pipeline.formats.bvh_writer import write_bvh
+
+    target = open_lake(lake)
+    _check_files(out, lineage)
+    if (clip is None) != sample:
+        raise UserError("compose: name one clip to start with, or give --sample")
+    if dataset is not None:
+        check_dataset(dataset)
+    if not seconds > 0:
+        raise UserError(f"--seconds {seconds:g}: must be positive")
+    with reading(target) as con:
+        name = resolve_clip(con, clip) if clip is not None else None
+        chosen = fetch(con, "queries/clip.sql", {"clip": name})[0]["dataset"] if name else _dataset(con, dataset)
+        quantiles = {"distance_quantile": distance_quantile, "context_quantile": context_quantile}
+        graph = read_graph(con, target, chosen, constrained=constraint, **quantiles)
+        made = _first_made(
+            lambda first: compose_motion(con, target, graph, first, seconds, seed),
+            [name] if name else _sampled(graph, seed),
+        )
+    write_bvh(made.clip, out)
+    rows = [source.as_row() for source in made.sources]
+    if lineage is not None:
+        _write_lineage(lineage, rows)
+    frames, fps = len(made.clip.channels), made.clip.fps
+    if as_json:
+        report = {
+            "file": str(out), "frames": frames, "fps": fps, "seconds": frames / fps, "rig": made.rig, "seed": seed,
+            "constraint": constraint, "jump": made.jump, "graph": made.summary.as_row(), "lineage": rows,
+        }  # fmt: skip
+        print_json(report)
+        return
+    clips = len({source.clip for source in made.sources})
+    notice(f"{out}: {frames} frames, {frames / fps:.1f} s, from {len(rows)} pieces of {clips} clips")
+    shown = ("out_start", "out_stop", "clip", "start", "stop", "licence", "distance", "context_distance")
+    print_rows([{k: row[k] for k in shown} for row in rows], as_json=False)
+
+
+def _check_files(out: Path, lineage: Path | None) -> None:
+    for file in (out, lineage):
+        if file is not None and not file.parent.is_dir():
+            raise UserError(f"{file.parent}: no such folder")
+    if lineage is not None and lineage.suffix not in (".csv", ".json"):
+        raise UserError(f"--lineage {lineage}: use a name that ends in .csv or .json")
+
+
+def _dataset(con: Connection, wanted: str | None) -> str:
+    """The dataset to draw from: the one asked for, or the only one."""
+    found = [row["dataset"] for row in fetch(con, "queries/status_datasets.sql")]
+    if wanted is not None and wanted not in found:
+        raise UserError(f"{wanted}: no such dataset; the lake holds {', '.join(found) or 'none'}")
+    if wanted is None and len(found) != 1:
+        raise UserError(f"--sample: say from which dataset with --in; the lake holds {', '.join(found) or 'none'}")
+    return wanted or str(found[0])
+
+
+def _sampled(graph: LakeGraph, seed: int) -> list[str]:
+    """Some clips of the largest component in an order that the seed makes."""
+    from pipeline.motiongraph.walk import starts
+
+    found = starts(graph.graph)
+    if not found:
+        raise UserError(
+            "no clip has transitions that lead back to it; take more of them with --no-constraint or higher quantiles"
+        )
+    order = random.Random(seed).sample(found, min(len(found), TRIES))
+    return [graph.graph.clips[clip].clip for clip in order]
+
+
+def _first_made(make: Callable[[str], Composition], clips: Sequence[str]) -> Composition:
+    """The motion from the first of some clips that one can be made from."""
+    for clip in clips[:-1]:
+        try:
+            return make(clip)
+        except NoWalkError as error:
+            notice(str(error))
+    return make(clips[-1])
+
+
+def _write_lineage(file: Path, rows: Sequence[dict[str, Any]]) -> None:
+    if file.suffix == ".json":
+        file.write_text(json.dumps(list(rows), ensure_ascii=False, indent=2) + "\n", encoding="utf-8")
+        return
+    with file.open("w", newline="", encoding="utf-8") as stream:
+        writer = csv.DictWriter(stream, list(rows[0]))
+        writer.writeheader()
+        writer.writerows(rows)

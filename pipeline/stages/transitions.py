@@ -1,0 +1,232 @@
+"""Stage "transitions": candidate transitions between the clips of a dataset, and how far their contexts are apart.
+
+A shard compares the clips of two frames parts. It depends on the frames alone, so new motifs cost no
+comparison again. One more shard a dataset, stage "contexts", picks the nearest candidates of each word, compares
+the signatures around their ends and replaces the dataset's rows of the table `transitions`.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+from numpy.typing import NDArray
+
+from pipeline import frames
+from pipeline.config import LakeConfig, config_hash
+from pipeline.corpus import Corpus, read_corpus
+from pipeline.lake.catalog import Connection, fetch, fetch_table, load_rows
+from pipeline.lake.layout import Lake
+from pipeline.lake.parts import write_part
+from pipeline.motiongraph.config import TransitionsConfig
+from pipeline.motiongraph.context import context_distances
+from pipeline.motiongraph.transitions import Windowed, candidates, nearest_per_word, windowed
+from pipeline.skeleton.pose import bone_vectors, world_rotations
+from pipeline.stages import embed, motifs, signatures
+from pipeline.stages.derived import Part, frames_parts
+from pipeline.stages.shard import Shard, ShardResult
+from pipeline.words.features import WordConfig, body_length, resample
+from pipeline.words.windows import windows
+
+NAME = "transitions"
+CONTEXTS = "contexts"
+VERSION = 1
+ROWS = pa.schema(
+    [
+        ("from_clip", pa.string()), ("from_frame", pa.int64()), ("from_word", pa.int32()),
+        ("to_clip", pa.string()), ("to_frame", pa.int64()), ("to_word", pa.int32()), ("distance", pa.float64()),
+    ]
+)  # fmt: skip
+
+
+def parts_of(con: Connection, dataset: str | None = None) -> dict[str, list[Part]]:
+    """The frames parts of each dataset, or of one, by name."""
+    found: dict[str, list[Part]] = {}
+    for part in frames_parts(con):
+        if dataset in (None, part.dataset):
+            found.setdefault(part.dataset, []).append(part)
+    return {name: sorted(parts, key=lambda p: p.part) for name, parts in sorted(found.items())}
+
+
+def pair_shards(con: Connection, parts: Sequence[Part], config: LakeConfig) -> list[Shard]:
+    """A shard for every pair of parts of one dataset, done or not."""
+    words = config.words
+    shaping = asdict(config.transitions) | {"fps": words.fps, "length": words.length, "stride": words.stride}
+    del shaping["context"]  # compared anew without comparing frames
+    rates = {p.part: {r["clip"]: r["fps"] for r in fetch(con, "queries/rates.sql", {"part": p.part})} for p in parts}
+    return [
+        Shard(
+            NAME,
+            config_hash(NAME, VERSION, a.key, b.key, shaping),
+            f"{a.part}+{b.part}",
+            a.dataset,
+            {
+                "parts": [a.part, b.part],
+                "fps": rates[a.part] | rates[b.part],
+                "words": asdict(words),
+                "transitions": asdict(config.transitions),
+            },
+            a.clips,
+        )
+        for i, a in enumerate(parts)
+        for b in parts[i:]
+    ]
+
+
+def plan(con: Connection, config: LakeConfig, dataset: str | None = None) -> list[Shard]:
+    """The pairs of parts that are not compared yet."""
+    done = _done(con, NAME)
+    every = [s for parts in parts_of(con, dataset).values() for s in pair_shards(con, parts, config)]
+    return [s for s in every if s.key not in done]
+
+
+def plan_contexts(con: Connection, lake: Lake, config: LakeConfig, dataset: str | None = None) -> list[Shard]:
+    """A shard for each dataset whose table is not what its candidates and signatures make."""
+    network = embed.fitting_network(con, config)
+    model = motifs.fitting_motifs(con, config, network) if network else None
+    if network is None or model is None:
+        return []
+    signed = {p.part: p.key for p in signatures.keyed(motifs.keyed(con, lake, config, network, model))}
+    compared, served, done = _done(con, NAME), _done(con, signatures.NAME), _done(con, CONTEXTS)
+    shards = []
+    for name, parts in parts_of(con, dataset).items():
+        pairs = [s.key for s in pair_shards(con, parts, config)]
+        keys = [signed[p.part] for p in parts]
+        key = config_hash(CONTEXTS, VERSION, pairs, keys, config.transitions)
+        if key not in done and compared.issuperset(pairs) and served.issuperset(keys):
+            spec = {"files": [candidates_file(p) for p in pairs], "transitions": asdict(config.transitions)}
+            shards.append(Shard(CONTEXTS, key, name, name, spec, sum(p.clips for p in parts)))
+    return shards
+
+
+def _done(con: Connection, stage: str) -> set[str]:
+    return {r["key"] for r in fetch(con, "queries/shards.sql", {"stage": stage}) if r["state"] == "ok"}
+
+
+def candidates_file(key: str) -> str:
+    return f"transitions/{key[:16]}.parquet"
+
+
+@dataclass(frozen=True)
+class _Group:
+    """The clips of one part: names, rates, bones and windows."""
+
+    clips: list[str]
+    fps: NDArray[np.float64]
+    bones: list[NDArray[np.float64]]
+    sizes: NDArray[np.float64]
+    windows: Windowed
+
+
+def run(lake_root: Path, shard: Shard) -> ShardResult:
+    """The nearest transitions between the clips of two frames parts."""
+    started = time.perf_counter()
+    lake = Lake(lake_root)
+    config = TransitionsConfig(**shard.spec["transitions"])
+    first, second = shard.spec["parts"]
+    a = _read(lake, shard, first, config)
+    b = a if second == first else _read(lake, shard, second, config)
+    found = candidates(a.windows, b.windows, _agree(a, b, config), config, same=a is b)
+    found = nearest_per_word(found, a.windows, b.windows, config.per_word)
+    rate = shard.spec["words"]["fps"]
+    columns = [*_end(a, found.left, rate), *_end(b, found.right, rate), pa.array(found.distance)]
+    table = pa.Table.from_arrays(columns, schema=ROWS)
+    file = candidates_file(shard.key)
+    size = write_part(lake.path(file), table, {"key": shard.key})
+    return ShardResult(shard, table.num_rows, size, (file,), time.perf_counter() - started)
+
+
+def _read(lake: Lake, shard: Shard, part: str, config: TransitionsConfig) -> _Group:
+    words = WordConfig(**shard.spec["words"])
+    rates: Mapping[str, float] = shard.spec["fps"]
+    clips, fps, bones, sizes, positions, counts = [], [], [], [], [], []
+    for clip in frames.read_part(lake.path(lake.frames_part(shard.dataset, part))):
+        if clip.clip not in rates:
+            continue  # left the lake since the part was written
+        rate = rates[clip.clip]
+        joints, rotations = clip.positions.astype(float), clip.rotations.astype(float)
+        sampled = resample(joints, rate, words)
+        clips.append(clip.clip)
+        fps.append(rate)
+        bones.append(bone_vectors(joints, world_rotations(rotations)).mean(axis=0))
+        sizes.append(body_length(joints))
+        counts.append(len(windows(len(sampled), words)))
+        positions.append(sampled[: _usable(len(sampled), len(joints), rate / words.fps, config.window)])
+    if not clips:
+        raise ValueError(f"part {part} holds no clip of the lake")
+    cut = windowed(positions, counts, words.stride, config.window)
+    return _Group(clips, np.array(fps), bones, np.array(sizes), cut)
+
+
+def blended(window: int, ratio: float) -> int:
+    """Frames of a clip that a window of `window` frames covers, `ratio` of its frames to one of the words'."""
+    return max(2, round(window * ratio))
+
+
+def _usable(sampled: int, count: int, ratio: float, window: int) -> int:
+    """How many frames at the words' rate leave every window room to be blended at the clip's own rate."""
+    starts = np.arange(max(sampled - window + 1, 0))
+    fits = np.round(starts * ratio) + blended(window, ratio) <= count
+    return int(fits.sum()) + window - 1
+
+
+def _agree(a: _Group, b: _Group, config: TransitionsConfig) -> NDArray[np.bool_]:
+    """[clips of a, clips of b] whether all bones are about as long and point alike at rest."""
+    bones_a, bones_b = np.stack(a.bones), np.stack(b.bones)
+    differ = np.linalg.norm(bones_a[:, None] - bones_b[None], axis=-1).max(axis=-1)
+    # Stored frames are quantised: bones of one body differ by a fraction of a millimetre.
+    limit = config.proportions * (a.sizes[:, None] + b.sizes[None]) / 2 + 1e-3
+    return np.asarray(differ <= limit)
+
+
+def _end(group: _Group, rows: NDArray[np.int64], rate: float) -> list[pa.Array]:
+    clip = group.windows.clip[rows]
+    native = np.round(group.windows.frame[rows] * group.fps[clip] / rate).astype(np.int64)
+    names = pa.array(group.clips).take(pa.array(clip))
+    return [names, pa.array(native), pa.array(group.windows.word[rows].astype(np.int32))]
+
+
+def load(_con: Connection, _root: Path, _results: Sequence[ShardResult]) -> None:
+    """Candidates stay in their parts until the contexts of all are compared."""
+
+
+def run_contexts(_lake_root: Path, shard: Shard) -> ShardResult:
+    """Nothing is left for a worker to do: what it takes is in the catalog."""
+    return ShardResult(shard, 0, 0, (), 0.0)
+
+
+def load_contexts(con: Connection, root: Path, results: Sequence[ShardResult]) -> None:
+    """Replace the transitions of the datasets in the results."""
+    for result in results:
+        spec, dataset = result.shard.spec, result.shard.dataset
+        config = TransitionsConfig(**spec["transitions"])
+        parameters = {"files": [str(root / f) for f in spec["files"]], "per_word": config.per_word}
+        found = fetch_table(con, "queries/transition_candidates.sql", parameters)
+        distances = contexts(found, read_corpus(con, dataset), config.context)
+        rows = found.append_column("context_distance", pa.array(distances, pa.float64()))
+        load_rows(con, "queries/load_transitions.sql", rows, {"dataset": dataset})
+
+
+def contexts(found: pa.Table, corpus: Corpus, context: int) -> NDArray[np.float64]:
+    """[n] distance of the signatures around both ends of transitions."""
+
+    def end(side: str) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        clips = [corpus.positions[name] for name in found.column(f"{side}_clip").to_pylist()]
+        return np.array(clips, dtype=np.int64), found.column(f"{side}_word").to_numpy().astype(np.int64)
+
+    words: list[NDArray[np.integer[Any]]] = [corpus.motifs[corpus.words_of(i)] for i in range(len(corpus.clips))]
+    return context_distances(words, (end("from"), end("to")), corpus.idf, corpus.ground, context)
+
+
+def pending(con: Connection, lake: Lake, config: LakeConfig) -> int:
+    """How many shards are due in the datasets whose transitions were ever asked for.
+
+    Where pairs are due, the contexts that hang on them are not counted.
+    """
+    asked = sorted({r["dataset"] for r in fetch(con, "queries/shards.sql", {"stage": NAME})})
+    return sum(len(plan(con, config, name)) + len(plan_contexts(con, lake, config, name)) for name in asked)
