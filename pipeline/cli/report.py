@@ -1,43 +1,57 @@
-"""The closing lines of commands that write."""
+"""motionlake report."""
 
 from __future__ import annotations
 
-import sys
-from datetime import datetime
+from pathlib import Path
+from typing import Annotated
 
-from jobs.session import Session
-from pipeline.cli.common import notice
-from pipeline.lake.catalog import fetch, reading, run_sql, writing
-from pipeline.lake.layout import Lake
+import typer
 
-SHOWN = 5
-
-
-def close_run(job: Session) -> None:
-    """Record a run that did something."""
-    outcomes = job.outcomes.values()
-    totals = {
-        "ok": sum(o.ok for o in outcomes),
-        "failed": sum(o.failed for o in outcomes),
-        "rejected": sum(o.rejected for o in outcomes),
-    }
-    for name, outcome in job.outcomes.items():
-        if outcome.failed:
-            notice(f"{name}: {outcome.failed} shards failed: {outcome.reason}; --retry-failed tries again")
-    if any(totals.values()):
-        with writing(job.lake) as con:
-            run_sql(
-                con, "queries/add_run.sql",
-                {**totals, "command": " ".join(sys.argv[1:]), "started": job.started, "finished": datetime.now()},
-            )  # fmt: skip
+from pipeline.cli.common import JsonOption, LakeOption, notice, print_json
+from pipeline.errors import UserError
+from pipeline.lake.catalog import reading
+from pipeline.lake.layout import check_dataset, open_lake
 
 
-def say_rejects(lake: Lake, datasets: list[str]) -> None:
-    """Name the first rejected files and where the rest are listed."""
-    with reading(lake) as con:
-        rows = [{**r, "dataset": d} for d in datasets for r in fetch(con, "queries/rejects_of.sql", {"dataset": d})]
-    for row in rows[:SHOWN]:
-        line = f", line {row['line']}" if row["line"] else ""
-        notice(f"rejected {row['dataset']}/{row['path']}{line}: {row['reason']}")
-    if len(rows) > SHOWN:
-        notice(f"… and {len(rows) - SHOWN} more: motionlake sql 'FROM rejects' --lake {lake.root}")
+def add_to(app: typer.Typer) -> None:
+    app.command()(report)
+
+
+def report(
+    lake: LakeOption,
+    out: Annotated[Path, typer.Option("--out", "-o", help="The page to write.")] = Path("report.html"),
+    dataset: Annotated[
+        str | None, typer.Option("--in", help="Report on this dataset only.", show_default=False)
+    ] = None,
+    pictures: Annotated[
+        Path | None, typer.Option("--pictures", help="Also write each picture as PNG into this folder.")
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """One HTML page that shows what a lake holds: signatures, maps, motifs, sequences, a search.
+
+    Example: motionlake report --lake mylake --out report.html
+
+    One dataset, and its pictures as files: motionlake report --in hdm05 --pictures figures --lake mylake
+    """
+    from pipeline.pictures.output import write_file, write_pictures
+    from pipeline.pictures.report import make_report
+
+    target = open_lake(lake)
+    if dataset is not None:
+        check_dataset(dataset)
+    if out.suffix not in (".html", ".htm"):
+        raise UserError(f"{out}: a report is written as .html")
+    if out.is_dir():
+        raise UserError(f"{out}: cannot be written (there is a folder of that name)")
+    with reading(target) as con:
+        made = make_report(con, target, dataset, notice)
+    paths = write_pictures(made.pictures, pictures) if pictures else []
+    write_file(out, made.html.encode())
+    if as_json:
+        rows = [{"name": p.name, "title": p.title, "caption": p.caption} for p in made.pictures]
+        print_json({"report": str(out), "pictures": rows, "files": [str(path) for path in paths]})
+        return
+    print(out)
+    for path in paths:
+        print(path)

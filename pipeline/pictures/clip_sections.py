@@ -1,0 +1,172 @@
+"""The pictures of a report that show clips: signature bars, maps, motif bands, a search."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import Final
+
+import numpy as np
+from matplotlib.figure import Figure
+from threadpoolctl import threadpool_limits
+
+from pipeline.emd import emd_many, emd_matrix
+from pipeline.evaluation.dtw import BASELINE, baseline_features, dtw_matrix, frame_pairs
+from pipeline.lake.layout import Lake
+from pipeline.pictures.bands import motif_bands
+from pipeline.pictures.captions import about_clusters, count_of, model, short_names
+from pipeline.pictures.hits_page import hits_page
+from pipeline.pictures.html import Picture, picture
+from pipeline.pictures.maps import clip_map, plane_of
+from pipeline.pictures.material import Material
+from pipeline.pictures.selection import ALL, MOST_CLASSES, View, closest_pair, largest, sampled
+from pipeline.pictures.signature_bars import BarGroup, signature_bars
+from pipeline.pictures.style import Float64Array
+
+PER_CLASS: Final = 4
+HITS: Final = 6
+SUBJECTS: Final = range(2, 10)
+A_SUBJECT: Final = 3
+BY_SUBJECT: Final = 60
+LEAST_ON_MAP: Final = 3
+MOST_PAIRS: Final = 400_000_000  # of frames, some seconds of DTW
+
+
+def bars(material: Material, view: View) -> Picture:
+    """Signature bars, four clips a class (figures 1 and 6)."""
+    corpus = material.corpus
+    by_class = view.by_class()
+    shown = largest(by_class, MOST_CLASSES)
+    chosen = {
+        name: [clips[j] for j in sampled([corpus.clips[i].clip for i in clips], PER_CLASS)]
+        for name, clips in shown.items()
+    }
+    names = {clip: shown for clips in chosen.values() for clip, shown in short_names(material, clips).items()}
+    groups = [BarGroup(name, [names[i] for i in clips], material.signatures[clips]) for name, clips in chosen.items()]
+    of_each = f"the clips of each {view.kind}" if len(by_class) > 1 else "the clips"
+    title = f"{view.name}: which motifs {of_each} are made of"
+    note = f"{count_of(len(names), view.total, 'clip')}, at most {PER_CLASS} a {view.kind}; {model(material)}"
+    fewer = len(shown) < len(by_class)
+    left_out = f" The {len(shown)} largest of {len(by_class)} {view.plural} are shown." if fewer else ""
+    caption = (
+        "Signatures (Deep Motifs, figures 1 and 6). A row is a clip, a column a motif; the hotter and darker, the "
+        f"larger the motif's tf-idf share, grey is none. Clips of one {view.kind} light up in the same columns. "
+        f"Similar motifs stand side by side; the order is not that of time.{left_out}{about_clusters(view)}"
+    )
+    return picture(f"{view.name}-signatures", title, caption, signature_bars(groups, material.order, title, note))
+
+
+def clips_map(material: Material, view: View) -> Picture | None:
+    """A map of clips by the distance of their signatures (figures 7 and 8); None below three clips."""
+    if len(view.shown) < LEAST_ON_MAP:
+        return None
+    title = f"{view.name}: clips that move alike lie close together"
+    chosen = count_of(len(view.shown), view.total, "clip")
+    figure, said = _map(material, view.clips[view.shown].tolist(), view.distances, view.shown_classes, title, chosen)
+    caption = (
+        "A map of clips (Deep Motifs, figures 7 and 8). A point is a clip; near points have near signatures. "
+        f"{said}{about_clusters(view)}"
+    )
+    return picture(f"{view.name}-map", title, caption, figure)
+
+
+def subjects_map(material: Material, view: View) -> Picture | None:
+    """A map of the clips of the largest class by who moves (figure 8); None where that cannot be told apart."""
+    corpus = material.corpus
+    name, members = max(view.by_class().items(), key=lambda group: len(group[1]))
+    clips = [members[i] for i in sampled([corpus.clips[i].clip for i in members], BY_SUBJECT)]
+    subjects = [corpus.clips[i].subject or "" for i in clips]
+    counts = Counter(subjects)
+    if view.kind != "class" or "" in counts or len(counts) not in SUBJECTS or min(counts.values()) < A_SUBJECT:
+        return None
+    title = f"{view.name}: who moves, within {name}"
+    distances = emd_matrix(material.signatures[clips], corpus.ground)
+    chosen = count_of(len(clips), len(members), "clip")
+    figure, said = _map(material, clips, distances, subjects, title, chosen)
+    caption = (
+        "Fine differences (Deep Motifs, figure 8): the clips of the largest class alone, coloured by subject. Where "
+        f"colours part, signatures tell the subjects, or their roles, from each other. {said}"
+    )
+    return picture(f"{view.name}-subjects", title, caption, figure)
+
+
+def _map(
+    material: Material, clips: list[int], distances: Float64Array, classes: list[str], title: str, chosen: str
+) -> tuple[Figure, str]:
+    """The map, and a sentence on its errors; beside it the map by whole-clip DTW where that is soon made."""
+    points, stress = plane_of(distances)
+    note = f"{chosen}; Earth Mover's Distance of signatures, metric MDS, stress {stress:.2f}; {model(material)}"
+    said = f"Distances on the page are off by {stress:.0%} (Kruskal's stress); the axes have no meaning of their own."
+    hidden = len(clips) - len(np.unique(material.signatures[clips], axis=0))
+    said += f" Clips of equal signatures share one point ({hidden} are hidden that way)." if hidden else ""
+    aligned = _dtw_distances(material, clips)
+    if aligned is None:
+        return clip_map(points, classes, title, note), said
+    plane, error = plane_of(aligned)
+    other = (f"the same clips by DTW of whole clips (stress {error:.2f})", plane)
+    said += " The smaller map has the same clips by dynamic time warping of whole clips, the baseline."
+    return clip_map(points, classes, title, note, other), said
+
+
+def _dtw_distances(material: Material, clips: list[int]) -> Float64Array | None:
+    corpus = material.corpus
+    if frame_pairs([round(material.seconds(i) * BASELINE.fps) for i in clips]) > MOST_PAIRS:
+        return None
+    positions = material.poses.many([corpus.clips[i].clip for i in clips])
+    features = [
+        baseline_features(positions[corpus.clips[i].clip].astype(np.float64), corpus.clips[i].fps) for i in clips
+    ]
+    with threadpool_limits(limits=1):  # matrices too small for threads
+        return dtw_matrix(features)
+
+
+def two_bands(material: Material, view: View) -> Picture | None:
+    """Two clips with near signatures as bands of motifs (figure 9)."""
+    pair = closest_pair(material, view)
+    if pair is None:
+        return None
+    names = short_names(material, list(pair))
+    where = {clip: i for i, clip in enumerate(view.clips.tolist())}
+    shown = view.shown.tolist()
+    distance = view.distances[shown.index(where[pair[0]]), shown.index(where[pair[1]])]
+    one, other = (view.classes[where[i]] for i in pair)
+    classes = one if one == other else f"{one} and {other}"
+    title = f"{view.name}: two clips of near signatures, motif by motif"
+    note = "" if classes == ALL else f"{classes}; "
+    note += f"distance of the signatures {distance:.3f}; {model(material)}"
+    caption = (
+        "Motif bands (Deep Motifs, figure 9). The upper band of each clip is its motifs in time, one colour a motif; "
+        "the lower one its signature, the same motifs sorted and weighted. The order in time may differ, the "
+        "signatures hardly do. The pair is the closest among the longest clips shown, of two subjects where there "
+        "are such."
+    )
+    figure = motif_bands([material.band(i, names[i]) for i in pair], material.order, title, note)
+    return picture(f"{view.name}-bands", title, caption, figure)
+
+
+def hits_of_one(lake: Lake, material: Material) -> Picture | None:
+    """An example of search: the clips nearest to one of them (section 6.3); None for a single clip."""
+    corpus = material.corpus
+    if len(corpus.clips) < 2:
+        return None
+    query = _example(material)
+    distances = emd_many(material.signatures[query], material.signatures, corpus.ground)
+    nearest = [i for i in np.argsort(distances, kind="stable").tolist() if i != query][:HITS]
+    rows = [
+        {"rank": rank, "clip": corpus.clips[i].clip, "distance": float(distances[i])}
+        for rank, i in enumerate(nearest, start=1)
+    ]
+    name = corpus.clips[query].clip
+    title = f"What is most like {name}"
+    caption = (
+        "A search by example (Deep Motifs, section 6.3): the query, shaded, and the clips with the nearest signatures, "
+        "as moments evenly spread over each. `motionlake search CLIP --picture hits.html` draws it for any query."
+    )
+    return picture("search", title, caption, hits_page(material.con, lake, name, rows))
+
+
+def _example(material: Material) -> int:
+    """A clip to search for, of middling length, the same one every time."""
+    corpus = material.corpus
+    lengths = np.diff(corpus.offsets)
+    middling = np.argsort(lengths, kind="stable")[len(lengths) // 2 :]
+    return int(middling[sampled([corpus.clips[i].clip for i in middling], 1)[0]])

@@ -1,0 +1,125 @@
+"""The answers of a search as stick figures: the query on top, each hit with its rank and distance below it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from pipeline.errors import ClipError, UserError
+from pipeline.formats import is_clip
+from pipeline.lake.catalog import Connection, fetch
+from pipeline.lake.layout import Lake
+from pipeline.pictures.poses import Poses, spread
+from pipeline.pictures.stick_figures import draw_strip
+from pipeline.pictures.style import FAINT, TOP, Sheet, styled
+from pipeline.skeleton.rigs import load_rigs
+from pipeline.stages.frames import canonical_motions
+from pipeline.stages.resolve import resolve_clip
+from pipeline.stages.sources import IngestOptions
+
+MOST_HITS: Final = 30
+MOMENTS: Final = 14
+ROW: Final = 1.1
+LEFT: Final = 3.3
+STRIP: Final = 6.4
+
+
+@dataclass(frozen=True)
+class HitStrip:
+    """One row of a page of hits.
+
+    Attributes:
+        head: what it is called: "query", or its rank.
+        lines: what is said of it, such as label, clip and distance.
+        poses: [n, 21, 3] moments of it.
+    """
+
+    head: str
+    lines: Sequence[str]
+    poses: NDArray[np.floating]
+
+
+@styled
+def draw_hits(query: HitStrip, hits: Sequence[HitStrip], title: str, note: str = "") -> Figure:
+    """The query, shaded, and below it the hits in the order given."""
+    sheet = Sheet(LEFT + STRIP + 0.3, TOP + ROW * (1 + len(hits)) + 0.2, title, note)
+    sheet.box(0, TOP - 0.04, sheet.width, ROW, "#eef3f8")
+    for i, row in enumerate([query, *hits]):
+        top = TOP + ROW * i + (0.08 if i else 0)
+        sheet.text(0.12, top + 0.36, row.head, size=10, weight="bold", room=0.6)
+        for j, line in enumerate(row.lines):
+            weight, color = ("bold", "#222222") if j == 0 else ("normal", FAINT)
+            sheet.text(0.75, top + 0.36 + 0.2 * j, line, size=8, weight=weight, color=color, room=LEFT - 0.9)
+        draw_strip(sheet, LEFT, top, STRIP, ROW - 0.14, row.poses, MOMENTS)
+    return sheet.figure
+
+
+def hits_page(
+    con: Connection,
+    lake: Lake,
+    query: str | Path,
+    hits: Sequence[Mapping[str, Any]],
+    start: int | None = None,
+    stop: int | None = None,
+) -> Figure:
+    """A page of the hits of any search.
+
+    Args:
+        con: to the lake.
+        lake: the same.
+        query: a clip of the lake, by name, or a clip file, of which the first body is drawn.
+        hits: rows with "rank", "clip" and "distance"; "label", "mirrored" and, for ranges of frames, "start" and
+            "stop" are used where there are such. At most 30 are drawn.
+        start: first frame of the query, where it is a range of frames.
+        stop: frame after its last.
+
+    Raises:
+        UserError: the query is no clip, or a file that cannot be read.
+    """
+    poses = Poses(con, lake)
+    shown = hits[:MOST_HITS]
+    facts = {clip: fetch(con, "queries/clip.sql", {"clip": clip})[0] for clip in {str(h["clip"]) for h in shown}}
+    strips = [_hit_strip(poses, hit, facts[str(hit["clip"])]) for hit in shown]
+    name, row = _query_strip(con, lake, poses, query, start, stop)
+    counted = f"{len(hits)} hits" if len(hits) != 1 else "1 hit"
+    note = counted + (f", the first {MOST_HITS} are shown" if len(hits) > MOST_HITS else ", nearest first")
+    return draw_hits(row, strips, f"What is most like {name}", f"{note}; distances of signatures")
+
+
+def _hit_strip(poses: Poses, hit: Mapping[str, Any], known: Mapping[str, Any]) -> HitStrip:
+    clip, start, stop = str(hit["clip"]), hit.get("start"), hit.get("stop")
+    label = hit.get("label") or known["label"]
+    distance = f"distance {hit['distance']:.3f}" + (", mirrored" if hit.get("mirrored") else "")
+    if start is None or stop is None:
+        when, moments = f"{known['seconds']:.1f} s", poses.whole(clip, MOMENTS)
+    else:
+        when = f"{start / known['fps']:.1f}–{stop / known['fps']:.1f} s"
+        moments = poses.sample(clip, int(start), int(stop), MOMENTS)
+    lines = [line for line in (label, clip, f"{distance}, {when}") if line]
+    return HitStrip(str(hit["rank"]), lines, moments)
+
+
+def _query_strip(
+    con: Connection, lake: Lake, poses: Poses, query: str | Path, start: int | None, stop: int | None
+) -> tuple[str, HitStrip]:
+    if Path(query).is_file() and is_clip(Path(query)):
+        path = Path(query)
+        try:
+            source, motion, _ = next(iter(canonical_motions(path, load_rigs(lake.rigs), IngestOptions())))
+        except ClipError as error:
+            raise UserError(f"{path}: {error}") from error
+        name, label, fps, positions = path.name, None, source.fps, motion.positions.astype(np.float32)
+    else:
+        name = resolve_clip(con, str(query))
+        row = fetch(con, "queries/clip.sql", {"clip": name})[0]
+        label, fps, positions = row["label"], row["fps"], poses.positions(name)
+    part = positions[start or 0 : stop or len(positions)]
+    first = (start or 0) / fps
+    lines = [line for line in (label, name, f"{first:.1f}–{first + len(part) / fps:.1f} s") if line]
+    return name, HitStrip("query", lines, spread(part, MOMENTS))

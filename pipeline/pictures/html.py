@@ -1,0 +1,105 @@
+"""One HTML page that needs nothing but itself: pictures inline, no scripts, no fonts or styles from elsewhere."""
+
+from __future__ import annotations
+
+import base64
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from html import escape
+from typing import Any, Final
+
+from matplotlib.figure import Figure
+
+from pipeline.pictures.style import png
+
+PIXELS_AN_INCH: Final = 100
+_CSS: Final = """
+body { font: 15px/1.5 system-ui, sans-serif; color: #222; background: #fff; margin: 2em auto; max-width: 1240px;
+  padding: 0 1.5em; }
+h1 { font-size: 1.7em; margin-bottom: .2em; } h2 { font-size: 1.3em; margin-top: 2.2em;
+  border-bottom: 1px solid #ccc; }
+figure { margin: 1.5em 0 2.2em; overflow-x: auto; } img { display: block; }
+figcaption { max-width: 60em; color: #444; margin-top: .3em; }
+table { border-collapse: collapse; margin: 1em 0; } th, td { padding: .15em .9em .15em 0; text-align: left;
+  border-bottom: 1px solid #e5e5e5; }
+td.number, th.number { text-align: right; font-variant-numeric: tabular-nums; }
+nav a { margin-right: 1em; } nav { margin: 1em 0; }
+"""
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A drawn picture.
+
+    Attributes:
+        name: of its file, without suffix.
+        title: one line, the text for those who cannot see it.
+        caption: what one sees.
+        png: the file.
+        width: pixels at which it is to be shown.
+    """
+
+    name: str
+    title: str
+    caption: str
+    png: bytes
+    width: int
+
+
+def picture(name: str, title: str, caption: str, figure: Figure) -> Picture:
+    """A figure as a picture, shown at 100 pixels an inch; its name is made fit for files and links."""
+    name = re.sub(r"[^A-Za-z0-9_.-]+", "-", name)
+    return Picture(name, title, caption, png(figure), round(figure.get_figwidth() * PIXELS_AN_INCH))
+
+
+@dataclass(frozen=True)
+class Chapter:
+    """Pictures under one heading."""
+
+    title: str
+    pictures: Sequence[Picture]
+
+
+def page(
+    title: str, lead: Sequence[str], tables: Sequence[Sequence[Mapping[str, Any]]], chapters: Sequence[Chapter]
+) -> str:
+    """The page: a title, lines and tables that sum up, then chapters of pictures."""
+    body = [f"<h1>{escape(title)}</h1>", *(f"<p>{escape(line)}</p>" for line in lead)]
+    body += [_table(rows) for rows in tables if rows]
+    if len(chapters) > 1:
+        links = "".join(f'<a href="#c{i}">{escape(c.title)}</a> ' for i, c in enumerate(chapters))
+        body.append(f"<nav>{links}</nav>")
+    for i, chapter in enumerate(chapters):
+        body.append(f'<h2 id="c{i}">{escape(chapter.title)}</h2>')
+        body += [_figure(picture) for picture in chapter.pictures]
+    return "\n".join(
+        [
+            '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">',
+            '<meta name="viewport" content="width=device-width">',
+            f"<title>{escape(title)}</title><style>{_CSS}</style></head><body>",
+            *body,
+            "</body></html>\n",
+        ]
+    )
+
+
+def _table(rows: Sequence[Mapping[str, Any]]) -> str:
+    numeric = {name for name in rows[0] if all(isinstance(row[name], int | float) for row in rows)}
+
+    def cell(tag: str, name: str, value: object) -> str:
+        text = f"{value:,.1f}" if isinstance(value, float) else f"{value:,}" if isinstance(value, int) else value
+        kind = ' class="number"' if name in numeric else ""
+        return f"<{tag}{kind}>{escape('' if text is None else str(text))}</{tag}>"
+
+    head = "".join(cell("th", name, name) for name in rows[0])
+    lines = ["".join(cell("td", name, value) for name, value in row.items()) for row in rows]
+    return "<table><tr>" + head + "</tr>" + "".join(f"<tr>{line}</tr>" for line in lines) + "</table>"
+
+
+def _figure(picture: Picture) -> str:
+    data = base64.b64encode(picture.png).decode()
+    return (
+        f'<figure id="{escape(picture.name)}"><img alt="{escape(picture.title)}" width="{picture.width}" '
+        f'src="data:image/png;base64,{data}"><figcaption>{escape(picture.caption)}</figcaption></figure>'
+    )

@@ -1,0 +1,48 @@
+"""Pictures on disk: written whole or not at all."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from pipeline.errors import UserError
+from pipeline.lake.parts import replacing
+from pipeline.pictures.html import Chapter, Picture, page
+
+
+def write_file(path: Path, content: bytes) -> None:
+    """Write a file. Raises `UserError` where it cannot be written."""
+    try:
+        with replacing(path) as temporary:
+            temporary.write_bytes(content)
+    except OSError as error:
+        raise UserError(f"{path}: cannot be written ({error.strerror or error})") from error
+
+
+def write_pictures(pictures: Sequence[Picture], folder: Path) -> list[Path]:
+    """Write each picture as a PNG file into a folder, which is made. Raises `UserError` where it cannot be."""
+    paths = [folder / f"{p.name}.png" for p in pictures]
+    for path, one in zip(paths, pictures, strict=True):
+        write_file(path, one.png)
+    return paths
+
+
+def check_hits_file(path: Path, queries: int) -> None:
+    """Raises `UserError` where the answers to so many queries cannot be drawn into a file of that name."""
+    if path.suffix not in (".png", ".html"):
+        raise UserError(f"{path}: pictures of hits are written as .png or .html")
+    if path.suffix == ".png" and queries != 1:
+        raise UserError(f"{path}: one .png holds the answers to one query, not to {queries}; name a .html file")
+
+
+def write_hits(path: Path, pages: Sequence[Picture]) -> None:
+    """Write pages of hits, one a query, as one PNG file or one HTML file that needs no other.
+
+    Raises:
+        UserError: another suffix, several pages for one PNG, or the file cannot be written.
+    """
+    check_hits_file(path, len(pages))
+    if path.suffix == ".png":
+        write_file(path, pages[0].png)
+    else:
+        write_file(path, page("Hits", [], [], [Chapter("Hits", pages)]).encode())

@@ -1,0 +1,99 @@
+"""Strips of stick figures: moments of a motion side by side, seen from a three-quarter view."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from matplotlib.collections import LineCollection, PatchCollection
+from matplotlib.colors import to_rgb
+from matplotlib.patches import Circle
+from numpy.typing import NDArray
+
+from pipeline.pictures.style import INK, Float64Array, Sheet
+from pipeline.skeleton.canonical import INDEX, JOINTS, PARENTS
+from pipeline.skeleton.facing import facing
+
+LEFT: Final = "#0072B2"
+RIGHT: Final = "#D55E00"
+TURN: Final = np.deg2rad(40)  # of the body from facing the viewer to the viewer's right
+TILT: Final = np.deg2rad(12)  # of the view, from above
+APART: Final = 0.68  # body heights between two figures
+MARGIN: Final = 0.45  # body heights before the first and after the last one
+_BONES: Final = [(i, p) for i, p in enumerate(PARENTS) if p >= 0]
+
+
+def three_quarter_view(positions: NDArray[np.floating]) -> Float64Array:
+    """Bodies on the page: horizontal and vertical in metres, the ground at 0.
+
+    The whole strip is turned as one so that its middle moment faces the same way in every picture; each moment
+    stands in its own place, so steps do not run it into its neighbour, and heights stay as they were.
+
+    Args:
+        positions: [n, 21, 3] moments of one motion, metres, y up.
+
+    Returns:
+        [n, 21, 3]: x to the right, y up, depth away from the viewer.
+    """
+    points = positions.astype(np.float64) - positions[:, :1] * np.array([1.0, 0.0, 1.0])
+    heading = facing(positions)[len(positions) // 2]
+    angle = TURN - heading
+    x = points[..., 0] * np.cos(angle) + points[..., 2] * np.sin(angle)
+    z = points[..., 2] * np.cos(angle) - points[..., 0] * np.sin(angle)
+    y = points[..., 1] - points[..., 1].min()
+    return np.stack([x, y * np.cos(TILT) - z * np.sin(TILT), -z * np.cos(TILT) - y * np.sin(TILT)], axis=-1)
+
+
+def draw_strip(
+    sheet: Sheet, left: float, top: float, width: float, height: float, positions: NDArray[np.floating],
+    room: int | None = None,
+) -> None:  # fmt: skip
+    """Draw the moments of a motion from left to right, left limbs blue, right limbs orange.
+
+    Args:
+        sheet: drawn on.
+        left: inches from the left of the sheet; `top`, `width` and `height` likewise.
+        positions: [n, 21, 3] moments of one motion, metres, y up.
+        room: how many moments the width is meant for, if not n, so that strips keep one scale.
+    """
+    view = three_quarter_view(positions) / _height(positions)
+    low, high = min(-0.12, view[..., 1].min() - 0.03), max(1.3, view[..., 1].max() + 0.1)
+    scale = min(width / ((room or len(view)) * APART + 2 * MARGIN - APART), height / (high - low))
+    ground = top + height + low * scale
+    places = left + (MARGIN + np.arange(len(view)) * APART) * scale
+    sheet.canvas.plot([left, places[-1] + MARGIN * scale], [ground] * 2, color="#c8c8c8", linewidth=0.8, zorder=1)
+    points = np.stack([places[:, None] + view[..., 0] * scale, ground - view[..., 1] * scale], axis=-1)
+    sheet.canvas.add_collection(_limbs(points, view[..., 2]), autolim=False)
+    necks, heads = points[:, INDEX["neck"]], points[:, INDEX["head"]]
+    crowns = heads + (heads - necks) * 0.25  # the middle of a head is a little beyond its joint
+    circles = [Circle((float(x), float(y)), 0.055 * scale) for x, y in crowns]
+    sheet.canvas.add_collection(
+        PatchCollection(circles, facecolor="white", edgecolor=INK, linewidth=1.0, zorder=3), autolim=False
+    )
+
+
+def _height(positions: NDArray[np.floating]) -> float:
+    """About the height of a standing body: twice its leg and a bit, whatever its pose."""
+    legs = [("hip", "knee"), ("knee", "ankle")]
+    lengths = [
+        np.linalg.norm(positions[:, INDEX[f"{s}_{a}"]] - positions[:, INDEX[f"{s}_{b}"]], axis=-1).mean()
+        for s in ("left", "right")
+        for a, b in legs
+    ]
+    return max(float(np.sum(lengths)) / 2 * 2.05, 1e-3)
+
+
+def _limbs(points: Float64Array, depth: Float64Array) -> LineCollection:
+    """The bones of each body [n, 21, 2] from far to near (`depth` [n, 21]), so that near ones lie on top."""
+    lines, colours = [], []
+    for body, far in zip(points, depth, strict=True):
+        order = sorted(_BONES, key=lambda bone, far=far: -(far[bone[0]] + far[bone[1]]))  # type: ignore[misc]
+        lines += [body[[i, parent]] for i, parent in order]
+        colours += [_colour(JOINTS[i]) for i, _ in order]
+    return LineCollection(lines, colors=colours, linewidths=1.5, capstyle="round", zorder=2)
+
+
+def _colour(joint: str) -> tuple[float, float, float]:
+    if joint.startswith("left"):
+        return to_rgb(LEFT)
+    return to_rgb(RIGHT if joint.startswith("right") else INK)
