@@ -4,14 +4,14 @@ BENCH := .venv-bench/bin
 PIP := -m pip --quiet --disable-pip-version-check
 LAKE ?= lake
 DIST ?= dist
-STAGES := frames words embed motifs signatures
+STAGES := frames words embed motifs signatures mirrored
 # What `make demo` takes in: by default the DeepMimic motions, fetched first.
 DATA ?= demo/deepmimic
 DEMO_LAKE = demo/$(notdir $(abspath $(DATA)))-lake
 DEMO_QUERIES = $(if $(filter demo/deepmimic,$(DATA)),humanoid3d_walk humanoid3d_kick humanoid3d_dance_a,--sample 3)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test lint ingest all $(STAGES) status wheel bench-ingest bench-dtw bench-retrieval bench-representation
+.PHONY: help setup demo test lint ingest all $(STAGES) neighbours transitions status wheel bench-ingest bench-dtw bench-emd bench-retrieval bench-representation bench-find bench-motion-graph bench-neighbours bench-segmentation
 
 help: ## Show this help
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 24
@@ -60,6 +60,11 @@ words: setup ## Stage: frames to the features and ranges of motion words
 embed: setup ## Stage: train the word network if there is none, embed every word
 motifs: setup ## Stage: cluster the words if there are no motifs, assign every word
 signatures: setup ## Stage: tf-idf signatures of clips, ready for search
+mirrored: setup ## Stage: the signature of every clip mirrored left to right
+neighbours: setup ## Stage of its own: the nearest words of every word in other clips
+	$(BIN)/motionlake run neighbours --lake "$(LAKE)"
+transitions: setup ## Stage of its own: where clips of DATASET=name (all datasets) can be joined into motion graphs
+	$(BIN)/motionlake run transitions $(if $(DATASET),--dataset "$(DATASET)") --lake "$(LAKE)"
 
 $(STAGES):
 	$(BIN)/motionlake run $@ --lake "$(LAKE)"
@@ -84,9 +89,25 @@ bench-ingest: .venv-bench/.ready setup ## Measure reading against peers, then wh
 bench-dtw: .venv-bench/.ready ## Measure word DTW against peers
 	$(BENCH)/python -m bench.dtw
 
+bench-emd: setup ## Measure the search for nearest signatures against scanning with POT
+	$(BIN)/python -m bench.emd
+
 bench-retrieval: setup ## Measure retrieval on hdm05 beside its floors, and across rigs
 	$(BIN)/python -m bench.retrieval hdm05
 	$(BIN)/python -m bench.retrieval cross-rig
 
 bench-representation: setup ## Measure which features and networks make the best words
 	$(BIN)/python -m bench.representation
+
+bench-motion-graph: setup ## Measure motion graphs with and without the constraint by signatures
+	$(BIN)/python -m bench.motion_graph
+
+bench-neighbours: setup ## Measure the 5 nearest of 1,000,000 words against brute force (WORDS=n: fewer)
+	$(BIN)/python -m bench.neighbours $(if $(WORDS),--words $(WORDS))
+
+bench-find: setup ## Measure query by example beside sub-sequence DTW, and copies found among all recordings
+	$(BIN)/python -m bench.query_by_example
+	$(BIN)/python -m bench.duplicates
+
+bench-segmentation: setup ## Measure segmentation: exercises by the other takes, 86_01 by other sets
+	$(BIN)/python -m bench.segmentation

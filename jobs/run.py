@@ -2,22 +2,31 @@
 
 from __future__ import annotations
 
-from jobs import embed, frames, motifs, signatures, words
+from jobs import embed, frames, mirrored, motifs, neighbours, signatures, transitions, words
 from jobs.execute import Outcome
 from jobs.frames import IngestReport
 from jobs.session import Session
 
-STAGES = ("frames", "words", "embed", "motifs", "signatures")
+STAGES = ("frames", "words", "embed", "motifs", "signatures", "mirrored")
+# Compare all clips with one another: made when asked for by name.
+BY_NAME = ("neighbours", "transitions")
 
 
 def run(
-    session: Session, stages: tuple[str, ...], *, refit: bool = False, retry_failed: bool = False
+    session: Session,
+    stages: tuple[str, ...],
+    *,
+    refit: bool = False,
+    retry_failed: bool = False,
+    dataset: str | None = None,
 ) -> IngestReport | None:
-    """Bring stages up to date; `refit` fits the models of those stages anew."""
+    """Bring stages up to date; `refit` fits the models of those stages anew, `dataset` is for transitions."""
     report = None
     for stage in stages:
         if stage == "frames":
             report = frames.run(session, retry_failed=retry_failed)
+        elif stage == "transitions":
+            session.outcomes[stage] = transitions.run(session, dataset)
         else:
             session.outcomes[stage] = _derived(session, stage, refit)
     return report
@@ -30,4 +39,8 @@ def _derived(session: Session, stage: str, refit: bool) -> Outcome:
         return embed.run(session, refit=refit)
     if stage == "motifs":
         return motifs.run(session, refit=refit)
+    if stage == "neighbours":
+        return neighbours.run(session, refit=refit)
+    if stage == "mirrored":
+        return mirrored.run(session)
     return signatures.run(session)

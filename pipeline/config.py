@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.errors import UserError
-from pipeline.words.config import NetworkConfig
+from pipeline.motiongraph.config import TransitionsConfig
+from pipeline.words.config import NeighboursConfig, NetworkConfig
 from pipeline.words.features import WordConfig
 
 
@@ -43,6 +44,8 @@ class LakeConfig:
     words: WordConfig = field(default_factory=WordConfig)
     network: NetworkConfig = field(default_factory=NetworkConfig)
     motifs: MotifsConfig = field(default_factory=MotifsConfig)
+    neighbours: NeighboursConfig = field(default_factory=NeighboursConfig)
+    transitions: TransitionsConfig = field(default_factory=TransitionsConfig)
 
 
 def canonical_json(value: Any) -> str:

@@ -70,7 +70,14 @@ def test_one_new_clip_costs_one_clip(own_lake: Path, source: Path, scheduler: st
         companion.touch()
     report = ingest(source, own_lake, scheduler).json
     assert report["clips"] == 1
-    assert run_all(own_lake, scheduler) == {"frames": 0, "words": 1, "embed": 1, "motifs": 1, "signatures": 1}
+    assert run_all(own_lake, scheduler) == {
+        "frames": 0,
+        "words": 1,
+        "embed": 1,
+        "motifs": 1,
+        "signatures": 1,
+        "mirrored": 1,
+    }
     after = tables(own_lake)
     assert len(after["clips"]) == len(before["clips"]) + 1
     assert set(before["signatures"]) < set(after["signatures"])
@@ -125,9 +132,9 @@ def test_changed_labels_recompute_nothing(own_lake: Path, source: Path, schedule
 @pytest.mark.parametrize(
     ("config", "redone"),
     [
-        (QUICK.replace("k = 12", "k = 9"), {"motifs", "signatures"}),
-        (QUICK.replace("steps = 20", "steps = 21"), {"embed", "motifs", "signatures"}),
-        (QUICK + "[words]\nstride = 8\n", {"words", "embed", "motifs", "signatures"}),
+        (QUICK.replace("k = 12", "k = 9"), {"motifs", "signatures", "mirrored"}),
+        (QUICK.replace("steps = 20", "steps = 21"), {"embed", "motifs", "signatures", "mirrored"}),
+        (QUICK + "[words]\nstride = 8\n", {"words", "embed", "motifs", "signatures", "mirrored"}),
     ],
 )
 def test_a_changed_configuration_redoes_its_stage_and_what_hangs_on_it(

@@ -9,6 +9,7 @@ import typer
 
 from jobs import frames
 from jobs.session import session
+from pipeline.cli.closing import close_run, say_rejects
 from pipeline.cli.common import (
     JsonOption,
     LakeOption,
@@ -18,7 +19,6 @@ from pipeline.cli.common import (
     print_json,
     stage_progress,
 )
-from pipeline.cli.report import close_run, say_rejects
 from pipeline.errors import UserError
 from pipeline.formats import readers
 from pipeline.lake.catalog import create_catalog, reading

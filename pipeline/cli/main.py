@@ -11,7 +11,25 @@ import typer
 
 from pipeline.errors import UserError
 
-COMMANDS = ("init", "ingest", "run", "status", "search", "sql", "export", "remove", "rig")
+COMMANDS = (
+    "init",
+    "ingest",
+    "run",
+    "status",
+    "search",
+    "sql",
+    "export",
+    "compose",
+    "segment",
+    "classify",
+    "cluster",
+    "evaluate",
+    "remove",
+    "rig",
+    "find",
+    "duplicates",
+    "report",
+)
 
 app = typer.Typer(
     name="motionlake",
@@ -41,6 +59,7 @@ for _name in COMMANDS:
 
 def main() -> None:
     """Run the command line; a mistake gets one line on stderr and exit status 2."""
+    os.environ.setdefault("POT_BACKEND_DISABLE_PYTORCH", "1")  # else POT takes a second to import torch for nothing
     try:
         app(standalone_mode=True)
     except UserError as error:

@@ -6,8 +6,9 @@ from typing import Annotated
 
 import typer
 
-from jobs.run import STAGES, run
+from jobs.run import BY_NAME, STAGES, run
 from jobs.session import session
+from pipeline.cli.closing import close_run
 from pipeline.cli.common import (
     JsonOption,
     LakeOption,
@@ -18,7 +19,6 @@ from pipeline.cli.common import (
     print_rows,
     stage_progress,
 )
-from pipeline.cli.report import close_run
 from pipeline.config import load_config
 from pipeline.errors import UserError
 from pipeline.lake.catalog import reading
@@ -33,9 +33,10 @@ def add_to(app: typer.Typer) -> None:
 
 def run_command(
     lake: LakeOption,
-    stage: Annotated[str, typer.Argument(help=f"all, or one of {', '.join(STAGES)}.")] = "all",
+    stage: Annotated[str, typer.Argument(help=f"all, or one of {', '.join(STAGES + BY_NAME)}.")] = "all",
     refit: Annotated[bool, typer.Option("--refit", help="Fit the models of the stage anew.")] = False,
     retry_failed: Annotated[bool, typer.Option("--retry-failed", help="Take up what failed before.")] = False,
+    dataset: Annotated[str | None, typer.Option(help="Transitions of this dataset only.", show_default=False)] = None,
     workers: WorkersOption = None,
     scheduler: SchedulerOption = None,
     as_json: JsonOption = False,
@@ -45,14 +46,18 @@ def run_command(
     Example: motionlake run all --lake mylake
 
     Fit motifs to all that is in the lake now: motionlake run motifs --refit --lake mylake
+
+    Transitions for motion graphs, which "all" leaves out: motionlake run transitions --dataset dances --lake mylake
     """
-    if stage != "all" and stage not in STAGES:
-        raise UserError(f"{stage}: no such stage; use all, or one of {', '.join(STAGES)}")
+    if stage != "all" and stage not in STAGES + BY_NAME:
+        raise UserError(f"{stage}: no such stage; use all, or one of {', '.join(STAGES + BY_NAME)}")
+    if dataset is not None and stage != "transitions":
+        raise UserError(f"--dataset {dataset}: only transitions are made for one dataset; leave it out")
     target = open_lake(lake)
     stages = STAGES if stage == "all" else (stage,)
     _announce(target, stages, refit)
     with stage_progress() as progress, session(target, f"run {stage}", progress, notice, workers, scheduler) as job:
-        report = run(job, stages, refit=refit, retry_failed=retry_failed)
+        report = run(job, stages, refit=refit, retry_failed=retry_failed, dataset=dataset)
         close_run(job)
     rows = [
         {"stage": name, "shards": o.ok, "failed": o.failed, "rows": o.rows, "bytes": o.bytes}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import typer
 
-from jobs.run import STAGES
+from jobs.run import BY_NAME, STAGES
 from pipeline.cli.common import JsonOption, LakeOption, print_json, print_rows
 from pipeline.config import load_config
 from pipeline.lake.catalog import fetch, reading
@@ -30,7 +30,7 @@ def status(lake: LakeOption, as_json: JsonOption = False) -> None:
         models = fetch(con, "queries/status_models.sql")
         failed = fetch(con, "queries/failed_shards.sql")
     nothing = {"shards": 0, "rows": 0, "bytes": 0, "failed": 0}
-    stages = [{"stage": s, **nothing, **done.get(s, {}), "due": due[s]} for s in STAGES]
+    stages = [{"stage": s, **nothing, **done.get(s, {}), "due": due[s]} for s in STAGES + BY_NAME]
     if as_json:
         print_json({"datasets": datasets, "stages": stages, "models": models, "failed": failed})
         return

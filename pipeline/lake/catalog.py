@@ -52,8 +52,8 @@ def fetch(con: Connection, name: str, parameters: Mapping[str, Any] | None = Non
 
 
 def fetch_table(con: Connection, name: str, parameters: Mapping[str, Any] | None = None) -> pa.Table:
-    """The rows of a query file as an Arrow table."""
-    return run_sql(con, name, parameters).to_arrow_table()
+    """The rows of a query file of one statement as an Arrow table."""
+    return con.sql(sql.read(name), params=dict(parameters or {})).to_arrow_table()
 
 
 def load_rows(con: Connection, name: str, rows: pa.Table, parameters: Mapping[str, Any] | None = None) -> None:
@@ -123,6 +123,9 @@ def writing(lake: Lake) -> Iterator[Connection]:
         try:
             use_lake_paths(con, lake)
             run_sql(con, "queries/one_thread.sql")
+            run_sql(con, "schema/50_mirrored.sql")  # lakes made before there was such a table
+            run_sql(con, "schema/55_transitions.sql")
+            run_sql(con, "macros/transitions_from.sql")
             con.begin()
             yield con
             refresh_views(con, lake)

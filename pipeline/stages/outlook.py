@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pipeline.config import LakeConfig
 from pipeline.lake.catalog import Connection, fetch
 from pipeline.lake.layout import Lake
-from pipeline.stages import embed, frames, motifs, signatures, words
+from pipeline.stages import embed, frames, mirrored, motifs, neighbours, signatures, transitions, words
 from pipeline.stages.derived import Part
 
 
@@ -29,6 +29,13 @@ def outlook(con: Connection, config: LakeConfig, stages: Sequence[str], *, refit
             lines.append(f"motifs: will fit {config.motifs.k} motifs")
         else:
             lines.append(f"motifs: will not fit; new words are assigned to {fitted.model}")
+    if neighbours.NAME in stages:
+        index = neighbours.fitting_index(con, config)
+        lines.append(
+            "neighbours: will index all words of the lake"
+            if index is None or refit
+            else f"neighbours: will not index; words are sought in {index.model} ({index.figures['clips']:.0f} clips)"
+        )
     return lines
 
 
@@ -40,11 +47,15 @@ def pending(con: Connection, lake: Lake, config: LakeConfig) -> dict[str, int]:
     wanted[embed.NAME] = embed.keyed(con, lake, config, network) if network else None
     assigned = motifs.keyed(con, lake, config, network, model) if network and model else None
     wanted[motifs.NAME] = assigned
-    wanted[signatures.NAME] = signatures.keyed(assigned) if assigned is not None else None
+    signed = signatures.keyed(assigned) if assigned is not None else None
+    wanted[signatures.NAME] = signed
+    wanted[mirrored.NAME] = mirrored.keyed(signed) if signed is not None else None
     due = {frames.NAME: sum(r["state"] == "planned" for r in fetch(con, "queries/shards.sql", {"stage": frames.NAME}))}
     for stage, parts in wanted.items():
         done = {r["key"] for r in fetch(con, "queries/shards.sql", {"stage": stage}) if r["state"] == "ok"}
         due[stage] = len(wanted[words.NAME] or []) if parts is None else sum(p.key not in done for p in parts)
+    due[neighbours.NAME] = neighbours.pending(con, config)
+    due[transitions.NAME] = transitions.pending(con, lake, config)
     return due
 
 
