@@ -13,13 +13,14 @@ from threadpoolctl import threadpool_limits
 from pipeline.words.config import NetworkConfig
 from pipeline.words.dtw import word_distances
 from pipeline.words.features import Float32Array, WordConfig
-from pipeline.words.frame_distance import Metric, frame_distances, rigid_distances
-from pipeline.words.network import ConvBody
-from pipeline.words.training import Recipe, TrainedNetwork, load_network, train_words
+from pipeline.words.frame_distance import frame_distances
+from pipeline.words.linear import LinearConfig, linear_embedding, nearest_elsewhere
+from pipeline.words.trained import TrainedNetwork, load_network
+from pipeline.words.training import Recipe, train_words
 from pipeline.words.triplets import TripletConfig, time_warped, training_words
 from pipeline.words.windows import word_windows
 
-CONFIG = WordConfig(root_weight=0.0, velocity_weight=0.0)
+CONFIG = WordConfig(length=16, stride=4, root_weight=0.0, velocity_weight=0.0, smoothing=0.0)
 
 
 def clips(n: int, seed: int = 0) -> list[Float32Array]:
@@ -46,15 +47,15 @@ def correlation(network: TrainedNetwork, words: Float32Array) -> float:
 
 @pytest.fixture(scope="module")
 def trained() -> TrainedNetwork:
-    return train_words(clips(40), CONFIG, NetworkConfig(steps=60, seed=3))
+    return train_words(clips(40), CONFIG, NetworkConfig("conv", steps=60, seed=3))
 
 
 def test_positives_and_distances_are_what_they_claim() -> None:
     config = TripletConfig(anchors=25, elastic=1)
-    found = training_words(clips(12), CONFIG, config, max_words=70, seed=1)
+    found = training_words(clips(12), CONFIG, config, LinearConfig(), max_words=70, seed=1)
     assert len(found.words) == 70
-    truth = np.sqrt(word_distances(found.words[found.anchors], found.words)) / found.scale
-    np.testing.assert_allclose(found.distances, truth, atol=1e-5)
+    truth = np.sqrt(word_distances(found.words[found.anchors], found.words))
+    np.testing.assert_allclose(found.distances, truth / np.median(truth), atol=1e-5)
     assert np.median(found.distances) == pytest.approx(1)
     for row, anchor in enumerate(found.anchors):
         other = np.flatnonzero(found.clips != found.clips[anchor])
@@ -74,10 +75,10 @@ def test_positives_and_distances_are_what_they_claim() -> None:
 
 
 def test_a_lone_clip_has_no_nearest_words_in_others() -> None:
-    found = training_words(clips(1), CONFIG, TripletConfig(), max_words=100, seed=0)
+    found = training_words(clips(1), CONFIG, TripletConfig(), LinearConfig(), max_words=100, seed=0)
     np.testing.assert_array_equal(found.nearest, np.repeat(found.anchors[:, None], 5, axis=1))
     with pytest.raises(ValueError, match="too few"):
-        training_words([clips(1)[0][:4]], CONFIG, TripletConfig(), max_words=100, seed=0)
+        training_words([clips(1)[0][:4]], CONFIG, TripletConfig(), LinearConfig(), max_words=100, seed=0)
 
 
 def test_time_warped_copies_keep_their_ends_and_stay_close() -> None:
@@ -95,25 +96,25 @@ def test_training_depends_on_input_and_seed_alone(trained: TrainedNetwork) -> No
     words = word_windows(clips(40)[7], CONFIG)
     torch.manual_seed(999)
     before = torch.get_num_threads(), torch.initial_seed()
-    again = train_words(clips(40), CONFIG, NetworkConfig(steps=60, seed=3))
+    again = train_words(clips(40), CONFIG, NetworkConfig("conv", steps=60, seed=3))
     assert (torch.get_num_threads(), torch.initial_seed()) == before
     np.testing.assert_array_equal(again.embed(words), trained.embed(words))
-    other = train_words(clips(40), CONFIG, NetworkConfig(steps=60, seed=4))
+    other = train_words(clips(40), CONFIG, NetworkConfig("conv", steps=60, seed=4))
     assert not np.array_equal(other.embed(words), trained.embed(words))
 
 
 def test_the_metric_term_makes_the_embedding_follow_the_word_distance() -> None:
     words = np.concatenate([word_windows(c, CONFIG) for c in clips(8, seed=50)])
-    start = train_words(clips(40), CONFIG, NetworkConfig(steps=0))
-    recipe = Recipe(triplet_weight=0.0)
-    followed = train_words(clips(40), CONFIG, NetworkConfig(steps=150), recipe=recipe)
+    start = train_words(clips(40), CONFIG, NetworkConfig("conv", steps=0))
+    recipe = Recipe(TripletConfig(elastic=1.0), triplet_weight=0.0)
+    followed = train_words(clips(40), CONFIG, NetworkConfig("conv", steps=150), recipe=recipe)
     assert correlation(followed, words) > correlation(start, words) + 0.01
 
 
 def test_the_triplet_loss_brings_positives_closer_than_negatives() -> None:
-    config = NetworkConfig(steps=100)
-    recipe = Recipe(metric_weight=0.0, temporal_weight=0.0)
-    material = training_words(clips(40), CONFIG, recipe.triplets, config.max_words, config.seed)
+    config = NetworkConfig("conv", steps=100)
+    recipe = Recipe(TripletConfig(elastic=1.0), LinearConfig.principal(), margin=1.0, metric_weight=0.0)
+    material = training_words(clips(40), CONFIG, recipe.triplets, recipe.linear, config.max_words, config.seed)
 
     def violations(network: TrainedNetwork) -> float:
         places = network.embed(material.words).astype(np.float64)
@@ -123,19 +124,105 @@ def test_the_triplet_loss_brings_positives_closer_than_negatives() -> None:
         hinge = np.maximum(near[:, :, None] - far[:, None] + recipe.margin, 0)
         return float(hinge[np.repeat(material.distances[:, None] > recipe.triplets.far, 5, axis=1)].mean())
 
-    start = train_words(clips(40), CONFIG, NetworkConfig(steps=0))
+    start = train_words(clips(40), CONFIG, NetworkConfig("conv", steps=0), recipe=recipe)
     trained = train_words(clips(40), CONFIG, config, recipe=recipe)
     assert violations(trained) < 0.7 * violations(start)
 
 
-def test_the_untrained_network_is_the_principal_components() -> None:
-    start = train_words(clips(40), CONFIG, NetworkConfig(steps=0))
-    assert isinstance(start.network.body, ConvBody)
+def test_without_neighbours_the_embedding_is_the_principal_components() -> None:
+    recipe = Recipe(linear=LinearConfig.principal())
+    start = train_words(clips(40), CONFIG, NetworkConfig("conv", steps=0), recipe=recipe)
     words = np.concatenate([word_windows(c, CONFIG) for c in clips(40)])
-    scale = start.figures["word_distance_median"] * 16**0.5
-    np.testing.assert_allclose(
-        spread(start.embed(words[:60])[:, None]) * scale, spread(words[:60]), rtol=0.05, atol=0.02
+    found, truth = spread(start.embed(words[:60])[:, None]), spread(words[:60])
+    np.testing.assert_allclose(found * (truth.max() / found.max()), truth, rtol=0.05, atol=0.05)
+
+
+@pytest.mark.parametrize("architecture", ["linear", "conv"])
+def test_linear_paths_start_as_the_linear_embedding(architecture: str) -> None:
+    made = train_words(clips(30), CONFIG, NetworkConfig(architecture, steps=0, max_words=10_000))
+    cut = [word_windows(c, CONFIG) for c in clips(30)]
+    words, owners = np.concatenate(cut), np.repeat(np.arange(30), [len(w) for w in cut])
+    matrix = linear_embedding(words, owners, LinearConfig(), seed=0)
+    expected = words[:50].reshape(50, -1) @ matrix.T
+    np.testing.assert_allclose(spread(made.embed(words[:50])[:, None]), spread(expected[:, None]), atol=1e-3)
+
+
+def test_directions_in_which_neighbours_of_other_clips_differ_are_shrunk() -> None:
+    """Two features of equal variance: one tells ten actions apart, the other is the performer's own."""
+    rng = np.random.default_rng(0)
+    actions, performers = np.arange(10), rng.standard_normal(40)
+    words = np.array([[[a - 4.5, 2.9 * p]] for p in performers for a in actions], dtype=np.float32)
+    words += 0.02 * rng.standard_normal(words.shape).astype(np.float32)
+    owners = np.repeat(np.arange(40), 10)
+    matrix = linear_embedding(words, owners, LinearConfig(components=2, whitening=0.0, neighbours=3), seed=0)
+    action, performer = np.linalg.norm(matrix, axis=0)
+    assert action > 3 * performer
+
+
+def test_neighbours_are_the_nearest_of_other_clips() -> None:
+    rng = np.random.default_rng(3)
+    places, owners = rng.standard_normal((60, 4)).astype(np.float32), np.sort(rng.integers(0, 9, 60))
+    anchors = np.arange(0, 60, 7)
+    found = nearest_elsewhere(places, owners, anchors, 4)
+    distances = frame_distances(places, places)
+    for row, anchor in enumerate(anchors):
+        others = np.flatnonzero(owners != owners[anchor])
+        expected = np.sort(distances[anchor, others])[:4]
+        np.testing.assert_allclose(np.sort(distances[anchor, found[row]]), expected, atol=1e-5)
+    np.testing.assert_array_equal(
+        nearest_elsewhere(places, np.zeros(60, int), anchors, 2), anchors[:, None].repeat(2, 1)
     )
+
+
+class KilledError(Exception):
+    """Stands for a kill between two steps."""
+
+
+@pytest.mark.parametrize("architecture", ["conv", "inception736"])
+def test_training_resumed_from_a_checkpoint_gives_the_same_weights(architecture: str, tmp_path: Path) -> None:
+    config = NetworkConfig(architecture, steps=130 if architecture == "conv" else 104, max_words=150)
+    recipe = Recipe(TripletConfig(anchors=60), batch=8, pool=16)
+    whole = train_words(clips(12), CONFIG, config, recipe=recipe)
+
+    def killed(step: int, steps: int, loss: float) -> None:
+        if step == 100:
+            raise KilledError
+
+    kept = tmp_path / "checkpoint"
+    with pytest.raises(KilledError):
+        train_words(clips(12), CONFIG, config, recipe=recipe, checkpoint=kept, progress=killed)
+    assert kept.is_file()
+    seen: list[int] = []
+    resumed = train_words(
+        clips(12), CONFIG, config, recipe=recipe, checkpoint=kept, progress=lambda step, steps, loss: seen.append(step)
+    )
+    assert seen[0] > 100
+    assert not kept.exists()
+    resumed.save(tmp_path / "resumed")
+    whole.save(tmp_path / "whole")
+    assert (tmp_path / "resumed").read_bytes() == (tmp_path / "whole").read_bytes()
+
+
+def test_a_checkpoint_of_other_training_is_not_used(tmp_path: Path) -> None:
+    save_file({"x": np.zeros(2)}, tmp_path / "checkpoint")
+    config = NetworkConfig("conv", steps=3, max_words=100)
+    found = train_words(clips(6), CONFIG, config, checkpoint=tmp_path / "checkpoint")
+    expected = train_words(clips(6), CONFIG, config)
+    words = word_windows(clips(6)[2], CONFIG)
+    np.testing.assert_array_equal(found.embed(words), expected.embed(words))
+
+
+@pytest.mark.parametrize("architecture", ["linear", "conv"])
+def test_fine_tuning_goes_on_from_a_network(architecture: str) -> None:
+    words = word_windows(clips(6)[2], CONFIG)
+    config = NetworkConfig(architecture, steps=5, max_words=300)
+    before = train_words(clips(20, seed=1), CONFIG, config)
+    tuned = train_words(clips(12), CONFIG, config, start=before)
+    fresh = train_words(clips(12), CONFIG, config)
+    assert not np.allclose(tuned.embed(words), before.embed(words))
+    assert not np.allclose(tuned.embed(words), fresh.embed(words))
+    with pytest.raises(ValueError, match="same words and architecture"):
+        train_words(clips(12), CONFIG, NetworkConfig("inception736", steps=1), start=before)
 
 
 def test_a_word_is_embedded_alike_in_any_company(trained: TrainedNetwork) -> None:
@@ -150,7 +237,7 @@ def test_a_word_is_embedded_alike_in_any_company(trained: TrainedNetwork) -> Non
         trained.embed(words[:, :8])
 
 
-@pytest.mark.parametrize("architecture", ["conv", "inception736"])
+@pytest.mark.parametrize("architecture", ["linear", "conv", "inception736"])
 def test_a_saved_network_is_the_same_network(architecture: str, tmp_path: Path) -> None:
     network = train_words(clips(6), CONFIG, NetworkConfig(architecture, steps=1, max_words=70))
     network.save(tmp_path / "network")
@@ -178,37 +265,28 @@ def test_progress_is_reported() -> None:
     train_words(
         clips(4),
         CONFIG,
-        NetworkConfig(steps=60),
+        NetworkConfig("conv", steps=60),
         progress=lambda step, steps, loss: seen.append((step, steps)),
     )
     assert seen == [(50, 60), (60, 60)]
 
 
-@pytest.mark.parametrize("metric", ["euclidean", "geodesic"])
-def test_rigid_distances_match_naive(metric: Metric) -> None:
-    rng = np.random.default_rng(7)
-    a, b = (rng.standard_normal((n, 5, 8)).astype(np.float32) for n in (3, 4))
-    if metric == "geodesic":
-        a, b = (x / np.linalg.norm(x.reshape(*x.shape[:2], 2, 4), axis=-1).repeat(4, axis=-1) for x in (a, b))
-    expected = [
-        [np.mean([frame_distances(x[t : t + 1], y[t : t + 1], metric)[0, 0] for t in range(5)]) for y in b] for x in a
+def test_word_distances_are_half_elastic_half_linear() -> None:
+    found = training_words(clips(12), CONFIG, TripletConfig(anchors=25), LinearConfig(), max_words=70, seed=1)
+    embedded = found.words.reshape(70, -1) @ found.linear.T
+    parts = [
+        np.sqrt(word_distances(found.words[found.anchors], found.words)),
+        np.sqrt(frame_distances(embedded[found.anchors], embedded)),
     ]
-    np.testing.assert_allclose(rigid_distances(a, b, metric), expected, rtol=1e-4, atol=1e-5)
-
-
-def test_word_distances_are_half_elastic_half_rigid() -> None:
-    found = training_words(clips(12), CONFIG, TripletConfig(anchors=25), max_words=70, seed=1)
-    anchors = found.words[found.anchors]
-    parts = [np.sqrt(word_distances(anchors, found.words)), np.sqrt(rigid_distances(anchors, found.words))]
     expected = sum(part / np.median(part) for part in parts)
-    np.testing.assert_allclose(found.distances, expected / np.median(expected), rtol=1e-4, atol=1e-5)
+    np.testing.assert_allclose(found.distances, expected / np.median(expected), rtol=1e-4, atol=2e-3)
 
 
 def test_the_machine_s_threads_do_not_show(tmp_path: Path) -> None:
     saved = []
     for threads in (1, 2):
         with threadpool_limits(threads):
-            network = train_words(clips(60, seed=5), CONFIG, NetworkConfig(steps=3))
+            network = train_words(clips(60, seed=5), CONFIG, NetworkConfig("conv", steps=3))
         network.save(tmp_path / f"{threads}.safetensors")
         saved.append((tmp_path / f"{threads}.safetensors").read_bytes())
     assert saved[0] == saved[1]

@@ -44,7 +44,7 @@ def quaternions(n_frames: int, seed: int = 0) -> NDArray[np.float64]:
 @settings(max_examples=25, deadline=None)
 @given(st.floats(-3, 3), st.floats(-5, 5), st.floats(0.3, 3), st.integers(0, 99))
 def test_features_know_neither_place_nor_facing_nor_size(angle: float, shift: float, size: float, seed: int) -> None:
-    config = WordConfig(root_weight=3.0, velocity_weight=2.0)
+    config = WordConfig(root_weight=3.0, velocity_weight=2.0, smoothing=0.0)
     body = walker(50, 30.0, seed=seed)
     moved = size * turned(body, angle) + [shift, 0.3, -shift]
     expected = word_features(body, NO_ROTATIONS, 30.0, config)
@@ -54,7 +54,7 @@ def test_features_know_neither_place_nor_facing_nor_size(angle: float, shift: fl
 def test_the_layout_of_position_features() -> None:
     body = walker(121, 120.0)
     size = body_length(body)
-    config = WordConfig(root_weight=3.0, velocity_weight=2.0)
+    config = WordConfig(root_weight=3.0, velocity_weight=2.0, smoothing=0.0)
     features = word_features(body, NO_ROTATIONS, 120.0, config)
     assert features.shape == (25, config.dimension)
     assert features.dtype == np.float32
@@ -67,12 +67,30 @@ def test_the_layout_of_position_features() -> None:
     assert WordConfig(root_weight=0, velocity_weight=0).dimension == 42
 
 
+def test_smoothing_averages_positions_over_time() -> None:
+    rng = np.random.default_rng(0)
+    body = walker(100, 24.0) + 0.02 * rng.standard_normal((100, 21, 3))
+    plain, smooth = (WordConfig(root_weight=0, velocity_weight=0, smoothing=s) for s in (0.0, 1.0))
+    weights = np.exp(-0.5 * np.arange(-4, 5) ** 2)
+    averaged = body.copy()
+    for t in range(4, 96):
+        averaged[t] = np.tensordot(weights / weights.sum(), body[t - 4 : t + 5], axes=1)
+    found = word_features(body, NO_ROTATIONS, 24.0, smooth)
+    expected = word_features(averaged, NO_ROTATIONS, 24.0, plain) * (body_length(averaged) / body_length(body))
+    np.testing.assert_allclose(found[4:96], expected[4:96], atol=1e-5)
+
+
+def test_how_many_words_cover_a_time() -> None:
+    config = WordConfig(length=16, stride=4)
+    assert (config.words_in(2.0), config.words_in(2.5), config.words_in(0.1)) == (9, 12, 2)
+
+
 def test_turning_shows_as_yaw_rate_and_velocity_is_seen_from_the_body() -> None:
     still = np.repeat(walker(1, 24.0), 240, axis=0)
     angles = 0.05 * np.arange(240)
     spinning = np.concatenate([turned(frame[None], a) for frame, a in zip(still, angles, strict=True)])
     path = np.cumsum(np.column_stack([np.sin(angles), 0 * angles, np.cos(angles)]), axis=0) * 0.01
-    config = WordConfig(root_weight=1.0, velocity_weight=0)
+    config = WordConfig(root_weight=1.0, velocity_weight=0, smoothing=0)
     features = word_features(spinning + path[:, None], NO_ROTATIONS, 24.0, config)
     np.testing.assert_allclose(np.diff(facing(spinning)), 0.05, atol=1e-9)
     np.testing.assert_allclose(features[:, -1], 0.05, atol=1e-6)
@@ -147,7 +165,7 @@ def test_windows_are_the_frames_they_start_at(n_frames: int, length: int, stride
 @settings(max_examples=60, deadline=None)
 @given(st.integers(1, 500), st.sampled_from([24.0, 30.0, 59.94, 60.0, 100.0, 120.0, 12.5]))
 def test_native_ranges_stay_inside_and_follow_each_other(n_frames: int, fps: float) -> None:
-    config = WordConfig()
+    config = WordConfig(length=16, stride=4)
     starts = windows(sample_count(n_frames, fps, config), config)
     ranges = [native_range(int(s), fps, n_frames, config) for s in starts]
     assert all(0 <= first < stop <= n_frames for first, stop in ranges)
@@ -165,6 +183,7 @@ def test_native_ranges_stay_inside_and_follow_each_other(n_frames: int, fps: flo
         ({"stride": 0}, "positive"),
         ({"fps": float("nan")}, "positive"),
         ({"root_weight": -1.0}, "negative"),
+        ({"smoothing": -1.0}, "negative"),
         ({"representation": "rotations"}, "deep_motifs16"),
     ],
 )

@@ -1,11 +1,13 @@
-"""Stage "embed": a word network, trained when the lake has none, turns every motion word into a vector."""
+"""Stage "embed": a word network, ready-made or trained on the lake, turns every motion word into a vector."""
 
 from __future__ import annotations
 
+import shutil
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -20,12 +22,14 @@ from pipeline.stages import words
 from pipeline.stages.derived import PART_KEYS, Part, derive, due
 from pipeline.stages.models import Model, current_model, file_hash
 from pipeline.stages.shard import Shard, ShardResult
+from pipeline.words import shipped
 from pipeline.words.features import WordConfig
 from pipeline.words.windows import word_windows
 
 NAME = "embed"
 VERSION = 1
 NETWORK = "network"
+CHECKPOINT = "training/words.safetensors"
 ROWS = pa.schema([*PART_KEYS, ("word", pa.int32()), ("embedding", pa.list_(pa.float32()))])
 
 
@@ -65,15 +69,38 @@ def train(
     features: Sequence[NDArray[np.float32]],
     config: LakeConfig,
     file: str,
+    start: str | None = None,
     progress: Callable[[int, int, float], None] | None = None,
-) -> dict[str, float]:
-    """Train the network of the configuration, save it as `file`; returns its figures."""
+) -> dict[str, Any]:
+    """Train the network of the configuration, save it as `file`; returns its figures.
+
+    Args:
+        features: [T, D] of each clip.
+        start: a network of the lake to go on from.
+        progress: told of (steps done, steps, loss).
+
+    A training that was interrupted goes on from its checkpoint in the lake.
+    """
+    from pipeline.words.trained import load_network
     from pipeline.words.training import train_words
 
-    trained = train_words(list(features), config.words, config.network, progress=progress)
+    checkpoint = lake.path(CHECKPOINT)
+    checkpoint.parent.mkdir(exist_ok=True)
+    before = load_network(lake.path(start)) if start else None
+    trained = train_words(
+        list(features), config.words, config.network, start=before, checkpoint=checkpoint, progress=progress
+    )
     with replacing(lake.path(file)) as temporary:
         trained.save(temporary)
     return dict(trained.figures)
+
+
+def take_shipped(lake: Lake, file: str) -> dict[str, Any]:
+    """Copy the ready-made weights into the lake as `file`; returns their figures."""
+    with replacing(lake.path(file)) as temporary:
+        shutil.copyfile(shipped.FILE, temporary)
+    about = shipped.about()
+    return {"shipped": True, "sets": about["sets"], "words": about["words_trained_on"]}
 
 
 def keyed(con: Connection, lake: Lake, config: LakeConfig, network: Model) -> list[Part]:
@@ -95,7 +122,7 @@ def embeddings_file(key: str) -> str:
 
 def run(lake_root: Path, shard: Shard) -> ShardResult:
     """Embed every word of one features part."""
-    from pipeline.words.training import load_network
+    from pipeline.words.trained import load_network
 
     started = time.perf_counter()
     lake = Lake(lake_root)

@@ -9,6 +9,7 @@ from pipeline.lake.catalog import Connection, fetch
 from pipeline.lake.layout import Lake
 from pipeline.stages import embed, frames, mirrored, motifs, neighbours, signatures, transitions, words
 from pipeline.stages.derived import Part
+from pipeline.words import shipped
 
 
 def outlook(con: Connection, config: LakeConfig, stages: Sequence[str], *, refit: bool) -> list[str]:
@@ -16,7 +17,9 @@ def outlook(con: Connection, config: LakeConfig, stages: Sequence[str], *, refit
     lines = []
     network = embed.fitting_network(con, config)
     if "embed" in stages:
-        if network is None or refit:
+        if network is None and not refit and shipped.fits(config.words, config.network):
+            lines.append("embed: will not train; the ready-made network embeds the words")
+        elif network is None or refit:
             minutes = config.network.seconds(_words(con, config)) / 60
             lines.append(
                 f"embed: will train a word network ({config.network.architecture}), about {minutes:.1f} minutes"

@@ -13,6 +13,7 @@ from typing import Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter1d
 
 from pipeline.skeleton.canonical import COMMON, DEEP_MOTIFS, INDEX
 from pipeline.skeleton.facing import facing
@@ -29,7 +30,7 @@ INSTANT_TOLERANCE: Final = 1e-6
 
 @dataclass(frozen=True)
 class WordConfig:
-    """What motion words are made of; the defaults measured best over three sets (`docs/words.md`).
+    """What motion words are made of; the defaults measured best over four sets (`docs/words.md`).
 
     Attributes:
         representation: "positions" or "rotations".
@@ -41,18 +42,21 @@ class WordConfig:
             body) and yaw rate (radians a frame); 0 leaves them out.
         velocity_weight: "positions" only: weight of the joints' velocities (body lengths a frame, seen
             from the body); 0 leaves them out.
+        smoothing: "positions" only: standard deviation, in frames of the words, of the Gaussian that smooths
+            joint positions in time; 0 leaves them as they are.
 
     Raises:
-        ValueError: a value out of range, or rotations with weights or with a joint set that holds the hips.
+        ValueError: a value out of range, or rotations with weights, smoothing or a joint set that holds the hips.
     """
 
     representation: Representation = "positions"
     fps: float = 24.0
-    length: int = 16
-    stride: int = 4
+    length: int = 12
+    stride: int = 2
     joints: JointSet = "common15"
-    root_weight: float = 3.0
-    velocity_weight: float = 2.0
+    root_weight: float = 5.0
+    velocity_weight: float = 4.0
+    smoothing: float = 1.0
 
     def __post_init__(self) -> None:
         if self.representation not in ("positions", "rotations"):
@@ -61,17 +65,21 @@ class WordConfig:
             raise ValueError(f"joints is {self.joints!r}, not one of {', '.join(JOINT_SETS)}")
         if not (self.fps > 0 and self.length >= 1 and self.stride >= 1):
             raise ValueError("fps, length and stride of words must be positive")
-        if self.root_weight < 0 or self.velocity_weight < 0:
-            raise ValueError("weights of word features cannot be negative")
+        if min(self.root_weight, self.velocity_weight, self.smoothing) < 0:
+            raise ValueError("weights and smoothing of word features cannot be negative")
         if self.representation == "rotations" and (
-            self.joints != "deep_motifs16" or self.root_weight or self.velocity_weight
+            self.joints != "deep_motifs16" or self.root_weight or self.velocity_weight or self.smoothing
         ):
-            raise ValueError("words of rotations need joints deep_motifs16 and zero weights")
+            raise ValueError("words of rotations need joints deep_motifs16, zero weights and no smoothing")
 
     @classmethod
     def deep_motifs(cls) -> WordConfig:
         """The paper's words: local rotations of 16 joints, 24 fps, 16 frames, stride 4 (section 5.1)."""
-        return cls("rotations", joints="deep_motifs16", root_weight=0.0, velocity_weight=0.0)
+        return cls("rotations", 24.0, 16, 4, "deep_motifs16", 0.0, 0.0, 0.0)
+
+    def words_in(self, seconds: float) -> int:
+        """How many words in a row cover about so many seconds; at least two."""
+        return max(2, round((seconds * self.fps - self.length) / self.stride) + 1)
 
     @property
     def joint_indices(self) -> tuple[int, ...]:
@@ -121,7 +129,10 @@ def word_features(positions: Float64Array, rotations: Float64Array, fps: float, 
     if config.representation == "rotations":
         quaternions = resample(rotations[:, list(config.joint_indices)], fps, config, spherical=True)
         return np.ascontiguousarray(quaternions.reshape(len(quaternions), -1), dtype=np.float32)
-    return _position_features(resample(positions, fps, config), body_length(positions), config)
+    sampled = resample(positions, fps, config)
+    if config.smoothing:
+        sampled = gaussian_filter1d(sampled, config.smoothing, axis=0, mode="nearest")
+    return _position_features(sampled, body_length(positions), config)
 
 
 def resample(values: Float64Array, fps: float, config: WordConfig, *, spherical: bool = False) -> Float64Array:

@@ -43,14 +43,6 @@ def frame_distances(a: Float32Array, b: Float32Array, metric: Metric = "euclidea
     return np.maximum(product(left, np.ascontiguousarray(right.T), metric), np.float32(0))
 
 
-def rigid_distances(a: Float32Array, b: Float32Array, metric: Metric = "euclidean") -> Float32Array:
-    """[n, m] mean squared frame distance between words `a` [n, length, D] and `b` [m, length, D], frame by frame."""
-    total = np.zeros((len(a), len(b)), dtype=np.float32)
-    for frame in range(a.shape[1]):
-        total += frame_distances(a[:, frame], b[:, frame], metric)
-    return total / np.float32(a.shape[1])
-
-
 def operands(a: Float32Array, b: Float32Array, metric: Metric) -> tuple[Float32Array, Float32Array]:
     """Rows whose `product` is the frame distance.
 

@@ -1,7 +1,7 @@
 """Networks that embed motion words (Deep Motifs, section 3.3), by name.
 
-"conv" (the default) is a small 1-D convolution over time beside a linear path that starts as the principal
-components of the words: untrained it equals the shallow embedding, and training improves on it.
+"linear" (the default) is the embedding of `pipeline.words.linear`. "conv" is a small 1-D convolution over time
+beside a linear path that starts as that embedding: untrained it equals it.
 "inception736" follows the paper: an Inception network on the word as an image of frames by features, with
 the 736 channels of its last module (256 + 384 + 96) averaged into a unit vector.
 """
@@ -14,7 +14,8 @@ from typing import Final
 import torch
 from torch import Tensor, nn
 
-ARCHITECTURES: Final = ("conv", "inception736")
+ARCHITECTURES: Final = ("linear", "conv", "inception736")
+EMBEDDING: Final = 64
 
 
 class WordNetwork(nn.Module):
@@ -35,13 +36,31 @@ class WordNetwork(nn.Module):
         return embedded
 
 
-class ConvBody(nn.Module):
+class LinearBody(nn.Module):
+    """One matrix on the flattened word."""
+
+    def __init__(self, length: int, dimension: int) -> None:
+        super().__init__()
+        self.linear = nn.Linear(length * dimension, EMBEDDING, bias=False)
+
+    def forward(self, words: Tensor) -> Tensor:
+        embedded: Tensor = self.linear(words.flatten(1))
+        return embedded
+
+    @torch.no_grad()
+    def start_from(self, matrix: Tensor) -> None:
+        """Make the matrix `matrix` [d, length * D] (rows beyond are zero)."""
+        self.linear.weight.zero_()
+        count = min(len(matrix), len(self.linear.weight))
+        self.linear.weight[:count] = matrix[:count]
+
+
+class ConvBody(LinearBody):
     """Linear path plus convolutions over time, whose last layer starts at zero."""
 
-    def __init__(self, length: int, dimension: int, *, width: int = 96, embedding: int = 64) -> None:
-        super().__init__()
+    def __init__(self, length: int, dimension: int, *, width: int = 96) -> None:
+        super().__init__(length, dimension)
         reduced = -(-length // 2)
-        self.linear = nn.Linear(length * dimension, embedding, bias=False)
         self.convolutions = nn.Sequential(
             nn.Conv1d(dimension, width, 5, stride=2, padding=2),
             nn.GELU(),
@@ -51,21 +70,13 @@ class ConvBody(nn.Module):
             nn.GELU(),
             nn.Flatten(),
         )
-        self.head = nn.Linear(width * -(-reduced // 2), embedding)
+        self.head = nn.Linear(width * -(-reduced // 2), EMBEDDING)
         nn.init.zeros_(self.head.weight)
         nn.init.zeros_(self.head.bias)
 
     def forward(self, words: Tensor) -> Tensor:
         learned: Tensor = self.head(self.convolutions(words.transpose(1, 2)))
-        straight: Tensor = self.linear(words.flatten(1))
-        return straight + learned
-
-    @torch.no_grad()
-    def start_from(self, components: Tensor) -> None:
-        """Make the linear path the projection on `components` [d, length * D] (rows beyond are zero)."""
-        self.linear.weight.zero_()
-        count = min(len(components), len(self.linear.weight))
-        self.linear.weight[:count] = components[:count]
+        return super().forward(words) + learned
 
 
 def _convolution(inputs: int, outputs: int, kernel: int, stride: int = 1) -> nn.Sequential:
@@ -121,6 +132,7 @@ def build(architecture: str, length: int, dimension: int) -> WordNetwork:
         ValueError: an unknown name.
     """
     bodies: dict[str, Callable[[], nn.Module]] = {
+        "linear": lambda: LinearBody(length, dimension),
         "conv": lambda: ConvBody(length, dimension),
         "inception736": InceptionBody,
     }

@@ -1,32 +1,27 @@
-"""Training, keeping and using word networks (Deep Motifs, sections 3.3 and 3.4, equation 2)."""
+"""Training word networks (Deep Motifs, sections 3.3 and 3.4, equation 2)."""
 
 from __future__ import annotations
 
-import json
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
-from dataclasses import asdict, dataclass, field
+from collections.abc import Callable
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 import torch
-from safetensors import safe_open
-from safetensors.torch import save_file
-from threadpoolctl import threadpool_limits
 from torch import Tensor
 
+from pipeline.words.checkpoint import Checkpoint
 from pipeline.words.config import NetworkConfig
 from pipeline.words.features import Float32Array, WordConfig
-from pipeline.words.network import ConvBody, WordNetwork, build
-from pipeline.words.triplets import TrainingWords, TripletConfig, time_warped, training_words
+from pipeline.words.linear import LinearConfig, linear_embedding
+from pipeline.words.network import LinearBody, WordNetwork, build
+from pipeline.words.trained import TrainedNetwork, on_threads
+from pipeline.words.triplets import TrainingWords, TripletConfig, sample_words, time_warped, training_words
 
 Progress = Callable[[int, int, float], None]
-
-METADATA_KEY: Final = "word_network"
-# Words are embedded in batches of exactly this many, the last one padded, so that a word's vector does not
-# depend on the words beside it.
-EMBED_BATCH: Final = 64
+REPORT_EVERY: Final = 50
+CHECKPOINT_EVERY: Final = 100
 
 
 @dataclass(frozen=True)
@@ -35,6 +30,7 @@ class Recipe:
 
     Attributes:
         triplets: what positives and negatives are.
+        linear: the embedding that "linear" is and that "conv" starts from.
         margin: alpha of equation 2, in units of the squared median word distance.
         temporal_weight: of the positives closest in time, beside 1 for each other kind. The paper's is 1.
         triplet_weight: of the triplet loss.
@@ -46,6 +42,7 @@ class Recipe:
     """
 
     triplets: TripletConfig = field(default_factory=TripletConfig)
+    linear: LinearConfig = field(default_factory=LinearConfig)
     margin: float = 0.2
     temporal_weight: float = 0.0
     triplet_weight: float = 1.0
@@ -58,66 +55,7 @@ class Recipe:
     @classmethod
     def deep_motifs(cls) -> Recipe:
         """The paper's (sections 3.3, 3.4): DTW alone, positives closest in time, equation 2 and nothing beside it."""
-        return cls(triplets=TripletConfig(elastic=1.0), temporal_weight=1.0, metric_weight=0.0)
-
-
-@dataclass(frozen=True)
-class TrainedNetwork:
-    """A word network with what it needs to be used again.
-
-    Attributes:
-        network: in evaluation mode.
-        architecture: its name.
-        words: the words it was trained on.
-        figures: of its training.
-    """
-
-    network: WordNetwork
-    architecture: str
-    words: WordConfig
-    figures: Mapping[str, float]
-
-    def embed(self, words: Float32Array) -> Float32Array:
-        """Embed `words` [n, length, D] as [n, d]; on one thread, each word independent of the others.
-
-        Raises:
-            ValueError: words of another shape than the network was trained on.
-        """
-        expected = (self.words.length, self.words.dimension)
-        if words.shape[1:] != expected:
-            raise ValueError(f"words of shape {words.shape[1:]}, but the network embeds {expected}")
-        batches = []
-        with _threads(1), torch.inference_mode():
-            for start in range(0, max(len(words), 1), EMBED_BATCH):
-                batch = np.zeros((EMBED_BATCH, *expected), dtype=np.float32)
-                count = len(words[start : start + EMBED_BATCH])
-                batch[:count] = words[start : start + EMBED_BATCH]
-                batches.append(self.network(torch.from_numpy(batch))[:count].numpy())
-        return np.concatenate(batches)
-
-    def save(self, path: Path) -> None:
-        """Write weights and configuration as one safetensors file."""
-        kept = {"architecture": self.architecture, "words": asdict(self.words), "figures": dict(self.figures)}
-        tensors = {name: value.contiguous() for name, value in self.network.state_dict().items()}
-        save_file(tensors, path, metadata={METADATA_KEY: json.dumps(kept, sort_keys=True)})
-
-
-def load_network(path: Path) -> TrainedNetwork:
-    """Read a network that `TrainedNetwork.save` wrote.
-
-    Raises:
-        ValueError: the file holds something else.
-    """
-    with safe_open(path, framework="pt") as file:
-        metadata = (file.metadata() or {}).get(METADATA_KEY)
-        if metadata is None:
-            raise ValueError(f"{path} holds no word network")
-        tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
-    kept = json.loads(metadata)
-    words = WordConfig(**kept["words"])
-    network = build(kept["architecture"], words.length, words.dimension)
-    network.load_state_dict(tensors)
-    return TrainedNetwork(network.eval(), kept["architecture"], words, kept["figures"])
+        return cls(TripletConfig(elastic=1.0), LinearConfig.principal(), temporal_weight=1.0, metric_weight=0.0)
 
 
 def train_words(
@@ -126,6 +64,9 @@ def train_words(
     config: NetworkConfig,
     *,
     recipe: Recipe | None = None,
+    start: TrainedNetwork | None = None,
+    checkpoint: Path | None = None,
+    device: str | None = None,
     progress: Progress | None = None,
 ) -> TrainedNetwork:
     """Train a word network on clips.
@@ -135,60 +76,68 @@ def train_words(
         words: how words are cut.
         config: architecture, seed, steps and sample size.
         recipe: how to train.
+        start: a network of the same words and architecture to go on from (fine-tuning).
+        checkpoint: a file to save training to and to go on from; deleted at the end.
+        device: of the computation; CUDA where there is one, else the CPU.
         progress: called with (steps done, steps, loss) every so often.
 
     Returns:
-        The network; the same for the same input, configuration, seed and threads.
+        The network; the same for the same input, configuration, seed and threads, interrupted or not (on CUDA:
+        up to rounding).
 
     Raises:
-        ValueError: fewer than two words, or an unknown architecture.
+        ValueError: fewer than two words, an unknown architecture, or a start of other words or architecture.
     """
     recipe = recipe or Recipe()
-    with _threads(recipe.threads), torch.random.fork_rng(devices=[]):
-        material = training_words(features, words, recipe.triplets, config.max_words, config.seed)
+    device = device or ("cuda" if torch.cuda.is_available() else "cpu")
+    if start is not None and (start.words, start.architecture) != (words, config.architecture):
+        raise ValueError("fine-tuning needs a network of the same words and architecture")
+    with on_threads(recipe.threads), torch.random.fork_rng(devices=[]):
         torch.manual_seed(config.seed)
         network = build(config.architecture, words.length, words.dimension)
-        _initialise(network, material)
-        losses = _fit(network, material, recipe, config, progress)
-    figures = {
-        "words": float(len(material.words)),
-        "anchors": float(len(material.anchors)),
-        "word_distance_median": material.scale,
-        "loss_first": float(np.mean(losses[:50])) if losses else 0.0,
-        "loss_last": float(np.mean(losses[-50:])) if losses else 0.0,
-    }
-    return TrainedNetwork(network.eval(), config.architecture, words, figures)
+        if config.architecture == "linear":
+            figures = _solve(network, features, words, config, recipe, start)
+        else:
+            material = training_words(features, words, recipe.triplets, recipe.linear, config.max_words, config.seed)
+            _initialise(network, material.words, material.linear, start)
+            kept = Checkpoint(checkpoint, material.words, config, words, recipe) if checkpoint else None
+            losses = _fit(network.to(device), material, recipe, config, device, kept, progress)
+            figures = {"words": len(material.words), "anchors": len(material.anchors), "loss": _curve(losses)}
+    return TrainedNetwork(network.cpu().eval(), config.architecture, words, figures)
 
 
-@contextmanager
-def _threads(count: int) -> Iterator[None]:
-    """So many threads for torch and for numpy's linear algebra, whatever the machine or its environment says."""
-    before = torch.get_num_threads()
-    torch.set_num_threads(count)
-    try:
-        with threadpool_limits(limits=count):
-            yield
-    finally:
-        torch.set_num_threads(before)
+def _solve(
+    network: WordNetwork,
+    features: list[Float32Array],
+    words: WordConfig,
+    config: NetworkConfig,
+    recipe: Recipe,
+    start: TrainedNetwork | None,
+) -> dict[str, Any]:
+    """ "linear" needs no steps: its optimum has a closed form."""
+    stacked, clips, _ = sample_words(features, words, config.max_words, config.seed)
+    before = None
+    if start is not None and isinstance(start.network.body, LinearBody):
+        before = (start.network.body.linear.weight / start.network.scale).detach().numpy()
+    matrix = linear_embedding(stacked, clips, recipe.linear, config.seed, before)
+    _initialise(network, stacked, matrix, None)
+    return {"words": len(stacked), "clips": len(np.unique(clips)), "components": len(matrix)}
 
 
-def _initialise(network: WordNetwork, material: TrainingWords) -> None:
-    """Standardise the input; start the linear path of "conv" as the principal components of the words.
+def _initialise(network: WordNetwork, words: Float32Array, linear: Float32Array, start: TrainedNetwork | None) -> None:
+    """Centre the input and bring it to unit variance; start linear paths as the linear embedding.
 
-    One scale for all features: their relative size is the metric's. It makes the distance of two words
-    frame by frame, in units of the median word distance, the distance of their flattened inputs.
+    One scale for all features: their relative size is the metric's.
     """
-    n, length, dimension = material.words.shape
-    mean = material.words.reshape(-1, dimension).mean(axis=0, dtype=np.float64)
+    if start is not None:
+        network.load_state_dict(start.network.state_dict())
+        return
+    mean = words.mean(axis=(0, 1), dtype=np.float64)
+    scale = float(np.std(words - mean.astype(np.float32), dtype=np.float64)) or 1.0
     network.mean.copy_(torch.from_numpy(mean))
-    network.scale.fill_(material.scale * length**0.5)
-    if isinstance(network.body, ConvBody):
-        flat = ((material.words - mean) / float(network.scale)).reshape(n, -1)
-        covariance = (flat.T @ flat) / n
-        _, vectors = np.linalg.eigh(covariance)
-        components = vectors[:, ::-1].T
-        signs = np.sign(components[np.arange(len(components)), np.abs(components).argmax(axis=1)])
-        network.body.start_from(torch.from_numpy((components * signs[:, None]).astype(np.float32)))
+    network.scale.fill_(scale)
+    if isinstance(network.body, LinearBody):
+        network.body.start_from(torch.from_numpy(linear) * scale)
 
 
 def _fit(
@@ -196,28 +145,45 @@ def _fit(
     material: TrainingWords,
     recipe: Recipe,
     config: NetworkConfig,
+    device: str,
+    checkpoint: Checkpoint | None,
     progress: Progress | None,
 ) -> list[float]:
     rng = np.random.default_rng(config.seed)
     optimiser = torch.optim.Adam(network.parameters(), lr=recipe.learning_rate)
-    schedule = torch.optim.lr_scheduler.OneCycleLR(
-        optimiser, recipe.learning_rate, total_steps=config.steps + 1, pct_start=0.1
-    )
-    losses: list[float] = []
+    losses = checkpoint.resume(network, optimiser, rng) if checkpoint else []
     network.train()
-    for step in range(config.steps):
-        loss = _loss(network, material, recipe, rng)
+    for step in range(len(losses), config.steps):
+        for group in optimiser.param_groups:
+            group["lr"] = recipe.learning_rate * _rate(step, config.steps)
+        loss = _loss(network, material, recipe, rng, device)
         optimiser.zero_grad(set_to_none=True)
         loss.backward()  # type: ignore[no-untyped-call]
         optimiser.step()
-        schedule.step()
         losses.append(float(loss.detach()))
-        if progress is not None and (step % 50 == 49 or step + 1 == config.steps):
+        if checkpoint and (step + 1) % CHECKPOINT_EVERY == 0:
+            checkpoint.save(network, optimiser, rng, losses)
+        if progress is not None and ((step + 1) % REPORT_EVERY == 0 or step + 1 == config.steps):
             progress(step + 1, config.steps, losses[-1])
+    if checkpoint:
+        checkpoint.remove()
     return losses
 
 
-def _loss(network: WordNetwork, material: TrainingWords, recipe: Recipe, rng: np.random.Generator) -> Tensor:
+def _rate(step: int, steps: int, warm_up: float = 0.1) -> float:
+    """Share of the peak learning rate: a linear rise, then a cosine down to zero."""
+    done = (step + 1) / (steps + 1)
+    return done / warm_up if done < warm_up else 0.5 + 0.5 * float(np.cos(np.pi * (done - warm_up) / (1 - warm_up)))
+
+
+def _curve(losses: list[float]) -> list[float]:
+    """Mean loss of every `REPORT_EVERY` steps."""
+    return [round(float(np.mean(losses[i : i + REPORT_EVERY])), 5) for i in range(0, len(losses), REPORT_EVERY)]
+
+
+def _loss(
+    network: WordNetwork, material: TrainingWords, recipe: Recipe, rng: np.random.Generator, device: str
+) -> Tensor:
     """One step: anchors against a pool of random words, their neighbours and their positives."""
     rows = rng.integers(0, len(material.anchors), recipe.batch)
     pick = np.arange(recipe.batch)
@@ -229,14 +195,14 @@ def _loss(network: WordNetwork, material: TrainingWords, recipe: Recipe, rng: np
     anchors = material.words[material.anchors[rows]]
     pool = np.concatenate([near, temporal, neighbours, random])
     batch = np.concatenate([anchors, time_warped(anchors, rng), material.words[pool]])
-    embedded = network(torch.from_numpy(batch))
+    embedded = network(torch.from_numpy(batch).to(device))
     anchor, warped, others = embedded.split([recipe.batch, recipe.batch, len(pool)])
-    target = torch.from_numpy(material.distances[rows[:, None], pool])
+    target = torch.from_numpy(material.distances[rows[:, None], pool]).to(device)
     squared = (anchor[:, None] - others[None]).square().sum(dim=2)
     positives = torch.stack(
         [squared[pick, pick], squared[pick, pick + recipe.batch], (anchor - warped).square().sum(dim=1)]
     )
-    kinds = torch.tensor([1.0, recipe.temporal_weight, 1.0])
+    kinds = torch.tensor([1.0, recipe.temporal_weight, 1.0], device=device)
     negative = target > recipe.triplets.far
     loss = recipe.triplet_weight * _triplet_loss(positives, kinds, squared, negative, recipe.margin)
     if recipe.metric_weight:

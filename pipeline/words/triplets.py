@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from pipeline.words.dtw import word_distances
 from pipeline.words.features import Float32Array, WordConfig
-from pipeline.words.frame_distance import Metric, rigid_distances
+from pipeline.words.frame_distance import Metric, frame_distances
+from pipeline.words.linear import LinearConfig, linear_embedding
 from pipeline.words.windows import windows, word_windows
 
 Indices = NDArray[np.int64]
@@ -31,7 +32,8 @@ class TripletConfig:
         anchors: words whose distances from all words are computed.
         far: negatives lie beyond this share of the median word distance.
         neighbourhood: share of all words that count as an anchor's neighbourhood when pairs are drawn.
-        elastic: share of DTW in the word distance; the rest compares words frame by frame. The paper's is 1.
+        elastic: share of DTW in the word distance; the rest is the distance in the linear embedding. The
+            paper's is 1.
     """
 
     temporal: int = 4
@@ -52,7 +54,7 @@ class TrainingWords:
         starts: [N] first frame in its clip.
         anchors: [A] indices of words, ascending.
         distances: [A, N] word distances (`_distances`); their median is 1.
-        scale: median distance of words before that.
+        linear: [d, length * D] `linear_embedding` of flattened words.
         temporal: [A, z] words closest in time without overlap; the anchor itself where there are none.
         nearest: [A, k] nearest words of other clips; the anchor itself where there are none.
         neighbours: [A, h] the nearest words of any clip, the anchor left out.
@@ -63,14 +65,19 @@ class TrainingWords:
     starts: Indices
     anchors: Indices
     distances: Float32Array
-    scale: float
+    linear: Float32Array
     temporal: Indices
     nearest: Indices
     neighbours: Indices
 
 
 def training_words(
-    features: list[Float32Array], words: WordConfig, config: TripletConfig, max_words: int, seed: int
+    features: list[Float32Array],
+    words: WordConfig,
+    config: TripletConfig,
+    linear: LinearConfig,
+    max_words: int,
+    seed: int,
 ) -> TrainingWords:
     """Cut clips into words, draw anchors and find their positives.
 
@@ -78,31 +85,26 @@ def training_words(
         features: [T, D] of each clip.
         words: how words are cut, and which frame distance compares them.
         config: what is drawn.
+        linear: how the linear embedding is learned.
         max_words: at most this many words are kept, drawn at random.
         seed: of every draw.
 
     Raises:
         ValueError: fewer than two words.
     """
-    rng = np.random.default_rng(seed)
-    counts = [len(windows(len(clip), words)) for clip in features]
-    if sum(counts) < 2:
-        raise ValueError(f"{sum(counts)} words are too few to train a word network")
-    clips = np.repeat(np.arange(len(features)), counts)
-    starts = np.concatenate([windows(len(f), words) for f in features])
-    stacked = np.concatenate([word_windows(f, words) for f in features]).astype(np.float32, copy=False)
-    kept = np.sort(rng.permutation(len(clips))[:max_words])
-    stacked, clips, starts = stacked[kept], clips[kept].astype(np.int64), starts[kept]
+    stacked, clips, starts = sample_words(features, words, max_words, seed)
+    rng = np.random.default_rng([seed, 1])
     anchors = np.sort(rng.permutation(len(clips))[: config.anchors])
     metric: Metric = "geodesic" if words.representation == "rotations" else "euclidean"
-    distances, scale = _distances(stacked[anchors], stacked, metric, config.elastic)
+    projection = linear_embedding(stacked, clips, linear, seed)
+    distances = _distances(stacked, anchors, projection, metric, config.elastic)
     return TrainingWords(
         stacked,
         clips,
         starts,
         anchors,
         distances,
-        scale,
+        projection,
         _temporal(clips, starts, anchors, words.length, config.temporal),
         _nearest(distances, anchors, clips[anchors][:, None] != clips, config.nearest),
         _nearest(
@@ -112,6 +114,28 @@ def training_words(
             max(config.nearest, round(config.neighbourhood * len(clips))),
         ),
     )
+
+
+def sample_words(
+    features: list[Float32Array], words: WordConfig, max_words: int, seed: int
+) -> tuple[Float32Array, Indices, Indices]:
+    """At most `max_words` words drawn at random from clips: [n, length, D] words, [n] clips, [n] first frames.
+
+    Raises:
+        ValueError: fewer than two words.
+    """
+    counts = [len(windows(len(clip), words)) for clip in features]
+    if sum(counts) < 2:
+        raise ValueError(f"{sum(counts)} words are too few to train a word network")
+    kept = np.sort(np.random.default_rng(seed).permutation(sum(counts))[:max_words])
+    clips = np.repeat(np.arange(len(features)), counts)[kept].astype(np.int64)
+    starts = np.concatenate([windows(len(f), words) for f in features])[kept]
+    ends = np.cumsum(counts)
+    stacked = np.empty((len(kept), words.length, features[0].shape[1]), dtype=np.float32)
+    for i, clip in enumerate(features):
+        rows = slice(*np.searchsorted(clips, [i, i + 1]))
+        stacked[rows] = word_windows(clip, words)[kept[rows] - (ends[i] - counts[i])]
+    return stacked, clips, starts
 
 
 def time_warped(words: Float32Array, rng: np.random.Generator, strength: float = 0.5) -> Float32Array:
@@ -132,23 +156,25 @@ def time_warped(words: Float32Array, rng: np.random.Generator, strength: float =
     return np.asarray(first + weight * (second - first), dtype=np.float32)
 
 
-def _distances(a: Float32Array, b: Float32Array, metric: Metric, elastic: float) -> tuple[Float32Array, float]:
-    """Word distances over their median, and that median.
+def _distances(
+    words: Float32Array, anchors: Indices, projection: Float32Array, metric: Metric, elastic: float
+) -> Float32Array:
+    """[A, N] word distances of anchors from all words, over their median.
 
-    DTW forgives tempo, and with it what tells a gesture from its slow and partial likenesses; frame by frame, a
-    small shift in time is already a distance. Each is the square root of a mean squared frame distance, over its
-    own median.
+    DTW forgives tempo, and with it what tells a gesture from its slow and partial likenesses; the linear embedding
+    forgives what differs between neighbours, but a small shift in time is already a distance. Each is over its own
+    median.
     """
-    total = np.zeros((len(a), len(b)), dtype=np.float32)
-    scale = 0.0
-    for share, distance in ((elastic, word_distances), (1 - elastic, rigid_distances)):
-        if share:
-            found = np.sqrt(distance(a, b, metric))
-            median = float(np.median(found)) or 1.0
-            total += found * np.float32(share / median)
-            scale += share * median
-    middle = float(np.median(total)) or 1.0
-    return total / np.float32(middle), scale * middle
+    total = np.zeros((len(anchors), len(words)), dtype=np.float32)
+    if elastic:
+        found = np.sqrt(word_distances(words[anchors], words, metric))
+        total += found * np.float32(elastic / (float(np.median(found)) or 1.0))
+    if elastic < 1:
+        embedded = words.reshape(len(words), -1) @ projection.T
+        squared = frame_distances(embedded[anchors], embedded)
+        found = np.sqrt(squared)
+        total += found * np.float32((1 - elastic) / (float(np.median(found)) or 1.0))
+    return total / np.float32(float(np.median(total)) or 1.0)
 
 
 def _temporal(clips: Indices, starts: Indices, anchors: Indices, length: int, count: int) -> Indices:

@@ -1,0 +1,82 @@
+"""Train the word network that comes with the package: `python -m bench.shipped_words [--without SET] [--out FILE]`.
+
+Only sets whose terms allow derived weights are used: CMU's. `--without` leaves one out, to measure on it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Final
+
+from bench.record import hash_files, recordings, revision
+from pipeline.formats import is_clip, read_clips
+from pipeline.kinematics import solve
+from pipeline.skeleton.canonicalise import canonicalise
+from pipeline.skeleton.rigs import identify, load_rigs
+from pipeline.words import shipped
+from pipeline.words.config import NetworkConfig
+from pipeline.words.features import Float32Array, WordConfig, word_features
+from pipeline.words.trained import TrainedNetwork
+from pipeline.words.training import Recipe, train_words
+
+SETS: Final = ("cmu_dance", "cmu_bvh", "cmu_exercises", "cmu_86")
+
+
+def clips_of(sets: tuple[str, ...]) -> list[Path]:
+    """Every clip file of some sets, by path."""
+    folders = [recordings() / name / "clips" for name in sets]
+    return [path for folder in folders for path in sorted(folder.rglob("*")) if path.is_file() and is_clip(path)]
+
+
+def features_of(paths: list[Path], config: WordConfig) -> list[Float32Array]:
+    """Word features of the first body of each file."""
+    rigs = load_rigs()
+    features = []
+    for path in paths:
+        clip = read_clips(path)[0]
+        motion = canonicalise(clip, solve(clip), identify(clip.hierarchy.joints, rigs))
+        features.append(word_features(motion.positions, motion.rotations, motion.fps, config))
+    return features
+
+
+def train(sets: tuple[str, ...], seed: int = 0) -> TrainedNetwork:
+    """The default network, trained on sets of CMU without labels."""
+    words, network, recipe = WordConfig(), NetworkConfig(weights="own", seed=seed, max_words=60_000), Recipe()
+    paths = clips_of(sets)
+    made = train_words(features_of(paths, words), words, network, recipe=recipe)
+    about = {
+        "sets": list(sets),
+        "data_sha256": hash_files(paths, recordings()),
+        "network": asdict(network),
+        "recipe": asdict(recipe),
+        "revision": revision(),
+        "source": "The data used in this project was obtained from mocap.cs.cmu.edu. "
+        "The database was created with funding from NSF EIA-0196217.",
+    }
+    return replace(made, figures={**made.figures, **about})
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description="Train the word network that comes with the package.")
+    parser.add_argument("--without", choices=SETS)
+    parser.add_argument("--out", type=Path, default=shipped.FILE)
+    parser.add_argument("--seed", type=int, default=0)
+    given = parser.parse_args()
+    network = train(tuple(name for name in SETS if name != given.without), given.seed)
+    given.out.parent.mkdir(parents=True, exist_ok=True)
+    network.save(given.out)
+    beside = {
+        **network.figures,
+        "words_trained_on": network.figures["words"],
+        "words": asdict(network.words),
+        "architecture": network.architecture,
+    }
+    given.out.with_suffix(".json").write_text(json.dumps(beside, indent=2) + "\n", encoding="utf-8")
+    print(f"{given.out}: {given.out.stat().st_size} bytes, {network.figures['words']} words")
+
+
+if __name__ == "__main__":
+    main()

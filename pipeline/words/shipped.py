@@ -1,0 +1,29 @@
+"""The word network that comes with the package; `docs/words.md` says what it was trained on and how it does."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from pipeline.words.config import NetworkConfig
+from pipeline.words.features import WordConfig
+
+FILE = Path(__file__).parent / "weights" / "words-linear.safetensors"
+
+
+@cache
+def about() -> dict[str, Any]:
+    """What stands beside the weights: words, architecture, sets and sha256 of the clips, recipe."""
+    content: dict[str, Any] = json.loads(FILE.with_suffix(".json").read_text(encoding="utf-8"))
+    return content
+
+
+def fits(words: WordConfig, network: NetworkConfig) -> bool:
+    """Whether a lake of this configuration is embedded with the ready-made weights."""
+    return network.weights == "shipped" and (about()["words"], about()["architecture"]) == (
+        asdict(words),
+        network.architecture,
+    )
