@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench.representation import K, shallow
-from jobs import frames
+from jobs import embed, frames
 from jobs.run import STAGES, run
 from jobs.session import session
 from pipeline.config import load_config
@@ -49,10 +49,20 @@ def make_lake(folder: Path, sources: Sequence[Path]) -> Lake:
     return lake
 
 
-def run_all(lake: Lake, seed: int) -> None:
-    """Every stage, with the seed for training and for clustering."""
-    lake.config_file.write_text(f"[network]\nseed = {seed}\n\n[motifs]\nseed = {seed}\n", encoding="utf-8")
+def run_all(lake: Lake, seed: int, weights: Path | None = None) -> None:
+    """Every stage, with the seed for training and for clustering.
+
+    Args:
+        lake: to bring up to date.
+        seed: of both.
+        weights: a network to take; None trains one on the lake's own clips.
+    """
+    origin = "own" if weights is None else "shipped"
+    text = f'[network]\nweights = "{origin}"\nseed = {seed}\n\n[motifs]\nseed = {seed}\n'
+    lake.config_file.write_text(text, encoding="utf-8")
     with session(lake, "bench", lambda stage, done, total: None, lambda line: None) as job:
+        if weights is not None:
+            embed.take(job, weights)
         run(job, STAGES)
         failed = [f"{stage}: {outcome.reason}" for stage, outcome in job.outcomes.items() if outcome.failed]
     if failed:

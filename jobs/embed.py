@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping
 from dataclasses import asdict
+from pathlib import Path
 from typing import Any
 
 from jobs.execute import Outcome, StageJob, execute
@@ -22,7 +23,8 @@ def run(session: Session, *, refit: bool = False) -> Outcome:
     with reading(session.lake) as con:
         network = None if refit else embed.fitting_network(con, session.config)
     if network is None and not refit and shipped.fits(session.config.words, session.config.network):
-        network = _take_shipped(session)
+        session.notice("embed: takes the ready-made word network; `motionlake train words` trains one on this lake")
+        network = take(session, shipped.FILE)
     network = network or train(session)
     if network is None:
         return Outcome()
@@ -43,7 +45,7 @@ def train(session: Session, *, fine_tune: bool = False) -> Model | None:
     with reading(lake) as con:
         before = embed.fitting_network(con, config) if fine_tune else None
     if fine_tune and before is None and shipped.fits(config.words, config.network):
-        before = _take_shipped(session)
+        before = take(session, shipped.FILE)
     with reading(lake) as con:
         features = embed.training_sample(con, lake, config)
         file = next_file(con, embed.NETWORK, ".safetensors")
@@ -62,12 +64,12 @@ def train(session: Session, *, fine_tune: bool = False) -> Model | None:
     return _enter(session, file, data_hash, figures, time.perf_counter() - started)
 
 
-def _take_shipped(session: Session) -> Model | None:
-    session.notice("embed: takes the ready-made word network; `motionlake train words` trains one on this lake")
+def take(session: Session, weights: Path) -> Model | None:
+    """Make ready-made weights the lake's current network."""
     with reading(session.lake) as con:
         file = next_file(con, embed.NETWORK, ".safetensors")
-    figures = embed.take_shipped(session.lake, file)
-    return _enter(session, file, shipped.about()["data_sha256"], figures, 0.0)
+    figures = embed.take_weights(session.lake, session.config, weights, file)
+    return _enter(session, file, figures.get("data_sha256", ""), figures, 0.0)
 
 
 def _enter(session: Session, file: str, data_hash: str, figures: Mapping[str, Any], seconds: float) -> Model | None:

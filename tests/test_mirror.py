@@ -18,7 +18,7 @@ from pipeline.skeleton.pose import forward_kinematics
 from pipeline.stages import embed, motifs
 from pipeline.words.features import WordConfig, word_features
 from pipeline.words.mirror import mirrored_features, mirrored_positions, mirrored_rotations
-from pipeline.words.training import load_network
+from pipeline.words.trained import load_network
 from pipeline.words.windows import word_windows
 from tests.lakes import QUICK, motionlake, query
 

@@ -228,11 +228,11 @@ def test_fine_tuning_goes_on_from_a_network(architecture: str) -> None:
 def test_a_word_is_embedded_alike_in_any_company(trained: TrainedNetwork) -> None:
     words = np.concatenate([word_windows(c, CONFIG) for c in clips(12)])
     together = trained.embed(words)
-    assert together.shape == (len(words), 64)
+    assert together.shape == (len(words), 48)
     assert together.dtype == np.float32
     for part in (slice(0, 1), slice(63, 66), slice(5, 90)):
         np.testing.assert_array_equal(trained.embed(words[part]), together[part])
-    assert trained.embed(words[:0]).shape == (0, 64)
+    assert trained.embed(words[:0]).shape == (0, 48)
     with pytest.raises(ValueError, match="shape"):
         trained.embed(words[:, :8])
 

@@ -1,6 +1,7 @@
 """Temporal segmentation (Deep Motifs, section 6.2): every word of a clip gets a class from labelled clips.
 
-A window of 9 words around each word has a signature, cut short at the clip's ends. Labelled frames teach the
+A window of 2 seconds around each word has a signature, cut short at the clip's ends (the paper's 9 words of 16
+frames, 19 of the default words). Labelled frames teach the
 signatures of the windows around their words, and the signatures of their mirror images, which count as a
 quarter farther than they are; the 5 taught windows nearest to a new one (Earth Mover's Distance) vote for its
 class. In the paper the class goes to the word in the middle; here a window votes for all words up to `reach`
@@ -40,9 +41,9 @@ class SegmentationConfig:
     """How words are classified.
 
     Attributes:
-        window: words of a window.
+        window: words of a window; 19 default words are 2 seconds.
         k: nearest taught windows that vote.
-        reach: a window votes for the words up to so many from its middle; 0 is the paper's, 6 are a second.
+        reach: a window votes for the words up to so many from its middle; 0 is the paper's, 12 are a second.
         mirror_factor: by how much farther a window taught by a mirror image counts.
         unknown: quantile of the distances of a class's taught windows from those of other clips, beyond which a
             window is "unknown"; None gives every word a taught class.
@@ -51,9 +52,9 @@ class SegmentationConfig:
         UserError: a window or k below 1, a negative reach, a factor below 1, or a quantile outside 0 to 1.
     """
 
-    window: int = 9
+    window: int = 19
     k: int = 5
-    reach: int = 6
+    reach: int = 12
     mirror_factor: float = 1.25
     unknown: float | None = 1.0
 

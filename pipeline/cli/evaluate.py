@@ -68,9 +68,9 @@ def signatures(
 def segmentation(
     lake: LakeOption,
     dataset: DatasetOption = None,
-    window: Annotated[int, typer.Option(min=1, help="Words of a window.")] = 9,
+    window: Annotated[int, typer.Option(min=1, help="Words of a window.")] = 19,
     k: Annotated[int, typer.Option("-k", min=1, help="Nearest windows that vote.")] = 5,
-    reach: Annotated[int, typer.Option(min=0, help="A window votes for words up to so many from its middle.")] = 6,
+    reach: Annotated[int, typer.Option(min=0, help="A window votes for words up to so many from its middle.")] = 12,
     mirrored: Annotated[bool, typer.Option(help="Learn from the mirrored clips too.")] = True,
     as_json: JsonOption = False,
 ) -> None:

@@ -31,9 +31,9 @@ def segment(
     ] = None,
     column: LabelColumn = "label",
     mirrored: Annotated[bool, typer.Option(help="Learn from the mirrored clips too.")] = True,
-    window: Annotated[int, typer.Option(min=1, help="Words of a window.")] = 9,
+    window: Annotated[int, typer.Option(min=1, help="Words of a window.")] = 19,
     k: Annotated[int, typer.Option("-k", min=1, help="Nearest windows that vote.")] = 5,
-    reach: Annotated[int, typer.Option(min=0, help="A window votes for words up to so many from its middle.")] = 6,
+    reach: Annotated[int, typer.Option(min=0, help="A window votes for words up to so many from its middle.")] = 12,
     unknown: Annotated[bool, typer.Option(help="Say unknown where nothing like it was taught.")] = True,
     as_json: JsonOption = False,
 ) -> None:

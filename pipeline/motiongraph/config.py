@@ -14,7 +14,7 @@ class TransitionsConfig:
         radius: a transition has the least distance within so many frames of either clip.
         min_gap: frames between the two ends of a transition within one clip.
         per_word: transitions kept for each motion word, to different clips, the nearest ones.
-        context: words of the windows whose signatures are compared (section 6.4: 12).
+        context: words of the windows whose signatures are compared: 2.5 seconds, the 12 words of section 6.4.
         proportions: clips are joined when no bone's rest offset differs by more than this share of leg plus torso.
 
     Raises:
@@ -24,8 +24,8 @@ class TransitionsConfig:
     window: int = 8
     radius: int = 4
     min_gap: int = 24
-    per_word: int = 4
-    context: int = 12
+    per_word: int = 2
+    context: int = 25
     proportions: float = 0.02
 
     def __post_init__(self) -> None:

@@ -22,7 +22,6 @@ from pipeline.stages import words
 from pipeline.stages.derived import PART_KEYS, Part, derive, due
 from pipeline.stages.models import Model, current_model, file_hash
 from pipeline.stages.shard import Shard, ShardResult
-from pipeline.words import shipped
 from pipeline.words.features import WordConfig
 from pipeline.words.windows import word_windows
 
@@ -95,12 +94,21 @@ def train(
     return dict(trained.figures)
 
 
-def take_shipped(lake: Lake, file: str) -> dict[str, Any]:
-    """Copy the ready-made weights into the lake as `file`; returns their figures."""
+def take_weights(lake: Lake, config: LakeConfig, weights: Path, file: str) -> dict[str, Any]:
+    """Copy ready-made weights into the lake as `file`; returns their figures.
+
+    Raises:
+        ValueError: they are of other words or of another architecture than the configuration's.
+    """
+    from pipeline.words.trained import load_network
+
+    network = load_network(weights)
+    if (network.words, network.architecture) != (config.words, config.network.architecture):
+        raise ValueError(f"{weights} embeds other words than config.toml says")
     with replacing(lake.path(file)) as temporary:
-        shutil.copyfile(shipped.FILE, temporary)
-    about = shipped.about()
-    return {"shipped": True, "sets": about["sets"], "words": about["words_trained_on"]}
+        shutil.copyfile(weights, temporary)
+    kept = ("sets", "data_sha256", "words")
+    return {"ready_made": True, **{name: network.figures[name] for name in kept if name in network.figures}}
 
 
 def keyed(con: Connection, lake: Lake, config: LakeConfig, network: Model) -> list[Part]:

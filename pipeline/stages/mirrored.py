@@ -59,7 +59,7 @@ def rows_file(key: str) -> str:
 
 def run(lake_root: Path, shard: Shard) -> ShardResult:
     """The motif of every mirrored word of one features part."""
-    from pipeline.words.training import load_network
+    from pipeline.words.trained import load_network
 
     started = time.perf_counter()
     lake = Lake(lake_root)

@@ -30,10 +30,10 @@ class LinearConfig:
         anchors: words whose neighbours are looked for.
     """
 
-    components: int = 64
+    components: int = 48
     whitening: float = 0.25
     neighbours: int = 5
-    anchors: int = 4000
+    anchors: int = 20_000
 
     @classmethod
     def principal(cls) -> LinearConfig:

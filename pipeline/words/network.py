@@ -15,7 +15,7 @@ import torch
 from torch import Tensor, nn
 
 ARCHITECTURES: Final = ("linear", "conv", "inception736")
-EMBEDDING: Final = 64
+EMBEDDING: Final = 48
 
 
 class WordNetwork(nn.Module):
