@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 import pipeline.skeleton
+from jobs.run import BY_NAME, STAGES
 from pipeline.cli.main import COMMANDS
 from tests.lakes import Run, assert_same, finish, motionlake, query, quick_lake, start, tables
 from tests.samples import BVH, KINECT_1, KINECT_1_PARENTS, npz_bytes, swinging_body
@@ -166,7 +167,8 @@ def test_a_run_says_before_it_starts_whether_it_will_train(lake: Path, tmp_path:
 
 def test_status_counts_what_is_due(lake: Path) -> None:
     before = motionlake("status", "--lake", lake, "--json").json
-    assert all(stage["due"] == 0 for stage in before["stages"])
+    due = {stage["stage"]: stage["due"] for stage in before["stages"]}
+    assert due == dict.fromkeys(STAGES, 0) | dict.fromkeys(BY_NAME)
     (lake / "config.toml").write_text("[motifs]\nk = 5\n", encoding="utf-8")
     after = {s["stage"]: s["due"] for s in motionlake("status", "--lake", lake, "--json").json["stages"]}
     assert after["frames"] == after["words"] == 0

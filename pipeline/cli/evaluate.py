@@ -13,13 +13,16 @@ from pipeline.errors import UserError
 from pipeline.lake.catalog import reading
 from pipeline.lake.layout import check_dataset, open_lake
 
+ABOUT = """Measures on labelled clips of a lake.
+
+Example: motionlake evaluate signatures --dataset hdm05 --json --lake mylake"""
 BASELINES = {"auto": None, "dtw": True, "none": False}
 
 DatasetOption = Annotated[str | None, typer.Option("--dataset", help="Clips of this dataset only.", show_default=False)]
 
 
 def add_to(app: typer.Typer) -> None:
-    evaluate = typer.Typer(name="evaluate", help="Measures on labelled clips of a lake.", no_args_is_help=True)
+    evaluate = typer.Typer(name="evaluate", help=ABOUT, no_args_is_help=True)
     evaluate.command()(signatures)
     evaluate.command()(segmentation)
     app.add_typer(evaluate)

@@ -15,6 +15,7 @@ COMMANDS = (
     "init",
     "ingest",
     "run",
+    "train",
     "status",
     "search",
     "sql",

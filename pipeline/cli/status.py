@@ -30,7 +30,9 @@ def status(lake: LakeOption, as_json: JsonOption = False) -> None:
         models = fetch(con, "queries/status_models.sql")
         failed = fetch(con, "queries/failed_shards.sql")
     nothing = {"shards": 0, "rows": 0, "bytes": 0, "failed": 0}
-    stages = [{"stage": s, **nothing, **done.get(s, {}), "due": due[s]} for s in STAGES + BY_NAME]
+    # A stage that is made when asked for by name is not due before it was.
+    wanted = {s: due[s] if s in STAGES or s in done else None for s in STAGES + BY_NAME}
+    stages = [{"stage": s, **nothing, **done.get(s, {}), "due": wanted[s]} for s in wanted]
     if as_json:
         print_json({"datasets": datasets, "stages": stages, "models": models, "failed": failed})
         return

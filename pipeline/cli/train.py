@@ -12,19 +12,17 @@ from pipeline.cli.common import JsonOption, LakeOption, notice, print_json, stag
 from pipeline.errors import UserError
 from pipeline.lake.layout import open_lake
 
-train_app = typer.Typer(help="Train a model on a lake's own clips, without labels.", no_args_is_help=True)
-
 
 def add_to(app: typer.Typer) -> None:
-    app.add_typer(train_app, name="train")
+    about = (
+        "Train a model on a lake's own clips, without labels.\n\nExample: motionlake train words --json --lake mylake"
+    )
+    train = typer.Typer(name="train", help=about, no_args_is_help=True)
+    train.callback()(lambda: None)
+    train.command()(words)
+    app.add_typer(train)
 
 
-@train_app.callback()
-def group() -> None:
-    """Train a model on a lake's own clips, without labels."""
-
-
-@train_app.command()
 def words(
     lake: LakeOption,
     fine_tune: Annotated[

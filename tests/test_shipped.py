@@ -1,0 +1,71 @@
+"""The ready-made word network, and `motionlake train words`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pipeline.config import LakeConfig
+from pipeline.lake.catalog import fetch, reading
+from pipeline.lake.layout import Lake
+from pipeline.words import shipped
+from pipeline.words.config import NetworkConfig
+from pipeline.words.features import WordConfig
+from pipeline.words.trained import load_network
+from tests.lakes import motionlake, quick_lake
+
+
+def current_network(lake: Path) -> dict[str, object]:
+    with reading(Lake(lake)) as con:
+        return fetch(con, "queries/current_model.sql", {"kind": "network"})[0]
+
+
+def test_the_ready_made_network_is_the_one_its_description_names() -> None:
+    network = load_network(shipped.FILE)
+    about = shipped.about()
+    assert shipped.fits(WordConfig(), NetworkConfig())
+    assert not shipped.fits(WordConfig(length=16), NetworkConfig())
+    assert not shipped.fits(WordConfig(), NetworkConfig(weights="own"))
+    assert not shipped.fits(WordConfig(), NetworkConfig("conv"))
+    assert network.words == WordConfig()
+    assert network.figures["data_sha256"] == about["data_sha256"]
+    assert set(about["sets"]) == {"cmu_dance", "cmu_bvh", "cmu_exercises", "cmu_86"}
+    assert shipped.FILE.stat().st_size < 20_000_000
+    words = np.random.default_rng(0).standard_normal((3, 12, 88)).astype(np.float32)
+    assert np.linalg.norm(network.embed(words), axis=1).min() > 0
+
+
+def test_a_lake_is_embedded_ready_made_then_fine_tuned_then_afresh(
+    tmp_path: Path, clips_folder: Path, scheduler: str
+) -> None:
+    lake = quick_lake(tmp_path / "lake")
+    (lake / "config.toml").write_text("[network]\nmax_words = 500\n[motifs]\nk = 8\n", encoding="utf-8")
+    assert motionlake("train", "words", "--lake", lake).status == 2  # no words yet
+    assert motionlake("ingest", clips_folder, "--lake", lake, "--scheduler", scheduler).status == 0
+    run = motionlake("run", "all", "--lake", lake, "--scheduler", scheduler)
+    assert run.status == 0, run.err
+    assert "ready-made" in run.err
+    taken = current_network(lake)
+    assert (lake / str(taken["file"])).read_bytes() == shipped.FILE.read_bytes()
+    signatures = motionlake("sql", "SELECT signature FROM signatures ORDER BY clip", "--json", "--lake", lake).json
+    for words in (["--fine-tune"], []):
+        trained = motionlake("train", "words", *words, "--json", "--lake", lake)
+        assert trained.status == 0, trained.err
+        assert trained.json["figures"].get("fine_tuned_from") == (taken["model"] if words else None)
+        assert trained.json["figures"]["words"] <= 500
+        assert current_network(lake)["model"] == trained.json["model"]
+    again = motionlake("run", "all", "--lake", lake, "--scheduler", scheduler)
+    assert again.status == 0, again.err
+    after = motionlake("sql", "SELECT signature FROM signatures ORDER BY clip", "--json", "--lake", lake).json
+    assert len(after) == len(signatures)
+    assert after != signatures
+
+
+def test_configurations_of_the_network_without_meaning_are_refused() -> None:
+    assert LakeConfig().network.weights == "shipped"
+    with pytest.raises(ValueError, match="shipped or own"):
+        NetworkConfig(weights="theirs")
+    with pytest.raises(ValueError, match="two words"):
+        NetworkConfig(max_words=1)
