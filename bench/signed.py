@@ -49,16 +49,17 @@ def make_lake(folder: Path, sources: Sequence[Path]) -> Lake:
     return lake
 
 
-def run_all(lake: Lake, seed: int, weights: Path | None = None) -> None:
+def run_all(lake: Lake, seed: int, weights: Path | None = None, k: int = K) -> None:
     """Every stage, with the seed for training and for clustering.
 
     Args:
         lake: to bring up to date.
         seed: of both.
         weights: a network to take; None trains one on the lake's own clips.
+        k: motifs.
     """
     origin = "own" if weights is None else "shipped"
-    text = f'[network]\nweights = "{origin}"\nseed = {seed}\n\n[motifs]\nseed = {seed}\n'
+    text = f'[network]\nweights = "{origin}"\nseed = {seed}\n\n[motifs]\nk = {k}\nseed = {seed}\n'
     lake.config_file.write_text(text, encoding="utf-8")
     with session(lake, "bench", lambda stage, done, total: None, lambda line: None) as job:
         if weights is not None:

@@ -92,6 +92,11 @@ def evaluate_signatures(
     return result
 
 
+def dtw_distances(con: Connection, lake: Lake, signed: SignedClips) -> Float64Array:
+    """[n, n] whole-clip DTW between clips of a lake."""
+    return dtw_matrix(_features(con, lake, signed))
+
+
 def _measures(distances: Float64Array, labels: list[str], signed: SignedClips, column: str) -> dict[str, Any]:
     names = [clip.subject or "" for clip in signed.clips]
     subjects = None if column == "subject" or len(set(names) - {""}) < 2 else names

@@ -19,7 +19,7 @@ from pipeline.words.features import WordConfig, word_features
 Float32Array = NDArray[np.float32]
 Float64Array = NDArray[np.float64]
 
-BASELINE: Final = WordConfig(root_weight=0.0, velocity_weight=0.0)
+BASELINE: Final = WordConfig(root_weight=0.0, velocity_weight=0.0, smoothing=0.0)
 # Frame pairs a second on one core, from timings.
 CELLS_PER_SECOND: Final = 1.2e8
 
