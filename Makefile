@@ -106,7 +106,8 @@ bench-neighbours: setup ## Measure the 5 nearest of 1,000,000 words against brut
 	$(BIN)/python -m bench.neighbours $(if $(WORDS),--words $(WORDS))
 
 bench-find: setup ## Measure query by example beside sub-sequence DTW, and copies found among all recordings
-	$(BIN)/python -m bench.query_by_example
+	$(BIN)/python -m bench.query_by_example --words 5
+	$(BIN)/python -m bench.query_by_example --words 11
 	$(BIN)/python -m bench.duplicates
 
 bench-segmentation: setup ## Measure segmentation: exercises by the other takes, 86_01 by other sets

@@ -1,7 +1,8 @@
-"""Query by example inside sequences beside sub-sequence DTW: `python -m bench.query_by_example`.
+"""Query by example inside sequences beside sub-sequence DTW: `python -m bench.query_by_example [--words N]`.
 
-cmu_exercises, in a lake of its own with the default configuration but for the seeds: every window of 5 words
-that lies wholly within a labelled segment is a query against the other takes, if its label occurs in one. The
+cmu_exercises, in a lake of its own with the default configuration but for the seeds: windows of 5 words that lie
+wholly within a labelled segment are queries against the other takes, if their label occurs in one, a window every
+`EVERY` frames. `--words 11` are the 32 frames of the paper's five longer words. The
 score of a frame is the distance of the nearest window that covers it; relevant are frames labelled like the
 query; frames without a label (there are next to none) are left out. Average precision over all frames of the
 other takes at the words' rate, tied frames together; means over the queries, then over 3 seeds of network and
@@ -13,6 +14,7 @@ cheapest alignment that covers it, over its matched pairs. Four forms are measur
 
 from __future__ import annotations
 
+import argparse
 import csv
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
@@ -36,7 +38,7 @@ from pipeline.stages import words
 from pipeline.words.features import Float32Array, WordConfig
 
 SEEDS: Final = (0, 1, 2)
-N_WORDS: Final = 5
+EVERY: Final = 4
 Float64Array = NDArray[np.float64]
 # The distances of a query's frames in one take from another take: [T].
 Scorer = Callable[["Query", int], Float64Array]
@@ -44,10 +46,11 @@ Scorer = Callable[["Query", int], Float64Array]
 
 @dataclass(frozen=True)
 class Query:
-    """Words [first, first + N_WORDS) of a clip, all of one label."""
+    """Words [first, first + words) of a clip, all of one label."""
 
     clip: int
     first: int
+    words: int
     label: str
 
 
@@ -81,22 +84,28 @@ def takes_of(lake: Lake, segments: Path) -> Takes:
     return Takes(corpus, [features[clip.clip] for clip in corpus.clips], labels, config)
 
 
-def queries_of(takes: Takes) -> Iterator[Query]:
+def queries_of(takes: Takes, n_words: int) -> Iterator[Query]:
     """Every window within one segment whose label another take has too."""
-    span = takes.config.length + takes.config.stride * (N_WORDS - 1)
+    span, every = _span(takes, n_words), max(1, EVERY // takes.config.stride)
     for clip, labels in enumerate(takes.labels):
         elsewhere = {label for i, other in enumerate(takes.labels) if i != clip for label in other}
-        for first, start in enumerate(range(0, len(labels) - span + 1, takes.config.stride)):
+        for first in range(0, (len(labels) - span) // takes.config.stride + 1, every):
+            start = first * takes.config.stride
             found = set(labels[start : start + span].tolist())
             if len(found) == 1 and found <= elsewhere - {""}:
-                yield Query(clip, first, found.pop())
+                yield Query(clip, first, n_words, found.pop())
+
+
+def _span(takes: Takes, n_words: int) -> int:
+    """Frames that so many words cover."""
+    return takes.config.length + takes.config.stride * (n_words - 1)
 
 
 def motionlake(takes: Takes) -> Scorer:
     """The signature of the query's words, as `motionlake find` compares it."""
 
     def score(query: Query, clip: int) -> Float64Array:
-        motifs = takes.corpus.motifs[takes.corpus.words_of(query.clip)][query.first : query.first + N_WORDS]
+        motifs = takes.corpus.motifs[takes.corpus.words_of(query.clip)][query.first : query.first + query.words]
         along = frame_distances_along(takes.corpus, clip, ExampleQuery(motifs))
         rate = takes.corpus.clips[clip].fps / takes.config.fps
         at = np.round(np.arange(len(takes.labels[clip])) * rate).astype(np.int64)
@@ -107,11 +116,10 @@ def motionlake(takes: Takes) -> Scorer:
 
 def dtw(takes: Takes, steps: str, squared: bool) -> Scorer:
     """The frames of the query's words, aligned."""
-    span = takes.config.length + takes.config.stride * (N_WORDS - 1)
 
     def score(query: Query, clip: int) -> Float64Array:
         start = query.first * takes.config.stride
-        frames = takes.features[query.clip][start : start + span]
+        frames = takes.features[query.clip][start : start + _span(takes, query.words)]
         return frame_costs(*alignment_ends(frames, takes.features[clip], steps, squared=squared))
 
     return score
@@ -141,6 +149,9 @@ def chance(takes: Takes, queries: Sequence[Query]) -> float:
 
 
 def main() -> None:
+    parser = argparse.ArgumentParser(description="Measure query by example beside sub-sequence DTW.")
+    parser.add_argument("--words", type=int, default=5)
+    n_words = parser.parse_args().words
     source = recordings() / "cmu_exercises"
     ours = []
     with tempfile.TemporaryDirectory(prefix="bench-find-") as folder:
@@ -148,7 +159,7 @@ def main() -> None:
         for seed in SEEDS:
             run_all(lake, seed)
             takes = takes_of(lake, source / "segments.csv")
-            queries = list(queries_of(takes))
+            queries = list(queries_of(takes, n_words))
             ours.append(mean_average_precision(takes, queries, motionlake(takes)))
             print(f"seed {seed}, {len(queries)} queries: {_line(ours[-1])}", flush=True)
     figures = {"motionlake": {name: float(np.mean([run[name] for run in ours])) for name in ours[0]}}
@@ -164,7 +175,7 @@ def main() -> None:
     by_seed = [run["mean"] for run in ours]
     result = {"average_precision": figures, "chance": chance(takes, queries), "by_seed": by_seed}
     data = hash_files([*source.rglob("*.amc"), source / "segments.csv"], source)
-    print(record("query-by-example", result | {"queries": len(queries), "seeds": list(SEEDS)}, data))
+    print(record("query-by-example", result | {"queries": len(queries), "words": n_words, "seeds": list(SEEDS)}, data))
 
 
 def _line(scores: dict[str, float]) -> str:
