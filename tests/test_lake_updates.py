@@ -133,7 +133,7 @@ def test_changed_labels_recompute_nothing(own_lake: Path, source: Path, schedule
     ("config", "redone"),
     [
         (QUICK.replace("k = 12", "k = 9"), {"motifs", "signatures", "mirrored"}),
-        (QUICK.replace("steps = 20", "steps = 21"), {"embed", "motifs", "signatures", "mirrored"}),
+        (QUICK.replace("max_words = 500", "max_words = 60"), {"embed", "motifs", "signatures", "mirrored"}),
         (QUICK + "[words]\nstride = 8\n", {"words", "embed", "motifs", "signatures", "mirrored"}),
     ],
 )

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from pipeline import motifs as module
 from pipeline.motifs import Motifs, assign, fit_motifs
+from tests.lakes import made_clips, motionlake, quick_lake
 
 
 def blobs(sizes: list[int], spread: list[float], seed: int = 0) -> np.ndarray:
@@ -65,3 +69,12 @@ def test_words_that_cannot_be_clustered_are_refused() -> None:
         fit_motifs(np.empty((0, 4), dtype=np.float32), 3, seed=0)
     with pytest.raises(ValueError, match="not finite"):
         fit_motifs(np.full((4, 2), np.nan, dtype=np.float32), 2, seed=0)
+
+
+def test_more_motifs_than_words_are_an_error(tmp_path: Path, scheduler: str) -> None:
+    source, lake = tmp_path / "clips", quick_lake(tmp_path / "lake", "[motifs]\nk = 500\n")
+    made_clips(source, 1)
+    assert motionlake("ingest", source, "--lake", lake, "--scheduler", scheduler).status == 0
+    run = motionlake("run", "all", "--lake", lake, "--scheduler", scheduler)
+    assert run.status == 2
+    assert re.search(r"holds \d+ words, too few for 500 motifs; .*set k below \[motifs\] .* to \d+ or less", run.err)

@@ -105,7 +105,7 @@ def test_listed_words_are_aligned_as_all_are(metric: Metric) -> None:
 
 def test_all_pairs_share_frames_without_changing_distances() -> None:
     clips = [smooth_words(1, frames, 6, frames)[0] for frames in (7, 60, 33, 16)]
-    words, owners = WordSet.of_clips(clips, WordConfig())
+    words, owners = WordSet.of_clips(clips, WordConfig(length=16, stride=4))
     assert owners.tolist() == [0] + [1] * 12 + [2] * 5 + [3]
     blocks = {rows.start: distances for rows, distances in all_pairs(words, rows=8)}
     every = words.take(slice(None))

@@ -138,7 +138,9 @@ def mirrored_by_definition(lake: Path, clip: str) -> list[tuple[int, str, float,
 
 def test_a_mirrored_search_ranks_by_the_nearer_of_both(built_lake: Path, clips_folder: Path) -> None:
     flags = set()
-    for (clip,) in query(built_lake, "SELECT clip FROM clips ORDER BY md5(clip) LIMIT 4"):
+    for count, (clip,) in enumerate(query(built_lake, "SELECT clip FROM clips ORDER BY md5(clip)")):
+        if count >= 4 and flags == {True, False}:
+            break
         expected = mirrored_by_definition(built_lake, clip)
         words = ["--mirrored", "--lake", built_lake, "--json"]
         rows = motionlake("search", clip, "-k", K, *words).json

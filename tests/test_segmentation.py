@@ -105,7 +105,8 @@ def test_what_was_never_taught_is_unknown() -> None:
     clips = [[0, 1] * 10, [1, 0, 0] * 7, [2, 3] * 10, [3, 2, 2] * 7, [0, 1] * 10 + [4] * 20 + [2, 3] * 10]
     corpus = corpus_of(clips, places)
     taught = [whole(corpus, i, label) for i, label in enumerate("aabb")]
-    segmenter = Segmenter(taught_windows(corpus, taught, 9), corpus.ground)
+    config = SegmentationConfig(window=9, reach=6)
+    segmenter = Segmenter(taught_windows(corpus, taught, 9), corpus.ground, config)
     motifs = corpus.motifs[corpus.words_of(4)]
     judged = segmenter.label_words(motifs, corpus.idf).labels
     assert judged[:15].tolist() == ["a"] * 15
@@ -194,12 +195,13 @@ def test_real_takes_are_segmented_by_the_others(recordings: Path) -> None:
 
     rows = list(csv.DictReader((recordings / "cmu_exercises" / "segments.csv").open(encoding="utf-8")))
     names = sorted({row["file"] for row in rows})[:3]
+    config = WordConfig(length=16, stride=4)
     features = []
     for name in names:
         clip = read_clips(recordings / "cmu_exercises" / name)[0]
         motion = canonicalise(clip, solve(clip), identify(clip.hierarchy.joints, load_rigs()))
-        features.append(word_features(motion.positions, motion.rotations, motion.fps, WordConfig()))
-    embedded = shallow(features, WordConfig(), 0)
+        features.append(word_features(motion.positions, motion.rotations, motion.fps, config))
+    embedded = shallow(features, config, 0)
     motifs = fit_motifs(np.concatenate(embedded), 100, 0)
     corpus = corpus_of([assign(words, motifs).tolist() for words in embedded], motifs.centroids)
     taught = [
@@ -208,7 +210,7 @@ def test_real_takes_are_segmented_by_the_others(recordings: Path) -> None:
         if row["file"] in names[:2]
     ]
     truth = [(int(r["start"]), int(r["stop"]), r["label"]) for r in rows if r["file"] == names[2]]
-    segmenter = Segmenter(taught_windows(corpus, taught, 9), corpus.ground)
+    segmenter = Segmenter(taught_windows(corpus, taught, 9), corpus.ground, SegmentationConfig(window=9, reach=6))
     words = corpus.words_of(2)
     centres = (corpus.starts[words] + corpus.stops[words] - 1) / 2
     found = segmenter.label_words(corpus.motifs[words], corpus.idf)

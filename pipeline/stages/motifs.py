@@ -12,6 +12,7 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from pipeline.config import LakeConfig, config_hash
+from pipeline.errors import UserError
 from pipeline.lake.catalog import Connection
 from pipeline.lake.layout import Lake
 from pipeline.lake.parts import write_part
@@ -40,9 +41,18 @@ def fitting_motifs(con: Connection, config: LakeConfig, network: Model) -> Model
 
 
 def fit(con: Connection, lake: Lake, config: LakeConfig, network: Model, file: str) -> dict[str, float]:
-    """Cluster the embedded words of the lake (a random sample where there are many); write `file`."""
+    """Cluster the embedded words of the lake (a random sample where there are many); write `file`.
+
+    Raises:
+        UserError: the lake holds fewer words than motifs are asked for.
+    """
     parts = embed.keyed(con, lake, config, network)
     vectors = _sample([lake.path(embed.embeddings_file(p.key)) for p in parts], config.motifs.seed)
+    if len(vectors) < config.motifs.k:
+        raise UserError(
+            f"{lake.root}: holds {len(vectors)} words, too few for {config.motifs.k} motifs; "
+            f"take in more clips, or set k below [motifs] in {lake.config_file} to {len(vectors)} or less"
+        )
     motifs = fit_motifs(vectors, config.motifs.k, config.motifs.seed)
     centroids = [row.tolist() for row in motifs.centroids]
     rows = pa.Table.from_arrays(
