@@ -11,7 +11,7 @@ DEMO_LAKE = demo/$(notdir $(abspath $(DATA)))-lake
 DEMO_QUERIES = $(if $(filter demo/deepmimic,$(DATA)),humanoid3d_walk humanoid3d_kick humanoid3d_dance_a,--sample 3)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test lint ingest all $(STAGES) neighbours transitions status wheel bench-ingest bench-dtw bench-emd bench-retrieval bench-representation bench-find bench-motion-graph bench-neighbours bench-segmentation
+.PHONY: help setup demo test lint ingest all $(STAGES) neighbours transitions status wheel bench-ingest bench-dtw bench-emd bench-retrieval bench-representation bench-words bench-find bench-motion-graph bench-neighbours bench-segmentation bench-signatures
 
 help: ## Show this help
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 24
@@ -96,8 +96,11 @@ bench-retrieval: setup ## Measure retrieval on hdm05 beside its floors, and acro
 	$(BIN)/python -m bench.retrieval hdm05
 	$(BIN)/python -m bench.retrieval cross-rig
 
-bench-representation: setup ## Measure which features and networks make the best words
+bench-representation: setup ## Measure words by raw numbers, DTW and networks, their length, K and the rest (minutes)
 	$(BIN)/python -m bench.representation
+
+bench-words: setup ## Measure assigning words by DTW and by embedding, words embedded a second, a query from cold
+	$(BIN)/python -m bench.words_speed
 
 bench-motion-graph: setup ## Measure motion graphs with and without the constraint by signatures
 	$(BIN)/python -m bench.motion_graph
@@ -112,3 +115,6 @@ bench-find: setup ## Measure query by example beside sub-sequence DTW, and copie
 
 bench-segmentation: setup ## Measure segmentation: exercises by the other takes, 86_01 by other sets
 	$(BIN)/python -m bench.segmentation
+
+bench-signatures: setup ## Measure retrieval, classification and clustering on four sets, twice each
+	$(BIN)/python -m bench.signatures

@@ -1,111 +1,305 @@
-"""Which word representation retrieves best: `python -m bench.representation [SET ...]`.
+"""Ablations of motion words: `python -m bench.representation [--processes N] [--seeds N] [SET ...]`.
 
-Leave-one-out retrieval over whole clips with one pipeline: embedded words, k-means K = 100, tf-idf, exact
-Earth Mover's Distance over the distances of centroids. Words are embedded by their first 48 principal
-components ("shallow") or by the trained network; means over 3 seeds. Defaults are chosen by the mean over
-the sets, never per set.
+Every row goes through the same pipeline: words, their groups (K motifs), tf-idf signatures, exact Earth Mover's
+Distance, leave one out over whole clips (MAP and NN). Rows differ in one thing each (Deep Motifs, section 5.1):
+
+- what words are compared by: raw numbers, DTW, principal components ("shallow"), learned embeddings
+- the network and its recipe; rotations against positions; length of words, K, smoothing, the linear embedding
+
+The first group has 3 seeds of training and k-means on all sets; all else seed 0 without utd_mhad, whose 861 clips cost
+more than the rest together. "conv" is trained for 150 steps; inception736, seconds a step without a GPU, is left out.
+Networks are trained on the clips that they are measured on, without labels, but for the ready-made one.
 """
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Callable
-from dataclasses import asdict
-from typing import Final
+import argparse
+import multiprocessing
+from collections.abc import Callable, Mapping
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import dataclass, field, replace
+from functools import cache, partial
+from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 from sklearn.decomposition import PCA
 from threadpoolctl import threadpool_limits
 
-from bench.canonical_sets import LabelledClip, features, load
-from bench.record import record
+from bench.canonical_sets import SETS, LabelledClip, features, load
+from bench.record import hash_files, record, recordings
 from pipeline.emd import emd_matrix, ground_distances
 from pipeline.evaluation.retrieval import RetrievalScores, leave_one_out
-from pipeline.motifs import assign, fit_motifs
+from pipeline.motifs import Motifs, assign, fit_motifs
 from pipeline.signatures import signatures
 from pipeline.words.config import NetworkConfig
-from pipeline.words.features import Float32Array, WordConfig
-from pipeline.words.training import Recipe, train_words
+from pipeline.words.dtw import word_distances
+from pipeline.words.features import Float32Array, Float64Array, WordConfig
+from pipeline.words.linear import LinearConfig
 from pipeline.words.windows import word_windows
 
-SEEDS: Final = (0, 1, 2)
 K: Final = 100
 COMPONENTS: Final = 48
-STEPS: Final = 500
-FLOORS: Final = {"hdm05": 0.963, "salsa": 0.947, "bandai1": 0.377, "utd_mhad": 0.724}
+SEEDS: Final = (0, 1, 2)
+CONV_STEPS: Final = 150
+ALL: Final = tuple(SETS)
+SMALL: Final = ("hdm05", "salsa", "bandai1")
 Embedding = Callable[[list[Float32Array], WordConfig, int], list[Float32Array]]
 
-VARIANTS: Final = {
-    "positions": WordConfig(root_weight=0, velocity_weight=0),
-    "positions, root 3": WordConfig(root_weight=3, velocity_weight=0),
-    "positions, velocities 2": WordConfig(root_weight=0, velocity_weight=2),
-    "positions, root 3, velocities 2": WordConfig(root_weight=3, velocity_weight=2),
-    "positions of 16 joints, root 3": WordConfig(joints="deep_motifs16", root_weight=3, velocity_weight=0),
-    "rotations": WordConfig.deep_motifs(),
-}
+
+@dataclass(frozen=True)
+class Grouped:
+    """Words in groups: the group of each word of each clip, and the ground distances [K, K] of the groups."""
+
+    clips: list[NDArray[np.int32]]
+    ground: Float64Array
+
+
+Grouping = Callable[[list[Float32Array], WordConfig, int, int], Grouped]
+
+
+@dataclass(frozen=True)
+class Row:
+    """One way to make signatures, and where it is measured.
+
+    Attributes:
+        group: of rows that are compared with one another.
+        grouping: puts words [T, D] of each clip in k groups: (clips, words, k, seed).
+    """
+
+    group: str
+    grouping: Grouping
+    words: WordConfig = field(default_factory=WordConfig)
+    k: int = K
+    seeds: tuple[int, ...] = (0,)
+    sets: tuple[str, ...] = SMALL
 
 
 def shallow(clips: list[Float32Array], config: WordConfig, seed: int) -> list[Float32Array]:
     """The first principal components of flattened words."""
-    words = [word_windows(clip, config) for clip in clips]
-    flat = np.concatenate([w.reshape(len(w), -1) for w in words])
+    flat = raw(clips, config, seed)
     with threadpool_limits(limits=1):
-        reduced = PCA(COMPONENTS, svd_solver="covariance_eigh").fit_transform(flat).astype(np.float32)
-    return np.split(reduced, np.cumsum([len(w) for w in words])[:-1])
+        reduced = PCA(COMPONENTS, svd_solver="covariance_eigh").fit_transform(np.concatenate(flat))
+    return _split(reduced.astype(np.float32), flat)
 
 
-def trained(clips: list[Float32Array], config: WordConfig, seed: int) -> list[Float32Array]:
-    """The default network, trained on the set's own clips without their labels."""
-    network = train_words(clips, config, NetworkConfig(seed=seed, steps=STEPS))
+def raw(clips: list[Float32Array], config: WordConfig, seed: int) -> list[Float32Array]:
+    """Words as they are, flattened."""
+    return [np.ascontiguousarray(w.reshape(len(w), -1)) for w in (word_windows(clip, config) for clip in clips)]
+
+
+def learned(
+    clips: list[Float32Array],
+    config: WordConfig,
+    seed: int,
+    *,
+    architecture: str = "linear",
+    steps: int = 0,
+    linear: LinearConfig | None = None,
+    published: bool = False,
+) -> list[Float32Array]:
+    """A network trained on the clips themselves, without labels; `published` takes the paper's recipe."""
+    from pipeline.words.training import Recipe, train_words
+
+    recipe = Recipe.deep_motifs() if published else Recipe()
+    network = train_words(
+        clips,
+        config,
+        NetworkConfig(architecture, weights="own", seed=seed, steps=steps),
+        recipe=replace(recipe, linear=linear or recipe.linear),
+        device="cpu",
+    )
     return [network.embed(word_windows(clip, config)) for clip in clips]
 
 
-def trained_as_published(clips: list[Float32Array], config: WordConfig, seed: int) -> list[Float32Array]:
-    """The same network, trained with the paper's positives, distance and loss."""
-    network = train_words(clips, config, NetworkConfig(seed=seed, steps=STEPS), recipe=Recipe.deep_motifs())
-    return [network.embed(word_windows(clip, config)) for clip in clips]
+def by_l2(embedding: Embedding) -> Grouping:
+    """K-means in the space of an embedding; ground distances are L2."""
+
+    def grouping(clips: list[Float32Array], config: WordConfig, k: int, seed: int) -> Grouped:
+        embedded = embedding(clips, config, seed)
+        motifs = fit_motifs(np.concatenate(embedded), k, seed)
+        return Grouped([assign(words, motifs) for words in embedded], ground_distances(motifs.centroids))
+
+    return grouping
+
+
+def by_dtw(clips: list[Float32Array], config: WordConfig, k: int, seed: int) -> Grouped:
+    """Medoids in the place of centroids, word DTW in the place of L2.
+
+    Distances are square roots of `word_distances`. They are no metric: `emd_matrix` leaves shared mass where it is,
+    which then only comes near to the cheapest transport.
+    """
+    words = [word_windows(clip, config) for clip in clips]
+    stacked = np.concatenate(words)
+    medoids = medoids_of(stacked, k, seed)
+    groups = np.argmin(word_distances(stacked, medoids), axis=1).astype(np.int32)
+    ground = np.sqrt(word_distances(medoids, medoids).astype(np.float64))
+    ground = (ground + ground.T) / 2
+    np.fill_diagonal(ground, 0.0)
+    return Grouped(_split(groups, words), ground)
+
+
+def medoids_of(words: Float32Array, k: int, seed: int) -> Float32Array:
+    """[K, length, D] at most `k` of `words` [n, length, D]: those nearest to the k-means centroids of raw words."""
+    flat = words.reshape(len(words), -1)
+    centroids = fit_motifs(flat, k, seed).centroids
+    nearest = assign(centroids, Motifs(flat, np.ones(len(flat))))
+    return np.ascontiguousarray(words[np.unique(nearest)])
+
+
+def ready_made(name: str) -> Grouping:
+    """The network that comes with the package; for a set of CMU the same training without it."""
+    from bench.shipped_words import SETS as CMU
+    from bench.shipped_words import train
+    from pipeline.words import shipped
+    from pipeline.words.trained import load_network
+
+    folder = SETS[name].folder
+    network = train(tuple(each for each in CMU if each != folder)) if folder in CMU else load_network(shipped.FILE)
+    return by_l2(lambda clips, config, seed: [network.embed(word_windows(clip, config)) for clip in clips])
+
+
+def _split(stacked: NDArray[Any], clips: list[Float32Array]) -> list[NDArray[Any]]:
+    return np.split(stacked, np.cumsum([len(words) for words in clips])[:-1])
+
+
+def rows() -> dict[str, Row]:
+    """Every row by name, in the order of the table; "ready-made" has its grouping made for each set."""
+    default, rotations = WordConfig(), WordConfig.deep_motifs()
+    positions = replace(default, length=rotations.length, stride=rotations.stride, smoothing=0.0)
+    own, principal = by_l2(learned), by_l2(shallow)
+    main, network, kind = "words", "network, seed 0", "rotations and positions, seed 0"
+    conv = partial(learned, architecture="conv", steps=CONV_STEPS)
+    made = {
+        "raw": Row(main, by_l2(raw), seeds=SEEDS, sets=ALL),
+        "DTW": Row(main, by_dtw, seeds=SEEDS, sets=ALL),
+        "shallow": Row(main, principal, seeds=SEEDS, sets=ALL),
+        "learned (default)": Row(main, own, seeds=SEEDS, sets=ALL),
+        "ready-made": Row(main, own, seeds=SEEDS, sets=ALL),
+        "conv": Row(network, by_l2(conv)),
+        "conv, the paper's recipe": Row(network, by_l2(partial(conv, published=True))),
+        "rotations, 16 every 4, shallow": Row(kind, principal, rotations),
+        "rotations, 16 every 4, learned": Row(kind, own, rotations),
+        "positions, 16 every 4, shallow": Row(kind, principal, positions),
+        "positions, 16 every 4, learned": Row(kind, own, positions),
+    }
+    for length, stride in ((8, 2), (16, 2), (16, 4), (24, 2), (48, 2)):
+        name = f"length {length} every {stride}"
+        made[name] = Row("length of words, seed 0", own, replace(default, length=length, stride=stride))
+    for k in (50, 150, 200, 400):
+        made[f"K {k}"] = Row("motifs, seed 0", own, k=k)
+    made["smoothing 0"] = Row("smoothing, seed 0", own, replace(default, smoothing=0.0))
+    for whitening in (0.0, 0.5):
+        embedding = partial(learned, linear=LinearConfig(whitening=whitening))
+        made[f"whitening {whitening:g}"] = Row("linear embedding, seed 0", by_l2(embedding))
+    embedding = partial(learned, linear=LinearConfig(neighbours=0))
+    made["neighbours 0"] = Row("linear embedding, seed 0", by_l2(embedding))
+    return made
+
+
+BASE: Final = "learned (default)"
+
+
+def retrieve(grouped: Grouped, clips: list[LabelledClip]) -> RetrievalScores:
+    """Signatures, distances, measures."""
+    made, _ = signatures(grouped.clips, len(grouped.ground))
+    subjects = [clip.subject for clip in clips]
+    distances = emd_matrix(made, grouped.ground)
+    return leave_one_out(distances, [clip.label for clip in clips], subjects if len(set(subjects)) > 1 else None)
 
 
 def score(embedded: list[Float32Array], clips: list[LabelledClip], seed: int) -> RetrievalScores:
-    """Motifs, signatures, distances, measures."""
-    motifs = fit_motifs(np.concatenate(embedded), K, seed)
-    made, _ = signatures([assign(words, motifs) for words in embedded], motifs.k)
-    distances = emd_matrix(made, ground_distances(motifs.centroids))
-    subjects = [clip.subject for clip in clips]
-    labels = [clip.label for clip in clips]
-    return leave_one_out(distances, labels, subjects if len(set(subjects)) > 1 else None)
+    """Measures of embedded words [n, d] of each clip, grouped by k-means."""
+    return retrieve(by_l2(lambda clips, config, seed: embedded)([], WordConfig(), K, seed), clips)
 
 
-def measure(clips: list[LabelledClip], config: WordConfig, embedding: Embedding) -> dict[str, float]:
-    """Each measure's mean over the seeds."""
-    cut = features(clips, config)
-    runs = [asdict(score(embedding(cut, config, seed), clips, seed)) for seed in SEEDS]
-    return {name: float(np.mean([run[name] for run in runs])) for name in runs[0] if runs[0][name] is not None}
+@cache
+def _clips(name: str) -> list[LabelledClip]:
+    return load(name)
+
+
+@cache
+def _ready_made(name: str) -> Grouping:
+    return ready_made(name)
+
+
+def measure(set_name: str, row_name: str, seed: int) -> dict[str, float]:
+    """MAP and NN of one row on one set, on one thread."""
+    row = rows()[row_name]
+    with threadpool_limits(limits=1):
+        clips = _clips(set_name)
+        grouping = _ready_made(set_name) if row_name == "ready-made" else row.grouping
+        scores = retrieve(grouping(features(clips, row.words), row.words, row.k, seed), clips)
+    return {"map": scores.map, "nn": scores.nn}
+
+
+Runs = dict[str, dict[str, dict[int, dict[str, float]]]]
+
+
+def measure_all(names: list[str], processes: int, seeds: int) -> Runs:
+    """{row: {set: {seed: measures}}} of every row on those of `names` that it is measured on."""
+    made = rows()
+    units = [(s, r, seed) for r, row in made.items() for s in names if s in row.sets for seed in row.seeds[:seeds]]
+    units.sort(key=lambda unit: -ALL.index(unit[0]))  # the largest set first: no long one is left for the end
+    runs: Runs = {name: {s: {} for s in names if s in row.sets} for name, row in made.items()}
+    runs = {name: found for name, found in runs.items() if found}
+    with ProcessPoolExecutor(processes, multiprocessing.get_context("spawn")) as pool:
+        pending = {pool.submit(measure, *unit): unit for unit in units}
+        for done, future in enumerate(as_completed(pending), 1):
+            set_name, row_name, seed = pending[future]
+            runs[row_name][set_name][seed] = future.result()
+            print(
+                f"  {done}/{len(units)} {set_name}, {row_name}, seed {seed}: {future.result()['map']:.3f}", flush=True
+            )
+    return runs
+
+
+def means(runs: Mapping[str, Mapping[int, Mapping[str, float]]]) -> dict[str, dict[str, float]]:
+    """{set: measures}, means over the seeds."""
+    return {
+        name: {key: float(np.mean([run[key] for run in seeds.values()])) for key in ("map", "nn")}
+        for name, seeds in runs.items()
+    }
+
+
+def table(runs: Runs, names: list[str]) -> str:
+    """MAP and NN, rows by group; groups of seed 0 begin with the default at seed 0."""
+    width = max(len(name) for name in runs) + 2
+    lines = ["MAP / NN".ljust(width) + "".join(name.rjust(15) for name in names)]
+    group = ""
+    for name, row in rows().items():
+        if name not in runs:
+            continue
+        if row.group != group:
+            group = row.group
+            lines.append(f"[{group}]")
+            if row.seeds == (0,):
+                base = {s: {0: seeds[0]} for s, seeds in runs[BASE].items()}
+                lines.append(_line("default", means(base), names, width))
+        lines.append(_line(name, means(runs[name]), names, width))
+    return "\n".join(lines)
+
+
+def _line(name: str, found: Mapping[str, Mapping[str, float]], names: list[str], width: int) -> str:
+    cells = [f"{found[s]['map']:.3f} / {found[s]['nn']:.3f}" if s in found else "" for s in names]
+    return name.ljust(width) + "".join(cell.rjust(15) for cell in cells)
 
 
 def main() -> None:
-    names = sys.argv[1:] or list(FLOORS)
-    figures: dict[str, dict[str, dict[str, float]]] = {}
-    for name in names:
-        clips = load(name)
-        print(f"{name}: {len(clips)} clips; shallow floor MAP {FLOORS[name]:.3f}")
-        methods: dict[str, tuple[WordConfig, Embedding]] = {
-            f"shallow {variant}": (config, shallow) for variant, config in VARIANTS.items()
-        }
-        methods["trained default"] = (WordConfig(), trained)
-        methods["trained as published"] = (WordConfig(), trained_as_published)
-        methods["trained rotations"] = (WordConfig.deep_motifs(), trained)
-        figures[name] = {}
-        for method, (config, embedding) in methods.items():
-            found = measure(clips, config, embedding)
-            figures[name][method] = found
-            line = "  ".join(f"{measure} {value:.3f}" for measure, value in found.items() if measure != "queries")
-            print(f"  {method:42} {line}", flush=True)
-    means = {m: float(np.mean([figures[n][m]["map"] for n in names])) for m in figures[names[0]]}
-    for method, value in sorted(means.items(), key=lambda item: -item[1]):
-        print(f"mean MAP {value:.3f}  {method}")
-    name = "-".join(["representation", *sys.argv[1:]])
-    print(record(name, {"sets": figures, "mean_map": means, "floors": FLOORS}))
+    parser = argparse.ArgumentParser(description="Ablations of motion words.")
+    parser.add_argument("sets", nargs="*", default=list(ALL), metavar="SET", help=f"of {', '.join(ALL)}")
+    parser.add_argument("--processes", type=int, default=2, help="at work side by side, one thread each")
+    parser.add_argument("--seeds", type=int, default=len(SEEDS), choices=range(1, len(SEEDS) + 1))
+    given = parser.parse_args()
+    runs = measure_all(given.sets, given.processes, given.seeds)
+    print(table(runs, given.sets))
+    paths = [p for name in given.sets for p in (recordings() / SETS[name].folder).rglob("*") if p.is_file()]
+    result = {
+        "rows": {name: {"means": means(found), "seeds": found} for name, found in runs.items()},
+        "conv_steps": CONV_STEPS,
+        "k": K,
+    }
+    print(record("-".join(["representation", *given.sets[: len(ALL) - 1]]), result, hash_files(paths, recordings())))
 
 
 if __name__ == "__main__":

@@ -12,12 +12,12 @@ from threadpoolctl import threadpool_limits
 
 from pipeline.words.config import NetworkConfig
 from pipeline.words.dtw import word_distances
-from pipeline.words.features import Float32Array, WordConfig
+from pipeline.words.features import Float32Array, WordConfig, word_features
 from pipeline.words.frame_distance import frame_distances
 from pipeline.words.linear import LinearConfig, linear_embedding, nearest_elsewhere
 from pipeline.words.trained import TrainedNetwork, load_network
 from pipeline.words.training import Recipe, train_words
-from pipeline.words.triplets import TripletConfig, time_warped, training_words
+from pipeline.words.triplets import TripletConfig, time_reversed, time_warped, training_words
 from pipeline.words.windows import word_windows
 
 CONFIG = WordConfig(length=16, stride=4, root_weight=0.0, velocity_weight=0.0, smoothing=0.0)
@@ -172,6 +172,30 @@ def test_neighbours_are_the_nearest_of_other_clips() -> None:
     np.testing.assert_array_equal(
         nearest_elsewhere(places, np.zeros(60, int), anchors, 2), anchors[:, None].repeat(2, 1)
     )
+
+
+@pytest.mark.parametrize(("architecture", "share"), [("linear", 0.8), ("conv", 0.9)])
+def test_words_played_backwards_are_alike_by_choice(architecture: str, share: float) -> None:
+    words = np.concatenate([word_windows(c, CONFIG) for c in clips(8, seed=50)])
+    recipe = Recipe(TripletConfig(anchors=200), metric_weight=0.2)
+
+    def apart(reversible: bool) -> float:
+        config = NetworkConfig(architecture, steps=60, reversible=reversible)
+        made = train_words(clips(40), CONFIG, config, recipe=recipe)
+        places = made.embed(words)
+        own = np.linalg.norm(places - made.embed(time_reversed(words, CONFIG)), axis=1)
+        return float(np.median(own) / np.median(spread(places[:, None])))
+
+    assert apart(True) < share * apart(False)
+
+
+def test_playing_backwards_turns_velocities_round() -> None:
+    config = WordConfig(smoothing=0.0)
+    rng = np.random.default_rng(0)
+    body = rng.standard_normal((1, 21, 3)) + np.cumsum(0.01 * rng.standard_normal((40, 21, 3)), axis=0)
+    forwards, backwards = (word_features(b, np.zeros((0, 21, 4)), 24.0, config) for b in (body, body[::-1]))
+    turned = time_reversed(forwards[None, 5:35], config)[0]
+    np.testing.assert_allclose(turned, backwards[5:35], atol=1e-4)
 
 
 class KilledError(Exception):

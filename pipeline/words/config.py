@@ -19,6 +19,7 @@ class NetworkConfig:
         seed: of its training.
         steps: optimiser steps; "linear" needs none.
         max_words: size of the sample of words it is trained on.
+        reversible: words played backwards are trained to count as alike (section 6.1).
 
     Raises:
         ValueError: other weights, or a number below one.
@@ -29,6 +30,7 @@ class NetworkConfig:
     seed: int = 0
     steps: int = 500
     max_words: int = 20_000
+    reversible: bool = False
 
     def __post_init__(self) -> None:
         if self.weights not in ("shipped", "own"):

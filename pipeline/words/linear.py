@@ -42,7 +42,12 @@ class LinearConfig:
 
 
 def linear_embedding(
-    words: Float32Array, clips: Indices, config: LinearConfig, seed: int, start: Float32Array | None = None
+    words: Float32Array,
+    clips: Indices,
+    config: LinearConfig,
+    seed: int,
+    start: Float32Array | None = None,
+    alike: Float32Array | None = None,
 ) -> Float32Array:
     """The matrix that embeds flattened words.
 
@@ -52,6 +57,7 @@ def linear_embedding(
         config: how to learn it.
         seed: of the draw of anchors.
         start: [d, length * D] an embedding to go on from, in the place of principal components.
+        alike: [n, length, D] what each word counts as alike with, beside its neighbours.
 
     Returns:
         [d, length * D], d = at most `components`; embedded words lie a median distance of 1 apart. Where no other
@@ -66,6 +72,9 @@ def linear_embedding(
         anchors = np.sort(rng.permutation(len(words))[: config.anchors])
         found = nearest_elsewhere(embedded, clips, anchors, config.neighbours)
         differences = (embedded[anchors][:, None] - embedded[found]).reshape(-1, embedded.shape[1])
+        if alike is not None:  # one for each word: weighted to count as much as all its neighbours
+            apart = (flat[anchors] - alike[anchors].reshape(len(anchors), -1)) @ projection
+            differences = np.concatenate([differences, apart * np.float32(config.neighbours**0.5)])
         projection = projection @ _inverse_root(differences)
         embedded = centred @ projection
     first, second = rng.integers(0, len(words), (2, 20_000))

@@ -23,7 +23,12 @@ def about() -> dict[str, Any]:
 
 def fits(words: WordConfig, network: NetworkConfig) -> bool:
     """Whether a lake of this configuration is embedded with the ready-made weights."""
-    return network.weights == "shipped" and (about()["words"], about()["architecture"]) == (
-        asdict(words),
-        network.architecture,
+    return (
+        network.weights == "shipped"
+        and not network.reversible
+        and (about()["words"], about()["architecture"])
+        == (
+            asdict(words),
+            network.architecture,
+        )
     )

@@ -17,7 +17,14 @@ from pipeline.words.features import Float32Array, WordConfig
 from pipeline.words.linear import LinearConfig, linear_embedding
 from pipeline.words.network import LinearBody, WordNetwork, build
 from pipeline.words.trained import TrainedNetwork, on_threads
-from pipeline.words.triplets import TrainingWords, TripletConfig, sample_words, time_warped, training_words
+from pipeline.words.triplets import (
+    TrainingWords,
+    TripletConfig,
+    sample_words,
+    time_reversed,
+    time_warped,
+    training_words,
+)
 
 Progress = Callable[[int, int, float], None]
 REPORT_EVERY: Final = 50
@@ -101,7 +108,7 @@ def train_words(
             material = training_words(features, words, recipe.triplets, recipe.linear, config.max_words, config.seed)
             _initialise(network, material.words, material.linear, start)
             kept = Checkpoint(checkpoint, material.words, config, words, recipe) if checkpoint else None
-            losses = _fit(network.to(device), material, recipe, config, device, kept, progress)
+            losses = _fit(network.to(device), material, recipe, words, config, device, kept, progress)
             figures = {"words": len(material.words), "anchors": len(material.anchors), "loss": _curve(losses)}
     return TrainedNetwork(network.cpu().eval(), config.architecture, words, figures)
 
@@ -119,7 +126,8 @@ def _solve(
     before = None
     if start is not None and isinstance(start.network.body, LinearBody):
         before = (start.network.body.linear.weight / start.network.scale).detach().numpy()
-    matrix = linear_embedding(stacked, clips, recipe.linear, config.seed, before)
+    alike = time_reversed(stacked, words) if config.reversible else None
+    matrix = linear_embedding(stacked, clips, recipe.linear, config.seed, before, alike)
     _initialise(network, stacked, matrix, None)
     return {"words": len(stacked), "clips": len(np.unique(clips)), "components": len(matrix)}
 
@@ -144,6 +152,7 @@ def _fit(
     network: WordNetwork,
     material: TrainingWords,
     recipe: Recipe,
+    words: WordConfig,
     config: NetworkConfig,
     device: str,
     checkpoint: Checkpoint | None,
@@ -156,7 +165,7 @@ def _fit(
     for step in range(len(losses), config.steps):
         for group in optimiser.param_groups:
             group["lr"] = recipe.learning_rate * _rate(step, config.steps)
-        loss = _loss(network, material, recipe, rng, device)
+        loss = _loss(network, material, recipe, rng, device, words if config.reversible else None)
         optimiser.zero_grad(set_to_none=True)
         loss.backward()  # type: ignore[no-untyped-call]
         optimiser.step()
@@ -182,7 +191,12 @@ def _curve(losses: list[float]) -> list[float]:
 
 
 def _loss(
-    network: WordNetwork, material: TrainingWords, recipe: Recipe, rng: np.random.Generator, device: str
+    network: WordNetwork,
+    material: TrainingWords,
+    recipe: Recipe,
+    rng: np.random.Generator,
+    device: str,
+    reversible: WordConfig | None,
 ) -> Tensor:
     """One step: anchors against a pool of random words, their neighbours and their positives."""
     rows = rng.integers(0, len(material.anchors), recipe.batch)
@@ -194,7 +208,7 @@ def _loss(
     random = rng.integers(0, len(material.words), recipe.pool)
     anchors = material.words[material.anchors[rows]]
     pool = np.concatenate([near, temporal, neighbours, random])
-    batch = np.concatenate([anchors, time_warped(anchors, rng), material.words[pool]])
+    batch = np.concatenate([anchors, _copies(anchors, rng, reversible), material.words[pool]])
     embedded = network(torch.from_numpy(batch).to(device))
     anchor, warped, others = embedded.split([recipe.batch, recipe.batch, len(pool)])
     target = torch.from_numpy(material.distances[rows[:, None], pool]).to(device)
@@ -208,6 +222,15 @@ def _loss(
     if recipe.metric_weight:
         loss = loss + recipe.metric_weight * _metric_loss(squared, target)
     return loss
+
+
+def _copies(words: Float32Array, rng: np.random.Generator, reversible: WordConfig | None) -> Float32Array:
+    """Time-warped copies; half of them played backwards where these count as alike."""
+    warped = time_warped(words, rng)
+    if reversible is None:
+        return warped
+    chosen = rng.random(len(words)) < 0.5
+    return np.where(chosen[:, None, None], time_reversed(warped, reversible), warped)
 
 
 def _triplet_loss(positives: Tensor, kinds: Tensor, squared: Tensor, negative: Tensor, margin: float) -> Tensor:

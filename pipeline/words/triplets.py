@@ -156,6 +156,14 @@ def time_warped(words: Float32Array, rng: np.random.Generator, strength: float =
     return np.asarray(first + weight * (second - first), dtype=np.float32)
 
 
+def time_reversed(words: Float32Array, config: WordConfig) -> Float32Array:
+    """Words [n, length, D] played backwards: positions and rotations in reverse order, velocities negated too."""
+    turned = words[:, ::-1].copy()
+    if config.representation == "positions":
+        turned[:, :, 3 * len(config.joint_indices) :] *= -1
+    return turned
+
+
 def _distances(
     words: Float32Array, anchors: Indices, projection: Float32Array, metric: Metric, elastic: float
 ) -> Float32Array:

@@ -1,0 +1,158 @@
+"""Speed of words: `python -m bench.words_speed`.
+
+- assigning every word of hdm05 to one of 100 motifs: by DTW to medoids against embedding and L2 to centroids, on one
+  thread, interleaved (Deep Motifs, section 3.3: the embedding "can save up to 80% of the time")
+- words embedded a second, on one thread and by two processes of one thread each
+- one `similar_clips` query in a fresh process (imports, connection, query) beside one that only imports DuckDB
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from bench.canonical_sets import SETS, features, load
+from bench.record import hash_files, interleave, record, recordings
+from bench.representation import K, medoids_of
+from bench.signed import make_lake, run_all
+from pipeline.connection import connect
+from pipeline.motifs import assign, fit_motifs
+from pipeline.words import shipped
+from pipeline.words.config import NetworkConfig
+from pipeline.words.dtw import word_distances
+from pipeline.words.features import Float32Array, WordConfig
+from pipeline.words.trained import TrainedNetwork, load_network
+from pipeline.words.training import train_words
+from pipeline.words.windows import word_windows
+
+SET: Final = "hdm05"
+ROUNDS: Final = 7
+CONV_STEPS: Final = 20
+PAPER_SAVED: Final = 0.8
+EMBED_SECONDS: Final = 5.0
+COLD_QUERIES: Final = 5
+QUERY: Final = "FROM similar_clips($clip, k := 10)"
+COLD: Final = f"""
+import sys, time
+start = time.perf_counter()
+from pipeline.connection import connect
+imported = time.perf_counter()
+con = connect(sys.argv[1])
+connected = time.perf_counter()
+rows = con.execute("{QUERY}", {{"clip": sys.argv[2]}}).fetchall()
+print(len(rows), imported - start, connected - imported, time.perf_counter() - connected)
+"""
+ONLY_DUCKDB: Final = "import duckdb; print(duckdb.sql('SELECT 42').fetchall())"
+
+
+def assignment(clips: list[Float32Array]) -> dict[str, Any]:
+    """Seconds of assigning all words by DTW and by each network, and the share of time saved."""
+    words = np.concatenate([word_windows(clip, WordConfig()) for clip in clips])
+    medoids = medoids_of(words, K, 0)
+    conv = train_words(clips, WordConfig(), NetworkConfig("conv", weights="own", steps=CONV_STEPS), device="cpu")
+    networks = {"linear": load_network(shipped.FILE), "conv": conv}
+    motifs = {name: fit_motifs(network.embed(words), len(medoids), 0) for name, network in networks.items()}
+
+    def by_network(name: str) -> None:
+        assign(networks[name].embed(words), motifs[name])
+
+    with threadpool_limits(limits=1):
+        seconds = interleave(
+            {
+                "dtw": lambda: np.argmin(word_distances(words, medoids), axis=1),
+                "linear": lambda: by_network("linear"),
+                "conv": lambda: by_network("conv"),
+            },
+            ROUNDS,
+        )
+    saved = {name: 1 - seconds[name] / seconds["dtw"] for name in networks}
+    return {"words": len(words), "motifs": len(medoids), "seconds": seconds, "saved": saved, "paper": PAPER_SAVED}
+
+
+def embedded_a_second(network: TrainedNetwork, words: Float32Array, seconds: float) -> float:
+    """Words a second over at least so many seconds, after one pass to warm up."""
+    network.embed(words)
+    start, count = time.perf_counter(), 0
+    while (elapsed := time.perf_counter() - start) < seconds:
+        network.embed(words)
+        count += len(words)
+    return count / elapsed
+
+
+def throughput(clips: list[Float32Array], folder: Path) -> dict[str, float]:
+    """Words a second of the ready-made network by one process and by two, which each report at the same time."""
+    words = np.ascontiguousarray(np.concatenate([word_windows(clip, WordConfig()) for clip in clips]))
+    file = folder / "words.npy"
+    np.save(file, words)
+    rates = {}
+    for processes in (1, 2):
+        context = multiprocessing.get_context("spawn")
+        with context.Manager() as manager, ProcessPoolExecutor(processes, context) as pool:
+            gate = manager.Barrier(processes)
+            found = [pool.submit(_embed_in_process, file, gate) for _ in range(processes)]
+            rates[f"processes_{processes}"] = sum(future.result() for future in found)
+    return rates
+
+
+def _embed_in_process(file: Path, gate: Any) -> float:
+    words, network = np.load(file), load_network(shipped.FILE)
+    gate.wait()
+    return embedded_a_second(network, words, EMBED_SECONDS)
+
+
+def cold_query(folder: Path) -> dict[str, Any]:
+    """Seconds of a fresh process with one query, its parts, and the same of one that only imports DuckDB."""
+    lake = make_lake(folder, [recordings() / SETS[SET].folder])
+    run_all(lake, 0, shipped.FILE)
+    con = connect(lake.root)
+    clips = [str(row[0]) for row in con.execute("SELECT clip FROM clips ORDER BY clip").fetchall()]
+    con.close()
+    parts: list[list[float]] = []
+
+    def query() -> None:
+        answer = _fresh(COLD, str(lake.root), clips[len(clips) // 2]).split()
+        if int(answer[0]) != 10:
+            raise RuntimeError(f"{answer[0]} answers instead of 10")
+        parts.append([float(value) for value in answer[1:]])
+
+    seconds = interleave({"query": query, "duckdb_alone": lambda: _fresh(ONLY_DUCKDB)}, COLD_QUERIES)
+    middle = [statistics.median(part) for part in zip(*parts[1:], strict=True)]
+    named = dict(zip(("imports", "connection", "query"), middle, strict=True))
+    return {"clips": len(clips), "seconds": seconds, "parts": named}
+
+
+def _fresh(code: str, *arguments: str) -> str:
+    return subprocess.run([sys.executable, "-c", code, *arguments], capture_output=True, text=True, check=True).stdout
+
+
+def main() -> None:
+    clips = features(load(SET), WordConfig())
+    figures: dict[str, Any] = {"assignment": assignment(clips)}
+    made = figures["assignment"]
+    for name, saved in made["saved"].items():
+        print(f"{name}: {saved:.1%} of the time of DTW saved, {made['words']} words to {made['motifs']} motifs")
+    print("  the paper: up to 80 %")
+    with tempfile.TemporaryDirectory(prefix="bench-words-") as folder:
+        figures["embedded_a_second"] = throughput(clips, Path(folder))
+        for name, rate in figures["embedded_a_second"].items():
+            print(f"{name}: {rate:,.0f} words a second")
+        figures["cold_query"] = cold_query(Path(folder))
+    seconds, parts = figures["cold_query"]["seconds"], figures["cold_query"]["parts"]
+    print(f"cold query: {seconds['query']:.2f} s, {seconds['query'] / seconds['duckdb_alone']:.1f} times DuckDB alone")
+    print("  " + ", ".join(f"{name} {value:.2f} s" for name, value in parts.items()))
+    paths = [path for path in (recordings() / SETS[SET].folder).rglob("*") if path.is_file()]
+    print(record("words-speed", figures, hash_files(paths, recordings())))
+
+
+if __name__ == "__main__":
+    main()
