@@ -48,6 +48,8 @@ def test_a_lake_is_embedded_ready_made_then_fine_tuned_then_afresh(
     assert run.status == 0, run.err
     assert "ready-made" in run.err
     taken = current_network(lake)
+    assert motionlake("report", "--out", tmp_path / "report.html", "--lake", lake).status == 0
+    assert "ready made, from cmu_dance" in (tmp_path / "report.html").read_text(encoding="utf-8")
     assert (lake / str(taken["file"])).read_bytes() == shipped.FILE.read_bytes()
     signatures = motionlake("sql", "SELECT signature FROM signatures ORDER BY clip", "--json", "--lake", lake).json
     for words in (["--fine-tune"], []):

@@ -6,6 +6,7 @@ signatures; it starts from the classical solution, hence no random starts. K-mea
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 from typing import Final
 
@@ -75,9 +76,11 @@ def cluster_clips(distances: Float64Array, k: int | None, *, seed: int = 0, dime
 
 def _kmeans(places: Float64Array, k: int, seed: int) -> tuple[NDArray[np.int64], float]:
     from sklearn.cluster import KMeans
+    from sklearn.exceptions import ConvergenceWarning
     from sklearn.metrics import silhouette_score
 
-    with threadpool_limits(limits=1):
+    with threadpool_limits(limits=1), warnings.catch_warnings():
+        warnings.simplefilter("ignore", ConvergenceWarning)  # clips that coincide: fewer distinct places than clusters
         clusters = KMeans(n_clusters=k, n_init=10, random_state=seed).fit_predict(places)
         distinct = len(np.unique(clusters))
         silhouette = float(silhouette_score(places, clusters)) if 1 < distinct < len(places) else -1.0

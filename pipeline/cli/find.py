@@ -34,7 +34,7 @@ def find(
 ) -> None:
     """Where a motion occurs inside the clips: ranges of frames, nearest first.
 
-    Frames are the clip's own, from 0; the query needs at least two words (0.83 s by default).
+    Frames are the clip's own, from 0; the query needs at least two words (14 frames of 24 a second, 0.6 s, by default).
 
     Example: motionlake find 13_29 --from 480 --to 720 -k 5 --lake mylake
 

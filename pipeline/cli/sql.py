@@ -38,7 +38,8 @@ def sql_command(
         names = [c[0] for c in cursor.description or ()]
         rows = [dict(zip(names, row, strict=True)) for row in cursor.fetchall()]
     except duckdb.Error as error:
-        raise UserError(f"SQL: {error}") from error
+        # What a function of ours says of a mistake stands at the end of what DuckDB says.
+        raise UserError(f"SQL: {str(error).rpartition('UserError: ')[2]}") from error
     finally:
         con.close()
     print_rows(rows, as_json=as_json)

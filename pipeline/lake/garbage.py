@@ -5,7 +5,7 @@ from __future__ import annotations
 from pipeline.lake.catalog import fetch, reading, remove_stale_copies
 from pipeline.lake.layout import Lake
 
-FOLDERS = ("frames", "raw", "features", "embeddings", "assigned", "transitions", "staging", "models")
+FOLDERS = ("frames", "raw", "features", "embeddings", "assigned", "neighbours", "transitions", "staging", "models")
 
 
 def collect_garbage(lake: Lake) -> int:

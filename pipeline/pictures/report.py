@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
@@ -105,8 +105,14 @@ def _models(con: Connection) -> list[dict[str, Any]]:
     ]
 
 
-def _figures(figures: dict[str, float]) -> str:
-    return ", ".join(
-        f"{name.replace('_', ' ')} {value:,.0f}" if value == int(value) else f"{name.replace('_', ' ')} {value:.4g}"
-        for name, value in figures.items()
-    )
+def _figures(figures: Mapping[str, Any]) -> str:
+    """Numbers of a model in a line; sets by name; hashes and curves are left out."""
+    said = []
+    for name, value in figures.items():
+        if isinstance(value, bool):
+            said += [name.replace("_", " ")] if value else []
+        elif isinstance(value, int | float):
+            said.append(f"{name.replace('_', ' ')} {value:,.0f}" if value == int(value) else f"{name} {value:.4g}")
+        elif name == "sets":
+            said.append(f"from {', '.join(value)}")
+    return ", ".join(said)
