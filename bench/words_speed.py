@@ -50,7 +50,10 @@ imported = time.perf_counter()
 con = connect(sys.argv[1])
 connected = time.perf_counter()
 rows = con.execute("{QUERY}", {{"clip": sys.argv[2]}}).fetchall()
-print(len(rows), imported - start, connected - imported, time.perf_counter() - connected)
+answered = time.perf_counter()
+con.execute("{QUERY}", {{"clip": sys.argv[2]}}).fetchall()
+again = time.perf_counter() - answered
+print(len(rows), imported - start, connected - imported, answered - connected, again)
 """
 ONLY_DUCKDB: Final = "import duckdb\nprint(duckdb.connect().execute('SELECT 42').fetchall())\n"
 
@@ -131,7 +134,7 @@ def cold_query(folder: Path) -> dict[str, Any]:
 
     seconds = interleave({"query": query, "duckdb_alone": lambda: _fresh(alone)}, COLD_QUERIES)
     middle = [statistics.median(part) for part in zip(*parts[1:], strict=True)]
-    named = dict(zip(("imports", "connection", "query"), middle, strict=True))
+    named = dict(zip(("imports", "connection", "query", "same query again"), middle, strict=True))
     return {"clips": len(clips), "seconds": seconds, "parts": named}
 
 
@@ -154,7 +157,7 @@ def main() -> None:
         figures["cold_query"] = cold_query(Path(folder))
     seconds, parts = figures["cold_query"]["seconds"], figures["cold_query"]["parts"]
     print(f"cold query: {seconds['query']:.2f} s, {seconds['query'] / seconds['duckdb_alone']:.1f} times DuckDB alone")
-    print("  " + ", ".join(f"{name} {value:.2f} s" for name, value in parts.items()))
+    print("  " + ", ".join(f"{name} {value:.3f} s" for name, value in parts.items()))
     paths = [path for path in (recordings() / SETS[SET].folder).rglob("*") if path.is_file()]
     print(record("words-speed", figures, hash_files(paths, recordings())))
 
