@@ -27,7 +27,7 @@ from pipeline.applications.segmentation import SegmentationConfig, TaughtRange
 from pipeline.corpus import read_corpus
 from pipeline.evaluating import segmentation_scores, segments_of
 from pipeline.evaluation.segmentation import SegmentationScores
-from pipeline.labelling import mirrored_motifs
+from pipeline.labelling.segments import mirrored_motifs
 from pipeline.lake.catalog import reading
 from pipeline.lake.layout import Lake
 

@@ -27,7 +27,7 @@ from pipeline.connection import connect
 from pipeline.emd import emd_matrix
 from pipeline.evaluating import dtw_distances, evaluate_signatures
 from pipeline.evaluation.clustering import adjusted_rand_index
-from pipeline.labelling import lake_ground, signed_clips
+from pipeline.labelling.signed import lake_ground, signed_clips
 from pipeline.lake.layout import Lake
 from pipeline.words import shipped
 

@@ -69,7 +69,8 @@ def take(session: Session, weights: Path) -> Model | None:
     with reading(session.lake) as con:
         file = next_file(con, embed.NETWORK, ".safetensors")
     figures = embed.take_weights(session.lake, session.config, weights, file)
-    return _enter(session, file, figures.get("data_sha256", ""), figures, 0.0)
+    data_hash = figures.pop("data_sha256", "")
+    return _enter(session, file, data_hash, figures, 0.0)
 
 
 def _enter(session: Session, file: str, data_hash: str, figures: Mapping[str, Any], seconds: float) -> Model | None:

@@ -25,7 +25,8 @@ from pipeline.evaluation.classification import folded_accuracy
 from pipeline.evaluation.dtw import CELLS_PER_SECOND, baseline_features, dtw_matrix, frame_pairs
 from pipeline.evaluation.retrieval import leave_one_out
 from pipeline.evaluation.segmentation import SegmentationScores, mean_scores, score_words, word_truth
-from pipeline.labelling import SignedClips, lake_ground, mirrored_motifs, signed_clips
+from pipeline.labelling.segments import mirrored_motifs
+from pipeline.labelling.signed import SignedClips, lake_ground, signed_clips
 from pipeline.lake.catalog import Connection, fetch
 from pipeline.lake.layout import Lake
 

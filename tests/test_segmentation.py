@@ -99,6 +99,18 @@ def test_classes_are_those_of_the_definition(reach: int, window: int) -> None:
     assert found.labels.tolist() == naive_labels(corpus, taught, 3, config)
 
 
+def test_a_tie_of_votes_goes_to_the_class_of_the_nearest() -> None:
+    """Two voters of two classes: the nearer decides, whichever name comes first."""
+    places = np.array([[0.0], [1.0], [-2.0]])
+    for near, far in (("a", "b"), ("b", "a")):
+        corpus = corpus_of([[1] * 6, [2] * 6, [0] * 6], places)
+        taught = [whole(corpus, 0, near), whole(corpus, 1, far)]
+        config = SegmentationConfig(window=1, k=12, reach=0, unknown=None)
+        segmenter = Segmenter(taught_windows(corpus, taught, 1), corpus.ground, config)
+        judged = segmenter.label_words(corpus.motifs[corpus.words_of(2)], corpus.idf)
+        assert judged.labels.tolist() == [near] * 6
+
+
 def test_what_was_never_taught_is_unknown() -> None:
     """Two classes near two motifs, taught by two clips each; a third movement lies far from both."""
     places = np.array([[0.0, 0], [0.2, 0], [5, 0], [5.2, 0], [0, 9]])

@@ -19,7 +19,8 @@ from pipeline.stages.resolve import resolve_clip
 
 if TYPE_CHECKING:
     from pipeline.applications.classification import Method
-    from pipeline.labelling import ClassifiedClip, SignedClip
+    from pipeline.labelling.classes import ClassifiedClip
+    from pipeline.labelling.signed import SignedClip
 
 METHODS: dict[str, Method] = {"knn": "knn", "one-vs-all": "one_vs_all"}
 
@@ -51,7 +52,8 @@ def classify(
 
     Labels for all clips that have none: motionlake classify --unlabelled --write-labels found.csv --lake mylake
     """
-    from pipeline.labelling import LakeClassifier, signed_clips
+    from pipeline.labelling.classes import LakeClassifier
+    from pipeline.labelling.signed import signed_clips
 
     if method not in METHODS:
         raise UserError(f"--method {method}: use one of {', '.join(METHODS)}")

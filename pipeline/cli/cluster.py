@@ -27,7 +27,7 @@ def cluster(
 
     Example: motionlake cluster --k 12 --in bandai1 --lake mylake
     """
-    from pipeline.labelling import clusters_of_lake
+    from pipeline.labelling.clusters import clusters_of_lake
 
     target = open_lake(lake)
     if dataset is not None:

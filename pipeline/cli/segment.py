@@ -47,7 +47,7 @@ def segment(
     Of a file that is not in the lake: motionlake segment shots/new_take.bvh --teach hdm05 --lake mylake
     """
     from pipeline.applications.segmentation import SegmentationConfig
-    from pipeline.labelling import LakeSegmenter, Lessons
+    from pipeline.labelling.segments import LakeSegmenter, Lessons
 
     target = open_lake(lake)
     for dataset in teach or ():

@@ -41,7 +41,7 @@ def register(con: Connection, lake: Lake) -> None:
     def segmented(
         clips: pa.ChunkedArray, datasets: pa.ChunkedArray, teachers: pa.ChunkedArray, mirrored: pa.ChunkedArray
     ) -> pa.Array:
-        from pipeline.labelling import LakeSegmenter, Lessons
+        from pipeline.labelling.segments import LakeSegmenter, Lessons
 
         found: list[list[dict[str, object]] | None] = []
         with reading(lake) as own:
@@ -59,7 +59,7 @@ def register(con: Connection, lake: Lake) -> None:
 
         from pipeline.applications.clustering import cluster_clips
         from pipeline.emd import emd_matrix
-        from pipeline.labelling import lake_ground
+        from pipeline.labelling.signed import lake_ground
 
         found: list[list[int] | None] = []
         with reading(lake) as own:

@@ -1,0 +1,38 @@
+"""Clusters of a lake's clips, without labels (Deep Motifs, section 4.3)."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+
+from pipeline.applications.clustering import cluster_clips
+from pipeline.emd import emd_matrix
+from pipeline.labelling.signed import lake_ground, signed_clips
+from pipeline.lake.catalog import Connection
+
+
+@dataclass(frozen=True)
+class ClusteredClip:
+    """The cluster of a clip, from 0, the largest first."""
+
+    clip: str
+    cluster: int
+    label: str | None
+    dataset: str
+
+    def as_row(self) -> dict[str, object]:
+        return asdict(self)
+
+
+def clusters_of_lake(con: Connection, k: int | None, dataset: str | None = None) -> tuple[list[ClusteredClip], float]:
+    """Every signed clip's cluster, by cluster and name, and the mean silhouette; see `cluster_clips`.
+
+    Raises:
+        UserError: too few clips for so many clusters, or no signatures.
+    """
+    signed = signed_clips(con, dataset)
+    found = cluster_clips(emd_matrix(signed.signatures, lake_ground(con)), k)
+    rows = [
+        ClusteredClip(clip.clip, int(cluster), clip.label, clip.dataset)
+        for clip, cluster in zip(signed.clips, found.clusters, strict=True)
+    ]
+    return sorted(rows, key=lambda r: (r.cluster, r.clip)), found.silhouette
