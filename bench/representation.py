@@ -1,4 +1,4 @@
-"""Ablations of motion words: `python -m bench.representation [--processes N] [--seeds N] [SET ...]`.
+"""Ablations of motion words: `python -m bench.representation [--processes N] [--seeds N] [--rows ROW,...] [SET ...]`.
 
 Every row goes through the same pipeline: words, their groups (K motifs), tf-idf signatures, exact Earth Mover's
 Distance, leave one out over whole clips (MAP and NN). Rows differ in one thing each (Deep Motifs, section 5.1):
@@ -7,7 +7,8 @@ Distance, leave one out over whole clips (MAP and NN). Rows differ in one thing 
 - the network and its recipe; rotations against positions; length of words, K, smoothing, the linear embedding
 
 The first group has 3 seeds of training and k-means on all sets; all else seed 0 without utd_mhad, whose 861 clips cost
-more than the rest together. "conv" is trained for 150 steps; inception736, seconds a step without a GPU, is left out.
+more than the rest together. "conv" is trained for 150 steps; inception736, seconds a step without a GPU, is measured
+where `--rows` names it alone.
 Networks are trained on the clips that they are measured on, without labels, but for the ready-made one.
 """
 
@@ -42,6 +43,7 @@ K: Final = 100
 COMPONENTS: Final = 48
 SEEDS: Final = (0, 1, 2)
 CONV_STEPS: Final = 150
+SLOW: Final = "inception736"
 ALL: Final = tuple(SETS)
 SMALL: Final = ("hdm05", "salsa", "bandai1")
 Embedding = Callable[[list[Float32Array], WordConfig, int], list[Float32Array]]
@@ -177,6 +179,7 @@ def rows() -> dict[str, Row]:
         "learned (default)": Row(main, own, seeds=SEEDS, sets=ALL),
         "ready-made": Row(main, own, seeds=SEEDS, sets=ALL),
         "conv": Row(network, by_l2(conv)),
+        SLOW: Row(network, by_l2(partial(learned, architecture=SLOW, steps=CONV_STEPS)), sets=("hdm05",)),
         "conv, the paper's recipe": Row(network, by_l2(partial(conv, published=True))),
         "rotations, 16 every 4, shallow": Row(kind, principal, rotations),
         "rotations, 16 every 4, learned": Row(kind, own, rotations),
@@ -236,9 +239,9 @@ def measure(set_name: str, row_name: str, seed: int) -> dict[str, float]:
 Runs = dict[str, dict[str, dict[int, dict[str, float]]]]
 
 
-def measure_all(names: list[str], processes: int, seeds: int) -> Runs:
-    """{row: {set: {seed: measures}}} of every row on those of `names` that it is measured on."""
-    made = rows()
+def measure_all(names: list[str], processes: int, seeds: int, chosen: list[str]) -> Runs:
+    """{row: {set: {seed: measures}}} of each row of `chosen` on those of `names` that it is measured on."""
+    made = {name: row for name, row in rows().items() if name in chosen}
     units = [(s, r, seed) for r, row in made.items() for s in names if s in row.sets for seed in row.seeds[:seeds]]
     units.sort(key=lambda unit: -ALL.index(unit[0]))  # the largest set first: no long one is left for the end
     runs: Runs = {name: {s: {} for s in names if s in row.sets} for name, row in made.items()}
@@ -273,7 +276,7 @@ def table(runs: Runs, names: list[str]) -> str:
         if row.group != group:
             group = row.group
             lines.append(f"[{group}]")
-            if row.seeds == (0,):
+            if row.seeds == (0,) and BASE in runs:
                 base = {s: {0: seeds[0]} for s, seeds in runs[BASE].items()}
                 lines.append(_line("default", means(base), names, width))
         lines.append(_line(name, means(runs[name]), names, width))
@@ -290,8 +293,10 @@ def main() -> None:
     parser.add_argument("sets", nargs="*", default=list(ALL), metavar="SET", help=f"of {', '.join(ALL)}")
     parser.add_argument("--processes", type=int, default=2, help="at work side by side, one thread each")
     parser.add_argument("--seeds", type=int, default=len(SEEDS), choices=range(1, len(SEEDS) + 1))
+    parser.add_argument("--rows", type=lambda text: text.split(","), help=f"these alone, of: {'; '.join(rows())}")
     given = parser.parse_args()
-    runs = measure_all(given.sets, given.processes, given.seeds)
+    chosen = given.rows or [name for name in rows() if name != SLOW]
+    runs = measure_all(given.sets, given.processes, given.seeds, chosen)
     print(table(runs, given.sets))
     paths = [p for name in given.sets for p in (recordings() / SETS[name].folder).rglob("*") if p.is_file()]
     result = {
