@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -13,8 +12,8 @@ import numpy as np
 import torch
 from safetensors import safe_open
 from safetensors.torch import save_file
-from threadpoolctl import threadpool_limits
 
+from pipeline.threads import on_threads
 from pipeline.words.features import Float32Array, WordConfig
 from pipeline.words.network import WordNetwork, build
 
@@ -81,15 +80,3 @@ def load_network(path: Path) -> TrainedNetwork:
     network = build(kept["architecture"], words.length, words.dimension)
     network.load_state_dict(tensors)
     return TrainedNetwork(network.eval(), kept["architecture"], words, kept["figures"])
-
-
-@contextmanager
-def on_threads(count: int) -> Iterator[None]:
-    """So many threads for torch and for numpy's linear algebra, whatever the machine or its environment says."""
-    before = torch.get_num_threads()
-    torch.set_num_threads(count)
-    try:
-        with threadpool_limits(limits=count):
-            yield
-    finally:
-        torch.set_num_threads(before)

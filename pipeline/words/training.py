@@ -11,12 +11,13 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from pipeline.words.checkpoint import Checkpoint
+from pipeline.checkpoint import Checkpoint
+from pipeline.threads import on_threads
 from pipeline.words.config import NetworkConfig
 from pipeline.words.features import Float32Array, WordConfig
 from pipeline.words.linear import LinearConfig, linear_embedding
 from pipeline.words.network import LinearBody, WordNetwork, build
-from pipeline.words.trained import TrainedNetwork, on_threads
+from pipeline.words.trained import TrainedNetwork
 from pipeline.words.triplets import (
     TrainingWords,
     TripletConfig,

@@ -10,28 +10,27 @@ from typing import Any, Final
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from safetensors import safe_open
 from safetensors.torch import save_file
 from torch import Tensor, nn
-
-from pipeline.words.features import Float32Array
 
 STATE_KEY: Final = "training"
 
 
 class Checkpoint:
-    """The state of one training in a file; `settings` (dataclasses) and `words` say which training it is."""
+    """The state of one training in a file; `settings` (dataclasses) and `data` say which training it is."""
 
-    def __init__(self, path: Path, words: Float32Array, *settings: Any) -> None:
+    def __init__(self, path: Path, data: NDArray[np.float32], *settings: Any) -> None:
         digest = hashlib.sha256(json.dumps([asdict(s) for s in settings], sort_keys=True).encode())
-        digest.update(np.ascontiguousarray(words).tobytes())
+        digest.update(np.ascontiguousarray(data).tobytes())
         self._path = path
         self._key = digest.hexdigest()
 
     def resume(self, network: nn.Module, optimiser: torch.optim.Optimizer, rng: np.random.Generator) -> list[float]:
         """Bring everything to where the file left it; returns the losses so far.
 
-        A file that is of another training (other clips or settings), or none, leaves everything as it is.
+        A file that is of another training (other data or settings), or none, leaves everything as it is.
         """
         if not self._path.is_file():
             return []
