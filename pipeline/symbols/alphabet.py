@@ -1,0 +1,35 @@
+"""Symbols as ranks: the same string over the alphabet 0, 1, 2, …"""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+Int32Array = NDArray[np.int32]
+Int64Array = NDArray[np.int64]
+
+LARGEST_TABLE: Final = 1 << 16
+
+
+def ranks(symbols: NDArray[Any]) -> tuple[Int32Array, int]:
+    """A string over small symbols: int32 [n] from 0 on, in the order of the old symbols, and how many there may be.
+
+    Symbols that are already small and not negative are left as they are.
+    """
+    if len(symbols) == 0:
+        return np.empty(0, np.int32), 0
+    low, high = int(symbols.min()), int(symbols.max())
+    if low >= 0 and high < 256:
+        return np.ascontiguousarray(symbols, dtype=np.int32), high + 1
+    if high - low < max(LARGEST_TABLE, 2 * len(symbols)):
+        if low >= 0 and len(symbols) < 1024:
+            return np.ascontiguousarray(symbols, dtype=np.int32), high + 1
+        shifted = np.asarray(symbols - low)
+        present = np.zeros(high - low + 1, dtype=np.bool_)
+        present[shifted] = True
+        names = np.cumsum(present, dtype=np.int32) - np.int32(1)
+        return np.asarray(names[shifted], dtype=np.int32), int(names[-1]) + 1
+    values, inverse = np.unique(symbols, return_inverse=True)
+    return inverse.astype(np.int32), len(values)
