@@ -23,6 +23,10 @@ from pipeline.words.trained import TrainedNetwork
 from pipeline.words.training import Recipe, train_words
 
 SETS: Final = ("cmu_dance", "cmu_bvh", "cmu_exercises", "cmu_86")
+SOURCE: Final = (
+    "The data used in this project was obtained from mocap.cs.cmu.edu. "
+    "The database was created with funding from NSF EIA-0196217."
+)
 
 
 def clips_of(sets: tuple[str, ...]) -> list[Path]:
@@ -53,8 +57,7 @@ def train(sets: tuple[str, ...], seed: int = 0) -> TrainedNetwork:
         "network": asdict(network),
         "recipe": asdict(recipe),
         "revision": revision(),
-        "source": "The data used in this project was obtained from mocap.cs.cmu.edu. "
-        "The database was created with funding from NSF EIA-0196217.",
+        "source": SOURCE,
     }
     return replace(made, figures={**made.figures, **about})
 

@@ -1,0 +1,55 @@
+"""Train the ready-made posture dictionary: `python -m bench.shipped_postures [--without SET] [--out FILE] [--seed N]`.
+
+Only sets whose terms allow derived weights are used: CMU's. `--without` leaves one out, to measure on it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from dataclasses import asdict, replace
+from pathlib import Path
+
+from bench.record import hash_files, recordings, revision
+from bench.shipped_words import SETS, SOURCE, clips_of, features_of
+from pipeline.postures import shipped
+from pipeline.postures.config import PosturesConfig
+from pipeline.postures.dictionary import PostureDictionary
+from pipeline.postures.fitting import fit_dictionary
+from pipeline.postures.recipe import recipe_of
+
+POSTURES = 60_000
+
+
+def train(sets: tuple[str, ...], seed: int = 0) -> PostureDictionary:
+    """The default dictionary, trained on sets of CMU without labels."""
+    config = PosturesConfig(weights="own", seed=seed, max_postures=POSTURES)
+    paths = clips_of(sets)
+    made = fit_dictionary(features_of(paths, config.frames), config)
+    about = {
+        "sets": list(sets),
+        "clips": len(paths),
+        "data_sha256": hash_files(paths, recordings()),
+        "recipe": asdict(recipe_of(config)),
+        "revision": revision(),
+        "source": SOURCE,
+    }
+    return replace(made, figures={**made.figures, **about})
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description="Train the posture dictionary that comes with the package.")
+    parser.add_argument("--without", choices=SETS)
+    parser.add_argument("--out", type=Path, default=shipped.FILE)
+    parser.add_argument("--seed", type=int, default=0)
+    given = parser.parse_args()
+    dictionary = train(tuple(name for name in SETS if name != given.without), given.seed)
+    given.out.parent.mkdir(parents=True, exist_ok=True)
+    dictionary.save(given.out)
+    beside = {**dictionary.figures, "trained_on": dictionary.figures["postures"], "postures": asdict(dictionary.config)}
+    given.out.with_suffix(".json").write_text(json.dumps(beside, indent=2) + "\n", encoding="utf-8")
+    print(f"{given.out}: {given.out.stat().st_size} bytes, {dictionary.figures['occupied']} symbols in use")
+
+
+if __name__ == "__main__":
+    main()
