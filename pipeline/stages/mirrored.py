@@ -49,7 +49,7 @@ def plan(con: Connection, lake: Lake, config: LakeConfig, network: Model, model:
             "words": asdict(config.words),
         }
 
-    parts = keyed(signatures.keyed(motifs.keyed(con, lake, config, network, model)))
+    parts = keyed(signatures.keyed(motifs.keyed(con, lake, config, network, model), model))
     return due(con, NAME, signatures.NAME, parts, spec)
 
 

@@ -17,9 +17,12 @@ NAME = "signatures"
 VERSION = 1
 
 
-def keyed(assigned: list[Part]) -> list[Part]:
-    """Parts of the stage "motifs" with the key their signatures must have."""
-    return derive(assigned, NAME, VERSION)
+def keyed(assigned: list[Part], model: Model) -> list[Part]:
+    """Parts of the stage "motifs" with the key their signatures must have.
+
+    It covers the name of the motifs: refitted ones may be the same, and yet all signatures must then follow.
+    """
+    return derive(assigned, NAME, VERSION, model.model)
 
 
 def plan(con: Connection, lake: Lake, config: LakeConfig, network: Model, model: Model) -> list[Shard]:
@@ -28,7 +31,7 @@ def plan(con: Connection, lake: Lake, config: LakeConfig, network: Model, model:
     def spec(part: Part) -> dict[str, object]:
         return {"assigned": motifs.assigned_file(part.upstream), "motifs": model.file, "model": model.model}
 
-    parts = keyed(motifs.keyed(con, lake, config, network, model))
+    parts = keyed(motifs.keyed(con, lake, config, network, model), model)
     return due(con, NAME, motifs.NAME, parts, spec)
 
 

@@ -91,7 +91,7 @@ def plan_contexts(con: Connection, lake: Lake, config: LakeConfig, dataset: str 
     model = motifs.fitting_motifs(con, config, network) if network else None
     if network is None or model is None:
         return []
-    signed = {p.part: p.key for p in signatures.keyed(motifs.keyed(con, lake, config, network, model))}
+    signed = {p.part: p.key for p in signatures.keyed(motifs.keyed(con, lake, config, network, model), model)}
     compared, served, done = _done(con, NAME), _done(con, signatures.NAME), _done(con, CONTEXTS)
     shards = []
     for name, parts in parts_of(con, dataset).items():
