@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from jobs import embed, frames, mirrored, motifs, neighbours, signatures, transitions, words
+from jobs import embed, frames, mirrored, motifs, neighbours, postures, signatures, symbols, transitions, words
 from jobs.execute import Outcome
 from jobs.frames import IngestReport
 from jobs.session import Session
 
-STAGES = ("frames", "words", "embed", "motifs", "signatures", "mirrored")
+STAGES = ("frames", "words", "embed", "motifs", "signatures", "mirrored", "postures", "symbols")
 # Compare all clips with one another: made when asked for by name.
 BY_NAME = ("neighbours", "transitions")
 
@@ -43,4 +43,8 @@ def _derived(session: Session, stage: str, refit: bool) -> Outcome:
         return neighbours.run(session, refit=refit)
     if stage == "mirrored":
         return mirrored.run(session)
+    if stage == "postures":
+        return postures.run(session, refit=refit)
+    if stage == "symbols":
+        return symbols.run(session)
     return signatures.run(session)

@@ -9,8 +9,11 @@ from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
+from pipeline.alignment.config import AlignmentConfig
 from pipeline.errors import UserError
 from pipeline.motiongraph.config import TransitionsConfig
+from pipeline.postures.config import PosturesConfig
+from pipeline.symbols.config import SymbolsConfig
 from pipeline.words.config import NeighboursConfig, NetworkConfig
 from pipeline.words.features import WordConfig
 
@@ -46,6 +49,9 @@ class LakeConfig:
     motifs: MotifsConfig = field(default_factory=MotifsConfig)
     neighbours: NeighboursConfig = field(default_factory=NeighboursConfig)
     transitions: TransitionsConfig = field(default_factory=TransitionsConfig)
+    postures: PosturesConfig = field(default_factory=PosturesConfig)
+    symbols: SymbolsConfig = field(default_factory=SymbolsConfig)
+    alignment: AlignmentConfig = field(default_factory=AlignmentConfig)
 
 
 def canonical_json(value: Any) -> str:

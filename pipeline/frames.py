@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -102,6 +102,12 @@ def runs_of(column: pa.ChunkedArray) -> Iterator[tuple[str, int]]:
     """(value, end row) of every run of equal values."""
     encoded = pc.run_end_encode(column.combine_chunks())
     yield from zip(encoded.values.to_pylist(), encoded.run_ends.to_pylist(), strict=True)
+
+
+def read_clips(path: Path, clips: Sequence[str]) -> Iterator[Frames]:
+    """Some clips of a frames part, in its order."""
+    table = pq.read_table(path, columns=["clip", "frame", *CHANNELS], filters=[("clip", "in", list(clips))])
+    yield from (from_table(clip, rows) for clip, rows in _runs(table))
 
 
 def read_clip(path: Path, clip: str) -> Frames:

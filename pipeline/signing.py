@@ -9,11 +9,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.clip import SourceClip
 from pipeline.config import LakeConfig, load_config
 from pipeline.errors import ClipError, UserError
 from pipeline.lake.catalog import Connection, fetch
 from pipeline.lake.layout import Lake
 from pipeline.motifs import Motifs, assign
+from pipeline.skeleton.canonicalise import CanonicalMotion
 from pipeline.skeleton.rigs import load_rigs
 from pipeline.stages import embed, motifs, words
 from pipeline.stages.frames import canonical_motions
@@ -87,8 +89,8 @@ def features_of_clip(con: Connection, lake: Lake, config: WordConfig, clip: str)
     return found
 
 
-def words_of_file(lake: Lake, config: WordConfig, path: Path, options: IngestOptions | None = None) -> FileWords:
-    """The words of a clip file's first body.
+def first_body(lake: Lake, path: Path, options: IngestOptions | None = None) -> tuple[SourceClip, CanonicalMotion]:
+    """A clip file's first body, and its canonical motion.
 
     Raises:
         UserError: the file cannot be read.
@@ -97,6 +99,16 @@ def words_of_file(lake: Lake, config: WordConfig, path: Path, options: IngestOpt
         clip, motion, _ = next(iter(canonical_motions(path, load_rigs(lake.rigs), options or IngestOptions())))
     except ClipError as error:
         raise UserError(f"{path}: {error}") from error
+    return clip, motion
+
+
+def words_of_file(lake: Lake, config: WordConfig, path: Path, options: IngestOptions | None = None) -> FileWords:
+    """The words of a clip file's first body.
+
+    Raises:
+        UserError: the file cannot be read.
+    """
+    clip, motion = first_body(lake, path, options)
     features = word_features(motion.positions, motion.rotations, clip.fps, config)
     frames = len(motion.positions)
     ranges = [native_range(int(s), clip.fps, frames, config) for s in windows(len(features), config)]

@@ -32,7 +32,11 @@ from tests.samples import (
     swinging_body,
 )
 
-QUICK = '[network]\nweights = "own"\nsteps = 20\nmax_words = 500\n[motifs]\nk = 12\n'
+QUICK = (
+    '[postures]\ndictionary = "kmeans"\nm = 40\n'
+    '[network]\nweights = "own"\nsteps = 20\nmax_words = 500\n'
+    "[motifs]\nk = 12\n"
+)
 # Columns that tell time, or how often something was tried.
 CLOCKS: Mapping[str, tuple[str, ...]] = {
     "manifest": ("seconds", "finished", "attempts"),

@@ -14,7 +14,7 @@ import pytest
 import pipeline.skeleton
 from jobs.run import BY_NAME, STAGES
 from pipeline.cli.main import COMMANDS
-from tests.lakes import Run, assert_same, finish, motionlake, query, quick_lake, start, tables
+from tests.lakes import QUICK, Run, assert_same, finish, motionlake, query, quick_lake, start, tables
 from tests.samples import BVH, KINECT_1, KINECT_1_PARENTS, npz_bytes, swinging_body
 
 CREATES = ("init", "ingest")
@@ -203,7 +203,8 @@ def test_an_unknown_rig_is_rejected_until_its_map_is_there(tmp_path: Path, sched
 def test_what_is_no_regular_file_is_rejected_and_stops_nothing(
     tmp_path: Path, clips_folder: Path, scheduler: str
 ) -> None:
-    source, lake = tmp_path / "clips", quick_lake(tmp_path / "lake")
+    few = QUICK.replace("k = 12", "k = 4").replace("m = 40", "m = 8")  # for one clip, which may be short
+    source, lake = tmp_path / "clips", quick_lake(tmp_path / "lake", few)
     (source / "ünï'cødé").mkdir(parents=True)
     clip = next(p for p in sorted(clips_folder.rglob("*")) if p.suffix in (".bvh", ".npz"))
     shutil.copyfile(clip, source / "ünï'cødé" / f'it\'s "one"{clip.suffix}')

@@ -25,6 +25,8 @@ RUN_MOMENTS = (
     ("models/network*", CATALOG),
     ("models/motifs*", CATALOG),
     ("assigned/[!.]*", CATALOG),
+    ("models/postures*", CATALOG),
+    ("postures/[!.]*", CATALOG),
 )
 
 

@@ -77,12 +77,16 @@ def test_one_new_clip_costs_one_clip(own_lake: Path, source: Path, scheduler: st
         "motifs": 1,
         "signatures": 1,
         "mirrored": 1,
+        "postures": 1,
+        "symbols": 1,
     }
     after = tables(own_lake)
     assert len(after["clips"]) == len(before["clips"]) + 1
     assert set(before["signatures"]) < set(after["signatures"])
     assert after["models"] == before["models"]
     assert after["motifs"] == before["motifs"]
+    assert after["postures"] == before["postures"]
+    assert set(before["symbol_strings"]) < set(after["symbol_strings"])
     assert held < files(own_lake)
     twins = query(
         own_lake,
@@ -135,6 +139,9 @@ def test_changed_labels_recompute_nothing(own_lake: Path, source: Path, schedule
         (QUICK.replace("k = 12", "k = 9"), {"motifs", "signatures", "mirrored"}),
         (QUICK.replace("max_words = 500", "max_words = 60"), {"embed", "motifs", "signatures", "mirrored"}),
         (QUICK + "[words]\nstride = 8\n", {"words", "embed", "motifs", "signatures", "mirrored"}),
+        (QUICK.replace("m = 40", "m = 30"), {"postures", "symbols"}),
+        (QUICK + "[symbols]\nruns = false\n", {"symbols"}),
+        (QUICK + "[alignment]\nstride = 3\n", set()),
     ],
 )
 def test_a_changed_configuration_redoes_its_stage_and_what_hangs_on_it(
@@ -164,6 +171,17 @@ def test_motifs_are_frozen_until_they_are_fitted_anew(own_lake: Path, source: Pa
     assert fresh[0][1] > frozen[0][1]
 
 
+def test_motifs_fitted_anew_to_the_same_clips_lose_no_signature(own_lake: Path, source: Path, scheduler: str) -> None:
+    assert motionlake("run", "motifs", "--refit", "--lake", own_lake, "--scheduler", scheduler).status == 0
+    first = clip_files(source)[0]
+    shutil.copyfile(first, first.with_name("twin" + first.suffix))
+    ingest(source, own_lake, scheduler)
+    run_all(own_lake, scheduler)
+    clips = query(own_lake, "SELECT clip FROM clips ORDER BY clip")
+    assert query(own_lake, "SELECT clip FROM signatures ORDER BY clip") == clips
+    assert query(own_lake, "SELECT DISTINCT clip FROM word_motifs ORDER BY clip") == clips
+
+
 def test_gone_sources_are_reported_and_removed_when_asked(own_lake: Path, source: Path, scheduler: str) -> None:
     clips = len(query(own_lake, "FROM clips"))
     gone = clip_files(source)[0]
@@ -174,7 +192,7 @@ def test_gone_sources_are_reported_and_removed_when_asked(own_lake: Path, source
     assert len(query(own_lake, "FROM clips")) == clips
     assert motionlake("remove", "--gone", "--lake", own_lake).status == 0
     assert len(query(own_lake, "FROM clips")) == clips - 1
-    for table in ("words", "word_motifs", "signatures"):
+    for table in ("words", "word_motifs", "signatures", "symbol_strings"):
         assert query(own_lake, f"SELECT count(*) FROM {table} WHERE clip ILIKE '%{gone.name}%'") == [(0,)]
     assert len(query(own_lake, "SELECT DISTINCT clip FROM frames SEMI JOIN clips USING (clip)")) == clips - 1
 
@@ -193,7 +211,7 @@ def test_removing_a_dataset_leaves_no_file_behind(lake: Path) -> None:
     assert motionlake("remove", "--dataset", "clips", "--lake", lake).status == 0
     left = {f for f in files(lake) if f.endswith(".parquet") and not f.startswith("models/")}
     assert not left
-    kept = {"manifest", "models", "motifs", "runs"}
+    kept = {"manifest", "models", "motifs", "postures", "runs"}
     names = {r[0] for r in query(lake, "SELECT table_name FROM duckdb_tables()")}
     assert kept < names
     for table in names - kept:

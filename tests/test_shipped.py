@@ -41,7 +41,9 @@ def test_a_lake_is_embedded_ready_made_then_fine_tuned_then_afresh(
     tmp_path: Path, clips_folder: Path, scheduler: str
 ) -> None:
     lake = quick_lake(tmp_path / "lake")
-    (lake / "config.toml").write_text("[network]\nmax_words = 500\n[motifs]\nk = 8\n", encoding="utf-8")
+    (lake / "config.toml").write_text(
+        '[postures]\ndictionary = "kmeans"\nm = 40\n[network]\nmax_words = 500\n[motifs]\nk = 8\n', encoding="utf-8"
+    )
     assert motionlake("train", "words", "--lake", lake).status == 2  # no words yet
     assert motionlake("ingest", clips_folder, "--lake", lake, "--scheduler", scheduler).status == 0
     run = motionlake("run", "all", "--lake", lake, "--scheduler", scheduler)

@@ -28,6 +28,7 @@ COMMANDS = (
     "remove",
     "rig",
     "find",
+    "align",
     "duplicates",
     "report",
 )

@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from jobs import embed
+from jobs import postures as postures_job
 from jobs.session import session
 from pipeline.cli.common import JsonOption, LakeOption, notice, print_json, stage_progress
 from pipeline.errors import UserError
@@ -20,6 +21,7 @@ def add_to(app: typer.Typer) -> None:
     train = typer.Typer(name="train", help=about, no_args_is_help=True)
     train.callback()(lambda: None)
     train.command()(words)
+    train.command()(postures)
     app.add_typer(train)
 
 
@@ -52,4 +54,25 @@ def words(
     else:
         print(
             f"{model.model}: trained on {model.figures['words']} words; embed with it: motionlake run all --lake {lake}"
+        )
+
+
+def postures(lake: LakeOption, as_json: JsonOption = False) -> None:
+    """Train the posture dictionary that config.toml names; `motionlake run all` then codes with it.
+
+    Interrupted, the same command goes on where it stopped. [postures] in config.toml says which dictionary ("aae",
+    "kmeans", "som"), how many symbols, from which seed, and by which recipe ("default", "pesta").
+
+    Example: motionlake train postures --lake mylake
+    """
+    target = open_lake(lake)
+    with stage_progress() as progress, session(target, "train postures", progress, notice) as job:
+        model = postures_job.train(job)
+    if model is None:
+        raise UserError(f"{target.root}: has no frames to train on yet; take clips in with `motionlake ingest`")
+    if as_json:
+        print_json({"model": model.model, "figures": model.figures})
+    else:
+        print(
+            f"{model.model}: {model.figures['occupied']} symbols in use; code with it: motionlake run all --lake {lake}"
         )

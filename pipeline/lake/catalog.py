@@ -126,6 +126,8 @@ def writing(lake: Lake) -> Iterator[Connection]:
             run_sql(con, "schema/50_mirrored.sql")  # lakes made before there was such a table
             run_sql(con, "schema/55_transitions.sql")
             run_sql(con, "macros/transitions_from.sql")
+            run_sql(con, "schema/60_symbols.sql")
+            run_sql(con, "macros/clip_symbols.sql")
             con.begin()
             yield con
             refresh_views(con, lake)

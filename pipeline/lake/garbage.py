@@ -5,7 +5,9 @@ from __future__ import annotations
 from pipeline.lake.catalog import fetch, reading, remove_stale_copies
 from pipeline.lake.layout import Lake
 
-FOLDERS = ("frames", "raw", "features", "embeddings", "assigned", "neighbours", "transitions", "staging", "models")
+FOLDERS = (
+    "frames", "raw", "features", "embeddings", "assigned", "neighbours", "transitions", "postures", "staging", "models",
+)  # fmt: skip
 
 
 def collect_garbage(lake: Lake) -> int:

@@ -16,8 +16,8 @@ class Lake:
     """A folder of Parquet parts with one catalog.
 
     Layout: `catalog.duckdb`, `config.toml`, `frames/dataset=…/<part>.parquet`,
-    `raw/layout=…/<part>.parquet`, `features/<part>.parquet`, `embeddings/<part>.parquet`, `models/`,
-    `staging/` (rows on their way into the catalog).
+    `raw/layout=…/<part>.parquet`, `features/<part>.parquet`, `embeddings/<part>.parquet`, `postures/<part>.parquet`,
+    `models/`, `staging/` (rows on their way into the catalog).
     """
 
     root: Path

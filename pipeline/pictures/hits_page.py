@@ -67,6 +67,8 @@ def hits_page(
     hits: Sequence[Mapping[str, Any]],
     start: int | None = None,
     stop: int | None = None,
+    measure: str = "distance",
+    about: str = "distances of signatures",
 ) -> Figure:
     """A page of the hits of any search.
 
@@ -74,10 +76,12 @@ def hits_page(
         con: to the lake.
         lake: the same.
         query: a clip of the lake, by name, or a clip file, of which the first body is drawn.
-        hits: rows with "rank", "clip" and "distance"; "label", "mirrored" and, for ranges of frames, "start" and
+        hits: rows with "rank", "clip" and the measure; "label", "mirrored" and, for ranges of frames, "start" and
             "stop" are used where there are such. At most 30 are drawn.
         start: first frame of the query, where it is a range of frames.
         stop: frame after its last.
+        measure: which of a row's values the hits are ranked by.
+        about: what that is, for the line below the title.
 
     Raises:
         UserError: the query is no clip, or a file that cannot be read.
@@ -85,17 +89,17 @@ def hits_page(
     poses = Poses(con, lake)
     shown = hits[:MOST_HITS]
     facts = {clip: fetch(con, "queries/clip.sql", {"clip": clip})[0] for clip in {str(h["clip"]) for h in shown}}
-    strips = [_hit_strip(poses, hit, facts[str(hit["clip"])]) for hit in shown]
+    strips = [_hit_strip(poses, hit, facts[str(hit["clip"])], measure) for hit in shown]
     name, row = _query_strip(con, lake, poses, query, start, stop)
     counted = f"{len(hits)} hits" if len(hits) != 1 else "1 hit"
     note = counted + (f", the first {MOST_HITS} are shown" if len(hits) > MOST_HITS else ", nearest first")
-    return draw_hits(row, strips, f"What is most like {name}", f"{note}; distances of signatures")
+    return draw_hits(row, strips, f"What is most like {name}", f"{note}; {about}")
 
 
-def _hit_strip(poses: Poses, hit: Mapping[str, Any], known: Mapping[str, Any]) -> HitStrip:
+def _hit_strip(poses: Poses, hit: Mapping[str, Any], known: Mapping[str, Any], measure: str) -> HitStrip:
     clip, start, stop = str(hit["clip"]), hit.get("start"), hit.get("stop")
     label = hit.get("label") or known["label"]
-    distance = f"distance {hit['distance']:.3f}" + (", mirrored" if hit.get("mirrored") else "")
+    distance = f"{measure} {hit[measure]:.3f}" + (", mirrored" if hit.get("mirrored") else "")
     if start is None or stop is None:
         when, moments = f"{known['seconds']:.1f} s", poses.whole(clip, MOMENTS)
     else:

@@ -14,6 +14,8 @@ from pipeline.pictures import clip_sections, motif_sections, sequence_sections
 from pipeline.pictures.html import Chapter, Picture, page
 from pipeline.pictures.material import Material, read_material
 from pipeline.pictures.selection import View, dataset_view, lake_view, most_cut
+from pipeline.pictures.symbol_material import has_strings, read_symbols
+from pipeline.pictures.symbol_sections import string_pictures
 
 MOST_DATASETS: Final = 8
 MOST_SEGMENTED: Final = 6
@@ -51,6 +53,9 @@ def make_report(
     chapters = [Chapter(f"Dataset {view.name}", _of_dataset(material, view)) for view in views]
     say("report: the lake as a whole")
     chapters.insert(0, Chapter("The lake as a whole", _of_lake(lake, material, whole or views[0], len(datasets))))
+    if has_strings(con):
+        say("report: symbol strings")
+        chapters.append(Chapter("Symbol strings", _of_strings(con, lake, dataset)))
     chapters = _named_apart([chapter for chapter in chapters if chapter.pictures])
     lead = _lead(material, len(datasets))
     tables = [fetch(con, "queries/lake_summary.sql", {"dataset": dataset}), _models(con)]
@@ -87,6 +92,12 @@ def _of_dataset(material: Material, view: View) -> list[Picture]:
     ]
     found += [sequence_sections.segmentation(material, view, i) for i in most_cut(material, view, MOST_SEGMENTED)]
     return [p for p in found if p is not None]
+
+
+def _of_strings(con: Connection, lake: Lake, dataset: str | None) -> list[Picture]:
+    material = read_symbols(con, lake)
+    clips = [i for i, c in enumerate(material.strings.clips) if dataset in (None, c.dataset)]
+    return string_pictures(material, clips)
 
 
 def _lead(material: Material, datasets: int) -> list[str]:

@@ -44,6 +44,27 @@ def three_quarter_view(positions: NDArray[np.floating]) -> Float64Array:
     return np.stack([x, y * np.cos(TILT) - z * np.sin(TILT), -z * np.cos(TILT) - y * np.sin(TILT)], axis=-1)
 
 
+def postures_view(positions: NDArray[np.floating]) -> Float64Array:
+    """Postures that are no moments of one motion: each faces the same way and stands on its own ground.
+
+    Args:
+        positions: [n, 21, 3], y up, of one scale; a body that is not finite stays so.
+
+    Returns:
+        [n, 21, 3] as `three_quarter_view`, in heights of the bodies.
+    """
+    known = np.isfinite(positions).all(axis=(1, 2))
+    view = np.full(positions.shape, np.nan)
+    if known.any():
+        height = body_height(positions[known])
+        view[known] = [three_quarter_view(body[None])[0] / height for body in positions[known]]
+        view[known, :, 1] -= view[known, :, 1].min(axis=1, keepdims=True)
+        view[known, :, 0] -= (
+            view[known, :, 0].min(axis=1, keepdims=True) + view[known, :, 0].max(axis=1, keepdims=True)
+        ) / 2
+    return view
+
+
 def draw_strip(
     sheet: Sheet, left: float, top: float, width: float, height: float, positions: NDArray[np.floating],
     room: int | None = None,
@@ -56,23 +77,39 @@ def draw_strip(
         positions: [n, 21, 3] moments of one motion, metres, y up.
         room: how many moments the width is meant for, if not n, so that strips keep one scale.
     """
-    view = three_quarter_view(positions) / _height(positions)
+    view = three_quarter_view(positions) / body_height(positions)
     low, high = min(-0.12, view[..., 1].min() - 0.03), max(1.3, view[..., 1].max() + 0.1)
     scale = min(width / ((room or len(view)) * APART + 2 * MARGIN - APART), height / (high - low))
     ground = top + height + low * scale
     places = left + (MARGIN + np.arange(len(view)) * APART) * scale
     sheet.canvas.plot([left, places[-1] + MARGIN * scale], [ground] * 2, color="#c8c8c8", linewidth=0.8, zorder=1)
-    points = np.stack([places[:, None] + view[..., 0] * scale, ground - view[..., 1] * scale], axis=-1)
-    sheet.canvas.add_collection(_limbs(points, view[..., 2]), autolim=False)
+    draw_bodies(sheet, view, np.stack([places, np.full(len(view), ground)], axis=-1), scale)
+
+
+def draw_bodies(sheet: Sheet, view: Float64Array, feet: Float64Array, scale: float, linewidth: float = 1.5) -> None:
+    """Draw bodies where they stand.
+
+    Args:
+        sheet: drawn on.
+        view: [n, 21, 3] as `three_quarter_view` or `postures_view` gives them, in body heights; a body that is not
+            finite is left out.
+        feet: [n, 2] inches from the left and the top of the sheet, of the ground below each.
+        scale: inches of a body height.
+        linewidth: of limbs, points.
+    """
+    drawn = np.isfinite(view).all(axis=(1, 2))
+    view, feet = view[drawn], feet[drawn]
+    points = np.stack([feet[:, :1] + view[..., 0] * scale, feet[:, 1:] - view[..., 1] * scale], axis=-1)
+    sheet.canvas.add_collection(_limbs(points, view[..., 2], linewidth), autolim=False)
     necks, heads = points[:, INDEX["neck"]], points[:, INDEX["head"]]
     crowns = heads + (heads - necks) * 0.25  # the middle of a head is a little beyond its joint
     circles = [Circle((float(x), float(y)), 0.055 * scale) for x, y in crowns]
     sheet.canvas.add_collection(
-        PatchCollection(circles, facecolor="white", edgecolor=INK, linewidth=1.0, zorder=3), autolim=False
+        PatchCollection(circles, facecolor="white", edgecolor=INK, linewidth=linewidth / 1.5, zorder=3), autolim=False
     )
 
 
-def _height(positions: NDArray[np.floating]) -> float:
+def body_height(positions: NDArray[np.floating]) -> float:
     """About the height of a standing body: twice its leg and a bit, whatever its pose."""
     legs = [("hip", "knee"), ("knee", "ankle")]
     lengths = [
@@ -83,14 +120,14 @@ def _height(positions: NDArray[np.floating]) -> float:
     return max(float(np.sum(lengths)) / 2 * 2.05, 1e-3)
 
 
-def _limbs(points: Float64Array, depth: Float64Array) -> LineCollection:
+def _limbs(points: Float64Array, depth: Float64Array, linewidth: float) -> LineCollection:
     """The bones of each body [n, 21, 2] from far to near (`depth` [n, 21]), so that near ones lie on top."""
     lines, colours = [], []
     for body, far in zip(points, depth, strict=True):
         order = sorted(_BONES, key=lambda bone, far=far: -(far[bone[0]] + far[bone[1]]))  # type: ignore[misc]
         lines += [body[[i, parent]] for i, parent in order]
         colours += [_colour(JOINTS[i]) for i, _ in order]
-    return LineCollection(lines, colors=colours, linewidths=1.5, capstyle="round", zorder=2)
+    return LineCollection(lines, colors=colours, linewidths=linewidth, capstyle="round", zorder=2)
 
 
 def _colour(joint: str) -> tuple[float, float, float]:

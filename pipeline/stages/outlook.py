@@ -7,7 +7,19 @@ from collections.abc import Sequence
 from pipeline.config import LakeConfig
 from pipeline.lake.catalog import Connection, fetch
 from pipeline.lake.layout import Lake
-from pipeline.stages import embed, frames, mirrored, motifs, neighbours, signatures, transitions, words
+from pipeline.postures import shipped as shipped_postures
+from pipeline.stages import (
+    embed,
+    frames,
+    mirrored,
+    motifs,
+    neighbours,
+    postures,
+    signatures,
+    symbols,
+    transitions,
+    words,
+)
 from pipeline.stages.derived import Part
 from pipeline.words import shipped
 
@@ -32,6 +44,8 @@ def outlook(con: Connection, config: LakeConfig, stages: Sequence[str], *, refit
             lines.append(f"motifs: will fit {config.motifs.k} motifs")
         else:
             lines.append(f"motifs: will not fit; new words are assigned to {fitted.model}")
+    if postures.NAME in stages:
+        lines.append(_dictionary(con, config, refit=refit))
     if neighbours.NAME in stages:
         index = neighbours.fitting_index(con, config)
         lines.append(
@@ -42,6 +56,15 @@ def outlook(con: Connection, config: LakeConfig, stages: Sequence[str], *, refit
     return lines
 
 
+def _dictionary(con: Connection, config: LakeConfig, *, refit: bool) -> str:
+    dictionary = postures.fitting_dictionary(con, config)
+    if dictionary is not None and not refit:
+        return f"postures: will not train; frames are coded with {dictionary.model}"
+    if not refit and shipped_postures.fits(config.postures):
+        return "postures: will not train; the ready-made dictionary codes the frames"
+    return f"postures: will train a dictionary of {config.postures.m} symbols ({config.postures.dictionary})"
+
+
 def pending(con: Connection, lake: Lake, config: LakeConfig) -> dict[str, int]:
     """How many parts each stage still lacks (for "frames": planned shards that have not run)."""
     network = embed.fitting_network(con, config)
@@ -50,9 +73,12 @@ def pending(con: Connection, lake: Lake, config: LakeConfig) -> dict[str, int]:
     wanted[embed.NAME] = embed.keyed(con, lake, config, network) if network else None
     assigned = motifs.keyed(con, lake, config, network, model) if network and model else None
     wanted[motifs.NAME] = assigned
-    signed = signatures.keyed(assigned) if assigned is not None else None
+    signed = signatures.keyed(assigned, model) if assigned is not None and model else None
     wanted[signatures.NAME] = signed
     wanted[mirrored.NAME] = mirrored.keyed(signed) if signed is not None else None
+    dictionary = postures.fitting_dictionary(con, config)
+    wanted[postures.NAME] = postures.keyed(con, lake, dictionary) if dictionary else None
+    wanted[symbols.NAME] = symbols.keyed(con, lake, config, dictionary) if dictionary else None
     due = {frames.NAME: sum(r["state"] == "planned" for r in fetch(con, "queries/shards.sql", {"stage": frames.NAME}))}
     for stage, parts in wanted.items():
         done = {r["key"] for r in fetch(con, "queries/shards.sql", {"stage": stage}) if r["state"] == "ok"}

@@ -4,6 +4,8 @@ DELETE FROM word_motifs WHERE NOT EXISTS (FROM clips c WHERE c.clip = word_motif
 DELETE FROM signatures WHERE clip NOT IN (SELECT clip FROM words);
 DELETE FROM mirrored_signatures WHERE clip NOT IN (SELECT clip FROM words);
 DELETE FROM transitions WHERE from_clip NOT IN (SELECT clip FROM words) OR to_clip NOT IN (SELECT clip FROM words);
+DELETE FROM symbol_strings
+WHERE NOT EXISTS (FROM clips c WHERE c.clip = symbol_strings.clip AND c.part = symbol_strings.part);
 DELETE FROM segments WHERE clip NOT IN (SELECT clip FROM clips);
 DELETE FROM layouts WHERE layout NOT IN (SELECT layout FROM clips);
 DELETE FROM skeletons WHERE skeleton NOT IN (SELECT skeleton FROM clips);

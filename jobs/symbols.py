@@ -1,0 +1,20 @@
+"""Job "symbols": serve the strings of clips, and the dictionary they are over, in one transaction."""
+
+from __future__ import annotations
+
+from jobs.execute import Outcome, StageJob, execute
+from jobs.session import Session
+from pipeline.lake.catalog import reading
+from pipeline.stages import postures, symbols
+
+JOB = StageJob(symbols.NAME, symbols.run, symbols.load, one_load=True)
+
+
+def run(session: Session) -> Outcome:
+    with reading(session.lake) as con:
+        dictionary = postures.fitting_dictionary(con, session.config)
+        if dictionary is None:
+            session.notice("symbols: there are no coded postures yet; `motionlake run all` makes every stage")
+            return Outcome()
+        shards = symbols.plan(con, session.lake, session.config, dictionary)
+    return execute(session.lake, JOB, shards, session.client, session.progress) if shards else Outcome()

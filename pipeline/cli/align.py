@@ -1,0 +1,92 @@
+"""motionlake align."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from pipeline.cli.alignment_picture import save_alignment
+from pipeline.cli.common import JsonOption, LakeOption, print_rows
+from pipeline.cli.hits_picture import PictureOption, check_picture
+from pipeline.errors import UserError
+from pipeline.formats import is_clip
+from pipeline.lake.catalog import reading
+from pipeline.lake.layout import check_dataset, open_lake
+from pipeline.stages.resolve import resolve_clip
+
+
+def add_to(app: typer.Typer) -> None:
+    app.command()(align)
+
+
+def align(
+    lake: LakeOption,
+    query: Annotated[str, typer.Argument(help="A clip of the lake, or a clip file.", show_default=False)],
+    start: Annotated[int | None, typer.Option("--from", min=0, help="First frame of the query.")] = None,
+    stop: Annotated[int | None, typer.Option("--to", min=1, help="Frame after its last.")] = None,
+    k: Annotated[int, typer.Option("-k", min=1, help="How many answers.")] = 10,
+    dataset: Annotated[
+        str | None, typer.Option("--in", help="Answer from this dataset only.", show_default=False)
+    ] = None,
+    whole: Annotated[bool, typer.Option("--whole", help="Rank clips by the whole of both.")] = False,
+    method: Annotated[
+        str | None,
+        typer.Option(help="sta, dtw or sw (default: of config.toml).", show_default=False),
+    ] = None,
+    stride: Annotated[
+        int | None,
+        typer.Option(help="Symbols that sta may stride over, plus one (default: of config.toml).", show_default=False),
+    ] = None,
+    crossing: Annotated[bool, typer.Option("--crossing", help="Matches may cross from clip to clip.")] = False,
+    path: Annotated[bool, typer.Option("--path", help="Print what is aligned to what (with --json).")] = False,
+    picture: PictureOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Where a motion occurs inside the clips, by alignment of strings of postures: ranges of frames, cheapest first.
+
+    Frames are the clip's own, from 0.
+
+    Example: motionlake align 13_29 --from 480 --to 720 -k 5 --lake mylake
+
+    Whole clips: motionlake align walk_01 --whole --lake mylake
+
+    The best answer, posture by posture: motionlake align 13_29 --from 480 --to 720 --picture best.png --lake mylake
+
+    Of a file that is not in the lake: motionlake align shots/new_take.bvh --path --json --lake mylake
+    """
+    from pipeline.align import Aligner, Wanted
+
+    target = open_lake(lake)
+    if dataset is not None:
+        check_dataset(dataset)
+    if whole and (start is not None or stop is not None or crossing or path):
+        raise UserError("--whole: compares whole clips; leave --from, --to, --crossing and --path out")
+    if path and not as_json:
+        raise UserError("--path: needs --json")
+    check_picture(picture, 1)
+    with reading(target) as con:
+        aligner = Aligner(con, target, threads=os.cpu_count() or 1)
+        outside = Path(query).is_file() and is_clip(Path(query))
+        asked = Path(query) if outside else resolve_clip(con, query)
+        if whole:
+            ranked = aligner.whole(asked, k, dataset=dataset, method=method, stride=stride)
+            save_alignment(con, target, picture, aligner, asked, ranked, dataset=dataset, method=method, stride=stride)
+            print_rows([hit.as_row() for hit in ranked], as_json=as_json)
+            return
+        wanted: Wanted = {
+            "dataset": dataset, "method": method, "stride": stride, "crossing": crossing,
+            "paths": path or picture is not None,
+        }  # fmt: skip
+        if isinstance(asked, Path):
+            hits = aligner.in_file(asked, start, stop, k, **wanted)
+        else:
+            hits = aligner.in_clip(asked, start, stop, k, **wanted)
+        save_alignment(
+            con, target, picture, aligner, asked, hits, start, stop, dataset=dataset, method=method, stride=stride
+        )
+    rows = [(hit if path else replace(hit, path=None)).as_row() for hit in hits]
+    print_rows(rows, as_json=as_json)

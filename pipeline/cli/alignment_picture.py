@@ -1,0 +1,47 @@
+"""The picture of what `motionlake align` found."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pipeline.lake.catalog import Connection
+from pipeline.lake.layout import Lake
+
+if TYPE_CHECKING:
+    from pipeline.align import Aligner
+    from pipeline.aligned import AlignedHit, WholeHit
+
+
+def save_alignment(
+    con: Connection,
+    lake: Lake,
+    path: Path | None,
+    aligner: Aligner,
+    asked: str | Path,
+    hits: Sequence[AlignedHit] | Sequence[WholeHit],
+    start: int | None = None,
+    stop: int | None = None,
+    *,
+    dataset: str | None = None,
+    method: str | None = None,
+    stride: int | None = None,
+) -> None:
+    """Draw the answers to frames [start, stop) of a clip or file, if a file is named; the rest as they were asked."""
+    if path is None:
+        return
+    from pipeline.config import load_config
+    from pipeline.pictures.alignment_page import save_alignments
+    from pipeline.pictures.symbol_material import read_symbols
+    from pipeline.signing import first_body
+
+    strings = aligner.strings
+    fps = first_body(lake, asked)[0].fps if isinstance(asked, Path) else strings.clips[strings.positions[asked]].fps
+    given: dict[str, Any] = {"method": method, "stride": stride}
+    config = replace(
+        load_config(lake.config_file).alignment, **{name: value for name, value in given.items() if value is not None}
+    )
+    material = read_symbols(con, lake, strings if dataset is None else strings.within(dataset))
+    save_alignments(material, path, aligner.asked(asked, start, stop), fps, hits, config)

@@ -1,0 +1,148 @@
+"""What the pictures of symbol strings are made from: a lake's strings, its dictionary, a body for each symbol."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from safetensors import safe_open
+
+from pipeline.lake.catalog import Connection, fetch
+from pipeline.lake.layout import Lake
+from pipeline.lake_strings import LakeStrings, read_strings
+from pipeline.pictures.poses import Poses
+from pipeline.pictures.signature_bars import motif_order
+from pipeline.pictures.style import Float64Array, motif_colours
+from pipeline.postures.config import PosturesConfig
+from pipeline.postures.dictionary import METADATA_KEY
+from pipeline.skeleton.canonical import INDEX, JOINTS
+from pipeline.stages import postures as coding
+from pipeline.stages.models import Model
+from pipeline.words.features import Float32Array, WordConfig
+
+# Joints that no dictionary over positions holds, as shares of two that it does; feet end at the ankles.
+_BETWEEN: Final = {
+    "spine": ("hips", "neck", 1 / 3),
+    "chest": ("hips", "neck", 2 / 3),
+    **{f"{side}_clavicle": ("neck", f"{side}_shoulder", 0.3) for side in ("left", "right")},
+    **{f"{side}_toe": (f"{side}_ankle", f"{side}_ankle", 0.0) for side in ("left", "right")},
+}
+
+
+@dataclass(frozen=True)
+class SymbolMaterial:
+    """A lake's strings and dictionary of m symbols.
+
+    Attributes:
+        strings: of all clips.
+        codes: [m, d] cluster heads.
+        postures: [m, D] typical postures, in features.
+        share: [m] of the lake's frames when the dictionary was first served.
+        config: what the dictionary was trained for.
+    """
+
+    con: Connection
+    lake: Lake
+    strings: LakeStrings
+    codes: Float32Array
+    postures: Float32Array
+    share: Float64Array
+    config: PosturesConfig
+    poses: Poses
+
+    @cached_property
+    def colours(self) -> Float64Array:
+        """[m, 3]: near symbols have like colours."""
+        return motif_colours(motif_order(self.codes))
+
+    @cached_property
+    def _typical(self) -> Float64Array | None:
+        return posture_bodies(self.postures, self.config.frames)
+
+    @cached_property
+    def _codes_files(self) -> dict[str, str]:
+        """Coded postures of each part."""
+        file = fetch(self.con, "queries/model_file.sql", {"model": self.strings.model})[0]["file"]
+        served = Model(self.strings.model, coding.DICTIONARY, "", file, {})
+        return {part.part: coding.codes_file(part.key) for part in coding.keyed(self.con, self.lake, served)}
+
+    def codes_of(self, clips: Sequence[str]) -> dict[str, NDArray[np.int32]]:
+        """[T] symbols of the postures of clips, parts read once; without clips that are being recoded."""
+        parts = {row["clip"]: row["part"] for row in fetch(self.con, "queries/parts_of.sql", {"clips": list(clips)})}
+        found: dict[str, NDArray[np.int32]] = {}
+        for part in sorted(set(parts.values())):
+            file = self.lake.path(self._codes_files[part])
+            if file.exists():
+                found |= {clip: codes for clip, codes in coding.read_codes(file) if parts.get(clip) == part}
+        return found
+
+    @property
+    def about_bodies(self) -> str:
+        """What the figures of symbols are, in a few words."""
+        return "typical postures of the dictionary" if self._typical is not None else "moments of clips of that symbol"
+
+    def bodies(self, symbols: NDArray[np.integer]) -> Float64Array:
+        """[n, 21, 3] a body for each symbol; not finite where a symbol of a dictionary over rotations is nowhere.
+
+        Over rotations: the first moment of the first clip whose string holds the symbol.
+        """
+        if self._typical is not None:
+            return np.asarray(self._typical[symbols])
+        kinds, places = np.unique(symbols, return_inverse=True)
+        return np.asarray(np.stack([self._moment(int(symbol)) for symbol in kinds])[places])
+
+    def _moment(self, symbol: int) -> Float64Array:
+        strings = self.strings
+        found = np.flatnonzero(strings.repository.symbols == symbol)
+        if not len(found):
+            return np.full((len(JOINTS), 3), np.nan)
+        clip = strings.clips[int(np.searchsorted(strings.repository.offsets, found[0], side="right")) - 1]
+        frame = int(strings.starts[found[0]]) + round(clip.fps / self.config.fps / 2)
+        return np.asarray(self.poses.positions(clip.clip)[min(frame, clip.frames - 1)], dtype=np.float64)
+
+
+def has_strings(con: Connection) -> bool:
+    """Whether the lake serves symbol strings."""
+    return bool(fetch(con, "queries/has_symbol_tables.sql")) and bool(fetch(con, "queries/served_postures.sql"))
+
+
+def read_symbols(con: Connection, lake: Lake, strings: LakeStrings | None = None) -> SymbolMaterial:
+    """Read what pictures of a lake's strings are made from.
+
+    Raises:
+        UserError: the lake has no strings yet (`read_strings`).
+    """
+    strings = strings or read_strings(con)
+    file = lake.path(fetch(con, "queries/model_file.sql", {"model": strings.model})[0]["file"])
+    with safe_open(file, framework="numpy") as tensors:  # not `load_dictionary`: no encoder is needed, nor torch
+        config = PosturesConfig(**json.loads(tensors.metadata()[METADATA_KEY])["config"])
+        codes, postures = tensors.get_tensor("codes"), tensors.get_tensor("postures")
+    share = np.array([row["share"] for row in fetch(con, "queries/posture_shares.sql")], dtype=np.float64)
+    return SymbolMaterial(con, lake, strings, codes, postures, share, config, Poses(con, lake))
+
+
+def posture_bodies(postures: NDArray[np.floating], config: WordConfig) -> Float64Array | None:
+    """Joint positions of postures that are kept as features of one frame.
+
+    Args:
+        postures: [m, D], as `word_features` gives them.
+        config: how they were made.
+
+    Returns:
+        [m, 21, 3] body lengths, the hips at the origin, facing +z; None for features of rotations. Joints that the
+        features leave out lie between their neighbours, toes at the ankles.
+    """
+    if config.representation != "positions":
+        return None
+    joints = list(config.joint_indices)
+    bodies = np.zeros((len(postures), len(JOINTS), 3))
+    bodies[:, joints] = np.asarray(postures[:, : 3 * len(joints)], dtype=np.float64).reshape(len(postures), -1, 3)
+    for name, (start, end, share) in _BETWEEN.items():
+        if INDEX[name] not in joints:
+            bodies[:, INDEX[name]] = (1 - share) * bodies[:, INDEX[start]] + share * bodies[:, INDEX[end]]
+    return bodies

@@ -1,0 +1,2 @@
+DELETE FROM postures;
+DELETE FROM symbol_strings;

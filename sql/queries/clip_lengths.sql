@@ -1,0 +1,1 @@
+SELECT clip, part, dataset, fps, frames FROM clips ORDER BY clip;

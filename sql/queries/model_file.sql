@@ -1,0 +1,1 @@
+SELECT file FROM models WHERE model = $model;

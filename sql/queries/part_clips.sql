@@ -1,0 +1,1 @@
+SELECT clip, fps, frames FROM clips WHERE part = $part ORDER BY clip;

@@ -1,0 +1,1 @@
+SELECT model, code FROM postures ORDER BY symbol;

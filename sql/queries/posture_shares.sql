@@ -1,0 +1,1 @@
+SELECT share FROM postures ORDER BY symbol;

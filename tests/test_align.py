@@ -1,0 +1,234 @@
+"""Alignment on a lake: every way to ask gives the same answer, in frames, and mistakes are met with one clear line."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterator
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pipeline.align import Aligner
+from pipeline.alignment import whole
+from pipeline.alignment.config import AlignmentConfig
+from pipeline.alignment.matches import best_matches
+from pipeline.alignment.scan import symmetric_costs
+from pipeline.alignment.strings import Repository
+from pipeline.config import load_config
+from pipeline.errors import UserError
+from pipeline.lake.catalog import reading
+from pipeline.lake.layout import open_lake
+from tests.lakes import QUICK, motionlake, query
+
+
+@pytest.fixture(scope="module")
+def aligner(built_lake: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Aligner]:
+    """Of a copy: a process cannot open one lake with its functions while it has it open."""
+    copy = open_lake(shutil.copytree(built_lake, tmp_path_factory.mktemp("lakes") / "copy"))
+    with reading(copy) as con:
+        yield Aligner(con, copy)
+
+
+def strings(lake: Path) -> dict[str, list[tuple[int, int, int]]]:
+    """(symbol, start, stop) of every clip, by plain SQL."""
+    return {
+        clip: query(lake, "SELECT symbol, start, stop FROM clip_symbols($clip)", clip=clip)
+        for (clip,) in query(lake, "SELECT clip FROM symbol_strings ORDER BY clip")
+    }
+
+
+def longest(lake: Path) -> tuple[str, int]:
+    rows = query(lake, "SELECT clip, frames FROM clips JOIN symbol_strings USING (clip) ORDER BY -len(symbols), clip")
+    return rows[0]
+
+
+OPTIONS = ({}, {"method": "dtw"}, {"method": "sw"}, {"stride": 3}, {"dataset": "clips", "stride": 1})
+
+
+@pytest.mark.parametrize("wanted", OPTIONS, ids=lambda w: "-".join(map(str, w.values())) or "default")
+def test_every_way_to_ask_gives_the_same_answer(built_lake: Path, aligner: Aligner, wanted: dict[str, Any]) -> None:
+    clip, frames = longest(built_lake)
+    names = {"dataset": ("--in", "within"), "method": ("--method", "method"), "stride": ("--stride", "stride")}
+    flags = [word for name, value in wanted.items() for word in (names[name][0], value)]
+    arguments = "".join(f", {names[name][1]} := {value!r}" for name, value in wanted.items())
+    ask = ["align", clip, *flags, "-k", 4, "--lake", built_lake, "--json"]
+    found = motionlake(*ask, "--from", 1, "--to", frames - 1).json
+    assert found
+    assert [hit.as_row() for hit in aligner.in_clip(clip, 1, frames - 1, 4, **wanted)] == found
+    text = f"FROM align_motion('{clip}', 1, {frames - 1}, k := 4{arguments})"
+    assert motionlake("sql", text, "--lake", built_lake, "--json").json == found
+    ranked = motionlake(*ask, "--whole").json
+    assert [hit.as_row() for hit in aligner.whole(clip, 4, **wanted)] == ranked
+    text = f"FROM aligned_clips('{clip}', k := 4{arguments})"
+    assert motionlake("sql", text, "--lake", built_lake, "--json").json == ranked
+
+
+@pytest.mark.parametrize("method", ["sta", "dtw", "sw"])
+def test_hits_are_the_matches_of_the_strings_in_frames(built_lake: Path, aligner: Aligner, method: str) -> None:
+    known, (clip, frames) = strings(built_lake), longest(built_lake)
+    rates = dict(query(built_lake, "SELECT clip, fps FROM clips"))
+    names = list(known)
+    first, last = frames // 4, frames - frames // 8
+    own = [i for i, (_, start, stop) in enumerate(known[clip]) if start < last and stop > first]
+    asked = [known[clip][i][0] for i in own]
+    distances = np.array(query(built_lake, "SELECT distance FROM posture_distances ORDER BY a, b"), dtype=np.float32)
+    side = int(len(distances) ** 0.5)
+    repository = Repository.of([[s for s, _, _ in string] for string in known.values()])
+    barred = np.zeros(len(repository.symbols), dtype=bool)
+    barred[repository.offsets[names.index(clip)] + np.array(own)] = True
+    config = AlignmentConfig(method)  # type: ignore[arg-type]
+    expected = best_matches(asked, repository, distances.reshape(side, side), 20, config, barred=barred, paths=True)
+    hits = aligner.in_clip(clip, first, last, 20, method=method, paths=True)
+    assert len(hits) == len(expected) > 3
+    for rank, (hit, match) in enumerate(zip(hits, expected, strict=True), start=1):
+        string = known[names[match.clip]]
+        assert (hit.rank, hit.clip) == (rank, names[match.clip])
+        assert (hit.start, hit.stop) == (string[match.start][1], string[match.stop - 1][2])
+        assert hit.cost == pytest.approx(match.cost, abs=1e-5)
+        assert hit.normalised_cost == pytest.approx(match.cost / len(asked), abs=1e-5)
+        assert (hit.start_seconds, hit.seconds) == (
+            hit.start / rates[hit.clip],
+            (hit.stop - hit.start) / rates[hit.clip],
+        )
+        assert hit.clip != clip or hit.stop <= known[clip][own[0]][1] or hit.start >= known[clip][own[-1]][2]
+        assert hit.path is not None
+        assert match.path is not None
+        for step, (x, y) in zip(hit.path, match.path.tolist(), strict=True):
+            _, start, stop = known[clip][own[x]]
+            assert step.query == (max(start, first), min(stop, last))
+            assert step.clip == string[y][1:]
+
+
+def test_a_file_outside_the_lake_is_answered_like_its_clip(
+    built_lake: Path, clips_folder: Path, aligner: Aligner
+) -> None:
+    clip, _ = longest(built_lake)
+    file = clips_folder / clip.partition("/")[2]
+    of_file = motionlake("align", file, "-k", 6, "--lake", built_lake, "--json").json
+    symbols = [symbol for symbol, _, _ in strings(built_lake)[clip]]
+    assert of_file == [hit.as_row() for hit in aligner.in_symbols(symbols, 6)]
+    own = next(row for row in of_file if row["clip"] == clip)
+    assert own["cost"] == pytest.approx(0, abs=1e-6)  # a file is not in the lake: its own range is an answer
+    assert all(row["clip"] != clip for row in motionlake("align", clip, "--lake", built_lake, "--json").json)
+    ranked = motionlake("align", file, "--whole", "-k", 6, "--lake", built_lake, "--json").json
+    of_clip = motionlake("align", clip, "--whole", "-k", 5, "--lake", built_lake, "--json").json
+    assert [row["clip"] for row in ranked if row["clip"] != clip] == [row["clip"] for row in of_clip]
+    assert [row["cost"] for row in ranked if row["clip"] == clip] == pytest.approx([0], abs=1e-6)
+
+
+@pytest.mark.parametrize("method", ["sta", "sw"])
+@pytest.mark.parametrize("both", ["max", "mean", "query"])
+def test_whole_clips_are_ranked_by_both_ways(
+    aligner: Aligner, both: Any, method: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(whole, "BATCH", 2)
+    kept = aligner.strings
+    costs = symmetric_costs(kept.repository, kept.distances, AlignmentConfig(method), both=both)
+    names = [c.clip for c in kept.clips]
+    for i in np.flatnonzero(kept.repository.lengths >= 2).tolist():
+        others = [j for j in range(len(names)) if j != i]
+        expected = sorted((float(costs[i, j]), names[j]) for j in others)[:5]
+        found = aligner.whole(names[i], 5, both=both, method=method)
+        assert [h.cost for h in found] == pytest.approx([cost for cost, _ in expected], abs=1e-6)
+        assert [h.rank for h in found] == [1, 2, 3, 4, 5]
+        for hit, (cost, name) in zip(found, expected, strict=True):
+            assert hit.clip == name or sum(abs(c - cost) < 1e-6 for c, _ in expected) > 1
+
+
+def test_a_match_may_cross_from_clip_to_clip(built_lake: Path, aligner: Aligner) -> None:
+    known = list(strings(built_lake).items())
+    about = {clip: (fps, frames) for clip, fps, frames in query(built_lake, "SELECT clip, fps, frames FROM clips")}
+    (before, head), (after, tail) = next(
+        pair for pair in pairwise(known) if len(pair[0][1]) > 2 and len(pair[1][1]) > 2
+    )
+    asked = [symbol for symbol, _, _ in head[-3:] + tail[:3]]
+    hit = aligner.in_symbols(asked, 1, crossing=True, stride=1)[0]
+    assert (hit.clip, hit.stop_clip, hit.cost) == (before, after, 0)
+    assert (hit.start, hit.stop) == (head[-3][1], tail[2][2])
+    (fps, frames), (next_fps, _) = about[before], about[after]
+    assert hit.seconds == pytest.approx((frames - hit.start) / fps + hit.stop / next_fps)
+    assert all(hit.cost > 0 for hit in aligner.in_symbols(asked, 3, stride=1))
+
+
+def test_a_long_query_answers_for_its_ranges(built_lake: Path, clips_folder: Path, aligner: Aligner) -> None:
+    clip, frames = longest(built_lake)
+    known = strings(built_lake)[clip]
+    outside = aligner.long_query(clips_folder / clip.partition("/")[2])
+    top = outside.matches(None, None, 1)[0]
+    assert (top.clip, top.start, top.stop, top.cost) == (clip, 0, frames, pytest.approx(0, abs=1e-6))
+    kept = aligner.long_query(clip)
+    for first in range(len(known) - 1):
+        start, stop = known[first][1], known[first + 1][2]
+        if start == known[first][2] or known[first + 1][1] == stop:
+            continue  # at a low rate a symbol may stand for no frame
+        for hit in kept.matches(start, stop, 5, paths=True):
+            assert hit.clip != clip or hit.stop <= start or hit.start >= stop
+            assert hit.path is not None
+            assert all(start <= a <= b <= stop for a, b in (step.query for step in hit.path))
+            assert (hit.path[0].clip[0], hit.path[-1].clip[1]) == (hit.start, hit.stop)
+
+
+def test_a_string_of_symbols_is_answered_in_sql(built_lake: Path, aligner: Aligner) -> None:
+    clip, _ = longest(built_lake)
+    asked = f"(SELECT symbols FROM symbol_strings WHERE clip = '{clip}'), k := 3"
+    symbols = query(built_lake, "SELECT symbols FROM symbol_strings WHERE clip = $clip", clip=clip)[0][0]
+    found = motionlake("sql", f"FROM align_symbols({asked}, model := 'postures-1')", "--lake", built_lake, "--json")
+    assert found.json == [hit.as_row() for hit in aligner.in_symbols(symbols, 3, model="postures-1")]
+    assert found.json[0]["clip"] == clip
+    other = motionlake("sql", f"FROM align_symbols({asked}, model := 'postures-7')", "--lake", built_lake)
+    assert other.status == 2
+    assert "a string over postures-7 does not compare with strings over postures-1; make it again" in other.err
+
+
+def test_config_says_how_to_align_and_redoes_nothing(lake: Path, scheduler: str) -> None:
+    clip, _ = longest(lake)
+    ask = ["align", clip, "-k", 5, "--lake", lake, "--json"]
+    expected = motionlake(*ask, "--method", "dtw").json
+    assert expected != motionlake(*ask).json
+    (lake / "config.toml").write_text(QUICK + '[alignment]\nmethod = "dtw"\n', encoding="utf-8")
+    assert load_config(lake / "config.toml").alignment.method == "dtw"
+    assert motionlake(*ask).json == expected
+    again = motionlake("run", "all", "--lake", lake, "--scheduler", scheduler, "--json").json
+    assert {row["shards"] for row in again} == {0}
+
+
+def test_mistakes_are_met_with_one_clear_line(built_lake: Path, tmp_path: Path, aligner: Aligner) -> None:
+    clip, frames = longest(built_lake)
+    (_, start, stop), *_ = [row for row in strings(built_lake)[clip] if row[2] > row[1]]
+    for words, said in (
+        ([clip, "--from", start, "--to", stop], "are one symbol, a posture that is held"),
+        ([clip, "--from", frames], f"has frames 0 to {frames}"),
+        ([clip, "--from", 9, "--to", 4], f"has frames 0 to {frames}"),
+        ([clip, "--stride", 0], "stride is 0"),
+        ([clip, "--method", "guess"], "not one of sta, dtw, sw"),
+        ([clip, "--whole", "--from", 2], "--whole: compares whole clips"),
+        ([clip, "--path"], "--path: needs --json"),
+        (["nowhere"], "no such clip"),
+    ):
+        run = motionlake("align", *words, "--lake", built_lake)
+        assert (run.status, run.err.count("\n"), run.out) == (2, 1, "")
+        assert said in run.err
+    for text, said in (
+        ("align_symbols([]::INTEGER[])", "is empty"),
+        ("align_symbols([3])", "one symbol"),
+        ("align_symbols([3, 4000])", "symbol 4000"),
+        ("align_motion('nowhere', NULL, NULL)", "nowhere: has no symbol string yet"),
+        (f"align_motion('{clip}', NULL, NULL, stride := 0)", "stride is 0"),
+        (f"align_motion('{clip}', NULL, NULL, k := -1)", "k is -1"),
+        ("aligned_clips('nowhere')", "nowhere: has no symbol string yet"),
+        (f"aligned_clips('{clip}', k := -1)", "k is -1"),
+    ):
+        run = motionlake("sql", f"FROM {text}", "--lake", built_lake)
+        assert (run.status, run.err.count("\n")) == (2, 1), run.err
+        assert said in run.err
+    with pytest.raises(UserError, match="sw"):
+        aligner.long_query(clip, method="sw")
+    with pytest.raises(UserError, match="both is 'all'"):
+        aligner.whole(clip, 3, both="all")  # type: ignore[arg-type]
+    empty = tmp_path / "empty"
+    assert motionlake("init", empty).status == 0
+    assert "motionlake run all" in motionlake("align", clip, "--lake", empty).err
+    assert motionlake("align", clip, "--in", "elsewhere", "--lake", built_lake, "--json").json == []
