@@ -4,14 +4,14 @@ BENCH := .venv-bench/bin
 PIP := -m pip --quiet --disable-pip-version-check
 LAKE ?= lake
 DIST ?= dist
-STAGES := frames words embed motifs signatures mirrored
+STAGES := frames words embed motifs signatures mirrored postures symbols
 # What `make demo` takes in: by default the DeepMimic motions, fetched first.
 DATA ?= demo/deepmimic
 DEMO_LAKE = demo/$(notdir $(abspath $(DATA)))-lake
 DEMO_QUERIES = $(if $(filter demo/deepmimic,$(DATA)),humanoid3d_walk humanoid3d_kick humanoid3d_dance_a,--sample 3)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test lint ingest all $(STAGES) neighbours transitions status wheel bench-ingest bench-dtw bench-emd bench-retrieval bench-representation bench-words bench-find bench-motion-graph bench-neighbours bench-segmentation bench-signatures
+.PHONY: help setup demo test lint ingest all $(STAGES) neighbours transitions status wheel bench-ingest bench-dtw bench-emd bench-retrieval bench-representation bench-words bench-find bench-motion-graph bench-neighbours bench-segmentation bench-signatures bench-align bench-pesta
 
 help: ## Show this help
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 24
@@ -61,6 +61,8 @@ embed: setup ## Stage: train the word network if there is none, embed every word
 motifs: setup ## Stage: cluster the words if there are no motifs, assign every word
 signatures: setup ## Stage: tf-idf signatures of clips, ready for search
 mirrored: setup ## Stage: the signature of every clip mirrored left to right
+postures: setup ## Stage: train the posture dictionary if there is none, code every frame
+symbols: setup ## Stage: coded frames to the symbol string of every clip
 neighbours: setup ## Stage of its own: the nearest words of every word in other clips
 	$(BIN)/motionlake run neighbours --lake "$(LAKE)"
 transitions: setup ## Stage of its own: where clips of DATASET=name (all datasets) can be joined into motion graphs
@@ -118,3 +120,9 @@ bench-segmentation: setup ## Measure segmentation: exercises by the other takes,
 
 bench-signatures: setup ## Measure retrieval, classification and clustering on four sets, twice each
 	$(BIN)/python -m bench.signatures
+
+bench-align: .venv-bench/.ready ## Measure strided alignment against librosa, tandem repeats against a suffix array
+	$(BENCH)/python -m bench.align
+
+bench-pesta: setup ## Measure PESTA as the paper does: tables 3 to 6, figure 8, ablations (hours; PARTS="whole ...": some)
+	$(BIN)/python -m bench.pesta $(PARTS)

@@ -79,7 +79,7 @@ def evaluate_signatures(
     notice(f"{len(labels)} clips of {len(set(labels))} classes: {pairs} distances")
     ground = lake_ground(con)
     result = _measures(emd_matrix(signed.signatures, ground), labels, signed, column)
-    features = _features(con, lake, signed) if dtw is not False else []
+    features = clip_features(con, lake, signed) if dtw is not False else []
     seconds = frame_pairs([len(f) for f in features]) / CELLS_PER_SECOND
     if dtw is None and seconds > PATIENCE:
         notice(
@@ -95,7 +95,7 @@ def evaluate_signatures(
 
 def dtw_distances(con: Connection, lake: Lake, signed: SignedClips) -> Float64Array:
     """[n, n] whole-clip DTW between clips of a lake."""
-    return dtw_matrix(_features(con, lake, signed))
+    return dtw_matrix(clip_features(con, lake, signed))
 
 
 def _measures(distances: Float64Array, labels: list[str], signed: SignedClips, column: str) -> dict[str, Any]:
@@ -125,7 +125,7 @@ def _one_vs_all(distances: Float64Array, labels: list[str]) -> dict[str, Any] | 
     return {"accuracy": folded_accuracy(distances, labels, folds, classify), "protocol": protocol}
 
 
-def _features(con: Connection, lake: Lake, signed: SignedClips) -> list[NDArray[np.float32]]:
+def clip_features(con: Connection, lake: Lake, signed: SignedClips) -> list[NDArray[np.float32]]:
     """What DTW compares, of every clip; each frames part is read once."""
     rates = {clip.clip: clip.fps for clip in signed.clips}
     found: dict[str, NDArray[np.float32]] = {}

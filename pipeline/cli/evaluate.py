@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
@@ -11,7 +12,7 @@ from pipeline.cli.common import JsonOption, LakeOption, notice, print_json, prin
 from pipeline.cli.segment import LabelColumn
 from pipeline.errors import UserError
 from pipeline.lake.catalog import reading
-from pipeline.lake.layout import check_dataset, open_lake
+from pipeline.lake.layout import Lake, check_dataset, open_lake
 
 ABOUT = """Measures on labelled clips of a lake.
 
@@ -19,12 +20,19 @@ Example: motionlake evaluate signatures --dataset hdm05 --json --lake mylake"""
 BASELINES = {"auto": None, "dtw": True, "none": False}
 
 DatasetOption = Annotated[str | None, typer.Option("--dataset", help="Clips of this dataset only.", show_default=False)]
+OnlyOption = Annotated[
+    str | None, typer.Option("--only", help="COLUMN=VALUE: clips with this value alone.", show_default=False)
+]
+BaselineOption = Annotated[
+    str, typer.Option(help="Whole-clip DTW beside it: auto (where it takes minutes at most), dtw, none.")
+]
 
 
 def add_to(app: typer.Typer) -> None:
     evaluate = typer.Typer(name="evaluate", help=ABOUT, no_args_is_help=True)
     evaluate.command()(signatures)
     evaluate.command()(segmentation)
+    evaluate.command()(pesta)
     app.add_typer(evaluate)
 
 
@@ -32,12 +40,8 @@ def signatures(
     lake: LakeOption,
     dataset: DatasetOption = None,
     column: LabelColumn = "label",
-    only: Annotated[
-        str | None, typer.Option("--only", help="COLUMN=VALUE: clips with this value alone.", show_default=False)
-    ] = None,
-    baseline: Annotated[
-        str, typer.Option(help="Whole-clip DTW beside it: auto (where it takes minutes at most), dtw, none.")
-    ] = "auto",
+    only: OnlyOption = None,
+    baseline: BaselineOption = "auto",
     as_json: JsonOption = False,
 ) -> None:
     """How well signatures retrieve and classify: each labelled clip queries all others.
@@ -50,11 +54,7 @@ def signatures(
     """
     from pipeline.evaluating import evaluate_signatures
 
-    if baseline not in BASELINES:
-        raise UserError(f"--baseline {baseline}: use one of {', '.join(BASELINES)}")
-    target = open_lake(lake)
-    if dataset is not None:
-        check_dataset(dataset)
+    target = _target(lake, dataset, baseline)
     with reading(target) as con:
         found = evaluate_signatures(
             con, target, dataset=dataset, column=column, only=_only(only), dtw=BASELINES[baseline], notice=notice
@@ -98,6 +98,56 @@ def segmentation(
         return
     rows = [{"clip": clip, **scores} for clip, scores in found["per_clip"].items()]
     print_rows([*rows, {"clip": "mean", **{k: v for k, v in found.items() if k != "per_clip"}}], as_json=False)
+
+
+def pesta(
+    lake: LakeOption,
+    dataset: DatasetOption = None,
+    column: LabelColumn = "label",
+    only: OnlyOption = None,
+    stride: Annotated[
+        int | None, typer.Option(min=1, help="w of sta: 3 for whole clips, 2 for sub-queries.", show_default=False)
+    ] = None,
+    baseline: BaselineOption = "auto",
+    as_json: JsonOption = False,
+) -> None:
+    """How well strided alignment of the lake's strings retrieves: each labelled clip queries all others.
+
+    By method (sta, dtw, sw; signatures and dtw_frames beside them): map, p_at_2, p_at_5, p_at_10, p_at_15, p_at_20, n
+    queries, nn; with --json the precision-recall curve and the confusion of the first 20 hits. Where clips have
+    segments, sub_queries: each is a long query in turn, asked of the others by windows of 12 symbols.
+
+    Example: motionlake evaluate pesta --dataset hdm05 --json --lake mylake
+    """
+    from pipeline.evaluating_pesta import evaluate_pesta
+
+    target = _target(lake, dataset, baseline)
+    with reading(target) as con:
+        found = evaluate_pesta(
+            con, target, dataset=dataset, column=column, only=_only(only), dtw=BASELINES[baseline], stride=stride,
+            notice=notice,
+        )  # fmt: skip
+    if as_json:
+        print_json(found)
+        return
+    asked = found.pop("sub_queries")
+    rows = [
+        {"method": method, **{key: value for key, value in row.items() if key not in ("curve", "confusion")}}
+        for method, row in found.items()
+        if row is not None
+    ]
+    if rows:
+        print_rows(rows, as_json=False)
+    if asked is not None:
+        print_rows([{"sub_queries": name, **asked[name]} for name in ("pesta", "pesta_lq")], as_json=False)
+
+
+def _target(lake: Path, dataset: str | None, baseline: str) -> Lake:
+    if baseline not in BASELINES:
+        raise UserError(f"--baseline {baseline}: use one of {', '.join(BASELINES)}")
+    if dataset is not None:
+        check_dataset(dataset)
+    return open_lake(lake)
 
 
 def _only(text: str | None) -> tuple[str, str] | None:

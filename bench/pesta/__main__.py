@@ -1,0 +1,132 @@
+"""`python -m bench.pesta [--seeds N] [--processes N] [--hidden N] [--all] [PART ...]`: what each part measures.
+
+whole: Table 5 (hdm05, bandai1; --all: salsa and utd_mhad too). ranges: Table 3. sub_queries: Table 4. robustness:
+Fig. 8. elasticity: Table 6. ablations: of the autoencoder, the features and the alignment.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict
+from typing import Any, Final
+
+from bench.pesta import ablations, elasticity, ranges, robustness, sub_queries, whole
+from bench.pesta.dictionaries import OWN, Spec
+from bench.pesta.measuring import SEEDS, Found, in_processes, table, with_seeds
+from bench.pesta.sets import hash_sets
+from bench.record import record
+from pipeline.postures.recipe import AutoencoderRecipe, recipe_of
+
+Rows = dict[str, dict[int, Found]]
+
+
+def _gathered(
+    measure: Callable[[Any], dict[str, Found]], units: Sequence[Any], processes: int, order: Callable[[Any], str]
+) -> dict[str, Rows]:
+    """{set: {row: {seed: found}}}, rows in the order of the units."""
+    done = dict(in_processes(measure, units, processes, str))
+    gathered: dict[str, Rows] = {}
+    for unit in units:
+        for name, found in done[unit].items():
+            gathered.setdefault(order(unit), {}).setdefault(name, {})[getattr(unit, "seed", 0)] = found
+    return gathered
+
+
+def measure_whole(given: argparse.Namespace, aae: Spec) -> tuple[dict[str, Any], Sequence[str]]:
+    sets = whole.MORE_SETS if given.all else whole.SETS
+    runs = _gathered(whole.measure, whole.units(sets, given.chosen, aae), given.processes, lambda u: u.set_name)
+    result = {name: with_seeds(rows) for name, rows in runs.items()}
+    for name, rows in result.items():
+        print(f"\n{table(name, rows, (*whole.SCORES, 'n', 'symbols'))}")
+        _show_classes(name, rows)
+    return result, sets
+
+
+def measure_ranges(given: argparse.Namespace, aae: Spec) -> tuple[dict[str, Any], Sequence[str]]:
+    runs = _gathered(ranges.measure, ranges.units(given.chosen, aae), given.processes, lambda unit: ranges.SET)
+    rows = with_seeds(runs[ranges.SET])
+    print(f"\n{table(ranges.SET, rows, ('map', 'mean_of_classes', 'p_at_5', 'nn', 'n'))}")
+    _show_classes(ranges.SET, rows)
+    return rows, [ranges.SET]
+
+
+def measure_sub_queries(given: argparse.Namespace, aae: Spec) -> tuple[dict[str, Any], Sequence[str]]:
+    units = sub_queries.units(given.chosen, aae)
+    rows = with_seeds(_gathered(sub_queries.measure, units, 1, lambda unit: sub_queries.SET)[sub_queries.SET])
+    print(f"\n{table(sub_queries.SET, rows, (*sub_queries.SCORES, 'seconds', 'share_of_time', 'points_lost'))}")
+    print(sub_queries.verdict(rows))
+    return {"rows": rows, "paper": sub_queries.PAPER}, [sub_queries.SET]
+
+
+def measure_robustness(given: argparse.Namespace, aae: Spec) -> tuple[dict[str, Any], Sequence[str]]:
+    units = robustness.units(given.chosen, aae)
+    runs = _gathered(robustness.measure, units, given.processes, lambda unit: robustness.SET)
+    rows = with_seeds(runs[robustness.SET])
+    curves = robustness.fall(rows)
+    print(f"\nMAP by rate, and its share of that at rate 0, {robustness.SET}")
+    for method, curve in curves.items():
+        cells = "  ".join(f"{value:.3f}" for value in curve["map"])
+        kept = "  ".join(f"{value:.3f}" for value in curve["kept"])
+        print(f"  {method:40} {cells}   {kept}")
+    print(robustness.verdict(curves))
+    return {"curves": curves, "rows": rows}, [robustness.SET]
+
+
+def measure_elasticity(given: argparse.Namespace, aae: Spec) -> tuple[dict[str, Any], Sequence[str]]:
+    units = elasticity.units(given.chosen, aae)
+    rows = with_seeds(_gathered(elasticity.measure, units, 1, lambda unit: elasticity.SET)[elasticity.SET])
+    print(f"\n{table(elasticity.SET, rows, elasticity.SCORES)}")
+    return rows, [elasticity.SET]
+
+
+def measure_ablations(given: argparse.Namespace, aae: Spec) -> tuple[dict[str, Any], Sequence[str]]:
+    units = ablations.units(ablations.SETS, aae)
+    runs = _gathered(ablations.measure, units, given.processes, lambda unit: unit.set_name)
+    result = {name: with_seeds(rows) for name, rows in runs.items()}
+    for name, rows in result.items():
+        print(f"\n{table(name, rows, ('map', 'p_at_5', 'nn', 'symbols', 'occupied'))}")
+    return result, ablations.SETS
+
+
+PARTS: Final[dict[str, Callable[[argparse.Namespace, Spec], tuple[dict[str, Any], Sequence[str]]]]] = {
+    "whole": measure_whole,
+    "ranges": measure_ranges,
+    "sub_queries": measure_sub_queries,
+    "robustness": measure_robustness,
+    "elasticity": measure_elasticity,
+    "ablations": measure_ablations,
+}
+
+
+def _show_classes(title: str, rows: Mapping[str, Found]) -> None:
+    """MAP of each class, as Tables 3 and 5 have it."""
+    classes = sorted({label for row in rows.values() for label in row["mean"]["map_by_class"]})
+    print(f"\n{title}, MAP by class: {', '.join(f'{i} {label}' for i, label in enumerate(classes, 1))}")
+    for name, row in rows.items():
+        by_class = row["mean"]["map_by_class"]
+        print(f"  {name:36} {'  '.join(f'{by_class[label]:.3f}' for label in classes)}")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("parts", nargs="*", metavar="PART", help=f"of {', '.join(PARTS)} (default: all)")
+    parser.add_argument("--seeds", type=int, default=len(SEEDS), choices=range(1, len(SEEDS) + 1))
+    parser.add_argument("--processes", type=int, default=2, help="at work side by side, one thread each")
+    parser.add_argument("--hidden", type=int, help="units of the autoencoder's layers: fewer, to try the bench itself")
+    parser.add_argument("--all", action="store_true", help="whole: salsa and utd_mhad as well")
+    given = parser.parse_args()
+    if unknown := sorted(set(given.parts) - set(PARTS)):
+        parser.error(f"no part {', '.join(unknown)}; there are {', '.join(PARTS)}")
+    given.chosen = SEEDS[: given.seeds]
+    recipe = AutoencoderRecipe(hidden=given.hidden) if given.hidden else None
+    aae = Spec(OWN, recipe)
+    for part in given.parts or list(PARTS):
+        print(f"\n{part}", flush=True)
+        figures, sets = PARTS[part](given, aae)
+        settings = {"postures": asdict(OWN), "recipe": asdict(recipe or recipe_of(OWN)), "seeds": list(given.chosen)}
+        print(record(f"pesta-{part.replace('_', '-')}", {**settings, "figures": figures}, hash_sets(sets)))
+
+
+if __name__ == "__main__":
+    main()

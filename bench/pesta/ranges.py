@@ -1,0 +1,108 @@
+"""Whole-sequence retrieval by several labels (section 8.3.1, Table 3) on cmu_bvh and its ranges.
+
+A clip carries a label where one of its ranges has it; clips without ranges stay in the repository and carry none.
+Queries are ranges: up to 10 of each label, drawn with the seed, cut out of their clip's string; the clip itself is left
+out of the answers. A label that one clip alone carries has no query. Clips are ranked by their best sub-sequence, for
+each symbol of the query ("one way", the paper's), and by the worse of that and of the clip in the query.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from bench.pesta.dictionaries import Spec, fitted, strings_of
+from bench.pesta.measuring import STA3, Found
+from bench.pesta.sets import segments_of
+from bench.pesta.whole import DTW, SCORES, SW, specs
+from pipeline.alignment.config import AlignmentConfig
+from pipeline.alignment.scan import pairwise
+from pipeline.alignment.strings import Repository
+from pipeline.evaluation.ranking import ranked_relevance, score_classes, score_rankings, share_label
+from pipeline.symbols.strings import SymbolString
+
+SET: Final = "cmu_bvh"
+EACH: Final = 10
+ALIGNMENTS: Final[dict[str, tuple[AlignmentConfig, bool]]] = {
+    "STA w = 3, one way": (STA3, False),
+    "DTW, one way": (DTW, False),
+    "SW, one way": (SW, False),
+    "STA w = 3": (STA3, True),
+    "DTW": (DTW, True),
+    "SW": (SW, True),
+}
+
+
+@dataclass(frozen=True)
+class Unit:
+    """One dictionary."""
+
+    dictionary: str
+    spec: Spec
+    seed: int
+
+    def __str__(self) -> str:
+        return f"{SET}, {self.dictionary}, seed {self.seed}"
+
+
+def units(seeds: Sequence[int], aae: Spec) -> list[Unit]:
+    return [Unit(name, spec.seeded(seed), seed) for name, spec in specs(aae).items() for seed in seeds]
+
+
+def drawn_ranges(seed: int) -> list[tuple[int, int, int, str]]:
+    """(clip, start, stop, label) of the queries, by label, then clip."""
+    rng = np.random.default_rng(seed)
+    found = []
+    ranges = [(clip, *segment) for clip, segments in enumerate(segments_of(SET)) for segment in segments]
+    for label in sorted({each[3] for each in ranges}):
+        own = [each for each in ranges if each[3] == label]
+        chosen = np.sort(rng.permutation(len(own))[:EACH])
+        found += [own[i] for i in chosen]
+    return found
+
+
+def cut(string: SymbolString, start: int, stop: int) -> np.ndarray:
+    """The symbols that stand for frames [start, stop)."""
+    return string.symbols[(string.starts < stop) & (string.stops > start)]
+
+
+def measure(unit: Unit) -> dict[str, Found]:
+    """Every alignment of one dictionary."""
+    made, strings = fitted(SET, unit.spec), strings_of(SET, unit.spec)
+    carried = [{label for _, _, label in segments} for segments in segments_of(SET)]
+    drawn = drawn_ranges(unit.seed)
+    labels = [label for *_, label in drawn]
+    queries = [cut(strings[clip], start, stop) for clip, start, stop, _ in drawn]
+    candidates = np.arange(len(strings)) != np.array([clip for clip, *_ in drawn])[:, None]
+    relevant = share_label(labels, carried) & candidates
+    rows = {}
+    for name, (config, both) in ALIGNMENTS.items():
+        costs = ranged_costs(queries, [s.symbols for s in strings], made.distances, config, both)
+        rankings = ranked_relevance(costs, relevant, candidates)
+        scores, by_class = score_rankings(rankings), score_classes(rankings, labels)
+        rows[f"{unit.dictionary} + {name}"] = {
+            **{key: getattr(scores, key) for key in (*SCORES, "n")},
+            "map_by_class": {label: each.map for label, each in by_class.items()},
+            "mean_of_classes": float(np.mean([each.map for each in by_class.values()])),
+        }
+    return rows
+
+
+def ranged_costs(
+    queries: Sequence[np.ndarray],
+    strings: Sequence[np.ndarray],
+    distances: np.ndarray,
+    config: AlignmentConfig,
+    both: bool,
+) -> np.ndarray:
+    """[q, n] costs of queries in clips for each symbol; with `both` the greater of those and the clips' in them."""
+    costs = pairwise(queries, Repository.of(strings), distances, config)
+    costs /= np.array([len(query) for query in queries], dtype=np.float32)[:, None]
+    if not both:
+        return costs
+    back = pairwise(strings, Repository.of(queries), distances, config)
+    back /= np.array([len(string) for string in strings], dtype=np.float32)[:, None]
+    return np.maximum(costs, back.T)

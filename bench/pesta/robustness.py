@@ -1,0 +1,122 @@
+"""Clips with pieces of other motions in them (section 8.4, Fig. 8) on hdm05: MAP by the share of replaced pieces.
+
+Pieces of 10 frames at 120 Hz are replaced in canonical positions, before anything is computed; each is moved and
+turned about the vertical so that its first frame stands and faces as the one that it replaces: what is singular is the
+posture and how it moves, not the place. Every clip is replaced, queries and repository alike. The dictionary is trained
+on the set as it was recorded, and frozen.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from bench.canonical_sets import LabelledClip, features
+from bench.pesta.dictionaries import Spec, fitted, string
+from bench.pesta.measuring import STA2, STA3, Found, whole_scores
+from bench.pesta.sets import clips_of, labels_of
+from bench.pesta.whole import DTW, SW, specs
+from pipeline.alignment.config import AlignmentConfig
+from pipeline.alignment.scan import Both
+from pipeline.evaluation.singularity import PIECE, singular_pieces
+from pipeline.skeleton.canonical import INDEX
+from pipeline.skeleton.facing import facing
+
+SET: Final = "hdm05"
+RATES: Final = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5)
+ALIGNMENTS: Final[dict[str, tuple[AlignmentConfig, Both]]] = {
+    "STA w = 3": (STA3, "max"),
+    "STA w = 2": (STA2, "max"),
+    "STA w = 4": (AlignmentConfig("sta", 4), "max"),
+    "DTW": (DTW, "max"),
+    "SW": (SW, "max"),
+    "SW, gap as dear as a match": (AlignmentConfig("sw", gap=SW.threshold), "max"),
+    "STA w = 3, one way": (STA3, "query"),
+    "STA w = 2, one way": (STA2, "query"),
+    "DTW, one way": (DTW, "query"),
+    "SW, one way": (SW, "query"),
+}
+
+
+@dataclass(frozen=True)
+class Unit:
+    """One dictionary at every rate."""
+
+    dictionary: str
+    spec: Spec
+    seed: int
+
+    def __str__(self) -> str:
+        return f"{SET}, {self.dictionary}, seed {self.seed}"
+
+
+def units(seeds: Sequence[int], aae: Spec) -> list[Unit]:
+    chosen = {name: spec for name, spec in specs(aae).items() if name in ("AAE", "k-means")}
+    return [Unit(name, spec.seeded(seed), seed) for name, spec in chosen.items() for seed in seeds]
+
+
+def measure(unit: Unit) -> dict[str, Found]:
+    """Every alignment at every rate; the seed draws pieces too."""
+    made, config = fitted(SET, unit.spec), unit.spec.config
+    rows: dict[str, Found] = {}
+    for rate in RATES:
+        clips = singular_clips(rate, unit.seed)
+        features_of = features(clips, config.frames)
+        strings = [string(made.encode(each), c, config.fps) for each, c in zip(features_of, clips, strict=True)]
+        for name, (alignment, both) in ALIGNMENTS.items():
+            found = whole_scores(strings, made.distances, labels_of(SET), alignment, both)
+            rows[f"{unit.dictionary} + {name}, rate {rate:g}"] = found | {"symbols": sum(map(len, strings))}
+    return rows
+
+
+def singular_clips(rate: float, seed: int) -> list[LabelledClip]:
+    """The set with pieces replaced."""
+    clips = clips_of(SET)
+    pieces = singular_pieces([len(clip.positions) for clip in clips], labels_of(SET), rate, seed)
+    found = []
+    for clip, rows in zip(clips, pieces, strict=True):
+        positions, rotations = clip.positions.copy(), clip.rotations.copy()
+        for at, source, start in rows.tolist():
+            other = clips[source]
+            own, taken = slice(at, at + PIECE), slice(start, start + PIECE)
+            positions[own] = placed(other.positions[taken], clip.positions[at])
+            rotations[own] = other.rotations[taken]
+        found.append(replace(clip, positions=positions, rotations=rotations))
+    return found
+
+
+def placed(piece: np.ndarray, frame: np.ndarray) -> np.ndarray:
+    """A piece [n, 21, 3] whose first frame has its hips above those of a `frame` [21, 3] and faces as it does."""
+    turn = float(facing(frame[None])[0] - facing(piece[:1])[0])
+    cos, sin = np.cos(turn), np.sin(turn)
+    hips = piece[0, INDEX["hips"]]
+    x, z = piece[..., 0] - hips[0], piece[..., 2] - hips[2]
+    at = frame[INDEX["hips"]]
+    return np.stack([cos * x + sin * z + at[0], piece[..., 1], cos * z - sin * x + at[2]], axis=-1)
+
+
+def fall(rows: dict[str, Found]) -> dict[str, dict[str, list[float]]]:
+    """{method: {map: by rate, kept: MAP as a share of that at rate 0}}, for curves."""
+    found: dict[str, dict[str, list[float]]] = {}
+    for name, row in rows.items():
+        method, _, rate = name.rpartition(", rate ")
+        curve = found.setdefault(method, {"rate": [], "map": [], "kept": []})
+        curve["rate"].append(float(rate))
+        curve["map"].append(row["mean"]["map"])
+        curve["kept"].append(row["mean"]["map"] / curve["map"][0])
+    return found
+
+
+def verdict(curves: dict[str, dict[str, list[float]]], dictionary: str = "AAE") -> str:
+    """Which alignment keeps most of its MAP, at each rate above 0."""
+    own = {name: curve for name, curve in curves.items() if name.startswith(f"{dictionary} + ")}
+    rates = next(iter(own.values()))["rate"]
+    lines = []
+    for i, rate in list(enumerate(rates))[1:]:
+        order = sorted(own, key=lambda name: -own[name]["kept"][i])
+        shown = ", ".join(f"{name.partition(' + ')[2]} {own[name]['kept'][i]:.3f}" for name in order[:4])
+        lines.append(f"  rate {rate:g} keeps most of its MAP: {shown}")
+    return "\n".join(lines)

@@ -1,0 +1,106 @@
+"""Whole-sequence retrieval (section 8.3.1, Table 5): dictionaries by alignments, DTW on frames and signatures beside.
+
+Dictionaries are trained on the set itself without labels. "start" rows put k-means or a self-organising map into the
+space that the autoencoder's codes start in: what lies between them and "AAE" is what training the network adds.
+"ready-made" is the dictionary that comes with the package, trained on CMU sets alone.
+Costs are the greater of both ways, each for every symbol of its query; "one way" is the paper's own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+from bench.canonical_sets import features
+from bench.pesta.dictionaries import OWN, Spec, fitted, ready_made, strings_of
+from bench.pesta.measuring import STA2, STA3, Found, score_distances, whole_scores
+from bench.pesta.sets import clips_of, labels_of
+from pipeline.alignment.config import AlignmentConfig
+from pipeline.alignment.scan import Both
+from pipeline.symbols.config import SymbolsConfig
+
+SETS: Final = ("hdm05", "bandai1")
+MORE_SETS: Final = ("hdm05", "bandai1", "salsa", "utd_mhad")
+REFERENCES: Final = "references"
+READY: Final = "ready-made"
+SCORES: Final = ("map", "p_at_2", "p_at_5", "p_at_10", "p_at_15", "p_at_20", "nn")
+FULL, RUNS = SymbolsConfig(), SymbolsConfig(repeats=False)
+DTW, SW = AlignmentConfig("dtw"), AlignmentConfig("sw")
+ALIGNMENTS: Final[dict[str, tuple[AlignmentConfig, Both, SymbolsConfig]]] = {
+    "STA w = 3": (STA3, "max", FULL),
+    "STA w = 2": (STA2, "max", FULL),
+    "DTW": (DTW, "max", FULL),
+    "SW": (SW, "max", FULL),
+    "STA w = 3, one way": (STA3, "query", FULL),
+    "STA w = 2, one way": (STA2, "query", FULL),
+    "DTW, one way": (DTW, "query", FULL),
+    "SW, one way": (SW, "query", FULL),
+    "STA w = 3, repeats kept": (STA3, "max", RUNS),
+    "STA w = 2, repeats kept": (STA2, "max", RUNS),
+    "DTW, repeats kept": (DTW, "max", RUNS),
+}
+
+
+@dataclass(frozen=True)
+class Unit:
+    """One dictionary of one set; `REFERENCES` for methods without one."""
+
+    set_name: str
+    dictionary: str
+    spec: Spec
+    seed: int
+
+    def __str__(self) -> str:
+        return f"{self.set_name}, {self.dictionary}, seed {self.seed}"
+
+
+def specs(aae: Spec) -> dict[str, Spec]:
+    """The dictionaries that are compared, by name, given the autoencoder's."""
+    kmeans, som = replace(OWN, dictionary="kmeans"), replace(OWN, dictionary="som")
+    return {
+        "AAE": aae,
+        "k-means": Spec(kmeans),
+        "SOM": Spec(som),
+        "k-means, start": Spec(kmeans, aae.recipe, started=True),
+        "SOM, start": Spec(som, aae.recipe, started=True),
+    }
+
+
+def units(sets: Sequence[str], seeds: Sequence[int], aae: Spec) -> list[Unit]:
+    made = [Unit(s, name, spec.seeded(seed), seed) for s in sets for name, spec in specs(aae).items() for seed in seeds]
+    if ready := ready_made():
+        made += [Unit(s, READY, ready, 0) for s in sets]
+    return made + [Unit(s, REFERENCES, Spec().seeded(seed), seed) for s in sets for seed in seeds]
+
+
+def measure(unit: Unit) -> dict[str, Found]:
+    """Every alignment of one dictionary."""
+    if unit.dictionary == REFERENCES:
+        return references(unit.set_name, unit.seed)
+    made, labels = fitted(unit.set_name, unit.spec), labels_of(unit.set_name)
+    rows = {}
+    for name, (config, both, reduced) in ALIGNMENTS.items():
+        strings = strings_of(unit.set_name, unit.spec, reduced)
+        rows[f"{unit.dictionary} + {name}"] = whole_scores(strings, made.distances, labels, config, both) | {
+            "symbols": sum(map(len, strings)),
+            "occupied": made.figures["occupied"],
+        }
+    return rows
+
+
+def references(set_name: str, seed: int) -> dict[str, Found]:
+    """Signatures of learned words, and whole-clip DTW on frames (seed 0 alone: it has none)."""
+    from bench.representation import K, by_l2, learned
+    from pipeline.emd import emd_matrix
+    from pipeline.evaluation.dtw import BASELINE, dtw_matrix
+    from pipeline.signatures import signatures
+    from pipeline.words.features import WordConfig
+
+    clips, labels = clips_of(set_name), labels_of(set_name)
+    grouped = by_l2(learned)(features(clips, WordConfig()), WordConfig(), K, seed)
+    made, _ = signatures(grouped.clips, len(grouped.ground))
+    rows = {"signatures": score_distances(emd_matrix(made, grouped.ground), labels)}
+    if seed == 0:
+        rows["whole-clip DTW on frames"] = score_distances(dtw_matrix(features(clips, BASELINE)), labels)
+    return rows

@@ -1,0 +1,246 @@
+"""PESTA's measures: rankings, curves, confusions, sub-queries and singular pieces by hand, and the command."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pipeline.alignment.config import AlignmentConfig
+from pipeline.alignment.scan import symmetric_costs
+from pipeline.evaluation.confusion import confusion
+from pipeline.evaluation.ranking import (
+    others,
+    precision_recall,
+    precision_recall_classes,
+    ranked_relevance,
+    relatives,
+    score_classes,
+    score_rankings,
+    share_label,
+)
+from pipeline.evaluation.retrieval import leave_one_out
+from pipeline.evaluation.singularity import singular_pieces
+from pipeline.evaluation.sub_queries import (
+    SubQuery,
+    Take,
+    ask_all,
+    class_of,
+    fresh_search,
+    long_questions,
+    score_sub_queries,
+    shared_search,
+    sub_queries,
+)
+from pipeline.symbols.strings import SymbolString
+from tests.lakes import motionlake, query
+from tests.test_evaluate import taught_lake
+
+KEYS = ("map", "p_at_2", "p_at_5", "p_at_10", "p_at_15", "p_at_20", "n")
+
+
+def test_rankings_are_scored_by_hand() -> None:
+    rankings = [np.array(row, dtype=bool) for row in ([1, 0, 1, 0, 0, 0], [0, 0, 0, 1, 0, 0], [0] * 6)]
+    found = score_rankings(rankings)
+    assert found.n == 2  # the third has nothing to find
+    assert found.map == pytest.approx(((1 + 2 / 3) / 2 + 1 / 4) / 2)
+    assert (found.nn, found.p_at_2) == (1 / 2, 1 / 4)
+    assert found.p_at_5 == pytest.approx((2 / 5 + 1 / 5) / 2)
+    assert found.p_at_10 == found.p_at_20 == pytest.approx((2 / 6 + 1 / 6) / 2)  # of the six that there are
+    by_class = score_classes(rankings, ["b", "a", "c"])
+    assert list(by_class) == ["a", "b"]
+    assert by_class["a"].map == 1 / 4
+    with pytest.raises(ValueError, match="nothing to retrieve"):
+        score_rankings(rankings[2:])
+
+
+def test_a_precision_recall_curve_by_hand() -> None:
+    """Four relevant hits at ranks 1, 2, 5 and 10: a half of them takes 2 hits, three quarters 5, all of them 10."""
+    hits = np.zeros(12, dtype=bool)
+    hits[[0, 1, 4, 9]] = True
+    one = np.array([0, 1], dtype=bool)
+    assert precision_recall([hits], 4)["precision"] == [1, 1, 3 / 5, 4 / 10]
+    assert precision_recall([hits, one, np.zeros(3, dtype=bool)], 4) == {
+        "recall": [0.25, 0.5, 0.75, 1],
+        "precision": [0.75, 0.75, pytest.approx(0.55), pytest.approx(0.45)],
+    }
+    assert precision_recall_classes([hits, one], ["a", "b"], 4)["b"] == [0.5] * 4
+
+
+def test_a_clip_of_several_labels_is_relevant_for_each() -> None:
+    carried = [{"walk", "turn"}, {"walk"}, set(), {"turn"}]
+    relevant = share_label(["turn", "walk"], carried)
+    np.testing.assert_array_equal(relevant, [[1, 0, 0, 1], [1, 1, 0, 0]])
+    candidates = np.array([[False, True, True, True], [True, True, True, False]])
+    distances = np.array([[0.0, 0.1, 0.2, 0.3], [0.2, 0.2, 0.1, 0.0]])
+    hits = ranked_relevance(distances, relevant & candidates, candidates)
+    assert [row.tolist() for row in hits] == [[False, False, True], [False, True, True]]  # ties by index
+    with pytest.raises(ValueError, match="not fit"):
+        ranked_relevance(distances[:, :2], relevant, candidates)
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.integers(3, 12), st.integers(1, 4), st.integers(0, 10_000))
+def test_rankings_agree_with_leave_one_out(n: int, classes: int, seed: int) -> None:
+    random = np.random.default_rng(seed)
+    distances = random.integers(0, 5, (n, n)).astype(float)
+    labels = ["x", "x", *(str(c) for c in random.integers(0, classes, n - 2))]
+    expected = leave_one_out(distances, labels)
+    rankings = ranked_relevance(distances, relatives(labels), others(n))
+    found = score_rankings(rankings)
+    assert (found.map, found.nn, found.n) == pytest.approx((expected.map, expected.nn, expected.queries))
+    assert found.p_at_5 == pytest.approx(expected.top5)
+    counts = confusion(distances, labels, labels, others(n), top=1)
+    assert not relatives(labels).diagonal().any()
+    assert np.trace(counts.counts) == sum(hits[0] for hits in rankings)
+
+
+def test_a_confusion_by_hand() -> None:
+    distances = np.array([[0.0, 1, 2, 3], [1, 0, 2, 3], [5, 4, 0, 1], [5, 4, 1, 0]])
+    labels = ["b", "b", "a", "b"]
+    found = confusion(distances, labels, labels, others(4), top=2)
+    assert found.classes == ("a", "b")
+    assert found.counts.tolist() == [[0, 2], [3, 3]]
+
+
+def test_singular_pieces_come_from_other_classes_and_rates_nest() -> None:
+    lengths, labels = [95, 40, 9, 200, 33], ["a", "a", "b", "b", "c"]
+    found = {rate: singular_pieces(lengths, labels, rate, seed=3) for rate in (0.0, 0.25, 0.5, 1.0)}
+    assert all(len(rows) == 0 for rows in found[0.0])
+    assert [len(rows) for rows in found[0.5]] == [round(0.5 * (n // 10)) for n in lengths]
+    for rate, clips in found.items():
+        for clip, rows in enumerate(clips):
+            for at, source, start in rows.tolist():
+                assert at % 10 == 0
+                assert at + 10 <= lengths[clip]
+                assert labels[source] != labels[clip]
+                assert start + 10 <= lengths[source]
+            assert len(set(rows[:, 0].tolist())) == len(rows)
+            fuller = {tuple(row) for row in found[1.0][clip].tolist()}
+            assert {tuple(row) for row in rows.tolist()} <= fuller, rate
+    assert [r.tolist() for r in singular_pieces(lengths, labels, 0.5, seed=4)] != [r.tolist() for r in found[0.5]]
+    with pytest.raises(ValueError, match="not from 0 to 1"):
+        singular_pieces(lengths, labels, 1.5, seed=0)
+    with pytest.raises(ValueError, match="no clip of another label"):
+        singular_pieces([50, 50], ["a", "a"], 0.1, seed=0)
+
+
+def even_string(symbols: list[int], frames: int = 10) -> SymbolString:
+    """Each symbol stands for as many frames."""
+    places = frames * np.arange(len(symbols) + 1)
+    return SymbolString(np.array(symbols, dtype=np.int32), places[:-1], places[1:])
+
+
+def test_windows_of_one_class_are_sub_queries() -> None:
+    string = even_string(list(range(20)))
+    take = Take(string, ((0, 72, "a"), (72, 160, "b"), (150, 170, "a")))
+    # Frames 0 to 120: 72 of a, just 60 %. 40 to 160: 88 of b, 42 of a. 80 to 200: 80 of b. 20 symbols hold no more.
+    assert sub_queries(take) == [SubQuery(0, 12, "a"), SubQuery(4, 16, "b"), SubQuery(8, 20, "b")]
+    assert sub_queries(take, share=0.7) == [SubQuery(4, 16, "b")]
+    assert class_of(0, 120, take.segments) == ("a", 0.6)
+    assert class_of(140, 180, take.segments) == ("a", 0.5)  # as many as of b: the first by name
+    assert class_of(180, 200, take.segments) == ("", 0.0)
+    assert class_of(60, 80, ((50, 70, "x"), (60, 72, "x"))) == ("x", 0.6)  # a frame counts once
+    assert sub_queries(Take(even_string(list(range(11))), take.segments)) == []
+
+
+def test_sub_queries_are_asked_of_the_other_takes() -> None:
+    """Three takes; each exercise is a stretch of symbols of its own, "only" is in one take alone."""
+    stretches = {"up": range(12), "down": range(20, 32), "only": range(40, 52)}
+
+    def take(*names: str) -> Take:
+        symbols = [symbol for name in names for symbol in stretches[name]]
+        return Take(even_string(symbols), tuple((120 * i, 120 * i + 120, name) for i, name in enumerate(names)))
+
+    takes = [take("up", "down"), take("down", "up", "only"), take("up", "down", "up")]
+    places = np.arange(60, dtype=np.float32)
+    distances = np.abs(places[:, None] - places)
+    questions = long_questions(takes)
+    assert [len(question.elsewhere) for question in questions] == [2, 2, 2]
+    for search in (fresh_search, shared_search):
+        found = score_sub_queries(questions, distances, AlignmentConfig(stride=2), search)
+        labels = [query.label for question in questions for query in question.asked]
+        assert found.all_n == len(labels)
+        assert found.n == sum(label != "only" for label in labels)
+        assert found.p_at_2 > 0.9  # each but "only" is shown at least twice elsewhere, or once and half
+        assert found.all_p_at_2 == pytest.approx(found.p_at_2 * found.n / found.all_n)
+        assert ask_all(questions, distances, AlignmentConfig(), search) >= 2 * len(labels)
+    # A class that every other take has under another name is never right.
+    renamed = [takes[0], *(Take(t.string, tuple((a, b, f"not {c}") for a, b, c in t.segments)) for t in takes[1:])]
+    wrong = score_sub_queries(long_questions(renamed), distances, AlignmentConfig(), fresh_search)
+    alone = [query.label for query in (*sub_queries(renamed[0]), *sub_queries(renamed[1]))]
+    assert wrong.all_n - wrong.n == sum(label in stretches or label == "not only" for label in alone)
+    with pytest.raises(ValueError, match="nothing to retrieve"):
+        score_sub_queries(long_questions(renamed[:2]), distances, AlignmentConfig(), fresh_search)
+
+
+def test_strings_of_a_lake_are_measured(built_lake: Path) -> None:
+    run = motionlake("evaluate", "pesta", "--lake", built_lake, "--json")
+    assert run.status == 0, run.err
+    found = run.json
+    assert list(found) == ["sta", "dtw", "sw", "signatures", "dtw_frames", "sub_queries"]
+    assert found["sub_queries"] is None
+    rows = query(
+        built_lake,
+        "SELECT symbols, label FROM symbol_strings JOIN clips USING (clip) WHERE label IS NOT NULL ORDER BY clip",
+    )
+    codes = np.array([r[0] for r in query(built_lake, "SELECT code FROM postures ORDER BY symbol")])
+    distances = np.linalg.norm(codes[:, None] - codes, axis=2).astype(np.float32)
+    labels = [label for _, label in rows]
+    for method, stride in (("sta", 3), ("dtw", 1), ("sw", 1)):
+        costs = symmetric_costs([s for s, _ in rows], distances, AlignmentConfig(method, stride))
+        expected = leave_one_out(costs, labels)
+        assert found[method]["map"] == pytest.approx(expected.map, abs=1e-6)
+        assert found[method]["n"] == expected.queries
+    signed = motionlake("evaluate", "signatures", "--lake", built_lake, "--json").json
+    assert found["signatures"]["map"] == pytest.approx(signed["map"])
+    assert found["dtw_frames"]["map"] == pytest.approx(signed["dtw"]["map"])
+    for method in ("sta", "dtw", "sw", "signatures", "dtw_frames"):
+        assert {*KEYS, "nn", "curve", "confusion"} == set(found[method])
+        assert len(found[method]["curve"]["precision"]) == len(found[method]["curve"]["recall"])
+        assert np.sum(found[method]["confusion"]["counts"]) == len(labels) * min(20, len(labels) - 1)
+    table = motionlake("evaluate", "pesta", "--baseline", "none", "--label-column", "note", "--lake", built_lake)
+    assert "dtw_frames" not in table.out
+    assert "sta" in table.out
+
+
+def test_sub_queries_of_a_lake_are_measured(lake: Path, clips_folder: Path, scheduler: str) -> None:
+    with (lake / "config.toml").open("a", encoding="utf-8") as config:
+        config.write("[symbols]\nruns = false\nrepeats = false\n")  # strings long enough for sub-queries
+    run = motionlake("run", "all", "--lake", lake, "--scheduler", scheduler)
+    assert run.status == 0, run.err
+    clips = query(
+        lake,
+        "SELECT path, frames FROM symbol_strings JOIN clips USING (clip) ORDER BY len(symbols) DESC, clip LIMIT 3",
+    )
+    taught_lake(lake, clips_folder, [(path, 0, frames, "move") for path, frames in clips])
+    run = motionlake("evaluate", "pesta", "--baseline", "none", "--stride", "2", "--lake", lake, "--json")
+    assert run.status == 0, run.err
+    asked = run.json["sub_queries"]
+    assert asked["pesta"]["n"] == asked["pesta_lq"]["n"] == asked["pesta"]["all_n"] > 0
+    assert 0 < asked["pesta"]["p_at_2"] <= 1
+    assert asked["share_of_time"] == pytest.approx(asked["pesta_lq"]["seconds"] / asked["pesta"]["seconds"])
+    assert run.json["dtw_frames"] is None
+    unlabelled = motionlake("evaluate", "pesta", "--label-column", "split", "--lake", lake)  # segments are enough
+    assert unlabelled.status == 0, unlabelled.err
+    assert "pesta_lq" in unlabelled.out
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (["--label-column", "shoes"], "no such column"),
+        (["--label-column", "split"], "nothing to measure"),
+        (["--only", "note"], "COLUMN=VALUE"),
+        (["--baseline", "luck"], "auto, dtw, none"),
+        (["--stride", "0"], "--stride"),
+        (["--dataset", "no/name"], "no/name"),
+    ],
+)
+def test_what_pesta_cannot_measure_gets_a_clear_error(built_lake: Path, words: list[str], says: str) -> None:
+    run = motionlake("evaluate", "pesta", *words, "--lake", built_lake)
+    assert run.status == 2
+    assert says in run.err
