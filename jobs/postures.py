@@ -22,7 +22,8 @@ def run(session: Session, *, refit: bool = False) -> Outcome:
     """Code what is not coded yet; `refit` trains a dictionary on the lake first."""
     with reading(session.lake) as con:
         dictionary = None if refit else postures.fitting_dictionary(con, session.config)
-    if dictionary is None and not refit and shipped.fits(session.config.postures):
+        ready_made = dictionary is None and not refit and postures.takes_ready_made(con, session.config)
+    if ready_made:
         session.notice("postures: takes the ready-made dictionary; `motionlake train postures` trains one on this lake")
         dictionary = take(session, shipped.FILE)
     dictionary = dictionary or train(session)

@@ -158,7 +158,7 @@ def test_the_ready_made_dictionary_is_taken_where_it_fits(
     assert shipped.fits(replace(ready_made, seed=3, max_postures=99))
     for other in ({"weights": "own"}, {"m": 41}, {"smoothing": 0.0}, {"dictionary": "som"}):
         assert not shipped.fits(replace(ready_made, **other))
-    lake = quick_lake(tmp_path / "lake")
+    lake = quick_lake(tmp_path / "lake", QUICK.replace("[postures]", '[postures]\nweights = "shipped"'))
     assert motionlake("ingest", clips_folder, "--lake", lake, "--scheduler", scheduler).status == 0
     done = motionlake("run", "postures", "--lake", lake, "--scheduler", scheduler)
     assert "takes the ready-made dictionary" in done.err
@@ -167,6 +167,21 @@ def test_the_ready_made_dictionary_is_taken_where_it_fits(
     ((figures,),) = query(lake, "SELECT figures FROM models WHERE kind = 'postures'")
     assert json.loads(figures)["ready_made"] is True
     assert query(lake, STRINGS) == query(built_lake, STRINGS)
+
+
+def test_a_lake_with_postures_enough_trains_a_dictionary_of_its_own(
+    ready_made: PosturesConfig, built_lake: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    config = replace(load_config(built_lake / "config.toml"), postures=ready_made)
+    assert ready_made.weights == "auto"
+    with reading(open_lake(built_lake)) as con:
+        ((seconds,),) = con.execute("SELECT sum(frames / fps) FROM clips").fetchall()
+        enough = seconds * ready_made.fps / ready_made.m  # postures of the lake for each symbol
+        for asked, taken in ((enough * 1.01, True), (enough * 0.99, False)):
+            monkeypatch.setattr(postures, "ENOUGH", asked)
+            assert postures.takes_ready_made(con, config) is taken
+            wanted = replace(config, postures=replace(ready_made, weights="shipped"))
+            assert postures.takes_ready_made(con, wanted)
 
 
 def test_a_sample_takes_the_same_share_of_every_clip(built_lake: Path, monkeypatch: pytest.MonkeyPatch) -> None:

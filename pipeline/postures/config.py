@@ -10,6 +10,7 @@ from pipeline.words.features import Representation, WordConfig
 DictionaryKind = Literal["aae", "kmeans", "som"]
 RecipeName = Literal["default", "pesta"]
 KINDS: Final = ("aae", "kmeans", "som")
+ENOUGH: Final = 25
 RECIPES: Final = ("default", "pesta")
 
 
@@ -22,7 +23,8 @@ class PosturesConfig:
         m: number of symbols.
         seed: of training.
         weights: what a lake without a dictionary starts with: "shipped" takes the ready-made one where it fits this
-            configuration, "own" always trains on the lake's clips.
+            configuration, "own" trains on the lake's clips, "auto" (default) does so where they hold enough postures,
+            `ENOUGH` for each symbol, since a dictionary of the clips' own retrieves much better (`docs/postures.md`).
         recipe: of the autoencoder: "default", or "pesta", the paper's (5,000 epochs).
         max_postures: size of the sample of postures that a dictionary is trained on.
         representation: "positions" of joints seen from the body, or "rotations" (the paper's quaternions).
@@ -38,7 +40,7 @@ class PosturesConfig:
     dictionary: DictionaryKind = "aae"
     m: int = 400
     seed: int = 0
-    weights: str = "shipped"
+    weights: str = "auto"
     recipe: RecipeName = "default"
     max_postures: int = 30_000
     representation: Representation = "positions"
@@ -52,8 +54,8 @@ class PosturesConfig:
             raise ValueError(f"dictionary is {self.dictionary!r}, not one of {', '.join(KINDS)}")
         if self.recipe not in RECIPES:
             raise ValueError(f"recipe is {self.recipe!r}, not one of {', '.join(RECIPES)}")
-        if self.weights not in ("shipped", "own"):
-            raise ValueError(f"weights is {self.weights!r}, not shipped or own")
+        if self.weights not in ("auto", "shipped", "own"):
+            raise ValueError(f"weights is {self.weights!r}, not auto, shipped or own")
         if self.m < 2 or self.max_postures < self.m:
             raise ValueError(
                 f"m = {self.m} symbols of {self.max_postures} postures: at least 2, and no more than those"

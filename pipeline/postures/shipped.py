@@ -26,12 +26,8 @@ def about() -> dict[str, Any]:
 
 
 def fits(config: PosturesConfig) -> bool:
-    """Whether a lake of this configuration is coded with the ready-made dictionary."""
-    return (
-        config.weights == "shipped"
-        and "postures" in about()
-        and _coding(asdict(config)) == _coding(about()["postures"])
-    )
+    """Whether a lake of this configuration may be coded with the ready-made dictionary."""
+    return config.weights != "own" and "postures" in about() and _coding(asdict(config)) == _coding(about()["postures"])
 
 
 def _coding(config: dict[str, Any]) -> dict[str, Any]:

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from pipeline.config import LakeConfig
 from pipeline.lake.catalog import Connection, fetch
 from pipeline.lake.layout import Lake
-from pipeline.postures import shipped as shipped_postures
 from pipeline.stages import (
     embed,
     frames,
@@ -60,7 +59,7 @@ def _dictionary(con: Connection, config: LakeConfig, *, refit: bool) -> str:
     dictionary = postures.fitting_dictionary(con, config)
     if dictionary is not None and not refit:
         return f"postures: will not train; frames are coded with {dictionary.model}"
-    if not refit and shipped_postures.fits(config.postures):
+    if not refit and postures.takes_ready_made(con, config):
         return "postures: will not train; the ready-made dictionary codes the frames"
     return f"postures: will train a dictionary of {config.postures.m} symbols ({config.postures.dictionary})"
 

@@ -24,6 +24,8 @@ from pipeline.errors import UserError
 from pipeline.lake.catalog import Connection, fetch
 from pipeline.lake.layout import Lake
 from pipeline.lake.parts import PartWriter, check_part, replacing
+from pipeline.postures import shipped
+from pipeline.postures.config import ENOUGH
 from pipeline.stages.derived import PART_KEYS, Part, derive, due, frames_parts
 from pipeline.stages.models import Model, current_model, file_hash
 from pipeline.stages.shard import Shard, ShardResult
@@ -50,6 +52,15 @@ def fitting_dictionary(con: Connection, config: LakeConfig) -> Model | None:
     """The current dictionary if it was made for this configuration."""
     model = current_model(con, DICTIONARY)
     return model if model and model.key == dictionary_key(config) else None
+
+
+def takes_ready_made(con: Connection, config: LakeConfig) -> bool:
+    """Whether the lake starts with the ready-made dictionary, and does not train one."""
+    wanted = config.postures
+    if not shipped.fits(wanted):
+        return False
+    seconds = sum(row["frames"] / row["fps"] for row in fetch(con, "queries/clip_lengths.sql"))
+    return wanted.weights == "shipped" or seconds * wanted.fps < ENOUGH * wanted.m
 
 
 def training_sample(con: Connection, lake: Lake, config: LakeConfig) -> list[Float32Array]:
