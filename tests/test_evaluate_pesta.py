@@ -177,7 +177,7 @@ def test_sub_queries_are_asked_of_the_other_takes() -> None:
         score_sub_queries(long_questions(renamed[:2]), distances, AlignmentConfig(), fresh_search)
 
 
-def test_strings_of_a_lake_are_measured(built_lake: Path) -> None:
+def test_strings_of_a_lake_are_measured(built_lake: Path, tmp_path: Path) -> None:
     run = motionlake("evaluate", "pesta", "--lake", built_lake, "--json")
     assert run.status == 0, run.err
     found = run.json
@@ -202,7 +202,17 @@ def test_strings_of_a_lake_are_measured(built_lake: Path) -> None:
         assert {*KEYS, "nn", "curve", "confusion"} == set(found[method])
         assert len(found[method]["curve"]["precision"]) == len(found[method]["curve"]["recall"])
         assert np.sum(found[method]["confusion"]["counts"]) == len(labels) * min(20, len(labels) - 1)
-    table = motionlake("evaluate", "pesta", "--baseline", "none", "--label-column", "note", "--lake", built_lake)
+    folder = tmp_path / "figures"
+    table = motionlake(
+        "evaluate", "pesta", "--baseline", "none", "--label-column", "note", "--pictures", folder, "--lake", built_lake
+    )
+    drawn = {
+        "precision-recall",
+        "precision-recall-sta",
+        *(f"confusion-{m}" for m in ("sta", "dtw", "sw", "signatures")),
+    }
+    assert {path.stem for path in folder.iterdir()} == drawn
+    assert all(path.read_bytes().startswith(b"\x89PNG") for path in folder.iterdir())
     assert "dtw_frames" not in table.out
     assert "sta" in table.out
 

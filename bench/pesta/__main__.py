@@ -9,6 +9,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
+from pathlib import Path
 from typing import Any, Final
 
 from bench.pesta import ablations, elasticity, ranges, robustness, sub_queries, whole
@@ -70,7 +71,24 @@ def measure_robustness(given: argparse.Namespace, aae: Spec) -> tuple[dict[str, 
         kept = "  ".join(f"{value:.3f}" for value in curve["kept"])
         print(f"  {method:40} {cells}   {kept}")
     print(robustness.verdict(curves))
+    if given.pictures:
+        _draw(given.pictures, rows)
     return {"curves": curves, "rows": rows}, [robustness.SET]
+
+
+def _draw(folder: Path, rows: Mapping[str, Found]) -> None:
+    """Figure 8 of the autoencoder's main rows."""
+    from pipeline.pictures.retrieval_figures import robustness_figure
+    from pipeline.pictures.style import png
+
+    by_rate: dict[str, dict[float, list[float]]] = {}
+    for name, row in rows.items():
+        method, _, rate = name.rpartition(", rate ")
+        if method.startswith("AAE") and ", " not in method:
+            by_rate.setdefault(method, {})[float(rate)] = [run["map"] for run in row["seeds"].values()]
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "robustness.png").write_bytes(png(robustness_figure(by_rate, note=f"{robustness.SET}, all seeds")))
+    print(folder / "robustness.png")
 
 
 def measure_elasticity(given: argparse.Namespace, aae: Spec) -> tuple[dict[str, Any], Sequence[str]]:
@@ -114,6 +132,7 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=len(SEEDS), choices=range(1, len(SEEDS) + 1))
     parser.add_argument("--processes", type=int, default=2, help="at work side by side, one thread each")
     parser.add_argument("--hidden", type=int, help="units of the autoencoder's layers: fewer, to try the bench itself")
+    parser.add_argument("--pictures", type=Path, help="robustness: draw figure 8 into this folder")
     parser.add_argument("--all", action="store_true", help="whole: salsa and utd_mhad as well")
     given = parser.parse_args()
     if unknown := sorted(set(given.parts) - set(PARTS)):

@@ -106,14 +106,28 @@ def _mean(values: Sequence[Any]) -> Any:
 
 
 def with_seeds(rows: Mapping[str, Mapping[int, Found]]) -> dict[str, Found]:
-    """{row: {mean, seeds}}, what is kept; seeds keep their numbers only, in the order of the seeds."""
-    return {
-        name: {
-            "mean": mean_of([runs[seed] for seed in sorted(runs)]),
-            "seeds": {seed: {k: v for k, v in runs[seed].items() if k not in DRAWN} for seed in sorted(runs)},
+    """{row: {mean, seeds}}, what is kept: of seeds their numbers, what is drawn only of the autoencoder's main rows."""
+    kept = {}
+    for name, runs in rows.items():
+        mean = mean_of([runs[seed] for seed in sorted(runs)])
+        left_out = () if name.startswith("AAE") and ", " not in name else DRAWN
+        kept[name] = {
+            "mean": _rounded({key: value for key, value in mean.items() if key not in left_out}),
+            "seeds": {seed: _rounded(_numbers(runs[seed])) for seed in sorted(runs)},
         }
-        for name, runs in rows.items()
-    }
+    return kept
+
+
+def _numbers(found: Found) -> Found:
+    return {key: value for key, value in found.items() if not isinstance(value, Mapping | list)}
+
+
+def _rounded(value: Any, digits: int = 5) -> Any:
+    if isinstance(value, Mapping):
+        return {key: _rounded(each, digits) for key, each in value.items()}
+    if isinstance(value, list | tuple):
+        return [_rounded(each, digits) for each in value]
+    return round(value, digits) if isinstance(value, float) else value
 
 
 def table(title: str, rows: Mapping[str, Found], keys: Sequence[str]) -> str:

@@ -109,6 +109,10 @@ def pesta(
         int | None, typer.Option(min=1, help="w of sta: 3 for whole clips, 2 for sub-queries.", show_default=False)
     ] = None,
     baseline: BaselineOption = "auto",
+    pictures: Annotated[
+        Path | None,
+        typer.Option(help="Draw precision-recall curves and confusions into this folder.", show_default=False),
+    ] = None,
     as_json: JsonOption = False,
 ) -> None:
     """How well strided alignment of the lake's strings retrieves: each labelled clip queries all others.
@@ -118,6 +122,8 @@ def pesta(
     segments, sub_queries: each is a long query in turn, asked of the others by windows of 12 symbols.
 
     Example: motionlake evaluate pesta --dataset hdm05 --json --lake mylake
+
+    Drawn: motionlake evaluate pesta --dataset hdm05 --pictures figures --lake mylake
     """
     from pipeline.evaluating_pesta import evaluate_pesta
 
@@ -127,6 +133,12 @@ def pesta(
             con, target, dataset=dataset, column=column, only=_only(only), dtw=BASELINES[baseline], stride=stride,
             notice=notice,
         )  # fmt: skip
+    if pictures is not None:
+        from pipeline.pictures.output import write_pictures
+        from pipeline.pictures.pesta_evaluation import evaluation_pictures
+
+        for path in write_pictures(evaluation_pictures(found), pictures):
+            notice(f"wrote {path}")
     if as_json:
         print_json(found)
         return
