@@ -25,7 +25,7 @@ def evaluation_pictures(found: Mapping[str, Any]) -> list[Picture]:
     strided = rows["sta"]["curve"]
     by_class = {label: (strided["recall"], precision) for label, precision in strided["by_class"].items()}
     made = [
-        ("precision-recall", "Precision and recall by method", precision_recall_figure(curves)),
+        ("precision-recall", "Precision and recall by method", precision_recall_figure(curves, mean=False)),
         ("precision-recall-sta", "Strided alignment by class", precision_recall_figure(by_class, "Strided alignment")),
     ]
     for name, row in rows.items():

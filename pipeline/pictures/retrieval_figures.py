@@ -40,15 +40,20 @@ MEAN: Final = "mean of the classes"
 
 @styled
 def precision_recall_figure(
-    curves: Mapping[str, tuple[ArrayLike, ArrayLike]], title: str = "Precision and recall", note: str = ""
+    curves: Mapping[str, tuple[ArrayLike, ArrayLike]],
+    title: str = "Precision and recall",
+    note: str = "",
+    *,
+    mean: bool = True,
 ) -> Figure:
-    """One curve a class, or a method, and the mean of all of them.
+    """One curve a class and the mean of all of them, or one a method.
 
     Args:
         curves: (recall [n], precision [n]) by name, recall ascending from 0 to 1 at most; the mean is interpolated
             linearly where all curves are known, and left out of a single one.
         title: one line.
         note: one line below it.
+        mean: draw it.
 
     Raises:
         ValueError: no curves, arrays of other lengths than each other, recall that falls.
@@ -57,18 +62,19 @@ def precision_recall_figure(
         raise ValueError("no curves to draw")
     known = {name: _curve(name, *pair) for name, pair in curves.items()}
     styles = class_styles(list(known))
-    sheet, axes = _plot(title, note, [*known, MEAN])
+    averaged = mean and len(known) > 1
+    sheet, axes = _plot(title, note, [*known, MEAN] if averaged else list(known))
     marks: list[tuple[str, str, object, float]] = []
     for i, (name, (recall, precision)) in enumerate(known.items()):
         dashes = DASHES[i // 9 % len(DASHES)]
         axes.plot(recall, precision, color=styles[name].colour, linewidth=1.2, linestyle=dashes)
         marks.append((name, styles[name].colour, dashes, 1.2))
-    if len(known) > 1:
+    if averaged:
         low = max(float(recall[0]) for recall, _ in known.values())
         high = min(float(recall[-1]) for recall, _ in known.values())
         at = np.linspace(low, high, POINTS)
-        mean = np.mean([np.interp(at, recall, precision) for recall, precision in known.values()], axis=0)
-        axes.plot(at, mean, color=INK, linewidth=2.4)
+        middle = np.mean([np.interp(at, recall, precision) for recall, precision in known.values()], axis=0)
+        axes.plot(at, middle, color=INK, linewidth=2.4)
         marks.append((MEAN, INK, "-", 2.4))
     axes.set_xlabel("recall", fontsize=8)
     axes.set_ylabel("precision", fontsize=8)
