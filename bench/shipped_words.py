@@ -62,6 +62,16 @@ def train(sets: tuple[str, ...], seed: int = 0) -> TrainedNetwork:
     return replace(made, figures={**made.figures, **about})
 
 
+def ready_made_for(name: str, folder: Path) -> Path:
+    """The ready-made weights; for a set that they are trained on, such as have been trained without it, in a folder."""
+    if name not in SETS:
+        return shipped.FILE
+    path = folder / f"without_{name}.safetensors"
+    if not path.exists():
+        train(tuple(each for each in SETS if each != name)).save(path)
+    return path
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description="Train the word network that comes with the package.")
     parser.add_argument("--without", choices=SETS)

@@ -19,8 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench.record import hash_files, record, recordings
-from bench.shipped_words import SETS as CMU
-from bench.shipped_words import train
+from bench.shipped_words import ready_made_for
 from bench.signed import make_lake, run_all
 from pipeline.applications.clustering import cluster_clips
 from pipeline.connection import connect
@@ -29,7 +28,6 @@ from pipeline.evaluating import dtw_distances, evaluate_signatures
 from pipeline.evaluation.clustering import adjusted_rand_index
 from pipeline.labelling.signed import lake_ground, signed_clips
 from pipeline.lake.layout import Lake
-from pipeline.words import shipped
 
 SEEDS: Final = (0, 1, 2)
 Float64Array = NDArray[np.float64]
@@ -86,10 +84,7 @@ def measure_set(name: str, k: int, folder: Path) -> dict[str, dict[str, float]]:
     """Means over the seeds, with ready-made and with own weights, and DTW."""
     chosen = LABELLED[name]
     lake = make_lake(folder / name, [recordings() / chosen.folder])
-    ready = shipped.FILE
-    if chosen.folder in CMU:
-        ready = folder / f"without_{chosen.folder}.safetensors"
-        train(tuple(each for each in CMU if each != chosen.folder)).save(ready)
+    ready = ready_made_for(chosen.folder, folder)
     runs: dict[str, list[dict[str, float]]] = {"ready-made": [], "own": [], "whole-clip DTW": []}
     for seed in SEEDS:
         for origin, weights in (("ready-made", ready), ("own", None)):

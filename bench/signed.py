@@ -23,6 +23,8 @@ from pipeline.stages import words
 from pipeline.stages.sources import IngestOptions, Root
 from pipeline.words.features import Float32Array, Float64Array
 
+# Those that hang on words; strings of postures have a bench of their own.
+WORD_STAGES = tuple(stage for stage in STAGES if stage not in ("postures", "symbols"))
 CLIPS = "SELECT clip, dataset, label, coalesce(subject, '') FROM clips ORDER BY clip"
 SIGNATURES = "SELECT signature FROM signatures JOIN clips USING (clip) ORDER BY clip"
 CENTROIDS = "SELECT centroid FROM motifs ORDER BY motif"
@@ -50,7 +52,7 @@ def make_lake(folder: Path, sources: Sequence[Path]) -> Lake:
 
 
 def run_all(lake: Lake, seed: int, weights: Path | None = None, k: int = K) -> None:
-    """Every stage, with the seed for training and for clustering.
+    """Every stage of words, with the seed for training and for clustering.
 
     Args:
         lake: to bring up to date.
@@ -64,7 +66,7 @@ def run_all(lake: Lake, seed: int, weights: Path | None = None, k: int = K) -> N
     with session(lake, "bench", lambda stage, done, total: None, lambda line: None) as job:
         if weights is not None:
             embed.take(job, weights)
-        run(job, STAGES)
+        run(job, WORD_STAGES)
         failed = [f"{stage}: {outcome.reason}" for stage, outcome in job.outcomes.items() if outcome.failed]
     if failed:
         raise RuntimeError("; ".join(failed))
