@@ -9,7 +9,8 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from pipeline.postures.network import HeadForm, PostureAutoencoder
+from pipeline.postures.network import PostureAutoencoder
+from pipeline.postures.recipe import HeadForm
 from pipeline.threads import on_threads
 from pipeline.words.features import Float32Array
 

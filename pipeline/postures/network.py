@@ -15,13 +15,10 @@ The paper leaves open what a cluster head is. Two forms:
 
 from __future__ import annotations
 
-from typing import Final, Literal
-
 import torch
 from torch import Tensor, nn
 
-HeadForm = Literal["nearest", "linear"]
-HEAD_FORMS: Final = ("nearest", "linear")
+from pipeline.postures.recipe import HEAD_FORMS, HeadForm
 
 
 class PostureAutoencoder(nn.Module):

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pipeline.config import LakeConfig
 from pipeline.lake.catalog import Connection, fetch
 from pipeline.lake.layout import Lake
+from pipeline.postures.recipe import training_seconds
 from pipeline.stages import (
     embed,
     frames,
@@ -61,7 +62,9 @@ def _dictionary(con: Connection, config: LakeConfig, *, refit: bool) -> str:
         return f"postures: will not train; frames are coded with {dictionary.model}"
     if not refit and postures.takes_ready_made(con, config):
         return "postures: will not train; the ready-made dictionary codes the frames"
-    return f"postures: will train a dictionary of {config.postures.m} symbols ({config.postures.dictionary})"
+    minutes = training_seconds(config.postures, postures.count(con, config)) / 60
+    kind = f"{config.postures.m} symbols ({config.postures.dictionary})"
+    return f"postures: will train a dictionary of {kind}, about {minutes:.1f} minutes"
 
 
 def pending(con: Connection, lake: Lake, config: LakeConfig) -> dict[str, int]:

@@ -59,8 +59,13 @@ def takes_ready_made(con: Connection, config: LakeConfig) -> bool:
     wanted = config.postures
     if not shipped.fits(wanted):
         return False
+    return wanted.weights == "shipped" or count(con, config) < ENOUGH * wanted.m
+
+
+def count(con: Connection, config: LakeConfig) -> float:
+    """About how many postures the lake holds."""
     seconds = sum(row["frames"] / row["fps"] for row in fetch(con, "queries/clip_lengths.sql"))
-    return wanted.weights == "shipped" or seconds * wanted.fps < ENOUGH * wanted.m
+    return float(config.postures.fps * seconds)
 
 
 def training_sample(con: Connection, lake: Lake, config: LakeConfig) -> list[Float32Array]:
