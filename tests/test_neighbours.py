@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from pipeline.config import load_config
@@ -57,6 +57,7 @@ def naive_nearest(distances: np.ndarray, groups: Index, apart: int, k: int) -> n
     n=st.integers(1, 10), length=st.integers(1, 5), width=st.integers(1, 4), k=st.integers(1, 4),
     apart=st.integers(1, 3), spread=st.integers(1, 12), seed=st.integers(0, 10_000),
 )  # fmt: skip
+@example(n=5, length=3, width=1, k=2, apart=1, spread=2, seed=94)  # a cheap cell beside the first of its row
 def test_exact_search_equals_comparing_everything(
     n: int, length: int, width: int, k: int, apart: int, spread: int, seed: int
 ) -> None:

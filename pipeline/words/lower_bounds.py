@@ -154,7 +154,9 @@ def _test(
             first = _between(frames_a[a * length], frames_b[b * length])
             for i in range(length):
                 rows[i] = first if i == 0 else _outside(frames_a[a * length + i], low_b[b], high_b[b])
-            total, least = rows.sum(), rows[1:].min() if length > 1 else np.float32(0)
+            # Further cells may lie in the first row too, beside its first cell.
+            beside = _outside(frames_a[a * length], low_b[b], high_b[b])
+            total, least = rows.sum(), min(beside, rows[1:].min()) if length > 1 else np.float32(0)
             if total + (length - 1) * min(least, threshold) > most:
                 out[a, b] = False
                 continue
