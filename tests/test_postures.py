@@ -128,6 +128,14 @@ def test_training_lowers_the_error_and_reports_occupancy() -> None:
     assert 1 <= after.figures["perplexity"] <= M
 
 
+def test_typical_postures_are_means_of_their_symbols() -> None:
+    postures, of = sample_postures(clips(), SMALL)
+    dictionary = train_autoencoder(postures, of, SMALL, recipe=replace(QUICK, validation=0.0), device="cpu")
+    symbols = dictionary.encode(postures)
+    for symbol in np.unique(symbols):
+        np.testing.assert_allclose(dictionary.postures[symbol], postures[symbols == symbol].mean(axis=0), atol=1e-4)
+
+
 def test_the_papers_recipe_by_name() -> None:
     paper = recipe_of(PosturesConfig.pesta())
     assert (paper.epochs, paper.batch, paper.learning_rate, paper.clip, paper.momentum) == (5000, 64, 1e-4, 5.0, 0.1)

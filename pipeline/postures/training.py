@@ -77,10 +77,9 @@ def train_autoencoder(
         network = network.cpu().eval()
         _settle(network, postures[inside])
         figures = _figures(network, postures, outside, losses)
-        with torch.inference_mode():
-            codes = network.heads.detach().clone()
-            typical = network.decode(codes).numpy()
-    return PostureDictionary(config, AutoencoderEncoder(network), codes.numpy(), typical, figures)
+        codes = network.heads.detach().numpy().copy()
+        typical = _typical(network, postures[inside])
+    return PostureDictionary(config, AutoencoderEncoder(network), codes, typical, figures)
 
 
 def _start(
@@ -213,6 +212,17 @@ def _settle(network: PostureAutoencoder, postures: Float32Array) -> None:
         sums += classes.T @ network.code(classes, style)
         weights += classes.sum(dim=0)[:, None]
     network.heads.copy_(torch.where(weights > 0, sums / weights, network.heads))
+
+
+@torch.no_grad()
+def _typical(network: PostureAutoencoder, postures: Float32Array) -> Float32Array:
+    """[m, D] the mean posture of each symbol; that which the decoder makes of its head, where no posture has it."""
+    symbols = AutoencoderEncoder(network).symbols(postures)
+    sums = np.zeros((len(network.heads), postures.shape[1]))
+    np.add.at(sums, symbols, postures)
+    counts = np.bincount(symbols, minlength=len(sums))[:, None]
+    means = sums / np.maximum(counts, 1)
+    return np.where(counts > 0, means, network.decode(network.heads).numpy()).astype(np.float32)
 
 
 @torch.no_grad()
