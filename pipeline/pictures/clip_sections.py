@@ -9,8 +9,9 @@ import numpy as np
 from matplotlib.figure import Figure
 from threadpoolctl import threadpool_limits
 
+from pipeline.clip_dtw import dtw_matrix, frame_pairs
 from pipeline.emd import emd_many, emd_matrix
-from pipeline.evaluation.dtw import BASELINE, baseline_features, dtw_matrix, frame_pairs
+from pipeline.evaluation.dtw import BASELINE, baseline_features
 from pipeline.lake.layout import Lake
 from pipeline.pictures.bands import motif_bands
 from pipeline.pictures.captions import about_clusters, count_of, model, short_names
