@@ -123,7 +123,7 @@ def test_search_before_there_are_motifs(tmp_path: Path, clips_folder: Path, sche
     lake = quick_lake(tmp_path / "lake")
     assert motionlake("ingest", clips_folder, "--lake", lake, "--scheduler", scheduler).status == 0
     clip = next(p for p in sorted(clips_folder.rglob("*")) if p.suffix in (".bvh", ".npz"))
-    assert_clear(motionlake("search", clip.name, "--lake", lake), "has no signature yet", "motionlake run all")
+    assert_clear(motionlake("search", clip.name, "--lake", lake), "has no motifs yet", "motionlake run all")
     assert_clear(motionlake("search", clip, "--lake", lake), "has no motifs yet", "motionlake run all")
 
 

@@ -12,7 +12,7 @@ from pipeline.cli.hits_picture import PictureOption, check_picture, save_picture
 from pipeline.errors import UserError
 from pipeline.formats import is_clip
 from pipeline.lake.catalog import Connection, fetch
-from pipeline.lake.layout import Lake, check_dataset, open_lake
+from pipeline.lake.layout import check_dataset, open_lake
 from pipeline.stages.resolve import resolve_clip
 
 
@@ -29,6 +29,7 @@ def search(
     dataset: Annotated[
         str | None, typer.Option("--in", help="Answer from this dataset only.", show_default=False)
     ] = None,
+    method: Annotated[str, typer.Option(help="signature, alignment, descriptor or fused.")] = "signature",
     mirrored: Annotated[bool, typer.Option("--mirrored", help="Search for the mirrored motion too.")] = False,
     sample: Annotated[int, typer.Option(min=0, help="Also ask for so many clips of the lake, to try it out.")] = 0,
     picture: PictureOption = None,
@@ -39,19 +40,25 @@ def search(
     Example: motionlake search walk_01 -k 5 --lake mylake
 
     A file that is not in the lake: motionlake search shots/new_take.bvh --lake mylake
+
+    By the descriptor network: motionlake search walk_01 --method descriptor --lake mylake
     """
     from pipeline.connection import connect
+    from pipeline.retrievers.methods import check_method, retriever
 
     target = open_lake(lake)
     if dataset is not None:
         check_dataset(dataset)
+    check_method(method, mirrored=mirrored)
     con = connect(target.root)
     try:
         queries = [*(clips or []), *(row["clip"] for row in fetch(con, "queries/sample_clips.sql", {"count": sample}))]
         if not queries:
             raise UserError("search: name a clip or a clip file, or give --sample N")
         check_picture(picture, len(queries))
-        answers = [(query, _answer(con, target, query, k, dataset, mirrored)) for query in queries]
+        asked = [_query(con, query) for query in queries]
+        found = retriever(method, con, target, mirrored=mirrored).search(asked, k, dataset)
+        answers = [(query, [hit.as_row() for hit in hits]) for query, hits in zip(queries, found, strict=True)]
         save_picture(con, target, picture, answers)
     finally:
         con.close()
@@ -64,13 +71,7 @@ def search(
         print_rows(rows, as_json=False)
 
 
-def _answer(
-    con: Connection, lake: Lake, query: str, k: int, dataset: str | None, mirrored: bool
-) -> list[dict[str, object]]:
-    from pipeline.search import similar_to_clip, similar_to_file
-
-    if Path(query).is_file() and is_clip(Path(query)):
-        hits = similar_to_file(con, lake, Path(query), k, dataset, mirrored=mirrored)
-    else:
-        hits = similar_to_clip(con, resolve_clip(con, query), k, dataset, mirrored=mirrored)
-    return [hit.as_row() for hit in hits]
+def _query(con: Connection, query: str) -> str | Path:
+    """A clip file, or the clip of the lake that a name means."""
+    outside = Path(query).is_file() and is_clip(Path(query))
+    return Path(query) if outside else resolve_clip(con, query)

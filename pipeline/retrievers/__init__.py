@@ -1,0 +1,1 @@
+"""The ways to retrieve whole clips, behind one interface."""

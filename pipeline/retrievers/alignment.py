@@ -1,0 +1,39 @@
+"""Whole clips by strided temporal alignment of their strings of postures, both ways (PESTA, section 6)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from pipeline.align import Aligner
+from pipeline.lake.catalog import Connection
+from pipeline.lake.layout import Lake
+from pipeline.retrievers.protocol import Query
+from pipeline.search import Hit
+
+
+class AlignmentRetriever:
+    """Retrieval by alignment; a `Retriever`. Distances are costs for each symbol of the query.
+
+    Args:
+        con: to the lake.
+        lake: which holds the dictionary and the configuration.
+        threads: which share a scan.
+
+    Raises:
+        UserError: the lake has no symbol strings yet.
+    """
+
+    method = "alignment"
+
+    def __init__(self, con: Connection, lake: Lake, *, threads: int = 1) -> None:
+        self._aligner = Aligner(con, lake, threads=threads)
+
+    def search(self, queries: Sequence[Query], k: int, dataset: str | None = None) -> list[list[Hit]]:
+        """As `Retriever.search`."""
+        return [
+            [
+                Hit(hit.rank, hit.clip, hit.cost, hit.label, hit.dataset, hit.seconds)
+                for hit in self._aligner.whole(query, k, dataset=dataset)
+            ]
+            for query in queries
+        ]

@@ -1,0 +1,68 @@
+"""The retrieval methods by name."""
+
+from __future__ import annotations
+
+import os
+from typing import Final
+
+from pipeline.errors import UserError
+from pipeline.lake.catalog import Connection, fetch
+from pipeline.lake.layout import Lake
+from pipeline.retrievers.protocol import Retriever
+
+SINGLE: Final = ("signature", "alignment", "descriptor")
+METHODS: Final = (*SINGLE, "fused")
+
+
+def retriever(method: str, con: Connection, lake: Lake, *, mirrored: bool = False) -> Retriever:
+    """A way to retrieve the whole clips of a lake.
+
+    Args:
+        method: of `METHODS`; "fused" takes those that the lake is ready for.
+        con: with functions and macros, as `pipeline.connect` opens it.
+        lake: which holds the models for files.
+        mirrored: nearest to the clip or to its mirror image, by signature only.
+
+    Raises:
+        UserError: an unknown method, one that the lake is not ready for, or `mirrored` by another than signature.
+    """
+    check_method(method, mirrored=mirrored)
+    if method == "signature":
+        from pipeline.retrievers.signature import SignatureRetriever
+
+        return SignatureRetriever(con, lake, mirrored=mirrored)
+    if method == "alignment":
+        from pipeline.retrievers.alignment import AlignmentRetriever
+
+        return AlignmentRetriever(con, lake, threads=os.cpu_count() or 1)
+    if method == "descriptor":
+        from pipeline.retrievers.descriptor import DescriptorRetriever
+
+        return DescriptorRetriever(con, lake)
+    from pipeline.retrievers.fused import FusedRetriever
+
+    ready = ready_methods(con)
+    if not ready:
+        raise UserError(f"{lake.root}: is not ready for search; make it so with `motionlake run all`")
+    return FusedRetriever([retriever(name, con, lake) for name in ready])
+
+
+def check_method(method: str, *, mirrored: bool = False) -> None:
+    """Raises `UserError` for an unknown method, or `mirrored` by another than signature."""
+    if method not in METHODS:
+        raise UserError(f"--method {method}: not one of {', '.join(METHODS)}")
+    if mirrored and method != "signature":
+        raise UserError(f"--mirrored: searches by signature, not by {method}; leave one of the two out")
+
+
+def ready_methods(con: Connection) -> list[str]:
+    """Those of `SINGLE` whose tables the lake has."""
+    from pipeline.stages.descriptors import served_network
+
+    strings = fetch(con, "queries/has_symbol_tables.sql")  # not in lakes made before there were any
+    ready = {
+        "signature": bool(fetch(con, "queries/corpus_motifs.sql")),
+        "alignment": bool(strings and fetch(con, "queries/posture_codes.sql")),
+        "descriptor": served_network(con) is not None,
+    }
+    return [name for name in SINGLE if ready[name]]

@@ -1,0 +1,41 @@
+"""Whole clips by the earth mover's distance of their signatures (Deep Motifs, section 4.3)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from pipeline.errors import UserError
+from pipeline.lake.catalog import Connection, fetch
+from pipeline.lake.layout import Lake
+from pipeline.retrievers.protocol import Query
+from pipeline.search import Hit, similar_to_clip, similar_to_file
+
+
+class SignatureRetriever:
+    """Retrieval by signature; a `Retriever`.
+
+    Args:
+        con: with functions and macros, as `pipeline.connect` opens it.
+        lake: which holds the models for files.
+        mirrored: nearest to the clip or to its mirror image.
+
+    Raises:
+        UserError: the lake has no motifs yet.
+    """
+
+    method = "signature"
+
+    def __init__(self, con: Connection, lake: Lake, *, mirrored: bool = False) -> None:
+        if not fetch(con, "queries/corpus_motifs.sql"):
+            raise UserError(f"{lake.root}: has no motifs yet; make them with `motionlake run all`")
+        self._con, self._lake, self._mirrored = con, lake, mirrored
+
+    def search(self, queries: Sequence[Query], k: int, dataset: str | None = None) -> list[list[Hit]]:
+        """As `Retriever.search`."""
+        return [self._answer(query, k, dataset) for query in queries]
+
+    def _answer(self, query: Query, k: int, dataset: str | None) -> list[Hit]:
+        if isinstance(query, Path):
+            return similar_to_file(self._con, self._lake, query, k, dataset, mirrored=self._mirrored)
+        return similar_to_clip(self._con, query, k, dataset, mirrored=self._mirrored)

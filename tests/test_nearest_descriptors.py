@@ -1,0 +1,163 @@
+"""The k nearest descriptors: two ways to the answer of a naive scan."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from numpy.typing import NDArray
+
+from pipeline.descriptors.nearest import DescriptorScan, Neighbours, nearest
+from pipeline.descriptors.quick import QuickIndex
+
+Rows = NDArray[np.float32]
+Search = Callable[[Rows, Rows, int], Neighbours]
+
+
+def by_scan(rows: Rows, query: Rows, k: int) -> Neighbours:
+    return nearest(query, rows, k)
+
+
+def by_quick_index(rows: Rows, query: Rows, k: int) -> Neighbours:
+    return QuickIndex.build(rows).nearest(query, k)
+
+
+def by_blocks(rows: Rows, query: Rows, k: int) -> Neighbours:
+    return QuickIndex.build(rows, cuts=(1, 3)).nearest(query, k)
+
+
+SEARCHES = pytest.mark.parametrize("search", [by_scan, by_quick_index, by_blocks])
+
+
+def naive(rows: Rows, query: Rows, k: int) -> list[tuple[float, int]]:
+    """(squared distance, index) of the k nearest; exact where values are small integers."""
+    found = [
+        (sum((float(a) - float(b)) ** 2 for a, b in zip(row, query, strict=True)), i) for i, row in enumerate(rows)
+    ]
+    return sorted(found)[:k]
+
+
+SIZES = st.tuples(st.integers(-(2**20), 2**20), st.integers(-30, 20)).map(lambda v: float(v[0] * 2.0 ** v[1]))
+
+
+def integers(n: st.SearchStrategy[int], d: int) -> st.SearchStrategy[Rows]:
+    return n.flatmap(lambda count: arrays(np.float32, (count, d), elements=st.integers(-3, 3).map(float)))
+
+
+@SEARCHES
+@settings(deadline=None)
+@given(rows=integers(st.integers(0, 90), 5), query=integers(st.just(1), 5), k=st.integers(1, 100))
+@example(rows=np.zeros((80, 5), np.float32), query=np.zeros((1, 5), np.float32), k=3)
+@example(rows=np.zeros((0, 5), np.float32), query=np.ones((1, 5), np.float32), k=3)
+def test_ties_duplicates_zeros_and_any_k(search: Search, rows: Rows, query: Rows, k: int) -> None:
+    expected = naive(rows, query[0], k)
+    found = search(rows, query, k)
+    assert found.indices.shape == (1, min(k, len(rows)))
+    assert found.indices[0].tolist() == [i for _, i in expected]
+    np.testing.assert_array_equal(found.distances[0], np.sqrt([square for square, _ in expected]))
+
+
+@settings(deadline=None)
+@given(
+    rows=arrays(np.float32, (60, 4), elements=SIZES),
+    query=arrays(np.float32, (1, 4), elements=SIZES),
+    scale=st.sampled_from([1.0, 1e-25, 1e-40]),
+)
+def test_both_ways_agree_on_any_numbers(rows: Rows, query: Rows, scale: float) -> None:
+    """Values of very different size, where rounding is worst, denormal ones among them."""
+    rows, query = (rows * np.float32(scale)).astype(np.float32), (query * np.float32(scale)).astype(np.float32)
+    scan = by_scan(rows, query, 5)
+    expected = naive(rows, query[0], 5)
+    np.testing.assert_allclose(scan.distances[0], np.sqrt([square for square, _ in expected]), rtol=1e-12)
+    for search in (by_quick_index, by_blocks):
+        found = search(rows, query, 5)
+        np.testing.assert_array_equal(found.indices, scan.indices)
+        np.testing.assert_array_equal(found.distances, scan.distances)
+
+
+def clustered(count: int, rng: np.random.Generator, spread: float) -> Rows:
+    """Unit vectors of 512 values about 12 centres in 20 dimensions; many are almost alike."""
+    centres = rng.standard_normal((12, 20))[rng.integers(0, 12, count)]
+    found = (centres + spread * rng.standard_normal((count, 20))) @ rng.standard_normal((20, 512))
+    found += 0.01 * rng.standard_normal((count, 512))
+    return (found / np.linalg.norm(found, axis=1, keepdims=True)).astype(np.float32)
+
+
+@pytest.mark.parametrize("spread", [0.3, 1e-7, 0.0])
+def test_many_descriptors(spread: float) -> None:
+    """Spread 0: what sets rows apart is less than what a scan in float32 can tell."""
+    rng = np.random.default_rng(5)
+    rows = clustered(3000, rng, spread)
+    if spread < 0.1:
+        rows = (rows[:1] + 1e-6 * rows).astype(np.float32)
+    rows[100:140] = rows[7]
+    queries = np.concatenate([rows[:6], rows[7:8], clustered(6, rng, spread)])
+    index, scan = QuickIndex.build(rows), DescriptorScan(rows)
+    together = scan.nearest(queries, 20)
+    for at, query in enumerate(queries):
+        squares = np.square(rows.astype(np.float64) - query).sum(axis=1)
+        order = np.lexsort((np.arange(len(rows)), squares))[:20]
+        np.testing.assert_array_equal(together.indices[at], order)
+        np.testing.assert_array_equal(together.distances[at], np.sqrt(squares[order]))
+        for found in (index.nearest(query, 20), scan.nearest(query, 20)):
+            np.testing.assert_array_equal(found.indices[0], order)
+            np.testing.assert_array_equal(found.distances[0], np.sqrt(squares[order]))
+
+
+def test_batches_larger_than_a_scan_holds(monkeypatch: pytest.MonkeyPatch) -> None:
+    rng = np.random.default_rng(3)
+    rows = clustered(300, rng, 0.3)
+    whole = nearest(rows, rows, 4)
+    monkeypatch.setattr("pipeline.descriptors.nearest.SCANNED", 2000)
+    for mine, other in zip(whole, nearest(rows, rows, 4), strict=True):
+        np.testing.assert_array_equal(mine, other)
+    assert whole.indices[:, 0].tolist() == list(range(300))
+
+
+def test_a_training_that_asked_for_less_precision_changes_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The bound on rounding is that of float32; few processors multiply in less, so the setting is looked at."""
+    seen, product = [], torch.addmm
+
+    def watched(*arguments: Any, **options: Any) -> torch.Tensor:
+        seen.append(torch.get_float32_matmul_precision())
+        return product(*arguments, **options)
+
+    monkeypatch.setattr(torch, "addmm", watched)
+    rows = np.eye(9, dtype=np.float32)
+    before = torch.get_float32_matmul_precision()
+    torch.set_float32_matmul_precision("medium")
+    try:
+        assert nearest(rows, rows, 1).indices[:, 0].tolist() == list(range(9))
+        assert seen == ["highest"]
+        assert torch.get_float32_matmul_precision() == "medium"
+    finally:
+        torch.set_float32_matmul_precision(before)
+
+
+@SEARCHES
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf, 1e20])
+def test_what_is_no_number_is_refused(search: Search, bad: float) -> None:
+    rows = np.ones((4, 6), np.float32)
+    damaged = rows.copy()
+    damaged[2, 3] = bad
+    with pytest.raises(ValueError, match="row 2 holds NaN"):
+        search(damaged, rows[:1], 1)
+    with pytest.raises(ValueError, match="row 0 holds NaN"):
+        search(rows, damaged[2:3], 1)
+
+
+@SEARCHES
+def test_what_does_not_compare_is_refused(search: Search) -> None:
+    rows = np.ones((4, 6), np.float32)
+    with pytest.raises(ValueError, match="do not compare with descriptors of 6 values"):
+        search(rows, np.ones((1, 5), np.float32), 1)
+    with pytest.raises(ValueError, match="k = 0"):
+        search(rows, rows[:1], 0)
+    with pytest.raises(ValueError, match="rows"):
+        search(np.ones(6, np.float32), rows[:1], 1)
