@@ -25,7 +25,7 @@ from bench.record import record, recordings
 from bench.signed import make_lake, run_all
 from pipeline.applications.segmentation import SegmentationConfig, TaughtRange
 from pipeline.corpus import read_corpus
-from pipeline.evaluating import segmentation_scores, segments_of
+from pipeline.evaluating.segmentation import segmentation_scores, segments_of
 from pipeline.evaluation.segmentation import SegmentationScores
 from pipeline.labelling.segments import mirrored_motifs
 from pipeline.lake.catalog import reading

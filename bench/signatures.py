@@ -24,7 +24,8 @@ from bench.signed import make_lake, run_all
 from pipeline.applications.clustering import cluster_clips
 from pipeline.connection import connect
 from pipeline.emd import emd_matrix
-from pipeline.evaluating import dtw_distances, evaluate_signatures
+from pipeline.evaluating.clips import dtw_distances
+from pipeline.evaluating.signatures import evaluate_signatures
 from pipeline.evaluation.clustering import adjusted_rand_index
 from pipeline.labelling.signed import lake_ground, signed_clips
 from pipeline.lake.layout import Lake
@@ -60,7 +61,7 @@ def measure(lake: Lake, chosen: Labelled, seed: int, *, dtw: bool) -> dict[str, 
         signed = signed_clips(con, None, chosen.column, chosen.only).labelled()
         distances = {"signatures": emd_matrix(signed.signatures, lake_ground(con))}
         if dtw:
-            distances["dtw"] = dtw_distances(con, lake, signed)
+            distances["dtw"] = dtw_distances(lake, signed.clips)
     finally:
         con.close()
     rows = {"signatures": found} | ({"dtw": found["dtw"]} if dtw else {})

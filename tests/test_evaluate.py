@@ -11,9 +11,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from pipeline.clip_dtw import clip_dtw, dtw_matrix, frame_pairs
 from pipeline.emd import emd_matrix, ground_distances
 from pipeline.evaluation.classification import folded_accuracy
-from pipeline.evaluation.dtw import baseline_features, clip_dtw, dtw_matrix, frame_pairs
+from pipeline.evaluation.dtw import baseline_features
 from pipeline.evaluation.retrieval import leave_one_out
 from pipeline.evaluation.segmentation import mean_scores, score_words, word_truth
 from tests.lakes import motionlake, query

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import statistics
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, replace
 from typing import Any, Final
 
@@ -16,9 +16,8 @@ from pipeline.alignment.scan import symmetric_costs
 from pipeline.config import load_config
 from pipeline.emd import emd_matrix
 from pipeline.errors import UserError
-from pipeline.evaluating import PATIENCE, clip_features
+from pipeline.evaluating.clips import Notice, dtw_baseline
 from pipeline.evaluation.confusion import confusion
-from pipeline.evaluation.dtw import CELLS_PER_SECOND, dtw_matrix, frame_pairs
 from pipeline.evaluation.ranking import (
     others,
     precision_recall,
@@ -42,7 +41,6 @@ from pipeline.lake.catalog import Connection, fetch
 from pipeline.lake.layout import Lake
 from pipeline.lake_strings import LakeStrings, read_strings
 
-Notice = Callable[[str], None]
 # The paper's strides: whole clips, sub-queries.
 WHOLE_STRIDE: Final = 3
 SUB_QUERY_STRIDE: Final = 2
@@ -123,14 +121,8 @@ def _whole(
         for method in METHODS
     }
     result["signatures"] = _scores(emd_matrix(signed.signatures, lake_ground(con)), labels)
-    result["dtw_frames"] = None
-    features = clip_features(con, lake, signed) if dtw is not False else []
-    seconds = frame_pairs([len(f) for f in features]) / CELLS_PER_SECOND
-    if dtw is None and seconds > PATIENCE:
-        notice(f"DTW of frames is left out: it would take about {seconds / 60:.0f} minutes; --baseline dtw computes it")
-    elif dtw is not False:
-        notice(f"whole-clip DTW of frames: about {seconds:.0f} s")
-        result["dtw_frames"] = _scores(dtw_matrix(features), labels)
+    by_frames = dtw_baseline(lake, signed.clips, dtw, notice)
+    result["dtw_frames"] = None if by_frames is None else _scores(by_frames, labels)
     return result
 
 

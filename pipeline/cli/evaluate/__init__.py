@@ -1,0 +1,21 @@
+"""motionlake evaluate: one module a subcommand."""
+
+from __future__ import annotations
+
+import typer
+
+from pipeline.cli.evaluate.descriptor import descriptor
+from pipeline.cli.evaluate.pesta import pesta
+from pipeline.cli.evaluate.segmentation import segmentation
+from pipeline.cli.evaluate.signatures import signatures
+
+ABOUT = """Measures on labelled clips of a lake.
+
+Example: motionlake evaluate signatures --dataset hdm05 --json --lake mylake"""
+
+
+def add_to(app: typer.Typer) -> None:
+    evaluate = typer.Typer(name="evaluate", help=ABOUT, no_args_is_help=True)
+    for command in (signatures, segmentation, pesta, descriptor):
+        evaluate.command()(command)
+    app.add_typer(evaluate)

@@ -1,0 +1,1 @@
+"""Measures on a labelled lake: what `motionlake evaluate` calls."""

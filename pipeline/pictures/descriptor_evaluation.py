@@ -1,0 +1,37 @@
+"""Pictures of what `evaluate_descriptor` found: precision-recall curves, map of descriptors, loss (DeepHuMS, 3.3)."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from pipeline.evaluating.descriptor import DescriptorEvaluation
+from pipeline.pictures.descriptor_map import PERPLEXITY, descriptor_map
+from pipeline.pictures.html import Picture, picture
+from pipeline.pictures.learning_curves import LearningCurve, learning_curves_figure
+from pipeline.pictures.retrieval_figures import precision_recall_figure
+
+LEAST_MAPPED: Final = 4
+
+
+def descriptor_pictures(measured: DescriptorEvaluation) -> list[Picture]:
+    """Precision and recall of all methods, the t-SNE map of the queries, the network's loss where it was recorded."""
+    found = measured.found
+    model = found["model"]["model"]
+    note = f"{found['protocol']}: {found['n']} queries, {found['repository']} clips to find"
+    rows = {"descriptor": found} | {name: row for name, row in found["methods"].items() if row is not None}
+    curves = {
+        f"{name}, area {row['pr_area']:.3f}": (row["curve"]["recall"], row["curve"]["precision"])
+        for name, row in rows.items()
+    }
+    figure = precision_recall_figure(curves, "Precision and recall by method", note, mean=False)
+    made = [picture("precision-recall", "Precision and recall by method", "Mean over the queries.", figure)]
+    if len(measured.labels) >= LEAST_MAPPED:
+        title = "Descriptors of the queries"
+        said = f"{model}; t-SNE, perplexity {PERPLEXITY:.0f}; the axes have no meaning of their own"
+        figure = descriptor_map(measured.descriptors, measured.labels, title, said)
+        made.append(picture("descriptors-tsne", title, "Each point a clip; near points, near descriptors.", figure))
+    if measured.loss:
+        title = f"Training of {model}"
+        figure = learning_curves_figure({model: [LearningCurve(measured.loss)]}, title, unit="epoch")
+        made.append(picture("learning-curve", title, "Loss as a share of its first value.", figure))
+    return made
