@@ -26,6 +26,7 @@ class LabelledClip:
     fps: float
     label: str
     subject: str
+    split: str = ""
 
 
 @dataclass(frozen=True)
@@ -55,7 +56,8 @@ def load(name: str) -> list[LabelledClip]:
         clip = read_clips(folder / row["file"])[0]
         motion = canonicalise(clip, solve(clip), identify(clip.hierarchy.joints, rigs))
         subject = row.get("subject") or ""
-        clips.append(LabelledClip(motion.positions, motion.rotations, motion.fps, row[chosen.label], subject))
+        split = row.get("split") or ""
+        clips.append(LabelledClip(motion.positions, motion.rotations, motion.fps, row[chosen.label], subject, split))
     return clips
 
 

@@ -14,9 +14,10 @@ from typing import Any, Final
 
 from bench.pesta import ablations, elasticity, ranges, robustness, sub_queries, whole
 from bench.pesta.dictionaries import OWN, Spec
-from bench.pesta.measuring import SEEDS, Found, in_processes, table, with_seeds
+from bench.pesta.measuring import with_seeds
 from bench.pesta.sets import hash_sets
 from bench.record import record
+from bench.units import SEEDS, Found, in_processes, table
 from pipeline.postures.recipe import AutoencoderRecipe, recipe_of
 
 Rows = dict[str, dict[int, Found]]

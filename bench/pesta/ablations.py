@@ -7,8 +7,9 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 from bench.pesta.dictionaries import Spec, fitted, strings_of
-from bench.pesta.measuring import STA3, Found, whole_scores
+from bench.pesta.measuring import STA3, whole_scores
 from bench.pesta.sets import labels_of
+from bench.units import Found
 from pipeline.alignment.config import AlignmentConfig
 from pipeline.alignment.scan import Both
 from pipeline.postures.recipe import AutoencoderRecipe

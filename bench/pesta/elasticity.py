@@ -13,8 +13,9 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 from bench.pesta.dictionaries import OWN, Spec, fitted, strings_of
-from bench.pesta.measuring import STA3, Found, whole_scores
+from bench.pesta.measuring import STA3, whole_scores
 from bench.pesta.sets import labels_of
+from bench.units import Found
 from pipeline.alignment.strings import Repository, SymbolDistances
 from pipeline.alignment.whole import nearest_strings
 

@@ -15,9 +15,10 @@ from typing import Final
 import numpy as np
 
 from bench.pesta.dictionaries import Spec, fitted, strings_of
-from bench.pesta.measuring import STA3, Found
+from bench.pesta.measuring import STA3
 from bench.pesta.sets import segments_of
 from bench.pesta.whole import DTW, SCORES, SW, specs
+from bench.units import Found
 from pipeline.alignment.config import AlignmentConfig
 from pipeline.alignment.scan import pairwise
 from pipeline.alignment.strings import Repository

@@ -16,9 +16,10 @@ import numpy as np
 
 from bench.canonical_sets import LabelledClip, features
 from bench.pesta.dictionaries import Spec, fitted, string
-from bench.pesta.measuring import STA2, STA3, Found, whole_scores
+from bench.pesta.measuring import STA2, STA3, whole_scores
 from bench.pesta.sets import clips_of, labels_of
 from bench.pesta.whole import DTW, SW, specs
+from bench.units import Found
 from pipeline.alignment.config import AlignmentConfig
 from pipeline.alignment.scan import Both
 from pipeline.evaluation.singularity import PIECE, singular_pieces

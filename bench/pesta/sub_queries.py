@@ -12,10 +12,11 @@ from functools import partial
 from typing import Final
 
 from bench.pesta.dictionaries import Spec, fitted, ready_made, strings_of
-from bench.pesta.measuring import STA2, Found
+from bench.pesta.measuring import STA2
 from bench.pesta.sets import segments_of
 from bench.pesta.whole import READY, specs
 from bench.record import interleave
+from bench.units import Found
 from pipeline.alignment.config import AlignmentConfig
 from pipeline.evaluation.sub_queries import (
     Take,

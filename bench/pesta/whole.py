@@ -14,8 +14,9 @@ from typing import Final
 
 from bench.canonical_sets import features
 from bench.pesta.dictionaries import OWN, Spec, fitted, ready_made, strings_of
-from bench.pesta.measuring import STA2, STA3, Found, score_distances, whole_scores
+from bench.pesta.measuring import STA2, STA3, score_distances, whole_scores
 from bench.pesta.sets import clips_of, labels_of
+from bench.units import Found
 from pipeline.alignment.config import AlignmentConfig
 from pipeline.alignment.scan import Both
 from pipeline.symbols.config import SymbolsConfig
@@ -92,8 +93,9 @@ def measure(unit: Unit) -> dict[str, Found]:
 def references(set_name: str, seed: int) -> dict[str, Found]:
     """Signatures of learned words, and whole-clip DTW on frames (seed 0 alone: it has none)."""
     from bench.representation import K, by_l2, learned
+    from pipeline.clip_dtw import dtw_matrix
     from pipeline.emd import emd_matrix
-    from pipeline.evaluation.dtw import BASELINE, dtw_matrix
+    from pipeline.evaluation.dtw import BASELINE
     from pipeline.signatures import signatures
     from pipeline.words.features import WordConfig
 

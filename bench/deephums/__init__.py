@@ -1,0 +1,1 @@
+"""DeepHuMS measured beside published descriptors of motion, in one harness."""

@@ -1,0 +1,75 @@
+"""`python -m bench.deephums [--seeds N] [--processes N] [--epochs N] [--methods NAME ...] [PART ...]`.
+
+retrieval: test clips of utd_mhad and hdm05 query their training clips, by every method, with the rows of robustness.
+curves: learning curves with one training subject held out. choices: what the thesis leaves open, by cross-validation
+over training subjects. submotion: pieces of clips and the clips they are from.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from typing import Any, Final
+
+from bench.deephums import choices, curves, retrieval, submotion
+from bench.deephums.sets import SETS
+from bench.record import hash_files, record, recordings
+from bench.units import SEEDS, Found, in_processes, table, with_seeds
+
+DRAWN_ROWS: Final = frozenset(retrieval.METHODS)
+
+
+def measure_retrieval(given: argparse.Namespace) -> dict[str, Any]:
+    units = retrieval.units(given.sets, given.methods or retrieval.METHODS, given.chosen, given.epochs)
+    runs: dict[str, dict[str, dict[int, Found]]] = {name: {} for name in given.sets}
+    for unit, found in in_processes(retrieval.measure, units, given.processes, str):
+        for row, values in found.items():
+            runs[unit.set_name].setdefault(row, {})[unit.seed] = values
+    order = {name: i for i, name in enumerate(retrieval.METHODS)}
+    result = {}
+    for name, rows in runs.items():
+        ordered = dict(sorted(rows.items(), key=lambda item: order.get(item[0], len(order))))
+        result[name] = with_seeds(ordered, DRAWN_ROWS.__contains__)
+        print(f"\n{table(name, result[name], retrieval.SCORES)}")
+    return result
+
+
+def measure_curves(given: argparse.Namespace) -> dict[str, Any]:
+    return curves.measure(given.sets[0], given.epochs)
+
+
+def measure_choices(given: argparse.Namespace) -> dict[str, Any]:
+    return choices.measure(given.epochs, given.processes)
+
+
+def measure_submotion(given: argparse.Namespace) -> dict[str, Any]:
+    return submotion.measure(given.chosen)
+
+
+PARTS: Final[dict[str, Callable[[argparse.Namespace], dict[str, Any]]]] = {
+    "retrieval": measure_retrieval,
+    "curves": measure_curves,
+    "choices": measure_choices,
+    "submotion": measure_submotion,
+}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("parts", nargs="*", choices=[*PARTS, []], default=[])
+    parser.add_argument("--sets", nargs="+", choices=SETS, default=list(SETS))
+    parser.add_argument("--methods", nargs="+", choices=retrieval.METHODS)
+    parser.add_argument("--seeds", type=int, default=len(SEEDS))
+    parser.add_argument("--processes", type=int, default=1)
+    parser.add_argument("--epochs", type=int, default=0)
+    given = parser.parse_args()
+    given.chosen = tuple(range(given.seeds))
+    for part in given.parts or PARTS:
+        figures = PARTS[part](given)
+        sets = given.sets if part == "retrieval" else ["utd_mhad"]
+        files = [path for name in sets for path in (recordings() / name).rglob("*") if path.is_file()]
+        print(f"wrote {record(f'deephums-{part}', figures, hash_files(files, recordings()))}")
+
+
+if __name__ == "__main__":
+    main()

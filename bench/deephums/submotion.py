@@ -1,0 +1,153 @@
+"""Pieces of clips, the clips they are from, and where in them: the second network alone (DeepHuMS, section 3.3.5).
+
+Trained on the clips of utd_mhad's split "train". From every clip of "test" one piece of 25 to 60 % of its frames is cut
+at a random offset, before anything is computed, and asked for among all test clips. The piece is then located in its
+source by sub-sequence DTW, beside the best constant guess: the one range, as shares of the clip, that overlaps pieces
+of training clips best.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bench.canonical_sets import LabelledClip
+from bench.deephums.sets import Split, split_of
+from bench.units import SEEDS, Found, table, with_seeds
+from pipeline.descriptors.config import DescriptorsConfig
+from pipeline.descriptors.submotion import train_submotion
+from pipeline.descriptors.submotion_config import SubmotionConfig
+from pipeline.descriptors.submotion_trained import TrainedSubmotion
+from pipeline.descriptors.training import TrainingClip, train_descriptor
+from pipeline.find_submotion import Piece, piece_of, place
+from pipeline.words.features import Float32Array, WordConfig, word_features
+
+SET: Final = "utd_mhad"
+SHARES: Final = (0.25, 0.6)
+WORDS: Final = WordConfig()
+SCORES: Final = ("top1", "top5", "iou_source", "iou_hits", "iou_constant", "n")
+GUESSES: Final = np.linspace(0, 1, 51)
+Ranges = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Pieces:
+    """One piece of each of n clips, and the frames [n, 2] of its clip that it was cut from."""
+
+    pieces: list[Piece]
+    ranges: Ranges
+
+
+def cut(clips: Sequence[LabelledClip], seed: int) -> Pieces:
+    """A piece of every clip, at its own rate."""
+    rng = np.random.default_rng(seed)
+    pieces, ranges = [], []
+    for clip in clips:
+        count = round(len(clip.positions) * rng.uniform(*SHARES))
+        start = int(rng.integers(0, len(clip.positions) - count + 1))
+        frames = slice(start, start + count)
+        pieces.append(piece_of(clip.label, clip.positions[frames], clip.rotations[frames], clip.fps, WORDS))
+        ranges.append((start, start + count))
+    return Pieces(pieces, np.array(ranges, dtype=np.int64))
+
+
+def overlaps(found: NDArray[np.floating] | Ranges, true: Ranges) -> NDArray[np.float64]:
+    """[n] intersection over union of ranges [n, 2]."""
+    both = np.minimum(found[:, 1], true[:, 1]) - np.maximum(found[:, 0], true[:, 0])
+    either = np.maximum(found[:, 1], true[:, 1]) - np.minimum(found[:, 0], true[:, 0])
+    return np.maximum(both, 0) / either
+
+
+def best_guess(true: Ranges, frames: NDArray[np.int64]) -> tuple[float, float]:
+    """The range, as shares of a clip, whose mean overlap with ranges [n, 2] of clips of so many frames is greatest."""
+    every = [(a, b) for a in GUESSES for b in GUESSES if a < b]
+    scores = [overlaps(np.outer(frames, guess), true).mean() for guess in every]
+    start, stop = every[int(np.argmax(scores))]
+    return float(start), float(stop)
+
+
+def locate(pieces: Sequence[Piece], clips: Sequence[LabelledClip]) -> Ranges:
+    """[n, 2] frames of each clip that its piece aligns with best."""
+    found = []
+    for piece, clip in zip(pieces, clips, strict=True):
+        features = word_features(clip.positions, clip.rotations, clip.fps, WORDS)
+        stretch = place(piece, {"clip": "", "fps": clip.fps, "frames": len(clip.positions)}, features, WORDS)
+        found.append((stretch.start, stretch.stop))
+    return np.array(found, dtype=np.int64)
+
+
+def ranks(asked: Float32Array, known: Float32Array) -> NDArray[np.int64]:
+    """[n] how many clips are nearer to the piece of a clip than the clip itself, or as near and before it."""
+    apart = ((asked[:, None].astype(float) - known[None]) ** 2).sum(axis=2)
+    order = np.argsort(apart, axis=1, kind="stable")
+    return np.asarray((order == np.arange(len(asked))[:, None]).argmax(axis=1), dtype=np.int64)
+
+
+def embedded(
+    known: Split, test: Split, pieces: Pieces, config: SubmotionConfig, epochs: int = 0
+) -> tuple[Float32Array, Float32Array]:
+    """[n, 512] of the pieces and of the test clips, which are all shorter than a window of the second network.
+
+    Recipe "deephums" compares pieces with descriptors, by the self-supervised network of the default recipe.
+    """
+    first = targets = None
+    if config.recipe == "deephums":
+        clips = [TrainingClip(sequence) for sequence in known.sequences]
+        first = train_descriptor(clips, DescriptorsConfig(supervision="none", seed=config.seed, epochs=epochs))
+        targets = first.embed(known.sequences)
+    network, losses = train_submotion(known.sequences, config, targets=targets)
+    second = TrainedSubmotion(config, network, {"loss": losses[-1]})
+    asked = second.embed([piece.sequence for piece in pieces.pieces])
+    return asked, (first or second).embed(test.sequences)
+
+
+def measure(seeds: Sequence[int] = SEEDS, steps: int = 0, epochs: int = 0) -> dict[str, Any]:
+    """Both recipes with every seed, of the training and of the pieces.
+
+    Args:
+        seeds: of each run.
+        steps, epochs: of the second network and of the descriptors that "deephums" goes by; 0 are the default.
+    """
+    known, test = split_of(SET, "train"), split_of(SET, "test")
+    runs: dict[str, dict[int, Found]] = {"motionlake": {}, "thesis": {}}
+    for seed in seeds:
+        pieces, training = cut(test.clips, seed), cut(known.clips, seed)
+        guess = best_guess(training.ranges, _frames(known))
+        located = overlaps(locate(pieces.pieces, test.clips), pieces.ranges)
+        constant = overlaps(np.outer(_frames(test), guess), pieces.ranges).mean()
+        for row, recipe in zip(runs, ("default", "deephums"), strict=True):
+            config = SubmotionConfig(recipe=recipe, seed=seed)
+            config = replace(config, steps=steps) if steps else config
+            found = ranks(*embedded(known, test, pieces, config, epochs))
+            right = located[found == 0]
+            runs[row][seed] = {
+                "top1": float((found == 0).mean()),
+                "top5": float((found < 5).mean()),
+                "iou_source": float(located.mean()),
+                "iou_hits": float(right.mean()) if len(right) else 0.0,
+                "iou_constant": float(constant),
+                "guess": list(guess),
+                "n": len(found),
+            }
+            print(f"  {row}, seed {seed}: {runs[row][seed]}", flush=True)
+    rows = with_seeds(runs, lambda name: False)
+    print(f"\n{table(SET, rows, SCORES)}")
+    return rows
+
+
+def _frames(split: Split) -> NDArray[np.int64]:
+    return np.array([len(clip.positions) for clip in split.clips])
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description="Pieces and their clips; `python -m bench.deephums` records it.")
+    parser.add_argument("--steps", type=int, default=0)
+    parser.add_argument("--epochs", type=int, default=0)
+    parser.add_argument("--seeds", type=int, default=len(SEEDS))
+    given = parser.parse_args()
+    measure(range(given.seeds), given.steps, given.epochs)
