@@ -42,7 +42,7 @@ def _alone() -> None:
 
 
 def _maps(found: Mapping[str, Found]) -> str:
-    key = next((key for key in ("map", "p_at_10") if any(key in row for row in found.values())), None)
+    key = next((key for key in ("top1", "map", "p_at_10") if any(key in row for row in found.values())), None)
     shown = [f"{name} {row[key]:.3f}" for name, row in list(found.items())[:6] if key in row] if key else []
     return ": " + ", ".join(shown) + (" ..." if len(found) > 6 else "") if shown else ""
 
