@@ -4,14 +4,14 @@ BENCH := .venv-bench/bin
 PIP := -m pip --quiet --disable-pip-version-check
 LAKE ?= lake
 DIST ?= dist
-STAGES := frames words embed motifs signatures mirrored postures symbols
+STAGES := frames words embed motifs signatures mirrored postures symbols descriptors submotions
 # What `make demo` takes in: by default the DeepMimic motions, fetched first.
 DATA ?= demo/deepmimic
 DEMO_LAKE = demo/$(notdir $(abspath $(DATA)))-lake
 DEMO_QUERIES = $(if $(filter demo/deepmimic,$(DATA)),humanoid3d_walk humanoid3d_kick humanoid3d_dance_a,--sample 3)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test lint ingest all $(STAGES) neighbours transitions status wheel bench-ingest bench-dtw bench-emd bench-retrieval bench-representation bench-words bench-find bench-motion-graph bench-neighbours bench-segmentation bench-signatures bench-align bench-pesta
+.PHONY: help setup demo test lint ingest all $(STAGES) neighbours transitions status wheel bench-ingest bench-dtw bench-emd bench-retrieval bench-representation bench-words bench-find bench-motion-graph bench-neighbours bench-segmentation bench-signatures bench-align bench-pesta bench-descriptor-search
 
 help: ## Show this help
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 24
@@ -63,6 +63,8 @@ signatures: setup ## Stage: tf-idf signatures of clips, ready for search
 mirrored: setup ## Stage: the signature of every clip mirrored left to right
 postures: setup ## Stage: train the posture dictionary if there is none, code every frame
 symbols: setup ## Stage: coded frames to the symbol string of every clip
+descriptors: setup ## Stage: train the descriptor network if there is none, one vector a clip
+submotions: setup ## Stage: train the second network if there is none, vectors of the windows of clips
 neighbours: setup ## Stage of its own: the nearest words of every word in other clips
 	$(BIN)/motionlake run neighbours --lake "$(LAKE)"
 transitions: setup ## Stage of its own: where clips of DATASET=name (all datasets) can be joined into motion graphs
@@ -126,3 +128,6 @@ bench-align: .venv-bench/.ready ## Measure strided alignment against librosa, ta
 
 bench-pesta: setup ## Measure PESTA as the paper does: tables 3 to 6, figure 8, ablations (hours; PARTS="whole ...": some)
 	$(BIN)/python -m bench.pesta $(PARTS)
+
+bench-descriptor-search: setup ## Measure the search for nearest descriptors against numpy, scikit-learn and DuckDB
+	$(BIN)/python -m bench.descriptor_search

@@ -29,8 +29,8 @@ from sklearn.metrics import average_precision_score
 from bench.record import hash_files, record, recordings
 from bench.shipped_words import ready_made_for
 from bench.signed import make_lake, run_all
-from bench.subsequence_dtw import STEPS, alignment_ends, frame_costs
 from pipeline.applications.query_by_example import ExampleQuery, frame_distances_along
+from pipeline.applications.subsequence import STEPS, alignment_ends
 from pipeline.config import load_config
 from pipeline.corpus import Corpus, read_corpus
 from pipeline.lake.catalog import reading
@@ -125,6 +125,16 @@ def dtw(takes: Takes, steps: str, squared: bool) -> Scorer:
         return frame_costs(*alignment_ends(frames, takes.features[clip], steps, squared=squared))
 
     return score
+
+
+def frame_costs(costs: Float64Array, starts: NDArray[np.int64]) -> Float64Array:
+    """[T] cost of the cheapest alignment that covers each frame; where none does, that of the dearest."""
+    covered = np.full(len(costs), np.inf)
+    for end in range(len(costs)):
+        span = covered[starts[end] : end + 1]
+        np.minimum(span, costs[end], out=span)
+    covered[~np.isfinite(covered)] = np.max(covered[np.isfinite(covered)], initial=0.0)
+    return covered
 
 
 def mean_average_precision(takes: Takes, queries: Sequence[Query], scorer: Scorer) -> dict[str, float]:

@@ -24,7 +24,7 @@ from pipeline.stages.sources import IngestOptions, Root
 from pipeline.words.features import Float32Array, Float64Array
 
 # Those that hang on words; strings of postures have a bench of their own.
-WORD_STAGES = tuple(stage for stage in STAGES if stage not in ("postures", "symbols"))
+WORD_STAGES = tuple(stage for stage in STAGES if stage not in ("postures", "symbols", "descriptors", "submotions"))
 CLIPS = "SELECT clip, dataset, label, coalesce(subject, '') FROM clips ORDER BY clip"
 SIGNATURES = "SELECT signature FROM signatures JOIN clips USING (clip) ORDER BY clip"
 CENTROIDS = "SELECT centroid FROM motifs ORDER BY motif"

@@ -2,30 +2,35 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from jobs import modelling
 from jobs.execute import Outcome, StageJob, execute
 from jobs.session import Session
-from pipeline.lake.catalog import reading, writing
-from pipeline.stages import embed, frames
-from pipeline.stages.models import Model, add_model, next_file
+from pipeline.lake.catalog import reading
+from pipeline.stages import embed
+from pipeline.stages.models import Model
 from pipeline.words import shipped
 
 JOB = StageJob(embed.NAME, embed.run, embed.load)
+NETWORK = modelling.Network(
+    kind=embed.NETWORK,
+    stage=embed.NAME,
+    title="word network",
+    command="words",
+    key=embed.network_key,
+    settings=lambda config: {"words": asdict(config.words), "network": asdict(config.network)},
+    takes_ready_made=lambda _con, config: shipped.fits(config.words, config.network),
+    ready_made=lambda: shipped.FILE,
+    take_weights=embed.take_weights,
+)
 
 
 def run(session: Session, *, refit: bool = False) -> Outcome:
     """Embed what is not embedded yet; `refit` trains a network on the lake first."""
-    with reading(session.lake) as con:
-        network = None if refit else embed.fitting_network(con, session.config)
-    if network is None and not refit and shipped.fits(session.config.words, session.config.network):
-        session.notice("embed: takes the ready-made word network; `motionlake train words` trains one on this lake")
-        network = take(session, shipped.FILE)
-    network = network or train(session)
+    network = modelling.obtain(session, NETWORK, train, refit=refit)
     if network is None:
         return Outcome()
     with reading(session.lake) as con:
@@ -40,46 +45,29 @@ def train(session: Session, *, fine_tune: bool = False) -> Model | None:
         session: of the lake.
         fine_tune: go on from the current network (else from the ready-made weights) where it fits.
     """
-    started = time.perf_counter()
     lake, config = session.lake, session.config
-    with reading(lake) as con:
-        before = embed.fitting_network(con, config) if fine_tune else None
-    if fine_tune and before is None and shipped.fits(config.words, config.network):
-        before = take(session, shipped.FILE)
+    before = _start(session) if fine_tune else None
     with reading(lake) as con:
         features = embed.training_sample(con, lake, config)
-        file = next_file(con, embed.NETWORK, ".safetensors")
-        data_hash = frames.content_key(con)
     if not features:
         session.notice("embed: there are no words yet; `motionlake run all` makes every stage")
         return None
 
-    def progress(step: int, steps: int, loss: float) -> None:
-        session.progress("train", step, steps)
-        session.notice(f"train: step {step} of {steps}, loss {loss:.4f}")
+    def fit(file: str, progress: modelling.Progress) -> dict[str, Any]:
+        figures = embed.train(lake, features, config, file, before.file if before else None, progress)
+        return figures | ({"fine_tuned_from": before.model} if before else {})
 
-    figures = embed.train(lake, features, config, file, before.file if before else None, progress)
-    if before:
-        figures["fine_tuned_from"] = before.model
-    return _enter(session, file, data_hash, figures, time.perf_counter() - started)
+    return modelling.train(session, NETWORK, fit)
 
 
-def take(session: Session, weights: Path) -> Model | None:
+def _start(session: Session) -> Model | None:
+    with reading(session.lake) as con:
+        before = embed.fitting_network(con, session.config)
+    if before is None and shipped.fits(session.config.words, session.config.network):
+        return take(session, shipped.FILE)
+    return before
+
+
+def take(session: Session, weights: Path) -> Model:
     """Make ready-made weights the lake's current network."""
-    with reading(session.lake) as con:
-        file = next_file(con, embed.NETWORK, ".safetensors")
-    figures = embed.take_weights(session.lake, session.config, weights, file)
-    data_hash = figures.pop("data_sha256", "")
-    return _enter(session, file, data_hash, figures, 0.0)
-
-
-def _enter(session: Session, file: str, data_hash: str, figures: Mapping[str, Any], seconds: float) -> Model | None:
-    config = session.config
-    with writing(session.lake) as con:
-        add_model(
-            con, embed.NETWORK, key=embed.network_key(config), data_hash=data_hash,
-            config={"words": asdict(config.words), "network": asdict(config.network)},
-            figures=figures, file=file, seconds=seconds,
-        )  # fmt: skip
-    with reading(session.lake) as con:
-        return embed.fitting_network(con, config)
+    return modelling.take(session, NETWORK, weights)

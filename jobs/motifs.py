@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import asdict
 
 from jobs.execute import Outcome, StageJob, execute
+from jobs.modelling import make
 from jobs.session import Session
-from pipeline.lake.catalog import reading, writing
-from pipeline.stages import embed, frames, motifs
-from pipeline.stages.models import Model, add_model, next_file
+from pipeline.lake.catalog import reading
+from pipeline.stages import embed, motifs
+from pipeline.stages.models import Model
 
 JOB = StageJob(motifs.NAME, motifs.run, motifs.load)
 
@@ -28,18 +28,11 @@ def run(session: Session, *, refit: bool = False) -> Outcome:
 
 
 def _fit(session: Session, network: Model) -> Model:
-    started = time.perf_counter()
     lake, config = session.lake, session.config
-    with reading(lake) as con:
-        file = next_file(con, motifs.MOTIFS, ".parquet")
-        figures = motifs.fit(con, lake, config, network, file)
-        data_hash = frames.content_key(con)
-    with writing(lake) as con:
-        add_model(
-            con, motifs.MOTIFS, key=motifs.motifs_key(config, network), data_hash=data_hash,
-            config=asdict(config.motifs), figures=figures, file=file, seconds=time.perf_counter() - started,
-        )  # fmt: skip
-    with reading(lake) as con:
-        model = motifs.fitting_motifs(con, config, network)
-    assert model is not None
-    return model
+
+    def fit(file: str) -> dict[str, float]:
+        with reading(lake) as con:
+            return motifs.fit(con, lake, config, network, file)
+
+    key = motifs.motifs_key(config, network)
+    return make(session, motifs.MOTIFS, key, asdict(config.motifs), fit, suffix=".parquet")

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import asdict
 
 from jobs.execute import Outcome, StageJob, execute
+from jobs.modelling import make
 from jobs.session import Session
-from pipeline.lake.catalog import reading, writing
-from pipeline.stages import frames, neighbours
-from pipeline.stages.models import Model, add_model, next_file
+from pipeline.lake.catalog import reading
+from pipeline.stages import neighbours
+from pipeline.stages.models import Model
 
 JOB = StageJob(neighbours.NAME, neighbours.run, neighbours.load)
 
@@ -28,19 +28,10 @@ def run(session: Session, *, refit: bool = False) -> Outcome:
 
 
 def _fit(session: Session) -> Model:
-    started = time.perf_counter()
     lake, config = session.lake, session.config
-    with reading(lake) as con:
-        file = next_file(con, neighbours.INDEX, ".safetensors")
-        figures = neighbours.fit(con, lake, config, file)
-        data_hash = frames.content_key(con)
-    with writing(lake) as con:
-        add_model(
-            con, neighbours.INDEX, key=neighbours.index_key(config), data_hash=data_hash,
-            config={"words": asdict(config.words)}, figures=figures, file=file,
-            seconds=time.perf_counter() - started,
-        )  # fmt: skip
-    with reading(lake) as con:
-        index = neighbours.fitting_index(con, config)
-    assert index is not None
-    return index
+
+    def fit(file: str) -> dict[str, object]:
+        with reading(lake) as con:
+            return neighbours.fit(con, lake, config, file)
+
+    return make(session, neighbours.INDEX, neighbours.index_key(config), {"words": asdict(config.words)}, fit)

@@ -2,12 +2,27 @@
 
 from __future__ import annotations
 
-from jobs import embed, frames, mirrored, motifs, neighbours, postures, signatures, symbols, transitions, words
+from jobs import (
+    descriptors,
+    embed,
+    frames,
+    mirrored,
+    motifs,
+    neighbours,
+    postures,
+    signatures,
+    submotions,
+    symbols,
+    transitions,
+    words,
+)
 from jobs.execute import Outcome
 from jobs.frames import IngestReport
 from jobs.session import Session
 
-STAGES = ("frames", "words", "embed", "motifs", "signatures", "mirrored", "postures", "symbols")
+STAGES = (
+    "frames", "words", "embed", "motifs", "signatures", "mirrored", "postures", "symbols", "descriptors", "submotions",
+)  # fmt: skip
 # Compare all clips with one another: made when asked for by name.
 BY_NAME = ("neighbours", "transitions")
 
@@ -47,4 +62,8 @@ def _derived(session: Session, stage: str, refit: bool) -> Outcome:
         return postures.run(session, refit=refit)
     if stage == "symbols":
         return symbols.run(session)
+    if stage == "descriptors":
+        return descriptors.run(session, refit=refit)
+    if stage == "submotions":
+        return submotions.run(session, refit=refit)
     return signatures.run(session)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from pipeline.alignment.matches import Match
 from pipeline.errors import UserError
+from pipeline.frames import frame_range
 from pipeline.lake_strings import LakeStrings
 from pipeline.symbols.strings import SymbolString
 
@@ -104,9 +105,7 @@ def string_query(
     Raises:
         UserError: there are no such frames, or they are one symbol.
     """
-    first, last = start or 0, frames if stop is None else stop
-    if not 0 <= first < last <= frames:
-        raise UserError(f"{name}: has frames 0 to {frames}; frames {first} to {last} are not a range of them")
+    first, last = frame_range(name, start, stop, frames)
     covered = np.flatnonzero((string.starts < last) & (string.stops > first))
     return _long_enough(StringQuery(name, string, int(covered[0]), int(covered[-1]) + 1, first, last, clip))
 

@@ -10,6 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.alignment.config import AlignmentConfig
+from pipeline.descriptors.config import DescriptorsConfig
+from pipeline.descriptors.submotion_config import SubmotionConfig
 from pipeline.errors import UserError
 from pipeline.motiongraph.config import TransitionsConfig
 from pipeline.postures.config import PosturesConfig
@@ -52,6 +54,8 @@ class LakeConfig:
     postures: PosturesConfig = field(default_factory=PosturesConfig)
     symbols: SymbolsConfig = field(default_factory=SymbolsConfig)
     alignment: AlignmentConfig = field(default_factory=AlignmentConfig)
+    descriptors: DescriptorsConfig = field(default_factory=DescriptorsConfig)
+    submotion: SubmotionConfig = field(default_factory=SubmotionConfig)
 
 
 def canonical_json(value: Any) -> str:

@@ -7,7 +7,7 @@ from pathlib import Path
 import sql
 from pipeline.lake.catalog import Connection, connect_read_only, run_sql
 from pipeline.lake.layout import open_lake
-from pipeline.udf import align, duplicates, emd, find, labelling
+from pipeline.udf import align, duplicates, emd, find, find_submotion, labelling
 
 
 def connect(lake: Path | str) -> Connection:
@@ -23,6 +23,7 @@ def connect(lake: Path | str) -> Connection:
     con = connect_read_only(target)
     emd.register(con, target)
     find.register(con, target)
+    find_submotion.register(con, target)
     labelling.register(con, target)
     duplicates.register(con, target)
     align.register(con, target)

@@ -11,6 +11,7 @@ import numpy as np
 from pipeline.applications.query_by_example import ExampleQuery, RangeHit, find_ranges, words_within
 from pipeline.corpus import Corpus, read_corpus
 from pipeline.errors import UserError
+from pipeline.frames import frame_range
 from pipeline.lake.catalog import Connection
 from pipeline.lake.layout import Lake
 from pipeline.signing import features_of_clip, serving_models, words_of_file
@@ -57,8 +58,11 @@ class Finder:
         *,
         dataset: str | None = None,
         mirrored: bool = False,
+        own: bool = False,
     ) -> list[Found]:
         """The k ranges nearest to frames [start, stop) of a clip of the lake; ranges that overlap these are left out.
+
+        `own`: they are not.
 
         Raises:
             UserError: the clip has no words yet, there are no such frames, or they hold fewer than two words.
@@ -67,7 +71,7 @@ class Finder:
         if clip not in corpus.positions:
             raise UserError(f"{clip}: has no signature yet; make it with `motionlake run all`")
         index = corpus.positions[clip]
-        first, last = _checked(clip, start, stop, corpus.clips[index].frames)
+        first, last = frame_range(clip, start, stop, corpus.clips[index].frames)
         words = corpus.words_of(index)
         chosen = words_within(corpus.starts[words], corpus.stops[words], first, last)
         turned = None
@@ -76,7 +80,8 @@ class Finder:
             features = features_of_clip(self._con, self._lake, models.config.words, clip)
             turned = models.mirrored_motifs_of(features)[chosen]
         query = _query(clip, corpus.motifs[words][chosen], turned)
-        hits = find_ranges(corpus, query, k, clips=self._clips(dataset), without=(index, first, last))
+        without = None if own else (index, first, last)
+        hits = find_ranges(corpus, query, k, clips=self._clips(dataset), without=without)
         return _found(corpus, hits)
 
     def in_file(
@@ -96,7 +101,7 @@ class Finder:
         """
         models = serving_models(self._con, self._lake)
         file = words_of_file(self._lake, models.config.words, path)
-        first, last = _checked(str(path), start, stop, file.frames)
+        first, last = frame_range(str(path), start, stop, file.frames)
         chosen = words_within(file.ranges[:, 0], file.ranges[:, 1], first, last)
         turned = models.mirrored_motifs_of(file.features)[chosen] if mirrored else None
         query = _query(str(path), models.motifs_of(file.features)[chosen], turned)
@@ -106,13 +111,6 @@ class Finder:
         if dataset is None:
             return None
         return [i for i, clip in enumerate(self.corpus.clips) if clip.dataset == dataset]
-
-
-def _checked(name: str, start: int | None, stop: int | None, frames: int) -> tuple[int, int]:
-    first, last = start or 0, frames if stop is None else stop
-    if not 0 <= first < last <= frames:
-        raise UserError(f"{name}: has frames 0 to {frames}; frames {first} to {last} are not a range of them")
-    return first, last
 
 
 def _query(name: str, motifs: np.ndarray, mirrored: np.ndarray | None) -> ExampleQuery:

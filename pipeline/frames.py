@@ -13,6 +13,7 @@ import pyarrow.compute as pc
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
+from pipeline.errors import UserError
 from pipeline.skeleton.canonical import JOINTS
 
 ROOT_CHANNELS: Final = ("root_x", "root_y", "root_z")
@@ -73,6 +74,18 @@ def from_table(clip: str, table: pa.Table) -> Frames:
     rotations = rotations / np.linalg.norm(rotations, axis=-1, keepdims=True)
     positions = np.concatenate([matrix[:, :3], matrix[:, split:]], axis=1).reshape(count, -1, 3)
     return Frames(clip, rotations.astype(np.float32), np.ascontiguousarray(positions, dtype=np.float32))
+
+
+def frame_range(name: str, start: int | None, stop: int | None, frames: int) -> tuple[int, int]:
+    """Frames [start, stop) of a clip of so many; None for its first and its last.
+
+    Raises:
+        UserError: the clip has no such frames.
+    """
+    first, last = start or 0, frames if stop is None else stop
+    if not 0 <= first < last <= frames:
+        raise UserError(f"{name}: has frames 0 to {frames}; frames {first} to {last} are not a range of them")
+    return first, last
 
 
 def read_part(path: Path) -> Iterator[Frames]:

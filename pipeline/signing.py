@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -80,13 +81,26 @@ def features_of_clip(con: Connection, lake: Lake, config: WordConfig, clip: str)
     Raises:
         UserError: the lake has no words of it yet.
     """
-    part = fetch(con, "queries/clip.sql", {"clip": clip})[0]["part"]
-    key = next(p.key for p in words.keyed(con, config) if p.part == part)
-    file = lake.path(words.features_file(key))
-    found = dict(words.read_features(file)).get(clip) if file.exists() else None
-    if found is None:
-        raise UserError(f"{clip}: has no words yet; make them with `motionlake run all`")
-    return found
+    return features_of_clips(con, lake, config, [clip])[0]
+
+
+def features_of_clips(con: Connection, lake: Lake, config: WordConfig, clips: Sequence[str]) -> list[Float32Array]:
+    """[T, D] features of each of some clips of the lake, each part read once.
+
+    Raises:
+        UserError: the lake has no words of one of them yet.
+    """
+    parts = {clip: fetch(con, "queries/clip.sql", {"clip": clip})[0]["part"] for clip in clips}
+    keys = {part.part: part.key for part in words.keyed(con, config)}
+    found: dict[str, Float32Array] = {}
+    for part in sorted(set(parts.values())):
+        file = lake.path(words.features_file(keys[part]))
+        if file.exists():
+            found |= {clip: features for clip, features in words.read_features(file) if clip in parts}
+    for clip in clips:
+        if clip not in found:
+            raise UserError(f"{clip}: has no words yet; make them with `motionlake run all`")
+    return [found[clip] for clip in clips]
 
 
 def first_body(lake: Lake, path: Path, options: IngestOptions | None = None) -> tuple[SourceClip, CanonicalMotion]:

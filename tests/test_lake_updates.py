@@ -79,6 +79,8 @@ def test_one_new_clip_costs_one_clip(own_lake: Path, source: Path, scheduler: st
         "mirrored": 1,
         "postures": 1,
         "symbols": 1,
+        "descriptors": 1,
+        "submotions": 1,
     }
     after = tables(own_lake)
     assert len(after["clips"]) == len(before["clips"]) + 1
@@ -142,6 +144,8 @@ def test_changed_labels_recompute_nothing(own_lake: Path, source: Path, schedule
         (QUICK.replace("m = 40", "m = 30"), {"postures", "symbols"}),
         (QUICK + "[symbols]\nruns = false\n", {"symbols"}),
         (QUICK + "[alignment]\nstride = 3\n", set()),
+        (QUICK + "[descriptors]\nseed = 1\n", {"descriptors"}),
+        (QUICK + "[submotion]\nseed = 1\n", {"submotions"}),
     ],
 )
 def test_a_changed_configuration_redoes_its_stage_and_what_hangs_on_it(
@@ -192,7 +196,7 @@ def test_gone_sources_are_reported_and_removed_when_asked(own_lake: Path, source
     assert len(query(own_lake, "FROM clips")) == clips
     assert motionlake("remove", "--gone", "--lake", own_lake).status == 0
     assert len(query(own_lake, "FROM clips")) == clips - 1
-    for table in ("words", "word_motifs", "signatures", "symbol_strings"):
+    for table in ("words", "word_motifs", "signatures", "symbol_strings", "descriptors", "submotions"):
         assert query(own_lake, f"SELECT count(*) FROM {table} WHERE clip ILIKE '%{gone.name}%'") == [(0,)]
     assert len(query(own_lake, "SELECT DISTINCT clip FROM frames SEMI JOIN clips USING (clip)")) == clips - 1
 

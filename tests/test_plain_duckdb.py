@@ -14,7 +14,7 @@ from tests.lakes import catalog, query
 TABLES = (
     "clips", "rejects", "segments", "manifest", "models", "runs", "roots", "sources", "layouts", "skeletons", "words",
     "motifs", "word_motifs", "signatures", "mirrored_signatures", "transitions", "frames", "embeddings",
-    "postures", "symbol_strings", "posture_distances",
+    "postures", "symbol_strings", "posture_distances", "descriptors", "submotions",
 )  # fmt: skip
 
 

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from jobs import postures as job
+from jobs.run import STAGES
 from pipeline.config import LakeConfig, load_config
 from pipeline.frames import read_part
 from pipeline.lake.catalog import reading
@@ -103,9 +104,7 @@ def test_training_on_request_makes_a_new_version(lake: Path, scheduler: str) -> 
     assert said.status == 0, said.err
     assert said.json["model"] == "postures-2" == current(lake)[0]
     assert said.json["figures"]["occupied"] <= 40
-    assert run(lake, scheduler, "all") | {"postures": 0, "symbols": 0} == dict.fromkeys(
-        ("frames", "words", "embed", "motifs", "signatures", "mirrored", "postures", "symbols"), 0
-    )
+    assert run(lake, scheduler, "all") | {"postures": 0, "symbols": 0} == dict.fromkeys(STAGES, 0)
 
 
 def test_a_new_clip_is_coded_with_the_dictionary_there_is(lake: Path, clips_folder: Path, scheduler: str) -> None:

@@ -2,17 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
 from pipeline.cli.common import JsonOption, LakeOption, print_rows
 from pipeline.cli.hits_picture import PictureOption, check_picture, save_picture
+from pipeline.errors import UserError
 from pipeline.formats import is_clip
-from pipeline.lake.catalog import reading
-from pipeline.lake.layout import check_dataset, open_lake
+from pipeline.lake.catalog import Connection, reading
+from pipeline.lake.layout import Lake, check_dataset, open_lake
 from pipeline.stages.resolve import resolve_clip
+
+if TYPE_CHECKING:
+    from pipeline.find import Found
+    from pipeline.find_submotion import FoundPiece
+
+METHODS: Final = ("words", "submotion")
 
 
 def add_to(app: typer.Typer) -> None:
@@ -28,30 +36,81 @@ def find(
     dataset: Annotated[
         str | None, typer.Option("--in", help="Answer from this dataset only.", show_default=False)
     ] = None,
-    mirrored: Annotated[bool, typer.Option("--mirrored", help="Look for the mirrored query too.")] = False,
+    method: Annotated[str, typer.Option(help="words or submotion.")] = "words",
+    mirrored: Annotated[bool, typer.Option("--mirrored", help="Look for the mirrored query too (words).")] = False,
+    own: Annotated[bool, typer.Option("--own", help="The frames asked for may be an answer themselves.")] = False,
     picture: PictureOption = None,
     as_json: JsonOption = False,
 ) -> None:
     """Where a motion occurs inside the clips: ranges of frames, nearest first.
 
-    Frames are the clip's own, from 0; the query needs at least two words (14 frames of 24 a second, 0.6 s, by default).
+    Frames are the clip's own, from 0. By "words" the query needs at least two (14 frames of 24 a second, 0.6 s, by
+    default), and a clip may have several answers. "submotion" asks a network which clips hold the motion, and answers
+    with one range of each; the query needs at least 8 frames of 30 a second.
 
     Example: motionlake find 13_29 --from 480 --to 720 -k 5 --lake mylake
 
     Of a file that is not in the lake: motionlake find shots/new_take.bvh --from 0 --to 120 --lake mylake
-    """
-    from pipeline.find import Finder
 
+    By the network: motionlake find 13_29 --from 480 --to 540 --method submotion --lake mylake
+    """
     target = open_lake(lake)
     if dataset is not None:
         check_dataset(dataset)
+    if method not in METHODS:
+        raise UserError(f"--method {method}: not one of {', '.join(METHODS)}")
+    if mirrored and method != "words":
+        raise UserError(f"--mirrored: looks by words, not by {method}; leave one of the two out")
     check_picture(picture, 1)
     with reading(target) as con:
-        finder = Finder(con, target)
-        if Path(query).is_file() and is_clip(Path(query)):
-            hits = finder.in_file(Path(query), start, stop, k, dataset=dataset, mirrored=mirrored)
+        hits: Sequence[Found | FoundPiece]
+        if method == "words":
+            hits = _by_words(con, target, query, start, stop, k, dataset, mirrored, own)
         else:
-            hits = finder.in_clip(resolve_clip(con, query), start, stop, k, dataset=dataset, mirrored=mirrored)
+            hits = _by_submotion(con, target, query, start, stop, k, dataset, own)
         rows = [hit.as_row() for hit in hits]
         save_picture(con, target, picture, [(query, rows)], start, stop)
     print_rows(rows, as_json=as_json)
+
+
+def _by_words(
+    con: Connection,
+    lake: Lake,
+    query: str,
+    start: int | None,
+    stop: int | None,
+    k: int,
+    dataset: str | None,
+    mirrored: bool,
+    own: bool,
+) -> list[Found]:
+    from pipeline.find import Finder
+
+    finder, asked = Finder(con, lake), _asked(con, query)
+    if isinstance(asked, Path):
+        return finder.in_file(asked, start, stop, k, dataset=dataset, mirrored=mirrored)
+    return finder.in_clip(asked, start, stop, k, dataset=dataset, mirrored=mirrored, own=own)
+
+
+def _by_submotion(
+    con: Connection,
+    lake: Lake,
+    query: str,
+    start: int | None,
+    stop: int | None,
+    k: int,
+    dataset: str | None,
+    own: bool,
+) -> list[FoundPiece]:
+    from pipeline.find_submotion import SubmotionFinder
+
+    finder, asked = SubmotionFinder(con, lake), _asked(con, query)
+    if isinstance(asked, Path):
+        return finder.in_file(asked, start, stop, k, dataset=dataset)
+    return finder.in_clip(asked, start, stop, k, dataset=dataset, own=own)
+
+
+def _asked(con: Connection, query: str) -> str | Path:
+    """A clip file, or the clip of the lake that a name means."""
+    outside = Path(query).is_file() and is_clip(Path(query))
+    return Path(query) if outside else resolve_clip(con, query)

@@ -2,26 +2,32 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Annotated
 
 import typer
 
-from jobs import embed
+from jobs import descriptors, embed, submotions
 from jobs import postures as postures_job
-from jobs.session import session
+from jobs.session import Session, session
 from pipeline.cli.common import JsonOption, LakeOption, notice, print_json, stage_progress
+from pipeline.descriptors.config import SUPERVISIONS
 from pipeline.errors import UserError
-from pipeline.lake.layout import open_lake
+from pipeline.lake.layout import Lake, open_lake
+from pipeline.stages.models import Model
 
 
 def add_to(app: typer.Typer) -> None:
     about = (
-        "Train a model on a lake's own clips, without labels.\n\nExample: motionlake train words --json --lake mylake"
+        "Train a model on a lake's own clips, without labels but for descriptors.\n\n"
+        "Example: motionlake train words --json --lake mylake"
     )
     train = typer.Typer(name="train", help=about, no_args_is_help=True)
     train.callback()(lambda: None)
     train.command()(words)
     train.command()(postures)
+    train.command()(descriptor)
+    train.command()(submotion)
     app.add_typer(train)
 
 
@@ -42,19 +48,10 @@ def words(
     Example: motionlake train words --fine-tune --lake mylake
     """
     target = open_lake(lake)
-    with stage_progress() as progress, session(target, "train words", progress, notice) as job:
-        try:
-            model = embed.train(job, fine_tune=fine_tune)
-        except ValueError as error:
-            raise UserError(f"{target.root}: {error}") from error
+    model = _train(target, "words", lambda job: embed.train(job, fine_tune=fine_tune))
     if model is None:
         raise UserError(f"{target.root}: has no words to train on yet; make them with `motionlake run words`")
-    if as_json:
-        print_json({"model": model.model, "figures": model.figures})
-    else:
-        print(
-            f"{model.model}: trained on {model.figures['words']} words; embed with it: motionlake run all --lake {lake}"
-        )
+    _tell(model, f"trained on {model.figures['words']} words; embed with it: motionlake run all --lake {lake}", as_json)
 
 
 def postures(lake: LakeOption, as_json: JsonOption = False) -> None:
@@ -66,13 +63,86 @@ def postures(lake: LakeOption, as_json: JsonOption = False) -> None:
     Example: motionlake train postures --lake mylake
     """
     target = open_lake(lake)
-    with stage_progress() as progress, session(target, "train postures", progress, notice) as job:
-        model = postures_job.train(job)
+    model = _train(target, "postures", postures_job.train)
     if model is None:
-        raise UserError(f"{target.root}: has no frames to train on yet; take clips in with `motionlake ingest`")
+        raise _no_frames(target)
+    _tell(model, f"{model.figures['occupied']} symbols in use; code with it: motionlake run all --lake {lake}", as_json)
+
+
+def descriptor(
+    lake: LakeOption,
+    split: Annotated[
+        str | None,
+        typer.Option(help="Train on the clips of this split of labels.csv (default: on all).", show_default=False),
+    ] = None,
+    dataset: Annotated[
+        str | None, typer.Option(help="Train on clips of this dataset (default: of all).", show_default=False)
+    ] = None,
+    supervision: Annotated[
+        str | None,
+        typer.Option(help=f"{', '.join(SUPERVISIONS)} (default: as config.toml says).", show_default=False),
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Train the descriptor network that config.toml names; `motionlake run all` then describes every clip with it.
+
+    "labels" trains on motion and on the classes of labels.csv, "none" on motion alone, "auto" by labels where there
+    are some. [descriptors] in config.toml says by which recipe ("default", "deephums") and from which seed.
+    Interrupted, the same command goes on where it stopped.
+
+    Example: motionlake train descriptor --lake mylake
+
+    Example: motionlake train descriptor --split train --supervision labels --json --lake mylake
+    """
+    if supervision is not None and supervision not in SUPERVISIONS:
+        raise UserError(f"--supervision {supervision}: is none of {', '.join(SUPERVISIONS)}")
+    target = open_lake(lake)
+    model = _train(target, "descriptor", lambda job: descriptors.train(job, split, dataset, supervision))
+    if model is None:
+        raise _no_frames(target)
+    about = f"trained on {model.figures['clips']} clips, supervision {model.figures['supervision']}"
+    _tell(model, f"{about}; describe clips with it: motionlake run all --lake {lake}", as_json)
+
+
+def submotion(
+    lake: LakeOption,
+    split: Annotated[
+        str | None,
+        typer.Option(help="Train on the clips of this split of labels.csv (default: on all).", show_default=False),
+    ] = None,
+    dataset: Annotated[
+        str | None, typer.Option(help="Train on clips of this dataset (default: of all).", show_default=False)
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Train the network that finds the clip a piece of motion is from; `motionlake run all` then reads with it.
+
+    [submotion] in config.toml says by which recipe ("default", "deephums"), how many steps, and from which seed.
+    Interrupted, the same command goes on where it stopped.
+
+    Example: motionlake train submotion --split train --lake mylake
+    """
+    target = open_lake(lake)
+    model = _train(target, "submotion", lambda job: submotions.train(job, split, dataset))
+    if model is None:
+        raise _no_frames(target)
+    _tell(model, f"trained on {model.figures['clips']} clips; read with it: motionlake run all --lake {lake}", as_json)
+
+
+def _train(lake: Lake, name: str, train: Callable[[Session], Model | None]) -> Model | None:
+    with stage_progress() as progress, session(lake, f"train {name}", progress, notice) as job:
+        try:
+            return train(job)
+        except ValueError as error:
+            raise UserError(f"{lake.root}: {error}") from error
+
+
+def _no_frames(lake: Lake) -> UserError:
+    return UserError(f"{lake.root}: has no frames to train on yet; take clips in with `motionlake ingest`")
+
+
+def _tell(model: Model, line: str, as_json: bool) -> None:
     if as_json:
         print_json({"model": model.model, "figures": model.figures})
     else:
-        print(
-            f"{model.model}: {model.figures['occupied']} symbols in use; code with it: motionlake run all --lake {lake}"
-        )
+        print(f"{model.model}: {line}")

@@ -24,6 +24,18 @@ if TYPE_CHECKING:
 
 # DuckDB is imported where a connection is used: workers import this module and never open the catalog.
 Connection: TypeAlias = "duckdb.DuckDBPyConnection"
+# Tables and their macros that lakes of earlier versions lack; the next to write makes them.
+ADDED = (
+    "schema/50_mirrored.sql",
+    "schema/55_transitions.sql",
+    "macros/transitions_from.sql",
+    "schema/60_symbols.sql",
+    "macros/clip_symbols.sql",
+    "schema/65_descriptors.sql",
+    "macros/nearest_clips.sql",
+    "schema/66_submotions.sql",
+    "macros/clips_holding.sql",
+)
 
 
 def run_sql(con: Connection, name: str, parameters: Mapping[str, Any] | None = None) -> Connection:
@@ -123,11 +135,8 @@ def writing(lake: Lake) -> Iterator[Connection]:
         try:
             use_lake_paths(con, lake)
             run_sql(con, "queries/one_thread.sql")
-            run_sql(con, "schema/50_mirrored.sql")  # lakes made before there was such a table
-            run_sql(con, "schema/55_transitions.sql")
-            run_sql(con, "macros/transitions_from.sql")
-            run_sql(con, "schema/60_symbols.sql")
-            run_sql(con, "macros/clip_symbols.sql")
+            for name in ADDED:
+                run_sql(con, name)
             con.begin()
             yield con
             refresh_views(con, lake)

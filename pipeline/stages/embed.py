@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
@@ -20,7 +19,7 @@ from pipeline.lake.layout import Lake
 from pipeline.lake.parts import PartWriter, check_part, replacing
 from pipeline.stages import words
 from pipeline.stages.derived import PART_KEYS, Part, derive, due
-from pipeline.stages.models import Model, current_model, file_hash
+from pipeline.stages.models import Model, checkpoint_file, copy_weights, file_hash, fitting_model, save_model
 from pipeline.stages.shard import Shard, ShardResult
 from pipeline.words.features import WordConfig
 from pipeline.words.windows import word_windows
@@ -28,7 +27,6 @@ from pipeline.words.windows import word_windows
 NAME = "embed"
 VERSION = 1
 NETWORK = "network"
-CHECKPOINT = "training/words.safetensors"
 ROWS = pa.schema([*PART_KEYS, ("word", pa.int32()), ("embedding", pa.list_(pa.float32()))])
 
 
@@ -39,8 +37,7 @@ def network_key(config: LakeConfig) -> str:
 
 def fitting_network(con: Connection, config: LakeConfig) -> Model | None:
     """The current network if it was made for this configuration."""
-    model = current_model(con, NETWORK)
-    return model if model and model.key == network_key(config) else None
+    return fitting_model(con, NETWORK, network_key(config))
 
 
 def training_sample(con: Connection, lake: Lake, config: LakeConfig) -> list[NDArray[np.float32]]:
@@ -83,14 +80,12 @@ def train(
     from pipeline.words.trained import load_network
     from pipeline.words.training import train_words
 
-    checkpoint = lake.path(CHECKPOINT)
-    checkpoint.parent.mkdir(exist_ok=True)
+    checkpoint = checkpoint_file(lake, "words")
     before = load_network(lake.path(start)) if start else None
     trained = train_words(
         list(features), config.words, config.network, start=before, checkpoint=checkpoint, progress=progress
     )
-    with replacing(lake.path(file)) as temporary:
-        trained.save(temporary)
+    save_model(lake, file, trained.save)
     return dict(trained.figures)
 
 
@@ -105,10 +100,7 @@ def take_weights(lake: Lake, config: LakeConfig, weights: Path, file: str) -> di
     network = load_network(weights)
     if (network.words, network.architecture) != (config.words, config.network.architecture):
         raise ValueError(f"{weights} embeds other words than config.toml says")
-    with replacing(lake.path(file)) as temporary:
-        shutil.copyfile(weights, temporary)
-    kept = ("sets", "data_sha256", "words")
-    return {"ready_made": True, **{name: network.figures[name] for name in kept if name in network.figures}}
+    return copy_weights(lake, weights, file, network.figures, "words")
 
 
 def keyed(con: Connection, lake: Lake, config: LakeConfig, network: Model) -> list[Part]:

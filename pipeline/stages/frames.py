@@ -271,7 +271,11 @@ def load(con: Connection, _root: Path, results: Sequence[ShardResult]) -> None:
 
 def content_key(con: Connection) -> str:
     """sha256 over every clip and its content: what a model fitted to the whole lake was fitted to."""
-    rows = run_sql(con, "queries/content.sql").fetchall()
+    return clips_key(run_sql(con, "queries/content.sql").fetchall())
+
+
+def clips_key(rows: Sequence[tuple[str, str]]) -> str:
+    """sha256 over the names of clips and the sha256 of their content, in order."""
     digest = hashlib.sha256()
     for row in rows:
         digest.update(repr(row).encode())

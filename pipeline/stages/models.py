@@ -1,16 +1,21 @@
-"""Fitted models as frozen versions: the word network and the motifs."""
+"""Fitted models as frozen versions: networks, motifs, dictionaries, indexes."""
 
 from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping
+import shutil
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from pipeline.config import canonical_json
 from pipeline.lake.catalog import Connection, fetch, run_sql
+from pipeline.lake.layout import Lake
+from pipeline.lake.parts import replacing
+
+OF_TRAINING = ("sets", "data_sha256")  # figures that every ready-made file has
 
 
 @dataclass(frozen=True)
@@ -32,10 +37,18 @@ class Model:
 
 def current_model(con: Connection, kind: str) -> Model | None:
     rows = fetch(con, "queries/current_model.sql", {"kind": kind})
-    if not rows:
-        return None
-    row = rows[0]
-    return Model(row["model"], kind, row["key"], row["file"], json.loads(row["figures"]))
+    return model_of(rows[0]) if rows else None
+
+
+def model_of(row: Mapping[str, Any]) -> Model:
+    """A model from its row."""
+    return Model(row["model"], row["kind"], row["key"], row["file"], json.loads(row["figures"]))
+
+
+def fitting_model(con: Connection, kind: str, key: str) -> Model | None:
+    """The current version if it has the key that a configuration asks for."""
+    model = current_model(con, kind)
+    return model if model and model.key == key else None
 
 
 def next_file(con: Connection, kind: str, suffix: str) -> str:
@@ -65,6 +78,26 @@ def add_model(
         "seconds": seconds,
     }
     run_sql(con, "queries/add_model.sql", parameters)
+
+
+def save_model(lake: Lake, file: str, save: Callable[[Path], None]) -> None:
+    """Have a model written as a file of the lake, whole or not at all."""
+    with replacing(lake.path(file)) as temporary:
+        save(temporary)
+
+
+def copy_weights(lake: Lake, weights: Path, file: str, figures: Mapping[str, Any], *kept: str) -> dict[str, Any]:
+    """Copy a ready-made model into the lake as `file`; returns the figures to keep of its training."""
+    with replacing(lake.path(file)) as temporary:
+        shutil.copyfile(weights, temporary)
+    return {"ready_made": True, **{name: figures[name] for name in (*OF_TRAINING, *kept) if name in figures}}
+
+
+def checkpoint_file(lake: Lake, name: str) -> Path:
+    """Where the training of a model is saved to, and goes on from."""
+    path = lake.path(f"training/{name}.safetensors")
+    path.parent.mkdir(exist_ok=True)
+    return path
 
 
 def file_hash(path: Path) -> str:

@@ -19,7 +19,7 @@ from pipeline.lake.parts import write_part
 from pipeline.motifs import Motifs, assign, fit_motifs
 from pipeline.stages import embed
 from pipeline.stages.derived import Part, derive, due
-from pipeline.stages.models import Model, current_model, file_hash
+from pipeline.stages.models import Model, file_hash, fitting_model
 from pipeline.stages.shard import Shard, ShardResult
 
 NAME = "motifs"
@@ -36,8 +36,7 @@ def motifs_key(config: LakeConfig, network: Model) -> str:
 
 def fitting_motifs(con: Connection, config: LakeConfig, network: Model) -> Model | None:
     """The current motifs if they were made for this configuration and network."""
-    model = current_model(con, MOTIFS)
-    return model if model and model.key == motifs_key(config, network) else None
+    return fitting_model(con, MOTIFS, motifs_key(config, network))
 
 
 def fit(con: Connection, lake: Lake, config: LakeConfig, network: Model, file: str) -> dict[str, float]:

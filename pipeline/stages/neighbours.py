@@ -23,7 +23,7 @@ from pipeline.lake.layout import Lake
 from pipeline.lake.parts import replacing, write_part
 from pipeline.stages import words
 from pipeline.stages.derived import PART_KEYS, Part, derive, due
-from pipeline.stages.models import Model, current_model
+from pipeline.stages.models import Model, fitting_model
 from pipeline.stages.shard import Shard, ShardResult
 from pipeline.words.config import NeighboursConfig
 from pipeline.words.dtw import Index
@@ -52,8 +52,7 @@ def index_key(config: LakeConfig) -> str:
 
 def fitting_index(con: Connection, config: LakeConfig) -> Model | None:
     """The current index if it was made for this configuration."""
-    model = current_model(con, INDEX)
-    return model if model and model.key == index_key(config) else None
+    return fitting_model(con, INDEX, index_key(config))
 
 
 def missing_words(con: Connection, config: LakeConfig) -> int:

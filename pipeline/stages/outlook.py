@@ -9,6 +9,7 @@ from pipeline.lake.catalog import Connection, fetch
 from pipeline.lake.layout import Lake
 from pipeline.postures.recipe import training_seconds
 from pipeline.stages import (
+    descriptors,
     embed,
     frames,
     mirrored,
@@ -16,6 +17,7 @@ from pipeline.stages import (
     neighbours,
     postures,
     signatures,
+    submotions,
     symbols,
     transitions,
     words,
@@ -46,6 +48,10 @@ def outlook(con: Connection, config: LakeConfig, stages: Sequence[str], *, refit
             lines.append(f"motifs: will not fit; new words are assigned to {fitted.model}")
     if postures.NAME in stages:
         lines.append(_dictionary(con, config, refit=refit))
+    if descriptors.NAME in stages:
+        lines.append(_descriptor_network(con, config, refit=refit))
+    if submotions.NAME in stages:
+        lines.append(_submotion_network(con, config, refit=refit))
     if neighbours.NAME in stages:
         index = neighbours.fitting_index(con, config)
         lines.append(
@@ -67,6 +73,24 @@ def _dictionary(con: Connection, config: LakeConfig, *, refit: bool) -> str:
     return f"postures: will train a dictionary of {kind}, about {minutes:.1f} minutes"
 
 
+def _descriptor_network(con: Connection, config: LakeConfig, *, refit: bool) -> str:
+    network = descriptors.fitting_network(con, config)
+    if network is not None and not refit:
+        return f"descriptors: will not train; {network.model} describes the clips"
+    if not refit and descriptors.takes_ready_made(con, config):
+        return "descriptors: will not train; the ready-made network describes the clips"
+    return f"descriptors: will train a descriptor network ({config.descriptors.recipe})"
+
+
+def _submotion_network(con: Connection, config: LakeConfig, *, refit: bool) -> str:
+    network = submotions.fitting_network(con, config)
+    if network is not None and not refit:
+        return f"submotions: will not train; {network.model} reads the windows of clips"
+    if not refit and submotions.takes_ready_made(con, config):
+        return "submotions: will not train; the ready-made network reads the windows of clips"
+    return f"submotions: will train a sub-motion network ({config.submotion.recipe})"
+
+
 def pending(con: Connection, lake: Lake, config: LakeConfig) -> dict[str, int]:
     """How many parts each stage still lacks (for "frames": planned shards that have not run)."""
     network = embed.fitting_network(con, config)
@@ -81,6 +105,10 @@ def pending(con: Connection, lake: Lake, config: LakeConfig) -> dict[str, int]:
     dictionary = postures.fitting_dictionary(con, config)
     wanted[postures.NAME] = postures.keyed(con, lake, dictionary) if dictionary else None
     wanted[symbols.NAME] = symbols.keyed(con, lake, config, dictionary) if dictionary else None
+    described = descriptors.fitting_network(con, config)
+    wanted[descriptors.NAME] = descriptors.keyed(con, lake, described) if described else None
+    second = submotions.fitting_network(con, config)
+    wanted[submotions.NAME] = submotions.keyed(con, lake, second) if second else None
     due = {frames.NAME: sum(r["state"] == "planned" for r in fetch(con, "queries/shards.sql", {"stage": frames.NAME}))}
     for stage, parts in wanted.items():
         done = {r["key"] for r in fetch(con, "queries/shards.sql", {"stage": stage}) if r["state"] == "ok"}

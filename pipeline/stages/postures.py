@@ -6,7 +6,6 @@ PESTA, sections 5.1 and 5.2. A trained dictionary is frozen: new clips are coded
 from __future__ import annotations
 
 import json
-import shutil
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -27,7 +26,7 @@ from pipeline.lake.parts import PartWriter, check_part, replacing
 from pipeline.postures import shipped
 from pipeline.postures.config import ENOUGH
 from pipeline.stages.derived import PART_KEYS, Part, derive, due, frames_parts
-from pipeline.stages.models import Model, current_model, file_hash
+from pipeline.stages.models import Model, checkpoint_file, copy_weights, file_hash, fitting_model, save_model
 from pipeline.stages.shard import Shard, ShardResult
 from pipeline.words.features import Float32Array, word_features
 
@@ -37,7 +36,6 @@ if TYPE_CHECKING:
 NAME = "postures"
 VERSION = 1
 DICTIONARY = "postures"
-CHECKPOINT = "training/postures.safetensors"
 MOST_CLIPS = 2_000
 ROWS = pa.schema([*PART_KEYS, ("symbol", pa.int32())])
 Progress = Callable[[int, int, float], None]
@@ -50,8 +48,7 @@ def dictionary_key(config: LakeConfig) -> str:
 
 def fitting_dictionary(con: Connection, config: LakeConfig) -> Model | None:
     """The current dictionary if it was made for this configuration."""
-    model = current_model(con, DICTIONARY)
-    return model if model and model.key == dictionary_key(config) else None
+    return fitting_model(con, DICTIONARY, dictionary_key(config))
 
 
 def takes_ready_made(con: Connection, config: LakeConfig) -> bool:
@@ -105,8 +102,7 @@ def train(
     """
     from pipeline.postures.fitting import fit_dictionary
 
-    checkpoint = lake.path(CHECKPOINT)
-    checkpoint.parent.mkdir(exist_ok=True)
+    checkpoint = checkpoint_file(lake, "postures")
     count = sum(map(len, features))
     try:
         dictionary = fit_dictionary(features, config.postures, checkpoint=checkpoint, progress=progress)
@@ -115,21 +111,17 @@ def train(
             f"{lake.root}: holds {count} postures to train on: {error}; take in more clips, or set m below [postures] "
             f"in {lake.config_file} to {count // 2} or less"
         ) from error
-    with replacing(lake.path(file)) as temporary:
-        dictionary.save(temporary)
+    save_model(lake, file, dictionary.save)
     return dict(dictionary.figures)
 
 
-def take_weights(lake: Lake, weights: Path, file: str) -> dict[str, Any]:
+def take_weights(lake: Lake, _config: LakeConfig, weights: Path, file: str) -> dict[str, Any]:
     """Copy a ready-made dictionary into the lake as `file`; returns its figures."""
     from pipeline.postures.dictionary import METADATA_KEY
 
     with safe_open(weights, framework="numpy") as tensors:
         figures = json.loads(tensors.metadata()[METADATA_KEY])["figures"]
-    with replacing(lake.path(file)) as temporary:
-        shutil.copyfile(weights, temporary)
-    kept = ("sets", "data_sha256", "clips", "postures", "occupied", "perplexity")
-    return {"ready_made": True, **{name: figures[name] for name in kept if name in figures}}
+    return copy_weights(lake, weights, file, figures, "clips", "postures", "occupied", "perplexity")
 
 
 def keyed(con: Connection, lake: Lake, dictionary: Model) -> list[Part]:

@@ -1,1 +1,1 @@
-SELECT model, version, key, config, figures, file FROM models WHERE kind = $kind AND "current";
+SELECT model, kind, version, key, config, figures, file FROM models WHERE kind = $kind AND "current";

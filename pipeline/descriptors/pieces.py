@@ -1,0 +1,27 @@
+"""The windows of a clip that pieces of motion are compared with, in the clip's own frames."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pipeline.descriptors.sequence import FPS
+from pipeline.descriptors.submotion_config import LONGEST
+
+
+def frames_of(n_frames: int, fps: float) -> int:
+    """How many frames `clip_sequence` makes of so many at a rate."""
+    return max(1, round((n_frames - 1) / fps * FPS) + 1)
+
+
+def piece_windows(n_frames: int, fps: float) -> list[tuple[int, int]]:
+    """Windows [start, stop) of a clip of so many frames at its own rate, from its first frame to its last.
+
+    Each has at most `LONGEST` frames at 30 a second and starts at most half a window after the one before. A clip that
+    is no longer is one window.
+    """
+    width = int((LONGEST - 1) / FPS * fps) + 1
+    if frames_of(n_frames, fps) <= LONGEST or n_frames <= width:
+        return [(0, n_frames)]
+    count = int(np.ceil((n_frames - width) / (width / 2))) + 1
+    starts = np.linspace(0, n_frames - width, count).round().astype(int).tolist()
+    return [(start, start + width) for start in starts]

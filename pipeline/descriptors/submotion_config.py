@@ -1,0 +1,57 @@
+"""Configuration of the second network, which maps pieces of motion to the clips they are part of."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+RECIPES: Final = ("default", "deephums")
+# Wholes are windows of a clip of at most so many frames, at 30 a second.
+LONGEST: Final = 150
+SHORTEST: Final = 8
+
+
+@dataclass(frozen=True)
+class SubmotionConfig:
+    """How the second network is trained.
+
+    Attributes:
+        recipe: "default" or "deephums".
+        weights: what a lake without a trained network starts with: "shipped" takes the ready-made one where it fits
+            this configuration, "own" trains on the lake's clips.
+        seed: of training.
+        steps: batches.
+        batch: clips of a batch.
+        variants: of each clip of a batch, by other bodies ("default").
+        hidden: width of the network.
+        shortest, longest: a piece is between these shares of its clip.
+        temperature: of the softmax over cosines ("default").
+
+    Raises:
+        ValueError: an unknown name, or a value out of range.
+    """
+
+    recipe: str = "default"
+    weights: str = "shipped"
+    seed: int = 0
+    steps: int = 400
+    batch: int = 48
+    variants: int = 2
+    hidden: int = 192
+    shortest: float = 0.25
+    longest: float = 0.6
+    temperature: float = 0.05
+    learning_rate: float = 2e-3
+
+    def __post_init__(self) -> None:
+        if self.recipe not in RECIPES:
+            raise ValueError(f"recipe is {self.recipe!r}, not one of {', '.join(RECIPES)}")
+        if self.weights not in ("shipped", "own"):
+            raise ValueError(f"weights is {self.weights!r}, not shipped or own")
+        if not 0 < self.shortest <= self.longest <= 1:
+            raise ValueError(f"pieces of {self.shortest} to {self.longest} of a clip: shares between 0 and 1, in order")
+        if (
+            min(self.steps, self.batch, self.variants, self.hidden) < 1
+            or min(self.temperature, self.learning_rate) <= 0
+        ):
+            raise ValueError("steps, batch, variants, hidden, temperature and learning_rate must be positive")

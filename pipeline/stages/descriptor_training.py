@@ -1,0 +1,119 @@
+"""Training a descriptor network on clips of a lake, all or those of a dataset or of a split."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from pipeline import frames
+from pipeline.descriptors.config import DescriptorsConfig
+from pipeline.descriptors.sequence import FPS
+from pipeline.descriptors.training import Progress, TrainingClip, train_descriptor
+from pipeline.errors import UserError
+from pipeline.lake.catalog import Connection, fetch
+from pipeline.lake.layout import Lake
+from pipeline.stages.descriptors import sequence_of
+from pipeline.stages.frames import clips_key
+from pipeline.stages.models import checkpoint_file, save_model
+from pipeline.words.features import Float32Array
+
+# Of more than these, clips are drawn at random.
+MOST_FRAMES = 10_000_000  # at 30 a second: 93 hours
+MOST_UNLABELLED = 5_000  # clips; without labels every clip is compared with every other
+
+
+@dataclass(frozen=True)
+class TrainingSet:
+    """Clips in order of their names, with their labels, and what a network's figures tell of them."""
+
+    clips: list[TrainingClip]
+    figures: Mapping[str, Any]
+
+
+def training_set(
+    con: Connection, lake: Lake, config: DescriptorsConfig, split: str | None = None, dataset: str | None = None
+) -> TrainingSet | None:
+    """The clips to train on; None where the lake has none.
+
+    Args:
+        con: to the lake.
+        lake: whose frames are read.
+        config: says whether labels are needed; its seed draws where there are too many frames.
+        split: as the column `split` of labels.csv has it; None takes every clip.
+        dataset: None takes all.
+
+    Raises:
+        UserError: there is no such dataset or split, or labels are asked for and no clip has any.
+    """
+    rows = fetch(con, "queries/training_clips.sql", {"split": split, "dataset": dataset})
+    if not rows:
+        _explain(fetch(con, "queries/splits.sql"), lake, split, dataset)
+        return None
+    if config.supervision == "labels" and not any(row["label"] for row in rows):
+        raise UserError(
+            f"{lake.root}: none of the {len(rows)} clips to train on has a label, and supervision by labels needs "
+            "them; label them in labels.csv, or train without (--supervision none)"
+        )
+    labelled = config.supervision != "none" and any(row["label"] for row in rows)
+    drawn = _drawn(rows, config.seed, len(rows) if labelled else MOST_UNLABELLED)
+    sequences = _sequences(lake, drawn)
+    figures = {
+        "split": split,
+        "dataset": dataset,
+        "clips_there": len(rows),
+        "data_sha256": clips_key([(row["clip"], row["content_hash"]) for row in drawn]),
+    }
+    return TrainingSet([TrainingClip(sequences[row["clip"]], row["label"]) for row in drawn], figures)
+
+
+def _explain(held: list[dict[str, Any]], lake: Lake, split: str | None, dataset: str | None) -> None:
+    if not held:
+        return
+    datasets = sorted({row["dataset"] for row in held})
+    if dataset is not None and dataset not in datasets:
+        raise UserError(f"{dataset}: no such dataset in {lake.root}; it holds {', '.join(datasets)}")
+    known = sorted({row["split"] for row in held if row["split"] and dataset in (None, row["dataset"])})
+    where = f"{lake.root}, dataset {dataset}" if dataset else f"{lake.root}"
+    if known:
+        raise UserError(f"{where}: no clip is of split {split!r}; the splits there are: {', '.join(known)}")
+    raise UserError(f"{where}: no clip has a split; the column `split` of labels.csv says which clip is of which")
+
+
+def _drawn(rows: list[dict[str, Any]], seed: int, most: int) -> list[dict[str, Any]]:
+    lengths = np.array([row["frames"] / row["fps"] * FPS for row in rows])
+    order = np.random.default_rng(seed).permutation(len(rows))
+    within = order[np.cumsum(lengths[order]) <= MOST_FRAMES][:most]
+    return [rows[i] for i in sorted(within.tolist())]
+
+
+def _sequences(lake: Lake, rows: Sequence[Mapping[str, Any]]) -> dict[str, Float32Array]:
+    rates = {row["clip"]: row["fps"] for row in rows}
+    found = {}
+    for dataset, part in sorted({(row["dataset"], row["part"]) for row in rows}):
+        path = lake.path(lake.frames_part(dataset, part))
+        for clip in frames.read_clips(path, [row["clip"] for row in rows if row["part"] == part]):
+            found[clip.clip] = sequence_of(clip, rates[clip.clip])
+    return found
+
+
+def train(
+    lake: Lake, material: TrainingSet, config: DescriptorsConfig, file: str, progress: Progress | None = None
+) -> dict[str, Any]:
+    """Train a network, save it as `file`; returns its figures.
+
+    A training that was interrupted goes on from its checkpoint in the lake.
+
+    Raises:
+        UserError: the clips are too few, or labels are asked for and too few clips have one.
+    """
+    checkpoint = checkpoint_file(lake, "descriptors")
+    try:
+        trained = train_descriptor(material.clips, config, checkpoint=checkpoint, progress=progress)
+    except ValueError as error:
+        raise UserError(f"{lake.root}: no descriptor network can be trained: {error}") from error
+    trained = replace(trained, figures={**material.figures, **trained.figures})
+    save_model(lake, file, trained.save)
+    return dict(trained.figures)

@@ -1,0 +1,1 @@
+SELECT dataset, split, count(*)::BIGINT AS clips FROM clips GROUP BY ALL ORDER BY ALL;
