@@ -15,6 +15,7 @@ from pipeline.descriptors.augmentation import Augmentation
 from pipeline.descriptors.batches import at_speeds, resampled, windows
 from pipeline.descriptors.config import DIMENSION, DescriptorsConfig
 from pipeline.descriptors.losses import class_contrast, contrastive_loss
+from pipeline.descriptors.network import MissingJoints
 from pipeline.descriptors.recipe import NO_AUGMENTATION, DescriptorRecipe, recipe_of
 from pipeline.descriptors.sequence import clip_sequence
 from pipeline.descriptors.similarity import (
@@ -198,6 +199,39 @@ class TestAugmentation:
         varied = replace(NO_AUGMENTATION, crop=0.2, warp=0.6)(ramp, np.random.default_rng(0))[:, :, 1]
         assert (varied[:, 1:] >= varied[:, :-1]).all()
         assert varied[:, 0].max() > 1
+
+
+class TestMissingJoints:
+    def fitted(self, clips: torch.Tensor) -> MissingJoints:
+        fill = MissingJoints()
+        fill.learn(clips.flatten(0, 1))
+        return fill
+
+    def test_a_joint_that_follows_from_others_comes_back(self) -> None:
+        clips = torch.from_numpy(np.random.default_rng(0).standard_normal((4, 50, 15, 3)).astype(np.float32))
+        clips[:, :, 5] = 0.6 * clips[:, :, 4] + 0.4 * clips[:, :, 3] + 1.0
+        broken = clips.clone()
+        broken[1, :, 5] = 0
+        filled = self.fitted(clips)(broken)
+        assert torch.allclose(filled[1, :, 5], clips[1, :, 5], atol=0.05)
+        assert torch.equal(filled[[0, 2, 3]], clips[[0, 2, 3]])
+        assert torch.equal(filled[1, :, :5], clips[1, :, :5])
+
+    def test_against_the_mean_of_a_gaussian(self) -> None:
+        clips = torch.from_numpy(np.stack([resampled(clip.sequence, 32) for clip in toy_clips()]))
+        fill = self.fitted(clips)
+        broken = clips.clone()
+        broken[0, :, [4, 11]] = 0
+        gone = np.repeat(np.isin(np.arange(1, 15), [4, 11]), 3)
+        mean, covariance = fill.mean.numpy().astype(float), fill.covariance.numpy().astype(float)
+        seen = clips[0, :, 1:].flatten(1).numpy()[:, ~gone] - mean[~gone]
+        slope = covariance[np.ix_(gone, ~gone)] @ np.linalg.inv(covariance[np.ix_(~gone, ~gone)])
+        expected = mean[gone] + seen @ slope.T
+        np.testing.assert_allclose(fill(broken)[0, :, 1:].flatten(1).numpy()[:, gone], expected, atol=2e-3)
+
+    def test_nothing_seen_is_left_alone(self) -> None:
+        clips = torch.zeros((2, 10, 15, 3))
+        assert torch.equal(self.fitted(clips + 1)(clips), clips)
 
 
 def spread(descriptors: Float32Array) -> tuple[float, float]:

@@ -185,12 +185,12 @@ def _apart(model: TrainedDescriptor, asked: Split, known: Split) -> Distances:
 
 
 def _recognised(model: TrainedDescriptor, asked: Split) -> float:
-    """Share of clips whose class the classifier on top of the descriptors names."""
-    head = model.network.head
-    assert head is not None
+    """Share of clips whose class the classifiers on the descriptors name together."""
+    network = model.network
     clips = [resampled(s, model.recipe.frames) if model.recipe.frames else s for s in asked.sequences]
     with torch.inference_mode():
-        named = [head(model.network(torch.from_numpy(clip)[None])).argmax().item() for clip in clips]
+        parts = [network.logits(network.parts(torch.from_numpy(clip)[None])) for clip in clips]
+        named = [torch.stack(logits).log_softmax(dim=2).sum(dim=0).argmax().item() for logits in parts]
     return float(np.mean([model.classes[int(n)] == label for n, label in zip(named, asked.labels, strict=True)]))
 
 

@@ -49,7 +49,7 @@ class Augmentation:
     scale: float = 0.08
     offset: float = 0.03
     noise: float = 0.01
-    missing: float = 0.1
+    missing: float = 0.15
     limbs: float = 0.5
     mirror: float = 0.0
 

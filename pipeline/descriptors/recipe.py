@@ -32,7 +32,7 @@ class DescriptorRecipe:
     """
 
     encoder: EncoderKind = "conv_gru"
-    frames: int = 32
+    frames: int = 48
     hidden: int = 192
     dropout: float = 0.3
     epochs: int = 120

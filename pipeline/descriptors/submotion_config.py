@@ -34,7 +34,7 @@ class SubmotionConfig:
     recipe: str = "default"
     weights: str = "shipped"
     seed: int = 0
-    steps: int = 400
+    steps: int = 600
     batch: int = 48
     variants: int = 2
     hidden: int = 192

@@ -18,7 +18,7 @@ from pipeline.checkpoint import Checkpoint
 from pipeline.descriptors.batches import at_speeds, order, padded, resampled, windows
 from pipeline.descriptors.config import DescriptorsConfig
 from pipeline.descriptors.losses import class_contrast, contrastive_loss, neighbour_contrast
-from pipeline.descriptors.network import DescriptorNetwork
+from pipeline.descriptors.network import DescriptorNetwork, MissingJoints
 from pipeline.descriptors.rates import one_cycle
 from pipeline.descriptors.recipe import DescriptorRecipe, recipe_of
 from pipeline.descriptors.similarity import alignment_distances, neighbourhoods, similar_by_motion
@@ -80,7 +80,10 @@ def train_descriptor(
     with on_threads(1), torch.random.fork_rng(devices=[]):
         material = _Material.of(used, classes, recipe)
         torch.manual_seed(config.seed)
-        network = DescriptorNetwork(recipe, len(classes)).to(device)
+        network = DescriptorNetwork(recipe, len(classes))
+        if isinstance(network.fill, MissingJoints):
+            network.fill.learn(torch.from_numpy(np.concatenate([clip.sequence for clip in used])))
+        network.to(device)
         data = np.concatenate([clip.sequence.ravel() for clip in used])
         kept = Checkpoint(checkpoint, data, config, recipe) if checkpoint else None
         followed = _Followed(used, validation, recipe) if validation else None
@@ -226,16 +229,19 @@ def _loss(
         if material.targets is None:  # two variants of each clip: its own other variant is its nearest
             rows, clips = np.tile(rows, 2), clips.repeat(2, 1, 1, 1)
         clips = recipe.augmentation(clips, rng, material.partners(rows, rng))
-    descriptors = network(clips.to(device), lengths.to(device))
+    parts = network.parts(clips.to(device), lengths.to(device))
     loss = torch.zeros((), device=device)
-    if network.head is not None and material.targets is not None:
+    if network.heads is not None and material.targets is not None:
         targets = torch.from_numpy(material.targets[rows]).to(device)
-        loss = cross_entropy(network.head(descriptors), targets, label_smoothing=recipe.smoothing)
+        for logits in network.logits(parts):
+            loss = loss + cross_entropy(logits, targets, label_smoothing=recipe.smoothing)
         if recipe.objective == "contrast":
-            return loss + recipe.contrast * class_contrast(descriptors, targets, recipe.temperature)
+            contrasts = [class_contrast(part, targets, recipe.temperature) for part in parts]
+            return loss + recipe.contrast * torch.stack(contrasts).sum()
     assert material.near is not None
     near = torch.from_numpy(material.near[np.ix_(material.source[rows], material.source[rows])]).to(device)
     if recipe.objective == "pairs":
-        return loss + contrastive_loss(descriptors, near, recipe.margin)
+        return loss + torch.stack([contrastive_loss(part, near, recipe.margin) for part in parts]).sum()
     near = near.masked_fill(torch.eye(len(near), dtype=torch.bool, device=device), 0)
-    return neighbour_contrast(descriptors, near / near.sum(dim=1, keepdim=True), recipe.temperature)
+    wanted = near / near.sum(dim=1, keepdim=True)
+    return torch.stack([neighbour_contrast(part, wanted, recipe.temperature) for part in parts]).sum()
