@@ -11,7 +11,7 @@ DEMO_LAKE = demo/$(notdir $(abspath $(DATA)))-lake
 DEMO_QUERIES = $(if $(filter demo/deepmimic,$(DATA)),humanoid3d_walk humanoid3d_kick humanoid3d_dance_a,--sample 3)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test lint ingest all $(STAGES) neighbours transitions status wheel bench-ingest bench-dtw bench-emd bench-retrieval bench-representation bench-words bench-find bench-motion-graph bench-neighbours bench-segmentation bench-signatures bench-align bench-pesta bench-descriptor-search
+.PHONY: help setup demo test lint ingest all $(STAGES) neighbours transitions status wheel bench-ingest bench-dtw bench-emd bench-retrieval bench-representation bench-words bench-find bench-motion-graph bench-neighbours bench-segmentation bench-signatures bench-align bench-pesta bench-descriptor-search bench-deephums
 
 help: ## Show this help
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 24
@@ -131,3 +131,6 @@ bench-pesta: setup ## Measure PESTA as the paper does: tables 3 to 6, figure 8, 
 
 bench-descriptor-search: setup ## Measure the search for nearest descriptors against numpy, scikit-learn and DuckDB
 	$(BIN)/python -m bench.descriptor_search
+
+bench-deephums: setup ## Measure descriptors as the thesis does, with baselines, robustness, choices, pieces (hours; PARTS="retrieval ...": some)
+	$(BIN)/python -m bench.deephums $(PARTS)

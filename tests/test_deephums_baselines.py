@@ -10,10 +10,11 @@ import torch
 from torch import nn
 
 from bench.deephums.autoencoder import DeepAutoencoder
-from bench.deephums.baseline import resampled, velocities
+from bench.deephums.baseline import velocities
 from bench.deephums.fit import Budget, Clips, embed, fit, one_cycle, split_subject
 from bench.deephums.hcn import HierarchicalCooccurrence
 from bench.deephums.indrnn import IndependentlyRecurrent, _recur
+from pipeline.descriptors.batches import resampled
 
 CLASSES = 4
 FRAMES = 32
@@ -30,7 +31,11 @@ def toy(seed: int = 0, count: int = 40) -> Clips:
         swing = np.sin(np.linspace(0, random.uniform(3, 6), frames) + random.uniform(0, 1))
         clip[:, 3 * label : 3 * label + 3, 1] += 0.5 * swing[:, None]
         sequences.append(clip.astype(np.float32))
-    return Clips(resampled(sequences, FRAMES), labels.astype(np.int64), tuple(f"s{i // 8}" for i in range(count)))
+    return Clips(
+        np.stack([resampled(sequence, FRAMES) for sequence in sequences]),
+        labels.astype(np.int64),
+        tuple(f"s{i // 8}" for i in range(count)),
+    )
 
 
 NETWORKS: dict[str, tuple[Callable[[], nn.Module], int, int]] = {
@@ -101,14 +106,8 @@ def test_the_recurrence_is_that_of_the_paper() -> None:
         np.testing.assert_allclose(found.numpy(), state, rtol=1e-5, atol=1e-6)
 
 
-def test_clips_are_resampled_to_one_length() -> None:
-    ramp = np.linspace(0, 1, 31, dtype=np.float32)[:, None, None] * np.ones((1, 15, 3), dtype=np.float32)
-    found = resampled([ramp, ramp[:1], ramp[::3]])
-    np.testing.assert_allclose(found[0, :, 0, 0], np.linspace(0, 1, 64), atol=1e-6)
-    np.testing.assert_allclose(found[2], found[0], atol=1e-6)  # the speed does not count
-    assert not found[1].any()
-    moved = velocities(torch.from_numpy(found[:1])).numpy()
-    np.testing.assert_allclose(moved[0, :-1], 1 / 63, atol=1e-6)
+def test_velocities_are_motion_to_the_next_frame() -> None:
+    ramp = torch.linspace(0, 1, 64)[None, :, None, None].repeat(1, 1, 15, 3)
+    moved = velocities(ramp)
+    assert torch.allclose(moved[0, :-1], torch.tensor(1 / 63), atol=1e-6)
     assert not moved[0, -1].any()
-    with pytest.raises(ValueError, match="without frames"):
-        resampled([ramp[:0]])

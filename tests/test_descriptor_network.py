@@ -303,6 +303,13 @@ class TestTraining:
             train_descriptor(toy_clips()[:4], DescriptorsConfig(supervision="labels"), recipe=TINY)
 
 
+def test_clips_are_resampled_to_one_length() -> None:
+    ramp = np.arange(7, dtype=np.float32)[:, None, None] * np.ones((15, 3), dtype=np.float32)
+    for clip in (ramp, ramp[::3]):
+        np.testing.assert_allclose(resampled(clip, 13)[:, 0, 0], np.arange(13) / 2, atol=1e-6)
+    assert not resampled(ramp[:1], 4).any()
+
+
 def test_windows_cover_a_long_clip_evenly() -> None:
     clip = np.arange(1000, dtype=np.float32)[:, None, None] * np.ones((1, 15, 3), dtype=np.float32)
     parts = windows(clip, 300)

@@ -43,7 +43,7 @@ def measure_choices(given: argparse.Namespace) -> dict[str, Any]:
 
 
 def measure_submotion(given: argparse.Namespace) -> dict[str, Any]:
-    return submotion.measure(given.chosen)
+    return submotion.measure(given.chosen, epochs=given.epochs)
 
 
 PARTS: Final[dict[str, Callable[[argparse.Namespace], dict[str, Any]]]] = {

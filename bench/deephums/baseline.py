@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Final, Protocol
 
-import numpy as np
 import torch
 from torch import Tensor, nn
-
-from pipeline.words.features import Float32Array
 
 FRAMES: Final = 64
 JOINTS: Final = 15
@@ -51,24 +47,6 @@ class Recogniser(nn.Module):
 
     def loss(self, x: Tensor, labels: Tensor) -> Tensor:
         return nn.functional.cross_entropy(self(x)[1], labels)
-
-
-def resampled(sequences: Sequence[Float32Array], frames: int = FRAMES) -> Float32Array:
-    """[n, frames, 15, 3] clips [T, 15, 3] of any length, interpolated linearly to one length, ends kept.
-
-    Raises:
-        ValueError: a clip without frames.
-    """
-    found = np.empty((len(sequences), frames, JOINTS, 3), dtype=np.float32)
-    for row, sequence in zip(found, sequences, strict=True):
-        if not len(sequence):
-            raise ValueError("a clip without frames cannot be resampled")
-        at = np.linspace(0, len(sequence) - 1, frames)
-        below = np.floor(at).astype(np.int64)
-        above = np.minimum(below + 1, len(sequence) - 1)
-        weight = (at - below)[:, None, None]
-        row[:] = (1 - weight) * sequence[below] + weight * sequence[above]
-    return found
 
 
 def velocities(x: Tensor) -> Tensor:
