@@ -16,7 +16,7 @@ from pipeline.descriptors import pieces, shipped, shipped_submotion
 from pipeline.descriptors.pieces import frames_of, piece_windows
 from pipeline.descriptors.sequence import clip_sequence
 from pipeline.descriptors.submotion import train_submotion
-from pipeline.descriptors.submotion_config import LONGEST, SubmotionConfig
+from pipeline.descriptors.submotion_config import LONGEST, SHORT, SubmotionConfig
 from pipeline.descriptors.submotion_trained import TrainedSubmotion, load_submotion
 from pipeline.find_submotion import Piece, place
 from pipeline.frames import Frames, read_part
@@ -77,17 +77,19 @@ def longest(lake: Path, count: int) -> list[tuple[str, int]]:
 
 
 @given(frames=st.integers(1, 5000), fps=st.sampled_from([12.0, 24.0, 29.97, 30.0, 60.0, 119.88, 120.0]))
-def test_windows_cover_a_clip_and_overlap_by_half(frames: int, fps: float) -> None:
+def test_long_and_short_windows_cover_a_clip_and_overlap_by_half(frames: int, fps: float) -> None:
     found = piece_windows(frames, fps)
-    assert (found[0][0], found[-1][1]) == (0, frames)
-    lengths = {stop - start for start, stop in found}
-    assert len(lengths) == 1
-    (width,) = lengths
-    assert frames_of(width, fps) <= LONGEST
-    assert np.diff([start for start, _ in found]).max(initial=0) <= (width + 1) / 2 + 1
-    assert (len(found) == 1) == (frames_of(frames, fps) <= LONGEST or frames <= width)
-    shown = clip_sequence(np.random.default_rng(0).random((width, 21, 3)), fps)
-    assert len(shown) == frames_of(width, fps)
+    assert found == sorted(set(found))
+    widths = {stop - start for start, stop in found}
+    for width in widths:
+        starts = [start for start, stop in found if stop - start == width]
+        assert (starts[0], starts[-1] + width) == (0, frames)
+        assert np.diff(starts).max(initial=0) <= (width + 1) / 2 + 1
+        assert len(clip_sequence(np.random.default_rng(0).random((width, 21, 3)), fps)) == frames_of(width, fps)
+    assert frames_of(max(widths), fps) <= LONGEST
+    assert frames_of(min(widths), fps) <= SHORT
+    whole = frames_of(frames, fps) <= LONGEST or frames <= max(widths)
+    assert (max(widths) == frames) == whole
 
 
 @pytest.mark.parametrize("recipe", ["default", "deephums"])

@@ -65,7 +65,8 @@ def _frames(split: Split) -> list[Float32Array]:
     return [baseline_features(clip.positions, clip.fps) for clip in split.clips]
 
 
-def euclidean(asked: Float32Array, known: Float32Array) -> Distances:
+def euclidean(asked: Float32Array, known: Float32Array) -> NDArray[np.float64]:
+    """[q, r] distances of rows."""
     return torch.cdist(torch.from_numpy(asked).double(), torch.from_numpy(known).double()).numpy()
 
 

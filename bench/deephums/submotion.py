@@ -17,9 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench.canonical_sets import LabelledClip
+from bench.deephums.retrieval import euclidean
 from bench.deephums.sets import Split, split_of
 from bench.units import SEEDS, Found, table, with_seeds
 from pipeline.descriptors.config import DescriptorsConfig
+from pipeline.descriptors.pieces import piece_windows
+from pipeline.descriptors.sequence import clip_sequence
 from pipeline.descriptors.submotion import train_submotion
 from pipeline.descriptors.submotion_config import SubmotionConfig
 from pipeline.descriptors.submotion_trained import TrainedSubmotion
@@ -81,19 +84,25 @@ def locate(pieces: Sequence[Piece], clips: Sequence[LabelledClip]) -> Ranges:
     return np.array(found, dtype=np.int64)
 
 
-def ranks(asked: Float32Array, known: Float32Array) -> NDArray[np.int64]:
-    """[n] how many clips are nearer to the piece of a clip than the clip itself, or as near and before it."""
-    apart = ((asked[:, None].astype(float) - known[None]) ** 2).sum(axis=2)
+def ranks(apart: NDArray[np.float64]) -> NDArray[np.int64]:
+    """[n] how many clips are nearer to the piece of a clip, or as near and before it, than that clip; of [n, n]."""
     order = np.argsort(apart, axis=1, kind="stable")
-    return np.asarray((order == np.arange(len(asked))[:, None]).argmax(axis=1), dtype=np.int64)
+    return np.asarray((order == np.arange(len(apart))[:, None]).argmax(axis=1), dtype=np.int64)
 
 
-def embedded(
+def from_clips(asked: Float32Array, windows: Float32Array, counts: Sequence[int]) -> NDArray[np.float64]:
+    """[n, c] distances of pieces [n, 512] from the nearest window of each of c clips, which have `counts` windows."""
+    apart = euclidean(asked, windows)
+    return np.minimum.reduceat(apart, np.concatenate([[0], np.cumsum(counts)[:-1]]), axis=1)
+
+
+def distances(
     known: Split, test: Split, pieces: Pieces, config: SubmotionConfig, epochs: int = 0
-) -> tuple[Float32Array, Float32Array]:
-    """[n, 512] of the pieces and of the test clips, which are all shorter than a window of the second network.
+) -> NDArray[np.float64]:
+    """[n, n] of the pieces from the test clips, as the lake has them: by their windows.
 
-    Recipe "deephums" compares pieces with descriptors, by the self-supervised network of the default recipe.
+    Recipe "deephums" compares pieces with descriptors of whole clips, by the self-supervised network of the default
+    recipe.
     """
     first = targets = None
     if config.recipe == "deephums":
@@ -103,7 +112,15 @@ def embedded(
     network, losses = train_submotion(known.sequences, config, targets=targets)
     second = TrainedSubmotion(config, network, {"loss": losses[-1]})
     asked = second.embed([piece.sequence for piece in pieces.pieces])
-    return asked, (first or second).embed(test.sequences)
+    if first is not None:
+        return euclidean(asked, first.embed(test.sequences))
+    windows = [piece_windows(len(clip.positions), clip.fps) for clip in test.clips]
+    cut_out = [
+        clip_sequence(clip.positions[start:stop], clip.fps)
+        for clip, several in zip(test.clips, windows, strict=True)
+        for start, stop in several
+    ]
+    return from_clips(asked, second.embed(cut_out), [len(several) for several in windows])
 
 
 def measure(seeds: Sequence[int] = SEEDS, steps: int = 0, epochs: int = 0, thesis: bool = True) -> dict[str, Any]:
@@ -127,7 +144,7 @@ def measure(seeds: Sequence[int] = SEEDS, steps: int = 0, epochs: int = 0, thesi
                 continue
             config = SubmotionConfig(recipe=recipe, seed=seed)
             config = replace(config, steps=steps) if steps else config
-            found = ranks(*embedded(known, test, pieces, config, epochs))
+            found = ranks(distances(known, test, pieces, config, epochs))
             right = located[found == 0]
             runs[row][seed] = {
                 "top1": float((found == 0).mean()),

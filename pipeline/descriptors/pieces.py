@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from pipeline.descriptors.sequence import FPS
-from pipeline.descriptors.submotion_config import LONGEST
+from pipeline.descriptors.submotion_config import LONGEST, SHORT
 
 
 def frames_of(n_frames: int, fps: float) -> int:
@@ -14,13 +14,18 @@ def frames_of(n_frames: int, fps: float) -> int:
 
 
 def piece_windows(n_frames: int, fps: float) -> list[tuple[int, int]]:
-    """Windows [start, stop) of a clip of so many frames at its own rate, from its first frame to its last.
+    """Windows [start, stop) of a clip of so many frames at its own rate, in order: long ones, and short ones inside.
 
-    Each has at most `LONGEST` frames at 30 a second and starts at most half a window after the one before. A clip that
-    is no longer is one window.
+    Both reach from its first frame to its last; each starts at most half a window after the one before. Long ones have
+    at most `LONGEST` frames at 30 a second, short ones `SHORT`. A clip that is no longer is one window.
     """
-    width = int((LONGEST - 1) / FPS * fps) + 1
-    if frames_of(n_frames, fps) <= LONGEST or n_frames <= width:
+    found = {*_covering(n_frames, fps, LONGEST), *_covering(n_frames, fps, SHORT)}
+    return sorted(found)
+
+
+def _covering(n_frames: int, fps: float, longest: int) -> list[tuple[int, int]]:
+    width = int((longest - 1) / FPS * fps) + 1
+    if frames_of(n_frames, fps) <= longest or n_frames <= width:
         return [(0, n_frames)]
     count = int(np.ceil((n_frames - width) / (width / 2))) + 1
     starts = np.linspace(0, n_frames - width, count).round().astype(int).tolist()

@@ -6,8 +6,10 @@ from dataclasses import dataclass
 from typing import Final
 
 RECIPES: Final = ("default", "deephums")
-# Wholes are windows of a clip of at most so many frames, at 30 a second.
+# Pieces are compared with long and with short windows of a clip, of at most so many frames at 30 a second. The network
+# learns with the long ones.
 LONGEST: Final = 150
+SHORT: Final = 24
 SHORTEST: Final = 8
 
 

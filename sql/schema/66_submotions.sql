@@ -6,5 +6,5 @@ CREATE TABLE IF NOT EXISTS submotions (
     descriptor FLOAT[512] NOT NULL,
     model VARCHAR NOT NULL,          -- the network that made it, the same in every row
     part VARCHAR NOT NULL,
-    PRIMARY KEY (clip, start)
+    PRIMARY KEY (clip, start, stop)
 );
