@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Final, Literal
 
 from pipeline.descriptors.augmentation import Augmentation
@@ -66,7 +66,5 @@ _RECIPES: Final = {
 
 def recipe_of(config: DescriptorsConfig) -> DescriptorRecipe:
     """The recipe that a configuration names."""
-    from dataclasses import replace
-
     recipe = _RECIPES[config.recipe]
     return replace(recipe, epochs=config.epochs) if config.epochs else recipe
