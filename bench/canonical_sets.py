@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Final
 
 from bench.record import recordings
@@ -27,26 +28,34 @@ class LabelledClip:
     label: str
     subject: str
     split: str = ""
+    name: str = ""
+    rest_offsets: Float64Array | None = None  # [21, 3] metres, of the canonical rest pose
 
 
 @dataclass(frozen=True)
-class _Set:
+class LabelledSet:
+    """Which clips of a folder, and the column that labels them."""
+
     folder: str
     label: str
     chosen: Callable[[Row], bool] = lambda row: True
 
 
 SETS: Final = {
-    "hdm05": _Set("hdm05", "label"),
-    "salsa": _Set("cmu_dance", "subject", lambda row: row["label"] == "salsa"),
-    "bandai1": _Set("bandai1", "label"),
-    "utd_mhad": _Set("utd_mhad", "label"),
+    "hdm05": LabelledSet("hdm05", "label"),
+    "salsa": LabelledSet("cmu_dance", "subject", lambda row: row["label"] == "salsa"),
+    "bandai1": LabelledSet("bandai1", "label"),
+    "utd_mhad": LabelledSet("utd_mhad", "label"),
 }
 
 
 def load(name: str) -> list[LabelledClip]:
     """Every labelled clip of a set, canonical, in the order of its labels file."""
-    chosen = SETS[name]
+    return read(SETS[name])
+
+
+def read(chosen: LabelledSet) -> list[LabelledClip]:
+    """Every clip of a set, canonical, in the order of its labels file."""
     folder = recordings() / chosen.folder
     rigs = load_rigs()
     with (folder / "labels.csv").open(newline="", encoding="utf-8") as handle:
@@ -57,7 +66,12 @@ def load(name: str) -> list[LabelledClip]:
         motion = canonicalise(clip, solve(clip), identify(clip.hierarchy.joints, rigs))
         subject = row.get("subject") or ""
         split = row.get("split") or ""
-        clips.append(LabelledClip(motion.positions, motion.rotations, motion.fps, row[chosen.label], subject, split))
+        clips.append(
+            LabelledClip(
+                motion.positions, motion.rotations, motion.fps, row[chosen.label], subject, split,
+                Path(row["file"]).stem, motion.rest_offsets,
+            )
+        )  # fmt: skip
     return clips
 
 

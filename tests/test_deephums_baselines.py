@@ -11,9 +11,10 @@ from torch import nn
 
 from bench.deephums.autoencoder import DeepAutoencoder
 from bench.deephums.baseline import velocities
-from bench.deephums.fit import Budget, Clips, embed, fit, one_cycle, split_subject
+from bench.deephums.fit import Clips, embed, fit, split_subject
 from bench.deephums.hcn import HierarchicalCooccurrence
 from bench.deephums.indrnn import IndependentlyRecurrent, _recur
+from bench.fitting import Budget, one_cycle
 from pipeline.descriptors.batches import resampled
 
 CLASSES = 4

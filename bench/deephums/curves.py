@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 
 from bench.deephums.choices import left_out
-from bench.deephums.fit import Budget, Clips, fit
+from bench.deephums.fit import Clips, fit
 from bench.deephums.retrieval import BASELINES, DESCRIPTORS, FRAMES, augmented, training_clips
 from bench.deephums.sets import Split, split_of
+from bench.fitting import Budget
 from pipeline.descriptors.batches import resampled
 from pipeline.descriptors.config import DescriptorsConfig
 from pipeline.descriptors.recipe import recipe_of

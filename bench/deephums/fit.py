@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Final, cast
+from typing import cast
 
 import numpy as np
 import torch
@@ -13,11 +12,10 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from bench.deephums.baseline import Baseline
+from bench.fitting import BATCH, Budget, Training
 from pipeline.threads import on_threads
 from pipeline.words.features import Float32Array
 
-BATCH: Final = 64
-WARM: Final = 0.3  # share of the budget over which the learning rate rises
 Augment = Callable[[Tensor, Tensor], Tensor]
 
 
@@ -32,19 +30,6 @@ class Clips:
     def of(self, rows: NDArray[np.integer]) -> Clips:
         """Some of them."""
         return Clips(self.x[rows], self.labels[rows], tuple(self.subjects[i] for i in rows))
-
-
-@dataclass(frozen=True)
-class Budget:
-    """When training ends: after so many epochs, or seconds where they are given and over sooner.
-
-    With seconds, what a network becomes depends on the machine.
-    """
-
-    epochs: int = 60
-    seconds: float | None = None
-    learning_rate: float = 2e-3
-    weight_decay: float = 1e-2
 
 
 @dataclass(frozen=True)
@@ -119,59 +104,19 @@ def fit(
         torch.manual_seed(seed)
         network = build().to(device)
         cast(Baseline, network).prepare(torch.from_numpy(clips.x).to(device))
-        run = _Run(network, clips, budget, augment, device)
+        x, labels = torch.from_numpy(clips.x), torch.from_numpy(clips.labels)
+
+        def loss(rows: Tensor) -> Tensor:
+            augmented = augment(x[rows], labels[rows]).to(device)
+            return cast(Baseline, network).loss(augmented, labels[rows].to(device))
+
+        training = Training(network, len(x), budget)
         epochs: list[Epoch] = []
-        while len(epochs) < budget.epochs and not run.over:
-            loss = run.epoch(len(epochs))
-            epochs.append(Epoch(loss, *_validated(network, clips, held_out, device), run.seconds))
+        while not training.over:
+            mean = training.epoch(loss)
+            epochs.append(Epoch(mean, *_validated(network, clips, held_out, device), training.seconds))
         network.eval()
     return Fitted(cast(Baseline, network), tuple(epochs))
-
-
-class _Run:
-    def __init__(self, network: nn.Module, clips: Clips, budget: Budget, augment: Augment, device: str) -> None:
-        self._network, self._budget, self._augment, self._device = network, budget, augment, device
-        self._x, self._labels = torch.from_numpy(clips.x), torch.from_numpy(clips.labels)
-        self._optimiser = torch.optim.AdamW(network.parameters(), weight_decay=budget.weight_decay)
-        self.seconds = 0.0
-
-    @property
-    def over(self) -> bool:
-        return self._budget.seconds is not None and self.seconds >= self._budget.seconds
-
-    def epoch(self, number: int) -> float:
-        """Mean loss of one pass over the clips; a last batch of one joins the one before it."""
-        started = time.perf_counter()
-        self._network.train()
-        batches = list(torch.split(torch.randperm(len(self._x)), BATCH))
-        if len(batches) > 1 and len(batches[-1]) == 1:
-            batches[-2:] = [torch.cat(batches[-2:])]
-        losses = []
-        for place, rows in enumerate(batches):
-            spent = self.seconds + time.perf_counter() - started
-            self._set_rate((number + place / len(batches)) / self._budget.epochs, spent)
-            x = self._augment(self._x[rows], self._labels[rows]).to(self._device)
-            self._optimiser.zero_grad(set_to_none=True)
-            loss = cast(Baseline, self._network).loss(x, self._labels[rows].to(self._device))
-            loss.backward()  # type: ignore[no-untyped-call]
-            nn.utils.clip_grad_norm_(self._network.parameters(), 5.0)
-            self._optimiser.step()
-            losses.append(float(loss.detach()))
-        self.seconds += time.perf_counter() - started
-        return float(np.mean(losses))
-
-    def _set_rate(self, done: float, spent: float) -> None:
-        if self._budget.seconds is not None:
-            done = max(done, spent / self._budget.seconds)
-        for group in self._optimiser.param_groups:
-            group["lr"] = self._budget.learning_rate * one_cycle(min(done, 1.0))
-
-
-def one_cycle(done: float) -> float:
-    """Share of the peak learning rate when a share `done` of the budget is spent: cosines up from 1/25, down to 0."""
-    if done < WARM:
-        return float(1 / 25 + (1 - 1 / 25) * (1 - np.cos(np.pi * done / WARM)) / 2)
-    return float((1 + np.cos(np.pi * (done - WARM) / (1 - WARM))) / 2)
 
 
 def embed(network: Baseline, x: Float32Array, device: str = "cpu") -> tuple[Float32Array, Float32Array | None]:

@@ -14,11 +14,12 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from bench.deephums.autoencoder import DeepAutoencoder
-from bench.deephums.fit import Budget, Clips, embed, fit
+from bench.deephums.fit import Clips, embed, fit
 from bench.deephums.hcn import HierarchicalCooccurrence
 from bench.deephums.indrnn import IndependentlyRecurrent
 from bench.deephums.robustness import robustness
 from bench.deephums.sets import Split, split_of
+from bench.fitting import Budget
 from bench.units import Found
 from pipeline.clip_dtw import dtw_cross
 from pipeline.descriptors.augmentation import Augmentation
