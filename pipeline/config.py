@@ -16,6 +16,7 @@ from pipeline.errors import UserError
 from pipeline.motiongraph.config import TransitionsConfig
 from pipeline.postures.config import PosturesConfig
 from pipeline.symbols.config import SymbolsConfig
+from pipeline.synthesis.config import SynthesisConfig
 from pipeline.words.config import NeighboursConfig, NetworkConfig
 from pipeline.words.features import WordConfig
 
@@ -56,6 +57,7 @@ class LakeConfig:
     alignment: AlignmentConfig = field(default_factory=AlignmentConfig)
     descriptors: DescriptorsConfig = field(default_factory=DescriptorsConfig)
     submotion: SubmotionConfig = field(default_factory=SubmotionConfig)
+    synthesis: SynthesisConfig = field(default_factory=SynthesisConfig)
 
 
 def canonical_json(value: Any) -> str:

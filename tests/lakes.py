@@ -21,6 +21,7 @@ import numpy as np
 import pytest
 
 from pipeline.cli.main import main
+from pipeline.frames import read_part
 from tests.samples import (
     KINECT_1,
     KINECT_1_PARENTS,
@@ -183,3 +184,14 @@ def assert_same(left: Mapping[str, list[str]], right: Mapping[str, list[str]]) -
             only_left = sorted(set(rows) - set(right[name]))[:2]
             only_right = sorted(set(right[name]) - set(rows))[:2]
             raise AssertionError(f"{name}: {len(rows)} and {len(right[name])} rows; {only_left} {only_right}"[:1500])
+
+
+def canonical_clips(lake: Path) -> list[tuple[str, float, np.ndarray, np.ndarray]]:
+    """(clip, fps, positions, rotations) of every clip of a lake."""
+    rates = dict(query(lake, "SELECT clip, fps FROM clips"))
+    parts = sorted(lake.glob("frames/*/*.parquet"))
+    return [
+        (clip.clip, rates[clip.clip], clip.positions.astype(float), clip.rotations.astype(float))
+        for part in parts
+        for clip in read_part(part)
+    ]

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from pipeline.config import load_config
-from pipeline.frames import read_part
 from pipeline.lake.catalog import reading
 from pipeline.lake.layout import open_lake
 from pipeline.motifs import assign
@@ -20,7 +19,7 @@ from pipeline.words.features import WordConfig, word_features
 from pipeline.words.mirror import mirrored_features, mirrored_positions, mirrored_rotations
 from pipeline.words.trained import load_network
 from pipeline.words.windows import word_windows
-from tests.lakes import QUICK, motionlake, query
+from tests.lakes import QUICK, canonical_clips, motionlake, query
 
 CONFIGS = [
     WordConfig(),
@@ -29,17 +28,6 @@ CONFIGS = [
     WordConfig(velocity_weight=0.0),
     WordConfig.deep_motifs(),
 ]
-
-
-def canonical_clips(lake: Path) -> list[tuple[str, float, np.ndarray, np.ndarray]]:
-    """(clip, fps, positions, rotations) of every clip of a lake."""
-    rates = dict(query(lake, "SELECT clip, fps FROM clips"))
-    parts = sorted(lake.glob("frames/*/*.parquet"))
-    return [
-        (clip.clip, rates[clip.clip], clip.positions.astype(float), clip.rotations.astype(float))
-        for part in parts
-        for clip in read_part(part)
-    ]
 
 
 @pytest.mark.parametrize("config", CONFIGS, ids=lambda c: f"{c.representation}-{c.joints}-{c.dimension}")

@@ -11,7 +11,7 @@ from torch import nn
 
 from pipeline.descriptors.submotion import embed_pieces, network_of
 from pipeline.descriptors.submotion_config import SubmotionConfig
-from pipeline.descriptors.weights_file import read_network, save_network
+from pipeline.network_file import read_network, save_network
 from pipeline.words.features import Float32Array
 
 METADATA_KEY: Final = "submotion_network"

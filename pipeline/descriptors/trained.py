@@ -16,7 +16,7 @@ from pipeline.descriptors.batches import padded, resampled, windows
 from pipeline.descriptors.config import DIMENSION, DescriptorsConfig
 from pipeline.descriptors.network import DescriptorNetwork
 from pipeline.descriptors.recipe import DescriptorRecipe
-from pipeline.descriptors.weights_file import read_network, save_network
+from pipeline.network_file import read_network, save_network
 from pipeline.threads import on_threads
 from pipeline.words.features import Float32Array
 

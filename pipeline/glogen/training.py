@@ -1,0 +1,235 @@
+"""Training GloGen on sparse poses of known class."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from pipeline.checkpoint import Checkpoint
+from pipeline.glogen.network import Ahead, Blocks, glogen_network
+from pipeline.glogen.recipe import SEEDS, GloGenRecipe
+from pipeline.threads import on_threads
+from pipeline.trajectories.motion import JOINTS_GIVEN
+from pipeline.trajectories.sparse import HEIGHT, JOINT_COLUMNS
+
+Progress = Callable[[int, int, float], None]
+CHECKPOINT_EVERY: Final = 10
+LEAST: Final = 3  # poses that a window of a motion holds after the given ones, where the motion has them
+# Of the difference between the pose that a motion is to follow on and its own, what is left after each further pose.
+FADE: Final = (0.8, 0.55, 0.3, 0.1)
+
+
+def train_glogen(
+    motions: Sequence[NDArray[np.float32]],
+    targets: NDArray[np.int64],
+    classes: int,
+    recipe: GloGenRecipe,
+    seed: int,
+    *,
+    going: Sequence[bool] = (),
+    checkpoint: Path | None = None,
+    progress: Progress | None = None,
+) -> tuple[Ahead | Blocks, list[float]]:
+    """Train on motions.
+
+    Args:
+        motions: sparse poses [sparse, 65] of each; of classes that go on any number of them, more than the given ones.
+        targets: [n] class of each.
+        classes: how many there are.
+        recipe: how.
+        seed: of weights, order and chance.
+        going: whether each class goes on: its motions are learned from any pose on; none by default.
+        checkpoint: a file to save training to and to go on from; deleted at the end.
+        progress: called with (epochs done, epochs, mean loss).
+
+    Returns:
+        The network in evaluation mode, and the loss of each epoch.
+    """
+    rng = np.random.default_rng(seed)
+    on = list(going) or [False] * classes
+    with on_threads(1), torch.random.fork_rng(devices=[]):
+        torch.manual_seed(seed)
+        network = glogen_network(recipe, classes)
+        rows, labels = [torch.from_numpy(motion) for motion in motions], torch.from_numpy(targets)
+        network.learn(rows, labels, on)
+        data = np.concatenate([*[motion.ravel() for motion in motions], targets]).astype(np.float32)
+        kept = Checkpoint(checkpoint, data, recipe) if checkpoint else None
+        losses = _fit(network, _Motions(rows, labels, on, recipe.sparse), recipe, seed, rng, kept, progress)
+    return network.eval(), losses
+
+
+@dataclass(frozen=True)
+class _Motions:
+    """Motions [n_i, 65] and their classes [n]; a class that goes on is learned from any pose on."""
+
+    rows: list[Tensor]
+    targets: Tensor
+    going: list[bool]
+    sparse: int
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def alike(self, chosen: NDArray[np.int64]) -> Tensor:
+        """[B, B] whether both are of one class that goes on: the poses of one do not tell the other's phase."""
+        own = self.targets[chosen]
+        return (own[:, None] == own) & torch.tensor(self.going)[own]
+
+    def windows(self, chosen: NDArray[np.int64], rng: np.random.Generator) -> tuple[Tensor, Tensor]:
+        """[B, sparse, 65] poses and [B, sparse] which of them there are: a motion may end before its window does."""
+        found, there = [], []
+        for i in chosen.tolist():
+            rows = self.rows[i]
+            last = max(0, len(rows) - SEEDS - LEAST)
+            start = int(rng.integers(0, last + 1)) if self.going[int(self.targets[i])] else 0
+            places = torch.arange(start, start + self.sparse)
+            found.append(rows[places.clamp(max=len(rows) - 1)])
+            there.append(places < len(rows))
+        return torch.stack(found), torch.stack(there)
+
+
+def _fit(
+    network: Ahead | Blocks,
+    motions: _Motions,
+    recipe: GloGenRecipe,
+    seed: int,
+    rng: np.random.Generator,
+    checkpoint: Checkpoint | None,
+    progress: Progress | None,
+) -> list[float]:
+    optimiser = _optimiser(network, recipe)
+    losses = checkpoint.resume(network, optimiser, rng) if checkpoint else []
+    network.train()
+    epochs = recipe.epochs_of(len(motions))
+    for epoch in range(len(losses), epochs):
+        torch.manual_seed(seed * 100_003 + epoch)
+        for group in optimiser.param_groups:
+            group["lr"] = recipe.learning_rate * _rate(recipe, epoch / epochs)
+        order = rng.permutation(len(motions))
+        batches = np.array_split(order, recipe.batches(len(order)))
+        total = 0.0
+        for chosen in batches:
+            optimiser.zero_grad(set_to_none=True)
+            rows, there = motions.windows(chosen, rng)
+            loss = _loss(network, rows, there, motions.targets[chosen], motions.alike(chosen), recipe, rng)
+            loss.backward()  # type: ignore[no-untyped-call]
+            torch.nn.utils.clip_grad_norm_(network.parameters(), 1.0)
+            optimiser.step()
+            total += float(loss.detach())
+        losses.append(total / len(batches))
+        if checkpoint and (epoch + 1) % CHECKPOINT_EVERY == 0:
+            checkpoint.save(network, optimiser, rng, losses)
+        if progress is not None:
+            progress(epoch + 1, epochs, losses[-1])
+    if checkpoint:
+        checkpoint.remove()
+    return losses
+
+
+def _optimiser(network: torch.nn.Module, recipe: GloGenRecipe) -> torch.optim.Optimizer:
+    if recipe.optimiser == "sgd":
+        return torch.optim.SGD(network.parameters(), lr=recipe.learning_rate)
+    return torch.optim.AdamW(network.parameters(), lr=recipe.learning_rate, weight_decay=recipe.weight_decay)
+
+
+def _rate(recipe: GloGenRecipe, share: float) -> float:
+    """Share of the learning rate: a cosine down to nothing as the training goes; the thesis's stays."""
+    return 1.0 if recipe.optimiser == "sgd" else 0.5 * (1 + float(np.cos(np.pi * share)))
+
+
+def _loss(
+    network: Ahead | Blocks,
+    rows: Tensor,
+    there: Tensor,
+    targets: Tensor,
+    alike: Tensor,
+    recipe: GloGenRecipe,
+    rng: np.random.Generator,
+) -> Tensor:
+    if isinstance(network, Blocks):
+        return _block_loss(network, network.scale(rows), targets, rng)
+    rows = follow_on(rows, recipe.swapped, rng, whole=there.all(dim=1), alike=alike)
+    if recipe.noise:
+        rows = rows.clone()
+        rows[:, :SEEDS, : HEIGHT + 1] += recipe.noise * torch.randn_like(rows[:, :SEEDS, : HEIGHT + 1])
+    scaled = network.scale(rows)
+    mean, logarithm = network.infer(scaled, targets)
+    latent = mean + (logarithm / 2).exp() * torch.randn_like(mean)
+    made = network(unseen(scaled[:, :SEEDS], recipe.missing, rng), targets, latent)
+    error = _error(made, scaled[:, SEEDS:], there[:, SEEDS:])
+    before = scaled[:, SEEDS - 1 : SEEDS]
+    steps = torch.diff(torch.cat([before, made], dim=1), dim=1), torch.diff(scaled[:, SEEDS - 1 :], dim=1)
+    divergence = 0.5 * (mean.square() + logarithm.exp() - 1 - logarithm).sum(dim=1).mean()
+    return error + recipe.smooth * _error(*steps, there[:, SEEDS:]) + recipe.divergence * divergence
+
+
+def _block_loss(network: Blocks, scaled: Tensor, targets: Tensor, rng: np.random.Generator) -> Tensor:
+    """Mean squared error of every block from the five poses before it."""
+    seen = unseen(scaled, network.recipe.missing, rng)
+    errors = [
+        (network.block(seen[:, start : start + SEEDS], targets)[:, : scaled.shape[1] - start - SEEDS]
+         - scaled[:, start + SEEDS : start + 2 * SEEDS]).square().mean()
+        for start in range(0, scaled.shape[1] - SEEDS, SEEDS)
+    ]  # fmt: skip
+    return torch.stack(errors).mean()
+
+
+def unseen(scaled: Tensor, share: float, rng: np.random.Generator) -> Tensor:
+    """Scaled poses [B, n, 65] in which a share of each motion's joints stands at its mean in all poses."""
+    if not share:
+        return scaled
+    there = torch.from_numpy(rng.random((len(scaled), 1, JOINTS_GIVEN)) >= share).to(scaled.dtype)
+    joints = scaled[..., JOINT_COLUMNS] * there.repeat_interleave(3, dim=2)
+    return torch.cat([joints, scaled[..., HEIGHT:]], dim=2)
+
+
+def _error(made: Tensor, true: Tensor, there: Tensor) -> Tensor:
+    """Squared error of the joints, and a quarter of that of the other columns, of the poses there are [B, n]."""
+    squares = (made - true).square()
+    each = squares[..., JOINT_COLUMNS].mean(dim=2) + 0.25 * squares[..., HEIGHT:].mean(dim=2)
+    return (each * there).sum() / there.sum().clamp(min=1)
+
+
+def follow_on(
+    rows: Tensor,
+    share: float,
+    rng: np.random.Generator,
+    *,
+    whole: Tensor | None = None,
+    alike: Tensor | None = None,
+) -> Tensor:
+    """Motions [B, n, 65], some of which now start with the first or the last poses of another of the batch.
+
+    What follows them is their own, led over from the foreign pose within a few poses, so that a class can be had from
+    poses of any other.
+
+    Args:
+        rows: sparse poses.
+        share: of the motions.
+        rng: which, and from what.
+        whole: [B] motions that have all their poses; of others the last are none.
+        alike: [B, B] pairs of which neither follows the other.
+    """
+    if not share or len(rows) < 2:
+        return rows
+    chosen = np.flatnonzero(rng.random(len(rows)) < share)
+    others = rng.integers(0, len(rows), len(chosen))
+    ends = rng.random(len(chosen)) < 0.5
+    mixed = rows.clone()
+    for row, other, end in zip(chosen, others, ends, strict=True):
+        if alike is not None and alike[row, other]:
+            continue
+        ended = end and (whole is None or bool(whole[other]))
+        foreign = rows[other, -SEEDS:] if ended else rows[other, :SEEDS]
+        apart = foreign[-1, : HEIGHT + 1] - rows[row, SEEDS - 1, : HEIGHT + 1]
+        mixed[row, :SEEDS] = foreign
+        for pose, left in enumerate(FADE, SEEDS):
+            mixed[row, pose, : HEIGHT + 1] += left * apart
+    return mixed

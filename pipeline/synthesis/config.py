@@ -1,0 +1,32 @@
+"""Configuration of synthesis."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+RECIPES: Final = ("default", "glogen")
+
+
+@dataclass(frozen=True)
+class SynthesisConfig:
+    """Which generator makes new motion.
+
+    Attributes:
+        recipe: "default", or "glogen", the thesis's (sections 4.2 and 4.3).
+        seed: of training.
+        epochs: of training; 0 takes the recipe's.
+
+    Raises:
+        ValueError: an unknown name, or a value out of range.
+    """
+
+    recipe: str = "default"
+    seed: int = 0
+    epochs: int = 0
+
+    def __post_init__(self) -> None:
+        if self.recipe not in RECIPES:
+            raise ValueError(f"recipe is {self.recipe!r}, not one of {', '.join(RECIPES)}")
+        if self.epochs < 0:
+            raise ValueError(f"epochs = {self.epochs}: cannot be negative")

@@ -1,0 +1,126 @@
+"""A trained generator: from wishes to motion, sparse poses first, dense frames then (section 4.2)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from torch import nn
+
+from pipeline.clip import FloatArray
+from pipeline.glogen.network import Ahead, Blocks, glogen_network
+from pipeline.glogen.recipe import GloGenRecipe
+from pipeline.locgen.dense import dense_motions
+from pipeline.locgen.network import Between, Frames, locgen_network
+from pipeline.locgen.recipe import LocGenRecipe
+from pipeline.network_file import read_network, save_network
+from pipeline.skeleton.canonical import JOINTS
+from pipeline.synthesis.config import SynthesisConfig
+from pipeline.synthesis.course import Course, go_on
+from pipeline.synthesis.start import Start, start_of
+from pipeline.synthesis.wishes import Synthesized, Wish
+from pipeline.threads import on_threads
+from pipeline.trajectories.motion import FPS, in_world
+
+METADATA_KEY: Final = "motion_generator"
+
+
+@dataclass(frozen=True)
+class TrainedGenerator:
+    """A frozen generator.
+
+    Attributes:
+        config: what it was trained for.
+        classes: [C] it knows.
+        going: [C] whether the motion of each goes on, or comes to its end (`pieces.goes_on`).
+        glogen, locgen: networks in evaluation mode, on the CPU.
+        figures: of its training.
+    """
+
+    config: SynthesisConfig
+    classes: list[str]
+    going: list[bool]
+    glogen: Ahead | Blocks
+    locgen: Frames | Between
+    figures: Mapping[str, Any]
+
+    def generate(self, wishes: Sequence[Wish]) -> list[Synthesized]:
+        """The motions wished for; the same for the same wish, whatever the others.
+
+        Raises:
+            ValueError: a class that it does not know, no seconds, no pace, a seed clip shorter than needed or of
+                another skeleton.
+        """
+        for wish in wishes:
+            self._check(wish)
+        starts = [self._start(wish) for wish in wishes]
+        with on_threads(1):
+            courses = go_on(self.glogen, [self._course(w, s) for w, s in zip(wishes, starts, strict=True)])
+            made: list[Synthesized | None] = [None] * len(wishes)
+            for frames in sorted({_frames(wish) for wish in wishes}):
+                chosen = [i for i, wish in enumerate(wishes) if _frames(wish) == frames]
+                rows = [np.stack(courses[i].rows) for i in chosen]
+                times = [courses[i].times() for i in chosen]
+                for i, motion in zip(chosen, dense_motions(self.locgen, rows, times, frames), strict=True):
+                    positions, rotations = in_world(motion, wishes[i].start.rest_offsets, starts[i].root, starts[i].yaw)
+                    made[i] = _given(wishes[i], starts[i], courses[i], positions, rotations)
+        return [one for one in made if one is not None]
+
+    def _check(self, wish: Wish) -> None:
+        if not wish.classes:
+            raise ValueError("no class is asked for")
+        for name in wish.classes:
+            if name not in self.classes:
+                raise ValueError(f"class {name!r} is none of this generator's {len(self.classes)}")
+        if not (np.isfinite(wish.seconds) and wish.seconds > 0):
+            raise ValueError(f"{wish.seconds} seconds of motion cannot be made; ask for more than 0")
+        if not (np.isfinite(wish.pace) and wish.pace > 0):
+            raise ValueError(f"pace {wish.pace} is none; 1 is that of the recordings, 2 twice as fast")
+        if not (np.isfinite(wish.temperature) and wish.temperature >= 0):
+            raise ValueError(f"temperature {wish.temperature} is none; 0 leaves nothing to chance, 1 what is natural")
+
+    def _start(self, wish: Wish) -> Start:
+        going = self.going[self.classes.index(wish.classes[0])]
+        return start_of(wish.start, wish.seed, self.glogen.recipe.sparse, going)
+
+    def _course(self, wish: Wish, start: Start) -> Course:
+        targets = [self.classes.index(name) for name in wish.classes]
+        rng = np.random.default_rng(wish.seed)
+        latent = wish.temperature * rng.standard_normal((len(targets), max(1, self.glogen.recipe.latent)))
+        return Course(start.rows, targets, latent, wish.seconds, wish.pace)
+
+    def save(self, path: Path) -> None:
+        """Write it as one safetensors file."""
+        kept = {
+            "config": asdict(self.config), "classes": self.classes, "going": self.going, "figures": dict(self.figures),
+            "joints": list(JOINTS), "glogen": asdict(self.glogen.recipe), "locgen": asdict(self.locgen.recipe),
+        }  # fmt: skip
+        save_network(path, nn.ModuleDict({"glogen": self.glogen, "locgen": self.locgen}), METADATA_KEY, kept)
+
+
+def _frames(wish: Wish) -> int:
+    return max(2, round(wish.seconds * FPS))
+
+
+def _given(wish: Wish, start: Start, course: Course, positions: FloatArray, rotations: FloatArray) -> Synthesized:
+    begins = tuple(min(len(positions) - 1, round(second * FPS)) for second in course.begins)
+    return Synthesized(positions, rotations, wish.start.rest_offsets, FPS, begins, start.first, start.last)
+
+
+def load_generator(path: Path) -> TrainedGenerator:
+    """Read what `TrainedGenerator.save` wrote.
+
+    Raises:
+        ValueError: the file holds something else, or a generator of another skeleton.
+    """
+    tensors, kept = read_network(path, METADATA_KEY)
+    if kept["joints"] != list(JOINTS):
+        raise ValueError(f"{path} was trained on another skeleton: {', '.join(kept['joints'])}")
+    glogen = glogen_network(GloGenRecipe(**kept["glogen"]), len(kept["classes"]))
+    locgen = locgen_network(LocGenRecipe(**kept["locgen"]))
+    nn.ModuleDict({"glogen": glogen, "locgen": locgen}).load_state_dict(tensors)
+    config = SynthesisConfig(**kept["config"])
+    return TrainedGenerator(config, kept["classes"], kept["going"], glogen.eval(), locgen.eval(), kept["figures"])

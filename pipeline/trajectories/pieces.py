@@ -1,0 +1,83 @@
+"""Long clips in pieces, each with its sparse poses, as training takes them (section 4.3.2)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.trajectories.motion import BodyMotion, mirrored
+from pipeline.trajectories.sparse import PIECE, SPARSE, SparseMotion, even_motion, sparse_motion
+
+LONGEST: Final = 150  # frames, of a clip that is one piece
+# A clip goes on where it ends if its last frames move at this share of its mean speed at least.
+ENDING: Final = 5
+MOVING: Final = 0.5
+
+
+@dataclass(frozen=True)
+class Piece:
+    """A motion to train on, its sparse poses, and which class it shows."""
+
+    motion: BodyMotion
+    sparse: SparseMotion
+    target: int
+
+
+def pieces(
+    motions: Sequence[BodyMotion],
+    targets: Sequence[int],
+    *,
+    count: int = SPARSE,
+    stride: int = PIECE,
+    mirror: bool = False,
+    going: Sequence[bool] = (),
+) -> list[Piece]:
+    """Clips of at most `LONGEST` frames as they are, longer ones in pieces of `PIECE`, one every `stride` frames.
+
+    Args:
+        motions: of two frames at least each.
+        targets: class of each.
+        count: of sparse poses of each piece.
+        stride: frames; `PIECE`: contiguous pieces, as the thesis has them.
+        mirror: adds every piece reflected left to right.
+        going: whether each class goes on (`goes_on`); none by default. Clips of such classes are not cut, and have as
+            many sparse poses as their length asks for (`even_motion`).
+    """
+    made = []
+    for motion, target in zip(motions, targets, strict=True):
+        on = bool(going) and going[target]
+        for start, stop in [(0, len(motion))] if on else ranges(len(motion), stride):
+            piece = motion.cut(start, stop)
+            for one in (piece, mirrored(piece)) if mirror else (piece,):
+                made.append(Piece(one, even_motion(one) if on else sparse_motion(one, count), target))
+    return made
+
+
+def goes_on(motions: Sequence[BodyMotion], targets: Sequence[int], classes: int) -> list[bool]:
+    """[C] whether the motion of a class goes on, as walking does, or comes to its end, as a kick does.
+
+    It goes on if the most of its clips end while they move, or are longer than `LONGEST`.
+    """
+    ended: list[list[bool]] = [[] for _ in range(classes)]
+    for motion, target in zip(motions, targets, strict=True):
+        speed = np.linalg.norm(np.diff(motion.joints, axis=0), axis=2).mean(axis=1)
+        moving = float(speed[-ENDING:].mean()) >= MOVING * float(speed.mean()) > 0
+        ended[target].append(not (moving or len(motion) > LONGEST))
+    return [bool(several) and float(np.mean(several)) < 0.5 for several in ended]
+
+
+def ranges(frames: int, stride: int = PIECE) -> list[tuple[int, int]]:
+    """The pieces [start, stop) of a clip; the last one ends with it."""
+    if frames <= LONGEST:
+        return [(0, frames)]
+    starts = [*range(0, frames - PIECE, stride), frames - PIECE]
+    return [(start, start + PIECE) for start in starts]
+
+
+def rows_of(made: list[Piece]) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
+    """Sparse poses [n, count, 65] and classes [n]."""
+    return np.stack([piece.sparse.rows for piece in made]).astype(np.float32), np.array([p.target for p in made])

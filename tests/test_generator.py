@@ -1,0 +1,168 @@
+"""A generator as a whole: from clips of classes to motion that can be put to use."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pipeline.glogen.recipe import GloGenRecipe
+from pipeline.locgen.recipe import LocGenRecipe
+from pipeline.skeleton.pose import forward_kinematics
+from pipeline.synthesis.config import SynthesisConfig
+from pipeline.synthesis.generator import TrainedGenerator, load_generator
+from pipeline.synthesis.training import TrainingMotion, fit_generator, train_generator
+from pipeline.synthesis.wishes import Seed, Synthesized, Wish
+from pipeline.trajectories.body import STANDARD
+from pipeline.trajectories.motion import body_motion
+from tests.test_trajectories import swinging
+
+SMALL = GloGenRecipe(embedding=16, state=16, layers=1, latent=4, epochs=20, steps=0)
+DENSE = LocGenRecipe(embedding=16, state=16, epochs=2)
+BODY = 1.3 * STANDARD
+
+
+def clips(count: int = 8) -> tuple[list[np.ndarray], list[str]]:
+    """Walks, and the same walked backwards."""
+    walks = [swinging(70 + 3 * i, i) for i in range(count)]
+    return [*walks, *[walk[::-1] for walk in walks]], ["walk"] * count + ["back"] * count
+
+
+@pytest.fixture(scope="module", params=["default", "glogen"])
+def generator(request: pytest.FixtureRequest) -> TrainedGenerator:
+    motions, labels = clips()
+    blocks = request.param == "glogen"
+    glogen = replace(SMALL, architecture="blocks", latent=0, swapped=0) if blocks else SMALL
+    locgen = replace(DENSE, architecture="between", between=5, dropout=0) if blocks else DENSE
+    read = [body_motion(motion, 30.0) for motion in motions]
+    return fit_generator(read, labels, SynthesisConfig(recipe=request.param), glogen=glogen, locgen=locgen)
+
+
+def wish(*classes: str, seconds: float = 3.0, seed: int = 0, **more: float) -> Wish:
+    return Wish(classes or ("walk",), seconds, seed, Seed("clip", swinging(60, 99), 30.0, BODY), **more)
+
+
+def test_motions_are_those_of_a_body(generator: TrainedGenerator) -> None:
+    made = generator.generate([wish(seconds=4.0)])[0]
+    assert made.positions.shape == (120, 21, 3)
+    assert made.fps == 30.0
+    rebuilt = forward_kinematics(made.positions[:, 0], made.rotations, made.rest_offsets)
+    np.testing.assert_allclose(rebuilt, made.positions, atol=1e-9)
+    np.testing.assert_array_equal(made.rest_offsets, BODY)
+    steps = np.linalg.norm(np.diff(made.positions, axis=0), axis=2)
+    assert 0 < steps.mean() < 0.2
+    assert (made.seed_start, made.class_starts) == (0, (0,))
+    assert 0 < made.seed_stop < 60
+
+
+def test_a_motion_begins_where_the_clip_is(generator: TrainedGenerator) -> None:
+    asked = wish()
+    made = generator.generate([asked])[0]
+    there = asked.start.positions[made.seed_stop - 1]
+    assert np.linalg.norm(made.positions[0, 0] - there[0]) < 0.15
+
+
+def test_the_same_wish_gives_the_same_motion_whatever_is_beside_it(generator: TrainedGenerator) -> None:
+    wishes = [wish(seed=i, seconds=2.0 + i % 3) for i in range(7)]
+    together = generator.generate(wishes)
+    for asked, made in zip(wishes, together, strict=True):
+        alone = generator.generate([asked])[0]
+        np.testing.assert_array_equal(alone.positions, made.positions)
+
+
+def test_the_seed_and_the_temperature_say_what_chance_does(generator: TrainedGenerator) -> None:
+    if not generator.glogen.recipe.latent:
+        pytest.skip("the thesis's network leaves nothing to chance")
+    one, other = generator.generate([wish(seed=1), wish(seed=2)])
+    assert np.abs(one.positions - other.positions).max() > 1e-3
+    cold = generator.generate([wish(seed=1, temperature=0.0), wish(seed=2, temperature=0.0)])
+    np.testing.assert_array_equal(cold[0].positions, cold[1].positions)
+
+
+def test_classes_follow_each_other_in_equal_shares(generator: TrainedGenerator) -> None:
+    made = generator.generate([wish("walk", "back", "walk", seconds=9.0)])[0]
+    assert len(made.positions) == 270
+    np.testing.assert_allclose(made.class_starts, [0, 90, 180], atol=20)
+    assert not np.allclose(made.positions, generator.generate([wish(seconds=9.0)])[0].positions)
+
+
+def test_pace_changes_the_tempo() -> None:
+    motions, labels = clips()
+    read = [body_motion(motion, 30.0) for motion in motions]
+    fitted = fit_generator(read, labels, SynthesisConfig(), glogen=replace(SMALL, epochs=60), locgen=DENSE)
+    slow, even, fast = fitted.generate([wish(seconds=4.0, temperature=0.0, pace=pace) for pace in (0.5, 1.0, 2.0)])
+
+    def speed(made: Synthesized) -> float:
+        return float(np.linalg.norm(np.diff(made.positions[:, 8] - made.positions[:, 0], axis=0), axis=1).mean())
+
+    assert speed(slow) < 0.75 * speed(even)
+    assert speed(fast) > 1.4 * speed(even)
+
+
+def test_a_generator_is_kept_in_one_file(generator: TrainedGenerator, tmp_path: Path) -> None:
+    file = tmp_path / "generator.safetensors"
+    generator.save(file)
+    again = load_generator(file)
+    assert (again.classes, again.config, dict(again.figures)) == (
+        generator.classes, generator.config, dict(generator.figures),
+    )  # fmt: skip
+    np.testing.assert_array_equal(again.generate([wish()])[0].positions, generator.generate([wish()])[0].positions)
+
+
+def test_other_files_are_refused(generator: TrainedGenerator, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from pipeline.descriptors.shipped import FILE
+
+    with pytest.raises(ValueError, match="holds no motion generator"):
+        load_generator(FILE)
+    (tmp_path / "damaged.safetensors").write_bytes(FILE.read_bytes()[:5000])
+    with pytest.raises(ValueError, match=r"damaged.safetensors is damaged"):
+        load_generator(tmp_path / "damaged.safetensors")
+    monkeypatch.setattr("pipeline.synthesis.generator.JOINTS", ("hips", "tail"))
+    generator.save(tmp_path / "other.safetensors")
+    monkeypatch.undo()
+    with pytest.raises(ValueError, match="another skeleton: hips, tail"):
+        load_generator(tmp_path / "other.safetensors")
+
+
+@pytest.mark.parametrize(
+    ("asked", "said"),
+    [
+        (wish("fly"), "'fly'"),
+        (replace(wish(), classes=()), "no class"),
+        (wish(seconds=0.0), "0.0 seconds"),
+        (wish(seconds=float("nan")), "nan seconds"),
+        (wish(seconds=float("inf")), "inf seconds"),
+        (wish(pace=0.0), "pace 0.0"),
+        (wish(temperature=-1.0), "temperature -1.0"),
+        (replace(wish(), start=Seed("short", swinging(5), 30.0, BODY)), "short lasts 0.17 s; .* needs 0.80 s"),
+        (replace(wish(), start=Seed("hand", np.zeros((50, 9, 3)), 30.0, BODY)), "hand is of another skeleton"),
+    ],
+)
+def test_what_cannot_be_made_is_said(generator: TrainedGenerator, asked: Wish, said: str) -> None:
+    with pytest.raises(ValueError, match=said):
+        generator.generate([asked])
+
+
+def test_long_motion_neither_freezes_nor_runs_away(generator: TrainedGenerator) -> None:
+    made = generator.generate([wish(seconds=20.0)])[0]
+    body = made.positions - made.positions[:, :1]
+    seconds = np.linalg.norm(np.diff(body, axis=0), axis=2).mean(axis=1)[:590].reshape(-1, 59).mean(axis=1)
+    assert np.isfinite(made.positions).all()
+    assert seconds.max() < 0.1
+
+
+def test_training_is_the_same_again_and_tells_its_progress() -> None:
+    motions, labels = clips(3)
+    told: list[tuple[int, int]] = []
+    material: Sequence[TrainingMotion] = [TrainingMotion(*one) for one in zip(motions, [30.0] * 6, labels, strict=True)]
+    config = SynthesisConfig(seed=5, epochs=2)
+    one = train_generator(material, config, progress=lambda done, all_, _: told.append((done, all_)))
+    other = train_generator(material, config)
+    assert told == [(1, 4), (2, 4), (3, 4), (4, 4)]
+    assert (one.figures["clips"], one.figures["classes"], one.classes) == (6, 2, ["back", "walk"])
+    np.testing.assert_array_equal(one.generate([wish()])[0].positions, other.generate([wish()])[0].positions)
+    with pytest.raises(ValueError, match="no clips"):
+        train_generator([], config)

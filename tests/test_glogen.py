@@ -1,0 +1,157 @@
+"""GloGen: sparse poses of a class from five sparse poses."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from pipeline.glogen.network import Ahead, Blocks, glogen_network
+from pipeline.glogen.recipe import SEEDS, GloGenRecipe, glogen_recipe
+from pipeline.glogen.training import FADE, follow_on, train_glogen, unseen
+from pipeline.trajectories.sparse import DURATION, HEIGHT, WIDTH
+
+SMALL = GloGenRecipe(embedding=16, state=32, layers=1, latent=4, dropout=0.0, epochs=30, batch=16, steps=0)
+
+
+def toy(count: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
+    """[n, 20, 65] motions of two classes that begin alike: one then goes up, the other down."""
+    rng = np.random.default_rng(seed)
+    targets = np.arange(count) % 2
+    time = np.linspace(0, 1, 20)
+    rows = 0.02 * rng.standard_normal((count, 1, WIDTH)) + np.zeros((count, 20, WIDTH))
+    rows += np.where(targets, 1, -1)[:, None, None] * np.maximum(0, time - 0.2)[None, :, None] * 0.5
+    rows[..., DURATION] = np.log(0.1)
+    return rows.astype(np.float32), targets
+
+
+def following(network: Ahead | Blocks, rows: np.ndarray, targets: np.ndarray) -> np.ndarray:
+    latent = torch.zeros(len(rows), max(1, network.recipe.latent))
+    with torch.inference_mode():
+        given = network.scale(torch.from_numpy(rows[:, :SEEDS]))
+        return network.scale.back(network(given, torch.from_numpy(targets), latent)).numpy()
+
+
+@pytest.mark.parametrize(
+    "recipe",
+    [SMALL, replace(SMALL, architecture="blocks", latent=0, swapped=0, learning_rate=1e-2)],
+    ids=["ahead", "blocks"],
+)
+def test_the_class_says_where_motion_goes(recipe: GloGenRecipe) -> None:
+    rows, targets = toy(64)
+    asked, wanted = toy(16, seed=1)
+    network, losses = train_glogen(list(rows), targets, 2, recipe, 0)
+    assert losses[-1] < losses[0]
+    made = following(network, asked, wanted)
+    assert made.shape == (16, 15, WIDTH)
+    error = np.abs(made - asked[:, SEEDS:])[..., :HEIGHT].mean()
+    held = np.abs(asked[:, SEEDS - 1 : SEEDS] - asked[:, SEEDS:])[..., :HEIGHT].mean()
+    assert error < 0.3 * held
+    other = following(network, asked, 1 - wanted)
+    assert (np.sign(other[:, -1, :HEIGHT].mean(axis=1)) == -np.sign(made[:, -1, :HEIGHT].mean(axis=1))).all()
+
+
+def test_the_thesis_network_has_its_sizes_and_iterates_five_poses() -> None:
+    recipe = glogen_recipe("glogen")
+    assert (recipe.embedding, recipe.state, recipe.batch, recipe.learning_rate) == (200, 1000, 64, 0.1)
+    network = glogen_network(recipe, 7).eval()
+    assert isinstance(network, Blocks)
+    assert network.embed.in_features == WIDTH + 7
+    given, targets = torch.randn(2, SEEDS, WIDTH), torch.tensor([3, 6])
+    with torch.inference_mode():
+        # Section 4.4: the states of five poses, 1,000 numbers each, are all given to the decoder.
+        assert network.states(given, targets).shape == (2, SEEDS, 1000)
+        made = network(given, targets, torch.zeros(2, 1))
+        first = network.block(given, targets)
+        second = network.block(first, targets)
+        torch.testing.assert_close(made, torch.cat([first, second, network.block(second, targets)], dim=1))
+        assert not torch.allclose(made, network(given, torch.tensor([4, 6]), torch.zeros(2, 1)))
+
+
+@pytest.mark.parametrize("sparse", [16, 24])
+def test_other_numbers_of_sparse_poses(sparse: int) -> None:
+    network = glogen_network(replace(glogen_recipe("glogen"), sparse=sparse, state=8, embedding=8), 2)
+    made = network(torch.zeros(1, SEEDS, WIDTH), torch.tensor([0]), torch.zeros(1, 1))
+    assert made.shape == (1, sparse - SEEDS, WIDTH)
+
+
+def test_latent_numbers_vary_what_is_left_open() -> None:
+    rows, targets = toy(64)
+    network, _ = train_glogen(list(rows), targets, 2, replace(SMALL, epochs=5), 0)
+    given, wanted = network.scale(torch.from_numpy(rows[:1, :SEEDS])), torch.tensor([0])
+    with torch.inference_mode():
+        made = [network(given, wanted, value * torch.ones(1, 4)) for value in (0.0, 0.0, 2.0)]
+    torch.testing.assert_close(made[0], made[1])
+    assert (made[0] - made[2]).abs().max() > 1e-4
+
+
+def test_a_motion_can_follow_the_poses_of_another() -> None:
+    rows = torch.from_numpy(toy(40)[0])
+    mixed = follow_on(rows, 1.0, np.random.default_rng(0))
+    changed = [i for i in range(40) if not torch.equal(mixed[i, :SEEDS], rows[i, :SEEDS])]
+    assert len(changed) > 20
+    for i in changed:
+        own = [torch.equal(mixed[i, :SEEDS], part) for row in rows for part in (row[:SEEDS], row[-SEEDS:])]
+        assert any(own)
+        apart = mixed[i, SEEDS - 1, : HEIGHT + 1] - rows[i, SEEDS - 1, : HEIGHT + 1]
+        for pose, left in enumerate(FADE, SEEDS):
+            wanted = rows[i, pose, : HEIGHT + 1] + left * apart
+            torch.testing.assert_close(mixed[i, pose, : HEIGHT + 1], wanted)
+        torch.testing.assert_close(mixed[i, SEEDS + len(FADE) :], rows[i, SEEDS + len(FADE) :])
+        torch.testing.assert_close(mixed[i, SEEDS:, HEIGHT + 1 :], rows[i, SEEDS:, HEIGHT + 1 :])
+    assert torch.equal(follow_on(rows, 0.0, np.random.default_rng(0)), rows)
+
+
+def test_joints_that_are_not_seen_stand_at_their_mean() -> None:
+    scaled = 1 + torch.rand(200, SEEDS, WIDTH)
+    seen = unseen(scaled, 0.2, np.random.default_rng(0))
+    gone = (seen[..., :HEIGHT].reshape(200, SEEDS, -1, 3) == 0).all(dim=3)
+    assert torch.equal(gone, gone[:, :1].expand_as(gone))  # in all poses of a motion
+    assert 0.15 < gone.float().mean() < 0.25
+    torch.testing.assert_close(seen[..., HEIGHT:], scaled[..., HEIGHT:])
+    assert torch.equal(unseen(scaled, 0.0, np.random.default_rng(0)), scaled)
+
+
+def test_training_goes_on_from_its_checkpoint(tmp_path: Path) -> None:
+    rows, targets = toy(32)
+    recipe = replace(SMALL, epochs=24, dropout=0.1, steps=0)
+    whole, losses = train_glogen(list(rows), targets, 2, recipe, 3)
+    again, _ = train_glogen(list(rows), targets, 2, recipe, 3)
+    file = tmp_path / "glogen.safetensors"
+
+    def stop(done: int, _epochs: int, _loss: float) -> None:
+        if done == 15:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        train_glogen(list(rows), targets, 2, recipe, 3, checkpoint=file, progress=stop)
+    assert file.is_file()
+    resumed, resumed_losses = train_glogen(list(rows), targets, 2, recipe, 3, checkpoint=file)
+    assert not file.is_file()
+    assert resumed_losses == pytest.approx(losses)
+    for name, value in whole.state_dict().items():
+        torch.testing.assert_close(resumed.state_dict()[name], value)
+        torch.testing.assert_close(again.state_dict()[name], value)
+
+
+def test_a_class_that_goes_on_is_learned_from_any_pose_on() -> None:
+    """Long waves at any phase: what follows is known from the phase, not from the place in the motion."""
+    rng = np.random.default_rng(0)
+
+    def waves(count: int, poses: int) -> list[np.ndarray]:
+        made = []
+        for phase in rng.uniform(0, 2 * np.pi, count):
+            wave = np.sin(phase + np.arange(poses)[:, None] * 0.6 + np.linspace(0, 3, WIDTH))
+            made.append((0.2 * wave).astype(np.float32))
+        return made
+
+    recipe = replace(SMALL, epochs=100, state=64, swapped=0.0, noise=0.0)
+    motions = [*waves(30, 60), *waves(10, 14)]
+    network, _ = train_glogen(motions, np.zeros(40, dtype=np.int64), 1, recipe, 0, going=[True])
+    asked = np.stack(waves(20, 20))
+    made = following(network, asked, np.zeros(20, dtype=np.int64))
+    error = np.abs(made - asked[:, SEEDS:]).mean()
+    assert error < 0.35 * np.abs(asked[:, SEEDS:]).mean()  # the mean pose is zero
