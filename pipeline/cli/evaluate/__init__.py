@@ -8,6 +8,7 @@ from pipeline.cli.evaluate.descriptor import descriptor
 from pipeline.cli.evaluate.pesta import pesta
 from pipeline.cli.evaluate.segmentation import segmentation
 from pipeline.cli.evaluate.signatures import signatures
+from pipeline.cli.evaluate.synthesis import synthesis
 
 ABOUT = """Measures on labelled clips of a lake.
 
@@ -16,6 +17,6 @@ Example: motionlake evaluate signatures --dataset hdm05 --json --lake mylake"""
 
 def add_to(app: typer.Typer) -> None:
     evaluate = typer.Typer(name="evaluate", help=ABOUT, no_args_is_help=True)
-    for command in (signatures, segmentation, pesta, descriptor):
+    for command in (signatures, segmentation, pesta, descriptor, synthesis):
         evaluate.command()(command)
     app.add_typer(evaluate)
