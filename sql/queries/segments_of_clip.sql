@@ -1,0 +1,1 @@
+FROM clip_segments($clip);

@@ -1,0 +1,1 @@
+SELECT * FROM synthetic WHERE clip = $clip;
