@@ -11,7 +11,7 @@ DEMO_LAKE = demo/$(notdir $(abspath $(DATA)))-lake
 DEMO_QUERIES = $(if $(filter demo/deepmimic,$(DATA)),humanoid3d_walk humanoid3d_kick humanoid3d_dance_a,--sample 3)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test lint ingest all $(STAGES) neighbours transitions status wheel bench-ingest bench-dtw bench-emd bench-retrieval bench-representation bench-words bench-find bench-motion-graph bench-neighbours bench-segmentation bench-signatures bench-align bench-pesta bench-descriptor-search bench-deephums
+.PHONY: help setup demo test lint ingest all $(STAGES) neighbours transitions synth status wheel bench-ingest bench-dtw bench-emd bench-retrieval bench-representation bench-words bench-find bench-motion-graph bench-neighbours bench-segmentation bench-signatures bench-align bench-pesta bench-descriptor-search bench-deephums bench-glogen
 
 help: ## Show this help
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 24
@@ -69,6 +69,8 @@ neighbours: setup ## Stage of its own: the nearest words of every word in other 
 	$(BIN)/motionlake run neighbours --lake "$(LAKE)"
 transitions: setup ## Stage of its own: where clips of DATASET=name (all datasets) can be joined into motion graphs
 	$(BIN)/motionlake run transitions $(if $(DATASET),--dataset "$(DATASET)") --lake "$(LAKE)"
+synth: setup ## Stage of its own: train the generator of motion if there is none (labelled clips; then motionlake synthesize)
+	$(BIN)/motionlake run synth --lake "$(LAKE)"
 
 $(STAGES):
 	$(BIN)/motionlake run $@ --lake "$(LAKE)"
@@ -134,3 +136,6 @@ bench-descriptor-search: setup ## Measure the search for nearest descriptors aga
 
 bench-deephums: setup ## Measure descriptors as the thesis does, with baselines, robustness, choices, pieces (hours; PARTS="retrieval ...": some)
 	$(BIN)/python -m bench.deephums $(PARTS)
+
+bench-glogen: setup ## Measure synthesis beside its baselines: sparse poses, real time, ablations (hours; PARTS="sparse ...": some)
+	$(BIN)/python -m bench.glogen $(PARTS)

@@ -1,0 +1,84 @@
+"""`python -m bench.glogen [--seeds N] [--processes N] [--epochs N] [--methods NAME ...] [PART ...]`.
+
+sparse: the poses that follow five sparse poses, on utd_mhad (tables 4.1, 4.4). dense: what follows them in real time,
+each clip of a CMU set left out in turn (table 4.3). long: ten seconds from clips left out: energy, feet, travel.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from typing import Any, Final
+
+from bench.glogen import dense, long, sparse
+from bench.glogen.sets import SETS
+from bench.record import hash_files, record, recordings
+from bench.units import SEEDS, Found, in_processes, table, with_seeds
+from pipeline.evaluation.synthesis_errors import MILLISECONDS
+
+ORDER: Final = {name: i for i, name in enumerate(sparse.METHODS)}
+
+
+def measure_sparse(given: argparse.Namespace) -> tuple[dict[str, Any], list[str]]:
+    units = [sparse.Unit(m, s, given.epochs) for m in given.methods or sparse.METHODS for s in given.chosen]
+    runs: dict[str, dict[int, Found]] = {}
+    for unit, found in in_processes(sparse.measure, units, given.processes, str):
+        for row, values in found.items():
+            runs.setdefault(row, {})[unit.seed] = values
+    ordered = dict(sorted(runs.items(), key=lambda item: ORDER[item[0]]))
+    result = with_seeds(ordered, lambda row: True)
+    print(table(sparse.SET, result, sparse.SCORES))
+    return {sparse.SET: result}, [sparse.SET]
+
+
+def measure_dense(given: argparse.Namespace) -> tuple[dict[str, Any], list[str]]:
+    methods = given.methods or dense.METHODS
+    units = [dense.Unit(name, m, s, given.epochs) for name in given.sets for m in methods for s in given.chosen]
+    runs: dict[str, dict[str, dict[int, Found]]] = {name: {} for name in given.sets}
+    for unit, found in in_processes(dense.measure, units, given.processes, str):
+        for row, values in found.items():
+            runs[unit.set_name].setdefault(row, {})[unit.seed] = values
+    result = {}
+    for name, rows in runs.items():
+        result[name] = with_seeds(dict(sorted(rows.items(), key=lambda item: dense.METHODS.index(item[0]))), bool)
+        print(f"\n{table(name, result[name], [f'pose_{ms}' for ms in MILLISECONDS])}")
+    return result, sorted({SETS[name].folder for name in given.sets})
+
+
+def measure_long(given: argparse.Namespace) -> tuple[dict[str, Any], list[str]]:
+    units = [long.Unit(name, s, given.epochs) for name in given.sets for s in given.chosen]
+    runs: dict[str, dict[str, dict[int, Found]]] = {name: {} for name in given.sets}
+    for unit, found in in_processes(long.measure, units, given.processes, str):
+        for row, values in found.items():
+            runs[unit.set_name].setdefault(row, {})[unit.seed] = values
+    result = {name: with_seeds(rows, bool) for name, rows in runs.items()}
+    for name, rows in result.items():
+        print(f"\n{table(name, rows, ['travel', 'energy', 'least', 'most', 'sliding', 'standing', 'inside', 'bones'])}")
+    return result, sorted({SETS[name].folder for name in given.sets})
+
+
+PARTS: Final[dict[str, Callable[[argparse.Namespace], tuple[dict[str, Any], list[str]]]]] = {
+    "sparse": measure_sparse,
+    "dense": measure_dense,
+    "long": measure_long,
+}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("parts", nargs="*", choices=[*PARTS, []], default=[])
+    parser.add_argument("--methods", nargs="+")
+    parser.add_argument("--sets", nargs="+", choices=dense.SETS, default=list(dense.SETS), help="of dense and long")
+    parser.add_argument("--seeds", type=int, default=len(SEEDS))
+    parser.add_argument("--processes", type=int, default=1)
+    parser.add_argument("--epochs", type=int, default=0)
+    given = parser.parse_args()
+    given.chosen = tuple(range(given.seeds))
+    for part in given.parts or PARTS:
+        figures, sets = PARTS[part](given)
+        files = [path for name in sets for path in (recordings() / name).rglob("*") if path.is_file()]
+        print(f"wrote {record(f'glogen-{part}', figures, hash_files(files, recordings()))}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,149 @@
+"""Table 4.3: what follows five sparse poses, in real time, each clip of a CMU set left out in turn."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bench.glogen.baseline import Settings
+from bench.glogen.material import BONES, Material, frames_of, material
+from bench.glogen.methods import DENSE, fitted
+from bench.glogen.motions import Motions
+from bench.units import Found
+from pipeline.evaluation.synthesis_errors import MILLISECONDS
+from pipeline.glogen.recipe import SEEDS
+from pipeline.locgen.dense import dense_motions
+from pipeline.synthesis.config import SynthesisConfig
+from pipeline.synthesis.course import Course, go_on
+from pipeline.synthesis.generator import TrainedGenerator
+from pipeline.synthesis.training import fit_generator
+from pipeline.trajectories.motion import FPS, BodyMotion, interpolated
+from pipeline.trajectories.pieces import Piece, ranges
+from pipeline.trajectories.sparse import PIECE, SPARSE, even_motion
+from pipeline.words.features import Float32Array
+
+SETS: Final = ("indian", "martial", "walk")
+HORIZON: Final = 20  # frames
+# Of the many walks so many are left out in turn, evenly chosen by name; each time all others are trained on.
+MOST: Final = 8
+OURS: Final[Mapping[str, SynthesisConfig]] = {
+    "motionlake": SynthesisConfig(),
+    "thesis": SynthesisConfig(recipe="glogen"),
+}
+METHODS: Final = (*DENSE, *OURS)
+
+
+@dataclass(frozen=True)
+class Unit:
+    """One method on one set with one seed."""
+
+    set_name: str
+    method: str
+    seed: int
+    epochs: int = 0
+
+    def __str__(self) -> str:
+        return f"{self.set_name} {self.method}, seed {self.seed}"
+
+
+@dataclass(frozen=True)
+class Asked:
+    """A piece of a clip that was left out.
+
+    Attributes:
+        piece: with its sparse poses.
+        known: frames up to the last given pose, [F, 60].
+        start: frame of the last given pose, whole: where methods that read frames begin.
+    """
+
+    piece: Piece
+    known: Float32Array
+    start: int
+
+    @classmethod
+    def of(cls, piece: Piece) -> Asked:
+        start = int(piece.sparse.places[SEEDS - 1])
+        return cls(piece, frames_of(piece.motion)[: start + 1], start)
+
+    def true(self, place: float) -> NDArray[np.float64]:
+        """[8, 60] joints at `MILLISECONDS` after a frame, fractional; NaN beyond the end."""
+        at = place + np.array(MILLISECONDS) / 1000 * FPS
+        joints = interpolated(frames_of(self.piece.motion).astype(float), np.minimum(at, len(self.piece.motion) - 1))
+        joints[at > len(self.piece.motion) - 1 + 1e-6] = np.nan
+        return joints
+
+
+def left_out(whole: Material) -> list[int]:
+    """Clips that are left out, one at a time."""
+    count = len(whole.clips)
+    return sorted({round(i) for i in np.linspace(0, count - 1, min(count, MOST))})
+
+
+def measure(unit: Unit) -> dict[str, Found]:
+    """{method: errors at `MILLISECONDS`}: joints and poses, means over all pieces of the clips left out."""
+    whole = material(unit.set_name)
+    errors = []
+    for held in left_out(whole):
+        train, test = whole.of([i for i in range(len(whole.clips)) if i != held]), whole.of([held])
+        asked = [Asked.of(piece) for piece in asked_pieces(test)]
+        errors.append(_ours(unit, train, asked) if unit.method in OURS else _baseline(unit, train, asked))
+    apart = np.concatenate(errors)  # [pieces, 8, 20, 3]
+    joints = np.linalg.norm(apart, axis=3).mean(axis=2)
+    poses = np.linalg.norm(apart.reshape(*apart.shape[:2], -1), axis=2)
+    found: Found = {f"joint_{ms}": float(value) for ms, value in zip(MILLISECONDS, np.nanmean(joints, 0), strict=True)}
+    found |= {f"pose_{ms}": float(value) for ms, value in zip(MILLISECONDS, np.nanmean(poses, 0), strict=True)}
+    return {unit.method: found | {"n": int(np.isfinite(joints[:, -1]).sum()), "clips": len(left_out(whole))}}
+
+
+def asked_pieces(test: Material) -> list[Piece]:
+    """The pieces of clips, their sparse poses as far apart in time as those of a piece of 100 frames."""
+    parts = [motion.cut(*part) for motion in test.motions for part in ranges(len(motion))]
+    return [Piece(part, even_motion(part), 0) for part in parts]
+
+
+def _baseline(unit: Unit, train: Material, asked: list[Asked]) -> NDArray[np.float64]:
+    pieces = train.pieces(SPARSE, PIECE)
+    data = Motions(
+        [frames_of(piece.motion) for piece in pieces if len(piece.motion) > HORIZON + SEEDS],
+        np.zeros(sum(len(piece.motion) > HORIZON + SEEDS for piece in pieces), dtype=np.int64), 0, (), BONES,
+    )  # fmt: skip
+    settings = Settings()
+    if unit.epochs:
+        settings = replace(settings, budget=replace(settings.budget, epochs=unit.epochs))
+    method = fitted(DENSE[unit.method](settings), data, unit.seed)
+    made = method.predict([one.known for one in asked], np.zeros(len(asked), dtype=np.int64))
+    return np.stack([_apart(frames, one, one.start) for frames, one in zip(made, asked, strict=True)])
+
+
+def _ours(unit: Unit, train: Material, asked: list[Asked]) -> NDArray[np.float64]:
+    config = replace(OURS[unit.method], seed=unit.seed, epochs=unit.epochs)
+    generator = fit_generator(train.motions, train.labels, config)
+    made = continued(generator, [one.piece for one in asked], [0] * len(asked), HORIZON)
+    return np.stack(
+        [
+            _apart(frames_of(motion), one, float(one.piece.sparse.places[SEEDS - 1]))
+            for motion, one in zip(made, asked, strict=True)
+        ]
+    )
+
+
+def continued(generator: TrainedGenerator, pieces: list[Piece], targets: list[int], frames: int) -> list[BodyMotion]:
+    """What a generator has follow the first sparse poses of pieces, nothing left to chance."""
+    latent = np.zeros((1, max(1, generator.glogen.recipe.latent)))
+    courses = go_on(
+        generator.glogen,
+        [Course(p.sparse.rows[:SEEDS], [t], latent, frames / FPS, 1.0) for p, t in zip(pieces, targets, strict=True)],
+    )
+    rows, times = [np.stack(course.rows) for course in courses], [course.times() for course in courses]
+    return dense_motions(generator.locgen, rows, times, frames)
+
+
+def _apart(made: Float32Array, one: Asked, place: float) -> NDArray[np.float64]:
+    """[8, 20, 3] differences of joints of `made` [20, 60], whose first frame is one after `place`."""
+    at = np.array(MILLISECONDS) / 1000 * FPS - 1
+    joints = interpolated(made.astype(float), at)
+    return (joints - one.true(place)).reshape(len(at), -1, 3)
