@@ -13,6 +13,7 @@ from jobs import (
     signatures,
     submotions,
     symbols,
+    synth,
     transitions,
     words,
 )
@@ -23,8 +24,8 @@ from jobs.session import Session
 STAGES = (
     "frames", "words", "embed", "motifs", "signatures", "mirrored", "postures", "symbols", "descriptors", "submotions",
 )  # fmt: skip
-# Compare all clips with one another: made when asked for by name.
-BY_NAME = ("neighbours", "transitions")
+# Made when asked for by name: two compare all clips with one another, "synth" needs labels.
+BY_NAME = ("neighbours", "transitions", "synth")
 
 
 def run(
@@ -66,4 +67,6 @@ def _derived(session: Session, stage: str, refit: bool) -> Outcome:
         return descriptors.run(session, refit=refit)
     if stage == "submotions":
         return submotions.run(session, refit=refit)
+    if stage == "synth":
+        return synth.run(session, refit=refit)
     return signatures.run(session)

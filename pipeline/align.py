@@ -63,10 +63,19 @@ class Aligner:
         lake: which holds the dictionary and the configuration.
         strings: of the lake.
         threads: which share a scan; answers do not depend on their number.
+        real: synthetic clips are no answers.
     """
 
-    def __init__(self, con: Connection, lake: Lake, strings: LakeStrings | None = None, *, threads: int = 1) -> None:
-        self._con, self._lake, self._threads = con, lake, threads
+    def __init__(
+        self,
+        con: Connection,
+        lake: Lake,
+        strings: LakeStrings | None = None,
+        *,
+        threads: int = 1,
+        real: bool = False,
+    ) -> None:
+        self._con, self._lake, self._threads, self._real = con, lake, threads, real
         self.strings = strings or read_strings(con)
         self._config = load_config(lake.config_file)
 
@@ -193,7 +202,7 @@ class Aligner:
         return string_query(str(path), string, frames, start, stop)
 
     def _among(self, dataset: str | None) -> LakeStrings:
-        return self.strings if dataset is None else self.strings.within(dataset)
+        return self.strings.among(dataset, real=self._real)
 
     def _alignment(self, method: str | None, stride: int | None) -> AlignmentConfig:
         given = {name: value for name, value in (("method", method), ("stride", stride)) if value is not None}

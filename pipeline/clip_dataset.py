@@ -31,7 +31,7 @@ class ClipDataset(Dataset[Item]):
     Args:
         lake: its folder.
         split: clips of this value of the split column of labels.csv alone.
-        dataset: clips of this dataset alone.
+        dataset: clips of this dataset alone; by default all recorded clips.
         length: of longer clips, a window of so many frames that torch's generator draws.
         transform: applied to every item.
         classes: labels by their index, where another dataset has set them; by default the labels of these clips by

@@ -7,7 +7,7 @@ from pathlib import Path
 import sql
 from pipeline.lake.catalog import Connection, connect_read_only, run_sql
 from pipeline.lake.layout import open_lake
-from pipeline.udf import align, duplicates, emd, find, find_submotion, labelling
+from pipeline.udf import align, duplicates, emd, find, find_submotion, labelling, synthesize
 
 
 def connect(lake: Path | str) -> Connection:
@@ -27,6 +27,7 @@ def connect(lake: Path | str) -> Connection:
     labelling.register(con, target)
     duplicates.register(con, target)
     align.register(con, target)
+    synthesize.register(con, target)
     for name in sql.names("udf_macros"):
         run_sql(con, name)
     return con

@@ -27,6 +27,7 @@ class CorpusClip:
     split: str | None
     fps: float
     frames: int
+    synthetic: bool = False
 
 
 @dataclass(frozen=True)

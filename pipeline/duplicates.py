@@ -29,6 +29,7 @@ def near_duplicates(
     within: str | None = None,
     across: bool = False,
     mirrored: bool = False,
+    real: bool = False,
 ) -> list[Duplicate]:
     """Pairs of near-duplicates of a lake, nearest first; see `find_duplicates`.
 
@@ -39,6 +40,7 @@ def near_duplicates(
         within: a dataset that both clips must belong to.
         across: only pairs of two datasets.
         mirrored: mirror images too.
+        real: leave synthetic clips out.
 
     Raises:
         UserError: no signatures yet, no mirrored ones where they are needed, or a distance out of range.
@@ -49,7 +51,7 @@ def near_duplicates(
         raise UserError("within one dataset and across datasets at once: choose one")
     centroids = [row["centroid"] for row in fetch(con, "queries/corpus_motifs.sql")]
     mirrored_stage.see_table(con)
-    rows = fetch(con, "queries/signed_clips.sql")
+    rows = fetch(con, "queries/signed_clips.sql", {"real": real})
     if not rows:
         raise UserError(f"{lake.root}: has no signatures yet; make them with `motionlake run all`")
     if mirrored and any(row["mirrored"] is None for row in rows):

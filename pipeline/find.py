@@ -43,10 +43,13 @@ class Found:
 
 
 class Finder:
-    """Queries to a lake; `corpus` where its signed words have been read already."""
+    """Queries to a lake; `corpus` where its signed words have been read already.
 
-    def __init__(self, con: Connection, lake: Lake, corpus: Corpus | None = None) -> None:
-        self._con, self._lake = con, lake
+    With `real`, synthetic clips are no answers.
+    """
+
+    def __init__(self, con: Connection, lake: Lake, corpus: Corpus | None = None, *, real: bool = False) -> None:
+        self._con, self._lake, self._real = con, lake, real
         self.corpus = corpus or read_corpus(con)
 
     def in_clip(
@@ -108,9 +111,10 @@ class Finder:
         return _found(self.corpus, find_ranges(self.corpus, query, k, clips=self._clips(dataset)))
 
     def _clips(self, dataset: str | None) -> list[int] | None:
-        if dataset is None:
+        if dataset is None and not self._real:
             return None
-        return [i for i, clip in enumerate(self.corpus.clips) if clip.dataset == dataset]
+        clips = enumerate(self.corpus.clips)
+        return [i for i, c in clips if dataset in (None, c.dataset) and not (self._real and c.synthetic)]
 
 
 def _query(name: str, motifs: np.ndarray, mirrored: np.ndarray | None) -> ExampleQuery:

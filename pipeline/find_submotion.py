@@ -78,18 +78,21 @@ class Piece:
 
 
 class SubmotionFinder:
-    """Queries to a lake by the second network.
+    """Queries to a lake by the second network; with `real`, synthetic clips are no answers.
 
     Raises:
         UserError: the lake has no windows to find pieces in yet.
     """
 
-    def __init__(self, con: Connection, lake: Lake) -> None:
+    def __init__(self, con: Connection, lake: Lake, *, real: bool = False) -> None:
         served = served_network(con)
         if served is None:
             raise UserError(f"{lake.root}: has no windows to find pieces in yet; make them with `motionlake run all`")
         self._con, self._lake, self._file = con, lake, served.file
         self._words = load_config(lake.config_file).words
+        # A lake made before there were synthetic clips has a macro that does not know of them.
+        known = real and fetch(con, "queries/has_synthetic_table.sql")
+        self._query = "recorded_clips_holding" if known else "clips_holding"
 
     def in_clip(
         self,
@@ -149,7 +152,7 @@ class SubmotionFinder:
             "descriptor": self._network.embed([piece.sequence])[0].tolist(), "k": k, "within": dataset, "clip": clip,
             "first": first, "last": last,
         }  # fmt: skip
-        rows = fetch(self._con, "queries/clips_holding.sql", asked)
+        rows = fetch(self._con, f"queries/{self._query}.sql", asked)
         features = features_of_clips(self._con, self._lake, self._words, [row["clip"] for row in rows])
         return [_found(row, place(piece, row, held, self._words)) for row, held in zip(rows, features, strict=True)]
 

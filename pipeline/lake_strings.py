@@ -28,6 +28,7 @@ class StringClip:
     label: str | None
     fps: float
     frames: int
+    synthetic: bool = False
 
 
 @dataclass(frozen=True)
@@ -64,23 +65,29 @@ class LakeStrings:
         own = self.symbols_of(clip)
         return SymbolString(self.repository.symbols[own], self.starts[own], self.stops[own])
 
-    def within(self, dataset: str) -> LakeStrings:
-        """The strings of one dataset, taken out once."""
-        if dataset not in self._datasets:
-            self._datasets[dataset] = self._of_dataset(dataset)
-        return self._datasets[dataset]
+    def among(self, dataset: str | None, *, real: bool = False) -> LakeStrings:
+        """The strings of one dataset, or of all; with `real`, of recorded clips. They are taken out once."""
+        if dataset is None and not (real and any(c.synthetic for c in self.clips)):
+            return self
+        if (dataset, real) not in self._taken:
+            self._taken[dataset, real] = self._of([self._wanted(c, dataset, real) for c in self.clips])
+        return self._taken[dataset, real]
 
     @cached_property
-    def _datasets(self) -> dict[str, LakeStrings]:
+    def _taken(self) -> dict[tuple[str | None, bool], LakeStrings]:
         return {}
 
-    def _of_dataset(self, dataset: str) -> LakeStrings:
-        chosen = np.array([c.dataset == dataset for c in self.clips], dtype=np.bool_)
+    @staticmethod
+    def _wanted(clip: StringClip, dataset: str | None, real: bool) -> bool:
+        return dataset in (None, clip.dataset) and not (real and clip.synthetic)
+
+    def _of(self, wanted: list[bool]) -> LakeStrings:
+        chosen = np.array(wanted, dtype=np.bool_)
         kept = np.repeat(chosen, self.repository.lengths)
         offsets = np.concatenate([[0], np.cumsum(self.repository.lengths[chosen])]).astype(np.int64)
         return replace(
             self,
-            clips=[c for c in self.clips if c.dataset == dataset],
+            clips=[c for c, kept_too in zip(self.clips, wanted, strict=True) if kept_too],
             repository=Repository(self.repository.symbols[kept], offsets),
             starts=self.starts[kept],
             stops=self.stops[kept],
@@ -98,7 +105,7 @@ def read_strings(con: Connection) -> LakeStrings:
     if not codes:
         raise UserError("the lake has no symbol strings yet; make them with `motionlake run all`")
     rows = fetch_table(con, "queries/symbol_strings.sql")
-    known = rows.select(["clip", "dataset", "label", "fps", "frames"]).to_pylist()
+    known = rows.select(["clip", "dataset", "label", "fps", "frames", "synthetic"]).to_pylist()
     lengths = pc.list_value_length(rows.column("symbols")).to_numpy().astype(np.int64)
     offsets = np.concatenate([[0], np.cumsum(lengths)]).astype(np.int64)
     starts = _flat(rows.column("starts")).astype(np.int64)

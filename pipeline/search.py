@@ -41,11 +41,11 @@ class Hit:
 
 
 def similar_to_clip(
-    con: Connection, clip: str, k: int, dataset: str | None = None, *, mirrored: bool = False
+    con: Connection, clip: str, k: int, dataset: str | None = None, *, mirrored: bool = False, real: bool = False
 ) -> list[Hit]:
     """The k clips nearest to a clip of the lake by signature; the clip itself is left out.
 
-    With `mirrored`, nearest to the clip or to its mirror image.
+    With `mirrored`, nearest to the clip or to its mirror image. With `real`, synthetic clips are left out.
 
     Raises:
         UserError: the clip has no signature yet.
@@ -56,20 +56,27 @@ def similar_to_clip(
     if not fetch(con, f"queries/{there}.sql", {"clip": clip}):
         kind = "mirrored signature" if mirrored else "signature"
         raise UserError(f"{clip}: has no {kind} yet; make it with `motionlake run all`")
-    return _hits(con, f"queries/{query}.sql", {"clip": clip, "k": k, "dataset": dataset})
+    return _hits(con, f"queries/{query}.sql", {"clip": clip, "k": k, "dataset": dataset, "real": real})
 
 
 def similar_to_file(
-    con: Connection, lake: Lake, path: Path, k: int, dataset: str | None = None, *, mirrored: bool = False
+    con: Connection,
+    lake: Lake,
+    path: Path,
+    k: int,
+    dataset: str | None = None,
+    *,
+    mirrored: bool = False,
+    real: bool = False,
 ) -> list[Hit]:
     """The k clips nearest to a clip file that need not be in the lake (its first body).
 
-    With `mirrored`, nearest to the clip or to its mirror image.
+    With `mirrored`, nearest to the clip or to its mirror image. With `real`, synthetic clips are left out.
 
     Raises:
         UserError: the file cannot be read, or the lake has no motifs yet.
     """
-    parameters: dict[str, object] = {"k": k, "dataset": dataset}
+    parameters: dict[str, object] = {"k": k, "dataset": dataset, "real": real}
     if not mirrored:
         parameters["signature"] = signature_of_file(con, lake, path).tolist()
         return _hits(con, "queries/search_signature.sql", parameters)
@@ -86,8 +93,12 @@ def similar_to_signature(
     k: int,
     dataset: str | None = None,
     model: str | None = None,
+    *,
+    real: bool = False,
 ) -> list[Hit]:
     """The k clips nearest to a signature [K] made with the lake's motifs (`model`, where their name is known).
+
+    With `real`, synthetic clips are left out.
 
     Raises:
         UserError: the lake has no motifs yet, or the signature is over others.
@@ -100,7 +111,8 @@ def similar_to_signature(
         check_signature(signature, len(served))
     except ValueError as error:
         raise UserError(f"{error} (`signature_of_file` makes one that fits)") from error
-    return _hits(con, "queries/search_signature.sql", {"signature": signature.tolist(), "k": k, "dataset": dataset})
+    parameters = {"signature": signature.tolist(), "k": k, "dataset": dataset, "real": real}
+    return _hits(con, "queries/search_signature.sql", parameters)
 
 
 def signature_of_file(con: Connection, lake: Lake, path: Path, options: IngestOptions | None = None) -> np.ndarray:

@@ -10,16 +10,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.clip import SourceClip
 from pipeline.config import LakeConfig, load_config
-from pipeline.errors import ClipError, UserError
+from pipeline.errors import UserError
 from pipeline.lake.catalog import Connection, fetch
 from pipeline.lake.layout import Lake
 from pipeline.motifs import Motifs, assign
-from pipeline.skeleton.canonicalise import CanonicalMotion
-from pipeline.skeleton.rigs import load_rigs
 from pipeline.stages import embed, motifs, words
-from pipeline.stages.frames import canonical_motions
+from pipeline.stages.clip_files import first_body as first_body
 from pipeline.stages.sources import IngestOptions
 from pipeline.words.features import Float32Array, WordConfig, word_features
 from pipeline.words.mirror import mirrored_features
@@ -101,19 +98,6 @@ def features_of_clips(con: Connection, lake: Lake, config: WordConfig, clips: Se
         if clip not in found:
             raise UserError(f"{clip}: has no words yet; make them with `motionlake run all`")
     return [found[clip] for clip in clips]
-
-
-def first_body(lake: Lake, path: Path, options: IngestOptions | None = None) -> tuple[SourceClip, CanonicalMotion]:
-    """A clip file's first body, and its canonical motion.
-
-    Raises:
-        UserError: the file cannot be read.
-    """
-    try:
-        clip, motion, _ = next(iter(canonical_motions(path, load_rigs(lake.rigs), options or IngestOptions())))
-    except ClipError as error:
-        raise UserError(f"{path}: {error}") from error
-    return clip, motion
 
 
 def words_of_file(lake: Lake, config: WordConfig, path: Path, options: IngestOptions | None = None) -> FileWords:

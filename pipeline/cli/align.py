@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from pipeline.cli.alignment_picture import save_alignment
-from pipeline.cli.common import JsonOption, LakeOption, print_rows
+from pipeline.cli.common import JsonOption, LakeOption, RealOption, print_rows
 from pipeline.cli.hits_picture import PictureOption, check_picture
 from pipeline.errors import UserError
 from pipeline.formats import is_clip
@@ -32,6 +32,7 @@ def align(
     dataset: Annotated[
         str | None, typer.Option("--in", help="Answer from this dataset only.", show_default=False)
     ] = None,
+    real: RealOption = False,
     whole: Annotated[bool, typer.Option("--whole", help="Rank clips by the whole of both.")] = False,
     method: Annotated[
         str | None,
@@ -69,7 +70,7 @@ def align(
         raise UserError("--path: needs --json")
     check_picture(picture, 1)
     with reading(target) as con:
-        aligner = Aligner(con, target, threads=os.cpu_count() or 1)
+        aligner = Aligner(con, target, threads=os.cpu_count() or 1, real=real)
         outside = Path(query).is_file() and is_clip(Path(query))
         asked = Path(query) if outside else resolve_clip(con, query)
         if whole:

@@ -43,5 +43,5 @@ def save_alignment(
     config = replace(
         load_config(lake.config_file).alignment, **{name: value for name, value in given.items() if value is not None}
     )
-    material = read_symbols(con, lake, strings if dataset is None else strings.within(dataset))
+    material = read_symbols(con, lake, strings.among(dataset))
     save_alignments(material, path, aligner.asked(asked, start, stop), fps, hits, config)

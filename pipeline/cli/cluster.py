@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from pipeline.cli.common import JsonOption, LakeOption, notice, print_json, print_rows
+from pipeline.cli.common import JsonOption, LakeOption, RealOption, notice, print_json, print_rows
 from pipeline.errors import UserError
 from pipeline.lake.catalog import reading
 from pipeline.lake.layout import check_dataset, open_lake
@@ -21,6 +21,7 @@ def cluster(
     lake: LakeOption,
     k: Annotated[str, typer.Option("--k", "-k", help="How many clusters, or auto.")] = "auto",
     dataset: Annotated[str | None, typer.Option("--in", help="Clips of this dataset only.", show_default=False)] = None,
+    real: RealOption = False,
     as_json: JsonOption = False,
 ) -> None:
     """Groups of similar clips; no labels are used. Clusters are numbered from 0, the largest first.
@@ -35,7 +36,7 @@ def cluster(
     if k != "auto" and not k.isdecimal():
         raise UserError(f"--k {k}: give a number of clusters, or auto")
     with reading(target) as con:
-        rows, silhouette = clusters_of_lake(con, None if k == "auto" else int(k), dataset)
+        rows, silhouette = clusters_of_lake(con, None if k == "auto" else int(k), dataset, real=real)
     notice(f"{len({row.cluster for row in rows})} clusters of {len(rows)} clips, silhouette {silhouette:.3f}")
     if as_json:
         print_json([asdict(row) for row in rows])

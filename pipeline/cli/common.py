@@ -20,6 +20,7 @@ LakeOption = Annotated[
     Path, typer.Option("--lake", "-l", envvar="MOTIONLAKE_LAKE", help="Folder of the lake.", show_default=False)
 ]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON, for machines.")]
+RealOption = Annotated[bool, typer.Option("--real", help="Leave synthetic clips out.")]
 WorkersOption = Annotated[
     int | None,
     typer.Option("--workers", min=1, help="Local worker processes (default: one a core).", show_default=False),

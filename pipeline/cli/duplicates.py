@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from pipeline.cli.common import JsonOption, LakeOption, print_rows
+from pipeline.cli.common import JsonOption, LakeOption, RealOption, print_rows
 from pipeline.lake.catalog import reading
 from pipeline.lake.layout import check_dataset, open_lake
 
@@ -23,6 +23,7 @@ def duplicates(
     ] = None,
     across: Annotated[bool, typer.Option("--across", help="Only pairs of clips of two datasets.")] = False,
     mirrored: Annotated[bool, typer.Option("--mirrored", help="Mirror images too.")] = False,
+    real: RealOption = False,
     max_distance: Annotated[
         float | None,
         typer.Option(
@@ -49,5 +50,6 @@ def duplicates(
             within=within,
             across=across,
             mirrored=mirrored,
+            real=real,
         )
     print_rows([asdict(pair) for pair in found], as_json=as_json)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
-from pipeline.cli.common import JsonOption, LakeOption, print_rows
+from pipeline.cli.common import JsonOption, LakeOption, RealOption, print_rows
 from pipeline.cli.hits_picture import PictureOption, check_picture, save_picture
 from pipeline.errors import UserError
 from pipeline.formats import is_clip
@@ -38,6 +38,7 @@ def find(
     ] = None,
     method: Annotated[str, typer.Option(help="words or submotion.")] = "words",
     mirrored: Annotated[bool, typer.Option("--mirrored", help="Look for the mirrored query too (words).")] = False,
+    real: RealOption = False,
     own: Annotated[bool, typer.Option("--own", help="The frames asked for may be an answer themselves.")] = False,
     picture: PictureOption = None,
     as_json: JsonOption = False,
@@ -65,9 +66,9 @@ def find(
     with reading(target) as con:
         hits: Sequence[Found | FoundPiece]
         if method == "words":
-            hits = _by_words(con, target, query, start, stop, k, dataset, mirrored, own)
+            hits = _by_words(con, target, query, start, stop, k, dataset, mirrored, real, own)
         else:
-            hits = _by_submotion(con, target, query, start, stop, k, dataset, own)
+            hits = _by_submotion(con, target, query, start, stop, k, dataset, real, own)
         rows = [hit.as_row() for hit in hits]
         save_picture(con, target, picture, [(query, rows)], start, stop)
     print_rows(rows, as_json=as_json)
@@ -82,11 +83,12 @@ def _by_words(
     k: int,
     dataset: str | None,
     mirrored: bool,
+    real: bool,
     own: bool,
 ) -> list[Found]:
     from pipeline.find import Finder
 
-    finder, asked = Finder(con, lake), _asked(con, query)
+    finder, asked = Finder(con, lake, real=real), _asked(con, query)
     if isinstance(asked, Path):
         return finder.in_file(asked, start, stop, k, dataset=dataset, mirrored=mirrored)
     return finder.in_clip(asked, start, stop, k, dataset=dataset, mirrored=mirrored, own=own)
@@ -100,11 +102,12 @@ def _by_submotion(
     stop: int | None,
     k: int,
     dataset: str | None,
+    real: bool,
     own: bool,
 ) -> list[FoundPiece]:
     from pipeline.find_submotion import SubmotionFinder
 
-    finder, asked = SubmotionFinder(con, lake), _asked(con, query)
+    finder, asked = SubmotionFinder(con, lake, real=real), _asked(con, query)
     if isinstance(asked, Path):
         return finder.in_file(asked, start, stop, k, dataset=dataset)
     return finder.in_clip(asked, start, stop, k, dataset=dataset, own=own)

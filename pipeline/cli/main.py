@@ -21,6 +21,7 @@ COMMANDS = (
     "sql",
     "export",
     "compose",
+    "synthesize",
     "segment",
     "classify",
     "cluster",
@@ -31,6 +32,7 @@ COMMANDS = (
     "align",
     "duplicates",
     "report",
+    "view",
 )
 
 app = typer.Typer(

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from pipeline.cli.common import JsonOption, LakeOption, print_json, print_rows
+from pipeline.cli.common import JsonOption, LakeOption, RealOption, print_json, print_rows
 from pipeline.cli.hits_picture import PictureOption, check_picture, save_picture
 from pipeline.errors import UserError
 from pipeline.formats import is_clip
@@ -31,6 +31,7 @@ def search(
     ] = None,
     method: Annotated[str, typer.Option(help="signature, alignment, descriptor or fused.")] = "signature",
     mirrored: Annotated[bool, typer.Option("--mirrored", help="Search for the mirrored motion too.")] = False,
+    real: RealOption = False,
     sample: Annotated[int, typer.Option(min=0, help="Also ask for so many clips of the lake, to try it out.")] = 0,
     picture: PictureOption = None,
     as_json: JsonOption = False,
@@ -57,7 +58,7 @@ def search(
             raise UserError("search: name a clip or a clip file, or give --sample N")
         check_picture(picture, len(queries))
         asked = [_query(con, query) for query in queries]
-        found = retriever(method, con, target, mirrored=mirrored).search(asked, k, dataset)
+        found = retriever(method, con, target, mirrored=mirrored, real=real).search(asked, k, dataset)
         answers = [(query, [hit.as_row() for hit in hits]) for query, hits in zip(queries, found, strict=True)]
         save_picture(con, target, picture, answers)
     finally:

@@ -9,6 +9,7 @@ from pipeline.cli.common import JsonOption, LakeOption, print_json, print_rows
 from pipeline.config import load_config
 from pipeline.lake.catalog import fetch, reading
 from pipeline.lake.layout import open_lake
+from pipeline.stages import synthesis, synthesize
 from pipeline.stages.outlook import pending
 
 
@@ -31,7 +32,10 @@ def status(lake: LakeOption, as_json: JsonOption = False) -> None:
         failed = fetch(con, "queries/failed_shards.sql")
     nothing = {"shards": 0, "rows": 0, "bytes": 0, "failed": 0}
     # A stage that is made when asked for by name is not due before it was.
-    wanted = {s: due[s] if s in STAGES or s in done else None for s in STAGES + BY_NAME}
+    known = {*STAGES, *done, *(synthesis.NAME for m in models if m["model"].startswith(synthesis.GENERATOR))}
+    wanted = {s: due[s] if s in known else None for s in STAGES + BY_NAME}
+    if synthesize.NAME in done:  # made to order, never due
+        wanted[synthesize.NAME] = None
     stages = [{"stage": s, **nothing, **done.get(s, {}), "due": wanted[s]} for s in wanted]
     if as_json:
         print_json({"datasets": datasets, "stages": stages, "models": models, "failed": failed})

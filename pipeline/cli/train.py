@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from jobs import descriptors, embed, submotions
+from jobs import descriptors, embed, submotions, synth
 from jobs import postures as postures_job
 from jobs.session import Session, session
 from pipeline.cli.common import JsonOption, LakeOption, notice, print_json, stage_progress
@@ -19,7 +19,7 @@ from pipeline.stages.models import Model
 
 def add_to(app: typer.Typer) -> None:
     about = (
-        "Train a model on a lake's own clips, without labels but for descriptors.\n\n"
+        "Train a model on a lake's own clips, without labels but for descriptors and synthesis.\n\n"
         "Example: motionlake train words --json --lake mylake"
     )
     train = typer.Typer(name="train", help=about, no_args_is_help=True)
@@ -28,6 +28,7 @@ def add_to(app: typer.Typer) -> None:
     train.command()(postures)
     train.command()(descriptor)
     train.command()(submotion)
+    train.command()(synthesis)
     app.add_typer(train)
 
 
@@ -127,6 +128,33 @@ def submotion(
     if model is None:
         raise _no_frames(target)
     _tell(model, f"trained on {model.figures['clips']} clips; read with it: motionlake run all --lake {lake}", as_json)
+
+
+def synthesis(
+    lake: LakeOption,
+    split: Annotated[
+        str | None,
+        typer.Option(help="Train on the clips of this split of labels.csv (default: on all).", show_default=False),
+    ] = None,
+    dataset: Annotated[
+        str | None, typer.Option(help="Train on clips of this dataset (default: of all).", show_default=False)
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Train the generator that config.toml names; `motionlake synthesize` then makes motion with it.
+
+    It learns from clips with a label, and from the labelled ranges of those without. [synthesis] in config.toml says by
+    which recipe ("default", "glogen") and from which seed. Interrupted, the same command goes on where it stopped.
+
+    Example: motionlake train synthesis --split train --lake mylake
+    """
+    target = open_lake(lake)
+    model = _train(target, "synthesis", lambda job: synth.train(job, split, dataset))
+    if model is None:
+        raise _no_frames(target)
+    figures = model.figures
+    about = f"trained on {figures['clips']} motions of {len(figures['class_names'])} classes"
+    _tell(model, f"{about}; make motion with it: motionlake synthesize --class NAME --lake {lake}", as_json)
 
 
 def _train(lake: Lake, name: str, train: Callable[[Session], Model | None]) -> Model | None:

@@ -83,7 +83,7 @@ def evaluate_pesta(
     Raises:
         UserError: no such column, no strings, or neither labels nor segments to measure by.
     """
-    strings, signed = read_strings(con), signed_clips(con, dataset, column, only)
+    strings, signed = read_strings(con), signed_clips(con, dataset, column, only, real=True)
     labelled = _with_strings(signed.labelled(), strings)
     config = load_config(lake.config_file).alignment
     result: dict[str, Any] = {}

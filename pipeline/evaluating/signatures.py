@@ -53,7 +53,7 @@ def evaluate_signatures(
     Raises:
         UserError: no such column, or no two clips with one label.
     """
-    signed = signed_clips(con, dataset, column, only).labelled()
+    signed = signed_clips(con, dataset, column, only, real=True).labelled()
     labels = signed.labels
     if len(set(labels)) == len(labels):
         raise UserError(

@@ -53,7 +53,7 @@ class LakeClassifier:
             lake: for clip files.
             method: "knn" or "one_vs_all".
             k: neighbours of "knn".
-            dataset: only clips of this dataset teach.
+            dataset: only clips of this dataset teach; by default all that are recorded.
             column: what their label is.
 
         Raises:
@@ -61,7 +61,7 @@ class LakeClassifier:
         """
         self._con, self._lake, self._method, self._k = con, lake, method, k
         self.ground = lake_ground(con)
-        self.known = signed_clips(con, dataset, column).labelled()
+        self.known = signed_clips(con, dataset, column, real=dataset is None).labelled()
         if not self.known.clips:
             raise UserError(f"no clip has a {column} to learn from; labels.csv beside the clips gives them")
         self._between: Float64Array | None = None

@@ -23,13 +23,17 @@ class ClusteredClip:
         return asdict(self)
 
 
-def clusters_of_lake(con: Connection, k: int | None, dataset: str | None = None) -> tuple[list[ClusteredClip], float]:
+def clusters_of_lake(
+    con: Connection, k: int | None, dataset: str | None = None, *, real: bool = False
+) -> tuple[list[ClusteredClip], float]:
     """Every signed clip's cluster, by cluster and name, and the mean silhouette; see `cluster_clips`.
+
+    With `real`, of recorded clips only.
 
     Raises:
         UserError: too few clips for so many clusters, or no signatures.
     """
-    signed = signed_clips(con, dataset)
+    signed = signed_clips(con, dataset, real=real)
     found = cluster_clips(emd_matrix(signed.signatures, lake_ground(con)), k)
     rows = [
         ClusteredClip(clip.clip, int(cluster), clip.label, clip.dataset)

@@ -47,7 +47,12 @@ class SignedClips:
 
 
 def signed_clips(
-    con: Connection, dataset: str | None = None, column: str = "label", only: tuple[str, str] | None = None
+    con: Connection,
+    dataset: str | None = None,
+    column: str = "label",
+    only: tuple[str, str] | None = None,
+    *,
+    real: bool = False,
 ) -> SignedClips:
     """The lake's clips that have a signature, by name.
 
@@ -56,6 +61,7 @@ def signed_clips(
         dataset: of this dataset only.
         column: what becomes their label: "label", "subject", "split", "dataset" or a column of labels.csv.
         only: a column and the value it must have.
+        real: leave synthetic clips out.
 
     Raises:
         UserError: no such column, or no signed clip.
@@ -68,6 +74,7 @@ def signed_clips(
         "column": column,
         "only_column": only and only[0],
         "only_value": only and only[1],
+        "real": real,
     }
     rows = fetch(con, "queries/labelled_clips.sql", parameters)
     if not rows:

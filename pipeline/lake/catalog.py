@@ -35,6 +35,7 @@ ADDED = (
     "macros/nearest_clips.sql",
     "schema/66_submotions.sql",
     "macros/clips_holding.sql",
+    "schema/67_synthetic.sql",
 )
 
 

@@ -18,6 +18,7 @@ class AlignmentRetriever:
         con: to the lake.
         lake: which holds the dictionary and the configuration.
         threads: which share a scan.
+        real: synthetic clips are no answers.
 
     Raises:
         UserError: the lake has no symbol strings yet.
@@ -25,8 +26,8 @@ class AlignmentRetriever:
 
     method = "alignment"
 
-    def __init__(self, con: Connection, lake: Lake, *, threads: int = 1) -> None:
-        self._aligner = Aligner(con, lake, threads=threads)
+    def __init__(self, con: Connection, lake: Lake, *, threads: int = 1, real: bool = False) -> None:
+        self._aligner = Aligner(con, lake, threads=threads, real=real)
 
     def search(self, queries: Sequence[Query], k: int, dataset: str | None = None) -> list[list[Hit]]:
         """As `Retriever.search`."""

@@ -36,6 +36,7 @@ class DescriptorRetriever:
     Args:
         con: to the lake.
         lake: which holds the network for files.
+        real: synthetic clips are no answers.
         quick: for a program that asks many single queries: an index is built at the first; answers are the same.
 
     Attributes:
@@ -48,14 +49,15 @@ class DescriptorRetriever:
 
     method = "descriptor"
 
-    def __init__(self, con: Connection, lake: Lake, *, quick: bool = False) -> None:
+    def __init__(self, con: Connection, lake: Lake, *, real: bool = False, quick: bool = False) -> None:
         network = served_network(con)
         if network is None:
             raise UserError(f"{lake.root}: has no descriptors yet; make them with `motionlake run all`")
         self._lake, self._file, self._quick = lake, network.file, quick
         table = fetch_table(con, "queries/descriptor_clips.sql")
         self.descriptors = _matrix(table.column("descriptor"))
-        self._known = table.drop_columns(["descriptor"]).to_pylist()
+        self._answers = [not (real and synthetic) for synthetic in table.column("synthetic").to_pylist()]
+        self._known = table.drop_columns(["descriptor", "synthetic"]).to_pylist()
         self.clips = [row["clip"] for row in self._known]
         self._rows = {clip: row for row, clip in enumerate(self.clips)}
         self._scans: dict[str | None, tuple[Indices, DescriptorScan]] = {}
@@ -119,9 +121,10 @@ class DescriptorRetriever:
         return [Hit(rank, distance=distance, **known) for rank, (known, distance) in enumerate(others[:k], start=1)]
 
     def _among(self, dataset: str | None) -> tuple[Indices, DescriptorScan]:
-        """The rows of a dataset, or all, and a scan of them."""
+        """The rows of a dataset, or all, that may be answers, and a scan of them."""
         if dataset not in self._scans:
-            chosen = [i for i, row in enumerate(self._known) if dataset is None or row["dataset"] == dataset]
+            rows_of = zip(self._known, self._answers, strict=True)
+            chosen = [i for i, (row, answers) in enumerate(rows_of) if answers and dataset in (None, row["dataset"])]
             rows = np.array(chosen, dtype=np.int64)
             self._scans[dataset] = rows, DescriptorScan(self.descriptors[rows])
         return self._scans[dataset]

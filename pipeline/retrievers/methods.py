@@ -14,7 +14,7 @@ SINGLE: Final = ("signature", "alignment", "descriptor")
 METHODS: Final = (*SINGLE, "fused")
 
 
-def retriever(method: str, con: Connection, lake: Lake, *, mirrored: bool = False) -> Retriever:
+def retriever(method: str, con: Connection, lake: Lake, *, mirrored: bool = False, real: bool = False) -> Retriever:
     """A way to retrieve the whole clips of a lake.
 
     Args:
@@ -22,6 +22,7 @@ def retriever(method: str, con: Connection, lake: Lake, *, mirrored: bool = Fals
         con: with functions and macros, as `pipeline.connect` opens it.
         lake: which holds the models for files.
         mirrored: nearest to the clip or to its mirror image, by signature only.
+        real: synthetic clips are no answers.
 
     Raises:
         UserError: an unknown method, one that the lake is not ready for, or `mirrored` by another than signature.
@@ -30,21 +31,21 @@ def retriever(method: str, con: Connection, lake: Lake, *, mirrored: bool = Fals
     if method == "signature":
         from pipeline.retrievers.signature import SignatureRetriever
 
-        return SignatureRetriever(con, lake, mirrored=mirrored)
+        return SignatureRetriever(con, lake, mirrored=mirrored, real=real)
     if method == "alignment":
         from pipeline.retrievers.alignment import AlignmentRetriever
 
-        return AlignmentRetriever(con, lake, threads=os.cpu_count() or 1)
+        return AlignmentRetriever(con, lake, threads=os.cpu_count() or 1, real=real)
     if method == "descriptor":
         from pipeline.retrievers.descriptor import DescriptorRetriever
 
-        return DescriptorRetriever(con, lake)
+        return DescriptorRetriever(con, lake, real=real)
     from pipeline.retrievers.fused import FusedRetriever
 
     ready = ready_methods(con)
     if not ready:
         raise UserError(f"{lake.root}: is not ready for search; make it so with `motionlake run all`")
-    return FusedRetriever([retriever(name, con, lake) for name in ready])
+    return FusedRetriever([retriever(name, con, lake, real=real) for name in ready])
 
 
 def check_method(method: str, *, mirrored: bool = False) -> None:

@@ -19,6 +19,7 @@ class SignatureRetriever:
         con: with functions and macros, as `pipeline.connect` opens it.
         lake: which holds the models for files.
         mirrored: nearest to the clip or to its mirror image.
+        real: synthetic clips are no answers.
 
     Raises:
         UserError: the lake has no motifs yet.
@@ -26,16 +27,17 @@ class SignatureRetriever:
 
     method = "signature"
 
-    def __init__(self, con: Connection, lake: Lake, *, mirrored: bool = False) -> None:
+    def __init__(self, con: Connection, lake: Lake, *, mirrored: bool = False, real: bool = False) -> None:
         if not fetch(con, "queries/corpus_motifs.sql"):
             raise UserError(f"{lake.root}: has no motifs yet; make them with `motionlake run all`")
-        self._con, self._lake, self._mirrored = con, lake, mirrored
+        self._con, self._lake, self._mirrored, self._real = con, lake, mirrored, real
 
     def search(self, queries: Sequence[Query], k: int, dataset: str | None = None) -> list[list[Hit]]:
         """As `Retriever.search`."""
         return [self._answer(query, k, dataset) for query in queries]
 
     def _answer(self, query: Query, k: int, dataset: str | None) -> list[Hit]:
+        wanted = {"mirrored": self._mirrored, "real": self._real}
         if isinstance(query, Path):
-            return similar_to_file(self._con, self._lake, query, k, dataset, mirrored=self._mirrored)
-        return similar_to_clip(self._con, query, k, dataset, mirrored=self._mirrored)
+            return similar_to_file(self._con, self._lake, query, k, dataset, **wanted)
+        return similar_to_clip(self._con, query, k, dataset, **wanted)

@@ -119,7 +119,7 @@ def canonicalise(
     else:
         world = _world_rotations(binding, source_world, in_rest)
 
-    height = _body_height(bone_vectors(positions, world).mean(axis=0))
+    height = body_height(bone_vectors(positions, world).mean(axis=0))
     if not MIN_HEIGHT <= height <= MAX_HEIGHT:
         raise ClipError(f"body height {height:.4g} m with unit {scale:.4g} m: say --unit")
     place_offsets(binding, positions, world, height)
@@ -173,7 +173,7 @@ def _world_rotations(binding: Binding, source_world: FloatArray, in_rest: FloatA
     return world
 
 
-def _body_height(rest_offsets: FloatArray) -> float:
+def body_height(rest_offsets: FloatArray) -> float:
     """Height of the head joint over the ankles in the rest pose with these offsets."""
     heights = np.zeros(len(PARENTS))
     for joint, parent in enumerate(PARENTS):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import pyarrow as pa
@@ -22,6 +22,7 @@ class Part:
     Attributes:
         upstream: key of what the stage reads.
         key: key of what the stage makes.
+        synthetic: its clips were made by a generator; models are not fitted to them.
     """
 
     part: str
@@ -29,17 +30,18 @@ class Part:
     clips: int
     upstream: str
     key: str
+    synthetic: bool = False
 
 
 def frames_parts(con: Connection) -> list[Part]:
     """Every frames part that holds a clip of the lake."""
     rows = fetch(con, "queries/frames_parts.sql")
-    return [Part(r["part"], r["dataset"], r["clips"], "", r["key"]) for r in rows]
+    return [Part(r["part"], r["dataset"], r["clips"], "", r["key"], r["synthetic"]) for r in rows]
 
 
 def derive(parts: list[Part], stage: str, version: int, *config: Any) -> list[Part]:
     """The same parts one stage further down: the new key covers stage, version, configuration and input."""
-    return [Part(p.part, p.dataset, p.clips, p.key, config_hash(stage, version, p.key, *config)) for p in parts]
+    return [replace(p, upstream=p.key, key=config_hash(stage, version, p.key, *config)) for p in parts]
 
 
 def due(
@@ -51,7 +53,7 @@ def due(
 ) -> list[Shard]:
     """Shards for the parts whose input is there and whose result is not."""
     done = {r["key"] for r in fetch(con, "queries/shards.sql", {"stage": stage}) if r["state"] == "ok"}
-    ready = {r["key"] for r in fetch(con, "queries/shards.sql", {"stage": upstream_stage}) if r["state"] == "ok"}
+    ready = {r["key"] for r in fetch(con, "queries/ready_keys.sql", {"stage": upstream_stage})}
     return [
         Shard(stage, p.key, p.part, p.dataset, spec(p), p.clips)
         for p in parts

@@ -8,16 +8,16 @@ from typing import Any
 
 import numpy as np
 
-from pipeline import frames
 from pipeline.descriptors.config import DescriptorsConfig
 from pipeline.descriptors.sequence import FPS
 from pipeline.descriptors.training import Progress, TrainingClip, train_descriptor
 from pipeline.errors import UserError
-from pipeline.lake.catalog import Connection, fetch
+from pipeline.lake.catalog import Connection
 from pipeline.lake.layout import Lake
 from pipeline.stages.descriptors import sequence_of
 from pipeline.stages.frames import clips_key
 from pipeline.stages.models import checkpoint_file, save_model
+from pipeline.stages.training_clips import chosen_clips, drawn_clips, frames_of_clips
 from pipeline.words.features import Float32Array
 
 # Of more than these, clips are drawn at random.
@@ -48,9 +48,8 @@ def training_set(
     Raises:
         UserError: there is no such dataset or split, or labels are asked for and no clip has any.
     """
-    rows = fetch(con, "queries/training_clips.sql", {"split": split, "dataset": dataset})
+    rows = chosen_clips(con, lake, split, dataset)
     if not rows:
-        _explain(fetch(con, "queries/splits.sql"), lake, split, dataset)
         return None
     if config.supervision == "labels" and not any(row["label"] for row in rows):
         raise UserError(
@@ -69,34 +68,14 @@ def training_set(
     return TrainingSet([TrainingClip(sequences[row["clip"]], row["label"]) for row in drawn], figures)
 
 
-def _explain(held: list[dict[str, Any]], lake: Lake, split: str | None, dataset: str | None) -> None:
-    if not held:
-        return
-    datasets = sorted({row["dataset"] for row in held})
-    if dataset is not None and dataset not in datasets:
-        raise UserError(f"{dataset}: no such dataset in {lake.root}; it holds {', '.join(datasets)}")
-    known = sorted({row["split"] for row in held if row["split"] and dataset in (None, row["dataset"])})
-    where = f"{lake.root}, dataset {dataset}" if dataset else f"{lake.root}"
-    if known:
-        raise UserError(f"{where}: no clip is of split {split!r}; the splits there are: {', '.join(known)}")
-    raise UserError(f"{where}: no clip has a split; the column `split` of labels.csv says which clip is of which")
-
-
 def _drawn(rows: list[dict[str, Any]], seed: int, most: int) -> list[dict[str, Any]]:
     lengths = np.array([row["frames"] / row["fps"] * FPS for row in rows])
-    order = np.random.default_rng(seed).permutation(len(rows))
-    within = order[np.cumsum(lengths[order]) <= MOST_FRAMES][:most]
-    return [rows[i] for i in sorted(within.tolist())]
+    return drawn_clips(rows, lengths, seed, MOST_FRAMES, most)
 
 
 def _sequences(lake: Lake, rows: Sequence[Mapping[str, Any]]) -> dict[str, Float32Array]:
     rates = {row["clip"]: row["fps"] for row in rows}
-    found = {}
-    for dataset, part in sorted({(row["dataset"], row["part"]) for row in rows}):
-        path = lake.path(lake.frames_part(dataset, part))
-        for clip in frames.read_clips(path, [row["clip"] for row in rows if row["part"] == part]):
-            found[clip.clip] = sequence_of(clip, rates[clip.clip])
-    return found
+    return {clip.clip: sequence_of(clip, rates[clip.clip]) for clip in frames_of_clips(lake, rows)}
 
 
 def train(

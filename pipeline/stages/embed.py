@@ -42,7 +42,7 @@ def fitting_network(con: Connection, config: LakeConfig) -> Model | None:
 
 def training_sample(con: Connection, lake: Lake, config: LakeConfig) -> list[NDArray[np.float32]]:
     """Features of whole clips, drawn at random until they hold `max_words` words; in order of the clips."""
-    rows = fetch(con, "queries/words_per_clip.sql")
+    rows = fetch(con, "queries/recorded_words.sql")
     order = np.random.default_rng(config.network.seed).permutation(len(rows))
     total, chosen = 0, set()
     for i in order.tolist():

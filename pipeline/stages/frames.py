@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from pipeline import frames, raw
+from pipeline import raw
 from pipeline.clip import SourceClip
 from pipeline.config import FramesConfig, config_hash
 from pipeline.errors import ClipError, UserError
@@ -22,9 +22,10 @@ from pipeline.formats import read_clips, reader_for
 from pipeline.kinematics import solve
 from pipeline.lake.catalog import Connection, load_rows, run_sql, table_of
 from pipeline.lake.layout import Lake
-from pipeline.lake.parts import PartWriter, check_part, replacing
+from pipeline.lake.parts import check_part
 from pipeline.skeleton.canonicalise import CanonicalMotion, canonicalise
 from pipeline.skeleton.rigs import RigMap, identify, load_rigs
+from pipeline.stages.frame_parts import FrameParts
 from pipeline.stages.shard import Shard, ShardResult, tables_of
 from pipeline.stages.sources import IngestOptions, Root, SourceFile
 
@@ -105,7 +106,7 @@ def run(lake_root: Path, shard: Shard) -> ShardResult:
     layouts: dict[str, dict[str, Any]] = {}
     skeletons: dict[str, dict[str, Any]] = {}
     with ExitStack() as stack:
-        parts = _Parts(lake, shard, stack)
+        parts = FrameParts(lake, shard, stack)
         for file in shard.spec["files"]:
             try:
                 made = list(_read(Path(shard.spec["base"]) / file["path"], rigs, options))
@@ -169,36 +170,6 @@ def _read(
     except Exception as error:
         # One clip's surprise must not cost a repository its run; the reason says what it was.
         raise ClipError(f"could not be processed ({type(error).__name__}: {error})") from error
-
-
-class _Parts:
-    """The Parquet parts of one shard, opened when the first clip needs them."""
-
-    def __init__(self, lake: Lake, shard: Shard, stack: ExitStack) -> None:
-        self._lake, self._shard, self._stack = lake, shard, stack
-        self._writers: dict[str, PartWriter] = {}
-
-    @property
-    def written(self) -> dict[str, int]:
-        return {name: writer.rows for name, writer in sorted(self._writers.items())}
-
-    def write(self, name: str, clip: SourceClip, motion: CanonicalMotion, layout: str, config: FramesConfig) -> None:
-        part = self._shard.part
-        canonical = frames.Frames(name, motion.rotations, motion.positions)
-        self._append(
-            self._lake.frames_part(self._shard.dataset, part),
-            frames.to_table(canonical, part, config.position_step, config.rotation_step),
-        )
-        height = motion.body_height / motion.metres_per_unit
-        self._append(self._lake.raw_part(layout, part), raw.to_table(name, part, clip, height))
-
-    def _append(self, name: str, table: pa.Table) -> None:
-        if name not in self._writers:
-            temporary = self._stack.enter_context(replacing(self._lake.path(name)))
-            writer = PartWriter(temporary, table.schema, {"key": self._shard.key})
-            self._stack.callback(writer.close)
-            self._writers[name] = writer
-        self._writers[name].append(table)
 
 
 def _clip_row(

@@ -45,7 +45,7 @@ def fit(con: Connection, lake: Lake, config: LakeConfig, network: Model, file: s
     Raises:
         UserError: the lake holds fewer words than motifs are asked for.
     """
-    parts = embed.keyed(con, lake, config, network)
+    parts = [p for p in embed.keyed(con, lake, config, network) if not p.synthetic]
     vectors = _sample([lake.path(embed.embeddings_file(p.key)) for p in parts], config.motifs.seed)
     if len(vectors) < config.motifs.k:
         raise UserError(

@@ -19,6 +19,7 @@ from pipeline.stages import (
     signatures,
     submotions,
     symbols,
+    synthesis,
     transitions,
     words,
 )
@@ -52,6 +53,8 @@ def outlook(con: Connection, config: LakeConfig, stages: Sequence[str], *, refit
         lines.append(_descriptor_network(con, config, refit=refit))
     if submotions.NAME in stages:
         lines.append(_submotion_network(con, config, refit=refit))
+    if synthesis.NAME in stages:
+        lines.append(_generator(con, config, refit=refit))
     if neighbours.NAME in stages:
         index = neighbours.fitting_index(con, config)
         lines.append(
@@ -91,8 +94,18 @@ def _submotion_network(con: Connection, config: LakeConfig, *, refit: bool) -> s
     return f"submotions: will train a sub-motion network ({config.submotion.recipe})"
 
 
+def _generator(con: Connection, config: LakeConfig, *, refit: bool) -> str:
+    generator = synthesis.fitting_generator(con, config)
+    if generator is not None and not refit:
+        return f"synth: will not train; {generator.model} makes motion"
+    return f"synth: will train a generator of motion ({config.synthesis.recipe})"
+
+
 def pending(con: Connection, lake: Lake, config: LakeConfig) -> dict[str, int]:
-    """How many parts each stage still lacks (for "frames": planned shards that have not run)."""
+    """How many parts each stage still lacks.
+
+    For "frames": planned shards that have not run; for "synth": 1 where the generator is for another configuration.
+    """
     network = embed.fitting_network(con, config)
     model = motifs.fitting_motifs(con, config, network) if network else None
     wanted: dict[str, list[Part] | None] = {words.NAME: words.keyed(con, config.words)}
@@ -115,6 +128,7 @@ def pending(con: Connection, lake: Lake, config: LakeConfig) -> dict[str, int]:
         due[stage] = len(wanted[words.NAME] or []) if parts is None else sum(p.key not in done for p in parts)
     due[neighbours.NAME] = neighbours.pending(con, config)
     due[transitions.NAME] = transitions.pending(con, lake, config)
+    due[synthesis.NAME] = int(synthesis.outdated(con, config))
     return due
 
 

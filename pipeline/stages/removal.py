@@ -15,7 +15,7 @@ from pipeline.stages.resolve import resolve_clip
 
 @dataclass(frozen=True)
 class Removal:
-    """How many clips left, and how many source files were forgotten."""
+    """How many clips left, and how many source files were forgotten; synthetic clips have none."""
 
     clips: int
     files: int
@@ -28,7 +28,15 @@ Source = dict[str, str]  # dataset, path
 
 
 def sources_of(con: Connection, names: Sequence[str]) -> list[Source]:
-    """The source files of clips, by name; all bodies of a file go together."""
+    """The source files of clips, by name; all bodies of a file go together. A synthetic clip is one of its own.
+
+    Raises:
+        UserError: no clip or several are meant by a name.
+    """
+    known = {row["dataset"] for row in fetch(con, "queries/status_datasets.sql")}
+    for name in names:
+        if name in known and not fetch(con, "queries/find_clip.sql", {"name": name}):
+            raise UserError(f"{name}: is a dataset; `motionlake remove --dataset {name}` removes all of it")
     return [
         {"dataset": row["dataset"], "path": row["path"]}
         for name in names
@@ -45,19 +53,19 @@ def gone_sources(con: Connection) -> list[Source]:
 
 
 def remove_dataset(lake: Lake, dataset: str) -> Removal:
-    """Remove a dataset and forget its folders.
+    """Remove a dataset, recorded or synthetic, and forget its folders.
 
     Raises:
         UserError: there is no such dataset.
     """
     with reading(lake) as con:
         rows = fetch(con, "queries/sources_of.sql", {"dataset": dataset})
-        roots = [r["dataset"] for r in fetch(con, "queries/roots.sql")]
-    if not rows and dataset not in roots:
-        raise UserError(
-            f"{dataset}: no such dataset in {lake.root}; it holds {', '.join(sorted(set(roots))) or 'none'}"
-        )
-    removed = remove_sources(lake, [{"dataset": dataset, "path": r["path"]} for r in rows])
+        made = fetch(con, "queries/synthetic_paths.sql", {"dataset": dataset})
+        known = {r["dataset"] for name in ("roots", "synthetic_datasets") for r in fetch(con, f"queries/{name}.sql")}
+    if not rows and dataset not in known:
+        raise UserError(f"{dataset}: no such dataset in {lake.root}; it holds {', '.join(sorted(known)) or 'none'}")
+    paths = {r["path"] for r in rows} | {r["path"] for r in made}
+    removed = remove_sources(lake, [{"dataset": dataset, "path": path} for path in sorted(paths)])
     with writing(lake) as con:
         run_sql(con, "queries/forget_roots.sql", {"dataset": dataset})
     return removed
@@ -68,10 +76,14 @@ def remove_sources(lake: Lake, sources: Sequence[Source]) -> Removal:
     if not sources:
         return Removal(0, 0)
     with writing(lake) as con:
-        before = _clips(con)
+        clips, files = _clips(con), _files(con)
         load_rows(con, "queries/forget_sources.sql", table_of(sources, SOURCE_ROWS))
         run_sql(con, "queries/forget_orphans.sql")
-        return Removal(before - _clips(con), len(sources))
+        return Removal(clips - _clips(con), files - _files(con))
+
+
+def _files(con: Connection) -> int:
+    return int(fetch(con, "queries/count_sources.sql")[0]["sources"])
 
 
 def _clips(con: Connection) -> int:

@@ -188,8 +188,15 @@ def compare(
 
     A file of the recorded size and date counts as unchanged unless `checksum` has every file hashed again.
     `retry_failed` takes rejected files up again.
+
+    Raises:
+        UserError: the dataset holds synthetic clips, or clips of another root under the same paths.
     """
     base = root.base
+    if root.dataset in {r["dataset"] for r in fetch(con, "queries/synthetic_datasets.sql")}:
+        raise UserError(
+            f"dataset {root.dataset}: holds synthetic clips; give {root.root} a dataset of its own (--dataset NAME)"
+        )
     known = {r["path"]: r for r in fetch(con, "queries/sources_of.sql", {"dataset": root.dataset})}
     rejected = {r["path"] for r in fetch(con, "queries/rejects_of.sql", {"dataset": root.dataset})}
     found = list(scan(Path(root.root), lake))

@@ -15,7 +15,7 @@ import duckdb
 import numpy as np
 import pyarrow as pa
 from duckdb.func import ARROW, SPECIAL
-from duckdb.sqltypes import BIGINT, DOUBLE, FLOAT, VARCHAR
+from duckdb.sqltypes import BIGINT, BOOLEAN, DOUBLE, FLOAT, VARCHAR
 from numpy.typing import NDArray
 
 from pipeline.emd import SignatureIndex, emd, emd_deep_motifs, ground_distances
@@ -32,10 +32,10 @@ def register(con: Connection, lake: Lake) -> None:
 
     - `emd(FLOAT[], FLOAT[]) -> DOUBLE`
     - `emd_deep_motifs(FLOAT[], FLOAT[]) -> DOUBLE`, the variant of `pipeline.emd.partial`
-    - `nearest_signatures(signature FLOAT[], k BIGINT, within VARCHAR, without VARCHAR, model VARCHAR) ->
+    - `nearest_signatures(signature FLOAT[], k BIGINT, within VARCHAR, without VARCHAR, model VARCHAR, real BOOLEAN) ->
       STRUCT(clip VARCHAR, distance DOUBLE)[]`: the k clips nearest to a signature, ties by name; all where k is
       NULL, none where the signature is. `within` is a dataset, `without` a clip that is no answer, `model` the
-      motifs that the signature was made with; each may be NULL.
+      motifs that the signature was made with; each may be NULL. `real` leaves synthetic clips out.
     """
     served = _Served(lake)
     signature = duckdb.list_type(FLOAT)
@@ -59,15 +59,17 @@ def register(con: Connection, lake: Lake) -> None:
         within: pa.ChunkedArray,
         without: pa.ChunkedArray,
         model: pa.ChunkedArray,
+        real: pa.ChunkedArray,
     ) -> pa.Array:
-        columns = (signatures, k, within, without, model)
+        columns = (signatures, k, within, without, model, real)
         rows = zip(*(column.to_pylist() for column in columns), strict=True)
         return pa.array([None if row[0] is None else served.nearest(*row) for row in rows], HITS)
 
     kind: Any = {"type": ARROW, "null_handling": SPECIAL}
     con.create_function("emd", distance, [signature, signature], DOUBLE, **kind)
     con.create_function("emd_deep_motifs", deep_motifs, [signature, signature], DOUBLE, **kind)
-    con.create_function("nearest_signatures", nearest, [signature, BIGINT, VARCHAR, VARCHAR, VARCHAR], hits, **kind)
+    arguments: Any = [signature, BIGINT, VARCHAR, VARCHAR, VARCHAR, BOOLEAN]
+    con.create_function("nearest_signatures", nearest, arguments, hits, **kind)
 
 
 class _Served:
@@ -103,15 +105,23 @@ class _Served:
         index = SignatureIndex.build(
             weights.reshape(len(rows), len(self.ground)), self.ground, self.motifs[0]["model"] if self.motifs else None
         )
-        return SignedClips(rows["clip"].to_pylist(), np.array(rows["dataset"].to_pylist(), dtype=object), index)
+        synthetic = np.array(rows["synthetic"].to_pylist(), dtype=np.bool_)
+        datasets = np.array(rows["dataset"].to_pylist(), dtype=object)
+        return SignedClips(rows["clip"].to_pylist(), datasets, synthetic, index)
 
     def nearest(
-        self, signature: list[float], k: int | None, within: str | None, without: str | None, model: str | None
+        self,
+        signature: list[float],
+        k: int | None,
+        within: str | None,
+        without: str | None,
+        model: str | None,
+        real: bool | None,
     ) -> list[dict[str, Any]]:
         """The k clips nearest to a signature, as rows of clip and distance."""
         clips = self.clips
         count = len(clips.index) if k is None else k
-        chosen = clips.among(within, without)
+        chosen = clips.among(within, without, real=bool(real))
         if count == 0 or not len(chosen):
             return []
         found = clips.index.nearest(signature, count, chosen, model)
@@ -121,15 +131,18 @@ class _Served:
 
 @dataclass(frozen=True)
 class SignedClips:
-    """n clips by name: their datasets [n] and the index of their signatures."""
+    """n clips by name: their datasets [n], whether they are synthetic [n], and the index of their signatures."""
 
     names: list[str]
     datasets: NDArray[np.object_]
+    synthetic: NDArray[np.bool_]
     index: SignatureIndex
 
-    def among(self, within: str | None, without: str | None) -> NDArray[np.int64]:
-        """Indices of the clips of a dataset, or of all, but one."""
+    def among(self, within: str | None, without: str | None, *, real: bool) -> NDArray[np.int64]:
+        """Indices of the clips of a dataset, or of all, but one; with `real`, of recorded ones."""
         chosen = np.arange(len(self.names)) if within is None else np.flatnonzero(self.datasets == within)
+        if real:
+            chosen = chosen[~self.synthetic[chosen]]
         if without is None:
             return chosen
         at = bisect_left(self.names, without)

@@ -1,5 +1,6 @@
--- Works in plain DuckDB: the clips whose descriptors are nearest to a given one (DeepHuMS, section 3.2).
-CREATE OR REPLACE MACRO clips_near(query_descriptor, k := 10, within := NULL, without := NULL) AS TABLE
+-- Works in plain DuckDB: the clips whose descriptors are nearest to a given one (DeepHuMS, section 3.2). `real`:
+-- synthetic clips are left out.
+CREATE OR REPLACE MACRO clips_near(query_descriptor, k := 10, within := NULL, without := NULL, real := false) AS TABLE
 SELECT row_number() OVER (ORDER BY distance, clip) AS rank, clip, distance, label, dataset, seconds
 FROM (
     SELECT clip, distance, label, dataset, seconds
@@ -9,9 +10,12 @@ FROM (
         WHERE q.descriptor IS NOT NULL
     ) JOIN clips USING (clip)
     WHERE (within IS NULL OR dataset = within) AND (without IS NULL OR clip <> without)
+        AND (NOT real OR format <> 'synthetic')
     ORDER BY distance, clip LIMIT k
 )
 ORDER BY distance, clip;
 
-CREATE OR REPLACE MACRO nearest_clips(query, k := 10, within := NULL) AS TABLE
-FROM clips_near((SELECT descriptor FROM descriptors WHERE clip = query), k := k, within := within, without := query);
+CREATE OR REPLACE MACRO nearest_clips(query, k := 10, within := NULL, real := false) AS TABLE
+FROM clips_near(
+    (SELECT descriptor FROM descriptors WHERE clip = query), k := k, within := within, without := query, real := real
+);

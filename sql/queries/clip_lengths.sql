@@ -1,1 +1,1 @@
-SELECT clip, part, dataset, fps, frames FROM clips ORDER BY clip;
+SELECT clip, part, dataset, fps, frames FROM clips WHERE format <> 'synthetic' ORDER BY clip;

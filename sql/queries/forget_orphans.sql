@@ -8,6 +8,7 @@ DELETE FROM symbol_strings
 WHERE NOT EXISTS (FROM clips c WHERE c.clip = symbol_strings.clip AND c.part = symbol_strings.part);
 DELETE FROM descriptors WHERE NOT EXISTS (FROM clips c WHERE c.clip = descriptors.clip AND c.part = descriptors.part);
 DELETE FROM submotions WHERE NOT EXISTS (FROM clips c WHERE c.clip = submotions.clip AND c.part = submotions.part);
+DELETE FROM synthetic WHERE clip NOT IN (SELECT clip FROM clips WHERE format = 'synthetic');
 DELETE FROM segments WHERE clip NOT IN (SELECT clip FROM clips);
 DELETE FROM layouts WHERE layout NOT IN (SELECT layout FROM clips);
 DELETE FROM skeletons WHERE skeleton NOT IN (SELECT skeleton FROM clips);

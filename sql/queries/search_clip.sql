@@ -1,1 +1,1 @@
-FROM similar_clips($clip, $k, within := $dataset);
+FROM similar_clips($clip, $k, within := $dataset, real := $real);

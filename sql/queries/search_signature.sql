@@ -1,1 +1,1 @@
-FROM clips_like($signature, $k, within := $dataset);
+FROM clips_like($signature, $k, within := $dataset, real := $real);

@@ -1,1 +1,1 @@
-FROM clips_like_either($signature, $mirrored, $k, within := $dataset);
+FROM clips_like_either($signature, $mirrored, $k, within := $dataset, real := $real);

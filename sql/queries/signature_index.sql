@@ -1,1 +1,1 @@
-SELECT clip, dataset, signature FROM signatures JOIN clips USING (clip) ORDER BY clip;
+SELECT clip, dataset, format = 'synthetic' AS synthetic, signature FROM signatures JOIN clips USING (clip) ORDER BY clip;

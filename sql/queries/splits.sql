@@ -1,1 +1,1 @@
-SELECT dataset, split, count(*)::BIGINT AS clips FROM clips GROUP BY ALL ORDER BY ALL;
+SELECT dataset, split, count(*)::BIGINT AS clips FROM clips WHERE format <> 'synthetic' GROUP BY ALL ORDER BY ALL;

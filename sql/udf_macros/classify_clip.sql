@@ -1,9 +1,9 @@
--- The class of a clip by a vote of its k nearest labelled clips (Deep Motifs, section 4.3); a tie goes to the nearest.
+-- The class of a clip by a vote of its k nearest labelled, recorded clips (Deep Motifs, section 4.3); a tie goes to the nearest.
 CREATE OR REPLACE TEMP MACRO classify_clip(query, k := 5, within := NULL) AS TABLE
 WITH found AS (
     SELECT unnest(
         nearest_signatures(
-            (SELECT signature FROM signatures WHERE clip = query)::FLOAT[], NULL, within::VARCHAR, query::VARCHAR, NULL
+            (SELECT signature FROM signatures WHERE clip = query)::FLOAT[], NULL, within::VARCHAR, query::VARCHAR, NULL, true
         ), recursive := true
     )
 ), voters AS (

@@ -1,0 +1,52 @@
+"""Job "synth": train a generator of motion if the lake has none that fits."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import Any
+
+from jobs import modelling
+from jobs.execute import Outcome
+from jobs.session import Session
+from pipeline.lake.catalog import reading
+from pipeline.stages import synthesis
+from pipeline.stages.models import Model
+
+GENERATOR = modelling.Trained(
+    kind=synthesis.GENERATOR,
+    key=synthesis.generator_key,
+    settings=lambda config: asdict(config.synthesis),
+)
+
+
+def run(session: Session, *, refit: bool = False) -> Outcome:
+    """Train a generator where none fits the configuration; `refit` trains one in any case."""
+    with reading(session.lake) as con:
+        fitting = synthesis.fitting_generator(con, session.config)
+    if fitting is None or refit:
+        train(session)
+    return Outcome()
+
+
+def train(session: Session, split: str | None = None, dataset: str | None = None) -> Model | None:
+    """Train a generator on clips of known class, those of a split or of a dataset, and make it current.
+
+    Returns:
+        None in a lake without clips.
+
+    Raises:
+        UserError: there are no such clips, none of them has a label, or they are too few.
+    """
+    from pipeline.stages import synthesis_training
+
+    lake, config = session.lake, session.config.synthesis
+    with reading(lake) as con:
+        material = synthesis_training.motion_set(con, lake, config, split, dataset)
+    if material is None:
+        session.notice("synth: there are no frames yet; `motionlake ingest` takes clips in")
+        return None
+
+    def fit(file: str, progress: modelling.Progress) -> dict[str, Any]:
+        return synthesis_training.train(lake, material, config, file, progress)
+
+    return modelling.train(session, GENERATOR, fit)

@@ -1,0 +1,26 @@
+"""Clip files that need not be in the lake."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from pipeline.clip import SourceClip
+from pipeline.errors import ClipError, UserError
+from pipeline.lake.layout import Lake
+from pipeline.skeleton.canonicalise import CanonicalMotion
+from pipeline.skeleton.rigs import load_rigs
+from pipeline.stages.frames import canonical_motions
+from pipeline.stages.sources import IngestOptions
+
+
+def first_body(lake: Lake, path: Path, options: IngestOptions | None = None) -> tuple[SourceClip, CanonicalMotion]:
+    """A clip file's first body, and its canonical motion.
+
+    Raises:
+        UserError: the file cannot be read.
+    """
+    try:
+        clip, motion, _ = next(iter(canonical_motions(path, load_rigs(lake.rigs), options or IngestOptions())))
+    except ClipError as error:
+        raise UserError(f"{path}: {error}") from error
+    return clip, motion

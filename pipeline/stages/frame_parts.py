@@ -1,0 +1,50 @@
+"""The Parquet parts that a shard of clips becomes."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+
+import pyarrow as pa
+
+from pipeline import frames, raw
+from pipeline.clip import SourceClip
+from pipeline.config import FramesConfig
+from pipeline.lake.layout import Lake
+from pipeline.lake.parts import PartWriter, replacing
+from pipeline.skeleton.canonicalise import CanonicalMotion
+from pipeline.stages.shard import Shard
+
+
+class FrameParts:
+    """The parts of one shard that makes clips, canonical frames and raw channels, opened when a clip needs them.
+
+    Attributes:
+        written: files relative to the lake, and how many rows each has.
+    """
+
+    def __init__(self, lake: Lake, shard: Shard, stack: ExitStack) -> None:
+        self._lake, self._shard, self._stack = lake, shard, stack
+        self._writers: dict[str, PartWriter] = {}
+
+    @property
+    def written(self) -> dict[str, int]:
+        return {name: writer.rows for name, writer in sorted(self._writers.items())}
+
+    def write(self, name: str, clip: SourceClip, motion: CanonicalMotion, layout: str, config: FramesConfig) -> None:
+        """Append one clip; clips must come by name. `layout` is that of its channels."""
+        part = self._shard.part
+        canonical = frames.Frames(name, motion.rotations, motion.positions)
+        self._append(
+            self._lake.frames_part(self._shard.dataset, part),
+            frames.to_table(canonical, part, config.position_step, config.rotation_step),
+        )
+        height = motion.body_height / motion.metres_per_unit
+        self._append(self._lake.raw_part(layout, part), raw.to_table(name, part, clip, height))
+
+    def _append(self, name: str, table: pa.Table) -> None:
+        if name not in self._writers:
+            temporary = self._stack.enter_context(replacing(self._lake.path(name)))
+            writer = PartWriter(temporary, table.schema, {"key": self._shard.key})
+            self._stack.callback(writer.close)
+            self._writers[name] = writer
+        self._writers[name].append(table)

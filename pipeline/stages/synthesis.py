@@ -1,0 +1,101 @@
+"""Stage "synth": a generator of new motion, trained on the clips of known class of the lake (GloGen and LocGen)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from difflib import get_close_matches
+from typing import TYPE_CHECKING, Any
+
+from pipeline.config import LakeConfig, config_hash
+from pipeline.errors import UserError
+from pipeline.lake.catalog import Connection
+from pipeline.lake.layout import Lake
+from pipeline.stages.models import Model, current_model, fitting_model
+
+if TYPE_CHECKING:
+    from pipeline.synthesis.generator import TrainedGenerator
+
+NAME = "synth"
+VERSION = 1
+GENERATOR = "synthesis"
+SHOWN = 3  # classes offered in place of an unknown one
+
+
+def generator_key(config: LakeConfig) -> str:
+    """Covers all that shapes a generator but the clips it is trained on."""
+    return config_hash(GENERATOR, VERSION, config.synthesis)
+
+
+def fitting_generator(con: Connection, config: LakeConfig) -> Model | None:
+    """The current generator if it was made for this configuration."""
+    return fitting_model(con, GENERATOR, generator_key(config))
+
+
+def outdated(con: Connection, config: LakeConfig) -> bool:
+    """Whether the lake has a generator, but none for this configuration."""
+    return current_model(con, GENERATOR) is not None and fitting_generator(con, config) is None
+
+
+def served_generator(con: Connection, lake: Lake, config: LakeConfig) -> Model:
+    """The generator that makes motion.
+
+    Raises:
+        UserError: the lake has none, or one that was made for another configuration.
+    """
+    fitting = fitting_generator(con, config)
+    if fitting is not None:
+        return fitting
+    other = current_model(con, GENERATOR)
+    if other is not None:
+        raise UserError(
+            f"{lake.root}: {other.model} was trained for other values of [synthesis] than config.toml has now; train "
+            "one for these with `motionlake train synthesis`"
+        )
+    raise UserError(f"{lake.root}: has no generator yet; train one with `motionlake train synthesis`")
+
+
+def open_generator(lake: Lake, model: Model) -> TrainedGenerator:
+    """The generator itself.
+
+    Raises:
+        UserError: its file holds something else, or a generator of another skeleton.
+    """
+    from pipeline.synthesis.generator import load_generator
+
+    try:
+        return load_generator(lake.path(model.file))
+    except ValueError as error:
+        raise UserError(f"{lake.root}: {model.model} makes no motion here: {error}") from error
+
+
+def class_names(model: Model) -> list[str]:
+    """The classes that a generator knows, sorted."""
+    return list(model.figures["class_names"])
+
+
+def check_classes(model: Model, classes: tuple[str, ...]) -> None:
+    """Raises `UserError` for no class, or one that a generator does not know."""
+    known = class_names(model)
+    if not classes:
+        raise UserError("name one class at least, --class NAME; `motionlake synthesize --classes` lists them")
+    for name in classes:
+        if name not in known:
+            raise UserError(
+                f"{name}: {model.model} knows no such class; {_nearest(name, known)}all {len(known)} are listed by "
+                "`motionlake synthesize --classes`"
+            )
+
+
+def long_enough(row: Mapping[str, Any]) -> bool:
+    """Whether frames [start, stop) of a clip are enough to start from, and to learn from."""
+    from pipeline.synthesis.start import SHORTEST
+    from pipeline.trajectories.motion import FPS
+
+    return bool(round((row["stop"] - row["start"] - 1) / row["fps"] * FPS) + 1 >= SHORTEST)
+
+
+def _nearest(name: str, known: list[str]) -> str:
+    """The classes whose names are most like another, in words."""
+    folded = {k.casefold(): k for k in reversed(known)}
+    near = get_close_matches(name.casefold(), sorted(folded), SHOWN, 0.5)
+    return f"closest are {', '.join(folded[k] for k in near)}; " if near else ""

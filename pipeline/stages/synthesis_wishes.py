@@ -1,0 +1,189 @@
+"""What people ask a generator for: the motions of one request, the recorded clips they start from, and making them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from pipeline.errors import UserError
+from pipeline.lake.catalog import Connection, fetch
+from pipeline.lake.layout import Lake
+from pipeline.stages.clip_files import first_body
+from pipeline.stages.sources import content_hash
+from pipeline.stages.synthesis import long_enough
+from pipeline.stages.training_clips import check_chosen, frames_of_clips
+from pipeline.synthesis.wishes import Seed, Synthesized, Wish
+
+if TYPE_CHECKING:
+    from pipeline.synthesis.generator import TrainedGenerator
+
+LONGEST: Final = 3600.0  # seconds of one motion
+
+
+@dataclass(frozen=True)
+class Request:
+    """Motions to make.
+
+    Attributes:
+        classes: one after the other in each motion, equal shares of the time.
+        seconds: of each motion.
+        seed: of what is drawn; every motion is drawn for itself, so that it does not depend on how many are made.
+        start: recorded clip that all start from, or with `outside` a clip file that need not be in the lake (its first
+            body); None draws a clip of the first class for each.
+        outside: `start` is the path of a file.
+        split: draws from this split only.
+        pace: 2 is twice as fast.
+        temperature: how much is left to chance.
+    """
+
+    classes: tuple[str, ...]
+    seconds: float
+    seed: int = 0
+    start: str | None = None
+    outside: bool = False
+    split: str | None = None
+    pace: float = 1.0
+    temperature: float = 1.0
+
+
+@dataclass(frozen=True)
+class Start:
+    """Frames [start, stop) of a recorded clip that a motion may start from, and the body [21 x 3] it then has.
+
+    With `outside`, `clip` is the path of a file.
+    """
+
+    clip: str
+    dataset: str
+    part: str
+    fps: float
+    start: int
+    stop: int
+    content_hash: str
+    licence: str | None
+    rest_offsets: tuple[float, ...]
+    outside: bool = False
+
+
+@dataclass(frozen=True)
+class Motion:
+    """One motion of a request: its number from 1, and the index of what it starts from."""
+
+    number: int
+    start: int
+
+
+@dataclass(frozen=True)
+class Made:
+    """A motion, and what it starts from."""
+
+    motion: Synthesized
+    start: Start
+
+
+def check_request(request: Request) -> None:
+    """Raises `UserError` for numbers that no motion can have."""
+    if not 0 < request.seconds <= LONGEST:
+        raise UserError(f"{request.seconds:g} seconds: ask for more than 0, and at most {LONGEST:g}")
+    if not (request.pace > 0 and math.isfinite(request.pace)):
+        raise UserError(f"pace {request.pace:g}: must be more than 0; 1 is as recorded, 2 twice as fast")
+    if not (request.temperature >= 0 and math.isfinite(request.temperature)):
+        raise UserError(f"temperature {request.temperature:g}: must be 0 or more; 0 leaves nothing to chance")
+    if request.seed < 0:
+        raise UserError(f"seed {request.seed}: must be 0 or more")
+    if request.start is not None and request.split is not None:
+        raise UserError("a motion starts from one clip (--from) or from those of a split (--split): leave one out")
+
+
+def find_starts(con: Connection, lake: Lake, request: Request) -> list[Start]:
+    """What the motions of a request may start from, by clip and frame.
+
+    Raises:
+        UserError: the clip asked for is synthetic, the file cannot be read, or no recorded clip of the first class is
+            long enough.
+    """
+    if request.start is not None and request.outside:
+        return [_outside(lake, Path(request.start))]
+    if request.start is not None:
+        row = fetch(con, "queries/clip.sql", {"clip": request.start})[0]
+        if row["format"] == "synthetic":
+            raise UserError(f"{request.start}: is synthetic; start from a recorded clip")
+        return [_start(row | {"start": 0, "stop": row["frames"]})]
+    asked = {"dataset": None, "split": request.split, "label": request.classes[0]}
+    rows = fetch(con, "queries/classed_motions.sql", asked)
+    if not rows:
+        check_chosen(con, lake, request.split, None)
+        where = f" of split {request.split}" if request.split else ""
+        raise UserError(
+            f"{lake.root}: has no recorded clip{where} of class {request.classes[0]} to start from; name another "
+            "with --from CLIP"
+        )
+    long = [_start(row) for row in rows if long_enough(row)]
+    if not long:
+        raise UserError(
+            f"{lake.root}: the {len(rows)} recorded motions of class {request.classes[0]} are too short to start from; "
+            "name another clip with --from CLIP"
+        )
+    return long
+
+
+def _start(row: Mapping[str, Any]) -> Start:
+    names = ("clip", "dataset", "part", "fps", "start", "stop", "content_hash", "licence")
+    return Start(**{name: row[name] for name in names}, rest_offsets=tuple(row["rest_offsets"]))
+
+
+def _outside(lake: Lake, path: Path) -> Start:
+    body, motion = first_body(lake, path)
+    offsets = tuple(motion.rest_offsets.ravel().tolist())
+    content = content_hash(path)
+    return Start(str(path), "", "", body.fps, 0, len(motion.positions), content, None, offsets, outside=True)
+
+
+def motions_of(request: Request, starts: Sequence[Start], numbers: Iterable[int]) -> list[Motion]:
+    """The motions of these numbers; each draws what it starts from by the seed and its number."""
+    found = []
+    for number in numbers:
+        drawn = np.random.default_rng([request.seed, number]).integers(len(starts))
+        found.append(Motion(number, int(drawn)))
+    return found
+
+
+def make(
+    generator: TrainedGenerator, lake: Lake, request: Request, starts: Sequence[Start], motions: Sequence[Motion]
+) -> list[Made]:
+    """The motions, in their order.
+
+    Raises:
+        UserError: a start is shorter than needed.
+    """
+    seeds = _seeds(lake, starts, {motion.start for motion in motions})
+    wishes = [_wish(request, motion.number, seeds[motion.start]) for motion in motions]
+    try:
+        made = generator.generate(wishes)
+    except ValueError as error:
+        raise UserError(str(error)) from error
+    return [Made(one, starts[motion.start]) for one, motion in zip(made, motions, strict=True)]
+
+
+def _wish(request: Request, number: int, start: Seed) -> Wish:
+    seed = int(np.random.SeedSequence([request.seed, number]).generate_state(1)[0])
+    return Wish(request.classes, request.seconds, seed, start, request.pace, request.temperature)
+
+
+def _seeds(lake: Lake, starts: Sequence[Start], wanted: Iterable[int]) -> dict[int, Seed]:
+    chosen = sorted(wanted)
+    rows = [asdict(starts[index]) for index in chosen if not starts[index].outside]
+    clips = {clip.clip: clip.positions for clip in frames_of_clips(lake, rows)}
+    found = {}
+    for index in chosen:
+        start = starts[index]
+        whole = first_body(lake, Path(start.clip))[1].positions if start.outside else clips[start.clip]
+        positions = whole[start.start : start.stop].astype(float)
+        offsets = np.array(start.rest_offsets, dtype=float).reshape(-1, 3)
+        found[index] = Seed(start.clip, positions, start.fps, offsets)
+    return found

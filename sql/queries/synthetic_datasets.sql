@@ -1,0 +1,1 @@
+SELECT DISTINCT dataset FROM clips WHERE format = 'synthetic' ORDER BY dataset;

@@ -1,0 +1,1 @@
+SELECT dataset, path FROM clips WHERE dataset = $dataset AND format = 'synthetic' ORDER BY path;

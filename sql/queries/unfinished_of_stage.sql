@@ -1,0 +1,1 @@
+SELECT key FROM manifest WHERE stage = $stage AND state <> 'ok' ORDER BY key;
