@@ -132,10 +132,13 @@ class Ahead(GloGen):
             self._learn_lead(torch.stack([w for w, _ in windows]), torch.tensor([target for _, target in windows]))
 
     def _learn_lead(self, scaled: Tensor, targets: Tensor) -> None:
-        apart = _apart(scaled[:, :SEEDS], self.course[targets])
-        later = (scaled - self.course[targets])[:, SEEDS:].transpose(0, 1).flatten(1)
-        known = torch.stack([part.flatten() for part in apart.unbind(dim=1)], dim=1)
-        self.lead.copy_(torch.linalg.lstsq(known, later.T).solution.T)
+        apart = _apart(scaled[:, :SEEDS], self.course[targets]).double()
+        later = (scaled - self.course[targets])[:, SEEDS:].double()
+        # Normal equations by sums in double precision: least squares of a library differ in their last digits.
+        known = torch.stack([torch.stack([(a * b).sum() for b in apart.unbind(1)]) for a in apart.unbind(1)])
+        wanted = torch.stack([(a[:, None] * later).sum(dim=(0, 2)) for a in apart.unbind(1)])
+        known = known + 1e-9 * torch.trace(known).clamp(min=1e-12) * torch.eye(2, dtype=known.dtype)
+        self.lead.copy_(torch.linalg.solve(known, wanted).T)
 
     def forward(self, given: Tensor, targets: Tensor, latent: Tensor) -> Tensor:
         """[B, 15, 65] scaled poses that follow the scaled poses `given` [B, 5, 65]; `latent` [B, L]."""

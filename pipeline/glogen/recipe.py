@@ -38,7 +38,7 @@ class GloGenRecipe:
     bidirectional: bool = True
     cell: Literal["LSTM", "GRU"] = "GRU"
     latent: int = 16
-    divergence: float = 0.02
+    divergence: float = 0.001
     smooth: float = 1.0
     dropout: float = 0.2
     swapped: float = 0.3

@@ -65,6 +65,16 @@ def train_glogen(
     return network.eval(), losses
 
 
+def epochs_of(lengths: Sequence[int], targets: Sequence[int], going: Sequence[bool], recipe: GloGenRecipe) -> int:
+    """How many epochs `train_glogen` trains on motions of so many sparse poses."""
+    return recipe.epochs_of(len(_items(lengths, targets, going)))
+
+
+def _items(lengths: Sequence[int], targets: Sequence[int], going: Sequence[bool]) -> NDArray[np.int64]:
+    counts = [max(1, n // SEEDS - 1) if going[t] else 1 for n, t in zip(lengths, targets, strict=True)]
+    return np.repeat(np.arange(len(lengths)), counts)
+
+
 @dataclass(frozen=True)
 class _Motions:
     """Motions [n_i, 65] and their classes [n]; a class that goes on is learned from any pose on."""
@@ -74,8 +84,9 @@ class _Motions:
     going: list[bool]
     sparse: int
 
-    def __len__(self) -> int:
-        return len(self.rows)
+    def items(self) -> NDArray[np.int64]:
+        """Motions as an epoch takes them: once; those of classes that go on as often as they hold five poses."""
+        return _items([len(rows) for rows in self.rows], self.targets.tolist(), self.going)
 
     def alike(self, chosen: NDArray[np.int64]) -> Tensor:
         """[B, B] whether both are of one class that goes on: the poses of one do not tell the other's phase."""
@@ -107,12 +118,13 @@ def _fit(
     optimiser = _optimiser(network, recipe)
     losses = checkpoint.resume(network, optimiser, rng) if checkpoint else []
     network.train()
-    epochs = recipe.epochs_of(len(motions))
+    items = motions.items()
+    epochs = recipe.epochs_of(len(items))
     for epoch in range(len(losses), epochs):
         torch.manual_seed(seed * 100_003 + epoch)
         for group in optimiser.param_groups:
             group["lr"] = recipe.learning_rate * _rate(recipe, epoch / epochs)
-        order = rng.permutation(len(motions))
+        order = rng.permutation(items)
         batches = np.array_split(order, recipe.batches(len(order)))
         total = 0.0
         for chosen in batches:

@@ -11,7 +11,7 @@ import numpy as np
 
 from pipeline.clip import FloatArray
 from pipeline.glogen.recipe import SEEDS, GloGenRecipe, glogen_recipe
-from pipeline.glogen.training import train_glogen
+from pipeline.glogen.training import epochs_of, train_glogen
 from pipeline.locgen.recipe import LocGenRecipe, locgen_recipe
 from pipeline.locgen.training import train_locgen
 from pipeline.synthesis.config import SynthesisConfig
@@ -83,7 +83,7 @@ def fit_generator(
     made = [piece for piece in made if len(piece.sparse.rows) > SEEDS]
     if not made:
         raise ValueError("all clips are too short to train on")
-    before = first.epochs_of(len(made))
+    before = epochs_of([len(piece.sparse.rows) for piece in made], [piece.target for piece in made], going, first)
     epochs = before + second.epochs
 
     def beside(name: str) -> Path | None:
