@@ -16,6 +16,14 @@ from pipeline.errors import UserError
 from pipeline.lake.layout import Lake, open_lake
 from pipeline.stages.models import Model
 
+SplitOption = Annotated[
+    str | None,
+    typer.Option(help="Train on the clips of this split of labels.csv (default: on all).", show_default=False),
+]
+DatasetOption = Annotated[
+    str | None, typer.Option(help="Train on clips of this dataset (default: of all).", show_default=False)
+]
+
 
 def add_to(app: typer.Typer) -> None:
     about = (
@@ -72,13 +80,8 @@ def postures(lake: LakeOption, as_json: JsonOption = False) -> None:
 
 def descriptor(
     lake: LakeOption,
-    split: Annotated[
-        str | None,
-        typer.Option(help="Train on the clips of this split of labels.csv (default: on all).", show_default=False),
-    ] = None,
-    dataset: Annotated[
-        str | None, typer.Option(help="Train on clips of this dataset (default: of all).", show_default=False)
-    ] = None,
+    split: SplitOption = None,
+    dataset: DatasetOption = None,
     supervision: Annotated[
         str | None,
         typer.Option(help=f"{', '.join(SUPERVISIONS)} (default: as config.toml says).", show_default=False),
@@ -107,13 +110,8 @@ def descriptor(
 
 def submotion(
     lake: LakeOption,
-    split: Annotated[
-        str | None,
-        typer.Option(help="Train on the clips of this split of labels.csv (default: on all).", show_default=False),
-    ] = None,
-    dataset: Annotated[
-        str | None, typer.Option(help="Train on clips of this dataset (default: of all).", show_default=False)
-    ] = None,
+    split: SplitOption = None,
+    dataset: DatasetOption = None,
     as_json: JsonOption = False,
 ) -> None:
     """Train the network that finds the clip a piece of motion is from; `motionlake run all` then reads with it.
@@ -132,13 +130,8 @@ def submotion(
 
 def synthesis(
     lake: LakeOption,
-    split: Annotated[
-        str | None,
-        typer.Option(help="Train on the clips of this split of labels.csv (default: on all).", show_default=False),
-    ] = None,
-    dataset: Annotated[
-        str | None, typer.Option(help="Train on clips of this dataset (default: of all).", show_default=False)
-    ] = None,
+    split: SplitOption = None,
+    dataset: DatasetOption = None,
     as_json: JsonOption = False,
 ) -> None:
     """Train the generator that config.toml names; `motionlake synthesize` then makes motion with it.
