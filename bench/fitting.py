@@ -19,13 +19,19 @@ WARM: Final = 0.3  # share of the budget over which the learning rate rises
 class Budget:
     """When training ends: after so many epochs, or seconds where they are given and over sooner.
 
-    With seconds, what a network becomes depends on the machine.
+    With seconds, what a network becomes depends on the machine. Where the epochs have fewer steps than `steps`, there
+    are more of them.
     """
 
     epochs: int = 60
+    steps: int = 0
     seconds: float | None = None
     learning_rate: float = 2e-3
     weight_decay: float = 1e-2
+
+    def epochs_of(self, count: int) -> int:
+        """How many epochs are trained on so many examples."""
+        return max(self.epochs, -(-self.steps // max(1, -(-count // BATCH))))
 
 
 class Training:
@@ -44,13 +50,13 @@ class Training:
     def __init__(self, network: nn.Module, count: int, budget: Budget) -> None:
         self._network, self._count, self._budget = network, count, budget
         self._optimiser = torch.optim.AdamW(network.parameters(), weight_decay=budget.weight_decay)
-        self._epochs = 0
+        self._last, self._epochs = budget.epochs_of(count), 0
         self.seconds, self.done = 0.0, 0.0
 
     @property
     def over(self) -> bool:
         seconds = self._budget.seconds
-        return self._epochs >= self._budget.epochs or (seconds is not None and self.seconds >= seconds)
+        return self._epochs >= self._last or (seconds is not None and self.seconds >= seconds)
 
     def epoch(self, loss: Callable[[Tensor], Tensor]) -> float:
         """Mean loss of one pass in an order drawn anew; a last batch of one joins the one before it.
@@ -66,7 +72,7 @@ class Training:
         losses = []
         for place, rows in enumerate(batches):
             spent = self.seconds + time.perf_counter() - started
-            self._set_rate((self._epochs + place / len(batches)) / self._budget.epochs, spent)
+            self._set_rate((self._epochs + place / len(batches)) / self._last, spent)
             self._optimiser.zero_grad(set_to_none=True)
             found = loss(rows)
             found.backward()  # type: ignore[no-untyped-call]

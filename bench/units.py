@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 import multiprocessing
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from pathlib import Path
 from typing import Any, Final, TypeVar
 
 import numpy as np
 from threadpoolctl import threadpool_limits
+
+from pipeline.lake.parts import replacing
 
 SEEDS: Final = (0, 1, 2)
 # What is measured of one row of a table.
@@ -19,9 +24,35 @@ COUNTS: Final = ("n", "symbols", "occupied")
 
 
 def in_processes(
+    measure: Callable[[Unit], dict[str, Found]],
+    units: Sequence[Unit],
+    processes: int,
+    say: Callable[[Unit], str],
+    keep: Path | None = None,
+) -> Iterator[tuple[Unit, dict[str, Found]]]:
+    """(unit, what was found of each of its rows), as they are done; one thread each. A line is printed of each.
+
+    A folder to keep holds a file of every unit that is done, from which a later run takes it; it is for one state of
+    the code and of the recordings.
+    """
+    if keep is None:
+        yield from _measured(measure, units, processes, say)
+        return
+    keep.mkdir(parents=True, exist_ok=True)
+    files = {repr(unit): keep / f"{hashlib.sha256(repr(unit).encode()).hexdigest()[:24]}.json" for unit in units}
+    for unit in units:
+        if files[repr(unit)].exists():
+            yield unit, json.loads(files[repr(unit)].read_text())
+    left = [unit for unit in units if not files[repr(unit)].exists()]
+    for unit, found in _measured(measure, left, processes, say):
+        with replacing(files[repr(unit)]) as path:
+            path.write_text(json.dumps(found))
+        yield unit, found
+
+
+def _measured(
     measure: Callable[[Unit], dict[str, Found]], units: Sequence[Unit], processes: int, say: Callable[[Unit], str]
 ) -> Iterator[tuple[Unit, dict[str, Found]]]:
-    """(unit, what was found of each of its rows), as they are done; one thread each. A line is printed of each."""
     if processes == 1:
         for done, unit in enumerate(units, 1):
             with threadpool_limits(limits=1):

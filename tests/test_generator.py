@@ -13,11 +13,13 @@ from pipeline.glogen.recipe import GloGenRecipe
 from pipeline.locgen.recipe import LocGenRecipe
 from pipeline.skeleton.pose import forward_kinematics
 from pipeline.synthesis.config import SynthesisConfig
+from pipeline.synthesis.course import FASTEST, Course
 from pipeline.synthesis.generator import TrainedGenerator, load_generator
 from pipeline.synthesis.training import TrainingMotion, fit_generator, train_generator
 from pipeline.synthesis.wishes import Seed, Synthesized, Wish
 from pipeline.trajectories.body import STANDARD
 from pipeline.trajectories.motion import body_motion
+from pipeline.trajectories.sparse import DURATION, WIDTH
 from tests.test_trajectories import swinging
 
 SMALL = GloGenRecipe(embedding=16, state=16, layers=1, latent=4, epochs=20, steps=0)
@@ -35,7 +37,7 @@ def clips(count: int = 8) -> tuple[list[np.ndarray], list[str]]:
 def generator(request: pytest.FixtureRequest) -> TrainedGenerator:
     motions, labels = clips()
     blocks = request.param == "glogen"
-    glogen = replace(SMALL, architecture="blocks", latent=0, swapped=0) if blocks else SMALL
+    glogen = replace(SMALL, architecture="blocks", latent=0) if blocks else SMALL
     locgen = replace(DENSE, architecture="between", between=5, dropout=0) if blocks else DENSE
     read = [body_motion(motion, 30.0) for motion in motions]
     return fit_generator(read, labels, SynthesisConfig(recipe=request.param), glogen=glogen, locgen=locgen)
@@ -87,6 +89,29 @@ def test_classes_follow_each_other_in_equal_shares(generator: TrainedGenerator) 
     assert len(made.positions) == 270
     np.testing.assert_allclose(made.class_starts, [0, 90, 180], atol=20)
     assert not np.allclose(made.positions, generator.generate([wish(seconds=9.0)])[0].positions)
+
+
+def test_whole_actions_fill_the_time() -> None:
+    """Rows of .1 s each: an action of 1.5 s is made once in 2 s, slower; twice in 2.6 s, faster; cut off in .6 s."""
+    block = np.zeros((15, WIDTH))
+    block[:, DURATION] = np.log(0.1)
+    for seconds, times, slower in ((2.0, 1, 4 / 3), (2.6, 2, 2.6 / 3), (0.6, 1, FASTEST)):
+        course = Course(block[:5], [0], np.zeros((1, 4)), seconds, 1.0, [True])
+        blocks = 0
+        while not course.done:
+            assert course.anew == (blocks > 0)
+            course.take(block)
+            blocks += 1
+        assert blocks == times
+        np.testing.assert_allclose(np.diff(course.times()), 0.1 * slower, rtol=1e-4)
+        assert course.times()[-1] == pytest.approx(seconds, abs=0.1 * slower)
+    course = Course(block[:5], [0, 1], np.zeros((2, 4)), 4.0, 1.0, [False, True])
+    course.take(block)
+    assert not course.anew
+    course.take(block)
+    assert course.target == 1
+    assert course.anew
+    np.testing.assert_allclose(np.diff(course.times()), 0.1, rtol=1e-9)
 
 
 def test_pace_changes_the_tempo() -> None:

@@ -2,15 +2,17 @@
 
 sparse: the poses that follow five sparse poses, on utd_mhad (tables 4.1, 4.4). dense: what follows them in real time,
 each clip of a CMU set left out in turn (table 4.3). long: ten seconds from clips left out: energy, feet, travel.
+search: the settings of the baselines, by what is held out of the data to train on.
 """
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any, Final
 
-from bench.glogen import dense, long, sparse
+from bench.glogen import dense, long, search, sparse
 from bench.glogen.sets import SETS
 from bench.record import hash_files, record, recordings
 from bench.units import SEEDS, Found, in_processes, table, with_seeds
@@ -22,7 +24,7 @@ ORDER: Final = {name: i for i, name in enumerate(sparse.METHODS)}
 def measure_sparse(given: argparse.Namespace) -> tuple[dict[str, Any], list[str]]:
     units = [sparse.Unit(m, s, given.epochs) for m in given.methods or sparse.METHODS for s in given.chosen]
     runs: dict[str, dict[int, Found]] = {}
-    for unit, found in in_processes(sparse.measure, units, given.processes, str):
+    for unit, found in in_processes(sparse.measure, units, given.processes, str, given.keep):
         for row, values in found.items():
             runs.setdefault(row, {})[unit.seed] = values
     ordered = dict(sorted(runs.items(), key=lambda item: ORDER[item[0]]))
@@ -32,35 +34,60 @@ def measure_sparse(given: argparse.Namespace) -> tuple[dict[str, Any], list[str]
 
 
 def measure_dense(given: argparse.Namespace) -> tuple[dict[str, Any], list[str]]:
+    sets = given.sets or list(dense.SETS)
     methods = given.methods or dense.METHODS
-    units = [dense.Unit(name, m, s, given.epochs) for name in given.sets for m in methods for s in given.chosen]
-    runs: dict[str, dict[str, dict[int, Found]]] = {name: {} for name in given.sets}
-    for unit, found in in_processes(dense.measure, units, given.processes, str):
-        for row, values in found.items():
-            runs[unit.set_name].setdefault(row, {})[unit.seed] = values
+    units = [
+        dense.Unit(name, m, s, fold, given.epochs)
+        for name in sets for m in methods for s in given.chosen for fold in dense.folds_of(name)
+    ]  # fmt: skip
+    kept: dict[str, dict[str, dict[int, list[dense.Errors]]]] = {name: {} for name in sets}
+    for unit, found in in_processes(dense.measure, units, given.processes, str, given.keep):
+        for row, errors in found.items():
+            kept[unit.set_name].setdefault(row, {}).setdefault(unit.seed, []).append(errors)
     result = {}
-    for name, rows in runs.items():
-        result[name] = with_seeds(dict(sorted(rows.items(), key=lambda item: dense.METHODS.index(item[0]))), bool)
+    for name, rows in kept.items():
+        means = {
+            row: {seed: dense.means(errors) for seed, errors in rows[row].items()}
+            for row in sorted(rows, key=dense.METHODS.index)
+        }
+        result[name] = with_seeds(means, bool)
         print(f"\n{table(name, result[name], [f'pose_{ms}' for ms in MILLISECONDS])}")
-    return result, sorted({SETS[name].folder for name in given.sets})
+    return result, sorted({SETS[name].folder for name in sets})
 
 
 def measure_long(given: argparse.Namespace) -> tuple[dict[str, Any], list[str]]:
-    units = [long.Unit(name, s, given.epochs) for name in given.sets for s in given.chosen]
-    runs: dict[str, dict[str, dict[int, Found]]] = {name: {} for name in given.sets}
-    for unit, found in in_processes(long.measure, units, given.processes, str):
+    sets = given.sets or list(dense.SETS)
+    units = [long.Unit(name, s, given.epochs) for name in sets for s in given.chosen]
+    return _by_set(
+        long.measure, units, given,
+        ["travel", "energy", "least", "most", "sliding", "standing", "inside", "bones"],
+    )  # fmt: skip
+
+
+def measure_search(given: argparse.Namespace) -> tuple[dict[str, Any], list[str]]:
+    units = search.units(given.sets or list(search.SETS), given.methods or [], given.epochs)
+    return _by_set(search.measure, units, given, ["joint_error"])
+
+
+def _by_set(
+    measure: Callable[[Any], dict[str, Found]], units: Sequence[Any], given: argparse.Namespace, scores: Sequence[str]
+) -> tuple[dict[str, Any], list[str]]:
+    """Figures by set, row and seed, each set's table printed; and the folders of recordings."""
+    runs: dict[str, dict[str, dict[int, Found]]] = {unit.set_name: {} for unit in units}
+    for unit, found in in_processes(measure, units, given.processes, str, given.keep):
         for row, values in found.items():
             runs[unit.set_name].setdefault(row, {})[unit.seed] = values
     result = {name: with_seeds(rows, bool) for name, rows in runs.items()}
     for name, rows in result.items():
-        print(f"\n{table(name, rows, ['travel', 'energy', 'least', 'most', 'sliding', 'standing', 'inside', 'bones'])}")
-    return result, sorted({SETS[name].folder for name in given.sets})
+        print(f"\n{table(name, rows, scores)}")
+    return result, sorted({SETS[name].folder for name in runs})
 
 
 PARTS: Final[dict[str, Callable[[argparse.Namespace], tuple[dict[str, Any], list[str]]]]] = {
     "sparse": measure_sparse,
     "dense": measure_dense,
     "long": measure_long,
+    "search": measure_search,
 }
 
 
@@ -68,10 +95,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("parts", nargs="*", choices=[*PARTS, []], default=[])
     parser.add_argument("--methods", nargs="+")
-    parser.add_argument("--sets", nargs="+", choices=dense.SETS, default=list(dense.SETS), help="of dense and long")
+    parser.add_argument("--sets", nargs="+", choices=search.SETS, help="of dense, long and search")
     parser.add_argument("--seeds", type=int, default=len(SEEDS))
     parser.add_argument("--processes", type=int, default=1)
     parser.add_argument("--epochs", type=int, default=0)
+    parser.add_argument("--keep", type=Path, help="a folder that keeps what is measured, to go on from")
     given = parser.parse_args()
     given.chosen = tuple(range(given.seeds))
     for part in given.parts or PARTS:

@@ -4,18 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import product
 from typing import Final
 
 import numpy as np
 
 from bench.glogen.baseline import Settings
-from bench.glogen.methods import UNTRAINED, build
+from bench.glogen.methods import DEFAULTS, UNTRAINED, build
 from bench.glogen.motions import Motions, Task, hold_out, joint_error, windows_of
 
-HIDDEN: Final = (128, 256, 512)
-RATES: Final = (1e-3, 2e-3, 4e-3)
-RESIDUAL: Final = (None, True)
+# Units of a recurrent layer, steps of training at least (40 epochs at least too), whether steps from the last pose are
+# put out (None: as published).
+TRIED: Final[tuple[tuple[int, int, bool | None], ...]] = (
+    (256, 0, None), (256, 1000, None), (512, 0, None), (256, 1000, True),
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -26,16 +27,11 @@ class Tried:
     error: float
 
 
-def candidates(
-    settings: Settings,
-    hidden: Sequence[int] = HIDDEN,
-    rates: Sequence[float] = RATES,
-    residual: Sequence[bool | None] = RESIDUAL,
-) -> list[Settings]:
-    """Every combination of widths, peak learning rates and outputs (as published, or steps from the last pose)."""
+def candidates(settings: Settings = DEFAULTS) -> list[Settings]:
+    """What is tried of every network, all else as in `settings`."""
     return [
-        replace(settings, hidden=width, residual=steps, budget=replace(settings.budget, learning_rate=rate))
-        for width, rate, steps in product(hidden, rates, residual)
+        replace(settings, hidden=width, residual=residual, budget=replace(settings.budget, steps=steps))
+        for width, steps, residual in TRIED
     ]
 
 

@@ -50,6 +50,7 @@ def measure(unit: Unit) -> dict[str, Found]:
 
 def _wish(test: Material, i: int, seed: int) -> Wish:
     clip = test.clips[i]
+    assert clip.rest_offsets is not None
     return Wish((clip.label,), SECONDS, seed * 1000 + i, Seed(clip.name, clip.positions, clip.fps, clip.rest_offsets))
 
 

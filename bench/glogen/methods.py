@@ -31,6 +31,10 @@ NETWORKS: Final[Mapping[str, Callable[[Shape], Network]]] = MappingProxyType(
         "hp_gan": HpGan,
     }
 )
+# Put out steps from the last pose as published.
+RESIDUAL: Final = ("seq2seq", "vae_seq2seq", "attention_seq2seq", "hp_gan")
+# Settings that the search chose (`python -m bench.glogen search`), by set and network.
+CHOSEN: Final[Mapping[str, Mapping[str, Settings]]] = {"utd_mhad": {}, "indian": {}, "martial": {}, "walk": {}}
 UNTRAINED: Final[Mapping[str, Callable[[Task], Baseline]]] = MappingProxyType(
     {"zero_velocity": ZeroVelocity, "nearest_real": NearestReal}
 )

@@ -14,14 +14,14 @@ from numpy.typing import NDArray
 
 from bench.glogen.baseline import Settings
 from bench.glogen.material import Material, sparse_motions, split_material
-from bench.glogen.methods import SPARSE, fitted
-from bench.glogen.motions import joint_error, pose_error
+from bench.glogen.methods import CHOSEN, DEFAULTS, SPARSE, fitted
+from bench.glogen.motions import Motions, joint_error, pose_error
 from bench.units import Found
 from pipeline.descriptors.config import DescriptorsConfig
 from pipeline.descriptors.trained import TrainedDescriptor
 from pipeline.descriptors.training import TrainingClip, train_descriptor
 from pipeline.evaluation.synthesis_likeness import frechet_distance
-from pipeline.glogen.network import Ahead, Blocks
+from pipeline.glogen.follow import follow
 from pipeline.glogen.recipe import SEEDS, GloGenRecipe, glogen_recipe
 from pipeline.glogen.training import train_glogen, unseen
 from pipeline.skeleton.canonical import COMMON, INDEX
@@ -44,7 +44,6 @@ ABLATIONS: Final[Mapping[str, GloGenRecipe]] = {
 # Of the default network.
 OWN_ABLATIONS: Final[Mapping[str, GloGenRecipe]] = {
     "motionlake, nothing latent": replace(DEFAULT, latent=1, divergence=10.0),
-    "motionlake, no foreign poses": replace(DEFAULT, swapped=0.0),
     "motionlake, differences not weighed": replace(DEFAULT, smooth=0.0),
 }
 # Trained and asked with a fifth of the joints of the given poses missing.
@@ -110,36 +109,38 @@ def measure(unit: Unit) -> dict[str, Found]:
 
 
 def _baseline(unit: Unit, test: Float32Array, wanted: NDArray[np.int64]) -> tuple[Float32Array, Float32Array]:
-    data, _ = sparse_motions(task().train, task().train.pieces(POSES, PIECE))
-    settings = Settings()
-    if unit.epochs:
-        settings = replace(settings, budget=replace(settings.budget, epochs=unit.epochs))
-    method = fitted(SPARSE[unit.method](settings), data, unit.seed)
+    settings = settings_of(unit.epochs, CHOSEN[SET].get(unit.method, Settings()))
+    method = fitted(SPARSE[unit.method](settings), training_motions(), unit.seed)
     given = test[:, :SEEDS, JOINT_COLUMNS]
     return method.predict(given, wanted), method.predict(given, wanted, np.random.default_rng(unit.seed))
+
+
+def settings_of(epochs: int, settings: Settings = DEFAULTS) -> Settings:
+    """Settings with as many epochs, no more, where `epochs` is not 0."""
+    return replace(settings, budget=replace(settings.budget, epochs=epochs, steps=0)) if epochs else settings
+
+
+def training_motions() -> Motions:
+    """The training split as baselines read it, in groups by subject."""
+    train = task().train
+    data, _ = sparse_motions(train, train.pieces(POSES, PIECE))
+    return replace(data, groups=tuple(clip.subject for clip in train.clips))
 
 
 def _glogen(
     unit: Unit, train: Float32Array, targets: NDArray[np.int64], test: Float32Array, wanted: NDArray[np.int64]
 ) -> tuple[Float32Array, Float32Array]:
     recipe = GLOGEN[unit.method]
-    recipe = replace(recipe, epochs=unit.epochs or recipe.epochs)
-    network, _ = train_glogen(train, targets, len(task().train.classes), recipe, unit.seed)
+    recipe = replace(recipe, epochs=unit.epochs, steps=0) if unit.epochs else recipe
+    network, _ = train_glogen(list(train), targets, len(task().train.classes), recipe, unit.seed)
     rng = np.random.default_rng(unit.seed)
     chance = rng.standard_normal((len(test), max(1, recipe.latent)))
     given = network.scale.back(unseen(network.scale(torch.from_numpy(test)), recipe.missing, rng)).numpy()
-    guessed, sampled = (follow(network, given, wanted, share * chance)[..., JOINT_COLUMNS] for share in (0.0, 1.0))
+    guessed, sampled = (
+        follow(network, given[:, :SEEDS], wanted, share * chance)[..., JOINT_COLUMNS].astype(np.float32)
+        for share in (0.0, 1.0)
+    )
     return guessed, sampled
-
-
-def follow(
-    network: Ahead | Blocks, rows: Float32Array, targets: NDArray[np.int64], latent: NDArray[np.float64]
-) -> Float32Array:
-    """[m, 15, 65] what a network has follow the first five of [m, n, 65]."""
-    with torch.inference_mode():
-        given = network.scale(torch.from_numpy(rows[:, :SEEDS]))
-        made = network(given, torch.from_numpy(targets), torch.from_numpy(latent).float())
-        return network.scale.back(made).numpy()
 
 
 def _whole(test: Float32Array, made: Float32Array) -> Float32Array:

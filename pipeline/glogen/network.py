@@ -9,6 +9,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn.functional import one_hot
 
+from pipeline.glogen.beginnings import KNOWN, Beginnings
 from pipeline.glogen.recipe import SEEDS, GloGenRecipe
 from pipeline.trajectories.sparse import JOINT_COLUMNS, WIDTH
 
@@ -108,6 +109,7 @@ class Ahead(GloGen):
         self.out = nn.Sequential(nn.Dropout(recipe.dropout), nn.Linear(recipe.state, WIDTH))
         self.seen = nn.GRU(WIDTH + width, width, batch_first=True, bidirectional=True)
         self.latent = nn.Linear(2 * width, 2 * recipe.latent)
+        self.beginnings = Beginnings(classes, KNOWN)
 
     def learn(self, motions: Sequence[Tensor], targets: Tensor, going: Sequence[bool]) -> None:
         """The scale of poses, the mean course of every class, and how the last given poses lead over to it.
@@ -116,6 +118,7 @@ class Ahead(GloGen):
         """
         super().learn(motions, targets, going)
         scaled = [self.scale(rows) for rows in motions]
+        self._learn_beginnings(scaled, targets, going)
         for target in range(self.classes):
             own = [rows for rows, of in zip(scaled, targets.tolist(), strict=True) if of == target]
             if own and going[target]:
@@ -130,6 +133,13 @@ class Ahead(GloGen):
         ]
         if windows:
             self._learn_lead(torch.stack([w for w, _ in windows]), torch.tensor([target for _, target in windows]))
+
+    def _learn_beginnings(self, scaled: Sequence[Tensor], targets: Tensor, going: Sequence[bool]) -> None:
+        given: list[list[Tensor]] = [[] for _ in range(self.classes)]
+        for rows, target in zip(scaled, targets.tolist(), strict=True):
+            last = len(rows) - SEEDS if going[target] else 0
+            given[target] += [rows[start : start + SEEDS] for start in range(last + 1)]
+        self.beginnings.learn([torch.stack(own) if own else torch.zeros(0) for own in given], going)
 
     def _learn_lead(self, scaled: Tensor, targets: Tensor) -> None:
         apart = _apart(scaled[:, :SEEDS], self.course[targets]).double()

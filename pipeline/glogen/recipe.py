@@ -24,7 +24,6 @@ class GloGenRecipe:
         latent: numbers that say what class and given poses leave open; 0: none.
         divergence: weight of the latent numbers' distance from what they are drawn from.
         smooth: weight of the error of differences from pose to pose.
-        swapped: share of motions that are learned to follow on the poses of another motion.
         noise: of the given poses while training, body lengths.
         epochs, steps: of training: so many epochs, more where these have fewer steps than `steps`.
         missing: share of the joints of given poses that are not seen while training: they stand at their mean.
@@ -41,7 +40,6 @@ class GloGenRecipe:
     divergence: float = 0.001
     smooth: float = 1.0
     dropout: float = 0.2
-    swapped: float = 0.3
     noise: float = 0.02
     missing: float = 0.0
     mirror: bool = False
@@ -50,7 +48,7 @@ class GloGenRecipe:
     weight_decay: float = 0.01
     batch: int = 64
     epochs: int = 40
-    steps: int = 1000
+    steps: int = 250
 
     def batches(self, count: int) -> int:
         """How many batches `count` motions make."""
@@ -67,7 +65,7 @@ _RECIPES: Final = {
     # epochs is not said.
     "glogen": GloGenRecipe(
         architecture="blocks", embedding=200, state=1000, layers=1, cell="LSTM", latent=0, divergence=0.0, smooth=0.0,
-        dropout=0.0, swapped=0.0, noise=0.0, optimiser="sgd", learning_rate=0.1, weight_decay=0.0, epochs=40, steps=0,
+        dropout=0.0, noise=0.0, optimiser="sgd", learning_rate=0.1, weight_decay=0.0, epochs=40, steps=0,
     ),
 }  # fmt: skip
 

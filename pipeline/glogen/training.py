@@ -22,8 +22,6 @@ from pipeline.trajectories.sparse import HEIGHT, JOINT_COLUMNS
 Progress = Callable[[int, int, float], None]
 CHECKPOINT_EVERY: Final = 10
 LEAST: Final = 3  # poses that a window of a motion holds after the given ones, where the motion has them
-# Of the difference between the pose that a motion is to follow on and its own, what is left after each further pose.
-FADE: Final = (0.8, 0.55, 0.3, 0.1)
 
 
 def train_glogen(
@@ -88,11 +86,6 @@ class _Motions:
         """Motions as an epoch takes them: once; those of classes that go on as often as they hold five poses."""
         return _items([len(rows) for rows in self.rows], self.targets.tolist(), self.going)
 
-    def alike(self, chosen: NDArray[np.int64]) -> Tensor:
-        """[B, B] whether both are of one class that goes on: the poses of one do not tell the other's phase."""
-        own = self.targets[chosen]
-        return (own[:, None] == own) & torch.tensor(self.going)[own]
-
     def windows(self, chosen: NDArray[np.int64], rng: np.random.Generator) -> tuple[Tensor, Tensor]:
         """[B, sparse, 65] poses and [B, sparse] which of them there are: a motion may end before its window does."""
         found, there = [], []
@@ -130,7 +123,7 @@ def _fit(
         for chosen in batches:
             optimiser.zero_grad(set_to_none=True)
             rows, there = motions.windows(chosen, rng)
-            loss = _loss(network, rows, there, motions.targets[chosen], motions.alike(chosen), recipe, rng)
+            loss = _loss(network, rows, there, motions.targets[chosen], recipe, rng)
             loss.backward()  # type: ignore[no-untyped-call]
             torch.nn.utils.clip_grad_norm_(network.parameters(), 1.0)
             optimiser.step()
@@ -161,13 +154,11 @@ def _loss(
     rows: Tensor,
     there: Tensor,
     targets: Tensor,
-    alike: Tensor,
     recipe: GloGenRecipe,
     rng: np.random.Generator,
 ) -> Tensor:
     if isinstance(network, Blocks):
         return _block_loss(network, network.scale(rows), targets, rng)
-    rows = follow_on(rows, recipe.swapped, rng, whole=there.all(dim=1), alike=alike)
     if recipe.noise:
         rows = rows.clone()
         rows[:, :SEEDS, : HEIGHT + 1] += recipe.noise * torch.randn_like(rows[:, :SEEDS, : HEIGHT + 1])
@@ -207,41 +198,3 @@ def _error(made: Tensor, true: Tensor, there: Tensor) -> Tensor:
     squares = (made - true).square()
     each = squares[..., JOINT_COLUMNS].mean(dim=2) + 0.25 * squares[..., HEIGHT:].mean(dim=2)
     return (each * there).sum() / there.sum().clamp(min=1)
-
-
-def follow_on(
-    rows: Tensor,
-    share: float,
-    rng: np.random.Generator,
-    *,
-    whole: Tensor | None = None,
-    alike: Tensor | None = None,
-) -> Tensor:
-    """Motions [B, n, 65], some of which now start with the first or the last poses of another of the batch.
-
-    What follows them is their own, led over from the foreign pose within a few poses, so that a class can be had from
-    poses of any other.
-
-    Args:
-        rows: sparse poses.
-        share: of the motions.
-        rng: which, and from what.
-        whole: [B] motions that have all their poses; of others the last are none.
-        alike: [B, B] pairs of which neither follows the other.
-    """
-    if not share or len(rows) < 2:
-        return rows
-    chosen = np.flatnonzero(rng.random(len(rows)) < share)
-    others = rng.integers(0, len(rows), len(chosen))
-    ends = rng.random(len(chosen)) < 0.5
-    mixed = rows.clone()
-    for row, other, end in zip(chosen, others, ends, strict=True):
-        if alike is not None and alike[row, other]:
-            continue
-        ended = end and (whole is None or bool(whole[other]))
-        foreign = rows[other, -SEEDS:] if ended else rows[other, :SEEDS]
-        apart = foreign[-1, : HEIGHT + 1] - rows[row, SEEDS - 1, : HEIGHT + 1]
-        mixed[row, :SEEDS] = foreign
-        for pose, left in enumerate(FADE, SEEDS):
-            mixed[row, pose, : HEIGHT + 1] += left * apart
-    return mixed

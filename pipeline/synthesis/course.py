@@ -6,13 +6,16 @@ from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
-import torch
 
 from pipeline.clip import FloatArray
+from pipeline.glogen.follow import follow
 from pipeline.glogen.network import Ahead, Blocks
 from pipeline.glogen.recipe import SEEDS
 from pipeline.trajectories.sparse import DURATION
 
+# An action is slowed down or hurried at most so much to end with its time.
+SLOWEST: Final = 1.5
+FASTEST: Final = 0.75
 # Batches of exactly this many, the last one filled up, so that a motion does not depend on those beside it.
 BATCH: Final = 32
 
@@ -26,15 +29,33 @@ class Course:
     """
 
     def __init__(
-        self, given: FloatArray, targets: Sequence[int], latent: FloatArray, seconds: float, pace: float
+        self,
+        given: FloatArray,
+        targets: Sequence[int],
+        latent: FloatArray,
+        seconds: float,
+        pace: float,
+        ending: Sequence[bool] = (),
     ) -> None:
-        """`given` [5, 65] sparse poses; `targets` classes, each for an equal share of `seconds`; `latent` [K, L]."""
+        """A motion that is to be made.
+
+        Args:
+            given: [5, 65] sparse poses.
+            targets: K classes, each for an equal share of the time.
+            latent: [K, L].
+            seconds: in all.
+            pace: 2: twice as fast as the recordings.
+            ending: [K] classes whose motion comes to its end; so many whole ones are made as fit the time best, a
+                little faster or slower. None by default.
+        """
         self.rows: list[FloatArray] = [given[-1]]
         self.begins: list[float] = [0.0]
         self._last = given
         self._targets, self._latent = list(targets), latent
         self._seconds, self._pace = seconds, pace
+        self._ending = list(ending) or [False] * len(self._targets)
         self._time = 0.0
+        self._anew = False
 
     @property
     def done(self) -> bool:
@@ -43,6 +64,11 @@ class Course:
     @property
     def target(self) -> int:
         return self._targets[len(self.begins) - 1]
+
+    @property
+    def anew(self) -> bool:
+        """Whether the class begins, or its action begins again, with the next poses."""
+        return self._anew
 
     @property
     def given(self) -> FloatArray:
@@ -57,16 +83,26 @@ class Course:
     def take(self, made: FloatArray) -> None:
         """Go on by poses [n, 65], as far as the time of the class goes."""
         until = self._seconds * len(self.begins) / len(self._targets)
+        slower = self._fitting(made, until - self._time) if self._ending[len(self.begins) - 1] else 1.0
         taken = 0
         while taken < len(made) and self._time < until:
             row = made[taken].copy()
-            row[DURATION] -= np.log(self._pace)
+            row[DURATION] += np.log(slower / self._pace)
             self._time += float(np.exp(row[DURATION]))
             self.rows.append(row)
             taken += 1
         self._last = np.concatenate([self._last, made[:taken]])[-SEEDS:]
+        self._anew = self._ending[len(self.begins) - 1]
         if self._time >= until and len(self.begins) < len(self._targets):
             self.begins.append(self._time)
+            self._anew = True
+
+    def _fitting(self, made: FloatArray, left: float) -> float:
+        """How much slower an action is to be, that whole ones fill the time that is left."""
+        once = float(np.exp(made[:, DURATION]).sum()) / self._pace
+        slower = left / (once * max(1, round(left / once)))
+        # A hair more than asked for: rounding is not to begin another one.
+        return float(np.clip(slower * (1 + 1e-6), FASTEST, SLOWEST))
 
     def times(self) -> FloatArray:
         """[n] seconds of `rows`, from 0."""
@@ -87,10 +123,8 @@ def go_on(network: Ahead | Blocks, courses: Sequence[Course]) -> Sequence[Course
 
 def _ahead(network: Ahead | Blocks, courses: Sequence[Course]) -> FloatArray:
     filled = [*courses, *[courses[0]] * (BATCH - len(courses))]
-    given = torch.from_numpy(np.stack([course.given for course in filled])).float()
-    targets = torch.tensor([course.target for course in filled])
-    latent = torch.from_numpy(np.stack([course.latent for course in filled])).float()
-    with torch.inference_mode():
-        scaled = network(network.scale(given), targets, latent)
-        rows = network.scale.within(network.scale.back(scaled))
-    return rows[: len(courses)].double().numpy()
+    made = follow(
+        network, np.stack([course.given for course in filled]), np.array([course.target for course in filled]),
+        np.stack([course.latent for course in filled]), np.array([course.anew for course in filled]),
+    )  # fmt: skip
+    return made[: len(courses)]

@@ -90,7 +90,8 @@ class TrainedGenerator:
         targets = [self.classes.index(name) for name in wish.classes]
         rng = np.random.default_rng(wish.seed)
         latent = wish.temperature * rng.standard_normal((len(targets), max(1, self.glogen.recipe.latent)))
-        return Course(start.rows, targets, latent, wish.seconds, wish.pace)
+        ending = [self.glogen.recipe.architecture == "ahead" and not self.going[target] for target in targets]
+        return Course(start.rows, targets, latent, wish.seconds, wish.pace, ending)
 
     def save(self, path: Path) -> None:
         """Write it as one safetensors file."""
