@@ -11,7 +11,7 @@ from torch import Tensor, nn
 
 from bench.fitting import Budget
 from bench.glogen.baseline import Baseline, Settings, Shape, with_prior
-from bench.glogen.choosing import candidates, choose
+from bench.glogen.choosing import SPARSE_TRIED, candidates, choose
 from bench.glogen.hp_gan import CriticNetwork, HpGan, critic_loss, gradient_penalty
 from bench.glogen.methods import DENSE, SPARSE, UNTRAINED, measure_dense, measure_sparse
 from bench.glogen.motions import DENSE_TASK, SPARSE_TASK, Motions, hold_out, joint_error, windows_of
@@ -226,6 +226,6 @@ def test_settings_are_chosen_by_motions_held_out() -> None:
     assert [each.settings.budget.learning_rate for each in found] == [1e-2, 1e-5]
     assert found[0].error < found[1].error
     assert len(choose(SPARSE_TASK, "zero_velocity", data, tried)) == 1
-    assert len(candidates(SETTINGS)) == len(set(candidates(SETTINGS))) == 4
+    assert len(candidates(SPARSE_TRIED)) == len(set(candidates(SPARSE_TRIED))) == 4
     with pytest.raises(ValueError, match="cannot be held out"):
         hold_out(data, "nobody")

@@ -12,11 +12,11 @@ from bench.glogen.baseline import Settings
 from bench.glogen.methods import DEFAULTS, UNTRAINED, build
 from bench.glogen.motions import Motions, Task, hold_out, joint_error, windows_of
 
+Tries = tuple[tuple[int, int, bool | None], ...]
 # Units of a recurrent layer, steps of training at least (40 epochs at least too), whether steps from the last pose are
 # put out (None: as published).
-TRIED: Final[tuple[tuple[int, int, bool | None], ...]] = (
-    (256, 0, None), (256, 1000, None), (512, 0, None), (256, 1000, True),
-)  # fmt: skip
+SPARSE_TRIED: Final[Tries] = ((256, 0, None), (256, 1000, None), (512, 0, None), (256, 1000, True))
+DENSE_TRIED: Final[Tries] = ((128, 0, None), (256, 0, None), (128, 0, True))
 
 
 @dataclass(frozen=True)
@@ -27,11 +27,11 @@ class Tried:
     error: float
 
 
-def candidates(settings: Settings = DEFAULTS) -> list[Settings]:
+def candidates(tries: Tries, settings: Settings = DEFAULTS) -> list[Settings]:
     """What is tried of every network, all else as in `settings`."""
     return [
         replace(settings, hidden=width, residual=residual, budget=replace(settings.budget, steps=steps))
-        for width, steps, residual in TRIED
+        for width, steps, residual in tries
     ]
 
 

@@ -10,7 +10,7 @@ from typing import Final
 
 from bench.glogen import dense, sparse
 from bench.glogen.baseline import Settings
-from bench.glogen.choosing import candidates, choose
+from bench.glogen.choosing import DENSE_TRIED, SPARSE_TRIED, candidates, choose
 from bench.glogen.material import material
 from bench.glogen.methods import DENSE, NETWORKS, RESIDUAL
 from bench.glogen.motions import DENSE_TASK, SPARSE_TASK, Motions, Task
@@ -32,10 +32,15 @@ class Unit:
 
     @property
     def settings(self) -> Settings:
-        return settings_of(self.epochs, candidates()[self.candidate])
+        return settings_of(self.epochs, tried_on(self.set_name)[self.candidate])
 
     def __str__(self) -> str:
         return f"{self.set_name} {row_of(self)}"
+
+
+def tried_on(set_name: str) -> list[Settings]:
+    """The settings that networks have on a set."""
+    return candidates(SPARSE_TRIED if set_name == sparse.SET else DENSE_TRIED)
 
 
 def units(sets: list[str], methods: list[str], epochs: int) -> list[Unit]:
@@ -45,7 +50,7 @@ def units(sets: list[str], methods: list[str], epochs: int) -> list[Unit]:
         for name in sets
         for method in NETWORKS
         if (name == sparse.SET or method in DENSE) and (not methods or method in methods)
-        for i, settings in enumerate(candidates())
+        for i, settings in enumerate(tried_on(name))
         if not (settings.residual and method in RESIDUAL)
     ]
 

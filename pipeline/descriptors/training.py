@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -23,10 +23,10 @@ from pipeline.descriptors.rates import one_cycle
 from pipeline.descriptors.recipe import DescriptorRecipe, recipe_of
 from pipeline.descriptors.similarity import alignment_distances, neighbourhoods, similar_by_motion
 from pipeline.descriptors.trained import TrainedDescriptor
+from pipeline.epochs import Progress, Training
 from pipeline.threads import on_threads
 from pipeline.words.features import Float32Array
 
-Progress = Callable[[int, int, float], None]
 CHECKPOINT_EVERY: Final = 5
 VALIDATE_EVERY: Final = 10
 
@@ -188,32 +188,19 @@ def _fit(
     optimiser = torch.optim.AdamW(
         network.parameters(), lr=recipe.learning_rate, weight_decay=recipe.weight_decay, eps=1e-7
     )
-    losses = checkpoint.resume(network, optimiser, rng) if checkpoint else []
-    network.train()
-    for epoch in range(len(losses), recipe.epochs):
-        torch.manual_seed(seed * 100_003 + epoch)  # dropout of an epoch is the same after a resumption
-        batches = order(len(material.clips), recipe.batch, rng)
-        total = 0.0
-        for step, rows in enumerate(batches):
-            share = (epoch + step / len(batches)) / recipe.epochs
-            for group in optimiser.param_groups:
-                group["lr"] = recipe.learning_rate * one_cycle(share) if recipe.warm_up else recipe.learning_rate
-            optimiser.zero_grad(set_to_none=True)
-            loss = _loss(network, material, rows, recipe, rng, device)
-            loss.backward()  # type: ignore[no-untyped-call]
-            torch.nn.utils.clip_grad_norm_(network.parameters(), 1.0)
-            optimiser.step()
-            total += float(loss.detach())
-        losses.append(total / len(batches))
-        if checkpoint and (epoch + 1) % CHECKPOINT_EVERY == 0:
-            checkpoint.save(network, optimiser, rng, losses)
-        if followed is not None and ((epoch + 1) % VALIDATE_EVERY == 0 or epoch + 1 == recipe.epochs):
-            followed(network, epoch + 1)
-        if progress is not None:
-            progress(epoch + 1, recipe.epochs, losses[-1])
-    if checkpoint:
-        checkpoint.remove()
-    return losses
+
+    def rate(share: float) -> float:
+        return recipe.learning_rate * one_cycle(share) if recipe.warm_up else recipe.learning_rate
+
+    def after(done: int) -> None:
+        if followed is not None and (done % VALIDATE_EVERY == 0 or done == recipe.epochs):
+            followed(network, done)
+
+    return Training(
+        network, optimiser, recipe.epochs, rate, lambda: order(len(material.clips), recipe.batch, rng),
+        lambda rows: _loss(network, material, rows, recipe, rng, device), seed, rng, checkpoint, CHECKPOINT_EVERY,
+        progress, after,
+    ).run()  # fmt: skip
 
 
 def _loss(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from pipeline.checkpoint import Checkpoint
+from pipeline.epochs import Progress, Training, optimiser_of, rate_of
 from pipeline.glogen.network import Ahead, Blocks, glogen_network
 from pipeline.glogen.recipe import SEEDS, GloGenRecipe
 from pipeline.threads import on_threads
 from pipeline.trajectories.motion import JOINTS_GIVEN
 from pipeline.trajectories.sparse import HEIGHT, JOINT_COLUMNS
 
-Progress = Callable[[int, int, float], None]
 CHECKPOINT_EVERY: Final = 10
 LEAST: Final = 3  # poses that a window of a motion holds after the given ones, where the motion has them
 
@@ -108,45 +108,17 @@ def _fit(
     checkpoint: Checkpoint | None,
     progress: Progress | None,
 ) -> list[float]:
-    optimiser = _optimiser(network, recipe)
-    losses = checkpoint.resume(network, optimiser, rng) if checkpoint else []
-    network.train()
     items = motions.items()
-    epochs = recipe.epochs_of(len(items))
-    for epoch in range(len(losses), epochs):
-        torch.manual_seed(seed * 100_003 + epoch)
-        for group in optimiser.param_groups:
-            group["lr"] = recipe.learning_rate * _rate(recipe, epoch / epochs)
-        order = rng.permutation(items)
-        batches = np.array_split(order, recipe.batches(len(order)))
-        total = 0.0
-        for chosen in batches:
-            optimiser.zero_grad(set_to_none=True)
-            rows, there = motions.windows(chosen, rng)
-            loss = _loss(network, rows, there, motions.targets[chosen], recipe, rng)
-            loss.backward()  # type: ignore[no-untyped-call]
-            torch.nn.utils.clip_grad_norm_(network.parameters(), 1.0)
-            optimiser.step()
-            total += float(loss.detach())
-        losses.append(total / len(batches))
-        if checkpoint and (epoch + 1) % CHECKPOINT_EVERY == 0:
-            checkpoint.save(network, optimiser, rng, losses)
-        if progress is not None:
-            progress(epoch + 1, epochs, losses[-1])
-    if checkpoint:
-        checkpoint.remove()
-    return losses
 
+    def loss(chosen: NDArray[np.int64]) -> Tensor:
+        rows, there = motions.windows(chosen, rng)
+        return _loss(network, rows, there, motions.targets[chosen], recipe, rng)
 
-def _optimiser(network: torch.nn.Module, recipe: GloGenRecipe) -> torch.optim.Optimizer:
-    if recipe.optimiser == "sgd":
-        return torch.optim.SGD(network.parameters(), lr=recipe.learning_rate)
-    return torch.optim.AdamW(network.parameters(), lr=recipe.learning_rate, weight_decay=recipe.weight_decay)
-
-
-def _rate(recipe: GloGenRecipe, share: float) -> float:
-    """Share of the learning rate: a cosine down to nothing as the training goes; the thesis's stays."""
-    return 1.0 if recipe.optimiser == "sgd" else 0.5 * (1 + float(np.cos(np.pi * share)))
+    return Training(
+        network, optimiser_of(network, recipe), recipe.epochs_of(len(items)), rate_of(recipe),
+        lambda: np.array_split(rng.permutation(items), recipe.batches(len(items))), loss, seed, rng,
+        checkpoint, CHECKPOINT_EVERY, progress,
+    ).run()  # fmt: skip
 
 
 def _loss(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
@@ -14,6 +14,7 @@ from torch.nn.functional import binary_cross_entropy_with_logits
 
 from pipeline.checkpoint import Checkpoint
 from pipeline.clip import FloatArray
+from pipeline.epochs import Progress, Training, optimiser_of, rate_of
 from pipeline.locgen.interpolation import between, interpolated_motion
 from pipeline.locgen.network import MOVING, POSE, Between, Frames, locgen_network
 from pipeline.locgen.recipe import LocGenRecipe
@@ -22,7 +23,6 @@ from pipeline.trajectories.motion import FPS, BodyMotion, interpolated
 from pipeline.trajectories.pieces import Piece
 from pipeline.trajectories.sparse import HEIGHT
 
-Progress = Callable[[int, int, float], None]
 Pair = tuple[FloatArray, FloatArray]
 WINDOW: Final = 64  # frames that "frames" sees at once while training
 CHECKPOINT_EVERY: Final = 5
@@ -69,36 +69,16 @@ def _fit(
     checkpoint: Checkpoint | None,
     progress: Progress | None,
 ) -> list[float]:
-    optimiser = (
-        torch.optim.SGD(network.parameters(), lr=recipe.learning_rate)
-        if recipe.optimiser == "sgd"
-        else torch.optim.AdamW(network.parameters(), lr=recipe.learning_rate, weight_decay=recipe.weight_decay)
-    )
-    losses = checkpoint.resume(network, optimiser, rng) if checkpoint else []
-    network.train()
-    for epoch in range(len(losses), recipe.epochs):
-        torch.manual_seed(seed * 100_003 + epoch)
-        share = 1.0 if recipe.optimiser == "sgd" else 0.5 * (1 + float(np.cos(np.pi * epoch / recipe.epochs)))
-        for group in optimiser.param_groups:
-            group["lr"] = recipe.learning_rate * share
-        batches = np.array_split(rng.permutation(len(pieces)), max(1, round(len(pieces) / recipe.batch)))
-        total = 0.0
-        for chosen in batches:
-            optimiser.zero_grad(set_to_none=True)
-            some = [pieces[i] for i in chosen]
-            loss = _frames_loss(network, some, rng) if isinstance(network, Frames) else _between_loss(network, some)
-            loss.backward()  # type: ignore[no-untyped-call]
-            torch.nn.utils.clip_grad_norm_(network.parameters(), 1.0)
-            optimiser.step()
-            total += float(loss.detach())
-        losses.append(total / len(batches))
-        if checkpoint and (epoch + 1) % CHECKPOINT_EVERY == 0:
-            checkpoint.save(network, optimiser, rng, losses)
-        if progress is not None:
-            progress(epoch + 1, recipe.epochs, losses[-1])
-    if checkpoint:
-        checkpoint.remove()
-    return losses
+    def loss(chosen: NDArray[np.int64]) -> Tensor:
+        some = [pieces[i] for i in chosen]
+        return _frames_loss(network, some, rng) if isinstance(network, Frames) else _between_loss(network, some)
+
+    count = max(1, round(len(pieces) / recipe.batch))
+    return Training(
+        network, optimiser_of(network, recipe), recipe.epochs, rate_of(recipe),
+        lambda: np.array_split(rng.permutation(len(pieces)), count), loss, seed, rng, checkpoint, CHECKPOINT_EVERY,
+        progress,
+    ).run()  # fmt: skip
 
 
 def _frames_loss(network: Frames, pieces: Sequence[Piece], rng: np.random.Generator) -> Tensor:
