@@ -20,7 +20,7 @@ from pipeline.trajectories.pieces import Piece, pieces
 from pipeline.trajectories.sparse import HEIGHT, STEP, TURN
 from tests.test_trajectories import swinging
 
-FRAMES = LocGenRecipe(embedding=16, state=16, epochs=3)
+FRAMES = LocGenRecipe(embedding=16, state=16, epochs=3, steps=0)
 BETWEEN = LocGenRecipe(architecture="between", between=5, embedding=16, state=32, dropout=0, epochs=150, batch=4)
 
 
@@ -98,7 +98,7 @@ def test_the_thesis_reads_five_poses_between_two(walks: list[Piece]) -> None:
 
 
 def test_training_goes_on_from_its_checkpoint(walks: list[Piece], tmp_path: Path) -> None:
-    recipe = LocGenRecipe(embedding=8, state=8, epochs=8)
+    recipe = LocGenRecipe(embedding=8, state=8, epochs=8, steps=0)
     whole, _ = train_locgen(walks, recipe, 1)
     file = tmp_path / "locgen.safetensors"
 
@@ -114,7 +114,7 @@ def test_training_goes_on_from_its_checkpoint(walks: list[Piece], tmp_path: Path
         torch.testing.assert_close(resumed.state_dict()[name], value)
 
 
-def test_frames_start_from_the_straight_lines(walks: list[Piece]) -> None:
+def test_frames_start_from_the_interpolated_poses(walks: list[Piece]) -> None:
     network = locgen_network(FRAMES).eval()
     assert isinstance(network, Frames)
     rows = torch.from_numpy(

@@ -17,7 +17,6 @@ REACH: Final = 0.9  # quantile of the distances of given poses from the beginnin
 # for the wanted class's own, and from where on they are foreign.
 OWN: Final = 0.25
 FOREIGN: Final = 0.5
-LEFT: Final = 0.5  # reaches that foreign poses are left away from the beginning of the wanted class
 
 
 class Beginnings(nn.Module):
@@ -63,9 +62,7 @@ class Beginnings(nn.Module):
         further = (apart - to_all.amin(dim=(1, 2))) / self.reach
         foreign = ((further - OWN) / (FOREIGN - OWN)).clamp(0, 1)
         foreign = torch.where(anew, 1.0, foreign)
-        left = 1 - foreign * (1 - (LEFT * self.reach / apart.clamp(min=1e-9)).clamp(max=1))
-        nearest = self.poses[targets, place]
-        return nearest + left[:, None, None] * (given - nearest)
+        return torch.lerp(given, self.poses[targets, place], foreign[:, None, None])
 
 
 def _apart(given: Tensor, known: Tensor) -> Tensor:

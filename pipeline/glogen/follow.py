@@ -11,11 +11,10 @@ from torch import Tensor
 
 from pipeline.glogen.network import Ahead, Blocks
 from pipeline.trajectories.motion import JOINTS_GIVEN
-from pipeline.trajectories.sparse import DURATION, HEIGHT, JOINT_COLUMNS
+from pipeline.trajectories.sparse import DURATION, JOINT_COLUMNS
 
-# From poses that are brought to where a class begins (`Beginnings`) to the motion made after it.
-STEP: Final = 0.3  # share of the way that is left at the first pose
-SPEED: Final = 1.0  # of the mean joint on that way, at most, body lengths a second
+# Of the mean joint on the way from foreign poses to where a class begins (`Beginnings`), at most; body lengths a second.
+SPEED: Final = 1.5
 
 
 def follow(
@@ -49,12 +48,11 @@ def follow(
 
 
 def led_over(made: Tensor, apart: Tensor) -> Tensor:
-    """Sparse poses [B, n, 65], led over to from poses that are `apart` [B, 65] from those they were made after.
+    """Sparse poses [B, n, 65] to follow poses that are `apart` [B, 65] from those they were made after.
 
     The first of them takes as long as the way there needs.
     """
     led = made.clone()
-    led[:, 0, : HEIGHT + 1] += STEP * apart[:, : HEIGHT + 1]
     way = apart[:, JOINT_COLUMNS].reshape(-1, JOINTS_GIVEN, 3).norm(dim=2).mean(dim=1)
-    led[:, 0, DURATION] = torch.maximum(led[:, 0, DURATION], ((1 - STEP) * way / SPEED).clamp(min=1e-6).log())
+    led[:, 0, DURATION] = torch.maximum(led[:, 0, DURATION], (way / SPEED).clamp(min=1e-6).log())
     return led

@@ -1,4 +1,4 @@
-"""Poses between sparse poses, on straight lines (equation 4.3): what LocGen makes natural.
+"""Poses between sparse poses, on straight lines (equation 4.3) or smooth ones: what LocGen makes natural.
 
 Equation 4.3 as printed, alpha X_i + (1 - alpha) X_{i+1} with alpha = j / M, runs from X_{i+1} back to X_i. Here the
 poses run from X_i to X_{i+1}, as its text has it.
@@ -9,6 +9,7 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
+from scipy.interpolate import PchipInterpolator
 
 from pipeline.clip import FloatArray
 from pipeline.trajectories.sparse import DURATION, HEIGHT, STEP, TURN
@@ -37,14 +38,15 @@ def interpolated_motion(rows: FloatArray, times: FloatArray, at: FloatArray) -> 
         at: [T] seconds, within.
 
     Returns:
-        [T, 66]: 60 joint coordinates and height on straight lines; velocity of the hips (left, forward, body lengths a
+        [T, 66]: 60 joint coordinates and height, by cubics that do not overshoot (Fritsch and Butland, 1984), which on
+        recorded motion are nearer to it than straight lines; velocity of the hips (left, forward, body lengths a
         second) and turning (radians a second), even from pose to pose; how far between its two poses an instant is,
         0 to 1; the logarithm of the seconds between these.
     """
     index = np.clip(np.searchsorted(times, at, side="right") - 1, 0, len(times) - 2)
     seconds = times[index + 1] - times[index]
     share = ((at - times[index]) / seconds)[:, None]
-    poses = rows[index, : HEIGHT + 1] * (1 - share) + rows[index + 1, : HEIGHT + 1] * share
+    poses = PchipInterpolator(times, rows[:, : HEIGHT + 1])(at)
     left, forward = (rows[index + 1, STEP] / seconds[:, None]).T
     turned = rows[index + 1, TURN] * share[:, 0]
     cosine, sine = np.cos(turned), np.sin(turned)

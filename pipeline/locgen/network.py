@@ -49,7 +49,7 @@ class Frames(nn.Module):
             recipe.embedding, recipe.state // 2, 2, batch_first=True, bidirectional=True, dropout=recipe.dropout
         )
         self.out = nn.Linear(recipe.state, MOVING + 2)
-        for parameter in self.out.parameters():  # starts from the straight lines themselves
+        for parameter in self.out.parameters():  # starts from the interpolated poses themselves
             nn.init.zeros_(parameter)
 
     def forward(self, rows: Tensor) -> Tensor:

@@ -73,11 +73,10 @@ def _fit(
         some = [pieces[i] for i in chosen]
         return _frames_loss(network, some, rng) if isinstance(network, Frames) else _between_loss(network, some)
 
-    count = max(1, round(len(pieces) / recipe.batch))
     return Training(
-        network, optimiser_of(network, recipe), recipe.epochs, rate_of(recipe),
-        lambda: np.array_split(rng.permutation(len(pieces)), count), loss, seed, rng, checkpoint, CHECKPOINT_EVERY,
-        progress,
+        network, optimiser_of(network, recipe), recipe.epochs_of(len(pieces)), rate_of(recipe),
+        lambda: np.array_split(rng.permutation(len(pieces)), recipe.batches(len(pieces))), loss, seed, rng, checkpoint,
+        CHECKPOINT_EVERY, progress,
     ).run()  # fmt: skip
 
 

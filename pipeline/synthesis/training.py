@@ -84,7 +84,7 @@ def fit_generator(
     if not made:
         raise ValueError("all clips are too short to train on")
     before = epochs_of([len(piece.sparse.rows) for piece in made], [piece.target for piece in made], going, first)
-    epochs = before + second.epochs
+    epochs = before + second.epochs_of(len(made))
 
     def beside(name: str) -> Path | None:
         return checkpoint.with_name(f"{checkpoint.stem}-{name}{checkpoint.suffix}") if checkpoint else None
