@@ -11,7 +11,7 @@ DEMO_LAKE = demo/$(notdir $(abspath $(DATA)))-lake
 DEMO_QUERIES = $(if $(filter demo/deepmimic,$(DATA)),humanoid3d_walk humanoid3d_kick humanoid3d_dance_a,--sample 3)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test lint ingest all $(STAGES) neighbours transitions synth status wheel bench-ingest bench-dtw bench-emd bench-retrieval bench-representation bench-words bench-find bench-motion-graph bench-neighbours bench-segmentation bench-signatures bench-align bench-pesta bench-descriptor-search bench-deephums bench-glogen
+.PHONY: help setup demo test lint ingest all $(STAGES) neighbours transitions synth status wheel bench-ingest bench-dtw bench-emd bench-retrieval bench-representation bench-words bench-find bench-motion-graph bench-neighbours bench-segmentation bench-signatures bench-align bench-pesta bench-descriptor-search bench-deephums bench-glogen bench-synthesis
 
 help: ## Show this help
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 24
@@ -136,6 +136,9 @@ bench-descriptor-search: setup ## Measure the search for nearest descriptors aga
 
 bench-deephums: setup ## Measure descriptors as the thesis does, with baselines, robustness, choices, pieces (hours; PARTS="retrieval ...": some)
 	$(BIN)/python -m bench.deephums $(PARTS)
+
+bench-synthesis: setup ## Measure how fast motion is made: 1, 100 and 1,000 clips in a lake, the networks beside acLSTM
+	$(BIN)/python -m bench.synthesis_speed
 
 bench-glogen: setup ## Measure synthesis beside its baselines: sparse poses, real time, ablations (hours; PARTS="sparse ...": some)
 	$(BIN)/python -m bench.glogen $(PARTS)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import partial
 from types import MappingProxyType
 from typing import Final
@@ -33,8 +34,19 @@ NETWORKS: Final[Mapping[str, Callable[[Shape], Network]]] = MappingProxyType(
 )
 # Put out steps from the last pose as published.
 RESIDUAL: Final = ("seq2seq", "vae_seq2seq", "attention_seq2seq", "hp_gan")
-# Settings that the search chose (`python -m bench.glogen search`), by set and network.
-CHOSEN: Final[Mapping[str, Mapping[str, Settings]]] = {"utd_mhad": {}, "indian": {}, "martial": {}, "walk": {}}
+_WIDE: Final = Settings(hidden=512)
+_LONG: Final = replace(Settings(), budget=replace(Settings().budget, steps=1000))
+_STEPS: Final = Settings(hidden=128, residual=True)
+_NARROW: Final = Settings(hidden=128)
+# Settings that the search chose (`python -m bench.glogen search`), by set and network; others have `DEFAULTS`.
+CHOSEN: Final[Mapping[str, Mapping[str, Settings]]] = MappingProxyType(
+    {
+        "utd_mhad": {"seq2seq": _WIDE, "vae_seq2seq": _LONG, "attention_seq2seq": _WIDE, "aclstm": _LONG},
+        "indian": {"aclstm": _STEPS, "scheduled_sampling": _NARROW},
+        "martial": {"aclstm": _STEPS},
+        "walk": {"aclstm": _STEPS, "scheduled_sampling": _STEPS},
+    }
+)
 UNTRAINED: Final[Mapping[str, Callable[[Task], Baseline]]] = MappingProxyType(
     {"zero_velocity": ZeroVelocity, "nearest_real": NearestReal}
 )

@@ -13,7 +13,7 @@ from pipeline.glogen.network import Ahead, Blocks
 from pipeline.trajectories.motion import JOINTS_GIVEN
 from pipeline.trajectories.sparse import DURATION, JOINT_COLUMNS
 
-# Of the mean joint on the way from foreign poses to where a class begins (`Beginnings`), at most; body lengths a second.
+# Of the mean joint on the way from foreign poses to where a class begins, at most; body lengths a second.
 SPEED: Final = 1.5
 
 
