@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from pipeline.skeleton.canonical import INDEX, PARENTS
 from pipeline.skeleton.facing import facing
 from pipeline.trajectories.body import STANDARD, body_length, measured_length, standard_joints
-from pipeline.trajectories.motion import FPS, BodyMotion, body_motion, in_world, mirrored, resampled
+from pipeline.trajectories.motion import FEET, FPS, BodyMotion, body_motion, in_world, mirrored, resampled
 from pipeline.trajectories.pieces import LONGEST, goes_on, pieces, ranges
 from pipeline.trajectories.sparse import DURATION, PIECE, POSES, STEP, TURN, poses_at, sparse_motion, uniform_places
 from pipeline.words.mirror import mirrored_positions
@@ -79,7 +79,7 @@ def test_a_clip_comes_back_from_what_generators_read(built_lake: Path) -> None:
         assert rotations.shape == (len(made), 21, 4)
 
 
-def test_a_standing_foot_stays() -> None:
+def test_a_standing_foot_stays_on_the_ground() -> None:
     positions = swinging(60)
     motion = body_motion(positions, 30.0)
     slides = in_world(replace(motion, stands=np.zeros((60, 2))), STANDARD, np.zeros(3), 0.0)[0]
@@ -87,6 +87,13 @@ def test_a_standing_foot_stays() -> None:
     foot = INDEX["left_ankle"]
     assert np.linalg.norm(np.diff(slides[:, foot, ::2], axis=0), axis=1).mean() > 0.02
     assert np.linalg.norm(np.diff(held[5:-5, foot, ::2], axis=0), axis=1).mean() < 0.002
+    floats = replace(motion, height=motion.height + 0.2)
+    feet = [INDEX[name] for name in FEET]
+    for stands, least, most in ((0.0, 0.15, 1.0), (1.0, -0.01, 0.02)):
+        made = in_world(replace(floats, stands=np.full((60, 2), stands)), STANDARD, np.array([0.0, 0.5, 0.0]), 0.0)[0]
+        lowest = made[:, feet, 1].min(axis=1) - 0.5
+        assert least < lowest.mean() < most
+        assert np.ptp(lowest) < 0.05 or not stands
 
 
 @settings(max_examples=20, deadline=None)

@@ -120,7 +120,8 @@ def in_world(
 ) -> tuple[FloatArray, FloatArray]:
     """A motion in the world, by a body.
 
-    Where a foot stands, the root moves so that the foot stays: sliding feet are what people see first.
+    Where a foot stands, the root moves so that the foot stays, on the ground: feet that slide or float are what people
+    see first.
 
     Args:
         motion: T frames.
@@ -138,7 +139,7 @@ def in_world(
     speed = _turned(np.stack([motion.velocity[:, 0], 0 * yaws, motion.velocity[:, 1]], axis=1)[:, None], yaws)[:, 0]
     steps = _held(speed * size / FPS, seen, motion.stands)
     path = root + np.concatenate([np.zeros((1, 3)), np.cumsum(steps[:-1], axis=0)])
-    path[:, 1] = root[1] + motion.height * size
+    path[:, 1] = root[1] + _grounded(motion.height * size, seen, motion.stands)
     return seen + path[:, None], rotations
 
 
@@ -154,6 +155,14 @@ def _held(steps: FloatArray, seen: FloatArray, stands: FloatArray) -> FloatArray
     change[:, 1] = 0
     held: FloatArray = steps + gaussian_filter1d(change, SMOOTH, axis=0) if len(steps) > 1 else steps
     return held
+
+
+def _grounded(heights: FloatArray, seen: FloatArray, stands: FloatArray) -> FloatArray:
+    """Heights of the root [T] that have the lowest joint of the feet on the ground where a foot stands."""
+    lowest = seen[:, [INDEX[name] for name in FEET], 1].min(axis=1)
+    change = (-lowest - heights) * stands.max(axis=1)
+    grounded: FloatArray = heights + gaussian_filter1d(change, SMOOTH, axis=0)
+    return grounded
 
 
 def _standing(feet: FloatArray) -> FloatArray:
