@@ -41,12 +41,15 @@ _NARROW: Final = Settings(hidden=128)
 # Settings that the search chose (`python -m bench.glogen search`), by set and network; others have `DEFAULTS`.
 CHOSEN: Final[Mapping[str, Mapping[str, Settings]]] = MappingProxyType(
     {
-        "utd_mhad": {"seq2seq": _WIDE, "vae_seq2seq": _LONG, "attention_seq2seq": _WIDE, "aclstm": _LONG},
+        "utd_mhad": {
+            "seq2seq": _WIDE, "vae_seq2seq": _LONG, "attention_seq2seq": _WIDE, "aclstm": _LONG,
+            "scheduled_sampling": _WIDE, "hp_gan": _LONG,
+        },
         "indian": {"aclstm": _STEPS, "scheduled_sampling": _NARROW},
         "martial": {"aclstm": _STEPS},
         "walk": {"aclstm": _STEPS, "scheduled_sampling": _STEPS},
     }
-)
+)  # fmt: skip
 UNTRAINED: Final[Mapping[str, Callable[[Task], Baseline]]] = MappingProxyType(
     {"zero_velocity": ZeroVelocity, "nearest_real": NearestReal}
 )

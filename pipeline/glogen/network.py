@@ -13,6 +13,7 @@ from pipeline.glogen.beginnings import KNOWN, Beginnings
 from pipeline.glogen.recipe import SEEDS, GloGenRecipe
 from pipeline.trajectories.sparse import JOINT_COLUMNS, WIDTH
 
+MOST: Final = 20_000  # windows of motions that the regression, and of a class its beginnings, are learned from
 JOINT_SCALE: Final = 0.1  # body lengths; all joints alike, so that errors stay distances
 
 
@@ -125,20 +126,23 @@ class Ahead(GloGen):
                 self.course[target] = torch.cat(own).mean(dim=0)
             elif own:
                 self.course[target] = torch.stack(own).mean(dim=0)
-        windows = [
-            (rows[start : start + self.recipe.sparse], target)
-            for rows, target in zip(scaled, targets.tolist(), strict=True)
+        places = [
+            (i, start)
+            for i, rows in enumerate(scaled)
             for start in range(0, max(1, len(rows) - self.recipe.sparse + 1))
             if len(rows) >= self.recipe.sparse
         ]
-        if windows:
-            self._learn_lead(torch.stack([w for w, _ in windows]), torch.tensor([target for _, target in windows]))
+        if places:
+            some = _some(places)
+            windows = torch.stack([scaled[i][start : start + self.recipe.sparse] for i, start in some])
+            self._learn_lead(windows, targets[[i for i, _ in some]])
 
     def _learn_beginnings(self, scaled: Sequence[Tensor], targets: Tensor, going: Sequence[bool]) -> None:
-        given: list[list[Tensor]] = [[] for _ in range(self.classes)]
-        for rows, target in zip(scaled, targets.tolist(), strict=True):
-            last = len(rows) - SEEDS if going[target] else 0
-            given[target] += [rows[start : start + SEEDS] for start in range(last + 1)]
+        places: list[list[tuple[int, int]]] = [[] for _ in range(self.classes)]
+        for i, target in enumerate(targets.tolist()):
+            last = len(scaled[i]) - SEEDS if going[target] else 0
+            places[target] += [(i, start) for start in range(last + 1)]
+        given = [[scaled[i][start : start + SEEDS] for i, start in _some(own)] for own in places]
         self.beginnings.learn([torch.stack(own) if own else torch.zeros(0) for own in given], going)
 
     def _learn_lead(self, scaled: Tensor, targets: Tensor) -> None:
@@ -166,6 +170,11 @@ class Ahead(GloGen):
         states, _ = self.seen(torch.cat([rows, prior[:, None].expand(-1, rows.shape[1], -1)], dim=2))
         mean, logarithm = self.latent(states.mean(dim=1)).chunk(2, dim=1)
         return mean, logarithm.clamp(-6, 4)
+
+
+def _some(places: Sequence[tuple[int, int]]) -> Sequence[tuple[int, int]]:
+    """At most `MOST` of them, evenly chosen."""
+    return places[:: -(-len(places) // MOST)] if len(places) > MOST else places
 
 
 def _apart(given: Tensor, course: Tensor) -> Tensor:
