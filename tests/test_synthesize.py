@@ -211,6 +211,15 @@ def test_search_finds_synthetic_clips_and_leaves_them_out(made: Path) -> None:
             ).fetchall()
             assert {row[0] for row in everything} == (synthetic | real) - {clip}, macro
             assert {row[0] for row in recorded_only} == real, macro
+        piece = "$clip, 0, 40"
+        for call in (f"find_motion({piece}", f"find_submotion({piece}", f"align_motion({piece}", "aligned_clips($clip"):
+            found, recorded = (
+                {row[0] for row in con.execute(f"SELECT clip FROM {call}, k := 100{more})", {"clip": clip}).fetchall()}
+                for more in ("", ", real := true")
+            )
+            assert found & synthetic, call
+            assert recorded, call
+            assert recorded <= real, call
 
 
 def test_models_are_not_fitted_to_synthetic_clips(made: Path, trained: Path, tmp_path: Path, scheduler: str) -> None:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import duckdb
 import pyarrow as pa
 from duckdb.func import ARROW, SPECIAL
-from duckdb.sqltypes import BIGINT, DOUBLE, INTEGER, VARCHAR
+from duckdb.sqltypes import BIGINT, BOOLEAN, DOUBLE, INTEGER, VARCHAR
 
 from pipeline.lake.catalog import Connection, reading
 from pipeline.lake.layout import Lake
@@ -35,12 +35,13 @@ Row = dict[str, Any]
 def register(con: Connection, lake: Lake) -> None:
     """Make three functions known to a connection. NULL leaves `start`, `stop`, `within`, `stride`, `method` open.
 
-    - `align_ranges(clip VARCHAR, start BIGINT, stop BIGINT, k BIGINT, within VARCHAR, stride BIGINT, method VARCHAR)
+    - `align_ranges(clip VARCHAR, start BIGINT, stop BIGINT, k BIGINT, within VARCHAR, stride BIGINT, method VARCHAR,
+      real BOOLEAN)
       -> STRUCT(rank, clip, start, stop, cost, normalised_cost, label, dataset, start_seconds, seconds)[]`:
       see `pipeline.align.Aligner.in_clip`.
-    - `align_strings(symbols INTEGER[], model VARCHAR, k BIGINT, within VARCHAR, stride BIGINT, method VARCHAR)`:
-      the same for a string of symbols, see `Aligner.in_symbols`.
-    - `align_wholes(clip VARCHAR, k BIGINT, within VARCHAR, stride BIGINT, method VARCHAR)
+    - `align_strings(symbols INTEGER[], model VARCHAR, k BIGINT, within VARCHAR, stride BIGINT, method VARCHAR,
+      real BOOLEAN)`: the same for a string of symbols, see `Aligner.in_symbols`.
+    - `align_wholes(clip VARCHAR, k BIGINT, within VARCHAR, stride BIGINT, method VARCHAR, real BOOLEAN)
       -> STRUCT(rank, clip, cost, label, dataset, seconds)[]`: see `Aligner.whole`.
     """
     symbols.see_tables(con)
@@ -54,8 +55,9 @@ def register(con: Connection, lake: Lake) -> None:
         within: pa.ChunkedArray,
         stride: pa.ChunkedArray,
         method: pa.ChunkedArray,
+        real: pa.ChunkedArray,
     ) -> pa.Array:
-        return _rows(served.ranges, RANGE, clip, start, stop, k, within, stride, method)
+        return _rows(served.ranges, RANGE, clip, start, stop, k, within, stride, method, real)
 
     def strings(
         given: pa.ChunkedArray,
@@ -64,8 +66,9 @@ def register(con: Connection, lake: Lake) -> None:
         within: pa.ChunkedArray,
         stride: pa.ChunkedArray,
         method: pa.ChunkedArray,
+        real: pa.ChunkedArray,
     ) -> pa.Array:
-        return _rows(served.strings_like, RANGE, given, model, k, within, stride, method)
+        return _rows(served.strings_like, RANGE, given, model, k, within, stride, method, real)
 
     def wholes(
         clip: pa.ChunkedArray,
@@ -73,11 +76,12 @@ def register(con: Connection, lake: Lake) -> None:
         within: pa.ChunkedArray,
         stride: pa.ChunkedArray,
         method: pa.ChunkedArray,
+        real: pa.ChunkedArray,
     ) -> pa.Array:
-        return _rows(served.wholes, WHOLE, clip, k, within, stride, method)
+        return _rows(served.wholes, WHOLE, clip, k, within, stride, method, real)
 
     kind: Any = {"type": ARROW, "null_handling": SPECIAL}
-    options: list[Any] = [BIGINT, VARCHAR, BIGINT, VARCHAR]
+    options: list[Any] = [BIGINT, VARCHAR, BIGINT, VARCHAR, BOOLEAN]
     found, clips = (duckdb.list_type(duckdb.struct_type(row)) for row in (RANGE, WHOLE))
     con.create_function("align_ranges", ranges, [VARCHAR, BIGINT, BIGINT, *options], found, **kind)
     con.create_function("align_strings", strings, [duckdb.list_type(INTEGER), VARCHAR, *options], found, **kind)
@@ -104,12 +108,12 @@ class _Served:
             return read_strings(con)
 
     @contextmanager
-    def aligner(self) -> Iterator[Aligner]:
+    def aligner(self, real: bool) -> Iterator[Aligner]:
         from pipeline.align import Aligner
 
         strings = self.strings
         with reading(self.lake) as con:
-            yield Aligner(con, self.lake, strings)
+            yield Aligner(con, self.lake, strings, real=real)
 
     def ranges(
         self,
@@ -120,19 +124,29 @@ class _Served:
         within: str | None,
         stride: int | None,
         method: str | None,
+        real: bool,
     ) -> list[Row]:
-        with self.aligner() as aligner:
+        with self.aligner(real) as aligner:
             hits = aligner.in_clip(clip, start, stop, k, dataset=within, stride=stride, method=method)
         return [hit.as_row() for hit in hits]
 
     def strings_like(
-        self, given: list[int], model: str | None, k: int, within: str | None, stride: int | None, method: str | None
+        self,
+        given: list[int],
+        model: str | None,
+        k: int,
+        within: str | None,
+        stride: int | None,
+        method: str | None,
+        real: bool,
     ) -> list[Row]:
-        with self.aligner() as aligner:
+        with self.aligner(real) as aligner:
             hits = aligner.in_symbols(given, k, model=model, dataset=within, stride=stride, method=method)
         return [hit.as_row() for hit in hits]
 
-    def wholes(self, clip: str, k: int, within: str | None, stride: int | None, method: str | None) -> list[Row]:
-        with self.aligner() as aligner:
+    def wholes(
+        self, clip: str, k: int, within: str | None, stride: int | None, method: str | None, real: bool
+    ) -> list[Row]:
+        with self.aligner(real) as aligner:
             hits = aligner.whole(clip, k, dataset=within, stride=stride, method=method)
         return [hit.as_row() for hit in hits]

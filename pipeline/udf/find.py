@@ -38,7 +38,7 @@ ROW = {
 def register(con: Connection, lake: Lake) -> None:
     """Make `find_ranges` known to a connection.
 
-    `find_ranges(clip VARCHAR, start BIGINT, stop BIGINT, k BIGINT, within VARCHAR, mirrored BOOLEAN) ->
+    `find_ranges(clip VARCHAR, start BIGINT, stop BIGINT, k BIGINT, within VARCHAR, mirrored BOOLEAN, real BOOLEAN) ->
     STRUCT(rank, clip, start, stop, distance, mirrored, label, dataset, start_seconds, seconds)[]`: see
     `pipeline.find.Finder.in_clip`. NULL for `start`, `stop` or `within` leaves them open.
     """
@@ -52,12 +52,13 @@ def register(con: Connection, lake: Lake) -> None:
         k: pa.ChunkedArray,
         within: pa.ChunkedArray,
         turned: pa.ChunkedArray,
+        real: pa.ChunkedArray,
     ) -> pa.Array:
-        rows = zip(*(column.to_pylist() for column in (clip, start, stop, k, within, turned)), strict=True)
+        rows = zip(*(column.to_pylist() for column in (clip, start, stop, k, within, turned, real)), strict=True)
         return pa.array([None if row[0] is None else served.find(*row) for row in rows], FOUND)
 
     kind: Any = {"type": ARROW, "null_handling": SPECIAL}
-    arguments: Any = [VARCHAR, BIGINT, BIGINT, BIGINT, VARCHAR, BOOLEAN]
+    arguments: Any = [VARCHAR, BIGINT, BIGINT, BIGINT, VARCHAR, BOOLEAN, BOOLEAN]
     con.create_function("find_ranges", found, arguments, duckdb.list_type(duckdb.struct_type(ROW)), **kind)
 
 
@@ -75,11 +76,12 @@ class _Served:
             return read_corpus(con)
 
     def find(
-        self, clip: str, start: int | None, stop: int | None, k: int, within: str | None, mirrored: bool
+        self, clip: str, start: int | None, stop: int | None, k: int, within: str | None, mirrored: bool, real: bool
     ) -> list[dict[str, object]]:
         from pipeline.find import Finder
 
         corpus = self.corpus
         with reading(self.lake) as con:
-            hits = Finder(con, self.lake, corpus).in_clip(clip, start, stop, k, dataset=within, mirrored=mirrored)
+            finder = Finder(con, self.lake, corpus, real=real)
+            hits = finder.in_clip(clip, start, stop, k, dataset=within, mirrored=mirrored)
         return [hit.as_row() for hit in hits]
