@@ -10,7 +10,8 @@ import numpy as np
 
 from pipeline.descriptors.config import DescriptorsConfig
 from pipeline.descriptors.sequence import FPS
-from pipeline.descriptors.training import Progress, TrainingClip, train_descriptor
+from pipeline.descriptors.training import TrainingClip, train_descriptor
+from pipeline.epochs import Progress
 from pipeline.errors import UserError
 from pipeline.lake.catalog import Connection
 from pipeline.lake.layout import Lake
