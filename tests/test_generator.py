@@ -22,7 +22,7 @@ from pipeline.trajectories.motion import body_motion
 from pipeline.trajectories.sparse import DURATION, WIDTH
 from tests.test_trajectories import swinging
 
-SMALL = GloGenRecipe(embedding=16, state=16, layers=1, latent=4, epochs=20, steps=0)
+SMALL = GloGenRecipe(embedding=16, state=16, layers=1, latent=4, epochs=20, steps=0, going_steps=0)
 DENSE = LocGenRecipe(embedding=16, state=16, epochs=2, steps=0)
 BODY = 1.3 * STANDARD
 

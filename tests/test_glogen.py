@@ -18,7 +18,9 @@ from pipeline.glogen.recipe import SEEDS, GloGenRecipe, glogen_recipe
 from pipeline.glogen.training import train_glogen, unseen
 from pipeline.trajectories.sparse import DURATION, HEIGHT, JOINT_COLUMNS, WIDTH
 
-SMALL = GloGenRecipe(embedding=16, state=32, layers=1, latent=4, dropout=0.0, epochs=30, batch=16, steps=0)
+SMALL = GloGenRecipe(
+    embedding=16, state=32, layers=1, latent=4, dropout=0.0, epochs=30, batch=16, steps=0, going_steps=0
+)
 
 
 def toy(count: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:

@@ -26,6 +26,8 @@ class GloGenRecipe:
         smooth: weight of the error of differences from pose to pose.
         noise: of the given poses while training, body lengths.
         epochs, steps: of training: so many epochs, more where these have fewer steps than `steps`.
+        going_steps: the same where a class goes on: it follows on its own poses again and again, and a network that has
+            learned it less well ends up standing still.
         missing: share of the joints of given poses that are not seen while training: they stand at their mean.
     """
 
@@ -49,14 +51,16 @@ class GloGenRecipe:
     batch: int = 64
     epochs: int = 40
     steps: int = 250
+    going_steps: int = 1000
 
     def batches(self, count: int) -> int:
         """How many batches `count` motions make."""
         return max(1, round(count / self.batch))
 
-    def epochs_of(self, count: int) -> int:
-        """How many epochs are trained on `count` motions."""
-        return max(self.epochs, -(-self.steps // self.batches(count)))
+    def epochs_of(self, count: int, going: bool) -> int:
+        """How many epochs are trained on `count` motions, of which some may be of classes that go on."""
+        steps = max(self.steps, self.going_steps * going)
+        return max(self.epochs, -(-steps // self.batches(count)))
 
 
 _RECIPES: Final = {
@@ -66,6 +70,7 @@ _RECIPES: Final = {
     "glogen": GloGenRecipe(
         architecture="blocks", embedding=200, state=1000, layers=1, cell="LSTM", latent=0, divergence=0.0, smooth=0.0,
         dropout=0.0, noise=0.0, optimiser="sgd", learning_rate=0.1, weight_decay=0.0, epochs=40, steps=0,
+        going_steps=0,
     ),
 }  # fmt: skip
 
@@ -73,4 +78,4 @@ _RECIPES: Final = {
 def glogen_recipe(name: str, epochs: int = 0) -> GloGenRecipe:
     """The recipe of a name; `epochs` other than 0 replaces its own."""
     recipe = _RECIPES[name]
-    return replace(recipe, epochs=epochs, steps=0) if epochs else recipe
+    return replace(recipe, epochs=epochs, steps=0, going_steps=0) if epochs else recipe

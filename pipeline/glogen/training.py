@@ -65,7 +65,7 @@ def train_glogen(
 
 def epochs_of(lengths: Sequence[int], targets: Sequence[int], going: Sequence[bool], recipe: GloGenRecipe) -> int:
     """How many epochs `train_glogen` trains on motions of so many sparse poses."""
-    return recipe.epochs_of(len(_items(lengths, targets, going)))
+    return recipe.epochs_of(len(_items(lengths, targets, going)), any(going))
 
 
 def _items(lengths: Sequence[int], targets: Sequence[int], going: Sequence[bool]) -> NDArray[np.int64]:
@@ -115,7 +115,7 @@ def _fit(
         return _loss(network, rows, there, motions.targets[chosen], recipe, rng)
 
     return Training(
-        network, optimiser_of(network, recipe), recipe.epochs_of(len(items)), rate_of(recipe),
+        network, optimiser_of(network, recipe), recipe.epochs_of(len(items), any(motions.going)), rate_of(recipe),
         lambda: np.array_split(rng.permutation(items), recipe.batches(len(items))), loss, seed, rng,
         checkpoint, CHECKPOINT_EVERY, progress,
     ).run()  # fmt: skip
