@@ -29,6 +29,7 @@ FEET: Final = ("left_ankle", "left_toe", "right_ankle", "right_toe")
 # A foot stands that is slower and lower than this: body lengths a second, body lengths above its own lowest places.
 SLOW: Final = 0.4
 LOW: Final = 0.06
+SETTLE: Final = 12.0  # frames, over which a body that floats is brought down
 SMOOTH: Final = 2.0  # frames, of what a standing foot changes in the root's velocity
 
 
@@ -158,10 +159,15 @@ def _held(steps: FloatArray, seen: FloatArray, stands: FloatArray) -> FloatArray
 
 
 def _grounded(heights: FloatArray, seen: FloatArray, stands: FloatArray) -> FloatArray:
-    """Heights of the root [T] that have the lowest joint of the feet on the ground where a foot stands."""
+    """Heights of the root [T] by which the body neither floats nor sinks while a foot stands.
+
+    The lowest joint of the feet is on the ground then in the mean of about a second, not frame by frame: steps and hops
+    keep their heights.
+    """
     lowest = seen[:, [INDEX[name] for name in FEET], 1].min(axis=1)
-    change = (-lowest - heights) * stands.max(axis=1)
-    grounded: FloatArray = heights + gaussian_filter1d(change, SMOOTH, axis=0)
+    weights = stands.max(axis=1)
+    apart = gaussian_filter1d((-lowest - heights) * weights, SETTLE, axis=0)
+    grounded: FloatArray = heights + apart / (gaussian_filter1d(weights, SETTLE, axis=0) + 0.1)
     return grounded
 
 
