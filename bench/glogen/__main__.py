@@ -1,7 +1,7 @@
 """`python -m bench.glogen [--seeds N] [--processes N] [--epochs N] [--methods NAME ...] [PART ...]`.
 
 sparse: the poses that follow five sparse poses, on utd_mhad (tables 4.1, 4.4). dense: what follows them in real time,
-each clip of a CMU set left out in turn (table 4.3). long: ten seconds from clips left out: energy, feet, travel.
+every clip of a CMU set left out once (table 4.3). long: ten seconds from clips left out: energy, feet, travel.
 search: the settings of the baselines, by what is held out of the data to train on.
 """
 
