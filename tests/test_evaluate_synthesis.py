@@ -19,10 +19,12 @@ from pipeline.evaluating.synthesis_trials import following
 from pipeline.evaluation.synthesis_errors import MILLISECONDS, body_poses, errors_at
 from pipeline.lake.catalog import writing
 from pipeline.lake.layout import open_lake
-from pipeline.pictures.synthesis_evaluation import beside_map, recognised_figure, synthesis_pictures
+from pipeline.pictures.synthesis_evaluation import recognised_figure, synthesis_pictures
+from pipeline.pictures.synthesis_map import beside_map, generator_map
 from pipeline.skeleton.canonical import INDEX, JOINTS, PARENTS
 from pipeline.stages.models import add_model, next_file, save_model
 from pipeline.synthesis.config import SynthesisConfig
+from pipeline.synthesis.embedding import EmbeddedMotions, embed_motions
 from pipeline.synthesis.training import TrainingMotion, train_generator
 from pipeline.synthesis.wishes import Synthesized, Wish
 from tests.lakes import motionlake, query
@@ -176,9 +178,25 @@ def test_pictures_can_be_read() -> None:
     found = synthesis_pictures(renamed)
     assert [each.name for each in found] == ["errors", "made-and-real", "strips", "measures", "recognised"]
     many = [f"class number {i}" for i in range(40)]
-    points = np.random.default_rng(0).random((40, 5))
+    points = np.random.default_rng(0).random((40, 5)).astype(np.float32)
     assert_readable(beside_map(points, many, points, many, NASTY[4], NASTY[1]))
+    assert_readable(generator_map(EmbeddedMotions(many, points, points), NASTY[4], NASTY[1]))
     assert_readable(recognised_figure(dict.fromkeys([*many, *NASTY], (0.0, 1.0)), NASTY[4], NASTY[1]))
+
+
+def test_clips_are_embedded_and_drawn_as_the_generator_reads_them() -> None:
+    short = replace(TEST[0], clip="short", positions=TEST[0].positions[:SEED])
+    read = [TrainingMotion(one.positions, one.fps, one.label) for one in (short, *TEST)]
+    generator = train_generator(read[1:], SynthesisConfig(epochs=1))
+    found = embed_motions(generator, read)
+    assert found.labels == [one.label for one in TEST]
+    assert found.with_class.shape == found.alone.shape == (len(TEST), 4 * generator.glogen.recipe.embedding)
+    # The prior moves every motion of a class alike.
+    moved = found.with_class - found.alone
+    same = np.array(found.labels) == found.labels[0]
+    assert np.ptp(moved[same], axis=0).max() < 1e-4 < np.ptp(moved, axis=0).max()
+    drawn = synthesis_pictures(replace(measured(truly), embedded=found))
+    assert "generator" in [each.name for each in drawn]
 
 
 @pytest.fixture(scope="module")

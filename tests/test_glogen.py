@@ -77,6 +77,22 @@ def test_the_thesis_network_has_its_sizes_and_iterates_five_poses() -> None:
         assert not torch.allclose(made, network(given, torch.tensor([4, 6]), torch.zeros(2, 1)))
 
 
+def test_the_embedding_of_a_motion_is_that_of_its_fives_one_after_the_other() -> None:
+    """Section 4.4: 4,000 numbers of 20 sparse poses, five by five; by class, and without one."""
+    rows, targets = torch.randn(3, 20, WIDTH), torch.tensor([0, 1, 1])
+    for recipe, width in ((glogen_recipe("glogen"), 1000), (SMALL, SMALL.embedding)):
+        network = glogen_network(recipe, 2).eval()
+        with torch.inference_mode():
+            found = network.embedding(rows, targets)
+            assert found.shape == (3, 4 * width)
+            third = network.read(rows[:, 10:15], network.prior(targets))
+            torch.testing.assert_close(found[:, 2 * width : 3 * width], third)
+            torch.testing.assert_close(network.embedding(rows[:1], targets[:1]), found[:1])
+            alone = network.embedding(rows)
+            assert not torch.allclose(alone, found)
+            torch.testing.assert_close(alone - found, (alone - found)[:, :width].repeat(1, 4), atol=1e-4, rtol=1e-4)
+
+
 @pytest.mark.parametrize("sparse", [16, 24])
 def test_other_numbers_of_sparse_poses(sparse: int) -> None:
     network = glogen_network(replace(glogen_recipe("glogen"), sparse=sparse, state=8, embedding=8), 2)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any, Final
 
 from pipeline.descriptors.sequence import clip_sequence
@@ -53,7 +54,9 @@ def evaluate_synthesis(
         UserError: no generator, no descriptors, no such split or column, or no clip to measure by.
     """
     from pipeline.descriptors.trained import load_descriptor
+    from pipeline.synthesis.embedding import embed_motions
     from pipeline.synthesis.generator import load_generator
+    from pipeline.synthesis.training import TrainingMotion
 
     model = current_model(con, KIND)
     if model is None:
@@ -78,7 +81,8 @@ def evaluate_synthesis(
     measured.found.update(
         protocol=clips.protocol, units=UNITS, model=_told(model), descriptor=_told(network), warning=warning
     )
-    return measured
+    read = [TrainingMotion(clip.positions, clip.fps, clip.label) for clip in clips.test]
+    return replace(measured, embedded=embed_motions(generator, read))
 
 
 def _told(model: Model) -> dict[str, Any]:

@@ -25,6 +25,7 @@ from pipeline.evaluating.synthesis_trials import (
 )
 from pipeline.evaluation.synthesis_likeness import frechet_distance
 from pipeline.evaluation.synthesis_movement import energy
+from pipeline.synthesis.embedding import EmbeddedMotions
 
 COUNT: Final = 10
 PIECE: Final = 10.0  # seconds
@@ -60,6 +61,7 @@ class SynthesisEvaluation:
         own: how many go on from a clip of their own class.
         real: [r, d] descriptors of what really follows in test clips, their classes [r] in `real_classes`.
         made: [m, d] descriptors of the trials.
+        embedded: test clips as the generator itself reads them; None where it tells nothing of that.
     """
 
     found: dict[str, Any]
@@ -68,6 +70,7 @@ class SynthesisEvaluation:
     real: NDArray[np.floating]
     real_classes: list[str]
     made: NDArray[np.floating]
+    embedded: EmbeddedMotions | None = None
 
 
 def measure_generator(

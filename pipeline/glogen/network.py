@@ -82,6 +82,22 @@ class GloGen(nn.Module):
         """[B, C] one-hot class prior."""
         return one_hot(targets, self.classes).float()
 
+    def read(self, poses: Tensor, prior: Tensor) -> Tensor:
+        """[B, E] what is made of the scaled poses [B, 5, 65] and their prior [B, C] before anything follows."""
+        raise NotImplementedError
+
+    def embedding(self, rows: Tensor, targets: Tensor | None = None) -> Tensor:
+        """[B, n // 5 * E] what is made of each five poses of motions, one five after the other (section 4.4).
+
+        Args:
+            rows: [B, n, 65] scaled poses.
+            targets: [B] classes, whose prior is read with the poses, as in figure 4.7; None: the poses alone.
+        """
+        fives = rows.shape[1] // SEEDS
+        known = torch.zeros(len(rows), self.classes) if targets is None else self.prior(targets)
+        poses = rows[:, : fives * SEEDS].reshape(-1, SEEDS, rows.shape[2])
+        return self.read(poses, known.repeat_interleave(fives, dim=0)).reshape(len(rows), -1)
+
 
 class Ahead(GloGen):
     """All poses that follow at once, read both ways in time, so that those to come shape those before them.
@@ -164,6 +180,10 @@ class Ahead(GloGen):
         led = torch.einsum("tk,bkd->btd", self.lead, _apart(given, course))
         return course[:, SEEDS:] + led + self.out(states)  # type: ignore[no-any-return]
 
+    def read(self, poses: Tensor, prior: Tensor) -> Tensor:
+        """[B, 128] of scaled poses [B, 5, 65]."""
+        return self.given(poses.flatten(1)) + self.of_class(prior)  # type: ignore[no-any-return]
+
     def infer(self, rows: Tensor, targets: Tensor) -> tuple[Tensor, Tensor]:
         """Means and logarithms of variances [B, L] of the latent numbers of scaled motions [B, 20, 65]."""
         prior = self.of_class(self.prior(targets))
@@ -211,9 +231,16 @@ class Blocks(GloGen):
 
     def states(self, poses: Tensor, targets: Tensor) -> Tensor:
         """[B, t, 1000] states of the encoder, one a pose."""
-        prior = self.prior(targets)[:, None].expand(-1, poses.shape[1], -1)
-        encoded, _ = self.encoder(self.embed(torch.cat([poses, prior], dim=2)))
+        encoded, _ = self.encoder(self._embedded(poses, self.prior(targets)))
         return encoded  # type: ignore[no-any-return]
+
+    def read(self, poses: Tensor, prior: Tensor) -> Tensor:
+        """[B, 1000] the embedded poses, one after the other, of [B, 5, 65]."""
+        return self._embedded(poses, prior).flatten(1)
+
+    def _embedded(self, poses: Tensor, prior: Tensor) -> Tensor:
+        """[B, t, 200] poses [B, t, 65] with their class prior [B, C]."""
+        return self.embed(torch.cat([poses, prior[:, None].expand(-1, poses.shape[1], -1)], dim=2))  # type: ignore[no-any-return]
 
 
 def glogen_network(recipe: GloGenRecipe, classes: int) -> Ahead | Blocks:

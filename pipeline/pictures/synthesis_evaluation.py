@@ -1,4 +1,4 @@
-"""Pictures of what `evaluate_synthesis` found: errors over time, a map (figure 4.7 of the thesis), strips, bars."""
+"""Pictures of what `evaluate_synthesis` found: errors over time, maps, strips, bars."""
 
 from __future__ import annotations
 
@@ -7,28 +7,25 @@ from typing import Any, Final
 
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from pipeline.evaluating.synthesis_generator import SynthesisEvaluation
 from pipeline.evaluating.synthesis_trials import Trial
-from pipeline.pictures.descriptor_map import PERPLEXITY, tsne
+from pipeline.pictures.descriptor_map import PERPLEXITY
 from pipeline.pictures.html import Picture, picture
 from pipeline.pictures.stick_figures import draw_strip
-from pipeline.pictures.style import FAINT, INK, TOP, Sheet, bare, class_styles, styled
+from pipeline.pictures.style import FAINT, INK, TOP, Sheet, styled
+from pipeline.pictures.synthesis_map import beside_map, generator_map
 
 MADE: Final = "#0072B2"
 REAL: Final = "#9a9a9a"
-MAPPED: Final = 12  # classes that a map shows
 STRIPS: Final = 5
 MOMENTS: Final = 13
 ROW: Final = 1.35
-SIDE: Final = 4.1
-LINE: Final = 0.19
 BAR: Final = 0.11
 
 
 def synthesis_pictures(measured: SynthesisEvaluation) -> list[Picture]:
-    """Errors over time, the map where there are enough motions, strips, bars."""
+    """Errors over time, maps where there are enough motions, strips, bars."""
     found, trials = measured.found, measured.trials
     note = f"{found.get('protocol', 'test clips')}: {found['n']['test']} to go on from, {found['n']['classes']} classes"
     title = "Error after the seed"
@@ -40,6 +37,14 @@ def synthesis_pictures(measured: SynthesisEvaluation) -> list[Picture]:
             f"t-SNE of both together, perplexity {PERPLEXITY:.0f}; the axes have no meaning of their own",
         )  # fmt: skip
         made.append(picture("made-and-real", title, "Each point a motion; near points, near descriptors.", figure))
+    embedded = measured.embedded
+    if embedded is not None and len(embedded.labels) >= 4:
+        title = "Test clips as the generator reads them"
+        figure = generator_map(
+            embedded, title,
+            "t-SNE of the embeddings of four times five sparse poses (figure 4.7); each frame a plane of its own",
+        )  # fmt: skip
+        made.append(picture("generator", title, "Each point a real clip; near points are read alike.", figure))
     title = "Made motion below real motion of its class"
     shown = [trials[i] for i in chosen(trials, measured.own)]
     figure = strips_figure(shown, title, "each as long as the real clip goes on; the seeds are not shown")
@@ -89,61 +94,6 @@ def error_figure(found: Mapping[str, Any], title: str, note: str = "") -> Figure
     axes.set_ylim(0, None)
     axes.set_xlabel("ms after the seed", fontsize=8)
     axes.set_ylabel("mean per-joint error, mm", fontsize=8)
-    return sheet.figure
-
-
-@styled
-def beside_map(
-    real: NDArray[np.floating], real_classes: Sequence[str], made: NDArray[np.floating], made_classes: Sequence[str],
-    title: str, note: str = "",
-) -> Figure:  # fmt: skip
-    """Vectors of real and of made motions in one plane, drawn in two frames of the same scale.
-
-    Up to `MAPPED` classes, spread over their names; the legend counts real and made ones.
-
-    Args:
-        real: [r, d].
-        real_classes: [r].
-        made: [m, d].
-        made_classes: [m] wanted classes.
-        title: one line.
-        note: one line below it.
-
-    Raises:
-        ValueError: fewer than four vectors of the classes shown.
-    """
-    names = sorted({*real_classes, *made_classes})
-    at = np.unique(np.linspace(0, len(names) - 1, min(MAPPED, len(names))).round().astype(int))
-    shown = [names[i] for i in at.tolist()]
-    of_real = np.array([i for i, name in enumerate(real_classes) if name in shown], dtype=int)
-    of_made = np.array([i for i, name in enumerate(made_classes) if name in shown], dtype=int)
-    points = tsne(np.concatenate([real[of_real], made[of_made]]))
-    styles = class_styles(shown)
-    legend = 2.3
-    sheet = Sheet(0.15 + 2 * SIDE + 0.2 + 0.2 + legend, TOP + 0.25 + max(SIDE, len(shown) * LINE) + 0.15, title, note)
-    frames = (("real", points[: len(of_real)], [real_classes[i] for i in of_real]),
-              ("made", points[len(of_real) :], [made_classes[i] for i in of_made]))  # fmt: skip
-    low, high = points.min(axis=0), points.max(axis=0)
-    edge = 0.05 * (high - low) + 1e-9
-    for place, (name, some, classes) in enumerate(frames):
-        left = 0.15 + place * (SIDE + 0.2)
-        sheet.text(left, TOP + 0.12, f"{name} ({len(some)})", size=9)
-        axes = bare(sheet.axes(left, TOP + 0.22, SIDE, SIDE), "left", "right", "top", "bottom")
-        for label, style in styles.items():
-            own = some[[c == label for c in classes]]
-            axes.scatter(
-                own[:, 0], own[:, 1], 30, color=style.colour, marker=style.marker, edgecolors="white", linewidths=0.5
-            )  # fmt: skip
-        axes.set_xlim(low[0] - edge[0], high[0] + edge[0])
-        axes.set_ylim(low[1] - edge[1], high[1] + edge[1])
-    left = 0.15 + 2 * (SIDE + 0.2)
-    for i, name in enumerate(shown):
-        y = TOP + 0.32 + LINE * i
-        sheet.canvas.scatter(
-            [left + 0.1], [y], 34, color=styles[name].colour, marker=styles[name].marker, edgecolors="white",
-            linewidths=0.5,
-        )  # fmt: skip
-        sheet.text(left + 0.24, y, name, size=8, va="center_baseline", room=legend - 0.35)
     return sheet.figure
 
 

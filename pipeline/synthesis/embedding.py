@@ -1,0 +1,48 @@
+"""What a generator makes of real motion before anything follows: its embedding subspace (section 4.4)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+
+from pipeline.synthesis.generator import TrainedGenerator
+from pipeline.synthesis.start import SHORTEST
+from pipeline.synthesis.training import TrainingMotion
+from pipeline.threads import on_threads
+from pipeline.trajectories.motion import FPS, body_motion
+from pipeline.trajectories.pieces import ranges
+from pipeline.trajectories.sparse import sparse_motion
+from pipeline.words.features import Float32Array
+
+
+@dataclass(frozen=True)
+class EmbeddedMotions:
+    """Motions as a generator reads them.
+
+    Attributes:
+        labels: [n] their classes.
+        with_class: [n, E] embeddings of their sparse poses, five by five, with the class prior, as in figure 4.7.
+        alone: [n, E] without it: what the poses themselves say.
+    """
+
+    labels: list[str]
+    with_class: Float32Array
+    alone: Float32Array
+
+
+def embed_motions(generator: TrainedGenerator, motions: Sequence[TrainingMotion]) -> EmbeddedMotions:
+    """Embed motions of classes that the generator knows; of long ones the first piece; short ones are left out."""
+    chosen = [motion for motion in motions if len(motion.positions) / motion.fps * FPS >= SHORTEST]
+    count, width = generator.glogen.recipe.sparse, len(generator.glogen.scale.mean)
+    rows = np.zeros((len(chosen), count, width), dtype=np.float32)
+    for i, motion in enumerate(chosen):
+        body = body_motion(motion.positions, motion.fps)
+        rows[i] = sparse_motion(body.cut(*ranges(len(body))[0]), count).rows
+    targets = torch.tensor([generator.classes.index(motion.label) for motion in chosen], dtype=torch.int64)
+    with on_threads(1), torch.inference_mode():
+        scaled = generator.glogen.scale(torch.from_numpy(rows))
+        found = [generator.glogen.embedding(scaled, known).numpy() for known in (targets, None)]
+    return EmbeddedMotions([motion.label for motion in chosen], *found)
