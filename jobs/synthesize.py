@@ -58,7 +58,7 @@ def run(session: Session, request: Request, dataset: str, count: int) -> Synthes
     if planned.shards:
         _try(session, model, request, starts)
     _forget_unfinished(session, planned.shards)
-    outcome = execute(lake, JOB, planned.shards, session.client, session.progress) if planned.shards else Outcome()
+    outcome = _execute(session, planned.shards)
     session.outcomes[synthesize.NAME] = outcome
     with reading(lake) as con:
         lengths = fetch(con, "queries/seconds_of_clips.sql", {"clips": planned.clips})
@@ -70,6 +70,14 @@ def run(session: Session, request: Request, dataset: str, count: int) -> Synthes
         sum(row["seconds"] for row in lengths),
         time.perf_counter() - started,
     )
+
+
+def _execute(session: Session, shards: list[Shard]) -> Outcome:
+    """On the cluster; one shard alone in this process, which has the generator in memory already."""
+    if not shards:
+        return Outcome()
+    alone = len(shards) == 1 and session.scheduler is None
+    return execute(session.lake, JOB, shards, None if alone else session.client, session.progress)
 
 
 def _try(session: Session, model: Model, request: Request, starts: list[Start]) -> None:

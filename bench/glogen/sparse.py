@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from typing import Final
@@ -152,20 +152,24 @@ def _whole(test: Float32Array, made: Float32Array) -> Float32Array:
 def judge_of(count: int) -> TrainedDescriptor:
     """A descriptor network of sparse poses, trained on those of the training split by class, for no generator."""
     train, _ = task(count).rows
-    clips = [TrainingClip(s, label) for s, label in zip(_sequences(train), task(count).train.labels, strict=True)]
+    clips = [
+        TrainingClip(s, label) for s, label in zip(as_described(list(train)), task(count).train.labels, strict=True)
+    ]
     return train_descriptor(clips, DescriptorsConfig(supervision="labels", epochs=40))
 
 
 def _described(judge: TrainedDescriptor, rows: Float32Array) -> Float32Array:
-    return judge.embed(_sequences(rows))
+    return judge.embed(as_described(list(rows)))
 
 
-def _sequences(rows: Float32Array) -> list[Float32Array]:
-    """As descriptors read clips: 15 joints, the first in the place of the root's path, which is none here."""
+def as_described(motions: Sequence[Float32Array]) -> list[Float32Array]:
+    """Poses [n, 60] or wider as descriptors read clips: 15 joints, the first in the place of the root's path (none)."""
     chosen = [INDEX[name] - 1 for name in COMMON[1:]]
-    joints = rows[..., JOINT_COLUMNS].reshape(*rows.shape[:2], -1, 3)[:, :, chosen]
-    root = np.zeros((*rows.shape[:2], 1, 3), dtype=np.float32)
-    return list(np.concatenate([root, joints], axis=2).astype(np.float32))
+    found = []
+    for rows in motions:
+        joints = rows[:, JOINT_COLUMNS].reshape(len(rows), -1, 3)[:, chosen]
+        found.append(np.concatenate([np.zeros((len(rows), 1, 3)), joints], axis=1).astype(np.float32))
+    return found
 
 
 METHODS: Final = (*SPARSE, *GLOGEN)
