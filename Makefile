@@ -41,7 +41,7 @@ demo/deepmimic/.ready: | setup
 	touch $@
 
 test: lint ## Run the checks and all tests (MOTIONLAKE_DATA: folder of real recordings)
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -n logical --maxprocesses 4 --dist loadfile --no-loadscope-reorder
 
 lint: setup ## Run ruff, mypy and the import contracts
 	$(BIN)/ruff check .

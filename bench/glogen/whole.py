@@ -56,14 +56,16 @@ class Question:
     targets: NDArray[np.int64]
     lengths: list[int]
 
-    def truth(self) -> list[Float32Array]:
-        """Of each clip [length, 60]: one frame after the last given pose, two frames after it, and so on."""
-        return [
-            interpolated(frames_of(one.piece.motion).astype(float), _place(one) + np.arange(1, n + 1)).astype(
-                np.float32
-            )
-            for one, n in zip(self.asked, self.lengths, strict=True)
-        ]
+    def truth(self, *, between: bool) -> list[Float32Array]:
+        """Of each clip [length, 60]: one frame after the last given pose, two frames after it, and so on.
+
+        A sparse pose may lie between two frames; methods that read frames begin at the first of these (not `between`).
+        """
+        found = []
+        for one, n in zip(self.asked, self.lengths, strict=True):
+            at = (_place(one) if between else one.start) + np.arange(1, n + 1)
+            found.append(interpolated(frames_of(one.piece.motion).astype(float), at).astype(np.float32))
+        return found
 
 
 def question(chosen: Material) -> Question:
@@ -80,7 +82,7 @@ def measure(unit: Unit) -> dict[str, Found]:
     test = question(split_material(SET, "test"))
     make = _ours if unit.method in OURS else _baseline
     guessed, sampled = make(unit, test)
-    truth = test.truth()
+    truth = test.truth(between=unit.method in OURS)
     apart = np.concatenate([made - true for made, true in zip(guessed, truth, strict=True)]).astype(float)
     return {
         unit.method: {
@@ -140,7 +142,7 @@ def _judge() -> TrainedDescriptor:
     train = split_material(SET, "train")
     asked = question(train)
     labels = [train.classes[target] for target in asked.targets.tolist()]
-    clips = [TrainingClip(s, label) for s, label in zip(as_described(asked.truth()), labels, strict=True)]
+    clips = [TrainingClip(s, label) for s, label in zip(as_described(asked.truth(between=True)), labels, strict=True)]
     return train_descriptor(clips, DescriptorsConfig(supervision="labels", epochs=40))
 
 
