@@ -46,6 +46,18 @@ class Spec:
         return replace(self, config=replace(self.config, seed=seed))
 
 
+@dataclass(frozen=True)
+class Unit:
+    """One dictionary of the set that a part of the bench is about."""
+
+    dictionary: str
+    spec: Spec
+    seed: int
+
+    def __str__(self) -> str:
+        return f"{self.dictionary}, m = {self.spec.config.m}, seed {self.seed}"
+
+
 def ready_made() -> Spec | None:
     """The dictionary that comes with the package, if there is one."""
     return Spec(load_dictionary(shipped.FILE).config, ready=True) if shipped.about() else None

@@ -9,10 +9,10 @@ from __future__ import annotations
 import statistics
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Final
 
-from bench.pesta.dictionaries import OWN, Spec, fitted, strings_of
+from bench.pesta.dictionaries import OWN, Spec, Unit, fitted, strings_of
 from bench.pesta.measuring import STA3, whole_scores
 from bench.pesta.sets import labels_of
 from bench.units import Found
@@ -24,18 +24,6 @@ SIZES: Final = (50, 100, 200, 300, 400, 500, 600, 700, 800)
 SIZES_OF_AAE: Final = (50, 200, 400, 800)
 ROUNDS: Final = 5
 SCORES: Final = ("map", "p_at_5", "milliseconds", "symbols", "occupied")
-
-
-@dataclass(frozen=True)
-class Unit:
-    """One dictionary of one size."""
-
-    dictionary: str
-    spec: Spec
-    seed: int
-
-    def __str__(self) -> str:
-        return f"{SET}, {self.dictionary}, m = {self.spec.config.m}, seed {self.seed}"
 
 
 def units(seeds: Sequence[int], aae: Spec) -> list[Unit]:

@@ -9,12 +9,11 @@ each symbol of the query ("one way", the paper's), and by the worse of that and 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
-from bench.pesta.dictionaries import Spec, fitted, strings_of
+from bench.pesta.dictionaries import Spec, Unit, fitted, strings_of
 from bench.pesta.measuring import STA3
 from bench.pesta.sets import segments_of
 from bench.pesta.whole import DTW, SCORES, SW, specs
@@ -35,18 +34,6 @@ ALIGNMENTS: Final[dict[str, tuple[AlignmentConfig, bool]]] = {
     "DTW": (DTW, True),
     "SW": (SW, True),
 }
-
-
-@dataclass(frozen=True)
-class Unit:
-    """One dictionary."""
-
-    dictionary: str
-    spec: Spec
-    seed: int
-
-    def __str__(self) -> str:
-        return f"{SET}, {self.dictionary}, seed {self.seed}"
 
 
 def units(seeds: Sequence[int], aae: Spec) -> list[Unit]:

@@ -9,13 +9,13 @@ on the set as it was recorded, and frozen.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
 
 from bench.canonical_sets import LabelledClip, features
-from bench.pesta.dictionaries import Spec, fitted, string
+from bench.pesta.dictionaries import Spec, Unit, fitted, string
 from bench.pesta.measuring import STA2, STA3, whole_scores
 from bench.pesta.sets import clips_of, labels_of
 from bench.pesta.whole import DTW, SW, specs
@@ -40,18 +40,6 @@ ALIGNMENTS: Final[dict[str, tuple[AlignmentConfig, Both]]] = {
     "DTW, one way": (DTW, "query"),
     "SW, one way": (SW, "query"),
 }
-
-
-@dataclass(frozen=True)
-class Unit:
-    """One dictionary at every rate."""
-
-    dictionary: str
-    spec: Spec
-    seed: int
-
-    def __str__(self) -> str:
-        return f"{SET}, {self.dictionary}, seed {self.seed}"
 
 
 def units(seeds: Sequence[int], aae: Spec) -> list[Unit]:

@@ -7,11 +7,11 @@ whose exercise another take shows too. Times are medians of every sub-query of e
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from functools import partial
 from typing import Final
 
-from bench.pesta.dictionaries import Spec, fitted, ready_made, strings_of
+from bench.pesta.dictionaries import Spec, Unit, fitted, ready_made, strings_of
 from bench.pesta.measuring import STA2
 from bench.pesta.sets import segments_of
 from bench.pesta.whole import READY, specs
@@ -38,18 +38,6 @@ METHODS: Final = {
     "DTW": (fresh_search, AlignmentConfig("dtw")),
     "SW": (fresh_search, AlignmentConfig("sw")),
 }
-
-
-@dataclass(frozen=True)
-class Unit:
-    """One dictionary."""
-
-    dictionary: str
-    spec: Spec
-    seed: int
-
-    def __str__(self) -> str:
-        return f"{self.dictionary}, seed {self.seed}"
 
 
 def units(seeds: Sequence[int], aae: Spec) -> list[Unit]:
