@@ -6,7 +6,7 @@ from dataclasses import asdict, replace
 from typing import Any
 
 from jobs import modelling
-from jobs.execute import Outcome, StageJob, execute
+from jobs.execute import Outcome, StageJob
 from jobs.session import Session
 from pipeline.descriptors import shipped
 from pipeline.lake.catalog import reading
@@ -37,7 +37,7 @@ def run(session: Session, *, refit: bool = False) -> Outcome:
     # The descriptors of a new network enter together: the old ones serve until all are there.
     replaces = served is not None and served.model != network.model
     job = StageJob(descriptors.NAME, descriptors.run, descriptors.load, one_load=replaces)
-    return execute(session.lake, job, shards, session.client, session.progress) if shards else Outcome()
+    return session.execute(job, shards)
 
 
 def train(

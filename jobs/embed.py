@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from jobs import modelling
-from jobs.execute import Outcome, StageJob, execute
+from jobs.execute import Outcome, StageJob
 from jobs.session import Session
 from pipeline.lake.catalog import reading
 from pipeline.stages import embed
@@ -35,7 +35,7 @@ def run(session: Session, *, refit: bool = False) -> Outcome:
         return Outcome()
     with reading(session.lake) as con:
         shards = embed.plan(con, session.lake, session.config, network)
-    return execute(session.lake, JOB, shards, session.client, session.progress) if shards else Outcome()
+    return session.execute(JOB, shards)
 
 
 def train(session: Session, *, fine_tune: bool = False) -> Model | None:

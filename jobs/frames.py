@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from jobs.execute import Outcome, StageJob, execute
+from jobs.execute import Outcome, StageJob
 from jobs.session import Session
 from pipeline.lake.catalog import fetch, load_rows, reading, run_sql, table_of, writing
 from pipeline.stages import frames
@@ -52,7 +52,7 @@ def run(
     _remember(session, due)
     shards = [s for root, difference, shaping in due for s in _shards(session, root, difference, shaping, retry_failed)]
     session.notice(f"frames: {sum(s.items for s in shards)} new or changed files")
-    outcome = execute(session.lake, JOB, shards, session.client, session.progress) if shards else Outcome()
+    outcome = session.execute(JOB, shards)
     session.outcomes[frames.NAME] = outcome
     labels = [
         report

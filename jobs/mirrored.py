@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from jobs.execute import Outcome, StageJob, execute
+from jobs.execute import Outcome, StageJob
 from jobs.session import Session
 from pipeline.lake.catalog import reading
 from pipeline.stages import embed, mirrored, motifs
@@ -18,4 +18,4 @@ def run(session: Session) -> Outcome:
             session.notice("mirrored: there are no motifs yet; `motionlake run all` makes every stage")
             return Outcome()
         shards = mirrored.plan(con, session.lake, session.config, network, model)
-    return execute(session.lake, JOB, shards, session.client, session.progress) if shards else Outcome()
+    return session.execute(JOB, shards)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import asdict
 
-from jobs.execute import Outcome, StageJob, execute
+from jobs.execute import Outcome, StageJob
 from jobs.modelling import make
 from jobs.session import Session
 from pipeline.lake.catalog import reading
@@ -24,7 +24,7 @@ def run(session: Session, *, refit: bool = False) -> Outcome:
     model = fitted or _fit(session, network)
     with reading(session.lake) as con:
         shards = motifs.plan(con, session.lake, session.config, network, model)
-    return execute(session.lake, JOB, shards, session.client, session.progress) if shards else Outcome()
+    return session.execute(JOB, shards)
 
 
 def _fit(session: Session, network: Model) -> Model:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import asdict
 
-from jobs.execute import Outcome, StageJob, execute
+from jobs.execute import Outcome, StageJob
 from jobs.modelling import make
 from jobs.session import Session
 from pipeline.lake.catalog import reading
@@ -24,7 +24,7 @@ def run(session: Session, *, refit: bool = False) -> Outcome:
     index = fitted or _fit(session)
     with reading(session.lake) as con:
         shards = neighbours.plan(con, session.config, index)
-    return execute(session.lake, JOB, shards, session.client, session.progress) if shards else Outcome()
+    return session.execute(JOB, shards)
 
 
 def _fit(session: Session) -> Model:

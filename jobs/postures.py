@@ -6,7 +6,7 @@ from dataclasses import asdict
 from typing import Any
 
 from jobs import modelling
-from jobs.execute import Outcome, StageJob, execute
+from jobs.execute import Outcome, StageJob
 from jobs.session import Session
 from pipeline.lake.catalog import reading
 from pipeline.postures import shipped
@@ -34,7 +34,7 @@ def run(session: Session, *, refit: bool = False) -> Outcome:
         return Outcome()
     with reading(session.lake) as con:
         shards = postures.plan(con, session.lake, dictionary)
-    return execute(session.lake, JOB, shards, session.client, session.progress) if shards else Outcome()
+    return session.execute(JOB, shards)
 
 
 def train(session: Session) -> Model | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from datetime import datetime
@@ -10,11 +10,12 @@ from datetime import datetime
 from distributed import Client
 
 from jobs.cluster import cluster
-from jobs.execute import Outcome, Progress
+from jobs.execute import Outcome, Progress, StageJob, execute
 from pipeline.config import LakeConfig, load_config
 from pipeline.lake.garbage import collect_garbage
 from pipeline.lake.layout import Lake
 from pipeline.lake.lock import locked
+from pipeline.stages.shard import Shard
 
 
 @dataclass
@@ -43,6 +44,11 @@ class Session:
         if self._client is None:
             self._client = self._stack.enter_context(cluster(self.lake, self.workers, self.scheduler))
         return self._client
+
+    def execute(self, job: StageJob, shards: Sequence[Shard], *, here: bool = False) -> Outcome:
+        """Run shards on the cluster, which starts if there are any; `here`: in this process."""
+        client = None if here or not shards else self.client
+        return execute(self.lake, job, shards, client, self.progress)
 
 
 @contextmanager

@@ -6,7 +6,7 @@ from dataclasses import asdict
 from typing import Any
 
 from jobs import modelling
-from jobs.execute import Outcome, StageJob, execute
+from jobs.execute import Outcome, StageJob
 from jobs.session import Session
 from pipeline.descriptors import shipped_submotion
 from pipeline.lake.catalog import reading
@@ -37,7 +37,7 @@ def run(session: Session, *, refit: bool = False) -> Outcome:
     # The windows of a new network enter together: the old ones serve until all are there.
     replaces = served is not None and served.model != network.model
     job = StageJob(submotions.NAME, submotions.run, submotions.load, one_load=replaces)
-    return execute(session.lake, job, shards, session.client, session.progress) if shards else Outcome()
+    return session.execute(job, shards)
 
 
 def train(session: Session, split: str | None = None, dataset: str | None = None) -> Model | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from jobs.execute import Outcome, StageJob, execute
+from jobs.execute import Outcome, StageJob
 from jobs.session import Session
 from pipeline.lake.catalog import reading
 from pipeline.stages import postures, symbols
@@ -17,4 +17,4 @@ def run(session: Session) -> Outcome:
             session.notice("symbols: there are no coded postures yet; `motionlake run all` makes every stage")
             return Outcome()
         shards = symbols.plan(con, session.lake, session.config, dictionary)
-    return execute(session.lake, JOB, shards, session.client, session.progress) if shards else Outcome()
+    return session.execute(JOB, shards)

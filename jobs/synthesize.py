@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass, replace
 
-from jobs.execute import Outcome, StageJob, execute
+from jobs.execute import StageJob
 from jobs.session import Session
 from pipeline.lake.catalog import fetch, reading, run_sql, writing
 from pipeline.stages import synthesize
@@ -58,7 +58,8 @@ def run(session: Session, request: Request, dataset: str, count: int) -> Synthes
     if planned.shards:
         _try(session, model, request, starts)
     _forget_unfinished(session, planned.shards)
-    outcome = _execute(session, planned.shards)
+    # One shard alone is made in this process, which has the generator in memory already.
+    outcome = session.execute(JOB, planned.shards, here=len(planned.shards) == 1 and session.scheduler is None)
     session.outcomes[synthesize.NAME] = outcome
     with reading(lake) as con:
         lengths = fetch(con, "queries/seconds_of_clips.sql", {"clips": planned.clips})
@@ -70,14 +71,6 @@ def run(session: Session, request: Request, dataset: str, count: int) -> Synthes
         sum(row["seconds"] for row in lengths),
         time.perf_counter() - started,
     )
-
-
-def _execute(session: Session, shards: list[Shard]) -> Outcome:
-    """On the cluster; one shard alone in this process, which has the generator in memory already."""
-    if not shards:
-        return Outcome()
-    alone = len(shards) == 1 and session.scheduler is None
-    return execute(session.lake, JOB, shards, None if alone else session.client, session.progress)
 
 
 def _try(session: Session, model: Model, request: Request, starts: list[Start]) -> None:

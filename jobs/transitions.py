@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from jobs.execute import Outcome, StageJob, execute
+from jobs.execute import Outcome, StageJob
 from jobs.session import Session
 from pipeline.errors import UserError
 from pipeline.lake.catalog import reading
@@ -28,11 +28,11 @@ def run(session: Session, dataset: str | None = None) -> Outcome:
             session.notice("transitions: there are no motifs yet; `motionlake run all` makes every stage")
             return Outcome()
         shards = transitions.plan(con, config, dataset)
-    outcome = execute(lake, PAIRS, shards, session.client, session.progress) if shards else Outcome()
+    outcome = session.execute(PAIRS, shards)
     with reading(lake) as con:
         shards = transitions.plan_contexts(con, lake, config, dataset)
     if shards:
-        made = execute(lake, CONTEXTS, shards, session.client, session.progress)
+        made = session.execute(CONTEXTS, shards)
         outcome.ok += made.ok
         outcome.failed += made.failed
         outcome.reason = made.reason or outcome.reason

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from jobs.execute import Outcome, StageJob, execute
+from jobs.execute import Outcome, StageJob
 from jobs.session import Session
 from pipeline.lake.catalog import reading
 from pipeline.stages import words
@@ -13,4 +13,4 @@ JOB = StageJob(words.NAME, words.run, words.load)
 def run(session: Session) -> Outcome:
     with reading(session.lake) as con:
         shards = words.plan(con, session.config.words)
-    return execute(session.lake, JOB, shards, session.client, session.progress) if shards else Outcome()
+    return session.execute(JOB, shards)
