@@ -96,6 +96,23 @@ def test_a_standing_foot_stays_on_the_ground() -> None:
         assert np.ptp(lowest) < 0.05 or not stands
 
 
+def test_who_stands_sinks_no_deeper_than_the_legs_bend_and_who_flies_is_left_alone() -> None:
+    motion = body_motion(swinging(60), 30.0)
+    feet = [INDEX[name] for name in FEET]
+    dip = 0.2 * np.exp(-(((np.arange(60) - 30) / 6) ** 2))
+
+    def lowest(change: np.ndarray, stands: float) -> np.ndarray:
+        moved = replace(motion, height=motion.height + change, stands=np.full((60, 2), stands))
+        made = in_world(moved, STANDARD, np.array([0.0, 0.5, 0.0]), 0.0)[0]
+        return np.asarray(made[:, feet, 1].min(axis=1) - 0.5)
+
+    # The legs stay straight while the hips go down and up by as much.
+    assert lowest(-dip, 0.7).min() < -0.1
+    assert np.abs(lowest(-dip, 1.0)).max() < 0.06
+    hop = lowest(dip, 0.0)
+    np.testing.assert_allclose(hop - lowest(0 * dip, 0.0), dip, atol=1e-6)
+
+
 @settings(max_examples=20, deadline=None)
 @given(st.floats(-3, 3), st.floats(-5, 5), st.floats(-5, 5), st.floats(0.5, 2))
 def test_place_facing_and_size_do_not_count(yaw: float, x: float, z: float, size: float) -> None:

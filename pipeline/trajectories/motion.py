@@ -30,7 +30,11 @@ FEET: Final = ("left_ankle", "left_toe", "right_ankle", "right_toe")
 SLOW: Final = 0.4
 LOW: Final = 0.06
 SETTLE: Final = 12.0  # frames, over which a body that floats is brought down
-SMOOTH: Final = 2.0  # frames, of what a standing foot changes in the root's velocity
+SMOOTH: Final = 2.0  # frames, of what a standing foot changes in how the root moves
+# A foot stands as surely as this, not at all, or in between.
+SURE: Final = 0.95
+UNSURE: Final = 0.8
+AWAY: Final = 0.025  # body lengths, from the ground, of feet that stand
 
 
 @dataclass(frozen=True)
@@ -140,7 +144,7 @@ def in_world(
     speed = _turned(np.stack([motion.velocity[:, 0], 0 * yaws, motion.velocity[:, 1]], axis=1)[:, None], yaws)[:, 0]
     steps = _held(speed * size / FPS, seen, motion.stands)
     path = root + np.concatenate([np.zeros((1, 3)), np.cumsum(steps[:-1], axis=0)])
-    path[:, 1] = root[1] + _grounded(motion.height * size, seen, motion.stands)
+    path[:, 1] = root[1] + _grounded(motion.height * size, seen, motion.stands, size)
     return seen + path[:, None], rotations
 
 
@@ -158,17 +162,25 @@ def _held(steps: FloatArray, seen: FloatArray, stands: FloatArray) -> FloatArray
     return held
 
 
-def _grounded(heights: FloatArray, seen: FloatArray, stands: FloatArray) -> FloatArray:
+def _grounded(heights: FloatArray, seen: FloatArray, stands: FloatArray, size: float) -> FloatArray:
     """Heights of the root [T] by which the body neither floats nor sinks while a foot stands.
 
     The lowest joint of the feet is on the ground then in the mean of about a second, not frame by frame: steps and hops
-    keep their heights.
+    keep their heights. Where a foot surely stands it is never further away than in recordings: a squat of limbs of
+    constant length goes less deep than a depth sensor has it.
     """
     lowest = seen[:, [INDEX[name] for name in FEET], 1].min(axis=1)
     weights = stands.max(axis=1)
-    apart = gaussian_filter1d((-lowest - heights) * weights, SETTLE, axis=0)
-    grounded: FloatArray = heights + apart / (gaussian_filter1d(weights, SETTLE, axis=0) + 0.1)
-    return grounded
+    settled = heights + _spread(-lowest - heights, weights, SETTLE)
+    apart = -lowest - settled
+    beyond = apart - np.clip(apart, -AWAY * size, AWAY * size)
+    return settled + _spread(beyond, np.clip((weights - UNSURE) / (SURE - UNSURE), 0, 1), SMOOTH)
+
+
+def _spread(apart: FloatArray, weights: FloatArray, frames: float) -> FloatArray:
+    """Mean of `apart` [T] over the frames about each, by weights [T]; towards nothing where there are none."""
+    spread: FloatArray = gaussian_filter1d(apart * weights, frames) / (gaussian_filter1d(weights, frames) + 0.1)
+    return spread
 
 
 def _standing(feet: FloatArray) -> FloatArray:
