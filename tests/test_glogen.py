@@ -15,7 +15,7 @@ from pipeline.glogen.beginnings import Beginnings
 from pipeline.glogen.follow import SPEED, follow, led_over
 from pipeline.glogen.network import Ahead, Blocks, glogen_network
 from pipeline.glogen.recipe import SEEDS, GloGenRecipe, glogen_recipe
-from pipeline.glogen.training import train_glogen, unseen
+from pipeline.glogen.training import epochs_of, train_glogen, unseen
 from pipeline.trajectories.sparse import DURATION, HEIGHT, JOINT_COLUMNS, WIDTH
 
 SMALL = GloGenRecipe(
@@ -207,3 +207,21 @@ def test_a_class_that_goes_on_is_learned_from_any_pose_on() -> None:
     made = following(network, asked, np.zeros(20, dtype=np.int64))
     error = np.abs(made - asked[:, SEEDS:]).mean()
     assert error < 0.35 * np.abs(asked[:, SEEDS:]).mean()  # the mean pose is zero
+
+
+def test_motions_that_overlap_make_epochs_no_longer() -> None:
+    rng = np.random.default_rng(0)
+    motions = [rng.standard_normal((20, WIDTH)).astype(np.float32) for _ in range(40)]
+    targets = np.arange(40) % 2
+    recipe = replace(SMALL, epochs=3, batch=4)
+    told: list[int] = []
+    for share in (1.0, 0.25):
+        train_glogen(
+            motions, targets, 2, recipe, 0, going=[True, False], share=share,
+            progress=lambda done, of, _: told.append(of),
+        )  # fmt: skip
+        assert told[-1] == epochs_of([20] * 40, targets.tolist(), [True, False], recipe, share)
+    # Of the class that goes on three windows a motion, of the other one: 80 in all, or 35.
+    least = replace(recipe, epochs=1, steps=20)
+    assert epochs_of([20] * 40, targets.tolist(), [True, False], least) == 1
+    assert epochs_of([20] * 40, targets.tolist(), [True, False], least, 0.25) == 3

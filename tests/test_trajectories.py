@@ -218,3 +218,6 @@ def test_a_walk_goes_on_and_a_gesture_comes_to_its_end() -> None:
     made = pieces([long, gestures[0]], [0, 1], going=[True, False])
     assert [len(piece.motion) for piece in made] == [LONGEST + 1, 90]
     assert [len(piece.sparse.rows) for piece in made] == [30, 20]
+    again = pieces([long, gestures[0]], [0, 1], going=[True, False], again=20)
+    assert [len(piece.motion) for piece in again] == [PIECE, PIECE, PIECE, 90]
+    assert not np.allclose(again[0].sparse.rows[5:10], again[1].sparse.rows[5:10])

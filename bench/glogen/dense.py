@@ -14,9 +14,11 @@ from bench.glogen.methods import CHOSEN, DEFAULTS, DENSE, fitted
 from bench.glogen.motions import Motions
 from bench.glogen.sparse import settings_of
 from bench.units import Found
+from pipeline.clip import FloatArray
 from pipeline.evaluation.synthesis_errors import MILLISECONDS
 from pipeline.glogen.recipe import SEEDS
 from pipeline.locgen.dense import dense_motions
+from pipeline.locgen.lead_in import led_in, state_at
 from pipeline.synthesis.config import SynthesisConfig
 from pipeline.synthesis.course import Course, go_on
 from pipeline.synthesis.generator import TrainedGenerator
@@ -156,7 +158,13 @@ def continued(generator: TrainedGenerator, pieces: list[Piece], targets: list[in
         [Course(p.sparse.rows[:SEEDS], [t], latent, frames / FPS, 1.0) for p, t in zip(pieces, targets, strict=True)],
     )
     rows, times = [np.stack(course.rows) for course in courses], [course.times() for course in courses]
-    return dense_motions(generator.locgen, rows, times, frames)
+    made = dense_motions(generator.locgen, rows, times, frames)
+    return [led_in(motion, _ahead(generator, p, t)) for motion, p, t in zip(made, pieces, targets, strict=True)]
+
+
+def _ahead(generator: TrainedGenerator, piece: Piece, target: int) -> FloatArray | None:
+    place = piece.sparse.places[SEEDS - 1 : SEEDS]
+    return generator.lead.ahead(state_at(piece.motion, place)[0], target) if generator.going[target] else None
 
 
 def _apart(made: Float32Array, one: Asked, place: float) -> NDArray[np.float64]:

@@ -28,6 +28,8 @@ class GloGenRecipe:
         epochs, steps: of training: so many epochs, more where these have fewer steps than `steps`.
         going_steps: the same where a class goes on: it follows on its own poses again and again, and a network that has
             learned it less well ends up standing still.
+        going_dropout: instead of `dropout` where a class goes on.
+        again: frames from piece to piece in which clips of classes that go on are read.
         missing: share of the joints of given poses that are not seen while training: they stand at their mean.
     """
 
@@ -42,6 +44,8 @@ class GloGenRecipe:
     divergence: float = 0.001
     smooth: float = 1.0
     dropout: float = 0.2
+    going_dropout: float = 0.0
+    again: int = 10
     noise: float = 0.02
     missing: float = 0.0
     mirror: bool = False
@@ -69,7 +73,7 @@ _RECIPES: Final = {
     # epochs is not said.
     "glogen": GloGenRecipe(
         architecture="blocks", embedding=200, state=1000, layers=1, cell="LSTM", latent=0, divergence=0.0, smooth=0.0,
-        dropout=0.0, noise=0.0, optimiser="sgd", learning_rate=0.1, weight_decay=0.0, epochs=40, steps=0,
+        dropout=0.0, again=0, noise=0.0, optimiser="sgd", learning_rate=0.1, weight_decay=0.0, epochs=40, steps=0,
         going_steps=0,
     ),
 }  # fmt: skip

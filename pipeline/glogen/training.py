@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
@@ -32,6 +32,7 @@ def train_glogen(
     seed: int,
     *,
     going: Sequence[bool] = (),
+    share: float = 1.0,
     checkpoint: Path | None = None,
     progress: Progress | None = None,
 ) -> tuple[Ahead | Blocks, list[float]]:
@@ -44,6 +45,7 @@ def train_glogen(
         recipe: how.
         seed: of weights, order and chance.
         going: whether each class goes on: its motions are learned from any pose on; none by default.
+        share: of the motions of classes that go on that an epoch takes, drawn anew: less than 1 where they overlap.
         checkpoint: a file to save training to and to go on from; deleted at the end.
         progress: called with (epochs done, epochs, mean loss).
 
@@ -54,18 +56,22 @@ def train_glogen(
     on = list(going) or [False] * classes
     with on_threads(1), torch.random.fork_rng(devices=[]):
         torch.manual_seed(seed)
-        network = glogen_network(recipe, classes)
+        network = glogen_network(replace(recipe, dropout=recipe.going_dropout) if any(on) else recipe, classes)
         rows, labels = [torch.from_numpy(motion) for motion in motions], torch.from_numpy(targets)
         network.learn(rows, labels, on)
         data = np.concatenate([*[motion.ravel() for motion in motions], targets]).astype(np.float32)
         kept = Checkpoint(checkpoint, data, recipe) if checkpoint else None
-        losses = _fit(network, _Motions(rows, labels, on, recipe.sparse), recipe, seed, rng, kept, progress)
+        losses = _fit(network, _Motions(rows, labels, on, recipe.sparse, share), recipe, seed, rng, kept, progress)
     return network.eval(), losses
 
 
-def epochs_of(lengths: Sequence[int], targets: Sequence[int], going: Sequence[bool], recipe: GloGenRecipe) -> int:
+def epochs_of(
+    lengths: Sequence[int], targets: Sequence[int], going: Sequence[bool], recipe: GloGenRecipe, share: float = 1.0
+) -> int:
     """How many epochs `train_glogen` trains on motions of so many sparse poses."""
-    return recipe.epochs_of(len(_items(lengths, targets, going)), any(going))
+    items = _items(lengths, targets, going)
+    drawn = sum(going[targets[i]] for i in items.tolist())
+    return recipe.epochs_of(len(items) - drawn + round(share * drawn), any(going))
 
 
 def _items(lengths: Sequence[int], targets: Sequence[int], going: Sequence[bool]) -> NDArray[np.int64]:
@@ -81,10 +87,19 @@ class _Motions:
     targets: Tensor
     going: list[bool]
     sparse: int
+    share: float
 
     def items(self) -> NDArray[np.int64]:
         """Motions as an epoch takes them: once; those of classes that go on as often as they hold five poses."""
         return _items([len(rows) for rows in self.rows], self.targets.tolist(), self.going)
+
+    def drawn(self, items: NDArray[np.int64], rng: np.random.Generator) -> NDArray[np.int64]:
+        """What one epoch takes of the items, in its order."""
+        if self.share == 1.0:
+            return rng.permutation(items)
+        on = np.array(self.going)[self.targets.numpy()[items]]
+        some = rng.permutation(items[on])[: round(self.share * int(on.sum()))]
+        return rng.permutation(np.concatenate([items[~on], some]))
 
     def windows(self, chosen: NDArray[np.int64], rng: np.random.Generator) -> tuple[Tensor, Tensor]:
         """[B, sparse, 65] poses and [B, sparse] which of them there are: a motion may end before its window does."""
@@ -109,14 +124,15 @@ def _fit(
     progress: Progress | None,
 ) -> list[float]:
     items = motions.items()
+    count = len(motions.drawn(items, np.random.default_rng(0)))
 
     def loss(chosen: NDArray[np.int64]) -> Tensor:
         rows, there = motions.windows(chosen, rng)
         return _loss(network, rows, there, motions.targets[chosen], recipe, rng)
 
     return Training(
-        network, optimiser_of(network, recipe), recipe.epochs_of(len(items), any(motions.going)), rate_of(recipe),
-        lambda: np.array_split(rng.permutation(items), recipe.batches(len(items))), loss, seed, rng,
+        network, optimiser_of(network, recipe), recipe.epochs_of(count, any(motions.going)), rate_of(recipe),
+        lambda: np.array_split(motions.drawn(items, rng), recipe.batches(count)), loss, seed, rng,
         checkpoint, CHECKPOINT_EVERY, progress,
     ).run()  # fmt: skip
 

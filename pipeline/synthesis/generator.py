@@ -14,6 +14,7 @@ from pipeline.clip import FloatArray
 from pipeline.glogen.network import Ahead, Blocks, glogen_network
 from pipeline.glogen.recipe import GloGenRecipe
 from pipeline.locgen.dense import dense_motions
+from pipeline.locgen.lead_in import LeadIn, led_in
 from pipeline.locgen.network import Between, Frames, locgen_network
 from pipeline.locgen.recipe import LocGenRecipe
 from pipeline.network_file import read_network, save_network
@@ -37,6 +38,7 @@ class TrainedGenerator:
         classes: [C] it knows.
         going: [C] whether the motion of each goes on, or comes to its end (`pieces.goes_on`).
         glogen, locgen: networks in evaluation mode, on the CPU.
+        lead: how motion goes on from recorded frames.
         figures: of its training.
     """
 
@@ -45,6 +47,7 @@ class TrainedGenerator:
     going: list[bool]
     glogen: Ahead | Blocks
     locgen: Frames | Between
+    lead: LeadIn
     figures: Mapping[str, Any]
 
     def generate(self, wishes: Sequence[Wish]) -> list[Synthesized]:
@@ -65,7 +68,8 @@ class TrainedGenerator:
                 rows = [np.stack(courses[i].rows) for i in chosen]
                 times = [courses[i].times() for i in chosen]
                 for i, motion in zip(chosen, dense_motions(self.locgen, rows, times, frames), strict=True):
-                    positions, rotations = in_world(motion, wishes[i].start.rest_offsets, starts[i].root, starts[i].yaw)
+                    begun = led_in(motion, self._ahead(wishes[i], starts[i]))
+                    positions, rotations = in_world(begun, wishes[i].start.rest_offsets, starts[i].root, starts[i].yaw)
                     made[i] = _given(wishes[i], starts[i], courses[i], positions, rotations)
         return [one for one in made if one is not None]
 
@@ -86,6 +90,10 @@ class TrainedGenerator:
         going = self.going[self.classes.index(wish.classes[0])]
         return start_of(wish.start, wish.seed, self.glogen.recipe.sparse, going)
 
+    def _ahead(self, wish: Wish, start: Start) -> FloatArray | None:
+        target = self.classes.index(wish.classes[0])
+        return None if start.state is None else self.lead.ahead(start.state, target, wish.pace)
+
     def _course(self, wish: Wish, start: Start) -> Course:
         targets = [self.classes.index(name) for name in wish.classes]
         rng = np.random.default_rng(wish.seed)
@@ -93,13 +101,17 @@ class TrainedGenerator:
         ending = [self.glogen.recipe.architecture == "ahead" and not self.going[target] for target in targets]
         return Course(start.rows, targets, latent, wish.seconds, wish.pace, ending)
 
+    def _networks(self) -> nn.ModuleDict:
+        return nn.ModuleDict({"glogen": self.glogen, "locgen": self.locgen, "lead": self.lead})
+
     def save(self, path: Path) -> None:
         """Write it as one safetensors file."""
         kept = {
             "config": asdict(self.config), "classes": self.classes, "going": self.going, "figures": dict(self.figures),
-            "joints": list(JOINTS), "glogen": asdict(self.glogen.recipe), "locgen": asdict(self.locgen.recipe),
+            "examples": len(self.lead.classes), "joints": list(JOINTS),
+            "glogen": asdict(self.glogen.recipe), "locgen": asdict(self.locgen.recipe),
         }  # fmt: skip
-        save_network(path, nn.ModuleDict({"glogen": self.glogen, "locgen": self.locgen}), METADATA_KEY, kept)
+        save_network(path, self._networks(), METADATA_KEY, kept)
 
 
 def _frames(wish: Wish) -> int:
@@ -122,6 +134,10 @@ def load_generator(path: Path) -> TrainedGenerator:
         raise ValueError(f"{path} was trained on another skeleton: {', '.join(kept['joints'])}")
     glogen = glogen_network(GloGenRecipe(**kept["glogen"]), len(kept["classes"]))
     locgen = locgen_network(LocGenRecipe(**kept["locgen"]))
-    nn.ModuleDict({"glogen": glogen, "locgen": locgen}).load_state_dict(tensors)
+    lead = LeadIn(len(kept["classes"]), kept["examples"])
     config = SynthesisConfig(**kept["config"])
-    return TrainedGenerator(config, kept["classes"], kept["going"], glogen.eval(), locgen.eval(), kept["figures"])
+    generator = TrainedGenerator(
+        config, kept["classes"], kept["going"], glogen.eval(), locgen.eval(), lead, kept["figures"]
+    )
+    generator._networks().load_state_dict(tensors)
+    return generator

@@ -9,6 +9,7 @@ import numpy as np
 
 from pipeline.clip import FloatArray
 from pipeline.glogen.recipe import SEEDS
+from pipeline.locgen.lead_in import state_at
 from pipeline.skeleton.canonical import JOINTS
 from pipeline.skeleton.facing import facing
 from pipeline.synthesis.wishes import Seed
@@ -26,12 +27,14 @@ class Start:
 
     Attributes:
         rows: [5, 65] sparse poses.
+        state: [184] how the body stands and moves at the last of them (`lead_in.state_at`), of a class that goes on.
         root: [3] where the hips are in the last of them, metres; y is that of the ground.
         yaw: which way the body faces there, radians.
         first, last: frames [first, last) of the clip, at its own rate, that the poses are from.
     """
 
     rows: FloatArray
+    state: FloatArray | None
     root: FloatArray
     yaw: float
     first: int
@@ -70,4 +73,5 @@ def start_of(seed: Seed, chance: int, sparse: int, going: bool = False) -> Start
     height = motion.height[min(len(motion) - 1, round(start + found.places[SEEDS - 1]))]
     root[1] -= height * measured_length(seed.positions)
     yaw = float(facing(seed.positions[last : last + 1])[0])
-    return Start(found.rows[:SEEDS], root, yaw, int(places[0]), last + 1)
+    state = state_at(piece, found.places[SEEDS - 1 : SEEDS])[0] if going else None
+    return Start(found.rows[:SEEDS], state, root, yaw, int(places[0]), last + 1)

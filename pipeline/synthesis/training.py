@@ -12,16 +12,18 @@ import numpy as np
 from pipeline.clip import FloatArray
 from pipeline.glogen.recipe import SEEDS, GloGenRecipe, glogen_recipe
 from pipeline.glogen.training import epochs_of, train_glogen
+from pipeline.locgen.lead_in import fit_lead_in
 from pipeline.locgen.recipe import LocGenRecipe, locgen_recipe
 from pipeline.locgen.training import train_locgen
 from pipeline.synthesis.config import SynthesisConfig
 from pipeline.synthesis.generator import TrainedGenerator
 from pipeline.trajectories.motion import BodyMotion, body_motion
-from pipeline.trajectories.pieces import goes_on, pieces
+from pipeline.trajectories.pieces import Piece, goes_on, pieces
 from pipeline.trajectories.sparse import PIECE
 
 Progress = Callable[[int, int, float], None]
 STRIDE: Final = 25  # frames from piece to piece of a long clip, by the default recipe
+MOST: Final = 2000  # pieces that overlap, about
 
 
 @dataclass(frozen=True)
@@ -79,12 +81,22 @@ def fit_generator(
     ahead = first.architecture == "ahead"
     going = goes_on(motions, targets, len(classes)) if ahead else [False] * len(classes)
     stride = STRIDE if ahead else PIECE
-    made = pieces(motions, targets, count=first.sparse, stride=stride, mirror=first.mirror, going=going)
-    made = [piece for piece in made if len(piece.sparse.rows) > SEEDS]
-    if not made:
+    again = _again(motions, [going[target] for target in targets], first.again)
+
+    def cut(again: int) -> list[Piece]:
+        made = pieces(
+            motions, targets, count=first.sparse, stride=stride, mirror=first.mirror, going=going, again=again
+        )  # fmt: skip
+        return [piece for piece in made if len(piece.sparse.rows) > SEEDS]
+
+    whole = cut(0)
+    made = cut(again) if again else whole
+    if not whole:
         raise ValueError("all clips are too short to train on")
-    before = epochs_of([len(piece.sparse.rows) for piece in made], [piece.target for piece in made], going, first)
-    epochs = before + second.epochs_of(len(made))
+    share = _frames(whole, going) / max(1, _frames(made, going)) if again else 1.0
+    lengths, of = [len(piece.sparse.rows) for piece in made], [piece.target for piece in made]
+    before = epochs_of(lengths, of, going, first, share)
+    epochs = before + second.epochs_of(len(whole))
 
     def beside(name: str) -> Path | None:
         return checkpoint.with_name(f"{checkpoint.stem}-{name}{checkpoint.suffix}") if checkpoint else None
@@ -94,19 +106,32 @@ def fit_generator(
 
     glogen_network, losses = train_glogen(
         [piece.sparse.rows.astype(np.float32) for piece in made],
-        np.array([piece.target for piece in made]),
+        np.array(of),
         len(classes),
         first,
         config.seed,
         going=going,
+        share=share,
         checkpoint=beside("glogen"),
         progress=tell(0),
     )
     locgen_network, dense_losses = train_locgen(
-        made, second, config.seed, checkpoint=beside("locgen"), progress=tell(before)
+        whole, second, config.seed, checkpoint=beside("locgen"), progress=tell(before)
     )
+    lead = fit_lead_in(motions, targets, going)
     figures = {
         "clips": len(motions), "classes": len(classes), "loss": [round(loss, 5) for loss in losses],
         "locgen_loss": [round(loss, 5) for loss in dense_losses],
     }  # fmt: skip
-    return TrainedGenerator(config, classes, going, glogen_network, locgen_network, figures)
+    return TrainedGenerator(config, classes, going, glogen_network, locgen_network, lead, figures)
+
+
+def _again(motions: Sequence[BodyMotion], going: Sequence[bool], least: int) -> int:
+    """Frames from piece to piece of clips that go on: more where there are so many that pieces need not overlap."""
+    frames = sum(len(motion) for motion, on in zip(motions, going, strict=True) if on)
+    return min(max(least, -(-frames // MOST)), PIECE) if least and frames else 0
+
+
+def _frames(made: Sequence[Piece], going: Sequence[bool]) -> int:
+    """How many frames pieces of classes that go on hold."""
+    return sum(len(piece.motion) for piece in made if going[piece.target])

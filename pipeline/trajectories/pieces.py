@@ -35,6 +35,7 @@ def pieces(
     stride: int = PIECE,
     mirror: bool = False,
     going: Sequence[bool] = (),
+    again: int = 0,
 ) -> list[Piece]:
     """Clips of at most `LONGEST` frames as they are, longer ones in pieces of `PIECE`, one every `stride` frames.
 
@@ -46,15 +47,24 @@ def pieces(
         mirror: adds every piece reflected left to right.
         going: whether each class goes on (`goes_on`); none by default. Clips of such classes are not cut, and have as
             many sparse poses as their length asks for (`even_motion`).
+        again: frames from one piece of `PIECE` frames to the next that clips of such classes are read in, so that their
+            sparse poses lie elsewhere in each; 0: they are read whole.
     """
     made = []
     for motion, target in zip(motions, targets, strict=True):
         on = bool(going) and going[target]
-        for start, stop in [(0, len(motion))] if on else ranges(len(motion), stride):
+        for start, stop in overlapping(len(motion), again) if on else ranges(len(motion), stride):
             piece = motion.cut(start, stop)
             for one in (piece, mirrored(piece)) if mirror else (piece,):
                 made.append(Piece(one, even_motion(one) if on else sparse_motion(one, count), target))
     return made
+
+
+def overlapping(frames: int, again: int) -> list[tuple[int, int]]:
+    """Pieces [start, stop) of `PIECE` frames of a clip, one every `again` frames; the whole clip where it is 0."""
+    if not again or frames <= PIECE:
+        return [(0, frames)]
+    return [(start, start + PIECE) for start in range(0, frames - PIECE + 1, again)]
 
 
 def goes_on(motions: Sequence[BodyMotion], targets: Sequence[int], classes: int) -> list[bool]:
