@@ -11,10 +11,12 @@ import pytest
 
 from pipeline.glogen.recipe import GloGenRecipe
 from pipeline.locgen.recipe import LocGenRecipe
+from pipeline.network_file import save_network
+from pipeline.skeleton.canonical import JOINTS
 from pipeline.skeleton.pose import forward_kinematics
 from pipeline.synthesis.config import SynthesisConfig
 from pipeline.synthesis.course import FASTEST, Course
-from pipeline.synthesis.generator import TrainedGenerator, load_generator
+from pipeline.synthesis.generator import METADATA_KEY, TrainedGenerator, load_generator
 from pipeline.synthesis.training import TrainingMotion, fit_generator, train_generator
 from pipeline.synthesis.wishes import Seed, Synthesized, Wish
 from pipeline.trajectories.body import STANDARD
@@ -152,6 +154,10 @@ def test_other_files_are_refused(generator: TrainedGenerator, tmp_path: Path, mo
     monkeypatch.undo()
     with pytest.raises(ValueError, match="another skeleton: hips, tail"):
         load_generator(tmp_path / "other.safetensors")
+    old = {"joints": list(JOINTS), "classes": ["walk"], "going": [False], "figures": {}}
+    save_network(tmp_path / "old.safetensors", generator.locgen, METADATA_KEY, old)
+    with pytest.raises(ValueError, match="earlier version; train one anew"):
+        load_generator(tmp_path / "old.safetensors")
 
 
 @pytest.mark.parametrize(

@@ -17,6 +17,7 @@ from pipeline.lake.catalog import Connection
 from pipeline.lake.layout import Lake
 from pipeline.stages.descriptors import served_network
 from pipeline.stages.models import Model, current_model
+from pipeline.stages.synthesis import open_generator
 
 KIND: Final = "synthesis"
 UNITS: Final = {
@@ -55,7 +56,6 @@ def evaluate_synthesis(
     """
     from pipeline.descriptors.trained import load_descriptor
     from pipeline.synthesis.embedding import embed_motions
-    from pipeline.synthesis.generator import load_generator
     from pipeline.synthesis.training import TrainingMotion
 
     model = current_model(con, KIND)
@@ -64,7 +64,7 @@ def evaluate_synthesis(
     network = served_network(con)
     if network is None:
         raise UserError(f"{lake.root}: has no descriptors yet; make them with `motionlake run descriptors`")
-    generator = load_generator(lake.path(model.file))
+    generator = open_generator(lake, model)
     descriptor = load_descriptor(lake.path(network.file))
     clips = real_clips(
         con, lake, generator.classes, dataset=dataset, split=split, repository=repository, column=column

@@ -48,8 +48,8 @@ def served_generator(con: Connection, lake: Lake, config: LakeConfig) -> Model:
     other = current_model(con, GENERATOR)
     if other is not None:
         raise UserError(
-            f"{lake.root}: {other.model} was trained for other values of [synthesis] than config.toml has now; train "
-            "one for these with `motionlake train synthesis`"
+            f"{lake.root}: {other.model} was trained for other values of [synthesis] than config.toml has now, or by "
+            "an earlier version; train one for these with `motionlake train synthesis`"
         )
     raise UserError(f"{lake.root}: has no generator yet; train one with `motionlake train synthesis`")
 

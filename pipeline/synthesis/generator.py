@@ -127,11 +127,13 @@ def load_generator(path: Path) -> TrainedGenerator:
     """Read what `TrainedGenerator.save` wrote.
 
     Raises:
-        ValueError: the file holds something else, or a generator of another skeleton.
+        ValueError: the file holds something else, or a generator of another skeleton or of an earlier version.
     """
     tensors, kept = read_network(path, METADATA_KEY)
     if kept["joints"] != list(JOINTS):
         raise ValueError(f"{path} was trained on another skeleton: {', '.join(kept['joints'])}")
+    if "examples" not in kept:
+        raise ValueError(f"{path} was made by an earlier version; train one anew with `motionlake train synthesis`")
     glogen = glogen_network(GloGenRecipe(**kept["glogen"]), len(kept["classes"]))
     locgen = locgen_network(LocGenRecipe(**kept["locgen"]))
     lead = LeadIn(len(kept["classes"]), kept["examples"])
