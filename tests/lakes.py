@@ -28,6 +28,7 @@ from tests.samples import (
     deepmimic_frames,
     deepmimic_text,
     kinect_2_from_1,
+    mirrored_body,
     npz_bytes,
     ntu_text,
     swinging_body,
@@ -67,14 +68,14 @@ def real_clips(recordings: Path, folder: Path, count: int) -> None:
 
 
 def made_clips(folder: Path, count: int) -> None:
-    """`count` made clips of each of three formats."""
+    """`count` made clips of each of three formats; those of the second are those of the first, left for right."""
     rows = []
     for i in range(count):
         body = swinging_body(40 + 7 * i)
         body[:, 5, 1] += 0.1 * np.sin(np.arange(len(body)) / (3 + i))
         contents: dict[str, bytes] = {
             f"kinect/a{i}.npz": npz_bytes(body, KINECT_1, KINECT_1_PARENTS, 30.0),
-            f"ntu/b{i}.skeleton": ntu_text([(str(i), 0, kinect_2_from_1(body))]).encode(),
+            f"ntu/b{i}.skeleton": ntu_text([(str(i), 0, kinect_2_from_1(mirrored_body(body)))]).encode(),
             f"deepmimic/c{i}.txt": deepmimic_text(deepmimic_frames(50 + 9 * i)).encode(),
         }
         for name, content in contents.items():

@@ -112,6 +112,15 @@ def swinging_body(count: int) -> FloatArray:
     return motion
 
 
+def mirrored_body(positions: FloatArray) -> FloatArray:
+    """[F, 20, 3] joints of a Kinect v1, left for right."""
+    sides = {"Left": "Right", "Right": "Left"}
+    order = [
+        KINECT_1.index(next((name.replace(a, b) for a, b in sides.items() if a in name), name)) for name in KINECT_1
+    ]
+    return positions[:, order] * np.array([-1.0, 1.0, 1.0])
+
+
 BVH = """HIERARCHY
 ROOT Hips
 {
