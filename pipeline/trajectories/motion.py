@@ -18,6 +18,7 @@ from pipeline.clip import FloatArray
 from pipeline.skeleton.canonical import INDEX, JOINTS
 from pipeline.skeleton.facing import facing
 from pipeline.trajectories.body import body_length, measured_length, posed, standard_joints
+from pipeline.trajectories.feet import planted
 from pipeline.words.mirror import MIRRORED_JOINTS
 
 FPS: Final = 30.0
@@ -125,8 +126,8 @@ def in_world(
 ) -> tuple[FloatArray, FloatArray]:
     """A motion in the world, by a body.
 
-    Where a foot stands, the root moves so that the foot stays, on the ground: feet that slide or float are what people
-    see first.
+    Where a foot stands, the root moves so that the foot stays, on the ground, and legs bend for what is left (`feet`):
+    feet that slide or float are what people see first.
 
     Args:
         motion: T frames.
@@ -140,12 +141,12 @@ def in_world(
     size = body_length(rest_offsets)
     yaws = yaw + np.concatenate([[0.0], np.cumsum(motion.turn[:-1] / FPS)])
     joints = np.concatenate([np.zeros((len(motion), 1, 3)), motion.joints], axis=1)
-    seen, rotations = posed(_turned(joints, yaws), rest_offsets, np.zeros((len(motion), 3)))
+    seen, _ = posed(_turned(joints, yaws), rest_offsets, np.zeros((len(motion), 3)))
     speed = _turned(np.stack([motion.velocity[:, 0], 0 * yaws, motion.velocity[:, 1]], axis=1)[:, None], yaws)[:, 0]
     steps = _held(speed * size / FPS, seen, motion.stands)
     path = root + np.concatenate([np.zeros((1, 3)), np.cumsum(steps[:-1], axis=0)])
     path[:, 1] = root[1] + _grounded(motion.height * size, seen, motion.stands, size)
-    return seen + path[:, None], rotations
+    return posed(planted(seen + path[:, None], motion.stands, size, FPS), rest_offsets, path)
 
 
 def _held(steps: FloatArray, seen: FloatArray, stands: FloatArray) -> FloatArray:
