@@ -11,6 +11,7 @@ from pipeline.locgen.lead_in import (
     FEATURES,
     FRAMES,
     KNOTS,
+    LINEAR,
     MOST,
     ROOT,
     SCALES,
@@ -21,7 +22,7 @@ from pipeline.locgen.lead_in import (
     rows_of,
     state_at,
 )
-from pipeline.trajectories.motion import BodyMotion, body_motion
+from pipeline.trajectories.motion import BodyMotion, body_motion, mirrored
 from tests.test_trajectories import swinging
 
 
@@ -36,21 +37,26 @@ def lead(walks: list[BodyMotion]) -> LeadIn:
 
 
 def test_it_goes_on_as_the_kernels_of_all_examples_say(walks: list[BodyMotion]) -> None:
-    """Beside the mean of a Gaussian process, example by example."""
+    """Beside the mean of a Gaussian process, example by example, either side for the other too."""
     some = [walks[0].cut(0, 90), walks[1].cut(0, 90)]
     lead = fit_lead_in(some, [0, 0], [True])
     states, futures = [], []
-    for motion in some:
+    for motion in (some[0], mirrored(some[0]), some[1], mirrored(some[1])):
         for place in range(3, len(motion) - FRAMES):
             states.append(state_at(motion, np.array([float(place)]))[0])
             futures.append(rows_of(motion)[[place + knot for knot in KNOTS]] - states[-1][:ROOT])
     n = len(states)
     apart = np.array([[np.linalg.norm((a - b) / SCALES) for a in states] for b in states])
     width = np.median([apart[i, j] for i in range(n) for j in range(i)])
-    kernel = np.exp(-(apart**2) / (2 * width**2))
+
+    def alike(a: np.ndarray, b: np.ndarray) -> float:
+        far = np.sqrt(3) * np.linalg.norm((a - b) / SCALES) / width
+        return float((1 + far) * np.exp(-far) + LINEAR * np.sum(a / SCALES * (b / SCALES)) / width**2)
+
+    kernel = np.array([[alike(a, b) for a in states] for b in states])
     mean = np.mean(futures, axis=0)
     asked = state_at(walks[0], np.array([20.4]))[0]
-    near = np.array([np.exp(-(np.linalg.norm((asked - s) / SCALES) ** 2) / (2 * width**2)) for s in states])
+    near = np.array([alike(asked, s) for s in states])
     weights = np.linalg.solve(kernel + SOFT * np.eye(n), near)
     wanted = asked[:ROOT] + mean + sum(w * (f - mean) for w, f in zip(weights, futures, strict=True))
     found = lead.ahead(asked, 0)

@@ -18,20 +18,24 @@ from torch import Tensor, nn
 
 from pipeline.clip import FloatArray
 from pipeline.threads import on_threads
-from pipeline.trajectories.motion import FPS, BodyMotion, interpolated
+from pipeline.trajectories.motion import FPS, BodyMotion, interpolated, mirrored
 from pipeline.trajectories.sparse import HEIGHT
 
 FRAMES: Final = 45  # of the lead-in
 ALONE: Final = 10  # of these, that are not led over to the generated motion yet
 KNOTS: Final = (1, 2, 3, 4, 6, 8, 10, 13, 16, 20, 25, 30, 37, 45)  # frames that are predicted; smooth curves in between
-RECENT: Final = (1, 3)  # frames, over which it is seen how the joints move
+# Spans before a frame, of which it is seen how the joints moved: frames, from the nearer to the further end.
+RECENT: Final = ((0, 1), (0, 3), (3, 8))
+EARLIEST: Final = 3  # frame of a clip that is an example
 ROOT: Final = HEIGHT + 4  # joints, height, velocity, turning
 FEATURES: Final = ROOT + len(RECENT) * HEIGHT
 FUTURE: Final = len(KNOTS) * ROOT
-MOST: Final = 3000  # examples, of all classes together
+MOST: Final = 5000  # examples, of all classes together, half of them left for right
 SOFT: Final = 0.3  # ridge
-# What counts alike: joints and height in body lengths, velocity and turning a second, and speeds of joints.
-SCALES: Final = np.concatenate([np.full(HEIGHT, 0.1), [0.1], [0.6, 0.6], [2.0], np.full(FEATURES - ROOT, 0.6)])
+LINEAR: Final = 0.3  # share of the linear kernel: what was not seen goes on as the nearest does, and as it moves itself
+# What counts alike: joints and height in body lengths, velocity and turning a second, and speeds of joints. How joints
+# move says more than where they are.
+SCALES: Final = np.concatenate([np.full(HEIGHT, 0.2), [0.1], [0.6, 0.6], [2.0], np.full(FEATURES - ROOT, 0.6)])
 
 
 def rows_of(motion: BodyMotion) -> FloatArray:
@@ -41,25 +45,28 @@ def rows_of(motion: BodyMotion) -> FloatArray:
 
 
 def state_at(motion: BodyMotion, places: FloatArray) -> FloatArray:
-    """[n, 184] how a body stands and moves at fractional frames, from these and those before alone."""
+    """[n, 244] how a body stands and moves at fractional frames, from these and those before alone."""
     rows = rows_of(motion)
     now = interpolated(rows, places)
     # Velocity and turning are towards the next frame: those of the frame before are known.
     now[:, HEIGHT + 1 :] = interpolated(rows[:, HEIGHT + 1 :], np.maximum(places - 1, 0))
     moved = []
-    for frames in RECENT:
-        gone = np.minimum(places, frames)[:, None]
-        before = interpolated(rows[:, :HEIGHT], places - gone[:, 0])
-        moved.append((now[:, :HEIGHT] - before) / np.maximum(gone, 1e-9) * FPS * (gone > 1e-6))
+    for near, far in RECENT:
+        later, before = np.maximum(places - near, 0), np.maximum(places - far, 0)
+        gone = (later - before)[:, None]
+        change = interpolated(rows[:, :HEIGHT], later) - interpolated(rows[:, :HEIGHT], before)
+        moved.append(change / np.maximum(gone, 1e-9) * FPS * (gone > 1e-6))
     return np.concatenate([now, *moved], axis=1)
 
 
 class LeadIn(nn.Module):
-    """Gaussian kernels over how recorded bodies of the same class stood and moved, one for each of C classes.
+    """Kernels over how recorded bodies of the same class stood and moved, one for each of C classes.
+
+    Matern's, once differentiable, and a linear one: chosen on clips that no figure is given of (docs/synthesis.md).
 
     Attributes:
         classes: [n] of the examples.
-        states: [n, 184] scaled.
+        states: [n, 244] scaled.
         coefficients: [n, 896] of what follows, less its mean.
         means: [C, 896].
         widths: [C] of the kernels: the median distance of two examples; 0 where a class has none.
@@ -80,7 +87,7 @@ class LeadIn(nn.Module):
         self.register_buffer("widths", torch.zeros(classes))
 
     def ahead(self, state: FloatArray, target: int, pace: float = 1.0) -> FloatArray | None:
-        """[45, 64] rows of the frames after a state [184], pose and root; None where no recorded body moved so.
+        """[45, 64] rows of the frames after a state [244], pose and root; None where no recorded body moved so.
 
         As many frames as these take at another pace.
 
@@ -90,10 +97,10 @@ class LeadIn(nn.Module):
         own = (self.classes == target).numpy()
         if not own.any():
             return None
-        apart = _squares(state[None] / SCALES, self.states.numpy()[own].astype(float))[0]
-        if apart.min() > width**2:
+        known, asked = self.states.numpy()[own].astype(float), state[None] / SCALES
+        if _squares(asked, known).min() > width**2:
             return None
-        weights = np.exp(-apart / (2 * width**2))
+        weights = _kernel(asked, known, width)[0]
         future = weights @ self.coefficients.numpy()[own].astype(float) + self.means[target].double().numpy()
         knots = np.concatenate([np.zeros((1, ROOT)), future.reshape(len(KNOTS), ROOT)])
         at = np.minimum(np.arange(1, max(1, round(FRAMES / pace)) + 1) * pace, FRAMES)
@@ -125,12 +132,11 @@ def _fitted(motions: Sequence[BodyMotion], targets: Sequence[int], going: Sequen
         states, futures = one
         rows = slice(filled, filled := filled + len(states))
         apart = _squares(states, states)
-        width = float(np.sqrt(np.median(apart[np.triu_indices(len(states), 1)])))
-        kernel = np.exp(-apart / (2 * max(width, 1e-6) ** 2))
+        width = max(float(np.sqrt(np.median(apart[np.triu_indices(len(states), 1)]))), 1e-6)
         mean = futures.mean(axis=0)
         lead.classes[rows], lead.states[rows] = target, torch.from_numpy(states)
-        lead.coefficients[rows] = torch.from_numpy(_solved(kernel, futures - mean))
-        lead.means[target], lead.widths[target] = torch.from_numpy(mean), max(width, 1e-6)
+        lead.coefficients[rows] = torch.from_numpy(_solved(_kernel(states, states, width), futures - mean))
+        lead.means[target], lead.widths[target] = torch.from_numpy(mean), width
     return lead
 
 
@@ -144,9 +150,11 @@ def _solved(kernel: NDArray[np.float64], wanted: NDArray[np.float64]) -> NDArray
 def _examples(
     motions: Sequence[BodyMotion], targets: Sequence[int], target: int, most: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
-    """Scaled states [n, 184] of frames that enough others follow, evenly chosen, and what follows them [n, 896]."""
-    own = [motion for motion, of in zip(motions, targets, strict=True) if of == target]
-    places = [(i, place) for i, motion in enumerate(own) for place in range(max(RECENT), len(motion) - FRAMES)]
+    """Scaled states [n, 244] of frames that enough others follow, evenly chosen, and what follows them [n, 896]."""
+    own = [
+        each for motion, of in zip(motions, targets, strict=True) if of == target for each in (motion, mirrored(motion))
+    ]
+    places = [(i, place) for i, motion in enumerate(own) for place in range(EARLIEST, len(motion) - FRAMES)]
     places = places[:: -(-len(places) // most)] if len(places) > most else places
     if len(places) < 2:
         return None
@@ -161,6 +169,13 @@ def _examples(
         later = rows[at[:, None] + np.array(KNOTS)]
         futures.append((later - known[:, None, :ROOT]).reshape(len(at), FUTURE))
     return np.concatenate(states), np.concatenate(futures)
+
+
+def _kernel(some: FloatArray, others: FloatArray, width: float) -> NDArray[np.float64]:
+    """[n, m] Matern's kernel (3/2) and a share of the linear one."""
+    apart = np.sqrt(3 * _squares(some, others)) / width
+    kernel: FloatArray = (1 + apart) * np.exp(-apart) + LINEAR * (some @ others.T) / width**2
+    return kernel
 
 
 def _squares(some: FloatArray, others: FloatArray) -> NDArray[np.float64]:

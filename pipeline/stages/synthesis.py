@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from pipeline.synthesis.generator import TrainedGenerator
 
 NAME = "synth"
-VERSION = 2
+VERSION = 3
 GENERATOR = "synthesis"
 SHOWN = 3  # classes offered in place of an unknown one
 

@@ -30,7 +30,7 @@ from pipeline.stages.synthesis_wishes import Made, Motion, Request, Start, make,
 from pipeline.stages.synthetic_motion import canonical_motion
 
 NAME: Final = "synthesize"
-VERSION: Final = 1
+VERSION: Final = 2
 FORMAT: Final = "synthetic"
 TOGETHER: Final = 32  # motions a shard
 SECONDS: Final = 1800.0  # of motion a shard; memory grows with them

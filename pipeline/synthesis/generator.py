@@ -14,7 +14,7 @@ from pipeline.clip import FloatArray
 from pipeline.glogen.network import Ahead, Blocks, glogen_network
 from pipeline.glogen.recipe import GloGenRecipe
 from pipeline.locgen.dense import dense_motions
-from pipeline.locgen.lead_in import LeadIn, led_in
+from pipeline.locgen.lead_in import FEATURES, LeadIn, led_in
 from pipeline.locgen.network import Between, Frames, locgen_network
 from pipeline.locgen.recipe import LocGenRecipe
 from pipeline.network_file import read_network, save_network
@@ -108,7 +108,7 @@ class TrainedGenerator:
         """Write it as one safetensors file."""
         kept = {
             "config": asdict(self.config), "classes": self.classes, "going": self.going, "figures": dict(self.figures),
-            "examples": len(self.lead.classes), "joints": list(JOINTS),
+            "examples": len(self.lead.classes), "lead_features": FEATURES, "joints": list(JOINTS),
             "glogen": asdict(self.glogen.recipe), "locgen": asdict(self.locgen.recipe),
         }  # fmt: skip
         save_network(path, self._networks(), METADATA_KEY, kept)
@@ -132,7 +132,7 @@ def load_generator(path: Path) -> TrainedGenerator:
     tensors, kept = read_network(path, METADATA_KEY)
     if kept["joints"] != list(JOINTS):
         raise ValueError(f"{path} was trained on another skeleton: {', '.join(kept['joints'])}")
-    if "examples" not in kept:
+    if kept.get("lead_features") != FEATURES:
         raise ValueError(f"{path} was made by an earlier version; train one anew with `motionlake train synthesis`")
     glogen = glogen_network(GloGenRecipe(**kept["glogen"]), len(kept["classes"]))
     locgen = locgen_network(LocGenRecipe(**kept["locgen"]))

@@ -27,7 +27,7 @@ class Start:
 
     Attributes:
         rows: [5, 65] sparse poses.
-        state: [184] how the body stands and moves at the last of them (`lead_in.state_at`), of a class that goes on.
+        state: [244] how the body stands and moves at the last of them (`lead_in.state_at`), of a class that goes on.
         root: [3] where the hips are in the last of them, metres; y is that of the ground.
         yaw: which way the body faces there, radians.
         first, last: frames [first, last) of the clip, at its own rate, that the poses are from.
