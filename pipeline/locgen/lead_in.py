@@ -33,6 +33,7 @@ FUTURE: Final = len(KNOTS) * ROOT
 MOST: Final = 5000  # examples, of all classes together, half of them left for right
 SOFT: Final = 0.3  # ridge
 LINEAR: Final = 0.3  # share of the linear kernel: what was not seen goes on as the nearest does, and as it moves itself
+FURTHEST: Final = 2.0
 # What counts alike: joints and height in body lengths, velocity and turning a second, and speeds of joints. How joints
 # move says more than where they are.
 SCALES: Final = np.concatenate([np.full(HEIGHT, 0.2), [0.1], [0.6, 0.6], [2.0], np.full(FEATURES - ROOT, 0.6)])
@@ -91,14 +92,14 @@ class LeadIn(nn.Module):
 
         As many frames as these take at another pace.
 
-        None: the class has no examples, or the nearest is further away than examples are from one another.
+        None: the class has no examples, or the nearest is `FURTHEST` times further away than they are from one another.
         """
         width = float(self.widths[target])
         own = (self.classes == target).numpy()
         if not own.any():
             return None
         known, asked = self.states.numpy()[own].astype(float), state[None] / SCALES
-        if _squares(asked, known).min() > width**2:
+        if _squares(asked, known).min() > (FURTHEST * width) ** 2:
             return None
         weights = _kernel(asked, known, width)[0]
         future = weights @ self.coefficients.numpy()[own].astype(float) + self.means[target].double().numpy()
