@@ -110,6 +110,19 @@ def test_latent_numbers_vary_what_is_left_open() -> None:
     assert (made[0] - made[2]).abs().max() > 1e-4
 
 
+def test_chance_makes_as_many_kinds_of_motion_as_there_are() -> None:
+    """The same given poses go on in two ways, and so do samples."""
+    rng = np.random.default_rng(0)
+    rows = 0.002 * rng.standard_normal((96, 20, WIDTH)).astype(np.float32)
+    rows[::2, SEEDS:, :30] += 0.2
+    rows[1::2, SEEDS:, :30] -= 0.2
+    network, _ = train_glogen(list(rows), np.zeros(96, dtype=np.int64), 1, replace(SMALL, epochs=60, noise=0.0), 0)
+    given = np.repeat(rows[:1, :SEEDS], 200, axis=0)
+    made = follow(network, given, np.zeros(200, dtype=np.int64), rng.standard_normal((200, 4)))[:, -1, :30].mean(axis=1)
+    assert 0.25 < (made > 0).mean() < 0.75
+    assert np.abs(made).mean() > 0.05
+
+
 def test_foreign_poses_are_brought_to_where_the_class_begins() -> None:
     """Two classes whose given poses are far apart; one of them goes on, at one of two phases."""
     near, far = torch.zeros(6, SEEDS, WIDTH), torch.ones(6, SEEDS, WIDTH)

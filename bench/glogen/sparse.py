@@ -51,7 +51,7 @@ MISSING: Final[Mapping[str, GloGenRecipe]] = {
     f"{name}, joints missing": replace(recipe, missing=0.2) for name, recipe in OURS.items()
 }
 GLOGEN: Final[Mapping[str, GloGenRecipe]] = {**OURS, **MISSING, **ABLATIONS, **OWN_ABLATIONS}
-SCORES: Final = ("fid", "joint_error", "pose_error")
+SCORES: Final = ("fid", "joint_error", "pose_error", "variety")
 
 
 @dataclass(frozen=True)
@@ -88,7 +88,10 @@ def task(count: int = POSES) -> Task:
 
 
 def measure(unit: Unit) -> dict[str, Found]:
-    """{method: scores}: errors of the best guess, likeness of samples where a method has chance in it."""
+    """{method: scores}: errors of the best guess, likeness of samples where a method has chance in it.
+
+    "variety" is the mean distance of joints between the two: 0 where nothing is left to chance.
+    """
     count = GLOGEN[unit.method].sparse if unit.method in GLOGEN else POSES
     train, test = task(count).rows
     targets, wanted = np.array(task(count).train.targets), np.array(task(count).test.targets)
@@ -103,7 +106,8 @@ def measure(unit: Unit) -> dict[str, Found]:
     return {
         unit.method: {
             "fid": frechet_distance(real, made), "joint_error": joint_error(guessed, true),
-            "pose_error": pose_error(guessed, true), "n": len(test), "seconds": seconds,
+            "pose_error": pose_error(guessed, true), "variety": joint_error(sampled, guessed), "n": len(test),
+            "seconds": seconds,
         }
     }  # fmt: skip
 

@@ -41,7 +41,7 @@ class GloGenRecipe:
     bidirectional: bool = True
     cell: Literal["LSTM", "GRU"] = "GRU"
     latent: int = 16
-    divergence: float = 0.001
+    divergence: float = 0.0001
     smooth: float = 1.0
     dropout: float = 0.2
     going_dropout: float = 0.0
