@@ -1,4 +1,4 @@
-"""`python -m bench.glogen [--seeds N] [--processes N] [--epochs N] [--methods NAME ...] [PART ...]`.
+"""`python -m bench.glogen [--first-seed N] [--seeds N] [--processes N] [--epochs N] [--methods NAME ...] [PART ...]`.
 
 sparse: the poses that follow five sparse poses, on utd_mhad (tables 4.1, 4.4). whole: all frames that follow them there
 (table 4.2). dense: what follows them in real time, every clip of a CMU set left out once (table 4.3). long: ten seconds
@@ -105,12 +105,13 @@ def main() -> None:
     parser.add_argument("parts", nargs="*", choices=[*PARTS, []], default=[])
     parser.add_argument("--methods", nargs="+")
     parser.add_argument("--sets", nargs="+", choices=search.SETS, help="of dense, long and search")
-    parser.add_argument("--seeds", type=int, default=len(SEEDS))
+    parser.add_argument("--first-seed", type=int, default=SEEDS[0])
+    parser.add_argument("--seeds", type=int, default=len(SEEDS), help="how many, from the first one")
     parser.add_argument("--processes", type=int, default=1)
     parser.add_argument("--epochs", type=int, default=0)
     parser.add_argument("--keep", type=Path, help="a folder that keeps what is measured, to go on from")
     given = parser.parse_args()
-    given.chosen = tuple(range(given.seeds))
+    given.chosen = tuple(range(given.first_seed, given.first_seed + given.seeds))
     kept = given.keep
     for part in given.parts or PARTS:
         given.keep = kept and kept / part  # units of different parts may be called alike
