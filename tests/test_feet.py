@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
@@ -40,6 +40,7 @@ def bones(joints: np.ndarray) -> np.ndarray:
 
 @settings(max_examples=200, deadline=None)
 @given(POINTS, st.floats(0.2, 0.5), st.floats(0.2, 0.5))
+@example(np.array([[0, 0, 0], [0, 0, 1], [0, 1, 0], [0, 0, 1]], dtype=float), 0.5, 0.5)
 def test_a_leg_bends_to_where_its_foot_is_wanted(points: np.ndarray, thigh: float, shin: float) -> None:
     hip, towards, further, wanted = points[:, None]
     for apart in (towards, further):

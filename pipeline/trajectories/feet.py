@@ -31,6 +31,9 @@ GROUND: Final = 0.05  # quantile over time of the height of the lower foot
 REACH: Final = 0.999  # of a leg's length
 AHEAD: Final = 0.02  # of a thigh: a leg whose knee is less to a side is straight, and bends ahead
 
+UP: Final = np.array([0.0, 1.0, 0.0])
+SIDE: Final = np.array([1.0, 0.0, 0.0])
+
 
 def planted(joints: FloatArray, stands: FloatArray, size: float, fps: float) -> FloatArray:
     """Joints of a body whose feet are planted.
@@ -118,8 +121,10 @@ def bent(
     longest = np.maximum(REACH * (thigh + shin), np.linalg.norm(ankle - hip, axis=1))
     length = np.clip(length, np.abs(thigh - shin), np.minimum(longest, thigh + shin))
     out = _across(knee - hip, along)
-    straight = np.maximum(0, AHEAD * thigh - np.linalg.norm(out, axis=1))
-    out += straight[:, None] * _across(ahead, along)
+    # A leg that points ahead bends upwards; where it is not known what is ahead, to a side.
+    for towards in (ahead, UP, SIDE):
+        straight = np.maximum(0, AHEAD * thigh - np.linalg.norm(out, axis=1))
+        out += straight[:, None] * _across(np.broadcast_to(towards, hip.shape), along)
     out /= np.maximum(np.linalg.norm(out, axis=1), 1e-9)[:, None]
     share = (thigh**2 - shin**2 + length**2) / (2 * np.maximum(length, 1e-9))
     height = np.sqrt(np.maximum(thigh**2 - share**2, 0))
