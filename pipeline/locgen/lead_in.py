@@ -33,7 +33,7 @@ FUTURE: Final = len(KNOTS) * ROOT
 MOST: Final = 5000  # examples, of all classes together, half of them left for right
 SOFT: Final = 0.3  # ridge
 LINEAR: Final = 0.3  # share of the linear kernel: what was not seen goes on as the nearest does, and as it moves itself
-FURTHEST: Final = 2.0
+FURTHEST: Final = 2.0  # widths from the nearest example; beyond, nothing is said
 # What counts alike: joints and height in body lengths, velocity and turning a second, and speeds of joints. How joints
 # move says more than where they are.
 SCALES: Final = np.concatenate([np.full(HEIGHT, 0.2), [0.1], [0.6, 0.6], [2.0], np.full(FEATURES - ROOT, 0.6)])
