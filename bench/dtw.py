@@ -7,6 +7,9 @@ what both peers compute; the path average and the geodesic metric are ours alone
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 from aeon.distances import dtw_pairwise_distance
 from dtaidistance import dtw_ndim
@@ -38,13 +41,13 @@ def main() -> None:
     quaternions_a, quaternions_b = unit_quaternions(a), unit_quaternions(b)
     turning = [unit_quaternions(clip) for clip in clips]
 
-    def aeon() -> object:
+    def aeon() -> Any:
         return dtw_pairwise_distance(wide_a, wide_b)
 
-    def dtaidistance() -> object:
+    def dtaidistance() -> Any:
         return dtw_ndim.distance_matrix_fast(series, ndim=WIDTH, block=block, parallel=False)
 
-    functions = {
+    functions: dict[str, Callable[[], Any]] = {
         "sum": lambda: word_distances(a, b, average=False),
         "aeon": aeon,
         "dtaidistance": dtaidistance,
@@ -56,7 +59,7 @@ def main() -> None:
     with threadpool_limits(limits=1):
         ours = functions["sum"]()
         np.testing.assert_allclose(ours, aeon(), rtol=1e-4)
-        theirs = np.square(dtaidistance()[:ANCHORS, ANCHORS:])  # type: ignore[index]
+        theirs = np.square(dtaidistance()[:ANCHORS, ANCHORS:])
         np.testing.assert_allclose(ours[:, :200], theirs, rtol=1e-4)
         seconds = interleave(functions)
     pairs = dict.fromkeys(functions, ANCHORS * WORDS) | {"dtaidistance": ANCHORS * 200}

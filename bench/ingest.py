@@ -40,7 +40,7 @@ def solve_all(paths: list[Path]) -> int:
 
 def pybvh_read(paths: list[Path]) -> list[Any]:
     """Read clips with pybvh, its search for the up axis off."""
-    import pybvh  # type: ignore[import-untyped]
+    import pybvh
 
     return [pybvh.read_bvh_file(path, world_up="+y", warn_on_world_up_disagreement=False) for path in paths]
 
@@ -54,7 +54,7 @@ def pybvh_solve(paths: list[Path]) -> None:
 
 def bvhio_solve(path: Path) -> None:
     """Rotations and global positions of every joint and frame with bvhio."""
-    import bvhio  # type: ignore[import-untyped]
+    import bvhio
 
     root = bvhio.readAsHierarchy(str(path))
     joints = [joint for joint, _, _ in root.layout()]
@@ -67,7 +67,7 @@ def bvhio_solve(path: Path) -> None:
 
 def asfamc_read(paths: list[Path]) -> None:
     """Read AMC files with asfamc-parser."""
-    from asfamcparser import ParseAMC  # type: ignore[import-untyped]
+    from asfamcparser import ParseAMC
 
     for path in paths:
         ParseAMC(str(path))

@@ -60,7 +60,7 @@ def all_features(folder: Path) -> list[Float32Array]:
 def features_of(lake: Lake) -> list[Float32Array]:
     with reading(lake) as con:
         parts = words.keyed(con, LakeConfig().words)
-    found = {}
+    found: dict[str, Float32Array] = {}
     for part in parts:
         found.update(words.read_features(lake.path(words.features_file(part.key))))
     return [found[clip] for clip in sorted(found)]

@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from bench.canonical_sets import LabelledClip
-from bench.glogen import dense, whole
+from bench.glogen import dense, folds, whole
 from bench.glogen.material import Material, frames_of
 from bench.glogen.motions import DENSE_TASK, Motions, Pasts
 from pipeline.evaluation.synthesis_errors import MILLISECONDS
@@ -78,9 +78,9 @@ def test_beyond_the_end_of_a_clip_there_is_no_truth() -> None:
 
 def test_every_clip_is_left_out_once() -> None:
     for count in (3, 8, 9, 68):
-        held = dense.folds(Material([None] * count, [None] * count, ["up"]))  # type: ignore[list-item]
+        held = folds.folds(Material([None] * count, [None] * count, ["up"]))  # type: ignore[list-item]
         assert sorted(i for fold in held for i in fold) == list(range(count))
-        assert len(held) == min(count, dense.FOLDS)
+        assert len(held) == min(count, folds.FOLDS)
 
 
 @pytest.mark.parametrize("count", [1, 3])

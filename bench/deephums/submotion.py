@@ -63,7 +63,8 @@ def overlaps(found: NDArray[np.floating] | Ranges, true: Ranges) -> NDArray[np.f
     """[n] intersection over union of ranges [n, 2]."""
     both = np.minimum(found[:, 1], true[:, 1]) - np.maximum(found[:, 0], true[:, 0])
     either = np.maximum(found[:, 1], true[:, 1]) - np.minimum(found[:, 0], true[:, 0])
-    return np.maximum(both, 0) / either
+    shares: NDArray[np.float64] = np.maximum(both, 0) / either
+    return shares
 
 
 def best_guess(true: Ranges, frames: NDArray[np.int64]) -> tuple[float, float]:

@@ -2,7 +2,8 @@
 
 sparse: the poses that follow five sparse poses, on utd_mhad (tables 4.1, 4.4). whole: all frames that follow them there
 (table 4.2). dense: what follows them in real time, every clip of a CMU set left out once (table 4.3). long: ten seconds
-from clips left out: energy, feet, travel. search: settings of baselines, by what is held out of the data to train on.
+from clips left out as for dense: energy, feet, travel. search: settings of baselines, by what is held out of the data
+to train on.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, Final
 
-from bench.glogen import dense, long, search, sparse, whole
+from bench.glogen import dense, folds, long, search, sparse, whole
 from bench.glogen.sets import SETS
 from bench.record import hash_files, record, recordings
 from bench.units import SEEDS, Found, in_processes, table, with_seeds
@@ -42,52 +43,51 @@ def _of_split(part: ModuleType, given: argparse.Namespace) -> tuple[dict[str, An
 
 
 def measure_dense(given: argparse.Namespace) -> tuple[dict[str, Any], list[str]]:
-    sets = given.sets or list(dense.SETS)
-    methods = given.methods or dense.METHODS
     units = [
-        dense.Unit(name, m, s, fold, given.epochs)
-        for name in sets for m in methods for s in given.chosen for fold in dense.folds_of(name)
+        dense.Unit(name, method, seed, fold, given.epochs, given.generators)
+        for name in given.sets or folds.SETS for method in given.methods or dense.METHODS
+        for seed in given.chosen for fold in folds.folds_of(name)
     ]  # fmt: skip
-    kept: dict[str, dict[str, dict[int, list[dense.Errors]]]] = {name: {} for name in sets}
-    for unit, found in in_processes(dense.measure, units, given.processes, str, given.keep):
-        for row, errors in found.items():
-            kept[unit.set_name].setdefault(row, {}).setdefault(unit.seed, []).append(errors)
-    result = {}
-    for name, rows in kept.items():
-        means = {
-            row: {seed: dense.means(errors) for seed, errors in rows[row].items()}
-            for row in sorted(rows, key=dense.METHODS.index)
-        }
-        result[name] = with_seeds(means, bool)
-        print(f"\n{table(name, result[name], [f'pose_{ms}' for ms in MILLISECONDS])}")
-    return result, sorted({SETS[name].folder for name in sets})
+    return _of_folds(dense, units, given, dense.METHODS, [f"pose_{ms}" for ms in MILLISECONDS])
 
 
 def measure_long(given: argparse.Namespace) -> tuple[dict[str, Any], list[str]]:
-    sets = given.sets or list(dense.SETS)
-    units = [long.Unit(name, s, given.epochs) for name in sets for s in given.chosen]
-    return _by_set(
-        long.measure, units, given,
-        ["travel", "energy", "least", "most", "sliding", "standing", "inside", "bones"],
-    )  # fmt: skip
+    units = [
+        long.Unit(name, seed, fold, given.epochs, given.generators)
+        for name in given.sets or folds.SETS for seed in given.chosen for fold in folds.folds_of(name)
+    ]  # fmt: skip
+    scores = ["travel", "energy", "least", "most", "sliding", "standing", "inside", "bones"]
+    return _of_folds(long, units, given, long.ROWS, scores)
+
+
+def _of_folds(
+    part: ModuleType, units: Sequence[Any], given: argparse.Namespace, order: Sequence[str], scores: Sequence[str]
+) -> tuple[dict[str, Any], list[str]]:
+    """Figures by set, row and seed of a part that leaves every clip out once, means over all folds; the folders."""
+    kept: dict[str, dict[str, dict[int, list[Any]]]] = {unit.set_name: {} for unit in units}
+    for unit, found in in_processes(part.measure, units, given.processes, str, given.keep):
+        for row, values in found.items():
+            kept[unit.set_name].setdefault(row, {}).setdefault(unit.seed, []).append(values)
+    result = {}
+    for name, rows in kept.items():
+        means = {
+            row: {seed: part.means(each) for seed, each in rows[row].items()}
+            for row in sorted(rows, key=list(order).index)
+        }
+        result[name] = with_seeds(means, bool)
+        print(f"\n{table(name, result[name], scores)}")
+    return result, sorted({SETS[name].folder for name in kept})
 
 
 def measure_search(given: argparse.Namespace) -> tuple[dict[str, Any], list[str]]:
     units = search.units(given.sets or list(search.SETS), given.methods or [], given.epochs)
-    return _by_set(search.measure, units, given, ["joint_error"])
-
-
-def _by_set(
-    measure: Callable[[Any], dict[str, Found]], units: Sequence[Any], given: argparse.Namespace, scores: Sequence[str]
-) -> tuple[dict[str, Any], list[str]]:
-    """Figures by set, row and seed, each set's table printed; and the folders of recordings."""
     runs: dict[str, dict[str, dict[int, Found]]] = {unit.set_name: {} for unit in units}
-    for unit, found in in_processes(measure, units, given.processes, str, given.keep):
+    for unit, found in in_processes(search.measure, units, given.processes, str, given.keep):
         for row, values in found.items():
             runs[unit.set_name].setdefault(row, {})[unit.seed] = values
     result = {name: with_seeds(rows, bool) for name, rows in runs.items()}
     for name, rows in result.items():
-        print(f"\n{table(name, rows, scores)}")
+        print(f"\n{table(name, rows, ['joint_error'])}")
     return result, sorted({SETS[name].folder for name in runs})
 
 
@@ -113,6 +113,7 @@ def main() -> None:
     given = parser.parse_args()
     given.chosen = tuple(range(given.first_seed, given.first_seed + given.seeds))
     kept = given.keep
+    given.generators = kept and kept / "generators"
     for part in given.parts or PARTS:
         given.keep = kept and kept / part  # units of different parts may be called alike
         figures, sets = PARTS[part](given)

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.glogen.material import BONES, Material, frames_of, material
+from bench.glogen.folds import generator_without, parted
+from bench.glogen.material import BONES, Material, frames_of
 from bench.glogen.methods import CHOSEN, DEFAULTS, DENSE, fitted
 from bench.glogen.motions import Motions
 from bench.glogen.sparse import settings_of
@@ -22,16 +24,12 @@ from pipeline.locgen.lead_in import led_in, state_at
 from pipeline.synthesis.config import SynthesisConfig
 from pipeline.synthesis.course import Course, go_on
 from pipeline.synthesis.generator import TrainedGenerator
-from pipeline.synthesis.training import fit_generator
 from pipeline.trajectories.motion import FPS, BodyMotion, interpolated
 from pipeline.trajectories.pieces import Piece, ranges
 from pipeline.trajectories.sparse import PIECE, SPARSE, even_motion
 from pipeline.words.features import Float32Array
 
-SETS: Final = ("indian", "martial", "walk")
 HORIZON: Final = 20  # frames
-# Of so many clips or fewer one is left out at a time. Of more (the walks), every eighth in the order of their names.
-FOLDS: Final = 8
 Errors = dict[str, Any]
 OURS: Final[Mapping[str, SynthesisConfig]] = {
     "motionlake": SynthesisConfig(),
@@ -49,6 +47,7 @@ class Unit:
     seed: int
     fold: int
     epochs: int = 0
+    generators: Path | None = field(default=None, repr=False)
 
     def __str__(self) -> str:
         return f"{self.set_name} {self.method}, seed {self.seed}, fold {self.fold}"
@@ -81,27 +80,14 @@ class Asked:
         return joints
 
 
-def folds(whole: Material) -> list[list[int]]:
-    """The clips that are left out together, each clip once: one at a time, or every `FOLDS`th of many."""
-    count = len(whole.clips)
-    return [list(range(first, count, FOLDS)) for first in range(min(count, FOLDS))]
-
-
-def folds_of(set_name: str) -> range:
-    """Numbers of the folds of a set."""
-    return range(len(folds(material(set_name))))
-
-
 def measure(unit: Unit) -> dict[str, Errors]:
     """{method: errors of every piece of the clips left out}."""
-    whole = material(unit.set_name)
-    held = folds(whole)[unit.fold]
-    train, test = whole.of([i for i in range(len(whole.clips)) if i not in held]), whole.of(held)
+    train, test = parted(unit.set_name, unit.fold)
     asked = [Asked.of(piece) for piece in asked_pieces(test)]
-    apart = _ours(unit, train, asked) if unit.method in OURS else _baseline(unit, train, asked)  # [pieces, 8, 20, 3]
+    apart = _ours(unit, asked) if unit.method in OURS else _baseline(unit, train, asked)  # [pieces, 8, 20, 3]
     joints = np.linalg.norm(apart, axis=3).mean(axis=2)
     poses = np.linalg.norm(apart.reshape(*apart.shape[:2], -1), axis=2)
-    return {unit.method: {"joint": joints.tolist(), "pose": poses.tolist(), "clips": len(held)}}
+    return {unit.method: {"joint": joints.tolist(), "pose": poses.tolist(), "clips": len(test.clips)}}
 
 
 def means(errors: Sequence[Errors]) -> Found:
@@ -138,9 +124,9 @@ def training_motions(train: Material) -> Motions:
     return Motions(found, np.zeros(len(found), dtype=np.int64), 0, tuple(groups), BONES)
 
 
-def _ours(unit: Unit, train: Material, asked: list[Asked]) -> NDArray[np.float64]:
+def _ours(unit: Unit, asked: list[Asked]) -> NDArray[np.float64]:
     config = replace(OURS[unit.method], seed=unit.seed, epochs=unit.epochs)
-    generator = fit_generator(train.motions, train.labels, config)
+    generator = generator_without(unit.set_name, unit.fold, config, unit.generators)
     made = continued(generator, [one.piece for one in asked], [0] * len(asked), HORIZON)
     return np.stack(
         [

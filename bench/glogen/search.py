@@ -11,13 +11,14 @@ from typing import Final
 from bench.glogen import dense, sparse
 from bench.glogen.baseline import Settings
 from bench.glogen.choosing import DENSE_TRIED, SPARSE_TRIED, candidates, choose
+from bench.glogen.folds import SETS as FOLDED
 from bench.glogen.material import material
 from bench.glogen.methods import DENSE, NETWORKS, RESIDUAL
 from bench.glogen.motions import DENSE_TASK, SPARSE_TASK, Motions, Task
 from bench.glogen.sparse import settings_of
 from bench.units import Found
 
-SETS: Final = (sparse.SET, *dense.SETS)
+SETS: Final = (sparse.SET, *FOLDED)
 
 
 @dataclass(frozen=True)

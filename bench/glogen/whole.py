@@ -63,7 +63,7 @@ class Question:
         """
         found = []
         for one, n in zip(self.asked, self.lengths, strict=True):
-            at = (_place(one) if between else one.start) + np.arange(1, n + 1)
+            at = np.arange(1.0, n + 1) + (_place(one) if between else one.start)
             found.append(interpolated(frames_of(one.piece.motion).astype(float), at).astype(np.float32))
         return found
 

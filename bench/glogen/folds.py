@@ -1,0 +1,53 @@
+"""Every clip of a CMU set left out once, and generators that learn from the other clips."""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+from typing import Final
+
+from bench.glogen.material import Material, material
+from pipeline.lake.parts import replacing
+from pipeline.synthesis.config import SynthesisConfig
+from pipeline.synthesis.generator import TrainedGenerator, load_generator
+from pipeline.synthesis.training import fit_generator
+
+SETS: Final = ("indian", "martial", "walk")
+# Of so many clips or fewer one is left out at a time. Of more (the walks), every eighth in the order of their names.
+FOLDS: Final = 8
+
+
+def folds(whole: Material) -> list[list[int]]:
+    """The clips that are left out together, each clip once: one at a time, or every `FOLDS`th of many."""
+    count = len(whole.clips)
+    return [list(range(first, count, FOLDS)) for first in range(min(count, FOLDS))]
+
+
+def folds_of(set_name: str) -> range:
+    """Numbers of the folds of a set."""
+    return range(len(folds(material(set_name))))
+
+
+def parted(set_name: str, fold: int) -> tuple[Material, Material]:
+    """The clips that are left, and those that are left out."""
+    whole = material(set_name)
+    held = folds(whole)[fold]
+    return whole.of([i for i in range(len(whole.clips)) if i not in held]), whole.of(held)
+
+
+def generator_without(set_name: str, fold: int, config: SynthesisConfig, kept: Path | None = None) -> TrainedGenerator:
+    """A generator that was trained without the clips of a fold.
+
+    A folder keeps it for whoever asks for the same; it is for one state of the code and of the recordings.
+    """
+    name = hashlib.sha256(repr((set_name, fold, config)).encode()).hexdigest()[:24]
+    path = kept and kept / f"{name}.safetensors"
+    if path is not None and path.exists():
+        return load_generator(path)
+    train, _ = parted(set_name, fold)
+    generator = fit_generator(train.motions, train.labels, config)
+    if path is not None:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with replacing(path) as written:
+            generator.save(written)
+    return generator
