@@ -9,12 +9,13 @@ import pytest
 from numpy.typing import NDArray
 
 from bench.canonical_sets import LabelledClip
-from bench.glogen import dense, folds, whole
+from bench.glogen import between, dense, folds, whole
 from bench.glogen.material import Material, frames_of
 from bench.glogen.motions import DENSE_TASK, Motions, Pasts
 from pipeline.evaluation.synthesis_errors import MILLISECONDS
 from pipeline.skeleton.canonical import INDEX
 from pipeline.trajectories.motion import FPS, BodyMotion, body_motion, interpolated
+from pipeline.trajectories.sparse import JOINT_COLUMNS
 from pipeline.words.features import Float32Array
 from tests.test_pictures import standing
 
@@ -64,7 +65,7 @@ def test_what_follows_is_taken_from_the_frame_that_a_method_was_given_last() -> 
         np.testing.assert_allclose(dense._apart(made, one, one.start), 0, atol=1e-6)
         # Sparse poses lie between frames: what goes on from them is compared with what lies between, too.
         place = float(piece.sparse.places[4])
-        between = interpolated(whole_motion.astype(float), place + np.arange(1, dense.HORIZON + 1))
+        between = interpolated(whole_motion.astype(float), (place + np.arange(1, dense.HORIZON + 1)).astype(float))
         np.testing.assert_allclose(dense._apart(between.astype(np.float32), one, place), 0, atol=1e-4)
         assert np.abs(dense._apart(made[1:], one, one.start)[:-1]).max() > 1e-3  # a frame too late is an error
 
@@ -81,6 +82,23 @@ def test_every_clip_is_left_out_once() -> None:
         held = folds.folds(Material([None] * count, [None] * count, ["up"]))  # type: ignore[list-item]
         assert sorted(i for fold in held for i in fold) == list(range(count))
         assert len(held) == min(count, folds.FOLDS)
+
+
+def test_what_is_measured_of_folds_is_a_mean_over_all_motions_or_their_extreme() -> None:
+    found = folds.means([{"least": [2.0, 1.0], "energy": [1.0, 2.0]}, {"least": [0.5], "energy": [6.0]}])
+    assert found == {"least": 0.5, "energy": 3.0, "n": 3}
+
+
+@pytest.mark.parametrize("name", between.CURVES)
+def test_curves_go_through_the_sparse_poses(name: str) -> None:
+    (piece,) = dense.asked_pieces(material(1))
+    times = between._times(piece)
+    assert times[0] == 0
+    assert between._asked(piece)[-1] == pytest.approx(times[-1])
+    found = between.CURVES[name](piece.sparse.rows, times, times)
+    np.testing.assert_allclose(found, piece.sparse.rows[:, JOINT_COLUMNS], atol=1e-9)
+    assert 0 < between._error(between.CURVES[name](piece.sparse.rows, times, between._asked(piece)), piece) < 0.01
+    assert between._error(frames_of(piece.motion)[1:], piece) == 0
 
 
 @pytest.mark.parametrize("count", [1, 3])

@@ -3,7 +3,7 @@
 sparse: the poses that follow five sparse poses, on utd_mhad (tables 4.1, 4.4). whole: all frames that follow them there
 (table 4.2). dense: what follows them in real time, every clip of a CMU set left out once (table 4.3). long: ten seconds
 from clips left out as for dense: energy, feet, travel. search: settings of baselines, by what is held out of the data
-to train on.
+to train on. between: LocGen beside curves, between true sparse poses of clips left out as for dense.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, Final
 
-from bench.glogen import dense, folds, long, search, sparse, whole
+from bench.glogen import between, dense, folds, long, search, sparse, whole
 from bench.glogen.sets import SETS
 from bench.record import hash_files, record, recordings
 from bench.units import SEEDS, Found, in_processes, table, with_seeds
@@ -48,20 +48,33 @@ def measure_dense(given: argparse.Namespace) -> tuple[dict[str, Any], list[str]]
         for name in given.sets or folds.SETS for method in given.methods or dense.METHODS
         for seed in given.chosen for fold in folds.folds_of(name)
     ]  # fmt: skip
-    return _of_folds(dense, units, given, dense.METHODS, [f"pose_{ms}" for ms in MILLISECONDS])
+    return _of_folds(dense, dense.means, units, given, dense.METHODS, [f"pose_{ms}" for ms in MILLISECONDS])
 
 
 def measure_long(given: argparse.Namespace) -> tuple[dict[str, Any], list[str]]:
-    units = [
-        long.Unit(name, seed, fold, given.epochs, given.generators)
+    scores = ["travel", "energy", "least", "most", "sliding", "standing", "inside", "bones"]
+    return _of_folds(long, folds.means, _ours(given), given, long.ROWS, scores)
+
+
+def measure_between(given: argparse.Namespace) -> tuple[dict[str, Any], list[str]]:
+    return _of_folds(between, folds.means, _ours(given), given, between.ROWS, ["joint_error"])
+
+
+def _ours(given: argparse.Namespace) -> list[folds.Unit]:
+    """Every fold of every set with every seed."""
+    return [
+        folds.Unit(name, seed, fold, given.epochs, given.generators)
         for name in given.sets or folds.SETS for seed in given.chosen for fold in folds.folds_of(name)
     ]  # fmt: skip
-    scores = ["travel", "energy", "least", "most", "sliding", "standing", "inside", "bones"]
-    return _of_folds(long, units, given, long.ROWS, scores)
 
 
 def _of_folds(
-    part: ModuleType, units: Sequence[Any], given: argparse.Namespace, order: Sequence[str], scores: Sequence[str]
+    part: ModuleType,
+    means: Callable[[Sequence[Any]], Found],
+    units: Sequence[Any],
+    given: argparse.Namespace,
+    order: Sequence[str],
+    scores: Sequence[str],
 ) -> tuple[dict[str, Any], list[str]]:
     """Figures by set, row and seed of a part that leaves every clip out once, means over all folds; the folders."""
     kept: dict[str, dict[str, dict[int, list[Any]]]] = {unit.set_name: {} for unit in units}
@@ -70,11 +83,10 @@ def _of_folds(
             kept[unit.set_name].setdefault(row, {}).setdefault(unit.seed, []).append(values)
     result = {}
     for name, rows in kept.items():
-        means = {
-            row: {seed: part.means(each) for seed, each in rows[row].items()}
-            for row in sorted(rows, key=list(order).index)
+        by_seed = {
+            row: {seed: means(each) for seed, each in rows[row].items()} for row in sorted(rows, key=list(order).index)
         }
-        result[name] = with_seeds(means, bool)
+        result[name] = with_seeds(by_seed, bool)
         print(f"\n{table(name, result[name], scores)}")
     return result, sorted({SETS[name].folder for name in kept})
 
@@ -96,6 +108,7 @@ PARTS: Final[dict[str, Callable[[argparse.Namespace], tuple[dict[str, Any], list
     "whole": measure_whole,
     "dense": measure_dense,
     "long": measure_long,
+    "between": measure_between,
     "search": measure_search,
 }
 
@@ -104,7 +117,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("parts", nargs="*", choices=[*PARTS, []], default=[])
     parser.add_argument("--methods", nargs="+")
-    parser.add_argument("--sets", nargs="+", choices=search.SETS, help="of dense, long and search")
+    parser.add_argument("--sets", nargs="+", choices=search.SETS, help="of dense, long, between and search")
     parser.add_argument("--first-seed", type=int, default=SEEDS[0])
     parser.add_argument("--seeds", type=int, default=len(SEEDS), help="how many, from the first one")
     parser.add_argument("--processes", type=int, default=1)

@@ -35,7 +35,8 @@ OURS: Final[Mapping[str, SynthesisConfig]] = {
     "motionlake": SynthesisConfig(),
     "thesis": SynthesisConfig(recipe="glogen"),
 }
-METHODS: Final = (*DENSE, *OURS)
+UNLED: Final = "motionlake, no lead-in"
+METHODS: Final = (*DENSE, *OURS, UNLED)
 
 
 @dataclass(frozen=True)
@@ -84,7 +85,7 @@ def measure(unit: Unit) -> dict[str, Errors]:
     """{method: errors of every piece of the clips left out}."""
     train, test = parted(unit.set_name, unit.fold)
     asked = [Asked.of(piece) for piece in asked_pieces(test)]
-    apart = _ours(unit, asked) if unit.method in OURS else _baseline(unit, train, asked)  # [pieces, 8, 20, 3]
+    apart = _ours(unit, asked) if unit.method not in DENSE else _baseline(unit, train, asked)  # [pieces, 8, 20, 3]
     joints = np.linalg.norm(apart, axis=3).mean(axis=2)
     poses = np.linalg.norm(apart.reshape(*apart.shape[:2], -1), axis=2)
     return {unit.method: {"joint": joints.tolist(), "pose": poses.tolist(), "clips": len(test.clips)}}
@@ -125,9 +126,9 @@ def training_motions(train: Material) -> Motions:
 
 
 def _ours(unit: Unit, asked: list[Asked]) -> NDArray[np.float64]:
-    config = replace(OURS[unit.method], seed=unit.seed, epochs=unit.epochs)
+    config = replace(OURS.get(unit.method, SynthesisConfig()), seed=unit.seed, epochs=unit.epochs)
     generator = generator_without(unit.set_name, unit.fold, config, unit.generators)
-    made = continued(generator, [one.piece for one in asked], [0] * len(asked), HORIZON)
+    made = continued(generator, [one.piece for one in asked], [0] * len(asked), HORIZON, led=unit.method != UNLED)
     return np.stack(
         [
             _apart(frames_of(motion), one, float(one.piece.sparse.places[SEEDS - 1]))
@@ -136,8 +137,13 @@ def _ours(unit: Unit, asked: list[Asked]) -> NDArray[np.float64]:
     )
 
 
-def continued(generator: TrainedGenerator, pieces: list[Piece], targets: list[int], frames: int) -> list[BodyMotion]:
-    """What a generator has follow the first sparse poses of pieces, nothing left to chance."""
+def continued(
+    generator: TrainedGenerator, pieces: list[Piece], targets: list[int], frames: int, *, led: bool
+) -> list[BodyMotion]:
+    """What a generator has follow the first sparse poses of pieces, nothing left to chance.
+
+    `led`: led over to from how recorded bodies go on.
+    """
     latent = np.zeros((1, max(1, generator.glogen.recipe.latent)))
     courses = go_on(
         generator.glogen,
@@ -145,6 +151,8 @@ def continued(generator: TrainedGenerator, pieces: list[Piece], targets: list[in
     )
     rows, times = [np.stack(course.rows) for course in courses], [course.times() for course in courses]
     made = dense_motions(generator.locgen, rows, times, frames)
+    if not led:
+        return made
     return [led_in(motion, _ahead(generator, p, t)) for motion, p, t in zip(made, pieces, targets, strict=True)]
 
 

@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
+import numpy as np
+
 from bench.glogen.material import Material, material
+from bench.units import Found
 from pipeline.lake.parts import replacing
 from pipeline.synthesis.config import SynthesisConfig
 from pipeline.synthesis.generator import TrainedGenerator, load_generator
@@ -15,6 +20,24 @@ from pipeline.synthesis.training import fit_generator
 SETS: Final = ("indian", "martial", "walk")
 # Of so many clips or fewer one is left out at a time. Of more (the walks), every eighth in the order of their names.
 FOLDS: Final = 8
+# What is measured of every motion or piece of a fold.
+Measures = dict[str, list[float]]
+# What is not a mean over these.
+EXTREMES: Final[Mapping[str, Callable[[Iterable[float]], float]]] = {"least": min, "most": max, "bones": max}
+
+
+@dataclass(frozen=True)
+class Unit:
+    """One fold of a set with one seed."""
+
+    set_name: str
+    seed: int
+    fold: int
+    epochs: int = 0
+    generators: Path | None = field(default=None, repr=False)
+
+    def __str__(self) -> str:
+        return f"{self.set_name}, seed {self.seed}, fold {self.fold}"
 
 
 def folds(whole: Material) -> list[list[int]]:
@@ -35,6 +58,12 @@ def parted(set_name: str, fold: int) -> tuple[Material, Material]:
     return whole.of([i for i in range(len(whole.clips)) if i not in held]), whole.of(held)
 
 
+def generator_of(unit: Unit) -> TrainedGenerator:
+    """The default generator of a unit."""
+    config = SynthesisConfig(seed=unit.seed, epochs=unit.epochs)
+    return generator_without(unit.set_name, unit.fold, config, unit.generators)
+
+
 def generator_without(set_name: str, fold: int, config: SynthesisConfig, kept: Path | None = None) -> TrainedGenerator:
     """A generator that was trained without the clips of a fold.
 
@@ -51,3 +80,13 @@ def generator_without(set_name: str, fold: int, config: SynthesisConfig, kept: P
         with replacing(path) as written:
             generator.save(written)
     return generator
+
+
+def means(folds: Sequence[Measures]) -> Found:
+    """Measures over all motions of all folds: means, and of `EXTREMES` these."""
+    found: Found = {}
+    for key in folds[0]:
+        each = [value for fold in folds for value in fold[key]]
+        found[key] = float(EXTREMES.get(key, np.mean)(each))
+        found["n"] = len(each)
+    return found
