@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import psutil  # type: ignore[import-untyped]
+import psutil
 
 INTERVAL = 0.05  # seconds between samples
 FEW = 100 << 20  # helpers of multiprocessing stay far below what a worker holds

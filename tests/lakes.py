@@ -123,7 +123,7 @@ def finish(process: subprocess.Popen[str]) -> Run:
     return Run(process.returncode, out, err)
 
 
-def motionlake(*words: str | Path) -> Run:
+def motionlake(*words: object) -> Run:
     """Run the command line within this process."""
     out, err = io.StringIO(), io.StringIO()
     with (

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 Matrix = NDArray[np.float32]
 Symbols = NDArray[np.int32]
 Path = list[tuple[int, int]]
+Score = float | np.float32
 
 
 def cells(stride: int) -> list[tuple[int, int]]:
@@ -43,7 +44,7 @@ def path_back(w: Matrix, query: Symbols, string: Symbols, distances: Matrix, str
     return path[::-1]
 
 
-def local_weights(query: Symbols, string: Symbols, distances: Matrix, threshold: float, gap: float) -> Matrix:
+def local_weights(query: Symbols, string: Symbols, distances: Matrix, threshold: Score, gap: Score) -> Matrix:
     """[X + 1, Y + 1] Smith-Waterman as costs."""
     t, g = np.float32(threshold), np.float32(gap)
     h = np.zeros((len(query) + 1, len(string) + 1), dtype=np.float32)
@@ -55,7 +56,7 @@ def local_weights(query: Symbols, string: Symbols, distances: Matrix, threshold:
 
 
 def local_path(
-    h: Matrix, query: Symbols, string: Symbols, distances: Matrix, threshold: float, gap: float, end: int
+    h: Matrix, query: Symbols, string: Symbols, distances: Matrix, threshold: Score, gap: Score, end: int
 ) -> Path:
     """Matched pairs of the best local alignment that ends in column `end`."""
     x, y, path = int(np.argmin(h[:, end + 1])), end + 1, []
@@ -74,7 +75,8 @@ def apart(
     costs: Iterable[float], spans: Iterable[tuple[int, int] | None], k: int, taken: Iterable[int] = ()
 ) -> list[tuple[int, int, float]]:
     """(start, stop, cost) of the k cheapest spans that overlap none before them nor `taken`, in ascending cost."""
-    used, found = set(taken), []
+    used = set(taken)
+    found: list[tuple[int, int, float]] = []
     for cost, _, span in sorted(
         ((c, i, s) for i, (c, s) in enumerate(zip(costs, spans, strict=True)) if s), key=lambda t: t[:2]
     ):
@@ -95,7 +97,8 @@ def long_query(
     w = {j: weights(parts[j], string, distances, stride) for j in range(first, last + 1)}
     result = []
     for y in range(len(string)):
-        cost, column, path = w[last][-1, y], y, []
+        cost, column = w[last][-1, y], y
+        path: Path = []
         for j in range(last, first - 1, -1):
             piece = path_back(w[j], parts[j], string, distances, stride, column)
             path = [(x + j * length, n) for x, n in piece] + path

@@ -118,7 +118,8 @@ def mirrored_body(positions: FloatArray) -> FloatArray:
     order = [
         KINECT_1.index(next((name.replace(a, b) for a, b in sides.items() if a in name), name)) for name in KINECT_1
     ]
-    return positions[:, order] * np.array([-1.0, 1.0, 1.0])
+    mirrored: FloatArray = positions[:, order] * np.array([-1.0, 1.0, 1.0])
+    return mirrored
 
 
 BVH = """HIERARCHY

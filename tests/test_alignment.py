@@ -24,7 +24,8 @@ def dictionary(seed: int, m: int, *, whole: bool = False) -> NDArray[np.float32]
     """[m, m] distances; of whole numbers, so that costs tie, on demand."""
     points = np.random.default_rng(seed).normal(size=(m, 3))
     matrix = np.linalg.norm(points[:, None] - points[None], axis=2)
-    return (np.ceil(matrix) if whole else matrix).astype(np.float32)
+    distances: NDArray[np.float32] = (np.ceil(matrix) if whole else matrix).astype(np.float32)
+    return distances
 
 
 @st.composite
@@ -239,7 +240,8 @@ def test_costs_between_whole_strings() -> None:
     ],
 )
 def test_mistakes_are_named(change: dict[str, Any], said: str) -> None:
-    given_ = {"query": [1], "repository": Repository.of([[0, 1, 2]]), "distances": dictionary(0, 4), "k": 1} | change
+    given_: dict[str, Any] = {"query": [1], "repository": Repository.of([[0, 1, 2]]), "distances": dictionary(0, 4)}
+    given_ |= {"k": 1} | change
     with pytest.raises(ValueError, match=said):
         best_matches(**given_)
 

@@ -91,7 +91,8 @@ def test_segments_are_aligned_once() -> None:
     ],
 )
 def test_mistakes_are_named(change: dict[str, Any], said: str) -> None:
-    given_ = {"query": [1, 2, 3], "repository": Repository.of([[0, 1, 2]]), "distances": dictionary(0, 4)} | change
+    given_: dict[str, Any] = {"query": [1, 2, 3], "repository": Repository.of([[0, 1, 2]])}
+    given_ |= {"distances": dictionary(0, 4)} | change
     with pytest.raises(ValueError, match=said):
         LongQuery(**given_)
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from pipeline.applications.classification import classify_knn, classify_one_vs_all
+from pipeline.clip import FloatArray
 from pipeline.connection import connect
 from pipeline.errors import UserError
 from tests.lakes import motionlake, query
@@ -16,7 +17,8 @@ from tests.lakes import motionlake, query
 
 def on_a_line(places: list[float]) -> np.ndarray:
     x = np.array(places)
-    return np.abs(x[:, None] - x[None])
+    apart: FloatArray = np.abs(x[:, None] - x[None])
+    return apart
 
 
 def test_votes_by_hand() -> None:

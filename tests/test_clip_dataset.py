@@ -57,7 +57,8 @@ def test_splits_and_datasets(split_lake: Path) -> None:
     known = ClipDataset(split_lake, "test", classes=train.classes)
     assert known.classes == train.classes
     assert [known[i]["target"] for i in range(len(known))] == known.targets
-    for arguments in ({"split": "validation"}, {"dataset": "elsewhere"}):
+    nowhere: tuple[dict[str, Any], ...] = ({"split": "validation"}, {"dataset": "elsewhere"})
+    for arguments in nowhere:
         with pytest.raises(UserError, match="has no clips of"):
             ClipDataset(split_lake, **arguments)
     with pytest.raises(UserError, match="no lake here"):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -105,7 +106,7 @@ class TestSimilarity:
     def test_motion_field_and_distance_follow_the_equations(self) -> None:
         clip = np.random.default_rng(0).standard_normal((7, 15, 3)).astype(np.float32)
         field = [clip[-1][j] - clip[0][j] for j in range(15)]
-        distance = [sum(np.linalg.norm(clip[i + 1][j] - clip[i][j]) for i in range(6)) for j in range(15)]
+        distance: list[Any] = [sum(np.linalg.norm(clip[i + 1][j] - clip[i][j]) for i in range(6)) for j in range(15)]
         np.testing.assert_allclose(motion_field(clip), field, rtol=1e-6)
         np.testing.assert_allclose(motion_distance(clip), distance, rtol=1e-5)
 
@@ -145,7 +146,8 @@ class TestLosses:
     def test_against_loops(self, count: int, seed: int) -> None:
         rng = np.random.default_rng(seed)
         rows, labels = rng.standard_normal((count, 3)), rng.integers(0, 3, count)
-        similar, apart = [], []
+        similar: list[float] = []
+        apart: list[float] = []
         for i in range(count):
             for j in range(i + 1, count):
                 d = float(np.linalg.norm(rows[i] - rows[j]))
@@ -188,7 +190,7 @@ class TestAugmentation:
 
     def test_limbs_come_whole_from_the_partner(self) -> None:
         mixed = replace(NO_AUGMENTATION, limbs=1.0)(self.clips, np.random.default_rng(0), self.clips + 9)
-        shift = (mixed - self.clips).mean(dim=(1, 3))
+        shift: Any = (mixed - self.clips).mean(dim=(1, 3))
         arm = [COMMON.index(f"left_{joint}") for joint in ("shoulder", "elbow", "wrist")]
         assert set(shift[:, arm].round().unique().tolist()) == {0.0, 9.0}
         assert torch.allclose(shift[:, arm].std(dim=1), torch.zeros(len(shift)), atol=1e-4)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import shutil
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -144,10 +145,11 @@ def test_a_network_enters_with_all_of_its_descriptors(
     lake: Path, scheduler: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     at_once = []
+    stage_job: Callable[..., StageJob] = StageJob
 
     def noted(*words: Any, one_load: bool) -> StageJob:
         at_once.append(one_load)
-        return StageJob(*words, one_load=one_load)
+        return stage_job(*words, one_load=one_load)
 
     monkeypatch.setattr(job, "StageJob", noted)
     run(lake, scheduler, "descriptors")

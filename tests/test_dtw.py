@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -9,7 +12,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from pipeline.words.dtw import LANES, clip_pair_dtw, word_distances
-from pipeline.words.features import Float32Array, WordConfig
+from pipeline.words.features import Float32Array, Float64Array, WordConfig
 from pipeline.words.frame_distance import Metric, frame_distances
 from pipeline.words.windows import padded, windows, word_windows
 
@@ -24,7 +27,7 @@ def naive_frame_distance(a: Float32Array, b: Float32Array, metric: Metric) -> fl
 
 def naive_align(frames: Float32Array, average: bool) -> float:
     """Ties come from the diagonal, then from above, then from the left."""
-    best = {(-1, -1): (np.float32(0), 0)}
+    best: dict[tuple[int, ...], tuple[Any, int]] = {(-1, -1): (np.float32(0), 0)}
     nowhere = (np.float32(np.inf), 0)
     for i, j in np.ndindex(*frames.shape):
         before = [best.get(cell, nowhere) for cell in ((i - 1, j - 1), (i - 1, j), (i, j - 1))]
@@ -102,7 +105,7 @@ def test_clips_share_frame_distances_without_changing_them(frames_a: int, frames
 
 def test_a_time_warped_word_is_close() -> None:
     time = np.linspace(0, 1, 16)
-    curve = lambda t: np.column_stack([np.sin(6 * t), np.cos(6 * t)])  # noqa: E731
+    curve: Callable[[Float64Array], Float64Array] = lambda t: np.column_stack([np.sin(6 * t), np.cos(6 * t)])  # noqa: E731
     word, warped = curve(time)[None].astype(np.float32), curve(time**1.4)[None].astype(np.float32)
     plain = np.mean(np.sum((word - warped) ** 2, axis=2))
     assert word_distances(word, warped).item() < 0.2 * plain

@@ -61,10 +61,10 @@ def copied(recordings: Path, scheduler: str, tmp_path_factory: pytest.TempPathFa
             assert run.status == 0, run.err
 
     take_in(folder / "clips")
-    target = open_lake(lake)
-    with reading(target) as con:
+    opened = open_lake(lake)
+    with reading(opened) as con:
         clips = [row[0] for row in con.execute("SELECT clip FROM clips ORDER BY clip").fetchall()]
-        made = write_copies(con, target, clips, folder / "copies", list(COPIES))
+        made = write_copies(con, opened, clips, folder / "copies", list(COPIES))
     take_in(folder / "copies")
     return Copied(lake, {f"copies/{name}": source for name, source in made.items()})
 

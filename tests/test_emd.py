@@ -81,7 +81,7 @@ def test_partial_flow_leaves_what_the_lighter_side_has_no_room_for() -> None:
     assert emd_partial([2.0, 0, 0], [0, 7.0, 0], ground) == pytest.approx(5)
     assert emd_partial([1.0, 0, 0], [1.0, 9.0, 0], ground) == 0.0
     assert emd_partial([2.0, 0, 0], [0, 9.0, 1.0], ground) == pytest.approx((1 + 5) / 2)
-    assert emd_deep_motifs([0.5, 0.5, 0], [0, 0.5, 0.5], [1, 1, 3], ground) == pytest.approx(0.5)
+    assert emd_deep_motifs([0.5, 0.5, 0], [0, 0.5, 0.5], np.array([1.0, 1, 3]), ground) == pytest.approx(0.5)
 
 
 def test_moving_all_mass_costs_the_ground_distance() -> None:

@@ -171,8 +171,9 @@ def test_learning_curves_can_be_read(name: str, count: int) -> None:
     figure = learning_curves_figure({f"{name} {i}": runs for i in range(count)}, name, name)
     assert_readable(figure)
     losses, validations = figure.axes[:2]
-    np.testing.assert_allclose(losses.lines[0].get_ydata(), [1, (1 / 3 + 1 / 2) / 2])  # as far as both seeds go
-    np.testing.assert_allclose(validations.lines[0].get_ydata(), [0.15, 0.75])
+    loss, validation = losses.lines[0].get_ydata(), validations.lines[0].get_ydata()
+    np.testing.assert_allclose(np.asarray(loss), [1, (1 / 3 + 1 / 2) / 2])  # as far as both seeds go
+    np.testing.assert_allclose(np.asarray(validation), [0.15, 0.75])
     assert {"1", "0.5", "0.2"} <= {label.get_text() for label in losses.get_yticklabels()}
     assert_readable(learning_curves_figure({name: [LearningCurve([1.0])]}, name, name))
     learning_curves_figure({name: [LearningCurve([1.0, 0.0, 0.5])]}, name, name).draw_without_rendering()

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.alignment.config import AlignmentConfig
+from pipeline.alignment.config import AlignmentConfig, Method
 from pipeline.alignment.scan import symmetric_costs
 from pipeline.evaluation.confusion import confusion
 from pipeline.evaluation.ranking import (
@@ -190,7 +190,8 @@ def test_strings_of_a_lake_are_measured(built_lake: Path, tmp_path: Path) -> Non
     codes = np.array([r[0] for r in query(built_lake, "SELECT code FROM postures ORDER BY symbol")])
     distances = np.linalg.norm(codes[:, None] - codes, axis=2).astype(np.float32)
     labels = [label for _, label in rows]
-    for method, stride in (("sta", 3), ("dtw", 1), ("sw", 1)):
+    ways: tuple[tuple[Method, int], ...] = (("sta", 3), ("dtw", 1), ("sw", 1))
+    for method, stride in ways:
         costs = symmetric_costs([s for s, _ in rows], distances, AlignmentConfig(method, stride))
         expected = leave_one_out(costs, labels)
         assert found[method]["map"] == pytest.approx(expected.map, abs=1e-6)
@@ -198,10 +199,10 @@ def test_strings_of_a_lake_are_measured(built_lake: Path, tmp_path: Path) -> Non
     signed = motionlake("evaluate", "signatures", "--lake", built_lake, "--json").json
     assert found["signatures"]["map"] == pytest.approx(signed["map"])
     assert found["dtw_frames"]["map"] == pytest.approx(signed["dtw"]["map"])
-    for method in ("sta", "dtw", "sw", "signatures", "dtw_frames"):
-        assert {*KEYS, "nn", "curve", "confusion"} == set(found[method])
-        assert len(found[method]["curve"]["precision"]) == len(found[method]["curve"]["recall"])
-        assert np.sum(found[method]["confusion"]["counts"]) == len(labels) * min(20, len(labels) - 1)
+    for name in ("sta", "dtw", "sw", "signatures", "dtw_frames"):
+        assert {*KEYS, "nn", "curve", "confusion"} == set(found[name])
+        assert len(found[name]["curve"]["precision"]) == len(found[name]["curve"]["recall"])
+        assert np.sum(found[name]["confusion"]["counts"]) == len(labels) * min(20, len(labels) - 1)
     folder = tmp_path / "figures"
     table = motionlake(
         "evaluate", "pesta", "--baseline", "none", "--label-column", "note", "--pictures", folder, "--lake", built_lake

@@ -98,9 +98,8 @@ def measured(motion: Callable[[Wish, int], Array], plan: Plan = THREE, **other: 
         known = {c.clip for c in TEST}
         return motion(wish, frames) if wish.start.clip in known else held(wish, frames)
 
-    return measure_generator(
-        Fake(safe), **{"test": TEST, "training": TRAINING, "describe": describe, "plan": plan} | other
-    )
+    given_: dict[str, Any] = {"test": TEST, "training": TRAINING, "describe": describe, "plan": plan}
+    return measure_generator(Fake(safe), **given_ | other)
 
 
 def test_a_generator_of_the_truth_makes_no_errors() -> None:

@@ -10,6 +10,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
+from pipeline.clip import FloatArray
 from pipeline.skeleton.canonical import INDEX, PARENTS
 from pipeline.trajectories.body import STANDARD, measured_length
 from pipeline.trajectories.feet import BLEND, CLEAR, FAST, bent, planted
@@ -35,7 +36,8 @@ def standing(frames: int) -> np.ndarray:
 
 
 def bones(joints: np.ndarray) -> np.ndarray:
-    return np.linalg.norm(joints[:, 1:] - joints[:, list(PARENTS[1:])], axis=2)
+    lengths: FloatArray = np.linalg.norm(joints[:, 1:] - joints[:, list(PARENTS[1:])], axis=2)
+    return lengths
 
 
 @settings(max_examples=200, deadline=None)

@@ -74,9 +74,9 @@ def by_definition(
             window = signed(motifs[w : w + width])
             windows.append((min(emd(side, window, corpus.ground) for side in sides), clip.clip, start, stop))
     hits: list[tuple[str, int, int, float]] = []
-    for distance, clip, start, stop in sorted(windows):
-        if len(hits) < k and all(clip != c or stop <= a or start >= b for c, a, b, _ in hits):
-            hits.append((clip, start, stop, distance))
+    for distance, name, start, stop in sorted(windows):
+        if len(hits) < k and all(name != c or stop <= a or start >= b for c, a, b, _ in hits):
+            hits.append((name, start, stop, distance))
     return hits
 
 

@@ -54,7 +54,9 @@ def test_a_second_run_does_nothing(lake: Path, clips_folder: Path, scheduler: st
     assert files(lake) == held
 
 
-def test_a_file_with_a_new_date_and_the_old_content_is_not_read_again(own_lake: Path, source: Path, scheduler: str):
+def test_a_file_with_a_new_date_and_the_old_content_is_not_read_again(
+    own_lake: Path, source: Path, scheduler: str
+) -> None:
     stamps = query(own_lake, "FROM manifest ORDER BY ALL")
     clip_files(source)[0].touch()
     assert ingest(source, own_lake, scheduler).json["clips"] == 0

@@ -34,7 +34,8 @@ CONFIGS = [
 def test_mirrored_features_are_those_of_the_mirrored_clip(built_lake: Path, config: WordConfig) -> None:
     for clip, fps, positions, rotations in canonical_clips(built_lake):
         features = word_features(positions, rotations, fps, config)
-        expected = word_features(mirrored_positions(positions), mirrored_rotations(rotations), fps, config)
+        there, turned = mirrored_positions(positions).astype(float), mirrored_rotations(rotations).astype(float)
+        expected = word_features(there, turned, fps, config)
         if config.representation == "rotations":  # q and -q are one rotation where w is 0
             signs = np.sign(np.sum((expected * mirrored_features(features, config)).reshape(len(features), -1, 4), -1))
             expected = expected * np.repeat(signs, 4, axis=1).astype(np.float32)
@@ -55,7 +56,7 @@ def test_rotations_mirror_as_positions_do(built_lake: Path) -> None:
         offsets = np.array(rest[clip], dtype=float).reshape(-1, 3)
         mirrored_offsets = mirrored_positions(offsets[None])[0]
         root = positions[:, INDEX["hips"]]
-        there = forward_kinematics(root * [-1, 1, 1], mirrored_rotations(rotations), mirrored_offsets)
+        there = forward_kinematics(root * [-1, 1, 1], mirrored_rotations(rotations).astype(float), mirrored_offsets)
         expected = mirrored_positions(forward_kinematics(root, rotations, offsets))
         np.testing.assert_allclose(there, expected, atol=1e-9)
 
@@ -79,7 +80,8 @@ def test_the_stage_signs_the_mirrored_clips(built_lake: Path) -> None:
     own = dict(query(built_lake, "SELECT clip, signature FROM signatures"))
     assert served.keys() == own.keys()
     for clip, fps, positions, rotations in canonical_clips(built_lake):
-        features = word_features(mirrored_positions(positions), mirrored_rotations(rotations), fps, config.words)
+        there, turned = mirrored_positions(positions).astype(float), mirrored_rotations(rotations).astype(float)
+        features = word_features(there, turned, fps, config.words)
         found = assign(embedder.embed(word_windows(features, config.words)), vocabulary)
         np.testing.assert_allclose(served[clip], signature(motif_counts(found, vocabulary.k), idf), atol=1e-6)
     assert served != own

@@ -93,14 +93,14 @@ def windows_of(clips: list[FloatArray]) -> kernels.Windowed:
 
 def naive_candidates(a: list[FloatArray], b: list[FloatArray], agree: Any, *, same: bool) -> set[tuple[int, ...]]:
     """(clip, frame, clip, frame) of every local minimum, by looking at every neighbour."""
-    found = set()
+    found: set[tuple[int, ...]] = set()
     for i, first in enumerate(a):
         for j, second in enumerate(b):
             if not agree[i, j] or (same and j < i):
                 continue
             left, right = window_clouds(first, 8), window_clouds(second, 8)
             sizes = (len(left), len(right))
-            pairs = [paired_distance(left.at([s] * sizes[1]), right) for s in range(sizes[0])]
+            pairs = [paired_distance(left.at(np.full(sizes[1], s)), right) for s in range(sizes[0])]
             matrix = np.array(pairs).reshape(sizes)
             for s, t in np.ndindex(matrix.shape):
                 if same and i == j and t - s < CONFIG.min_gap:
@@ -172,7 +172,7 @@ def test_contexts_are_windows_of_words_around_both_ends() -> None:
         for motif, at in ((motifs[clip], word), (motifs[other], its)):
             start = min(max(at - 6, 0), max(len(motif) - 12, 0))
             sides.append(signature(np.bincount(motif[start : start + 12], minlength=8), idf))
-        expected.append(emd(*sides, ground))
+        expected.append(emd(sides[0], sides[1], ground))
     found = context_distances(motifs, ends, idf, ground, 12)
     np.testing.assert_allclose(found, expected, atol=1e-6)
     np.testing.assert_array_equal(found, context_distances(motifs, ends[::-1], idf, ground, 12))
@@ -181,7 +181,8 @@ def test_contexts_are_windows_of_words_around_both_ends() -> None:
 def made_transitions(rows: list[tuple[int, int, int, int]]) -> Transitions:
     table = np.array(rows, dtype=np.int64).reshape(-1, 4)
     rank = np.arange(len(rows), dtype=float)
-    return Transitions(*table.T, rank, rank[::-1].copy())
+    from_clip, from_frame, to_clip, to_frame = table.T
+    return Transitions(from_clip, from_frame, to_clip, to_frame, rank, rank[::-1].copy())
 
 
 CLIPS = [GraphClip(name, 20.0, 200, 4) for name in "abcd"]

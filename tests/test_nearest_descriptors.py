@@ -86,7 +86,8 @@ def clustered(count: int, rng: np.random.Generator, spread: float) -> Rows:
     centres = rng.standard_normal((12, 20))[rng.integers(0, 12, count)]
     found = (centres + spread * rng.standard_normal((count, 20))) @ rng.standard_normal((20, 512))
     found += 0.01 * rng.standard_normal((count, 512))
-    return (found / np.linalg.norm(found, axis=1, keepdims=True)).astype(np.float32)
+    unit: Rows = (found / np.linalg.norm(found, axis=1, keepdims=True)).astype(np.float32)
+    return unit
 
 
 @pytest.mark.parametrize("spread", [0.3, 1e-7, 0.0])

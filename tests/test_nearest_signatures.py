@@ -38,7 +38,9 @@ def some_ground(k: int, seed: int) -> Float64Array:
     return ground_distances(np.random.default_rng(seed).standard_normal((k, 3)))
 
 
-def scan(query: Float64Array, signatures: Float64Array, ground: Float64Array, k: int) -> tuple[list[int], list[float]]:
+def scan(
+    query: Float64Array, signatures: NDArray[np.floating], ground: Float64Array, k: int
+) -> tuple[list[int], list[float]]:
     """The naive oracle: solve every transport and sort."""
     distances = emd_many(query, signatures, ground).tolist()
     order = sorted(range(len(distances)), key=lambda i: (distances[i], i))[:k]

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -143,7 +144,7 @@ def test_symbols_strided_over_are_boxed_and_the_nearest_cells_are_lightest() -> 
     images = [np.asarray(image.get_array()) for axes in figure.axes for image in axes.images]
     shade = next(image for image in images if image.shape[:2] == cost.shape).sum(axis=-1)
     assert (shade[cost == 0] > shade[cost > 0].max()).all()
-    line = next(line for axes in figure.axes for line in axes.lines if len(line.get_xdata()) == 3)
+    line = next(line for axes in figure.axes for line in axes.lines if len(np.asarray(line.get_xdata())) == 3)
     assert (np.diff(line.get_xdata()) > 0).all()
     assert (np.diff(line.get_ydata()) > 0).all()  # the sheet counts inches downwards
 
@@ -173,13 +174,13 @@ def test_folded_repeats_are_told_with_their_period(
 
 
 @pytest.fixture(scope="module")
-def material(built_lake: Path) -> SymbolMaterial:
+def material(built_lake: Path) -> Iterator[SymbolMaterial]:
     lake = open_lake(built_lake)
     with reading(lake) as con:
         found = read_symbols(con, lake)
         for clip in range(len(found.strings.clips)):
             found.poses.positions(found.strings.clips[clip].clip)
-        yield found  # type: ignore[misc]
+        yield found
 
 
 def test_a_strip_shows_the_clip_s_own_string(material: SymbolMaterial) -> None:
@@ -192,6 +193,7 @@ def test_a_strip_shows_the_clip_s_own_string(material: SymbolMaterial) -> None:
         assert len(drawn.runs) - folded == len(drawn.symbols) == strings.repository.lengths[clip]
         assert drawn.seconds == pytest.approx(known.frames / known.fps)
         assert (np.diff(drawn.run_starts) > 0).all()
+    assert drawn is not None
     figure = symbol_strip(drawn, found, material.colours, "strip")
     assert_readable(figure)
     texts = [t.get_text() for t in figure.texts]
@@ -254,7 +256,8 @@ def test_answers_of_align_are_drawn(built_lake: Path, clips_folder: Path, tmp_pa
     assert len(page.images) == 1 + len(plain.json)
     assert any(f"cost {plain.json[0]['cost']:.3f}" in text for text in page.texts)
     file = clips_folder / clip.partition("/")[2]
-    for words in (["--picture", tmp_path / "one.png"], ["--whole", "--picture", tmp_path / "whole.png"]):
+    asked: list[list[Any]] = [["--picture", tmp_path / "one.png"], ["--whole", "--picture", tmp_path / "whole.png"]]
+    for words in asked:
         assert motionlake("align", file, *words, "--lake", built_lake).status == 0
         assert words[-1].read_bytes().startswith(b"\x89PNG")
     wrong = motionlake(*ask, "--picture", tmp_path / "hits.gif")
@@ -284,8 +287,8 @@ def test_numbers_of_the_figures_are_those_given() -> None:
     mean = max(lines, key=lambda line: line.get_linewidth())
     np.testing.assert_allclose(np.asarray(mean.get_ydata())[[0, -1]], [0.75, 0.25])
     line = robustness_figure({"sta": {0.2: [0.4, 0.6], 0.0: 0.9}}).axes[0].lines[0]
-    np.testing.assert_allclose(line.get_xdata(), [0, 20])
-    np.testing.assert_allclose(line.get_ydata(), [0.9, 0.5])
+    np.testing.assert_allclose(np.asarray(line.get_xdata()), [0, 20])
+    np.testing.assert_allclose(np.asarray(line.get_ydata()), [0.9, 0.5])
 
 
 @pytest.mark.parametrize(

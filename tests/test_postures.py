@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -152,13 +154,13 @@ def test_dead_heads_are_revived() -> None:
     network.start.normal_()
     network.heads.data[:] = 1e6
     network.heads.data[0] = 0.0
-    coded = lambda: len(np.unique(network.symbols(_tensor(features))))  # noqa: E731
+    coded: Callable[[], int] = lambda: len(np.unique(network.symbols(_tensor(features))))  # noqa: E731
     assert coded() == 1
     _revive(network, features, np.random.default_rng(0), "cpu")
     assert coded() > M // 2
 
 
-def _tensor(features: Float32Array):  # type: ignore[no-untyped-def]
+def _tensor(features: Float32Array) -> Any:
     import torch
 
     return torch.from_numpy(features)

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import json
 import shutil
+from collections.abc import Iterator
 from dataclasses import asdict, replace
 from pathlib import Path
+from typing import Any
 
 import duckdb
 import numpy as np
 import pytest
 
-from jobs import postures as job
 from jobs.run import STAGES
 from pipeline.config import LakeConfig, load_config
 from pipeline.frames import read_part
@@ -138,7 +139,7 @@ def test_too_few_postures_are_one_clear_line(lake: Path, scheduler: str) -> None
 
 
 @pytest.fixture
-def ready_made(tmp_path: Path, built_lake: Path, monkeypatch: pytest.MonkeyPatch) -> PosturesConfig:
+def ready_made(tmp_path: Path, built_lake: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[PosturesConfig]:
     """A ready-made dictionary: that of `built_lake`, as if it came with the package."""
     file = tmp_path / "weights" / "postures.safetensors"
     file.parent.mkdir()
@@ -187,7 +188,7 @@ def test_a_sample_takes_the_same_share_of_every_clip(built_lake: Path, monkeypat
     target, clips = open_lake(built_lake), len(query(built_lake, "FROM clips"))
     base = load_config(target.config_file)
 
-    def sample(**changed: int) -> list[np.ndarray]:
+    def sample(**changed: Any) -> list[np.ndarray]:
         config: LakeConfig = replace(base, postures=replace(base.postures, **changed))
         with reading(target) as con:
             return postures.training_sample(con, target, config)
@@ -208,7 +209,7 @@ def test_a_dictionary_that_is_hardly_used_is_told_of(
     lake: Path, scheduler: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     train = postures.train
-    monkeypatch.setattr(job.postures, "train", lambda *words: {**train(*words), "occupied": 19})
+    monkeypatch.setattr(postures, "train", lambda *words: {**train(*words), "occupied": 19})
     done = motionlake("run", "postures", "--refit", "--lake", lake, "--scheduler", scheduler)
     assert done.status == 0
     assert "only 19 of 40 symbols are used" in done.err

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.formats import read_clips, remembered
+from pipeline.formats import read_clips
 from pipeline.formats.remembered import Remembered
 from tests.test_asf_amc import AMC, ASF, write
 
@@ -17,7 +17,7 @@ from tests.test_asf_amc import AMC, ASF, write
 def settled(monkeypatch: pytest.MonkeyPatch) -> None:
     """As if the files had been written ten seconds ago."""
     now = time.time_ns
-    monkeypatch.setattr(remembered.time, "time_ns", lambda: now() + 10_000_000_000)
+    monkeypatch.setattr(time, "time_ns", lambda: now() + 10_000_000_000)
 
 
 def counted(size: int = 8) -> tuple[Remembered[str], list[Path]]:

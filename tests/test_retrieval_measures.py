@@ -5,12 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from pipeline.clip import FloatArray
 from pipeline.evaluation.retrieval import average_precision, leave_one_out
 
 
 def on_a_line(places: list[float]) -> np.ndarray:
     x = np.array(places)
-    return np.abs(x[:, None] - x[None])
+    apart: FloatArray = np.abs(x[:, None] - x[None])
+    return apart
 
 
 def test_perfect_classes() -> None:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import duckdb
 import pytest
@@ -188,7 +189,7 @@ class Fixed:
     def __init__(self, *distances: tuple[str, float]) -> None:
         self._distances = distances
 
-    def search(self, queries: list[Query], k: int, dataset: str | None = None) -> list[list[Hit]]:
+    def search(self, queries: Sequence[Query], k: int, dataset: str | None = None) -> list[list[Hit]]:
         if not self._distances:
             raise UserError("cannot")
         rows = [Hit(rank, clip, far, None, "set", 1.0) for rank, (clip, far) in enumerate(self._distances, start=1)]
@@ -199,7 +200,7 @@ def test_fusion_by_definition() -> None:
     one, two = Fixed(("a", 1.0), ("b", 2.0), ("c", 4.0)), Fixed(("c", 10.0), ("a", 20.0), ("d", 40.0))
     by_distance = FusedRetriever([one, two, Fixed()]).search(["q"], 10)[0]
     # Over the medians 2 and 20; d is as far as c for the first, b as far as d for the second.
-    expected = [("a", 0.75), ("c", 1.25), ("b", 1.5), ("d", 2.0)]
+    expected: list[tuple[str, Any]] = [("a", 0.75), ("c", 1.25), ("b", 1.5), ("d", 2.0)]
     assert [(hit.clip, pytest.approx(hit.distance)) for hit in by_distance] == expected
     by_rank = FusedRetriever([one, two], by="rank").search(["q"], 2)[0]
     assert [(hit.rank, hit.clip) for hit in by_rank] == [(1, "a"), (2, "c")]

@@ -137,7 +137,7 @@ def mirrored_by_definition(lake: Path, clip: str) -> list[tuple[int, str, float,
 
 
 def test_a_mirrored_search_ranks_by_the_nearer_of_both(built_lake: Path, clips_folder: Path) -> None:
-    flags = set()
+    flags: set[bool] = set()
     for count, (clip,) in enumerate(query(built_lake, "SELECT clip FROM clips ORDER BY md5(clip)")):
         if count >= 4 and flags == {True, False}:
             break

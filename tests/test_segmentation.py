@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 from collections import Counter
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -30,7 +31,7 @@ from pipeline.signatures import signature
 STRIDE, LENGTH = 20, 80
 
 
-def corpus_of(clips: list[list[int]], places: NDArray[np.float64], idf: NDArray[np.float64] | None = None) -> Corpus:
+def corpus_of(clips: list[list[int]], places: NDArray[np.floating], idf: NDArray[np.float64] | None = None) -> Corpus:
     """Clips of words given by their motifs; a word every 20 frames, 80 frames long."""
     offsets = np.cumsum([0, *map(len, clips)])
     starts = np.concatenate([np.arange(len(c)) * STRIDE for c in clips])
@@ -67,7 +68,7 @@ def naive_labels(corpus: Corpus, taught: list[TaughtRange], clip: int, config: S
             (windows[i], r.label) for i in range(len(windows)) if r.start <= i * STRIDE + (LENGTH - 1) / 2 < r.stop
         ]
     queries = centred_signatures(corpus.motifs[corpus.words_of(clip)], corpus.idf, config.window)
-    ballots = []
+    ballots: list[Any] = []  # Counters of shares: their annotation knows whole numbers alone
     for query in queries:
         ranked = sorted((emd(query, window, corpus.ground), i) for i, (window, _) in enumerate(rows))
         names = [rows[i][1] for _, i in ranked[: config.k]]
@@ -76,7 +77,7 @@ def naive_labels(corpus: Corpus, taught: list[TaughtRange], clip: int, config: S
             ballots[-1][name] += 1e-9 / (1 + names.index(name))
     labels = []
     for j in range(len(queries)):
-        votes = sum((ballots[i] for i in range(len(queries)) if abs(i - j) <= config.reach), Counter())
+        votes: Counter[str] = sum((ballots[i] for i in range(len(queries)) if abs(i - j) <= config.reach), Counter())
         labels.append(max(sorted(votes), key=lambda name: votes[name]))
     return labels
 
@@ -186,7 +187,7 @@ def test_frames_take_the_class_of_the_word_whose_centre_is_nearest() -> None:
 )
 def test_settings_without_meaning_are_refused(wrong: dict[str, int], says: str) -> None:
     with pytest.raises(UserError, match=says):
-        SegmentationConfig(**wrong)  # type: ignore[arg-type]
+        SegmentationConfig(**wrong)
 
 
 def test_nothing_taught_is_an_error() -> None:

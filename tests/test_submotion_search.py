@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 from pathlib import Path
+from typing import Any
 
 import duckdb
 import numpy as np
@@ -122,7 +123,7 @@ def test_the_ready_made_network_is_the_one_its_description_names() -> None:
 def test_a_place_is_in_the_frames_of_its_clip(fps: float) -> None:
     config, ratio = WordConfig(), fps / 24
     features = np.random.default_rng(0).standard_normal((40, config.dimension)).astype(np.float32)
-    row = {"clip": "a", "fps": fps, "frames": round(39 * ratio) + 1}
+    row: dict[str, Any] = {"clip": "a", "fps": fps, "frames": round(39 * ratio) + 1}
     sequence = np.zeros((10, 15, 3), dtype=np.float32)
     for start, stop in ((0, 9), (12, 30), (25, 40)):
         ends = round(start * ratio), min(round(stop * ratio), row["frames"])

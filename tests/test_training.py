@@ -12,7 +12,7 @@ from threadpoolctl import threadpool_limits
 
 from pipeline.words.config import NetworkConfig
 from pipeline.words.dtw import word_distances
-from pipeline.words.features import Float32Array, WordConfig, word_features
+from pipeline.words.features import Float32Array, Float64Array, WordConfig, word_features
 from pipeline.words.frame_distance import frame_distances
 from pipeline.words.linear import LinearConfig, linear_embedding, nearest_elsewhere
 from pipeline.words.trained import TrainedNetwork, load_network
@@ -36,7 +36,8 @@ def clips(n: int, seed: int = 0) -> list[Float32Array]:
 
 def spread(words: Float32Array) -> np.ndarray:
     flat = words.reshape(len(words), -1).astype(np.float64)
-    return np.linalg.norm(flat[:, None] - flat[None], axis=2)
+    apart: Float64Array = np.linalg.norm(flat[:, None] - flat[None], axis=2)
+    return apart
 
 
 def correlation(network: TrainedNetwork, words: Float32Array) -> float:

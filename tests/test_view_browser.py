@@ -67,7 +67,7 @@ def new_page() -> Iterator[Callable[[], Page]]:
 @pytest.fixture
 def shown(new_page: Callable[[], Page], tmp_path: Path) -> Iterator[Callable[[Sequence[PlayerClip]], Page]]:
     """Opens a page of clips from disk; in the end nothing may have been complained of, or asked of a network."""
-    pages = []
+    pages: list[Page] = []
 
     def show(clips: Sequence[PlayerClip]) -> Page:
         path = tmp_path / f"{len(pages)}.html"

@@ -33,12 +33,14 @@ def walker(n_frames: int, fps: float, *, seed: int = 0) -> NDArray[np.float64]:
 
 def turned(positions: NDArray[np.float64], angle: float) -> NDArray[np.float64]:
     c, s = np.cos(angle), np.sin(angle)
-    return positions @ np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]]).T
+    there: NDArray[np.float64] = positions @ np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]]).T
+    return there
 
 
 def quaternions(n_frames: int, seed: int = 0) -> NDArray[np.float64]:
     q = np.random.default_rng(seed).standard_normal((n_frames, 21, 4))
-    return q / np.linalg.norm(q, axis=-1, keepdims=True)
+    unit: NDArray[np.float64] = q / np.linalg.norm(q, axis=-1, keepdims=True)
+    return unit
 
 
 @settings(max_examples=25, deadline=None)
