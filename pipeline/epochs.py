@@ -32,6 +32,7 @@ class Training:
         rng: that `batches` and `loss` draw from.
         checkpoint: a file that keeps the training, deleted at the end.
         every: epochs from one checkpoint to the next.
+        stays: the file stays at the end, for a training of several networks that is interrupted at a later one.
         progress: called with (epochs done, epochs, mean loss).
         after: called with the epochs done, before `progress`.
     """
@@ -48,6 +49,7 @@ class Training:
     every: int = 10
     progress: Progress | None = None
     after: Callable[[int], None] | None = None
+    stays: bool = False
 
     def run(self) -> list[float]:
         """Train to the end; returns the mean loss of each epoch, those before a resumption too."""
@@ -58,13 +60,13 @@ class Training:
             torch.manual_seed(self.seed * 100_003 + epoch)
             losses.append(self._epoch(epoch))
             done = epoch + 1
-            if kept and done % self.every == 0:
+            if kept and (done % self.every == 0 or (self.stays and done == self.epochs)):
                 kept.save(self.network, self.optimiser, self.rng, losses)
             if self.after is not None:
                 self.after(done)
             if self.progress is not None:
                 self.progress(done, self.epochs, losses[-1])
-        if kept:
+        if kept and not self.stays:
             kept.remove()
         return losses
 

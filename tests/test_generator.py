@@ -8,7 +8,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 
+from pipeline.glogen.by_class import groups
 from pipeline.glogen.recipe import GloGenRecipe
 from pipeline.locgen.recipe import LocGenRecipe
 from pipeline.network_file import save_network
@@ -116,6 +118,18 @@ def test_whole_actions_fill_the_time() -> None:
     np.testing.assert_allclose(np.diff(course.times()), 0.1, rtol=1e-9)
 
 
+def test_of_a_class_no_more_poses_are_kept_than_its_motions_have() -> None:
+    block = np.arange(15.0)[:, None] * np.ones(WIDTH)
+    block[:, DURATION] = np.log(0.1)
+    course = Course(block[:5], [0, 1], np.zeros((2, 4)), 2.0, 1.0, taken=[3, 15])
+    for _ in range(4):
+        course.take(block)
+    assert [row[0] for row in course.rows] == [4, 0, 1, 2, 0, 1, 2, 0, 1, 2, 0]
+    assert course.target == 1
+    course.take(block)
+    assert [row[0] for row in course.rows[11:]] == list(range(10))
+
+
 def test_pace_changes_the_tempo() -> None:
     motions, labels = clips()
     read = [body_motion(motion, 30.0) for motion in motions]
@@ -194,8 +208,47 @@ def test_training_is_the_same_again_and_tells_its_progress() -> None:
     config = SynthesisConfig(seed=5, epochs=2)
     one = train_generator(material, config, progress=lambda done, all_, _: told.append((done, all_)))
     other = train_generator(material, config)
-    assert told == [(1, 4), (2, 4), (3, 4), (4, 4)]
+    assert told == [(epoch, 6) for epoch in range(1, 7)]  # both classes go on: two networks of GloGen, one of LocGen
     assert (one.figures["clips"], one.figures["classes"], one.classes) == (6, 2, ["back", "walk"])
     np.testing.assert_array_equal(one.generate([wish()])[0].positions, other.generate([wish()])[0].positions)
     with pytest.raises(ValueError, match="no clips"):
         train_generator([], config)
+
+
+def test_training_goes_on_at_the_network_it_was_interrupted_at(tmp_path: Path) -> None:
+    motions, labels = clips(3)
+    material = [TrainingMotion(*one) for one in zip(motions, [30.0] * 6, labels, strict=True)]
+    config = SynthesisConfig(seed=5, epochs=2)
+    told: list[int] = []
+
+    def stop(done: int, _all: int, _loss: float) -> None:
+        told.append(done)
+        if told == [1, 2, 3]:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        train_generator(material, config, checkpoint=tmp_path / "training.safetensors", progress=stop)
+    resumed = train_generator(material, config, checkpoint=tmp_path / "training.safetensors", progress=stop)
+    assert told == [1, 2, 3, 3, 4, 5, 6]
+    assert list(tmp_path.iterdir()) == []
+    again = train_generator(material, config)
+    np.testing.assert_array_equal(resumed.generate([wish()])[0].positions, again.generate([wish()])[0].positions)
+
+
+def test_a_class_that_goes_on_learns_from_its_own_motions_alone() -> None:
+    motions, labels = clips()
+    read = [body_motion(motion, 30.0) for motion in motions]
+    both = fit_generator(read, labels, SynthesisConfig(), glogen=SMALL, locgen=DENSE)
+    alone = fit_generator(read[:8], labels[:8], SynthesisConfig(), glogen=SMALL, locgen=DENSE)
+    assert (both.classes, both.going, both.glogen.of) == (["back", "walk"], [True, True], [[0], [1]])
+    for name, value in alone.glogen.network(0).state_dict().items():
+        torch.testing.assert_close(both.glogen.network(1).state_dict()[name], value, rtol=0, atol=0)
+
+
+def test_networks_know_every_class_once() -> None:
+    assert groups([False, False], [True, True]) == [[0, 1]]
+    assert groups([True, False, True, False], [True] * 4) == [[1, 3], [0], [2]]
+    assert groups([True, True], [True, True]) == [[0], [1]]
+    assert groups([True, True, False], [True, False, True]) == [[1, 2], [0]]
+    # Nothing to learn the others from: they join one that can be learned.
+    assert groups([True, True, False], [True, False, False]) == [[0, 1, 2]]

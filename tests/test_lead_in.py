@@ -100,6 +100,7 @@ def test_examples_are_bounded(walks: list[BodyMotion]) -> None:
     many = fit_lead_in([walks[i % 8] for i in range(60)], [i % 2 for i in range(60)], [True, True])
     assert MOST / 2 < len(many.classes) <= MOST
     assert set(many.classes.tolist()) == {0, 1}
+    assert 60 < len(fit_lead_in(walks[:6], [0] * 6, [True], 120).classes) <= 120
 
 
 @pytest.mark.parametrize("pace", [0.5, 1.0, 2.0])

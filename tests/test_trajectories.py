@@ -14,10 +14,21 @@ from pipeline.skeleton.canonical import INDEX, PARENTS
 from pipeline.skeleton.facing import facing
 from pipeline.trajectories.body import STANDARD, body_length, measured_length, standard_joints
 from pipeline.trajectories.motion import FEET, FPS, BodyMotion, body_motion, in_world, mirrored, resampled
-from pipeline.trajectories.pieces import LONGEST, goes_on, pieces, ranges
-from pipeline.trajectories.sparse import DURATION, PIECE, POSES, STEP, TURN, poses_at, sparse_motion, uniform_places
+from pipeline.trajectories.pieces import LONGEST, goes_on, pieces, ranges, reach
+from pipeline.trajectories.sparse import (
+    DURATION,
+    PIECE,
+    POSES,
+    STEP,
+    TURN,
+    even_motion,
+    poses_at,
+    sparse_motion,
+    uniform_places,
+)
 from pipeline.words.mirror import mirrored_positions
 from tests.lakes import canonical_clips, query
+from tests.test_pictures import standing
 
 
 def swinging(frames: int, seed: int = 0) -> np.ndarray:
@@ -222,3 +233,13 @@ def test_a_walk_goes_on_and_a_gesture_comes_to_its_end() -> None:
     again = pieces([long, gestures[0]], [0, 1], going=[True, False], again=20)
     assert [len(piece.motion) for piece in again] == [PIECE, PIECE, PIECE, 90]
     assert not np.allclose(again[0].sparse.rows[5:10], again[1].sparse.rows[5:10])
+
+
+def test_a_class_reaches_as_far_ahead_as_half_of_its_motions() -> None:
+    def lasting(frames: int) -> BodyMotion:
+        return body_motion(standing(frames), FPS)
+
+    motions = [lasting(38), lasting(43), lasting(100), lasting(100), lasting(300), lasting(20)]
+    assert [len(even_motion(motion).rows) for motion in motions] == [8, 9, 20, 20, 58, 5]
+    assert reach(motions, [0, 0, 0, 1, 1, 2], [True, True, True, True], 5) == [4, 15, 1, 15]
+    assert reach(motions, [0, 0, 0, 1, 1, 2], [False, True, True, True], 5) == [15, 15, 1, 15]

@@ -147,7 +147,10 @@ def continued(
     latent = np.zeros((1, max(1, generator.glogen.recipe.latent)))
     courses = go_on(
         generator.glogen,
-        [Course(p.sparse.rows[:SEEDS], [t], latent, frames / FPS, 1.0) for p, t in zip(pieces, targets, strict=True)],
+        [
+            Course(p.sparse.rows[:SEEDS], [t], latent, frames / FPS, 1.0, taken=[generator.reach[t]])
+            for p, t in zip(pieces, targets, strict=True)
+        ],
     )
     rows, times = [np.stack(course.rows) for course in courses], [course.times() for course in courses]
     made = dense_motions(generator.locgen, rows, times, frames)

@@ -130,7 +130,8 @@ def _ours(unit: Unit, test: Question) -> tuple[list[Float32Array], list[Float32A
 def _once(generator: TrainedGenerator, test: Question, latent: NDArray[np.float64]) -> list[Float32Array]:
     """The 15 poses that follow, once, and the frames between them."""
     given = np.stack([one.piece.sparse.rows[:SEEDS] for one in test.asked])
-    rows = np.concatenate([given[:, -1:], follow(generator.glogen, given, test.targets, latent)], axis=1)
+    assert generator.glogen.of == [list(range(len(generator.classes)))]  # actions come to their end
+    rows = np.concatenate([given[:, -1:], follow(generator.glogen.network(0), given, test.targets, latent)], axis=1)
     times = np.concatenate([np.zeros((len(rows), 1)), np.cumsum(np.exp(rows[:, 1:, DURATION]), axis=1)], axis=1)
     made = dense_motions(generator.locgen, list(rows), list(times), max(test.lengths))
     return [frames_of(motion)[:n] for motion, n in zip(made, test.lengths, strict=True)]

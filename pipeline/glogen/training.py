@@ -34,6 +34,7 @@ def train_glogen(
     going: Sequence[bool] = (),
     share: float = 1.0,
     checkpoint: Path | None = None,
+    stays: bool = False,
     progress: Progress | None = None,
 ) -> tuple[Ahead | Blocks, list[float]]:
     """Train on motions.
@@ -46,7 +47,7 @@ def train_glogen(
         seed: of weights, order and chance.
         going: whether each class goes on: its motions are learned from any pose on; none by default.
         share: of the motions of classes that go on that an epoch takes, drawn anew: less than 1 where they overlap.
-        checkpoint: a file to save training to and to go on from; deleted at the end.
+        checkpoint: a file to save training to and to go on from; deleted at the end, unless it `stays`.
         progress: called with (epochs done, epochs, mean loss).
 
     Returns:
@@ -59,9 +60,11 @@ def train_glogen(
         network = glogen_network(replace(recipe, dropout=recipe.going_dropout) if any(on) else recipe, classes)
         rows, labels = [torch.from_numpy(motion) for motion in motions], torch.from_numpy(targets)
         network.learn(rows, labels, on)
-        data = np.concatenate([*[motion.ravel() for motion in motions], targets]).astype(np.float32)
+        data = np.concatenate([*[motion.ravel() for motion in motions], targets, [seed]]).astype(np.float32)
         kept = Checkpoint(checkpoint, data, recipe) if checkpoint else None
-        losses = _fit(network, _Motions(rows, labels, on, recipe.sparse, share), recipe, seed, rng, kept, progress)
+        losses = _fit(
+            network, _Motions(rows, labels, on, recipe.sparse, share), recipe, seed, rng, kept, stays, progress
+        )
     return network.eval(), losses
 
 
@@ -121,6 +124,7 @@ def _fit(
     seed: int,
     rng: np.random.Generator,
     checkpoint: Checkpoint | None,
+    stays: bool,
     progress: Progress | None,
 ) -> list[float]:
     items = motions.items()
@@ -133,7 +137,7 @@ def _fit(
     return Training(
         network, optimiser_of(network, recipe), recipe.epochs_of(count, any(motions.going)), rate_of(recipe),
         lambda: np.array_split(motions.drawn(items, rng), recipe.batches(count)), loss, seed, rng,
-        checkpoint, CHECKPOINT_EVERY, progress,
+        checkpoint, CHECKPOINT_EVERY, progress, stays=stays,
     ).run()  # fmt: skip
 
 

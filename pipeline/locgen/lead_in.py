@@ -110,20 +110,22 @@ class LeadIn(nn.Module):
         return rows
 
 
-def fit_lead_in(motions: Sequence[BodyMotion], targets: Sequence[int], going: Sequence[bool]) -> LeadIn:
+def fit_lead_in(
+    motions: Sequence[BodyMotion], targets: Sequence[int], going: Sequence[bool], examples: int = MOST
+) -> LeadIn:
     """Learn how the motion of every class that goes on does so.
 
     Args:
         motions: whole clips.
         targets: class of each.
         going: [C] whether each class goes on.
+        examples: of all classes together, at most.
     """
     with on_threads(1):  # sums of threads differ from run to run
-        return _fitted(motions, targets, going)
+        return _fitted(motions, targets, going, max(2, examples // max(1, sum(going))))
 
 
-def _fitted(motions: Sequence[BodyMotion], targets: Sequence[int], going: Sequence[bool]) -> LeadIn:
-    most = max(2, MOST // max(1, sum(going)))
+def _fitted(motions: Sequence[BodyMotion], targets: Sequence[int], going: Sequence[bool], most: int) -> LeadIn:
     found = [_examples(motions, targets, target, most) if on else None for target, on in enumerate(going)]
     lead = LeadIn(len(going), sum(len(one[0]) for one in found if one))
     filled = 0

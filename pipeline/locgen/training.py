@@ -34,6 +34,7 @@ def train_locgen(
     seed: int,
     *,
     checkpoint: Path | None = None,
+    stays: bool = False,
     progress: Progress | None = None,
 ) -> tuple[Frames | Between, list[float]]:
     """Train on pieces of clips, of any class.
@@ -42,7 +43,7 @@ def train_locgen(
         pieces: with their sparse poses.
         recipe: how.
         seed: of weights, order and chance.
-        checkpoint: a file to save training to and to go on from; deleted at the end.
+        checkpoint: a file to save training to and to go on from; deleted at the end, unless it `stays`.
         progress: called with (epochs done, epochs, mean loss).
 
     Returns:
@@ -54,9 +55,9 @@ def train_locgen(
         network = locgen_network(recipe)
         learn = np.concatenate([_interpolated(piece, piece.sparse.rows) for piece in pieces])
         network.scale.learn(torch.from_numpy(learn).float())
-        data = np.concatenate([piece.sparse.rows.ravel() for piece in pieces]).astype(np.float32)
+        data = np.concatenate([*[piece.sparse.rows.ravel() for piece in pieces], [seed]]).astype(np.float32)
         kept = Checkpoint(checkpoint, data, recipe) if checkpoint else None
-        losses = _fit(network, pieces, recipe, seed, rng, kept, progress)
+        losses = _fit(network, pieces, recipe, seed, rng, kept, stays, progress)
     return network.eval(), losses
 
 
@@ -67,6 +68,7 @@ def _fit(
     seed: int,
     rng: np.random.Generator,
     checkpoint: Checkpoint | None,
+    stays: bool,
     progress: Progress | None,
 ) -> list[float]:
     def loss(chosen: NDArray[np.int64]) -> Tensor:
@@ -76,7 +78,7 @@ def _fit(
     return Training(
         network, optimiser_of(network, recipe), recipe.epochs_of(len(pieces)), rate_of(recipe),
         lambda: np.array_split(rng.permutation(len(pieces)), recipe.batches(len(pieces))), loss, seed, rng, checkpoint,
-        CHECKPOINT_EVERY, progress,
+        CHECKPOINT_EVERY, progress, stays=stays,
     ).run()  # fmt: skip
 
 

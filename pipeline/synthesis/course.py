@@ -8,8 +8,8 @@ from typing import Final
 import numpy as np
 
 from pipeline.clip import FloatArray
+from pipeline.glogen.by_class import ByClass
 from pipeline.glogen.follow import follow
-from pipeline.glogen.network import Ahead, Blocks
 from pipeline.glogen.recipe import SEEDS
 from pipeline.trajectories.sparse import DURATION
 
@@ -36,6 +36,7 @@ class Course:
         seconds: float,
         pace: float,
         ending: Sequence[bool] = (),
+        taken: Sequence[int] = (),
     ) -> None:
         """A motion that is to be made.
 
@@ -47,6 +48,8 @@ class Course:
             pace: 2: twice as fast as the recordings.
             ending: [K] classes whose motion comes to its end; so many whole ones are made as fit the time best, a
                 little faster or slower. None by default.
+            taken: [K] of the poses that are made at a time, how many are kept before others are made from these; all
+                by default.
         """
         self.rows: list[FloatArray] = [given[-1]]
         self.begins: list[float] = [0.0]
@@ -54,6 +57,7 @@ class Course:
         self._targets, self._latent = list(targets), latent
         self._seconds, self._pace = seconds, pace
         self._ending = list(ending) or [False] * len(self._targets)
+        self._taken: list[int | None] = list(taken) or [None] * len(self._targets)
         self._time = 0.0
         self._anew = False
 
@@ -82,6 +86,7 @@ class Course:
 
     def take(self, made: FloatArray) -> None:
         """Go on by poses [n, 65], as far as the time of the class goes."""
+        made = made[: self._taken[len(self.begins) - 1]]
         until = self._seconds * len(self.begins) / len(self._targets)
         slower = self._fitting(made, until - self._time) if self._ending[len(self.begins) - 1] else 1.0
         taken = 0
@@ -109,22 +114,27 @@ class Course:
         return np.concatenate([[0.0], np.cumsum(np.exp([row[DURATION] for row in self.rows[1:]]))])
 
 
-def go_on(network: Ahead | Blocks, courses: Sequence[Course]) -> Sequence[Course]:
+def go_on(networks: ByClass, courses: Sequence[Course]) -> Sequence[Course]:
     """Fill the time of every course."""
     while True:
         growing = [course for course in courses if not course.done]
         if not growing:
             return courses
-        for start in range(0, len(growing), BATCH):
-            some = growing[start : start + BATCH]
-            for course, made in zip(some, _ahead(network, some), strict=True):
-                course.take(made)
+        by_network: list[list[Course]] = [[] for _ in networks.of]
+        for course in growing:
+            by_network[networks.place(course.target)[0]].append(course)
+        for index, asked in enumerate(by_network):
+            for start in range(0, len(asked), BATCH):
+                some = asked[start : start + BATCH]
+                for course, made in zip(some, _ahead(networks, index, some), strict=True):
+                    course.take(made)
 
 
-def _ahead(network: Ahead | Blocks, courses: Sequence[Course]) -> FloatArray:
+def _ahead(networks: ByClass, index: int, courses: Sequence[Course]) -> FloatArray:
     filled = [*courses, *[courses[0]] * (BATCH - len(courses))]
+    targets = np.array([networks.place(course.target)[1] for course in filled])
     made = follow(
-        network, np.stack([course.given for course in filled]), np.array([course.target for course in filled]),
+        networks.network(index), np.stack([course.given for course in filled]), targets,
         np.stack([course.latent for course in filled]), np.array([course.anew for course in filled]),
     )  # fmt: skip
     return made[: len(courses)]

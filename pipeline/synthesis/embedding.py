@@ -14,7 +14,7 @@ from pipeline.synthesis.training import TrainingMotion
 from pipeline.threads import on_threads
 from pipeline.trajectories.motion import FPS, body_motion
 from pipeline.trajectories.pieces import ranges
-from pipeline.trajectories.sparse import sparse_motion
+from pipeline.trajectories.sparse import WIDTH, sparse_motion
 from pipeline.words.features import Float32Array
 
 
@@ -36,13 +36,15 @@ class EmbeddedMotions:
 def embed_motions(generator: TrainedGenerator, motions: Sequence[TrainingMotion]) -> EmbeddedMotions:
     """Embed motions of classes that the generator knows; of long ones the first piece; short ones are left out."""
     chosen = [motion for motion in motions if len(motion.positions) / motion.fps * FPS >= SHORTEST]
-    count, width = generator.glogen.recipe.sparse, len(generator.glogen.scale.mean)
-    rows = np.zeros((len(chosen), count, width), dtype=np.float32)
+    count = generator.glogen.recipe.sparse
+    rows = np.zeros((len(chosen), count, WIDTH), dtype=np.float32)
     for i, motion in enumerate(chosen):
         body = body_motion(motion.positions, motion.fps)
         rows[i] = sparse_motion(body.cut(*ranges(len(body))[0]), count).rows
     targets = torch.tensor([generator.classes.index(motion.label) for motion in chosen], dtype=torch.int64)
     with on_threads(1), torch.inference_mode():
-        scaled = generator.glogen.scale(torch.from_numpy(rows))
-        found = [generator.glogen.embedding(scaled, known).numpy() for known in (targets, None)]
+        found = [
+            generator.glogen.embedding(torch.from_numpy(rows), targets, with_class=known).numpy()
+            for known in (True, False)
+        ]
     return EmbeddedMotions([motion.label for motion in chosen], *found)

@@ -11,7 +11,7 @@ import numpy as np
 from torch import nn
 
 from pipeline.clip import FloatArray
-from pipeline.glogen.network import Ahead, Blocks, glogen_network
+from pipeline.glogen.by_class import ByClass, untrained
 from pipeline.glogen.recipe import GloGenRecipe
 from pipeline.locgen.dense import dense_motions
 from pipeline.locgen.lead_in import FEATURES, LeadIn, led_in
@@ -37,7 +37,9 @@ class TrainedGenerator:
         config: what it was trained for.
         classes: [C] it knows.
         going: [C] whether the motion of each goes on, or comes to its end (`pieces.goes_on`).
-        glogen, locgen: networks in evaluation mode, on the CPU.
+        reach: [C] how many poses after the given ones the motions of each have (`pieces.reach`): what the network says
+            of the class beyond these it has not learned.
+        glogen, locgen: networks in evaluation mode, on the CPU; GloGen has one for each class that goes on.
         lead: how motion goes on from recorded frames.
         figures: of its training.
     """
@@ -45,7 +47,8 @@ class TrainedGenerator:
     config: SynthesisConfig
     classes: list[str]
     going: list[bool]
-    glogen: Ahead | Blocks
+    reach: list[int]
+    glogen: ByClass
     locgen: Frames | Between
     lead: LeadIn
     figures: Mapping[str, Any]
@@ -99,7 +102,9 @@ class TrainedGenerator:
         rng = np.random.default_rng(wish.seed)
         latent = wish.temperature * rng.standard_normal((len(targets), max(1, self.glogen.recipe.latent)))
         ending = [self.glogen.recipe.architecture == "ahead" and not self.going[target] for target in targets]
-        return Course(start.rows, targets, latent, wish.seconds, wish.pace, ending)
+        return Course(
+            start.rows, targets, latent, wish.seconds, wish.pace, ending, [self.reach[target] for target in targets]
+        )
 
     def _networks(self) -> nn.ModuleDict:
         return nn.ModuleDict({"glogen": self.glogen, "locgen": self.locgen, "lead": self.lead})
@@ -107,9 +112,10 @@ class TrainedGenerator:
     def save(self, path: Path) -> None:
         """Write it as one safetensors file."""
         kept = {
-            "config": asdict(self.config), "classes": self.classes, "going": self.going, "figures": dict(self.figures),
-            "examples": len(self.lead.classes), "lead_features": FEATURES, "joints": list(JOINTS),
-            "glogen": asdict(self.glogen.recipe), "locgen": asdict(self.locgen.recipe),
+            "config": asdict(self.config), "classes": self.classes, "going": self.going, "reach": self.reach,
+            "figures": dict(self.figures), "examples": len(self.lead.classes), "lead_features": FEATURES,
+            "joints": list(JOINTS), "glogen": asdict(self.glogen.recipe), "networks": self.glogen.of,
+            "locgen": asdict(self.locgen.recipe),
         }  # fmt: skip
         save_network(path, self._networks(), METADATA_KEY, kept)
 
@@ -132,14 +138,14 @@ def load_generator(path: Path) -> TrainedGenerator:
     tensors, kept = read_network(path, METADATA_KEY)
     if kept["joints"] != list(JOINTS):
         raise ValueError(f"{path} was trained on another skeleton: {', '.join(kept['joints'])}")
-    if kept.get("lead_features") != FEATURES:
+    if kept.get("lead_features") != FEATURES or "networks" not in kept:
         raise ValueError(f"{path} was made by an earlier version; train one anew with `motionlake train synthesis`")
-    glogen = glogen_network(GloGenRecipe(**kept["glogen"]), len(kept["classes"]))
+    glogen = untrained(GloGenRecipe(**kept["glogen"]), kept["networks"])
     locgen = locgen_network(LocGenRecipe(**kept["locgen"]))
     lead = LeadIn(len(kept["classes"]), kept["examples"])
     config = SynthesisConfig(**kept["config"])
     generator = TrainedGenerator(
-        config, kept["classes"], kept["going"], glogen.eval(), locgen.eval(), lead, kept["figures"]
+        config, kept["classes"], kept["going"], kept["reach"], glogen.eval(), locgen.eval(), lead, kept["figures"]
     )
     generator._networks().load_state_dict(tensors)
     return generator

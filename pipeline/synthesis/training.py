@@ -8,18 +8,22 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pipeline.clip import FloatArray
+from pipeline.glogen.by_class import ByClass, groups
 from pipeline.glogen.recipe import SEEDS, GloGenRecipe, glogen_recipe
 from pipeline.glogen.training import epochs_of, train_glogen
+from pipeline.locgen.lead_in import MOST as EXAMPLES
 from pipeline.locgen.lead_in import fit_lead_in
 from pipeline.locgen.recipe import LocGenRecipe, locgen_recipe
 from pipeline.locgen.training import train_locgen
 from pipeline.synthesis.config import SynthesisConfig
 from pipeline.synthesis.generator import TrainedGenerator
 from pipeline.trajectories.motion import BodyMotion, body_motion
-from pipeline.trajectories.pieces import Piece, goes_on, pieces
+from pipeline.trajectories.pieces import Piece, goes_on, pieces, reach
 from pipeline.trajectories.sparse import PIECE
+from pipeline.words.features import Float32Array
 
 Progress = Callable[[int, int, float], None]
 STRIDE: Final = 25  # frames from piece to piece of a long clip, by the default recipe
@@ -39,6 +43,7 @@ def train_generator(
     motions: Sequence[TrainingMotion],
     config: SynthesisConfig,
     *,
+    examples: int = EXAMPLES,
     checkpoint: Path | None = None,
     progress: Progress | None = None,
 ) -> TrainedGenerator:
@@ -47,6 +52,7 @@ def train_generator(
     Args:
         motions: clips of known class.
         config: recipe, seed, epochs (of either network).
+        examples: of how recorded motion goes on, that it keeps at most.
         checkpoint: a file to save training to and to go on from; deleted at the end.
         progress: called with (epochs done, epochs, mean loss) after each epoch of either network.
 
@@ -60,7 +66,8 @@ def train_generator(
     if not motions:
         raise ValueError("there are no clips to train on")
     read = [body_motion(motion.positions, motion.fps) for motion in motions]
-    return fit_generator(read, [motion.label for motion in motions], config, checkpoint=checkpoint, progress=progress)
+    labels = [motion.label for motion in motions]
+    return fit_generator(read, labels, config, examples=examples, checkpoint=checkpoint, progress=progress)
 
 
 def fit_generator(
@@ -70,6 +77,7 @@ def fit_generator(
     *,
     glogen: GloGenRecipe | None = None,
     locgen: LocGenRecipe | None = None,
+    examples: int = EXAMPLES,
     checkpoint: Path | None = None,
     progress: Progress | None = None,
 ) -> TrainedGenerator:
@@ -78,52 +86,101 @@ def fit_generator(
     second = locgen or locgen_recipe(config.recipe, config.epochs)
     classes = sorted(set(labels))
     targets = [classes.index(label) for label in labels]
-    ahead = first.architecture == "ahead"
-    going = goes_on(motions, targets, len(classes)) if ahead else [False] * len(classes)
-    stride = STRIDE if ahead else PIECE
-    again = _again(motions, [going[target] for target in targets], first.again)
-
-    def cut(again: int) -> list[Piece]:
-        made = pieces(
-            motions, targets, count=first.sparse, stride=stride, mirror=first.mirror, going=going, again=again
-        )  # fmt: skip
-        return [piece for piece in made if len(piece.sparse.rows) > SEEDS]
-
-    whole = cut(0)
-    made = cut(again) if again else whole
+    going = goes_on(motions, targets, len(classes)) if first.architecture == "ahead" else [False] * len(classes)
+    whole = _cut(motions, targets, going, first)
     if not whole:
         raise ValueError("all clips are too short to train on")
-    share = _frames(whole, going) / max(1, _frames(made, going)) if again else 1.0
-    lengths, of = [len(piece.sparse.rows) for piece in made], [piece.target for piece in made]
-    before = epochs_of(lengths, of, going, first, share)
-    epochs = before + second.epochs_of(len(whole))
+    known = {piece.target for piece in whole}
+    parts = [
+        _Part.of(motions, targets, going, own, first)
+        for own in groups(going, [target in known for target in range(len(classes))])
+    ]
+    epochs = sum(part.epochs(first) for part in parts) + second.epochs_of(len(whole))
+    done_before = 0
 
     def beside(name: str) -> Path | None:
         return checkpoint.with_name(f"{checkpoint.stem}-{name}{checkpoint.suffix}") if checkpoint else None
 
-    def tell(already: int) -> Progress | None:
-        return None if progress is None else lambda done, _, loss: progress(already + done, epochs, loss)
+    def tell() -> Progress | None:
+        before = done_before
+        return None if progress is None else lambda done, _, loss: progress(before + done, epochs, loss)
 
-    glogen_network, losses = train_glogen(
-        [piece.sparse.rows.astype(np.float32) for piece in made],
-        np.array(of),
-        len(classes),
-        first,
-        config.seed,
-        going=going,
-        share=share,
-        checkpoint=beside("glogen"),
-        progress=tell(0),
-    )
+    networks, losses = [], []
+    for i, part in enumerate(parts):
+        network, found = train_glogen(
+            part.rows, part.targets, len(part.classes), first, config.seed, going=part.going, share=part.share,
+            checkpoint=beside(f"glogen-{i}"), stays=True, progress=tell(),
+        )  # fmt: skip
+        networks.append(network)
+        losses += found
+        done_before += part.epochs(first)
     locgen_network, dense_losses = train_locgen(
-        whole, second, config.seed, checkpoint=beside("locgen"), progress=tell(before)
+        whole, second, config.seed, checkpoint=beside("locgen"), stays=True, progress=tell()
     )
-    lead = fit_lead_in(motions, targets, going)
+    for file in (*(beside(f"glogen-{i}") for i in range(len(parts))), beside("locgen")):
+        if file is not None:
+            file.unlink(missing_ok=True)
     figures = {
         "clips": len(motions), "classes": len(classes), "loss": [round(loss, 5) for loss in losses],
         "locgen_loss": [round(loss, 5) for loss in dense_losses],
     }  # fmt: skip
-    return TrainedGenerator(config, classes, going, glogen_network, locgen_network, lead, figures)
+    return TrainedGenerator(
+        config, classes, going, reach(motions, targets, going, SEEDS, first.sparse),
+        ByClass(first, networks, [part.classes for part in parts]), locgen_network,
+        fit_lead_in(motions, targets, going, examples), figures,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class _Part:
+    """What one network of GloGen is trained on.
+
+    Attributes:
+        classes: that it knows.
+        rows: sparse poses of each piece.
+        targets: class of each, one of its own.
+        going: whether each of its classes goes on.
+        share: of the pieces of these that an epoch takes, which overlap.
+    """
+
+    classes: list[int]
+    rows: list[Float32Array]
+    targets: NDArray[np.int64]
+    going: list[bool]
+    share: float
+
+    @classmethod
+    def of(
+        cls,
+        motions: Sequence[BodyMotion],
+        targets: Sequence[int],
+        going: Sequence[bool],
+        classes: list[int],
+        recipe: GloGenRecipe,
+    ) -> _Part:
+        some = [motion for motion, target in zip(motions, targets, strict=True) if target in classes]
+        own = [classes.index(target) for target in targets if target in classes]
+        on = [going[target] for target in classes]
+        again = _again(some, [on[target] for target in own], recipe.again)
+        whole, made = (_cut(some, own, on, recipe, each) for each in (0, again))
+        share = _frames(whole, on) / max(1, _frames(made, on)) if again else 1.0
+        rows = [piece.sparse.rows.astype(np.float32) for piece in made]
+        return cls(classes, rows, np.array([piece.target for piece in made], dtype=np.int64), on, share)
+
+    def epochs(self, recipe: GloGenRecipe) -> int:
+        """How many its network is trained for."""
+        return epochs_of([len(rows) for rows in self.rows], self.targets.tolist(), self.going, recipe, self.share)
+
+
+def _cut(
+    motions: Sequence[BodyMotion], targets: Sequence[int], going: Sequence[bool], recipe: GloGenRecipe, again: int = 0
+) -> list[Piece]:
+    """Pieces with more sparse poses than are given."""
+    stride = STRIDE if recipe.architecture == "ahead" else PIECE
+    made = pieces(
+        motions, targets, count=recipe.sparse, stride=stride, mirror=recipe.mirror, going=going, again=again
+    )  # fmt: skip
+    return [piece for piece in made if len(piece.sparse.rows) > SEEDS]
 
 
 def _again(motions: Sequence[BodyMotion], going: Sequence[bool], least: int) -> int:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.trajectories.motion import BodyMotion, mirrored
-from pipeline.trajectories.sparse import PIECE, SPARSE, SparseMotion, even_motion, sparse_motion
+from pipeline.trajectories.sparse import PIECE, SPARSE, SparseMotion, even_motion, even_poses, sparse_motion
 
 LONGEST: Final = 150  # frames, of a clip that is one piece
 # A clip goes on where it ends if its last frames move at this share of its mean speed at least.
@@ -78,6 +78,22 @@ def goes_on(motions: Sequence[BodyMotion], targets: Sequence[int], classes: int)
         moving = float(speed[-ENDING:].mean()) >= MOVING * float(speed.mean()) > 0
         ended[target].append(not (moving or len(motion) > LONGEST))
     return [bool(several) and float(np.mean(several)) < 0.5 for several in ended]
+
+
+def reach(
+    motions: Sequence[BodyMotion], targets: Sequence[int], going: Sequence[bool], given: int, count: int = SPARSE
+) -> list[int]:
+    """[C] how many sparse poses after the `given` ones the motions of a class have, of `count` in all: their median.
+
+    Of a class that comes to its end all; of clips too short to have any, one.
+    """
+    poses: list[list[int]] = [[] for _ in going]
+    for motion, target in zip(motions, targets, strict=True):
+        poses[target].append(even_poses(len(motion)) - given)
+    return [
+        max(1, min(count - given, int(np.median(own)))) if on and own else count - given
+        for own, on in zip(poses, going, strict=True)
+    ]
 
 
 def ranges(frames: int, stride: int = PIECE) -> list[tuple[int, int]]:

@@ -58,7 +58,12 @@ def sparse_motion(motion: BodyMotion, count: int = SPARSE) -> SparseMotion:
 
 def even_motion(motion: BodyMotion) -> SparseMotion:
     """Sparse poses as far apart on average, in time, as those of a piece of `PIECE` frames."""
-    return poses_at(motion, uniform_places(motion, max(2, 1 + round((len(motion) - 1) * (SPARSE - 1) / (PIECE - 1)))))
+    return poses_at(motion, uniform_places(motion, even_poses(len(motion))))
+
+
+def even_poses(frames: int) -> int:
+    """How many sparse poses `even_motion` has of a motion of so many frames."""
+    return max(2, 1 + round((frames - 1) * (SPARSE - 1) / (PIECE - 1)))
 
 
 def poses_at(motion: BodyMotion, places: FloatArray) -> SparseMotion:
