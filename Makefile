@@ -8,6 +8,10 @@ STAGES := frames words embed motifs signatures mirrored postures symbols descrip
 # What `make demo` takes in: by default the DeepMimic motions, fetched first.
 DATA ?= demo/deepmimic
 DEMO_LAKE = demo/$(notdir $(abspath $(DATA)))-lake
+# New motion of the ready-made generator, in a lake that has no labels to train one on.
+DEMO_SYNTHESIS = $(if $(filter demo/deepmimic,$(DATA)),$(BIN)/motionlake run synth --lake "$(DEMO_LAKE)" && \
+	$(BIN)/motionlake synthesize --class walk --class salsa --from humanoid3d_walk --lake "$(DEMO_LAKE)" && \
+	$(BIN)/motionlake view synthetic/walk+salsa-s0-0001 --out demo/made.html --lake "$(DEMO_LAKE)")
 DEMO_QUERIES = $(if $(filter demo/deepmimic,$(DATA)),humanoid3d_walk humanoid3d_kick humanoid3d_dance_a,--sample 3)
 
 .DEFAULT_GOAL := help
@@ -31,6 +35,7 @@ demo: setup $(if $(filter demo/deepmimic,$(DATA)),demo/deepmimic/.ready) ## Real
 	$(BIN)/motionlake search $(DEMO_QUERIES) -k 3 --lake "$(DEMO_LAKE)"
 	$(BIN)/motionlake sql "SELECT clip, rig, frames, round(seconds, 1) AS seconds FROM clips ORDER BY frames DESC LIMIT 5" \
 		--lake "$(DEMO_LAKE)"
+	$(DEMO_SYNTHESIS)
 
 demo/deepmimic/.ready: | setup
 	rm -rf demo/wheel demo/deepmimic && mkdir -p demo/wheel
@@ -69,7 +74,7 @@ neighbours: setup ## Stage of its own: the nearest words of every word in other 
 	$(BIN)/motionlake run neighbours --lake "$(LAKE)"
 transitions: setup ## Stage of its own: where clips of DATASET=name (all datasets) can be joined into motion graphs
 	$(BIN)/motionlake run transitions $(if $(DATASET),--dataset "$(DATASET)") --lake "$(LAKE)"
-synth: setup ## Stage of its own: train the generator of motion if there is none (labelled clips; then motionlake synthesize)
+synth: setup ## Stage of its own: a generator of motion, trained on labelled clips or ready-made (then motionlake synthesize)
 	$(BIN)/motionlake run synth --lake "$(LAKE)"
 
 $(STAGES):

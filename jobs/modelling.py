@@ -19,36 +19,27 @@ Progress = Callable[[int, int, float], None]
 
 
 @dataclass(frozen=True)
-class Trained:
-    """One kind of model that a lake trains.
-
-    Attributes:
-        kind: as `models` calls it.
-        key: of a configuration; a model fits those that have its key.
-        settings: what `models` keeps of a configuration.
-    """
-
-    kind: str
-    key: Callable[[LakeConfig], str]
-    settings: Callable[[LakeConfig], Mapping[str, Any]]
-
-
-@dataclass(frozen=True)
-class Network(Trained):
+class Network:
     """One kind of model that a lake takes ready-made or trains.
 
     Attributes:
+        kind: as `models` calls it.
         stage: that needs it.
         title: for people.
         command: of `motionlake train`.
+        key: of a configuration; a model fits those that have its key.
+        settings: what `models` keeps of a configuration.
         takes_ready_made: whether a lake without a fitting model starts with the ready-made one.
         ready_made: its file.
         take_weights: copies a ready-made file into the lake under a name; returns the figures of its training.
     """
 
+    kind: str
     stage: str
     title: str
     command: str
+    key: Callable[[LakeConfig], str]
+    settings: Callable[[LakeConfig], Mapping[str, Any]]
     takes_ready_made: Callable[[Connection, LakeConfig], bool]
     ready_made: Callable[[], Path]
     take_weights: Callable[[Lake, LakeConfig, Path, str], dict[str, Any]]
@@ -85,7 +76,7 @@ def take(session: Session, network: Network, weights: Path) -> Model:
 
 def train(
     session: Session,
-    network: Trained,
+    network: Network,
     fit: Callable[[str, Progress], Mapping[str, Any]],
     settings: Mapping[str, Any] | None = None,
 ) -> Model:

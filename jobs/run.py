@@ -24,7 +24,7 @@ from jobs.session import Session
 STAGES = (
     "frames", "words", "embed", "motifs", "signatures", "mirrored", "postures", "symbols", "descriptors", "submotions",
 )  # fmt: skip
-# Made when asked for by name: two compare all clips with one another, "synth" needs labels.
+# Made when asked for by name: two compare all clips with one another, "synth" may train for minutes.
 BY_NAME = ("neighbours", "transitions", "synth")
 
 

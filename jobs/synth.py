@@ -1,4 +1,4 @@
-"""Job "synth": train a generator of motion if the lake has none that fits."""
+"""Job "synth": get a generator of motion if the lake has none that fits."""
 
 from __future__ import annotations
 
@@ -11,20 +11,24 @@ from jobs.session import Session
 from pipeline.lake.catalog import reading
 from pipeline.stages import synthesis
 from pipeline.stages.models import Model
+from pipeline.synthesis import shipped
 
-GENERATOR = modelling.Trained(
+GENERATOR = modelling.Network(
     kind=synthesis.GENERATOR,
+    stage=synthesis.NAME,
+    title="generator",
+    command="synthesis",
     key=synthesis.generator_key,
     settings=lambda config: asdict(config.synthesis),
+    takes_ready_made=synthesis.takes_ready_made,
+    ready_made=lambda: shipped.FILE,
+    take_weights=synthesis.take_weights,
 )
 
 
 def run(session: Session, *, refit: bool = False) -> Outcome:
-    """Train a generator where none fits the configuration; `refit` trains one in any case."""
-    with reading(session.lake) as con:
-        fitting = synthesis.fitting_generator(con, session.config)
-    if fitting is None or refit:
-        train(session)
+    """Get a generator where none fits the configuration; `refit` trains one in any case."""
+    modelling.obtain(session, GENERATOR, train, refit=refit)
     return Outcome()
 
 

@@ -21,6 +21,7 @@ from pipeline.lake.layout import open_lake
 from pipeline.postures import shipped
 from pipeline.postures.config import PosturesConfig
 from pipeline.postures.dictionary import PostureDictionary, load_dictionary
+from pipeline.ready_made import described
 from pipeline.stages import postures
 from pipeline.symbols.config import SymbolsConfig
 from pipeline.symbols.strings import symbolise
@@ -147,9 +148,9 @@ def ready_made(tmp_path: Path, built_lake: Path, monkeypatch: pytest.MonkeyPatch
     current(built_lake)[1].save(file)
     file.with_suffix(".json").write_text(json.dumps({"postures": asdict(config)}), encoding="utf-8")
     monkeypatch.setattr(shipped, "FILE", file)
-    shipped.about.cache_clear()
+    described.cache_clear()
     yield config
-    shipped.about.cache_clear()
+    described.cache_clear()
 
 
 def test_the_ready_made_dictionary_is_taken_where_it_fits(

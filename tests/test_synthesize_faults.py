@@ -126,7 +126,7 @@ def test_a_class_without_a_clip_to_start_from(own: Path, name: str, scheduler: s
 def test_no_generator_and_nothing_to_train_one_on(lake: Path, scheduler: str) -> None:
     for command in (("synthesize", "--class", "walk"), ("synthesize", "--classes"), ("sql", "FROM synthesize('walk')")):
         run = motionlake(*command, "--lake", lake)
-        assert (run.status, run.err.count("has no generator yet; train one with `motionlake train synthesis`")) == (
+        assert (run.status, run.err.count("has no generator yet; get one with `motionlake run synth`")) == (
             2,
             1,
         )
@@ -139,6 +139,8 @@ def test_no_generator_and_nothing_to_train_one_on(lake: Path, scheduler: str) ->
     con = duckdb.connect(str(lake / "catalog.duckdb"))
     con.execute("UPDATE clips SET label = NULL")
     con.close()
+    with (lake / "config.toml").open("a", encoding="utf-8") as handle:
+        handle.write('[synthesis]\nweights = "own"\n')
     for command in (("train", "synthesis"), ("run", "synth")):
         run = motionlake(*command, "--lake", lake)
         assert (run.status, "has a label, and a generator learns motion by class" in run.err) == (2, True), run.err

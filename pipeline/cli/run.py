@@ -49,7 +49,7 @@ def run_command(
 
     Transitions for motion graphs, which "all" leaves out: motionlake run transitions --dataset dances --lake mylake
 
-    A generator of new motion, which needs labels: motionlake run synth --lake mylake
+    A generator of new motion: motionlake run synth --lake mylake
     """
     if stage != "all" and stage not in STAGES + BY_NAME:
         raise UserError(f"{stage}: no such stage; use all, or one of {', '.join(STAGES + BY_NAME)}")

@@ -61,9 +61,9 @@ def synthesize(
 ) -> None:
     """Make new motion of known classes, as clips of a dataset of their own.
 
-    The generator is trained first: motionlake train synthesis. Each motion goes on from the first poses of a recorded
-    clip of the first class, one drawn by the seed. The same command makes the same clips; what is there already is left
-    as it is. Where every clip comes from stands in the table "synthetic".
+    A generator comes first: motionlake run synth. Each motion goes on from the first poses of a recorded clip of the
+    first class (of any clip, in a lake that knows of no clip's class), one drawn by the seed. The same command makes
+    the same clips; what is there already is left as it is. Where every clip comes from stands in the table "synthetic".
 
     Example: motionlake synthesize --class walk --class kick --seconds 8 --count 100 --seed 7 --lake mylake
 

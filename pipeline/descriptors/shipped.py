@@ -2,24 +2,13 @@
 
 from __future__ import annotations
 
-import json
-from functools import cache
 from pathlib import Path
 from typing import Any
 
 from pipeline.descriptors.config import DescriptorsConfig
+from pipeline.ready_made import described
 
 FILE = Path(__file__).parent / "weights" / "descriptors.safetensors"
-
-
-@cache
-def described(file: Path) -> dict[str, Any]:
-    """What stands beside a file of weights; empty where one of the two is missing."""
-    beside = file.with_suffix(".json")
-    if not (file.is_file() and beside.is_file()):
-        return {}
-    content: dict[str, Any] = json.loads(beside.read_text(encoding="utf-8"))
-    return content
 
 
 def about() -> dict[str, Any]:

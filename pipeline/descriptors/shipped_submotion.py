@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any, Final
 
-from pipeline.descriptors.shipped import described
 from pipeline.descriptors.submotion_config import SubmotionConfig
+from pipeline.ready_made import described
 
 FILE = Path(__file__).parent / "weights" / "submotion.safetensors"
 # What says which network it is; the rest says how it is trained.

@@ -2,27 +2,21 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import asdict
-from functools import cache
 from pathlib import Path
 from typing import Any
 
 from pipeline.postures.config import PosturesConfig
+from pipeline.ready_made import described
 
 FILE = Path(__file__).parent / "weights" / "postures-aae.safetensors"
 # What shapes a training alone; frames are coded alike whatever these say.
 _OF_TRAINING = ("seed", "weights", "max_postures")
 
 
-@cache
 def about() -> dict[str, Any]:
     """What stands beside the weights: configuration, sets and sha256 of the clips; empty where there are none."""
-    described = FILE.with_suffix(".json")
-    if not (FILE.is_file() and described.is_file()):
-        return {}
-    content: dict[str, Any] = json.loads(described.read_text(encoding="utf-8"))
-    return content
+    return described(FILE)
 
 
 def fits(config: PosturesConfig) -> bool:

@@ -98,6 +98,8 @@ def _generator(con: Connection, config: LakeConfig, *, refit: bool) -> str:
     generator = synthesis.fitting_generator(con, config)
     if generator is not None and not refit:
         return f"synth: will not train; {generator.model} makes motion"
+    if not refit and synthesis.takes_ready_made(con, config):
+        return "synth: will not train; the ready-made generator makes motion"
     return f"synth: will train a generator of motion ({config.synthesis.recipe})"
 
 

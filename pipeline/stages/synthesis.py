@@ -1,22 +1,24 @@
-"""Stage "synth": a generator of new motion, trained on the clips of known class of the lake (GloGen and LocGen)."""
+"""Stage "synth": a generator of new motion, ready-made or trained on clips of known class (GloGen and LocGen)."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from difflib import get_close_matches
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pipeline.config import LakeConfig, config_hash
 from pipeline.errors import UserError
-from pipeline.lake.catalog import Connection
+from pipeline.lake.catalog import Connection, fetch
 from pipeline.lake.layout import Lake
-from pipeline.stages.models import Model, current_model, fitting_model
+from pipeline.stages.models import Model, copy_weights, current_model, fitting_model
+from pipeline.synthesis import shipped
 
 if TYPE_CHECKING:
     from pipeline.synthesis.generator import TrainedGenerator
 
 NAME = "synth"
-VERSION = 3
+VERSION = 4
 GENERATOR = "synthesis"
 SHOWN = 3  # classes offered in place of an unknown one
 
@@ -29,6 +31,26 @@ def generator_key(config: LakeConfig) -> str:
 def fitting_generator(con: Connection, config: LakeConfig) -> Model | None:
     """The current generator if it was made for this configuration."""
     return fitting_model(con, GENERATOR, generator_key(config))
+
+
+def takes_ready_made(con: Connection, config: LakeConfig) -> bool:
+    """Whether the lake starts with the ready-made generator, and does not train one."""
+    if not shipped.fits(config.synthesis):
+        return False
+    return config.synthesis.weights == "shipped" or not classed_motions(con)
+
+
+def classed_motions(con: Connection, split: str | None = None, label: str | None = None) -> list[dict[str, Any]]:
+    """Recorded motion of known class: of a split, of a class; of any where these are None."""
+    return fetch(con, "queries/classed_motions.sql", {"dataset": None, "split": split, "label": label})
+
+
+def take_weights(lake: Lake, _config: LakeConfig, weights: Path, file: str) -> dict[str, Any]:
+    """Copy a ready-made generator into the lake as `file`; returns its figures."""
+    from pipeline.synthesis.generator import load_generator
+
+    kept = ("clips", "class_names", "datasets", "licences", "filled", "split", "dataset")
+    return copy_weights(lake, weights, file, load_generator(weights).figures, *kept)
 
 
 def outdated(con: Connection, config: LakeConfig) -> bool:
@@ -51,7 +73,10 @@ def served_generator(con: Connection, lake: Lake, config: LakeConfig) -> Model:
             f"{lake.root}: {other.model} was trained for other values of [synthesis] than config.toml has now, or by "
             "an earlier version; train one for these with `motionlake train synthesis`"
         )
-    raise UserError(f"{lake.root}: has no generator yet; train one with `motionlake train synthesis`")
+    raise UserError(
+        f"{lake.root}: has no generator yet; get one with `motionlake run synth`, trained on clips of known "
+        "class or, where there are none, ready-made"
+    )
 
 
 def open_generator(lake: Lake, model: Model) -> TrainedGenerator:

@@ -15,7 +15,7 @@ from pipeline.lake.catalog import Connection, fetch
 from pipeline.lake.layout import Lake
 from pipeline.stages.clip_files import first_body
 from pipeline.stages.sources import content_hash
-from pipeline.stages.synthesis import long_enough
+from pipeline.stages.synthesis import classed_motions, long_enough
 from pipeline.stages.training_clips import check_chosen, frames_of_clips
 from pipeline.synthesis.wishes import Seed, Synthesized, Wish
 
@@ -103,6 +103,8 @@ def check_request(request: Request) -> None:
 def find_starts(con: Connection, lake: Lake, request: Request) -> list[Start]:
     """What the motions of a request may start from, by clip and frame.
 
+    Recorded motion of the first class; in a lake that knows of no clip's class, any recorded clip.
+
     Raises:
         UserError: the clip asked for is synthetic, the file cannot be read, or no recorded clip of the first class is
             long enough.
@@ -114,20 +116,22 @@ def find_starts(con: Connection, lake: Lake, request: Request) -> list[Start]:
         if row["format"] == "synthetic":
             raise UserError(f"{request.start}: is synthetic; start from a recorded clip")
         return [_start(row | {"start": 0, "stop": row["frames"]})]
-    asked = {"dataset": None, "split": request.split, "label": request.classes[0]}
-    rows = fetch(con, "queries/classed_motions.sql", asked)
+    wanted = request.classes[0]
+    rows = classed_motions(con, request.split, wanted)
     if not rows:
         check_chosen(con, lake, request.split, None)
-        where = f" of split {request.split}" if request.split else ""
-        raise UserError(
-            f"{lake.root}: has no recorded clip{where} of class {request.classes[0]} to start from; name another "
-            "with --from CLIP"
-        )
+        if classed_motions(con):
+            where = f" of split {request.split}" if request.split else ""
+            raise UserError(
+                f"{lake.root}: has no recorded clip{where} of class {wanted} to start from; name another with --from "
+                "CLIP"
+            )
+        rows = fetch(con, "queries/recorded_motions.sql", {"split": request.split})
     long = [_start(row) for row in rows if long_enough(row)]
     if not long:
         raise UserError(
-            f"{lake.root}: the {len(rows)} recorded motions of class {request.classes[0]} are too short to start from; "
-            "name another clip with --from CLIP"
+            f"{lake.root}: the {len(rows)} recorded motions{f' of class {wanted}' * ('label' in rows[0])} are too "
+            "short to start from; name another clip with --from CLIP"
         )
     return long
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Final
 
 RECIPES: Final = ("default", "glogen")
+WEIGHTS: Final = ("auto", "shipped", "own")
 
 
 @dataclass(frozen=True)
@@ -16,6 +17,8 @@ class SynthesisConfig:
         recipe: "default", or "glogen", the thesis's (sections 4.2 and 4.3).
         seed: of training.
         epochs: of training; 0 takes the recipe's.
+        weights: what a lake without a generator starts with: "own" trains one on clips of known class, "shipped" takes
+            the ready-made one where it fits this configuration, "auto" does so where no clip's class is known.
 
     Raises:
         ValueError: an unknown name, or a value out of range.
@@ -24,9 +27,12 @@ class SynthesisConfig:
     recipe: str = "default"
     seed: int = 0
     epochs: int = 0
+    weights: str = "auto"
 
     def __post_init__(self) -> None:
         if self.recipe not in RECIPES:
             raise ValueError(f"recipe is {self.recipe!r}, not one of {', '.join(RECIPES)}")
+        if self.weights not in WEIGHTS:
+            raise ValueError(f"weights is {self.weights!r}, not one of {', '.join(WEIGHTS)}")
         if self.epochs < 0:
             raise ValueError(f"epochs = {self.epochs}: cannot be negative")

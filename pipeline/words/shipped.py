@@ -2,23 +2,20 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import asdict
-from functools import cache
 from pathlib import Path
 from typing import Any
 
+from pipeline.ready_made import described
 from pipeline.words.config import NetworkConfig
 from pipeline.words.features import WordConfig
 
 FILE = Path(__file__).parent / "weights" / "words-linear.safetensors"
 
 
-@cache
 def about() -> dict[str, Any]:
     """What stands beside the weights: words, architecture, sets and sha256 of the clips, recipe."""
-    content: dict[str, Any] = json.loads(FILE.with_suffix(".json").read_text(encoding="utf-8"))
-    return content
+    return described(FILE)
 
 
 def fits(words: WordConfig, network: NetworkConfig) -> bool:

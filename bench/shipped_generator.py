@@ -1,0 +1,97 @@
+"""Train the generator of motion that comes with the package: `python -m bench.shipped_generator [--out FILE]`.
+
+Only sets whose terms allow derived weights are used: CMU's.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Final
+
+from bench.record import hash_files, recordings, revision
+from bench.shipped_words import SOURCE
+from pipeline.formats import read_clips
+from pipeline.kinematics import solve
+from pipeline.skeleton.canonicalise import CanonicalMotion, canonicalise
+from pipeline.skeleton.rigs import identify, load_rigs
+from pipeline.synthesis import shipped
+from pipeline.synthesis.config import SynthesisConfig
+from pipeline.synthesis.generator import TrainedGenerator
+from pipeline.synthesis.training import TrainingMotion, train_generator
+
+LICENCE: Final = "CMU Graphics Lab Motion Capture Database, mocap.cs.cmu.edu"
+# Examples of how recorded motion goes on, fewer than a lake's own generator keeps: they are most of the file.
+EXAMPLES: Final = 2000
+# Of cmu_bvh, by description; the first that fits.
+DESCRIBED: Final[Mapping[str, Callable[[str], bool]]] = {
+    "walk": lambda said: "walk" in said,
+    "run": lambda said: said.startswith("run"),
+    "ballet": lambda said: said.startswith("dance"),
+}
+
+
+def classes() -> dict[Path, str]:
+    """The class of every clip of cmu_bvh that has one, and of cmu_dance."""
+    found = {}
+    for path, row in _rows("cmu_bvh"):
+        label = next((name for name, fits in DESCRIBED.items() if fits(row["description"].lower())), None)
+        if label is not None:
+            found[path] = label
+    return found | {path: row["label"] for path, row in _rows("cmu_dance")}
+
+
+def _rows(name: str) -> list[tuple[Path, dict[str, str]]]:
+    folder = recordings() / name
+    with (folder / "labels.csv").open(newline="", encoding="utf-8") as handle:
+        return [(folder / row["file"], row) for row in csv.DictReader(handle)]
+
+
+def train(labels: Mapping[Path, str], seed: int) -> TrainedGenerator:
+    """The default generator of clips of known class."""
+    rigs = load_rigs()
+    read: dict[Path, CanonicalMotion] = {}
+    for path in sorted(labels):
+        clip = read_clips(path)[0]
+        read[path] = canonicalise(clip, solve(clip), identify(clip.hierarchy.joints, rigs))
+    motions = [TrainingMotion(one.positions.astype(float), one.fps, labels[path]) for path, one in read.items()]
+    made = train_generator(motions, SynthesisConfig(seed=seed), examples=EXAMPLES, progress=_tell)
+    figures = {
+        "clips": len(motions),
+        "class_names": made.classes,
+        "sets": sorted({path.relative_to(recordings()).parts[0] for path in read}),
+        "licences": [LICENCE],
+        "filled": sorted({joint for motion in read.values() for joint in motion.filled}),
+        "data_sha256": hash_files(sorted(read), recordings()),
+        "seconds": round(sum(len(motion.positions) / motion.fps for motion in motions), 1),
+        "revision": revision(),
+        "source": SOURCE,
+    }
+    return replace(made, figures=figures | {"datasets": figures["sets"]})
+
+
+def _tell(done: int, steps: int, loss: float) -> None:
+    print(f"{done} of {steps}, loss {loss:.4f}", flush=True)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description="Train the generator of motion that comes with the package.")
+    parser.add_argument("--out", type=Path, default=shipped.FILE)
+    parser.add_argument("--seed", type=int, default=0)
+    given = parser.parse_args()
+    made = train(classes(), given.seed)
+    for network in (made.glogen, made.locgen, made.lead):
+        network.half()  # half the file; they are read as single precision again
+    given.out.parent.mkdir(parents=True, exist_ok=True)
+    made.save(given.out)
+    beside = {**made.figures, "recipe": made.config.recipe}
+    given.out.with_suffix(".json").write_text(json.dumps(beside, indent=2) + "\n", encoding="utf-8")
+    print(f"{given.out}: {given.out.stat().st_size} bytes, {made.figures['clips']} motions")
+
+
+if __name__ == "__main__":
+    main()
