@@ -51,8 +51,10 @@ test: lint ## Run the checks and all tests (MOTIONLAKE_DATA: folder of real reco
 lint: setup ## Run ruff, mypy and the import contracts
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+	rm -rf .venv/src && mkdir -p .venv/src/motionlake
+	ln -s $(CURDIR)/pipeline/* $(CURDIR)/jobs $(CURDIR)/sql .venv/src/motionlake/
 	$(BIN)/mypy
-	@said=$$($(BIN)/lint-imports --no-cache 2>&1) || { echo "$$said"; exit 1; }
+	@said=$$(PYTHONPATH=.venv/src $(BIN)/lint-imports --no-cache 2>&1) || { echo "$$said"; exit 1; }
 
 ingest: setup ## Take the clips of SRC=folder into LAKE=folder
 	$(BIN)/motionlake ingest "$(SRC)" --lake "$(LAKE)"

@@ -13,15 +13,15 @@ from typing import Any, Final
 import librosa
 import numpy as np
 import pydivsufsort
+from motionlake.pesta.alignment.config import AlignmentConfig
+from motionlake.pesta.alignment.long_query import LongQuery
+from motionlake.pesta.alignment.matches import best_matches
+from motionlake.pesta.alignment.scan import best_per_clip, end_costs, symmetric_costs
+from motionlake.pesta.alignment.strings import Repository, SymbolDistances
+from motionlake.pesta.symbols.tandem import reduce_repeats
 from numpy.typing import NDArray
 
 from bench.record import interleave, record
-from pipeline.alignment.config import AlignmentConfig
-from pipeline.alignment.long_query import LongQuery
-from pipeline.alignment.matches import best_matches
-from pipeline.alignment.scan import best_per_clip, end_costs, symmetric_costs
-from pipeline.alignment.strings import Repository, SymbolDistances
-from pipeline.symbols.tandem import reduce_repeats
 
 Symbols = NDArray[np.int32]
 

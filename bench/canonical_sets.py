@@ -8,12 +8,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+from motionlake.formats import read_clips
+from motionlake.motion.canonicalise import canonicalise
+from motionlake.motion.features import Float32Array, Float64Array, WordConfig, word_features
+from motionlake.motion.kinematics import solve
+from motionlake.motion.rigs import identify, load_rigs
+
 from bench.record import recordings
-from pipeline.formats import read_clips
-from pipeline.kinematics import solve
-from pipeline.skeleton.canonicalise import canonicalise
-from pipeline.skeleton.rigs import identify, load_rigs
-from pipeline.words.features import Float32Array, Float64Array, WordConfig, word_features
 
 Row = dict[str, str]
 

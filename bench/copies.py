@@ -8,14 +8,13 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-
-from pipeline.clip import SourceClip
-from pipeline.export import canonical_rig, own_rig
-from pipeline.formats.bvh_writer import to_bvh, write_bvh
-from pipeline.lake.catalog import Connection
-from pipeline.lake.layout import Lake
-from pipeline.skeleton.canonical import JOINTS
-from pipeline.words.mirror import other_side
+from motionlake.formats.bvh_writer import to_bvh, write_bvh
+from motionlake.lake.catalog import Connection
+from motionlake.lake.export import canonical_rig, own_rig
+from motionlake.lake.layout import Lake
+from motionlake.motion.canonical import JOINTS
+from motionlake.motion.clip import SourceClip
+from motionlake.motion.mirror import other_side
 
 Export = Callable[[Connection, Lake, str], SourceClip]
 

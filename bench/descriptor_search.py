@@ -19,19 +19,19 @@ from typing import Any, Final
 import duckdb
 import numpy as np
 import pyarrow as pa
+from motionlake import sql
+from motionlake.deephums.descriptors import shipped
+from motionlake.deephums.descriptors.config import DIMENSION
+from motionlake.deephums.descriptors.nearest import DescriptorScan
+from motionlake.deephums.descriptors.quick import QuickIndex
+from motionlake.deephums.descriptors.sequence import clip_sequence
+from motionlake.deephums.descriptors.trained import load_descriptor
+from motionlake.threads import on_threads
 from numpy.typing import NDArray
 from sklearn.neighbors import NearestNeighbors
 
-import sql
 from bench.canonical_sets import load
 from bench.record import record
-from pipeline.descriptors import shipped
-from pipeline.descriptors.config import DIMENSION
-from pipeline.descriptors.nearest import DescriptorScan
-from pipeline.descriptors.quick import QuickIndex
-from pipeline.descriptors.sequence import clip_sequence
-from pipeline.descriptors.trained import load_descriptor
-from pipeline.threads import on_threads
 
 Rows = NDArray[np.float32]
 Found = NDArray[np.int64]

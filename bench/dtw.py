@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 from aeon.distances import dtw_pairwise_distance
 from dtaidistance import dtw_ndim
+from motionlake.deep_motifs.words.dtw import clip_pair_dtw, word_distances
+from motionlake.motion.features import Float32Array
 from threadpoolctl import threadpool_limits
 
 from bench.record import interleave, record
-from pipeline.words.dtw import clip_pair_dtw, word_distances
-from pipeline.words.features import Float32Array
 
 LENGTH, WIDTH, STRIDE = 16, 64, 4
 ANCHORS, WORDS = 300, 1000

@@ -16,17 +16,17 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
+from motionlake.deep_motifs.applications.duplicates import MAX_DISTANCE
+from motionlake.jobs import frames
+from motionlake.jobs.session import session
+from motionlake.lake.catalog import reading
+from motionlake.lake.layout import Lake
+from motionlake.retrieval.duplicates import near_duplicates
+from motionlake.stages.sources import IngestOptions, Root
 
 from bench.copies import COPIES, write_copies
 from bench.record import record, recordings
 from bench.signed import make_lake, run_all
-from jobs import frames
-from jobs.session import session
-from pipeline.applications.duplicates import MAX_DISTANCE
-from pipeline.duplicates import near_duplicates
-from pipeline.lake.catalog import reading
-from pipeline.lake.layout import Lake
-from pipeline.stages.sources import IngestOptions, Root
 
 SETS: Final = ("hdm05", "cmu_dance", "cmu_bvh", "cmu_exercises", "cmu_86", "utd_mhad", "bandai1")
 COPIED: Final = 200

@@ -22,16 +22,16 @@ from typing import Any, Final
 
 import numpy as np
 import ot
+from motionlake.deep_motifs.emd import SignatureIndex, emd_many, ground_distances
+from motionlake.deep_motifs.motifs import assign, fit_motifs
+from motionlake.deep_motifs.signatures import document_frequency, inverse_document_frequency, motif_counts, signature
+from motionlake.motion.features import Float32Array, Float64Array, WordConfig
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from bench.canonical_sets import SETS, features, load
 from bench.record import record
 from bench.representation import shallow
-from pipeline.emd import SignatureIndex, emd_many, ground_distances
-from pipeline.motifs import assign, fit_motifs
-from pipeline.signatures import document_frequency, inverse_document_frequency, motif_counts, signature
-from pipeline.words.features import Float32Array, Float64Array, WordConfig
 
 K: Final = 200
 COUNT: Final = 10_000

@@ -18,9 +18,10 @@ from typing import Any
 # Before numpy: its libraries read these once.
 os.environ |= {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
 
+from motionlake.formats import read_clips
+from motionlake.motion.kinematics import solve
+
 from bench.record import hash_files, interleave, record, recordings
-from pipeline.formats import read_clips
-from pipeline.kinematics import solve
 
 PEERS = ("pybvh", "bvhio", "asfamc-parser")
 # Lowest acceptable ratios, measured on other machines with 30 % slack.

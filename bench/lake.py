@@ -21,18 +21,18 @@ from pathlib import Path
 from typing import Any, Final
 
 import pyarrow.parquet as pq
+from motionlake.formats import is_clip
+from motionlake.jobs import frames
+from motionlake.jobs.session import Session, session
+from motionlake.lake.catalog import create_catalog, fetch, reading
+from motionlake.lake.layout import Lake
+from motionlake.motion.rigs import load_rigs
+from motionlake.stages.frames import canonical_motions
+from motionlake.stages.sources import IngestOptions, Root
 
 from bench.memory import Usage, processor_seconds, watch
 from bench.record import record, recordings
 from bench.trimmed import recordings_to_cut, write_trimmed
-from jobs import frames
-from jobs.session import Session, session
-from pipeline.formats import is_clip
-from pipeline.lake.catalog import create_catalog, fetch, reading
-from pipeline.lake.layout import Lake
-from pipeline.skeleton.rigs import load_rigs
-from pipeline.stages.frames import canonical_motions
-from pipeline.stages.sources import IngestOptions, Root
 
 BYTES_BAR: Final = 200
 SIZES: Final = (1_000, 10_000)
@@ -67,7 +67,7 @@ class Ingest:
 
 def command(source: Path, lake: Path, dataset: str, workers: int) -> list[str]:
     """The command line that ingests a folder."""
-    words = [sys.executable, "-m", "pipeline.cli.main", "ingest", str(source), "--lake", str(lake)]
+    words = [sys.executable, "-m", "motionlake.cli.main", "ingest", str(source), "--lake", str(lake)]
     return [*words, "--dataset", dataset, "--workers", str(workers)]
 
 
@@ -102,7 +102,7 @@ def _measure(job: Session, source: Path, folder: Path, workers: int) -> Ingest:
     parts = sorted((job.lake.root / "frames" / f"dataset={source.name}").glob("*.parquet"))
     raw = (p for part in parts for p in (job.lake.root / "raw").glob(f"*/{part.name}"))
     with reading(job.lake) as con:
-        rows = fetch(con, "queries/rejects_of.sql", {"dataset": source.name})
+        rows = fetch(con, "rejects_of", {"dataset": source.name})
     return Ingest(
         clips=outcome.clips,
         frames=sum(pq.read_metadata(part).num_rows for part in parts),

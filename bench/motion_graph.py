@@ -16,17 +16,9 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-
-from bench.record import hash_files, record, recordings
-from bench.signed import make_lake, run_all
-from jobs import transitions
-from jobs.session import session
-from pipeline.compose import Composition, compose, read_graph
-from pipeline.lake.catalog import reading
-from pipeline.lake.layout import Lake
-from pipeline.motiongraph.blend import Steps, poses_of, steps
-from pipeline.motiongraph.errors import NoWalkError
-from pipeline.motiongraph.graph import (
+from motionlake.deep_motifs.motion_graph.blend import Steps, poses_of, steps
+from motionlake.deep_motifs.motion_graph.errors import NoWalkError
+from motionlake.deep_motifs.motion_graph.graph import (
     CONTEXT_QUANTILE,
     DISTANCE_QUANTILE,
     MotionGraph,
@@ -34,6 +26,14 @@ from pipeline.motiongraph.graph import (
     in_context,
     summarise,
 )
+from motionlake.jobs import transitions
+from motionlake.jobs.session import session
+from motionlake.lake.catalog import reading
+from motionlake.lake.layout import Lake
+from motionlake.retrieval.compose import Composition, compose, read_graph
+
+from bench.record import hash_files, record, recordings
+from bench.signed import make_lake, run_all
 
 DATASET: Final = "cmu_dance"
 SEEDS: Final = (0, 1, 2)

@@ -19,24 +19,24 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+from motionlake.deep_motifs.words.dtw import Index, word_distances
+from motionlake.deep_motifs.words.neighbours import Neighbours, SearchConfig, prepare, search
+from motionlake.deep_motifs.words.triplets import time_warped
+from motionlake.deep_motifs.words.windows import padded
+from motionlake.deep_motifs.words.word_set import WordSet
+from motionlake.formats import is_clip
+from motionlake.jobs import words as words_job
+from motionlake.jobs.session import session
+from motionlake.lake.catalog import reading
+from motionlake.lake.config import LakeConfig
+from motionlake.lake.layout import Lake
+from motionlake.motion.features import Float32Array, WordConfig
+from motionlake.motion.mirror import mirrored_features
+from motionlake.stages import words
 from threadpoolctl import threadpool_limits
 
 from bench.record import hash_files, record, recordings
 from bench.signed import make_lake
-from jobs import words as words_job
-from jobs.session import session
-from pipeline.config import LakeConfig
-from pipeline.formats import is_clip
-from pipeline.lake.catalog import reading
-from pipeline.lake.layout import Lake
-from pipeline.stages import words
-from pipeline.words.dtw import Index, word_distances
-from pipeline.words.features import Float32Array, WordConfig
-from pipeline.words.mirror import mirrored_features
-from pipeline.words.neighbours import Neighbours, SearchConfig, prepare, search
-from pipeline.words.triplets import time_warped
-from pipeline.words.windows import padded
-from pipeline.words.word_set import WordSet
 
 K: Final = 5
 ANCHORS: Final = 1000

@@ -23,20 +23,21 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
+from motionlake.deep_motifs.applications.query_by_example import ExampleQuery, frame_distances_along
+from motionlake.deep_motifs.corpus import Corpus
+from motionlake.lake.catalog import reading
+from motionlake.lake.config import load_config
+from motionlake.lake.corpus import read_corpus
+from motionlake.lake.layout import Lake
+from motionlake.motion.features import Float32Array, WordConfig
+from motionlake.motion.subsequence_dtw import STEPS, alignment_ends
+from motionlake.stages import words
 from numpy.typing import NDArray
 from sklearn.metrics import average_precision_score
 
 from bench.record import hash_files, record, recordings
 from bench.shipped_words import ready_made_for
 from bench.signed import make_lake, run_all
-from pipeline.applications.query_by_example import ExampleQuery, frame_distances_along
-from pipeline.applications.subsequence import STEPS, alignment_ends
-from pipeline.config import load_config
-from pipeline.corpus import Corpus, read_corpus
-from pipeline.lake.catalog import reading
-from pipeline.lake.layout import Lake
-from pipeline.stages import words
-from pipeline.words.features import Float32Array, WordConfig
 
 SEEDS: Final = (0, 1, 2)
 READY: Final = "motionlake, ready-made weights"

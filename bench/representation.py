@@ -23,21 +23,21 @@ from functools import cache, partial
 from typing import Any, Final
 
 import numpy as np
+from motionlake.deep_motifs.emd import emd_matrix, ground_distances
+from motionlake.deep_motifs.motifs import Motifs, assign, fit_motifs
+from motionlake.deep_motifs.signatures import signatures
+from motionlake.deep_motifs.words.config import NetworkConfig
+from motionlake.deep_motifs.words.dtw import word_distances
+from motionlake.deep_motifs.words.linear import LinearConfig
+from motionlake.deep_motifs.words.windows import word_windows
+from motionlake.evaluation.measures.retrieval import RetrievalScores, leave_one_out
+from motionlake.motion.features import Float32Array, Float64Array, WordConfig
 from numpy.typing import NDArray
 from sklearn.decomposition import PCA
 from threadpoolctl import threadpool_limits
 
 from bench.canonical_sets import SETS, LabelledClip, features, load
 from bench.record import hash_files, record, recordings
-from pipeline.emd import emd_matrix, ground_distances
-from pipeline.evaluation.retrieval import RetrievalScores, leave_one_out
-from pipeline.motifs import Motifs, assign, fit_motifs
-from pipeline.signatures import signatures
-from pipeline.words.config import NetworkConfig
-from pipeline.words.dtw import word_distances
-from pipeline.words.features import Float32Array, Float64Array, WordConfig
-from pipeline.words.linear import LinearConfig
-from pipeline.words.windows import word_windows
 
 K: Final = 100
 COMPONENTS: Final = 48
@@ -101,7 +101,7 @@ def learned(
     published: bool = False,
 ) -> list[Float32Array]:
     """A network trained on the clips themselves, without labels; `published` takes the paper's recipe."""
-    from pipeline.words.training import Recipe, train_words
+    from motionlake.deep_motifs.words.training import Recipe, train_words
 
     recipe = Recipe.deep_motifs() if published else Recipe()
     network = train_words(
@@ -151,10 +151,11 @@ def medoids_of(words: Float32Array, k: int, seed: int) -> Float32Array:
 
 def ready_made(name: str) -> Grouping:
     """The network that comes with the package; for a set of CMU the same training without it."""
+    from motionlake.deep_motifs.words import shipped
+    from motionlake.deep_motifs.words.trained import load_network
+
     from bench.shipped_words import SETS as CMU
     from bench.shipped_words import train
-    from pipeline.words import shipped
-    from pipeline.words.trained import load_network
 
     folder = SETS[name].folder
     network = train(tuple(each for each in CMU if each != folder)) if folder in CMU else load_network(shipped.FILE)

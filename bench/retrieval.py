@@ -19,14 +19,14 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
+from motionlake.deep_motifs.emd import emd_many, emd_matrix
+from motionlake.evaluation.measures.retrieval import leave_one_out
+from motionlake.lake.layout import Lake
+from motionlake.retrieval.connection import connect
+from motionlake.retrieval.search import similar_to_clip
 
 from bench.record import record, recordings
 from bench.signed import SignedClips, learned_signatures, make_lake, run_all, shallow_signatures
-from pipeline.connection import connect
-from pipeline.emd import emd_many, emd_matrix
-from pipeline.evaluation.retrieval import leave_one_out
-from pipeline.lake.layout import Lake
-from pipeline.search import similar_to_clip
 
 SEEDS: Final = (0, 1, 2)
 FLOORS: Final = {

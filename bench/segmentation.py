@@ -20,16 +20,16 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+from motionlake.deep_motifs.applications.segmentation import SegmentationConfig, TaughtRange
+from motionlake.evaluation.measures.segmentation import SegmentationScores
+from motionlake.evaluation.segmentation import segmentation_scores, segments_of
+from motionlake.lake.catalog import reading
+from motionlake.lake.corpus import read_corpus
+from motionlake.lake.layout import Lake
+from motionlake.retrieval.labelling.segments import mirrored_motifs
 
 from bench.record import record, recordings
 from bench.signed import make_lake, run_all
-from pipeline.applications.segmentation import SegmentationConfig, TaughtRange
-from pipeline.corpus import read_corpus
-from pipeline.evaluating.segmentation import segmentation_scores, segments_of
-from pipeline.evaluation.segmentation import SegmentationScores
-from pipeline.labelling.segments import mirrored_motifs
-from pipeline.lake.catalog import reading
-from pipeline.lake.layout import Lake
 
 SEEDS: Final = (0, 1, 2)
 CONFIG: Final = SegmentationConfig()

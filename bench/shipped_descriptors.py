@@ -12,22 +12,24 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any, Final
 
+from motionlake.deephums.descriptors import shipped
+from motionlake.deephums.descriptors.batches import windows
+from motionlake.deephums.descriptors.config import DescriptorsConfig
+from motionlake.deephums.descriptors.sequence import clip_sequence
+from motionlake.deephums.descriptors.trained import TrainedDescriptor
+from motionlake.deephums.descriptors.training import TrainingClip, train_descriptor
+from motionlake.deephums.submotions import shipped as shipped_submotion
+from motionlake.deephums.submotions.config import SubmotionConfig
+from motionlake.deephums.submotions.encoder import train_submotion
+from motionlake.deephums.submotions.trained import TrainedSubmotion
+from motionlake.formats import read_clips
+from motionlake.motion.canonicalise import canonicalise
+from motionlake.motion.features import Float32Array
+from motionlake.motion.kinematics import solve
+from motionlake.motion.rigs import identify, load_rigs
+
 from bench.record import hash_files, recordings, revision
 from bench.shipped_words import SETS, SOURCE, clips_of
-from pipeline.descriptors import shipped, shipped_submotion
-from pipeline.descriptors.batches import windows
-from pipeline.descriptors.config import DescriptorsConfig
-from pipeline.descriptors.sequence import clip_sequence
-from pipeline.descriptors.submotion import train_submotion
-from pipeline.descriptors.submotion_config import SubmotionConfig
-from pipeline.descriptors.submotion_trained import TrainedSubmotion
-from pipeline.descriptors.trained import TrainedDescriptor
-from pipeline.descriptors.training import TrainingClip, train_descriptor
-from pipeline.formats import read_clips
-from pipeline.kinematics import solve
-from pipeline.skeleton.canonicalise import canonicalise
-from pipeline.skeleton.rigs import identify, load_rigs
-from pipeline.words.features import Float32Array
 
 WINDOW: Final = 150
 FILES: Final = {"descriptors": shipped.FILE, "submotion": shipped_submotion.FILE}

@@ -13,16 +13,17 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
+from motionlake.formats import read_clips
+from motionlake.glogen.generator import shipped
+from motionlake.glogen.generator.config import SynthesisConfig
+from motionlake.glogen.generator.generator import TrainedGenerator
+from motionlake.glogen.generator.training import TrainingMotion, train_generator
+from motionlake.motion.canonicalise import CanonicalMotion, canonicalise
+from motionlake.motion.kinematics import solve
+from motionlake.motion.rigs import identify, load_rigs
+
 from bench.record import hash_files, recordings, revision
 from bench.shipped_words import SOURCE
-from pipeline.formats import read_clips
-from pipeline.kinematics import solve
-from pipeline.skeleton.canonicalise import CanonicalMotion, canonicalise
-from pipeline.skeleton.rigs import identify, load_rigs
-from pipeline.synthesis import shipped
-from pipeline.synthesis.config import SynthesisConfig
-from pipeline.synthesis.generator import TrainedGenerator
-from pipeline.synthesis.training import TrainingMotion, train_generator
 
 LICENCE: Final = "CMU Graphics Lab Motion Capture Database, mocap.cs.cmu.edu"
 # Examples of how recorded motion goes on, fewer than a lake's own generator keeps: they are most of the file.

@@ -10,13 +10,14 @@ import json
 from dataclasses import asdict, replace
 from pathlib import Path
 
+from motionlake.pesta.postures import shipped
+from motionlake.pesta.postures.config import PosturesConfig
+from motionlake.pesta.postures.dictionary import PostureDictionary
+from motionlake.pesta.postures.fitting import fit_dictionary
+from motionlake.pesta.postures.recipe import recipe_of
+
 from bench.record import hash_files, recordings, revision
 from bench.shipped_words import SETS, SOURCE, clips_of, features_of
-from pipeline.postures import shipped
-from pipeline.postures.config import PosturesConfig
-from pipeline.postures.dictionary import PostureDictionary
-from pipeline.postures.fitting import fit_dictionary
-from pipeline.postures.recipe import recipe_of
 
 POSTURES = 60_000
 

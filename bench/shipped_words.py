@@ -11,16 +11,17 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Final
 
+from motionlake.deep_motifs.words import shipped
+from motionlake.deep_motifs.words.config import NetworkConfig
+from motionlake.deep_motifs.words.trained import TrainedNetwork
+from motionlake.deep_motifs.words.training import Recipe, train_words
+from motionlake.formats import is_clip, read_clips
+from motionlake.motion.canonicalise import canonicalise
+from motionlake.motion.features import Float32Array, WordConfig, word_features
+from motionlake.motion.kinematics import solve
+from motionlake.motion.rigs import identify, load_rigs
+
 from bench.record import hash_files, recordings, revision
-from pipeline.formats import is_clip, read_clips
-from pipeline.kinematics import solve
-from pipeline.skeleton.canonicalise import canonicalise
-from pipeline.skeleton.rigs import identify, load_rigs
-from pipeline.words import shipped
-from pipeline.words.config import NetworkConfig
-from pipeline.words.features import Float32Array, WordConfig, word_features
-from pipeline.words.trained import TrainedNetwork
-from pipeline.words.training import Recipe, train_words
 
 SETS: Final = ("cmu_dance", "cmu_bvh", "cmu_exercises", "cmu_86")
 SOURCE: Final = (

@@ -16,19 +16,19 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+from motionlake.deep_motifs.applications.clustering import cluster_clips
+from motionlake.deep_motifs.emd import emd_matrix
+from motionlake.evaluation.clips import dtw_distances
+from motionlake.evaluation.measures.clustering import adjusted_rand_index
+from motionlake.evaluation.signatures import evaluate_signatures
+from motionlake.lake.layout import Lake
+from motionlake.retrieval.connection import connect
+from motionlake.retrieval.labelling.signed import lake_ground, signed_clips
 from numpy.typing import NDArray
 
 from bench.record import hash_files, record, recordings
 from bench.shipped_words import ready_made_for
 from bench.signed import make_lake, run_all
-from pipeline.applications.clustering import cluster_clips
-from pipeline.connection import connect
-from pipeline.emd import emd_matrix
-from pipeline.evaluating.clips import dtw_distances
-from pipeline.evaluating.signatures import evaluate_signatures
-from pipeline.evaluation.clustering import adjusted_rand_index
-from pipeline.labelling.signed import lake_ground, signed_clips
-from pipeline.lake.layout import Lake
 
 SEEDS: Final = (0, 1, 2)
 Float64Array = NDArray[np.float64]

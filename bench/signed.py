@@ -7,21 +7,21 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from motionlake.deep_motifs.emd import ground_distances
+from motionlake.deep_motifs.motifs import assign, fit_motifs
+from motionlake.deep_motifs.signatures import signatures
+from motionlake.jobs import embed, frames
+from motionlake.jobs.run import STAGES, run
+from motionlake.jobs.session import session
+from motionlake.lake.catalog import create_catalog, reading
+from motionlake.lake.config import load_config
+from motionlake.lake.layout import Lake
+from motionlake.motion.features import Float32Array, Float64Array
+from motionlake.stages import words
+from motionlake.stages.sources import IngestOptions, Root
 from numpy.typing import NDArray
 
 from bench.representation import K, shallow
-from jobs import embed, frames
-from jobs.run import STAGES, run
-from jobs.session import session
-from pipeline.config import load_config
-from pipeline.emd import ground_distances
-from pipeline.lake.catalog import create_catalog, reading
-from pipeline.lake.layout import Lake
-from pipeline.motifs import assign, fit_motifs
-from pipeline.signatures import signatures
-from pipeline.stages import words
-from pipeline.stages.sources import IngestOptions, Root
-from pipeline.words.features import Float32Array, Float64Array
 
 # Those that hang on words; strings of postures have a bench of their own.
 WORD_STAGES = tuple(stage for stage in STAGES if stage not in ("postures", "symbols", "descriptors", "submotions"))

@@ -20,6 +20,11 @@ from typing import Any, Final
 
 import numpy as np
 import torch
+from motionlake.glogen.generator.generator import TrainedGenerator, load_generator
+from motionlake.glogen.generator.wishes import Seed, Wish
+from motionlake.glogen.trajectories.motion import FPS
+from motionlake.glogen.trajectories.sparse import HEIGHT
+from motionlake.threads import on_threads
 
 from bench.canonical_sets import LabelledClip
 from bench.glogen.baseline import Settings, Shape
@@ -28,11 +33,6 @@ from bench.glogen.next_pose import AutoConditioned
 from bench.glogen.sets import split_of
 from bench.memory import watch
 from bench.record import hash_files, interleave, record, recordings
-from pipeline.synthesis.generator import TrainedGenerator, load_generator
-from pipeline.synthesis.wishes import Seed, Wish
-from pipeline.threads import on_threads
-from pipeline.trajectories.motion import FPS
-from pipeline.trajectories.sparse import HEIGHT
 
 CHECKOUT: Final = Path(__file__).parents[1]
 SET: Final = "utd_mhad"
@@ -59,7 +59,7 @@ def main() -> None:
 
 
 def _command(*words: str) -> list[str]:
-    return [sys.executable, "-m", "pipeline.cli.main", *words]
+    return [sys.executable, "-m", "motionlake.cli.main", *words]
 
 
 def _prepare(lake: Path, workers: int) -> None:

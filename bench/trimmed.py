@@ -11,8 +11,7 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-
-from pipeline.formats import read_clips
+from motionlake.formats import read_clips
 
 SECONDS: Final = (1.0, 2.0)
 _AMC_FRAME: Final = re.compile(rb"^\d+\s*$", re.MULTILINE)

@@ -12,15 +12,15 @@ from itertools import combinations, pairwise
 from typing import Final
 
 import numpy as np
+from motionlake.motion.canonical import INDEX, TWIST_AXES
+from motionlake.motion.features import Float64Array, WordConfig
+from motionlake.motion.from_positions import world_from_positions
+from motionlake.motion.pose import local_rotations
+from motionlake.motion.rotations import rotate, swing
 
 from bench.canonical_sets import LabelledClip, features, load
 from bench.record import record
 from bench.representation import score, shallow
-from pipeline.rotations import rotate, swing
-from pipeline.skeleton.canonical import INDEX, TWIST_AXES
-from pipeline.skeleton.from_positions import world_from_positions
-from pipeline.skeleton.pose import local_rotations
-from pipeline.words.features import Float64Array, WordConfig
 
 STEP: Final = 12
 BENDS: Final = (0, 15, 30, 60, 180)

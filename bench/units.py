@@ -11,9 +11,8 @@ from pathlib import Path
 from typing import Any, Final, TypeVar
 
 import numpy as np
+from motionlake.lake.parts import replacing
 from threadpoolctl import threadpool_limits
-
-from pipeline.lake.parts import replacing
 
 SEEDS: Final = (0, 1, 2)
 # What is measured of one row of a table.

@@ -19,21 +19,21 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+from motionlake.deep_motifs.motifs import assign, fit_motifs
+from motionlake.deep_motifs.words import shipped
+from motionlake.deep_motifs.words.config import NetworkConfig
+from motionlake.deep_motifs.words.dtw import word_distances
+from motionlake.deep_motifs.words.trained import TrainedNetwork, load_network
+from motionlake.deep_motifs.words.training import train_words
+from motionlake.deep_motifs.words.windows import word_windows
+from motionlake.motion.features import Float32Array, WordConfig
+from motionlake.retrieval.connection import connect
 from threadpoolctl import threadpool_limits
 
 from bench.canonical_sets import SETS, features, load
 from bench.record import hash_files, interleave, record, recordings
 from bench.representation import K, medoids_of
 from bench.signed import make_lake, run_all
-from pipeline.connection import connect
-from pipeline.motifs import assign, fit_motifs
-from pipeline.words import shipped
-from pipeline.words.config import NetworkConfig
-from pipeline.words.dtw import word_distances
-from pipeline.words.features import Float32Array, WordConfig
-from pipeline.words.trained import TrainedNetwork, load_network
-from pipeline.words.training import train_words
-from pipeline.words.windows import word_windows
 
 SET: Final = "hdm05"
 ROUNDS: Final = 7
@@ -45,7 +45,7 @@ QUERY: Final = "FROM similar_clips($clip, k := 10)"
 COLD: Final = f"""
 import sys, time
 start = time.perf_counter()
-from pipeline.connection import connect
+from motionlake.retrieval.connection import connect
 imported = time.perf_counter()
 con = connect(sys.argv[1])
 connected = time.perf_counter()

@@ -1,1 +1,1 @@
-"""Dask jobs: one thin job a stage over the pure functions of `pipeline.stages`."""
+"""Dask jobs: one thin job a stage over the pure functions of `motionlake.stages`."""

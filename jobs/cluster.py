@@ -11,9 +11,8 @@ from pathlib import Path
 
 import dask
 from distributed import Client, LocalCluster
-
-from pipeline.errors import UserError
-from pipeline.lake.layout import Lake
+from motionlake.errors import UserError
+from motionlake.lake.layout import Lake
 
 # Workers hold one shard a thread, and a shard's mathematics runs on that one thread.
 _ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")

@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import asdict, replace
 from typing import Any
 
-from jobs import modelling
-from jobs.execute import Outcome, StageJob
-from jobs.session import Session
-from pipeline.descriptors import shipped
-from pipeline.lake.catalog import reading
-from pipeline.stages import descriptors
-from pipeline.stages.models import Model
+from motionlake.deephums.descriptors import shipped
+from motionlake.jobs import modelling
+from motionlake.jobs.execute import Outcome, StageJob
+from motionlake.jobs.session import Session
+from motionlake.lake.catalog import reading
+from motionlake.lake.models import Model
+from motionlake.stages import descriptors
 
 NETWORK = modelling.Network(
     kind=descriptors.NETWORK,
@@ -54,7 +54,7 @@ def train(
     Raises:
         UserError: there are no such clips, or they lack the labels asked for.
     """
-    from pipeline.stages import descriptor_training
+    from motionlake.stages import descriptor_training
 
     lake, config = session.lake, session.config.descriptors
     config = config if supervision is None else replace(config, supervision=supervision)

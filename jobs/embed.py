@@ -6,13 +6,13 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from jobs import modelling
-from jobs.execute import Outcome, StageJob
-from jobs.session import Session
-from pipeline.lake.catalog import reading
-from pipeline.stages import embed
-from pipeline.stages.models import Model
-from pipeline.words import shipped
+from motionlake.deep_motifs.words import shipped
+from motionlake.jobs import modelling
+from motionlake.jobs.execute import Outcome, StageJob
+from motionlake.jobs.session import Session
+from motionlake.lake.catalog import reading
+from motionlake.lake.models import Model
+from motionlake.stages import embed
 
 JOB = StageJob(embed.NAME, embed.run, embed.load)
 NETWORK = modelling.Network(

@@ -12,11 +12,10 @@ from typing import Protocol
 
 import pyarrow as pa
 from distributed import Client, Future, as_completed
+from motionlake.lake.catalog import load_rows, table_of, writing
+from motionlake.lake.layout import Lake
+from motionlake.stages.shard import Load, RunShard, Shard, ShardResult
 from threadpoolctl import threadpool_limits
-
-from pipeline.lake.catalog import load_rows, table_of, writing
-from pipeline.lake.layout import Lake
-from pipeline.stages.shard import Load, RunShard, Shard, ShardResult
 
 _S, _I = pa.string(), pa.int64()
 PLAN_ROWS = pa.schema({"stage": _S, "key": _S, "part": _S, "dataset": _S, "spec": _S})
@@ -139,7 +138,7 @@ def save_plan(lake: Lake, shards: Sequence[Shard]) -> None:
         for s in shards
     ]
     with writing(lake) as con:
-        load_rows(con, "queries/plan_shards.sql", table_of(rows, PLAN_ROWS))
+        load_rows(con, "plan_shards", table_of(rows, PLAN_ROWS))
 
 
 def _load(
@@ -156,7 +155,7 @@ def _load(
     with writing(lake) as con:
         if ordered:
             job.load(con, lake.root, ordered)
-        load_rows(con, "queries/finish_shards.sql", table_of(rows, FINISH_ROWS))
+        load_rows(con, "finish_shards", table_of(rows, FINISH_ROWS))
     outcome.ok += len(ordered)
     outcome.failed += len(failures)
     outcome.clips += sum(r.shard.items - r.rejected for r in ordered)

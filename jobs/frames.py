@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from jobs.execute import Outcome, StageJob
-from jobs.session import Session
-from pipeline.lake.catalog import fetch, load_rows, reading, run_sql, table_of, writing
-from pipeline.stages import frames
-from pipeline.stages.labels import LabelReport, apply_labels, labels_hash
-from pipeline.stages.shard import Shard
-from pipeline.stages.sources import Difference, Root, compare, known_roots, options_json
+from motionlake.jobs.execute import Outcome, StageJob
+from motionlake.jobs.session import Session
+from motionlake.lake.catalog import fetch, load_rows, reading, run_sql, table_of, writing
+from motionlake.stages import frames
+from motionlake.stages.labels import LabelReport, apply_labels, labels_hash
+from motionlake.stages.shard import Shard
+from motionlake.stages.sources import Difference, Root, compare, known_roots, options_json
 
 JOB = StageJob(frames.NAME, frames.run, frames.load)
 
@@ -63,7 +63,7 @@ def run(
         rejects = sum(
             r["rejects"]
             for root in roots
-            for r in fetch(con, "queries/count_rejects.sql", {"dataset": root.dataset, "root": str(root.base)})
+            for r in fetch(con, "count_rejects", {"dataset": root.dataset, "root": str(root.base)})
         )
     gone = [f"{root.dataset}/{path}" for root, difference, _ in due for path in difference.gone]
     return IngestReport(outcome, sum(d.unchanged for _, d, _ in due), gone, labels, rejects)
@@ -82,8 +82,8 @@ def _remember(session: Session, due: list[tuple[Root, Difference, str]]) -> None
         with writing(session.lake) as con:
             for root in fresh:
                 parameters = {"dataset": root.dataset, "root": root.root, "options": options_json(root.options)}
-                run_sql(con, "queries/save_root.sql", {**parameters, "labels_hash": ""})
-            load_rows(con, "queries/touch_sources.sql", table_of(touched, frames.SOURCE_ROWS))
+                run_sql(con, "save_root", {**parameters, "labels_hash": ""})
+            load_rows(con, "touch_sources", table_of(touched, frames.SOURCE_ROWS))
 
 
 def _shards(session: Session, root: Root, difference: Difference, shaping: str, retry_failed: bool) -> list[Shard]:
@@ -91,7 +91,7 @@ def _shards(session: Session, root: Root, difference: Difference, shaping: str, 
     rest = {(f.path, f.content_hash): f for f in difference.changed}
     kept, dropped = [], []
     with reading(session.lake) as con:
-        earlier = fetch(con, "queries/unfinished_shards.sql", {"dataset": root.dataset})
+        earlier = fetch(con, "unfinished_shards", {"dataset": root.dataset})
     for row in earlier:
         shard = frames.shard_from(row)
         if shard.spec["base"] != str(root.base):
@@ -108,20 +108,20 @@ def _shards(session: Session, root: Root, difference: Difference, shaping: str, 
             session.notice(f"frames: {shard.items} files failed before ({row['reason']}); --retry-failed tries again")
     if dropped:
         with writing(session.lake) as con:
-            load_rows(con, "queries/drop_shards.sql", table_of(dropped, frames.KEY_ROWS))
+            load_rows(con, "drop_shards", table_of(dropped, frames.KEY_ROWS))
     return kept + frames.plan(root, list(rest.values()), session.config.frames, shaping)
 
 
 def _label(session: Session, root: Root, said: str, *, changed: bool) -> list[LabelReport]:
     with reading(session.lake) as con:
-        rows = fetch(con, "queries/roots.sql")
+        rows = fetch(con, "roots")
     before = {(r["dataset"], r["root"]): r["labels_hash"] for r in rows}
     if not changed and before.get((root.dataset, root.root)) == said:
         return []
     with writing(session.lake) as con:
         reports = apply_labels(con, root)
         parameters = {"dataset": root.dataset, "root": root.root, "options": options_json(root.options)}
-        run_sql(con, "queries/save_root.sql", {**parameters, "labels_hash": said})
+        run_sql(con, "save_root", {**parameters, "labels_hash": said})
     return reports
 
 

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from jobs.execute import Outcome, StageJob
-from jobs.session import Session
-from pipeline.lake.catalog import reading
-from pipeline.stages import embed, mirrored, motifs
+from motionlake.jobs.execute import Outcome, StageJob
+from motionlake.jobs.session import Session
+from motionlake.lake.catalog import reading
+from motionlake.stages import embed, mirrored, motifs
 
 JOB = StageJob(mirrored.NAME, mirrored.run, mirrored.load)
 

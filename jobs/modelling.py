@@ -8,12 +8,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from jobs.session import Session
-from pipeline.config import LakeConfig
-from pipeline.lake.catalog import Connection, reading, writing
-from pipeline.lake.layout import Lake
-from pipeline.stages import frames
-from pipeline.stages.models import Model, add_model, current_model, fitting_model, next_file
+from motionlake.jobs.session import Session
+from motionlake.lake.catalog import Connection, reading, writing
+from motionlake.lake.config import LakeConfig
+from motionlake.lake.layout import Lake
+from motionlake.lake.models import Model, add_model, current_model, fitting_model, next_file
+from motionlake.stages import frames
 
 Progress = Callable[[int, int, float], None]
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from dataclasses import asdict
 
-from jobs.execute import Outcome, StageJob
-from jobs.modelling import make
-from jobs.session import Session
-from pipeline.lake.catalog import reading
-from pipeline.stages import neighbours
-from pipeline.stages.models import Model
+from motionlake.jobs.execute import Outcome, StageJob
+from motionlake.jobs.modelling import make
+from motionlake.jobs.session import Session
+from motionlake.lake.catalog import reading
+from motionlake.lake.models import Model
+from motionlake.stages import neighbours
 
 JOB = StageJob(neighbours.NAME, neighbours.run, neighbours.load)
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import asdict
 from typing import Any
 
-from jobs import modelling
-from jobs.execute import Outcome, StageJob
-from jobs.session import Session
-from pipeline.lake.catalog import reading
-from pipeline.postures import shipped
-from pipeline.stages import postures
-from pipeline.stages.models import Model
+from motionlake.jobs import modelling
+from motionlake.jobs.execute import Outcome, StageJob
+from motionlake.jobs.session import Session
+from motionlake.lake.catalog import reading
+from motionlake.lake.models import Model
+from motionlake.pesta.postures import shipped
+from motionlake.stages import postures
 
 JOB = StageJob(postures.NAME, postures.run, postures.load)
 DICTIONARY = modelling.Network(

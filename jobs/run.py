@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from jobs import (
+from motionlake.jobs import (
     descriptors,
     embed,
     frames,
@@ -17,9 +17,9 @@ from jobs import (
     transitions,
     words,
 )
-from jobs.execute import Outcome
-from jobs.frames import IngestReport
-from jobs.session import Session
+from motionlake.jobs.execute import Outcome
+from motionlake.jobs.frames import IngestReport
+from motionlake.jobs.session import Session
 
 STAGES = (
     "frames", "words", "embed", "motifs", "signatures", "mirrored", "postures", "symbols", "descriptors", "submotions",

@@ -8,14 +8,13 @@ from dataclasses import dataclass, field
 from datetime import datetime
 
 from distributed import Client
-
-from jobs.cluster import cluster
-from jobs.execute import Outcome, Progress, StageJob, execute
-from pipeline.config import LakeConfig, load_config
-from pipeline.lake.garbage import collect_garbage
-from pipeline.lake.layout import Lake
-from pipeline.lake.lock import locked
-from pipeline.stages.shard import Shard
+from motionlake.jobs.cluster import cluster
+from motionlake.jobs.execute import Outcome, Progress, StageJob, execute
+from motionlake.lake.config import LakeConfig, load_config
+from motionlake.lake.garbage import collect_garbage
+from motionlake.lake.layout import Lake
+from motionlake.lake.lock import locked
+from motionlake.stages.shard import Shard
 
 
 @dataclass

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from jobs.execute import Outcome, StageJob
-from jobs.session import Session
-from pipeline.lake.catalog import reading
-from pipeline.stages import embed, motifs, signatures
+from motionlake.jobs.execute import Outcome, StageJob
+from motionlake.jobs.session import Session
+from motionlake.lake.catalog import reading
+from motionlake.stages import embed, motifs, signatures
 
 JOB = StageJob(signatures.NAME, signatures.run, signatures.load, one_load=True)
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import asdict
 from typing import Any
 
-from jobs import modelling
-from jobs.execute import Outcome, StageJob
-from jobs.session import Session
-from pipeline.descriptors import shipped_submotion
-from pipeline.lake.catalog import reading
-from pipeline.stages import submotions
-from pipeline.stages.models import Model
+from motionlake.deephums.submotions import shipped as shipped_submotion
+from motionlake.jobs import modelling
+from motionlake.jobs.execute import Outcome, StageJob
+from motionlake.jobs.session import Session
+from motionlake.lake.catalog import reading
+from motionlake.lake.models import Model
+from motionlake.stages import submotions
 
 NETWORK = modelling.Network(
     kind=submotions.NETWORK,
@@ -46,7 +46,7 @@ def train(session: Session, split: str | None = None, dataset: str | None = None
     Raises:
         UserError: there are no such clips, or recipe "deephums" has no descriptors to go by.
     """
-    from pipeline.stages import submotion_training
+    from motionlake.stages import submotion_training
 
     lake, config = session.lake, session.config.submotion
     with reading(lake) as con:

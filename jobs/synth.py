@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import asdict
 from typing import Any
 
-from jobs import modelling
-from jobs.execute import Outcome
-from jobs.session import Session
-from pipeline.lake.catalog import reading
-from pipeline.stages import synthesis
-from pipeline.stages.models import Model
-from pipeline.synthesis import shipped
+from motionlake.glogen.generator import shipped
+from motionlake.jobs import modelling
+from motionlake.jobs.execute import Outcome
+from motionlake.jobs.session import Session
+from motionlake.lake.catalog import reading
+from motionlake.lake.models import Model
+from motionlake.stages import synthesis
 
 GENERATOR = modelling.Network(
     kind=synthesis.GENERATOR,
@@ -41,7 +41,7 @@ def train(session: Session, split: str | None = None, dataset: str | None = None
     Raises:
         UserError: there are no such clips, none of them has a label, or they are too few.
     """
-    from pipeline.stages import synthesis_training
+    from motionlake.stages import synthesis_training
 
     lake, config = session.lake, session.config.synthesis
     with reading(lake) as con:

@@ -5,14 +5,14 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass, replace
 
-from jobs.execute import StageJob
-from jobs.session import Session
-from pipeline.lake.catalog import fetch, reading, run_sql, writing
-from pipeline.stages import synthesize
-from pipeline.stages.models import Model
-from pipeline.stages.shard import Shard
-from pipeline.stages.synthesis import check_classes, open_generator, served_generator
-from pipeline.stages.synthesis_wishes import Request, Start, check_request, find_starts, make, motions_of
+from motionlake.jobs.execute import StageJob
+from motionlake.jobs.session import Session
+from motionlake.lake.catalog import fetch, reading, run_sql, writing
+from motionlake.lake.models import Model
+from motionlake.stages import synthesize
+from motionlake.stages.shard import Shard
+from motionlake.stages.synthesis import check_classes, open_generator, served_generator
+from motionlake.stages.synthesis_wishes import Request, Start, check_request, find_starts, make, motions_of
 
 JOB = StageJob(synthesize.NAME, synthesize.run, synthesize.load)
 TRIAL = 1.0  # seconds of a first motion, by which it shows whether there is anything to start from
@@ -62,7 +62,7 @@ def run(session: Session, request: Request, dataset: str, count: int) -> Synthes
     outcome = session.execute(JOB, planned.shards, here=len(planned.shards) == 1 and session.scheduler is None)
     session.outcomes[synthesize.NAME] = outcome
     with reading(lake) as con:
-        lengths = fetch(con, "queries/seconds_of_clips.sql", {"clips": planned.clips})
+        lengths = fetch(con, "seconds_of_clips", {"clips": planned.clips})
     return Synthesis(
         model.model,
         [row["clip"] for row in lengths],
@@ -83,7 +83,7 @@ def _forget_unfinished(session: Session, shards: list[Shard]) -> None:
     """Shards of another request that was cut short are not planned any more."""
     keys = [shard.key for shard in shards]
     with reading(session.lake) as con:
-        left = fetch(con, "queries/unfinished_of_stage.sql", {"stage": synthesize.NAME})
+        left = fetch(con, "unfinished_of_stage", {"stage": synthesize.NAME})
     if any(row["key"] not in keys for row in left):
         with writing(session.lake) as con:
-            run_sql(con, "queries/forget_unfinished.sql", {"stage": synthesize.NAME, "keys": keys})
+            run_sql(con, "forget_unfinished", {"stage": synthesize.NAME, "keys": keys})

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from jobs.execute import Outcome, StageJob
-from jobs.session import Session
-from pipeline.errors import UserError
-from pipeline.lake.catalog import reading
-from pipeline.stages import embed, motifs, transitions
+from motionlake.errors import UserError
+from motionlake.jobs.execute import Outcome, StageJob
+from motionlake.jobs.session import Session
+from motionlake.lake.catalog import reading
+from motionlake.stages import embed, motifs, transitions
 
 PAIRS = StageJob(transitions.NAME, transitions.run, transitions.load)
 CONTEXTS = StageJob(transitions.CONTEXTS, transitions.run_contexts, transitions.load_contexts, one_load=True)

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from jobs.execute import Outcome, StageJob
-from jobs.session import Session
-from pipeline.lake.catalog import reading
-from pipeline.stages import words
+from motionlake.jobs.execute import Outcome, StageJob
+from motionlake.jobs.session import Session
+from motionlake.lake.catalog import reading
+from motionlake.stages import words
 
 JOB = StageJob(words.NAME, words.run, words.load)
 

@@ -7,8 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-
-from pipeline.formats import companions, is_clip
+from motionlake.formats import companions, is_clip
 
 MAX_BYTES = 400_000
 COMPRESSED_SHARE = 0.25

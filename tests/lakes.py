@@ -19,9 +19,9 @@ from unittest import mock
 import duckdb
 import numpy as np
 import pytest
+from motionlake.cli.main import main
+from motionlake.lake.frames import read_part
 
-from pipeline.cli.main import main
-from pipeline.frames import read_part
 from tests.samples import (
     KINECT_1,
     KINECT_1_PARENTS,
@@ -109,7 +109,7 @@ class Run:
 def start(*words: str | Path) -> subprocess.Popen[str]:
     """The command line in a process group of its own."""
     return subprocess.Popen(
-        [sys.executable, "-m", "pipeline.cli.main", *map(str, words)],
+        [sys.executable, "-m", "motionlake.cli.main", *map(str, words)],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,

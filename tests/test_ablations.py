@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
+from motionlake.motion.features import Float32Array, WordConfig
 
 from bench.representation import by_dtw, medoids_of
-from pipeline.words.features import Float32Array, WordConfig
 
 CONFIG = WordConfig(stride=12)
 RNG_SEED = 3

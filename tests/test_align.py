@@ -10,17 +10,17 @@ from typing import Any
 
 import numpy as np
 import pytest
+from motionlake.errors import UserError
+from motionlake.lake.catalog import reading
+from motionlake.lake.config import load_config
+from motionlake.lake.layout import open_lake
+from motionlake.pesta.alignment import whole
+from motionlake.pesta.alignment.config import AlignmentConfig
+from motionlake.pesta.alignment.matches import best_matches
+from motionlake.pesta.alignment.scan import symmetric_costs
+from motionlake.pesta.alignment.strings import Repository
+from motionlake.retrieval.aligner import Aligner
 
-from pipeline.align import Aligner
-from pipeline.alignment import whole
-from pipeline.alignment.config import AlignmentConfig
-from pipeline.alignment.matches import best_matches
-from pipeline.alignment.scan import symmetric_costs
-from pipeline.alignment.strings import Repository
-from pipeline.config import load_config
-from pipeline.errors import UserError
-from pipeline.lake.catalog import reading
-from pipeline.lake.layout import open_lake
 from tests.lakes import QUICK, motionlake, query
 
 

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from motionlake.pesta.alignment.config import AlignmentConfig, Method
+from motionlake.pesta.alignment.matches import Match, best_matches
+from motionlake.pesta.alignment.scan import Boundaries, best_per_clip, end_costs, pairwise, symmetric_costs
+from motionlake.pesta.alignment.strings import Repository, SymbolDistances
 from numpy.typing import NDArray
 
-from pipeline.alignment.config import AlignmentConfig, Method
-from pipeline.alignment.matches import Match, best_matches
-from pipeline.alignment.scan import Boundaries, best_per_clip, end_costs, pairwise, symmetric_costs
-from pipeline.alignment.strings import Repository, SymbolDistances
 from tests import naive_alignment as naive
 
 Symbols = NDArray[np.int32]

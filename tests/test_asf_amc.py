@@ -11,16 +11,15 @@ import pytest
 import scipy.io
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from motionlake.errors import ClipError
+from motionlake.formats import companions, is_clip, read_clips
+from motionlake.formats.asf import parse_asf
+from motionlake.formats.asf_amc import READER
+from motionlake.formats.asf_finder import find_skeleton
+from motionlake.motion.clip import SourceClip
+from motionlake.motion.kinematics import solve
+from motionlake.motion.rotations import from_euler, rotate
 from scipy.spatial.transform import Rotation
-
-from pipeline.clip import SourceClip
-from pipeline.errors import ClipError
-from pipeline.formats import companions, is_clip, read_clips
-from pipeline.formats.asf import parse_asf
-from pipeline.formats.asf_amc import READER
-from pipeline.formats.asf_finder import find_skeleton
-from pipeline.kinematics import solve
-from pipeline.rotations import from_euler, rotate
 
 ASF = """# a comment
 :version 1.10

@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-
-from pipeline.clip import SourceClip
-from pipeline.errors import ClipError
-from pipeline.formats import read_clips
-from pipeline.formats.bvh import READER, frame_rate
+from motionlake.errors import ClipError
+from motionlake.formats import read_clips
+from motionlake.formats.bvh import READER, frame_rate
+from motionlake.motion.clip import SourceClip
 
 TIDY = """HIERARCHY
 ROOT mixamorig:Hips

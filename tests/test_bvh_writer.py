@@ -9,13 +9,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-
-from pipeline.clip import ChannelKind, FloatArray, Hierarchy, SourceClip
-from pipeline.formats import read_clips
-from pipeline.formats.bvh import READER
-from pipeline.formats.bvh_writer import write_bvh
-from pipeline.kinematics import solve
-from pipeline.rotations import IDENTITY, from_euler, to_matrix
+from motionlake.formats import read_clips
+from motionlake.formats.bvh import READER
+from motionlake.formats.bvh_writer import write_bvh
+from motionlake.motion.clip import ChannelKind, FloatArray, Hierarchy, SourceClip
+from motionlake.motion.kinematics import solve
+from motionlake.motion.rotations import IDENTITY, from_euler, to_matrix
 
 
 def read_back(clip: SourceClip, start: int = 0, stop: int | None = None) -> SourceClip:

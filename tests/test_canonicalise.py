@@ -10,21 +10,21 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from motionlake.errors import ClipError
+from motionlake.formats import read_clips
+from motionlake.formats.bvh_writer import write_bvh
+from motionlake.formats.deepmimic import READER
+from motionlake.motion.canonical import BONES, INDEX, JOINTS, PARENTS
+from motionlake.motion.canonicalise import CanonicalMotion, canonicalise
+from motionlake.motion.clip import ChannelKind, Hierarchy, Motion, SourceClip
+from motionlake.motion.facing import facing
+from motionlake.motion.kinematics import solve
+from motionlake.motion.pose import forward_kinematics, local_rotations, world_rotations
+from motionlake.motion.retarget import to_source_clip
+from motionlake.motion.rigs import Rest, identify, load_rigs
+from motionlake.motion.rotations import angle, conjugate, from_axis_angle, multiply, rotate
 from scipy.spatial.transform import Rotation
 
-from pipeline.clip import ChannelKind, Hierarchy, Motion, SourceClip
-from pipeline.errors import ClipError
-from pipeline.formats import read_clips
-from pipeline.formats.bvh_writer import write_bvh
-from pipeline.formats.deepmimic import READER
-from pipeline.kinematics import solve
-from pipeline.rotations import angle, conjugate, from_axis_angle, multiply, rotate
-from pipeline.skeleton.canonical import BONES, INDEX, JOINTS, PARENTS
-from pipeline.skeleton.canonicalise import CanonicalMotion, canonicalise
-from pipeline.skeleton.facing import facing
-from pipeline.skeleton.pose import forward_kinematics, local_rotations, world_rotations
-from pipeline.skeleton.retarget import to_source_clip
-from pipeline.skeleton.rigs import Rest, identify, load_rigs
 from tests.rig_samples import SETS, sample
 from tests.samples import FloatArray, deepmimic_frames, deepmimic_text
 

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from motionlake.deep_motifs.applications.classification import classify_knn, classify_one_vs_all
+from motionlake.errors import UserError
+from motionlake.motion.clip import FloatArray
+from motionlake.retrieval.connection import connect
 
-from pipeline.applications.classification import classify_knn, classify_one_vs_all
-from pipeline.clip import FloatArray
-from pipeline.connection import connect
-from pipeline.errors import UserError
 from tests.lakes import motionlake, query
 
 
@@ -98,13 +98,14 @@ def test_what_cannot_be_answered_gets_one_clear_line(built_lake: Path, words: li
 @pytest.mark.recordings
 def test_real_recordings_get_their_classes(recordings: Path) -> None:
     """Six classes of hdm05, untrained words: each clip gets its own class from all others."""
+    from motionlake.deep_motifs.emd import emd_matrix, ground_distances
+    from motionlake.deep_motifs.motifs import assign, fit_motifs
+    from motionlake.deep_motifs.signatures import signatures
+    from motionlake.evaluation.measures.classification import folded_accuracy
+    from motionlake.motion.features import WordConfig
+
     from bench.canonical_sets import features, load
     from bench.representation import shallow
-    from pipeline.emd import emd_matrix, ground_distances
-    from pipeline.evaluation.classification import folded_accuracy
-    from pipeline.motifs import assign, fit_motifs
-    from pipeline.signatures import signatures
-    from pipeline.words.features import WordConfig
 
     chosen = [clip for clip in load("hdm05") if clip.label[0] in "hkls"][::2]
     embedded = shallow(features(chosen, WordConfig()), WordConfig(), 0)

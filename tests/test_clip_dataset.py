@@ -10,12 +10,12 @@ import duckdb
 import numpy as np
 import pytest
 import torch
+from motionlake import ClipDataset
+from motionlake.errors import UserError
+from motionlake.lake.clip_dataset import collate
+from motionlake.motion.canonical import JOINTS
 from torch.utils.data import DataLoader
 
-from pipeline import ClipDataset
-from pipeline.clip_dataset import collate
-from pipeline.errors import UserError
-from pipeline.skeleton.canonical import JOINTS
 from tests.lakes import query
 
 

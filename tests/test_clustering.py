@@ -6,12 +6,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from motionlake.deep_motifs.applications.clustering import cluster_clips, places_of
+from motionlake.errors import UserError
+from motionlake.evaluation.measures.clustering import adjusted_rand_index
+from motionlake.retrieval.connection import connect
 from scipy.spatial.distance import cdist
 
-from pipeline.applications.clustering import cluster_clips, places_of
-from pipeline.connection import connect
-from pipeline.errors import UserError
-from pipeline.evaluation.clustering import adjusted_rand_index
 from tests.lakes import motionlake, query
 
 
@@ -79,12 +79,13 @@ def test_command_and_macro_give_the_same_clusters(built_lake: Path) -> None:
 @pytest.mark.recordings
 def test_classes_of_real_recordings_are_found_without_labels(recordings: Path) -> None:
     """Five classes of hdm05, untrained words: the clusters follow the classes."""
+    from motionlake.deep_motifs.emd import emd_matrix, ground_distances
+    from motionlake.deep_motifs.motifs import assign, fit_motifs
+    from motionlake.deep_motifs.signatures import signatures
+    from motionlake.motion.features import WordConfig
+
     from bench.canonical_sets import features, load
     from bench.representation import shallow
-    from pipeline.emd import emd_matrix, ground_distances
-    from pipeline.motifs import assign, fit_motifs
-    from pipeline.signatures import signatures
-    from pipeline.words.features import WordConfig
 
     chosen = [clip for clip in load("hdm05") if clip.label[0] in "hkls"][::3]
     embedded = shallow(features(chosen, WordConfig()), WordConfig(), 0)

@@ -10,10 +10,10 @@ import tomllib
 from pathlib import Path
 
 import pytest
+from motionlake.cli.main import COMMANDS
+from motionlake.jobs.run import BY_NAME, STAGES
+from motionlake.motion import rigs
 
-import pipeline.skeleton
-from jobs.run import BY_NAME, STAGES
-from pipeline.cli.main import COMMANDS
 from tests.lakes import QUICK, Run, assert_same, finish, motionlake, query, quick_lake, start, tables
 from tests.samples import BVH, KINECT_1, KINECT_1_PARENTS, npz_bytes, swinging_body
 
@@ -190,7 +190,7 @@ def test_an_unknown_rig_is_rejected_until_its_map_is_there(tmp_path: Path, sched
     tomllib.loads(starter.out)
     assert "HipCenterBone" in starter.out
     # What the user makes of it: the map of the rig it resembles, with its own names.
-    known = (Path(pipeline.skeleton.__file__).parent / "rigs" / "kinect_v1.toml").read_text(encoding="utf-8")
+    known = (Path(rigs.__file__).parent / "rigs" / "kinect_v1.toml").read_text(encoding="utf-8")
     text = re.sub("|".join(renamed), lambda m: f"{m[0]}Bone", known)
     (lake / "rigs").mkdir(exist_ok=True)
     (lake / "rigs" / "studio.toml").write_text(text.replace('"kinect_v1"', '"studio"'), encoding="utf-8")

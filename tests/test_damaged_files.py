@@ -12,13 +12,13 @@ from types import FrameType
 
 import numpy as np
 import pytest
+from motionlake.errors import ClipError
+from motionlake.formats import is_clip, read_clips
+from motionlake.motion.canonicalise import canonicalise
+from motionlake.motion.kinematics import solve
+from motionlake.motion.rigs import identify, load_rigs
 from numpy.typing import NDArray
 
-from pipeline.errors import ClipError
-from pipeline.formats import is_clip, read_clips
-from pipeline.kinematics import solve
-from pipeline.skeleton.canonicalise import canonicalise
-from pipeline.skeleton.rigs import identify, load_rigs
 from tests.damage import damaged_files
 from tests.lakes import motionlake, query, quick_lake
 from tests.samples import deepmimic_frames, deepmimic_text, kinect_2_from_1, ntu_text

@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 import torch
+from motionlake.deephums.descriptors.batches import resampled
 from torch import nn
 
 from bench.deephums.autoencoder import DeepAutoencoder
@@ -15,7 +16,6 @@ from bench.deephums.fit import Clips, embed, fit, split_subject
 from bench.deephums.hcn import HierarchicalCooccurrence
 from bench.deephums.indrnn import IndependentlyRecurrent, _recur
 from bench.fitting import Budget, one_cycle
-from pipeline.descriptors.batches import resampled
 
 CLASSES = 4
 FRAMES = 32

@@ -8,13 +8,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from motionlake.errors import ClipError
+from motionlake.formats import is_clip, read_clips
+from motionlake.formats.deepmimic import READER
+from motionlake.motion.clip import SourceClip
+from motionlake.motion.kinematics import solve
 from scipy.spatial.transform import Rotation
 
-from pipeline.clip import SourceClip
-from pipeline.errors import ClipError
-from pipeline.formats import is_clip, read_clips
-from pipeline.formats.deepmimic import READER
-from pipeline.kinematics import solve
 from tests.samples import FloatArray, deepmimic_frames, deepmimic_text
 
 DEMO = Path(__file__).parents[1] / "demo" / "deepmimic"

@@ -11,25 +11,24 @@ import pytest
 import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
-
-from pipeline.descriptors.augmentation import Augmentation
-from pipeline.descriptors.batches import at_speeds, resampled, windows
-from pipeline.descriptors.config import DIMENSION, DescriptorsConfig
-from pipeline.descriptors.losses import class_contrast, contrastive_loss
-from pipeline.descriptors.network import MissingJoints
-from pipeline.descriptors.recipe import NO_AUGMENTATION, DescriptorRecipe, recipe_of
-from pipeline.descriptors.sequence import clip_sequence
-from pipeline.descriptors.similarity import (
+from motionlake.deephums.descriptors.augmentation import Augmentation
+from motionlake.deephums.descriptors.batches import at_speeds, resampled, windows
+from motionlake.deephums.descriptors.config import DIMENSION, DescriptorsConfig
+from motionlake.deephums.descriptors.losses import class_contrast, contrastive_loss
+from motionlake.deephums.descriptors.network import MissingJoints
+from motionlake.deephums.descriptors.recipe import NO_AUGMENTATION, DescriptorRecipe, recipe_of
+from motionlake.deephums.descriptors.sequence import clip_sequence
+from motionlake.deephums.descriptors.similarity import (
     alignment_distances,
     motion_distance,
     motion_field,
     neighbourhoods,
     similar_by_motion,
 )
-from pipeline.descriptors.trained import load_descriptor
-from pipeline.descriptors.training import TrainingClip, train_descriptor
-from pipeline.skeleton.canonical import COMMON, INDEX, JOINTS
-from pipeline.words.features import Float32Array, Float64Array
+from motionlake.deephums.descriptors.trained import load_descriptor
+from motionlake.deephums.descriptors.training import TrainingClip, train_descriptor
+from motionlake.motion.canonical import COMMON, INDEX, JOINTS
+from motionlake.motion.features import Float32Array, Float64Array
 
 TINY = replace(recipe_of(DescriptorsConfig()), hidden=16, epochs=6, batch=8)
 

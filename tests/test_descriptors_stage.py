@@ -12,19 +12,19 @@ import duckdb
 import numpy as np
 import pyarrow as pa
 import pytest
+from motionlake.deephums.descriptors.config import DIMENSION, DescriptorsConfig
+from motionlake.deephums.descriptors.sequence import clip_sequence
+from motionlake.deephums.descriptors.trained import load_descriptor
+from motionlake.jobs import descriptors as job
+from motionlake.jobs.execute import StageJob
+from motionlake.lake.catalog import reading, writing
+from motionlake.lake.config import LakeConfig
+from motionlake.lake.frames import read_part
+from motionlake.lake.layout import open_lake
+from motionlake.lake.parts import write_part
+from motionlake.stages import descriptor_training, descriptors
+from motionlake.stages.shard import Shard, ShardResult
 
-from jobs import descriptors as job
-from jobs.execute import StageJob
-from pipeline.config import LakeConfig
-from pipeline.descriptors.config import DIMENSION, DescriptorsConfig
-from pipeline.descriptors.sequence import clip_sequence
-from pipeline.descriptors.trained import load_descriptor
-from pipeline.frames import read_part
-from pipeline.lake.catalog import reading, writing
-from pipeline.lake.layout import open_lake
-from pipeline.lake.parts import write_part
-from pipeline.stages import descriptor_training, descriptors
-from pipeline.stages.shard import Shard, ShardResult
 from tests.lakes import QUICK, Run, catalog, motionlake, query, quick_lake
 
 DESCRIPTORS = "SELECT clip, descriptor FROM descriptors ORDER BY clip"

@@ -10,11 +10,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-
-from pipeline.words.dtw import LANES, clip_pair_dtw, word_distances
-from pipeline.words.features import Float32Array, Float64Array, WordConfig
-from pipeline.words.frame_distance import Metric, frame_distances
-from pipeline.words.windows import padded, windows, word_windows
+from motionlake.deep_motifs.words.dtw import LANES, clip_pair_dtw, word_distances
+from motionlake.deep_motifs.words.windows import padded, windows, word_windows
+from motionlake.motion.features import Float32Array, Float64Array, WordConfig
+from motionlake.motion.frame_distance import Metric, frame_distances
 
 
 def naive_frame_distance(a: Float32Array, b: Float32Array, metric: Metric) -> float:

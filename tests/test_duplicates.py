@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from motionlake.deep_motifs.applications.duplicates import MAX_DISTANCE
+from motionlake.lake.catalog import reading
+from motionlake.lake.layout import open_lake
+from motionlake.motion.features import WordConfig
+from motionlake.motion.frame_overlap import Track, align, poses
 
 from bench.copies import COPIES, write_copies
-from pipeline.applications.alignment import Track, align, poses
-from pipeline.applications.duplicates import MAX_DISTANCE
-from pipeline.lake.catalog import reading
-from pipeline.lake.layout import open_lake
-from pipeline.words.features import WordConfig
 from tests.lakes import motionlake, query, quick_lake
 
 # Squats and kicks of two performers each, several takes by either: what looks alike and is no copy.

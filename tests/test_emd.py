@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from motionlake.deep_motifs.emd import emd, emd_deep_motifs, emd_many, emd_matrix, emd_partial, ground_distances
 from numpy.typing import NDArray
 from scipy.optimize import linprog
-
-from pipeline.emd import emd, emd_deep_motifs, emd_many, emd_matrix, emd_partial, ground_distances
 
 
 def naive_emd(p: NDArray[np.float64], q: NDArray[np.float64], matrix: NDArray[np.float64]) -> float:

@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from motionlake.deep_motifs.emd import emd_matrix, ground_distances
+from motionlake.evaluation.measures.classification import folded_accuracy
+from motionlake.evaluation.measures.dtw import baseline_features
+from motionlake.evaluation.measures.retrieval import leave_one_out
+from motionlake.evaluation.measures.segmentation import mean_scores, score_words, word_truth
+from motionlake.motion.clip_dtw import clip_dtw, dtw_matrix, frame_pairs
 
-from pipeline.clip_dtw import clip_dtw, dtw_matrix, frame_pairs
-from pipeline.emd import emd_matrix, ground_distances
-from pipeline.evaluation.classification import folded_accuracy
-from pipeline.evaluation.dtw import baseline_features
-from pipeline.evaluation.retrieval import leave_one_out
-from pipeline.evaluation.segmentation import mean_scores, score_words, word_truth
 from tests.lakes import motionlake, query
 
 KEYS = ("nn", "top5", "first_tier", "second_tier", "map", "cross_subject_nn", "n")

@@ -9,15 +9,15 @@ from typing import Any
 import duckdb
 import numpy as np
 import pytest
+from motionlake.evaluation.measures.dtw import baseline_features
+from motionlake.evaluation.measures.dtw_error import joint_error
+from motionlake.evaluation.measures.retrieval import leave_one_out
+from motionlake.lake.frames import read_part
+from motionlake.motion.clip_dtw import clip_dtw
+from motionlake.motion.features import body_length
+from motionlake.pictures.descriptor_map import tsne
+from motionlake.pictures.learning_curves import LearningCurve, learning_curves_figure
 
-from pipeline.clip_dtw import clip_dtw
-from pipeline.evaluation.dtw import baseline_features
-from pipeline.evaluation.dtw_error import joint_error
-from pipeline.evaluation.retrieval import leave_one_out
-from pipeline.frames import read_part
-from pipeline.pictures.descriptor_map import tsne
-from pipeline.pictures.learning_curves import LearningCurve, learning_curves_figure
-from pipeline.words.features import body_length
 from tests.lakes import motionlake, query
 from tests.test_pictures import NASTY, assert_readable
 

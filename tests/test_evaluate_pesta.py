@@ -8,11 +8,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-
-from pipeline.alignment.config import AlignmentConfig, Method
-from pipeline.alignment.scan import symmetric_costs
-from pipeline.evaluation.confusion import confusion
-from pipeline.evaluation.ranking import (
+from motionlake.evaluation.measures.confusion import confusion
+from motionlake.evaluation.measures.ranking import (
     others,
     precision_recall,
     precision_recall_classes,
@@ -22,9 +19,9 @@ from pipeline.evaluation.ranking import (
     score_rankings,
     share_label,
 )
-from pipeline.evaluation.retrieval import leave_one_out
-from pipeline.evaluation.singularity import singular_pieces
-from pipeline.evaluation.sub_queries import (
+from motionlake.evaluation.measures.retrieval import leave_one_out
+from motionlake.evaluation.measures.singularity import singular_pieces
+from motionlake.evaluation.measures.sub_queries import (
     SubQuery,
     Take,
     ask_all,
@@ -35,7 +32,10 @@ from pipeline.evaluation.sub_queries import (
     shared_search,
     sub_queries,
 )
-from pipeline.symbols.strings import SymbolString
+from motionlake.pesta.alignment.config import AlignmentConfig, Method
+from motionlake.pesta.alignment.scan import symmetric_costs
+from motionlake.pesta.symbols.strings import SymbolString
+
 from tests.lakes import motionlake, query
 from tests.test_evaluate import taught_lake
 

@@ -11,22 +11,22 @@ from typing import Any
 import duckdb
 import numpy as np
 import pytest
+from motionlake.evaluation.measures.synthesis_errors import MILLISECONDS, body_poses, errors_at
+from motionlake.evaluation.synthesis_clips import RealMotion
+from motionlake.evaluation.synthesis_generator import Plan, SynthesisEvaluation, measure_generator
+from motionlake.evaluation.synthesis_trials import following
+from motionlake.glogen.generator.config import SynthesisConfig
+from motionlake.glogen.generator.embedding import EmbeddedMotions, embed_motions
+from motionlake.glogen.generator.training import TrainingMotion, train_generator
+from motionlake.glogen.generator.wishes import Synthesized, Wish
+from motionlake.lake.catalog import writing
+from motionlake.lake.layout import open_lake
+from motionlake.lake.models import add_model, next_file, save_model
+from motionlake.motion.canonical import INDEX, JOINTS, PARENTS
+from motionlake.pictures.synthesis_evaluation import recognised_figure, synthesis_pictures
+from motionlake.pictures.synthesis_map import beside_map, generator_map
 from numpy.typing import NDArray
 
-from pipeline.evaluating.synthesis_clips import RealMotion
-from pipeline.evaluating.synthesis_generator import Plan, SynthesisEvaluation, measure_generator
-from pipeline.evaluating.synthesis_trials import following
-from pipeline.evaluation.synthesis_errors import MILLISECONDS, body_poses, errors_at
-from pipeline.lake.catalog import writing
-from pipeline.lake.layout import open_lake
-from pipeline.pictures.synthesis_evaluation import recognised_figure, synthesis_pictures
-from pipeline.pictures.synthesis_map import beside_map, generator_map
-from pipeline.skeleton.canonical import INDEX, JOINTS, PARENTS
-from pipeline.stages.models import add_model, next_file, save_model
-from pipeline.synthesis.config import SynthesisConfig
-from pipeline.synthesis.embedding import EmbeddedMotions, embed_motions
-from pipeline.synthesis.training import TrainingMotion, train_generator
-from pipeline.synthesis.wishes import Synthesized, Wish
 from tests.lakes import motionlake, query
 from tests.test_pictures import NASTY, assert_readable, standing
 

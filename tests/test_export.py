@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from motionlake.formats import read_clips
+from motionlake.lake.frames import read_clip
+from motionlake.motion.kinematics import solve
 
-from pipeline.formats import read_clips
-from pipeline.frames import read_clip
-from pipeline.kinematics import solve
 from tests.lakes import motionlake, query
 
 

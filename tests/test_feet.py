@@ -9,12 +9,12 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
+from motionlake.glogen.trajectories.body import STANDARD, measured_length
+from motionlake.glogen.trajectories.feet import BLEND, CLEAR, FAST, bent, planted
+from motionlake.glogen.trajectories.motion import FPS, body_motion, resampled
+from motionlake.motion.canonical import INDEX, PARENTS
+from motionlake.motion.clip import FloatArray
 
-from pipeline.clip import FloatArray
-from pipeline.skeleton.canonical import INDEX, PARENTS
-from pipeline.trajectories.body import STANDARD, measured_length
-from pipeline.trajectories.feet import BLEND, CLEAR, FAST, bent, planted
-from pipeline.trajectories.motion import FPS, body_motion, resampled
 from tests.lakes import canonical_clips
 
 LEGS = [INDEX[f"{side}_{part}"] for side in ("left", "right") for part in ("knee", "ankle", "toe")]

@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-
-from pipeline.applications import query_by_example
-from pipeline.applications.query_by_example import (
+from motionlake.deep_motifs.applications import query_by_example
+from motionlake.deep_motifs.applications.query_by_example import (
     ExampleQuery,
     RangeHit,
     distances_along,
@@ -21,15 +20,16 @@ from pipeline.applications.query_by_example import (
     window_ranges,
     words_within,
 )
-from pipeline.connection import connect
-from pipeline.corpus import Corpus, CorpusClip
-from pipeline.emd import emd
-from pipeline.errors import UserError
-from pipeline.find import Finder
-from pipeline.formats import read_clips
-from pipeline.formats.bvh_writer import write_bvh
-from pipeline.lake.layout import open_lake
-from pipeline.signatures import motif_counts, signature
+from motionlake.deep_motifs.corpus import Corpus, CorpusClip
+from motionlake.deep_motifs.emd import emd
+from motionlake.deep_motifs.signatures import motif_counts, signature
+from motionlake.errors import UserError
+from motionlake.formats import read_clips
+from motionlake.formats.bvh_writer import write_bvh
+from motionlake.lake.layout import open_lake
+from motionlake.retrieval.connection import connect
+from motionlake.retrieval.query_by_example import Finder
+
 from tests.lakes import motionlake, query
 
 K = 8

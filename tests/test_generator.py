@@ -9,21 +9,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from motionlake.glogen.generator.config import SynthesisConfig
+from motionlake.glogen.generator.course import FASTEST, Course
+from motionlake.glogen.generator.generator import METADATA_KEY, TrainedGenerator, load_generator
+from motionlake.glogen.generator.training import TrainingMotion, fit_generator, train_generator
+from motionlake.glogen.generator.wishes import Seed, Synthesized, Wish
+from motionlake.glogen.glogen.by_class import groups
+from motionlake.glogen.glogen.recipe import GloGenRecipe
+from motionlake.glogen.locgen.recipe import LocGenRecipe
+from motionlake.glogen.trajectories.body import STANDARD
+from motionlake.glogen.trajectories.motion import body_motion
+from motionlake.glogen.trajectories.sparse import DURATION, WIDTH
+from motionlake.motion.canonical import JOINTS
+from motionlake.motion.pose import forward_kinematics
+from motionlake.network_file import save_network
 
-from pipeline.glogen.by_class import groups
-from pipeline.glogen.recipe import GloGenRecipe
-from pipeline.locgen.recipe import LocGenRecipe
-from pipeline.network_file import save_network
-from pipeline.skeleton.canonical import JOINTS
-from pipeline.skeleton.pose import forward_kinematics
-from pipeline.synthesis.config import SynthesisConfig
-from pipeline.synthesis.course import FASTEST, Course
-from pipeline.synthesis.generator import METADATA_KEY, TrainedGenerator, load_generator
-from pipeline.synthesis.training import TrainingMotion, fit_generator, train_generator
-from pipeline.synthesis.wishes import Seed, Synthesized, Wish
-from pipeline.trajectories.body import STANDARD
-from pipeline.trajectories.motion import body_motion
-from pipeline.trajectories.sparse import DURATION, WIDTH
 from tests.test_trajectories import swinging
 
 SMALL = GloGenRecipe(embedding=16, state=16, layers=1, latent=4, epochs=20, steps=0, going_steps=0)
@@ -156,14 +156,14 @@ def test_a_generator_is_kept_in_one_file(generator: TrainedGenerator, tmp_path: 
 
 
 def test_other_files_are_refused(generator: TrainedGenerator, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from pipeline.descriptors.shipped import FILE
+    from motionlake.deephums.descriptors.shipped import FILE
 
     with pytest.raises(ValueError, match="holds no motion generator"):
         load_generator(FILE)
     (tmp_path / "damaged.safetensors").write_bytes(FILE.read_bytes()[:5000])
     with pytest.raises(ValueError, match=r"damaged.safetensors is damaged"):
         load_generator(tmp_path / "damaged.safetensors")
-    monkeypatch.setattr("pipeline.synthesis.generator.JOINTS", ("hips", "tail"))
+    monkeypatch.setattr("motionlake.glogen.generator.generator.JOINTS", ("hips", "tail"))
     generator.save(tmp_path / "other.safetensors")
     monkeypatch.undo()
     with pytest.raises(ValueError, match="another skeleton: hips, tail"):

@@ -10,13 +10,12 @@ from typing import Literal
 import numpy as np
 import pytest
 import torch
-
-from pipeline.glogen.beginnings import Beginnings
-from pipeline.glogen.follow import SPEED, follow, led_over
-from pipeline.glogen.network import Ahead, Blocks, glogen_network
-from pipeline.glogen.recipe import SEEDS, GloGenRecipe, glogen_recipe
-from pipeline.glogen.training import epochs_of, train_glogen, unseen
-from pipeline.trajectories.sparse import DURATION, HEIGHT, JOINT_COLUMNS, WIDTH
+from motionlake.glogen.glogen.beginnings import Beginnings
+from motionlake.glogen.glogen.follow import SPEED, follow, led_over
+from motionlake.glogen.glogen.network import Ahead, Blocks, glogen_network
+from motionlake.glogen.glogen.recipe import SEEDS, GloGenRecipe, glogen_recipe
+from motionlake.glogen.glogen.training import epochs_of, train_glogen, unseen
+from motionlake.glogen.trajectories.sparse import DURATION, HEIGHT, JOINT_COLUMNS, WIDTH
 
 SMALL = GloGenRecipe(
     embedding=16, state=32, layers=1, latent=4, dropout=0.0, epochs=30, batch=16, steps=0, going_steps=0

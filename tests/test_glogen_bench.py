@@ -6,17 +6,17 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import pytest
+from motionlake.evaluation.measures.synthesis_errors import MILLISECONDS
+from motionlake.glogen.trajectories.motion import FPS, BodyMotion, body_motion, interpolated
+from motionlake.glogen.trajectories.sparse import JOINT_COLUMNS
+from motionlake.motion.canonical import INDEX
+from motionlake.motion.features import Float32Array
 from numpy.typing import NDArray
 
 from bench.canonical_sets import LabelledClip
 from bench.glogen import between, dense, folds, whole
 from bench.glogen.material import Material, frames_of
 from bench.glogen.motions import DENSE_TASK, Motions, Pasts
-from pipeline.evaluation.synthesis_errors import MILLISECONDS
-from pipeline.skeleton.canonical import INDEX
-from pipeline.trajectories.motion import FPS, BodyMotion, body_motion, interpolated
-from pipeline.trajectories.sparse import JOINT_COLUMNS
-from pipeline.words.features import Float32Array
 from tests.test_pictures import standing
 
 FRAMES = 80

@@ -9,12 +9,11 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from motionlake.errors import ClipError
+from motionlake.motion import rotations as rot
+from motionlake.motion.clip import ChannelKind, FloatArray, Hierarchy, SourceClip
+from motionlake.motion.kinematics import solve
 from scipy.spatial.transform import Rotation
-
-from pipeline import rotations as rot
-from pipeline.clip import ChannelKind, FloatArray, Hierarchy, SourceClip
-from pipeline.errors import ClipError
-from pipeline.kinematics import solve
 
 ORDERS = ["".join(p) for p in product("XYZ", repeat=3) if p[0] != p[1] != p[2]]
 angles = arrays(float, (5, 3), elements=st.floats(-400, 400).map(lambda a: round(a, 3)))

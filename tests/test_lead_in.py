@@ -6,8 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-
-from pipeline.locgen.lead_in import (
+from motionlake.glogen.locgen.lead_in import (
     FEATURES,
     FRAMES,
     KNOTS,
@@ -22,7 +21,8 @@ from pipeline.locgen.lead_in import (
     rows_of,
     state_at,
 )
-from pipeline.trajectories.motion import BodyMotion, body_motion, mirrored
+from motionlake.glogen.trajectories.motion import BodyMotion, body_motion, mirrored
+
 from tests.test_trajectories import swinging
 
 

@@ -9,15 +9,15 @@ import pytest
 import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from motionlake.glogen.locgen.dense import dense_motions
+from motionlake.glogen.locgen.interpolation import between, interpolated_motion, times_of
+from motionlake.glogen.locgen.network import Between, Frames, locgen_network
+from motionlake.glogen.locgen.recipe import LocGenRecipe, locgen_recipe
+from motionlake.glogen.locgen.training import poses_between, train_locgen
+from motionlake.glogen.trajectories.motion import FPS, body_motion
+from motionlake.glogen.trajectories.pieces import Piece, pieces
+from motionlake.glogen.trajectories.sparse import HEIGHT, STEP, TURN
 
-from pipeline.locgen.dense import dense_motions
-from pipeline.locgen.interpolation import between, interpolated_motion, times_of
-from pipeline.locgen.network import Between, Frames, locgen_network
-from pipeline.locgen.recipe import LocGenRecipe, locgen_recipe
-from pipeline.locgen.training import poses_between, train_locgen
-from pipeline.trajectories.motion import FPS, body_motion
-from pipeline.trajectories.pieces import Piece, pieces
-from pipeline.trajectories.sparse import HEIGHT, STEP, TURN
 from tests.test_trajectories import swinging
 
 FRAMES = LocGenRecipe(embedding=16, state=16, epochs=3, steps=0)

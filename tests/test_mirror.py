@@ -6,19 +6,19 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from motionlake.deep_motifs.motifs import assign
+from motionlake.deep_motifs.signatures import motif_counts, signature
+from motionlake.deep_motifs.words.trained import load_network
+from motionlake.deep_motifs.words.windows import word_windows
+from motionlake.lake.catalog import reading
+from motionlake.lake.config import load_config
+from motionlake.lake.layout import open_lake
+from motionlake.motion.canonical import INDEX
+from motionlake.motion.features import WordConfig, word_features
+from motionlake.motion.mirror import mirrored_features, mirrored_positions, mirrored_rotations
+from motionlake.motion.pose import forward_kinematics
+from motionlake.stages import embed, motifs
 
-from pipeline.config import load_config
-from pipeline.lake.catalog import reading
-from pipeline.lake.layout import open_lake
-from pipeline.motifs import assign
-from pipeline.signatures import motif_counts, signature
-from pipeline.skeleton.canonical import INDEX
-from pipeline.skeleton.pose import forward_kinematics
-from pipeline.stages import embed, motifs
-from pipeline.words.features import WordConfig, word_features
-from pipeline.words.mirror import mirrored_features, mirrored_positions, mirrored_rotations
-from pipeline.words.trained import load_network
-from pipeline.words.windows import word_windows
 from tests.lakes import QUICK, canonical_clips, motionlake, query
 
 CONFIGS = [

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from motionlake.deep_motifs import motifs as module
+from motionlake.deep_motifs.motifs import Motifs, assign, fit_motifs
 
-from pipeline import motifs as module
-from pipeline.motifs import Motifs, assign, fit_motifs
 from tests.lakes import made_clips, motionlake, quick_lake
 
 

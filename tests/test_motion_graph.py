@@ -15,15 +15,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.optimize import minimize_scalar
-
-from pipeline.clip import FloatArray, SourceClip
-from pipeline.emd import emd, ground_distances
-from pipeline.errors import UserError
-from pipeline.formats import read_clips
-from pipeline.kinematics import solve
-from pipeline.motiongraph import transitions as kernels
-from pipeline.motiongraph.blend import (
+from motionlake.deep_motifs.emd import emd, ground_distances
+from motionlake.deep_motifs.motion_graph import transitions as kernels
+from motionlake.deep_motifs.motion_graph.blend import (
     STAY,
     Placement,
     Poses,
@@ -35,13 +29,19 @@ from pipeline.motiongraph.blend import (
     slerp,
     steps,
 )
-from pipeline.motiongraph.clouds import JOINTS, paired_distance, squared_distances, window_clouds
-from pipeline.motiongraph.config import TransitionsConfig
-from pipeline.motiongraph.context import context_distances
-from pipeline.motiongraph.graph import GraphClip, Transitions, build_graph, in_context, near, summarise
-from pipeline.motiongraph.walk import Piece, assemble, random_walk
-from pipeline.rotations import angle, from_axis_angle, multiply, rotate
-from pipeline.signatures import signature
+from motionlake.deep_motifs.motion_graph.clouds import JOINTS, paired_distance, squared_distances, window_clouds
+from motionlake.deep_motifs.motion_graph.config import TransitionsConfig
+from motionlake.deep_motifs.motion_graph.context import context_distances
+from motionlake.deep_motifs.motion_graph.graph import GraphClip, Transitions, build_graph, in_context, near, summarise
+from motionlake.deep_motifs.motion_graph.walk import Piece, assemble, random_walk
+from motionlake.deep_motifs.signatures import signature
+from motionlake.errors import UserError
+from motionlake.formats import read_clips
+from motionlake.motion.clip import FloatArray, SourceClip
+from motionlake.motion.kinematics import solve
+from motionlake.motion.rotations import angle, from_axis_angle, multiply, rotate
+from scipy.optimize import minimize_scalar
+
 from tests.lakes import QUICK, motionlake, query, quick_lake
 from tests.samples import deepmimic_frames, deepmimic_text
 
@@ -422,9 +422,9 @@ def test_the_seed_makes_the_walk(graph_lake: Path, tmp_path: Path) -> None:
 
 
 def test_the_constraint_leaves_the_transitions_between_alike_contexts(graph_lake: Path) -> None:
-    from pipeline.compose import graph_summary, read_graph
-    from pipeline.lake.catalog import reading
-    from pipeline.lake.layout import open_lake
+    from motionlake.lake.catalog import reading
+    from motionlake.lake.layout import open_lake
+    from motionlake.retrieval.compose import graph_summary, read_graph
 
     lake = open_lake(graph_lake)
     with reading(lake) as con:

@@ -11,10 +11,9 @@ import torch
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from motionlake.deephums.descriptors.nearest import DescriptorScan, Neighbours, nearest
+from motionlake.deephums.descriptors.quick import QuickIndex
 from numpy.typing import NDArray
-
-from pipeline.descriptors.nearest import DescriptorScan, Neighbours, nearest
-from pipeline.descriptors.quick import QuickIndex
 
 Rows = NDArray[np.float32]
 Search = Callable[[Rows, Rows, int], Neighbours]
@@ -115,7 +114,7 @@ def test_batches_larger_than_a_scan_holds(monkeypatch: pytest.MonkeyPatch) -> No
     rng = np.random.default_rng(3)
     rows = clustered(300, rng, 0.3)
     whole = nearest(rows, rows, 4)
-    monkeypatch.setattr("pipeline.descriptors.nearest.SCANNED", 2000)
+    monkeypatch.setattr("motionlake.deephums.descriptors.nearest.SCANNED", 2000)
     for mine, other in zip(whole, nearest(rows, rows, 4), strict=True):
         np.testing.assert_array_equal(mine, other)
     assert whole.indices[:, 0].tolist() == list(range(300))

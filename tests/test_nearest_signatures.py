@@ -9,13 +9,20 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from motionlake.deep_motifs.emd import (
+    SignatureIndex,
+    emd,
+    emd_many,
+    ground_distances,
+    nearest_many,
+    nearest_signatures,
+)
+from motionlake.deep_motifs.emd import nearest as nearest_module
+from motionlake.errors import UserError
+from motionlake.retrieval.connection import connect
+from motionlake.retrieval.search import similar_to_signature
 from numpy.typing import NDArray
 
-from pipeline.connection import connect
-from pipeline.emd import SignatureIndex, emd, emd_many, ground_distances, nearest_many, nearest_signatures
-from pipeline.emd import nearest as nearest_module
-from pipeline.errors import UserError
-from pipeline.search import similar_to_signature
 from tests.lakes import query
 
 Float64Array = NDArray[np.float64]

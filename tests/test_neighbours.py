@@ -8,24 +8,24 @@ import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from motionlake.deep_motifs.words.dtw import LANES, Index, word_distances
+from motionlake.deep_motifs.words.listed_dtw import listed_distances
+from motionlake.deep_motifs.words.lower_bounds import WordBounds, survivors
+from motionlake.deep_motifs.words.neighbour_files import load_searched, save_searched
+from motionlake.deep_motifs.words.neighbours import Method, SearchConfig, all_pairs, nearest_words, prepare, search
+from motionlake.deep_motifs.words.word_index import IndexConfig, along_path
+from motionlake.deep_motifs.words.word_set import WordSet
+from motionlake.formats import read_clips
+from motionlake.lake.catalog import reading
+from motionlake.lake.config import load_config
+from motionlake.lake.layout import Lake
+from motionlake.motion.canonicalise import canonicalise
+from motionlake.motion.features import Float32Array, WordConfig, word_features
+from motionlake.motion.frame_distance import Metric
+from motionlake.motion.kinematics import solve
+from motionlake.motion.rigs import identify, load_rigs
+from motionlake.stages import words as words_stage
 
-from pipeline.config import load_config
-from pipeline.formats import read_clips
-from pipeline.kinematics import solve
-from pipeline.lake.catalog import reading
-from pipeline.lake.layout import Lake
-from pipeline.skeleton.canonicalise import canonicalise
-from pipeline.skeleton.rigs import identify, load_rigs
-from pipeline.stages import words as words_stage
-from pipeline.words.dtw import LANES, Index, word_distances
-from pipeline.words.features import Float32Array, WordConfig, word_features
-from pipeline.words.frame_distance import Metric
-from pipeline.words.listed_dtw import listed_distances
-from pipeline.words.lower_bounds import WordBounds, survivors
-from pipeline.words.neighbour_files import load_searched, save_searched
-from pipeline.words.neighbours import Method, SearchConfig, all_pairs, nearest_words, prepare, search
-from pipeline.words.word_index import IndexConfig, along_path
-from pipeline.words.word_set import WordSet
 from tests.lakes import motionlake, query
 from tests.test_dtw import naive_align, naive_frame_distance, random_words
 

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from motionlake.errors import ClipError
+from motionlake.formats.ntu_skeleton import JOINTS, READER
+from motionlake.motion.canonicalise import canonicalise
+from motionlake.motion.clip import ChannelKind, SourceClip
+from motionlake.motion.kinematics import solve
+from motionlake.motion.rigs import load_rigs
 
-from pipeline.clip import ChannelKind, SourceClip
-from pipeline.errors import ClipError
-from pipeline.formats.ntu_skeleton import JOINTS, READER
-from pipeline.kinematics import solve
-from pipeline.skeleton.canonicalise import canonicalise
-from pipeline.skeleton.rigs import load_rigs
 from tests.samples import FloatArray, kinect_2_from_1, ntu_text, swinging_body
 
 FIRST_ID, SECOND_ID = "72057594037944738", "72057594037944739"

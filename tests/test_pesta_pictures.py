@@ -11,24 +11,24 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
+from motionlake.lake.catalog import reading
+from motionlake.lake.layout import open_lake
+from motionlake.motion.canonical import COMMON, INDEX
+from motionlake.motion.features import body_length, word_features
+from motionlake.motion.rotations import from_axis_angle, rotate
+from motionlake.pesta.postures.config import PosturesConfig
+from motionlake.pictures.alignment_matrix import AlignedPath, SymbolRow, alignment_matrix
+from motionlake.pictures.alignment_page import path_indices
+from motionlake.pictures.posture_map import plane, posture_map
+from motionlake.pictures.retrieval_figures import confusion_figure, precision_recall_figure, robustness_figure
+from motionlake.pictures.stick_figures import postures_view
+from motionlake.pictures.style import motif_colours
+from motionlake.pictures.symbol_material import SymbolMaterial, posture_bodies, read_symbols
+from motionlake.pictures.symbol_sections import posture_sample, strip_of
+from motionlake.pictures.symbol_strip import StripOfSymbols, folds, symbol_strip
+from motionlake.retrieval.aligner import Aligner
 from numpy.typing import NDArray
 
-from pipeline.align import Aligner
-from pipeline.lake.catalog import reading
-from pipeline.lake.layout import open_lake
-from pipeline.pictures.alignment_matrix import AlignedPath, SymbolRow, alignment_matrix
-from pipeline.pictures.alignment_page import path_indices
-from pipeline.pictures.posture_map import plane, posture_map
-from pipeline.pictures.retrieval_figures import confusion_figure, precision_recall_figure, robustness_figure
-from pipeline.pictures.stick_figures import postures_view
-from pipeline.pictures.style import motif_colours
-from pipeline.pictures.symbol_material import SymbolMaterial, posture_bodies, read_symbols
-from pipeline.pictures.symbol_sections import posture_sample, strip_of
-from pipeline.pictures.symbol_strip import StripOfSymbols, folds, symbol_strip
-from pipeline.postures.config import PosturesConfig
-from pipeline.rotations import from_axis_angle, rotate
-from pipeline.skeleton.canonical import COMMON, INDEX
-from pipeline.words.features import body_length, word_features
 from tests.lakes import motionlake, query
 from tests.test_pictures import NASTY, assert_readable, assert_self_contained, standing
 
@@ -202,7 +202,7 @@ def test_a_strip_shows_the_clip_s_own_string(material: SymbolMaterial) -> None:
 
 
 def test_the_sample_on_the_map_is_coded_as_the_lake_is(material: SymbolMaterial) -> None:
-    from pipeline.postures.dictionary import load_dictionary
+    from motionlake.pesta.postures.dictionary import load_dictionary
 
     features, symbols = posture_sample(material, range(len(material.strings.clips)))
     assert len(features) == len(symbols) > 100

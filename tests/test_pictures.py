@@ -17,26 +17,26 @@ from hypothesis import strategies as st
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.image import imread
+from motionlake.lake.catalog import reading
+from motionlake.lake.layout import open_lake
+from motionlake.motion.canonical import INDEX, JOINTS, PARENTS
+from motionlake.motion.rotations import from_axis_angle, rotate
+from motionlake.pictures.bands import MotifBand, Segment, SegmentRow, lanes_of, motif_bands, segment_bands, word_edges
+from motionlake.pictures.clip_sections import bars
+from motionlake.pictures.contact_sheet import MotifRow, WordStrip, contact_sheet
+from motionlake.pictures.hits_page import HitStrip, draw_hits, hits_page
+from motionlake.pictures.html import Chapter, page, picture
+from motionlake.pictures.maps import clip_map, plane_of
+from motionlake.pictures.material import read_material
+from motionlake.pictures.report import make_report
+from motionlake.pictures.selection import dataset_view, discriminative, sampled, shares
+from motionlake.pictures.sequence_sections import agreement
+from motionlake.pictures.signature_bars import BarGroup, bar_colours, motif_order, signature_bars
+from motionlake.pictures.similarity import QueryCurve, similarity_along
+from motionlake.pictures.stick_figures import three_quarter_view
+from motionlake.pictures.style import DPI, NONE, class_styles, fitted, plain, png, width_of
 from numpy.typing import NDArray
 
-from pipeline.lake.catalog import reading
-from pipeline.lake.layout import open_lake
-from pipeline.pictures.bands import MotifBand, Segment, SegmentRow, lanes_of, motif_bands, segment_bands, word_edges
-from pipeline.pictures.clip_sections import bars
-from pipeline.pictures.contact_sheet import MotifRow, WordStrip, contact_sheet
-from pipeline.pictures.hits_page import HitStrip, draw_hits, hits_page
-from pipeline.pictures.html import Chapter, page, picture
-from pipeline.pictures.maps import clip_map, plane_of
-from pipeline.pictures.material import read_material
-from pipeline.pictures.report import make_report
-from pipeline.pictures.selection import dataset_view, discriminative, sampled, shares
-from pipeline.pictures.sequence_sections import agreement
-from pipeline.pictures.signature_bars import BarGroup, bar_colours, motif_order, signature_bars
-from pipeline.pictures.similarity import QueryCurve, similarity_along
-from pipeline.pictures.stick_figures import three_quarter_view
-from pipeline.pictures.style import DPI, NONE, class_styles, fitted, plain, png, width_of
-from pipeline.rotations import from_axis_angle, rotate
-from pipeline.skeleton.canonical import INDEX, JOINTS, PARENTS
 from tests.lakes import motionlake, query
 
 NASTY = ["a", '<b>&"quoted"\'', "$\\frac$ 1_^", "動き🙂\tand\nlines", "long_" * 40, " "]

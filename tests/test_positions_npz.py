@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from motionlake.errors import ClipError
+from motionlake.formats import read_clips
+from motionlake.formats.positions_npz import READER, parents_first
+from motionlake.formats.repair import fill_missing, missing_samples
+from motionlake.motion.clip import SourceClip
 
-from pipeline.clip import SourceClip
-from pipeline.errors import ClipError
-from pipeline.formats import read_clips
-from pipeline.formats.positions_npz import READER, parents_first
-from pipeline.formats.repair import fill_missing, missing_samples
 from tests.samples import KINECT_1, KINECT_1_PARENTS, npz_bytes, swinging_body
 
 

@@ -9,16 +9,15 @@ from typing import Any
 
 import numpy as np
 import pytest
+from motionlake.motion.features import Float32Array
+from motionlake.pesta.postures.clusters import grid, self_organising_map
+from motionlake.pesta.postures.config import KINDS, DictionaryKind, PosturesConfig
+from motionlake.pesta.postures.dictionary import PostureDictionary, load_dictionary
+from motionlake.pesta.postures.fitting import fit_dictionary, sample_postures
+from motionlake.pesta.postures.network import PostureAutoencoder
+from motionlake.pesta.postures.recipe import AutoencoderRecipe, recipe_of
+from motionlake.pesta.postures.training import _revive, train_autoencoder
 from safetensors.numpy import save_file
-
-from pipeline.postures.clusters import grid, self_organising_map
-from pipeline.postures.config import KINDS, DictionaryKind, PosturesConfig
-from pipeline.postures.dictionary import PostureDictionary, load_dictionary
-from pipeline.postures.fitting import fit_dictionary, sample_postures
-from pipeline.postures.network import PostureAutoencoder
-from pipeline.postures.recipe import AutoencoderRecipe, recipe_of
-from pipeline.postures.training import _revive, train_autoencoder
-from pipeline.words.features import Float32Array
 
 M = 12
 SMALL = PosturesConfig(m=M, weights="own", max_postures=600)
@@ -94,8 +93,8 @@ def test_training_repeats_and_resumes_to_the_same_bytes(tmp_path: Path, monkeypa
     np.testing.assert_array_equal(autoencoder().codes, whole.codes)
     assert not np.array_equal(autoencoder(seed=1).codes, whole.codes)
 
-    monkeypatch.setattr("pipeline.postures.training.CHECKPOINT_EVERY", 10)
-    monkeypatch.setattr("pipeline.postures.training.REPORT_EVERY", 5)
+    monkeypatch.setattr("motionlake.pesta.postures.training.CHECKPOINT_EVERY", 10)
+    monkeypatch.setattr("motionlake.pesta.postures.training.REPORT_EVERY", 5)
     checkpoint = tmp_path / "training.safetensors"
 
     class KilledError(Exception):

@@ -12,20 +12,20 @@ from typing import Any
 import duckdb
 import numpy as np
 import pytest
+from motionlake.jobs.run import STAGES
+from motionlake.lake.catalog import reading
+from motionlake.lake.config import LakeConfig, load_config
+from motionlake.lake.frames import read_part
+from motionlake.lake.layout import open_lake
+from motionlake.motion.features import word_features
+from motionlake.pesta.postures import shipped
+from motionlake.pesta.postures.config import PosturesConfig
+from motionlake.pesta.postures.dictionary import PostureDictionary, load_dictionary
+from motionlake.pesta.symbols.config import SymbolsConfig
+from motionlake.pesta.symbols.strings import symbolise
+from motionlake.ready_made import described
+from motionlake.stages import postures
 
-from jobs.run import STAGES
-from pipeline.config import LakeConfig, load_config
-from pipeline.frames import read_part
-from pipeline.lake.catalog import reading
-from pipeline.lake.layout import open_lake
-from pipeline.postures import shipped
-from pipeline.postures.config import PosturesConfig
-from pipeline.postures.dictionary import PostureDictionary, load_dictionary
-from pipeline.ready_made import described
-from pipeline.stages import postures
-from pipeline.symbols.config import SymbolsConfig
-from pipeline.symbols.strings import symbolise
-from pipeline.words.features import word_features
 from tests.lakes import QUICK, files, motionlake, query, quick_lake
 
 STRINGS = "SELECT clip, symbols, starts FROM symbol_strings ORDER BY clip"

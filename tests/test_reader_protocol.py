@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from motionlake.errors import ClipError
+from motionlake.formats.registry import Reader, companions, is_clip, read_clips, reader_for, readers
+from motionlake.motion.clip import ChannelKind, SourceClip
+from motionlake.motion.kinematics import solve
 
-from pipeline.clip import ChannelKind, SourceClip
-from pipeline.errors import ClipError
-from pipeline.formats.registry import Reader, companions, is_clip, read_clips, reader_for, readers
-from pipeline.kinematics import solve
 from tests.samples import BINARY, SAMPLES
 
 CASES = [pytest.param(reader, id=reader.name) for reader in readers()]

@@ -100,8 +100,8 @@ def test_a_built_wheel_works_as_the_checkout_does(motions: Path, tmp_path: Path)
     site = tmp_path / "site"
     with zipfile.ZipFile(next(tmp_path.glob("*.whl"))) as wheel:
         wheel.extractall(site)
-    command = f"{sys.executable} -m pipeline.cli.main"
-    where = shell(f"{sys.executable} -c 'import jobs, pipeline, sql; print(pipeline.__file__)'", tmp_path,
+    command = f"{sys.executable} -m motionlake.cli.main"
+    where = shell(f"{sys.executable} -c 'import motionlake; print(motionlake.__file__)'", tmp_path,
                   PYTHONPATH=str(site))  # fmt: skip
     assert where.stdout.startswith(str(site)), where.stderr
     lake = tmp_path / "lake"

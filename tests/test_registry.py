@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from motionlake.errors import ClipError
+from motionlake.formats import load_bytes, read_clips, reader_for, registry
+from motionlake.motion.clip import SourceClip
 
-from pipeline.clip import SourceClip
-from pipeline.errors import ClipError
-from pipeline.formats import load_bytes, read_clips, reader_for, registry
 from tests.test_bvh import TIDY, read
 
 

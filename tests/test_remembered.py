@@ -7,9 +7,9 @@ import time
 from pathlib import Path
 
 import pytest
+from motionlake.formats import read_clips
+from motionlake.formats.remembered import Remembered
 
-from pipeline.formats import read_clips
-from pipeline.formats.remembered import Remembered
 from tests.test_asf_amc import AMC, ASF, write
 
 

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-
-from pipeline.clip import FloatArray
-from pipeline.evaluation.retrieval import average_precision, leave_one_out
+from motionlake.evaluation.measures.retrieval import average_precision, leave_one_out
+from motionlake.motion.clip import FloatArray
 
 
 def on_a_line(places: list[float]) -> np.ndarray:

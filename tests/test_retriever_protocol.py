@@ -9,15 +9,15 @@ from typing import Any
 
 import duckdb
 import pytest
+from motionlake.errors import UserError
+from motionlake.lake.catalog import Connection
+from motionlake.lake.layout import open_lake
+from motionlake.retrieval.connection import connect
+from motionlake.retrieval.fused import FusedRetriever
+from motionlake.retrieval.methods import METHODS, SINGLE, ready_methods, retriever
+from motionlake.retrieval.protocol import Query, Retriever
+from motionlake.retrieval.search import Hit
 
-from pipeline.connection import connect
-from pipeline.errors import UserError
-from pipeline.lake.catalog import Connection
-from pipeline.lake.layout import open_lake
-from pipeline.retrievers.fused import FusedRetriever
-from pipeline.retrievers.methods import METHODS, SINGLE, ready_methods, retriever
-from pipeline.retrievers.protocol import Query, Retriever
-from pipeline.search import Hit
 from tests.lakes import motionlake, query, tables
 
 EVERY_METHOD = pytest.mark.parametrize("method", METHODS)

@@ -6,13 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from motionlake.errors import ClipError, UserError
+from motionlake.formats import read_clips
+from motionlake.motion.canonical import INDEX, JOINTS, PARENTS
+from motionlake.motion.clip import ChannelKind, Hierarchy
+from motionlake.motion.rigs import RigMap, bare_names, identify, load_rigs, parse_rig, starter_map
+from motionlake.motion.starter import guess_joints
 
-from pipeline.clip import ChannelKind, Hierarchy
-from pipeline.errors import ClipError, UserError
-from pipeline.formats import read_clips
-from pipeline.skeleton.canonical import INDEX, JOINTS, PARENTS
-from pipeline.skeleton.rigs import RigMap, bare_names, identify, load_rigs, parse_rig, starter_map
-from pipeline.skeleton.starter import guess_joints
 from tests.rig_samples import SETS, sample
 
 RIGS = load_rigs()
@@ -52,7 +52,7 @@ def test_a_named_rig_is_taken_and_must_fit() -> None:
 
 
 def test_a_user_map_is_added_and_one_of_the_same_name_replaces(tmp_path: Path) -> None:
-    text = (Path(__file__).parents[1] / "pipeline/skeleton/rigs/smpl.toml").read_text()
+    text = (Path(__file__).parents[1] / "pipeline/motion/rigs/smpl.toml").read_text()
     (tmp_path / "mine.toml").write_text(text.replace('hips = "pelvis"', 'hips = "basin"'))
     rigs = load_rigs(tmp_path)
     assert rigs.keys() == RIGS.keys()
@@ -76,7 +76,7 @@ def test_a_user_map_is_added_and_one_of_the_same_name_replaces(tmp_path: Path) -
     ],
 )
 def test_a_faulty_map_is_told_in_one_line(old: str, new: str, told: str) -> None:
-    text = (Path(__file__).parents[1] / "pipeline/skeleton/rigs/smpl.toml").read_text()
+    text = (Path(__file__).parents[1] / "pipeline/motion/rigs/smpl.toml").read_text()
     assert old in text
     with pytest.raises(UserError, match=r"rig map mine\.toml: ") as caught:
         parse_rig(text.replace(old, new, 1), "mine.toml")

@@ -8,11 +8,11 @@ from pathlib import Path
 import duckdb
 import numpy as np
 import pytest
+from motionlake.deep_motifs.emd import emd, ground_distances
+from motionlake.lake.layout import open_lake
+from motionlake.retrieval.connection import connect
+from motionlake.retrieval.search import signature_of_file, similar_to_clip, similar_to_file
 
-from pipeline.connection import connect
-from pipeline.emd import emd, ground_distances
-from pipeline.lake.layout import open_lake
-from pipeline.search import signature_of_file, similar_to_clip, similar_to_file
 from tests.lakes import motionlake, query
 
 Answer = list[tuple[int, str, float]]

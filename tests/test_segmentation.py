@@ -11,9 +11,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
-
-from pipeline.applications.segmentation import (
+from motionlake.deep_motifs.applications.segmentation import (
     UNKNOWN,
     SegmentationConfig,
     Segmenter,
@@ -23,10 +21,11 @@ from pipeline.applications.segmentation import (
     centred_signatures,
     taught_windows,
 )
-from pipeline.corpus import Corpus, CorpusClip
-from pipeline.emd import emd
-from pipeline.errors import UserError
-from pipeline.signatures import signature
+from motionlake.deep_motifs.corpus import Corpus, CorpusClip
+from motionlake.deep_motifs.emd import emd
+from motionlake.deep_motifs.signatures import signature
+from motionlake.errors import UserError
+from numpy.typing import NDArray
 
 STRIDE, LENGTH = 20, 80
 
@@ -198,13 +197,14 @@ def test_nothing_taught_is_an_error() -> None:
 @pytest.mark.recordings
 def test_real_takes_are_segmented_by_the_others(recordings: Path) -> None:
     """cmu_exercises with untrained words (principal components), one take left out: far above chance, by few bands."""
+    from motionlake.deep_motifs.motifs import assign, fit_motifs
+    from motionlake.formats import read_clips
+    from motionlake.motion.canonicalise import canonicalise
+    from motionlake.motion.features import WordConfig, word_features
+    from motionlake.motion.kinematics import solve
+    from motionlake.motion.rigs import identify, load_rigs
+
     from bench.representation import shallow
-    from pipeline.formats import read_clips
-    from pipeline.kinematics import solve
-    from pipeline.motifs import assign, fit_motifs
-    from pipeline.skeleton.canonicalise import canonicalise
-    from pipeline.skeleton.rigs import identify, load_rigs
-    from pipeline.words.features import WordConfig, word_features
 
     rows = list(csv.DictReader((recordings / "cmu_exercises" / "segments.csv").open(encoding="utf-8")))
     names = sorted({row["file"] for row in rows})[:3]

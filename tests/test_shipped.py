@@ -6,20 +6,20 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from motionlake.deep_motifs.words import shipped
+from motionlake.deep_motifs.words.config import NetworkConfig
+from motionlake.deep_motifs.words.trained import load_network
+from motionlake.lake.catalog import fetch, reading
+from motionlake.lake.config import LakeConfig
+from motionlake.lake.layout import Lake
+from motionlake.motion.features import WordConfig
 
-from pipeline.config import LakeConfig
-from pipeline.lake.catalog import fetch, reading
-from pipeline.lake.layout import Lake
-from pipeline.words import shipped
-from pipeline.words.config import NetworkConfig
-from pipeline.words.features import WordConfig
-from pipeline.words.trained import load_network
 from tests.lakes import motionlake, quick_lake
 
 
 def current_network(lake: Path) -> dict[str, object]:
     with reading(Lake(lake)) as con:
-        return fetch(con, "queries/current_model.sql", {"kind": "network"})[0]
+        return fetch(con, "current_model", {"kind": "network"})[0]
 
 
 def test_the_ready_made_network_is_the_one_its_description_names() -> None:

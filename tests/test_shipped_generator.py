@@ -7,12 +7,12 @@ from pathlib import Path
 import duckdb
 import numpy as np
 import pytest
+from motionlake.glogen.generator import shipped
+from motionlake.glogen.generator.config import SynthesisConfig
+from motionlake.glogen.generator.generator import load_generator
+from motionlake.glogen.generator.wishes import Seed, Wish
+from motionlake.motion.canonical import JOINTS, PARENTS
 
-from pipeline.skeleton.canonical import JOINTS, PARENTS
-from pipeline.synthesis import shipped
-from pipeline.synthesis.config import SynthesisConfig
-from pipeline.synthesis.generator import load_generator
-from pipeline.synthesis.wishes import Seed, Wish
 from tests.lakes import motionlake, query
 from tests.test_pictures import standing
 

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-
-from pipeline.signatures import (
+from motionlake.deep_motifs.signatures import (
     document_frequency,
     inverse_document_frequency,
     motif_counts,

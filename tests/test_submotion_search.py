@@ -11,22 +11,24 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from motionlake.deephums.descriptors import shipped
+from motionlake.deephums.descriptors.sequence import clip_sequence
+from motionlake.deephums.submotions import pieces
+from motionlake.deephums.submotions import shipped as shipped_submotion
+from motionlake.deephums.submotions.config import LONGEST, SHORT, SubmotionConfig
+from motionlake.deephums.submotions.encoder import train_submotion
+from motionlake.deephums.submotions.pieces import frames_of, piece_windows
+from motionlake.deephums.submotions.trained import TrainedSubmotion, load_submotion
+from motionlake.lake.catalog import reading, writing
+from motionlake.lake.frames import Frames, read_part
+from motionlake.lake.layout import open_lake
+from motionlake.lake.parts import write_part
+from motionlake.motion.features import WordConfig
+from motionlake.retrieval.connection import connect
+from motionlake.retrieval.submotion_search import Piece, place
+from motionlake.stages import submotions
+from motionlake.stages.shard import Shard, ShardResult
 
-from pipeline.connection import connect
-from pipeline.descriptors import pieces, shipped, shipped_submotion
-from pipeline.descriptors.pieces import frames_of, piece_windows
-from pipeline.descriptors.sequence import clip_sequence
-from pipeline.descriptors.submotion import train_submotion
-from pipeline.descriptors.submotion_config import LONGEST, SHORT, SubmotionConfig
-from pipeline.descriptors.submotion_trained import TrainedSubmotion, load_submotion
-from pipeline.find_submotion import Piece, place
-from pipeline.frames import Frames, read_part
-from pipeline.lake.catalog import reading, writing
-from pipeline.lake.layout import open_lake
-from pipeline.lake.parts import write_part
-from pipeline.stages import submotions
-from pipeline.stages.shard import Shard, ShardResult
-from pipeline.words.features import WordConfig
 from tests.lakes import QUICK, Run, catalog, motionlake, query
 
 ROWS = "SELECT clip, start, stop, descriptor FROM submotions ORDER BY clip, start"

@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-
-from pipeline.symbols.config import SymbolsConfig
-from pipeline.symbols.runs import reduce_runs
-from pipeline.symbols.strings import SymbolString, symbolise
-from pipeline.symbols.tandem import reduce_repeats
+from motionlake.pesta.symbols.config import SymbolsConfig
+from motionlake.pesta.symbols.runs import reduce_runs
+from motionlake.pesta.symbols.strings import SymbolString, symbolise
+from motionlake.pesta.symbols.tandem import reduce_repeats
 
 BOTH = SymbolsConfig()
 CONFIGS = [SymbolsConfig(runs, repeats) for runs in (True, False) for repeats in (True, False)]

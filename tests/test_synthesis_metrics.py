@@ -8,11 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
-from scipy.linalg import sqrtm
-
-from pipeline.clip_dtw import clip_dtw
-from pipeline.evaluation.synthesis_errors import (
+from motionlake.evaluation.measures.synthesis_errors import (
     body_poses,
     errors_at,
     euclidean_error,
@@ -20,8 +16,13 @@ from pipeline.evaluation.synthesis_errors import (
     poses_at,
     sparse_poses,
 )
-from pipeline.evaluation.synthesis_likeness import frechet_distance, nearest_real_distances, recognise, recognised
-from pipeline.evaluation.synthesis_movement import (
+from motionlake.evaluation.measures.synthesis_likeness import (
+    frechet_distance,
+    nearest_real_distances,
+    recognise,
+    recognised,
+)
+from motionlake.evaluation.measures.synthesis_movement import (
     LOW,
     Energy,
     bone_length_drift,
@@ -30,9 +31,13 @@ from pipeline.evaluation.synthesis_movement import (
     travel_speed,
     within_range,
 )
-from pipeline.skeleton.canonical import INDEX, JOINTS
-from pipeline.skeleton.facing import facing
-from pipeline.words.features import body_length
+from motionlake.motion.canonical import INDEX, JOINTS
+from motionlake.motion.clip_dtw import clip_dtw
+from motionlake.motion.facing import facing
+from motionlake.motion.features import body_length
+from numpy.typing import NDArray
+from scipy.linalg import sqrtm
+
 from tests.test_pictures import standing
 
 Array = NDArray[np.float64]

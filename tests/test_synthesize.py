@@ -7,18 +7,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from motionlake.deephums.descriptors.config import DescriptorsConfig
+from motionlake.formats import read_clips
+from motionlake.lake.catalog import fetch, reading
+from motionlake.lake.config import load_config
+from motionlake.lake.frames import read_clip
+from motionlake.lake.layout import open_lake
+from motionlake.motion.kinematics import solve
+from motionlake.retrieval.connection import connect
+from motionlake.stages import embed, postures
+from motionlake.stages.descriptor_training import training_set
+from motionlake.stages.synthesis_training import motion_set
 
-from pipeline.config import load_config
-from pipeline.connection import connect
-from pipeline.descriptors.config import DescriptorsConfig
-from pipeline.formats import read_clips
-from pipeline.frames import read_clip
-from pipeline.kinematics import solve
-from pipeline.lake.catalog import fetch, reading
-from pipeline.lake.layout import open_lake
-from pipeline.stages import embed, postures
-from pipeline.stages.descriptor_training import training_set
-from pipeline.stages.synthesis_training import motion_set
 from tests.lakes import Run, assert_same, files, motionlake, query, tables
 
 SECONDS = 2.0
@@ -231,7 +231,7 @@ def test_models_are_not_fitted_to_synthetic_clips(made: Path, trained: Path, tmp
             described = training_set(con, lake, DescriptorsConfig())
             classed = motion_set(con, lake, config.synthesis)
             taught = [
-                fetch(con, f"queries/taught_{kind}.sql", {"datasets": None, "clips": None, "column": "label"})
+                fetch(con, f"taught_{kind}", {"datasets": None, "clips": None, "column": "label"})
                 for kind in ("clips", "segments")
             ]
             drawn = [sample(con, lake, config) for sample in (embed.training_sample, postures.training_sample)]

@@ -9,12 +9,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from motionlake.pesta.symbols.alphabet import ranks
+from motionlake.pesta.symbols.repetitions import by_period, by_suffixes, maximal_repetitions, suffix_order
+from motionlake.pesta.symbols.squares import square_free
+from motionlake.pesta.symbols.tandem import reduce_repeats, without_repetitions
 from numpy.typing import NDArray
-
-from pipeline.symbols.alphabet import ranks
-from pipeline.symbols.repetitions import by_period, by_suffixes, maximal_repetitions, suffix_order
-from pipeline.symbols.squares import square_free
-from pipeline.symbols.tandem import reduce_repeats, without_repetitions
 
 Ints = NDArray[np.int32]
 words = st.integers(2, 4).flatmap(lambda m: st.lists(st.integers(0, m - 1), max_size=60))

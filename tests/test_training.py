@@ -7,18 +7,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from motionlake.deep_motifs.words.config import NetworkConfig
+from motionlake.deep_motifs.words.dtw import word_distances
+from motionlake.deep_motifs.words.linear import LinearConfig, linear_embedding, nearest_elsewhere
+from motionlake.deep_motifs.words.trained import TrainedNetwork, load_network
+from motionlake.deep_motifs.words.training import Recipe, train_words
+from motionlake.deep_motifs.words.triplets import TripletConfig, time_reversed, time_warped, training_words
+from motionlake.deep_motifs.words.windows import word_windows
+from motionlake.motion.features import Float32Array, Float64Array, WordConfig, word_features
+from motionlake.motion.frame_distance import frame_distances
 from safetensors.numpy import save_file
 from threadpoolctl import threadpool_limits
-
-from pipeline.words.config import NetworkConfig
-from pipeline.words.dtw import word_distances
-from pipeline.words.features import Float32Array, Float64Array, WordConfig, word_features
-from pipeline.words.frame_distance import frame_distances
-from pipeline.words.linear import LinearConfig, linear_embedding, nearest_elsewhere
-from pipeline.words.trained import TrainedNetwork, load_network
-from pipeline.words.training import Recipe, train_words
-from pipeline.words.triplets import TripletConfig, time_reversed, time_warped, training_words
-from pipeline.words.windows import word_windows
 
 CONFIG = WordConfig(length=16, stride=4, root_weight=0.0, velocity_weight=0.0, smoothing=0.0)
 

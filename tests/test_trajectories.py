@@ -9,13 +9,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-
-from pipeline.skeleton.canonical import INDEX, PARENTS
-from pipeline.skeleton.facing import facing
-from pipeline.trajectories.body import STANDARD, body_length, measured_length, standard_joints
-from pipeline.trajectories.motion import FEET, FPS, BodyMotion, body_motion, in_world, mirrored, resampled
-from pipeline.trajectories.pieces import LONGEST, goes_on, pieces, ranges, reach
-from pipeline.trajectories.sparse import (
+from motionlake.glogen.trajectories.body import STANDARD, body_length, measured_length, standard_joints
+from motionlake.glogen.trajectories.motion import FEET, FPS, BodyMotion, body_motion, in_world, mirrored, resampled
+from motionlake.glogen.trajectories.pieces import LONGEST, goes_on, pieces, ranges, reach
+from motionlake.glogen.trajectories.sparse import (
     DURATION,
     PIECE,
     POSES,
@@ -26,7 +23,10 @@ from pipeline.trajectories.sparse import (
     sparse_motion,
     uniform_places,
 )
-from pipeline.words.mirror import mirrored_positions
+from motionlake.motion.canonical import INDEX, PARENTS
+from motionlake.motion.facing import facing
+from motionlake.motion.mirror import mirrored_positions
+
 from tests.lakes import canonical_clips, query
 from tests.test_pictures import standing
 

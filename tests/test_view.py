@@ -12,18 +12,18 @@ from typing import Any
 import duckdb
 import numpy as np
 import pytest
+from motionlake.cli.view import safe_name
+from motionlake.lake.frames import read_clip
+from motionlake.lake.layout import open_lake
+from motionlake.pictures.bands import Segment
+from motionlake.pictures.film_strip import film_strip
+from motionlake.pictures.motion_gif import FPS, gif_frames, motion_gif
+from motionlake.pictures.player import player_page
+from motionlake.pictures.player_clip import MOST_SECONDS, PlayerClip, pack, unpack
+from motionlake.pictures.style import png
 from numpy.typing import NDArray
 from PIL import Image, ImageChops
 
-from pipeline.cli.view import safe_name
-from pipeline.frames import read_clip
-from pipeline.lake.layout import open_lake
-from pipeline.pictures.bands import Segment
-from pipeline.pictures.film_strip import film_strip
-from pipeline.pictures.motion_gif import FPS, gif_frames, motion_gif
-from pipeline.pictures.player import player_page
-from pipeline.pictures.player_clip import MOST_SECONDS, PlayerClip, pack, unpack
-from pipeline.pictures.style import png
 from tests.lakes import motionlake, query, quick_lake
 from tests.test_pictures import NASTY, standing
 

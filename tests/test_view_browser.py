@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from motionlake.pictures.bands import Segment
+from motionlake.pictures.player import player_page
+from motionlake.pictures.player_clip import PlayerClip
 from numpy.typing import NDArray
 
-from pipeline.pictures.bands import Segment
-from pipeline.pictures.player import player_page
-from pipeline.pictures.player_clip import PlayerClip
 from tests.browser import NoBrowserError, Page, browsing, wait
 from tests.test_pictures import standing
 

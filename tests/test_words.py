@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from motionlake.deep_motifs.words.windows import native_range, padded, windows, word_windows
+from motionlake.motion.canonical import COMMON, DEEP_MOTIFS, INDEX, JOINTS
+from motionlake.motion.facing import facing
+from motionlake.motion.features import WordConfig, body_length, resample, sample_count, word_features
 from numpy.typing import NDArray
-
-from pipeline.skeleton.canonical import COMMON, DEEP_MOTIFS, INDEX, JOINTS
-from pipeline.skeleton.facing import facing
-from pipeline.words.features import WordConfig, body_length, resample, sample_count, word_features
-from pipeline.words.windows import native_range, padded, windows, word_windows
 
 NO_ROTATIONS = np.empty((0, 21, 4))
 NO_POSITIONS = np.empty((0, 21, 3))

@@ -13,10 +13,10 @@ from itertools import pairwise
 from typing import Final
 
 import torch
+from motionlake.motion.canonical import COMMON
 from torch import Tensor, nn
 
 from bench.deephums.baseline import FRAMES
-from pipeline.skeleton.canonical import COMMON
 
 PARTS: Final = (
     ("hips", "neck", "head"),

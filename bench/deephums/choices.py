@@ -6,14 +6,14 @@ from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
+from motionlake.deephums.descriptors.config import DescriptorsConfig
+from motionlake.deephums.descriptors.recipe import DescriptorRecipe, recipe_of
+from motionlake.deephums.descriptors.training import train_descriptor
+from motionlake.evaluation.measures.split_retrieval import Questions, score_split
 
 from bench.deephums.retrieval import euclidean, training_clips
 from bench.deephums.sets import Split, split_of
 from bench.units import Found, in_processes, table, with_seeds
-from pipeline.descriptors.config import DescriptorsConfig
-from pipeline.descriptors.recipe import DescriptorRecipe, recipe_of
-from pipeline.descriptors.training import train_descriptor
-from pipeline.evaluation.split_retrieval import Questions, score_split
 
 SET: Final = "utd_mhad"
 DEFAULT: Final = recipe_of(DescriptorsConfig())

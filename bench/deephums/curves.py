@@ -6,16 +6,16 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+from motionlake.deephums.descriptors.batches import resampled
+from motionlake.deephums.descriptors.config import DescriptorsConfig
+from motionlake.deephums.descriptors.recipe import recipe_of
+from motionlake.deephums.descriptors.training import train_descriptor
 
 from bench.deephums.choices import left_out
 from bench.deephums.fit import Clips, fit
 from bench.deephums.retrieval import BASELINES, DESCRIPTORS, FRAMES, augmented, training_clips
 from bench.deephums.sets import Split, split_of
 from bench.fitting import Budget
-from pipeline.descriptors.batches import resampled
-from pipeline.descriptors.config import DescriptorsConfig
-from pipeline.descriptors.recipe import recipe_of
-from pipeline.descriptors.training import train_descriptor
 
 
 def measure(set_name: str, epochs: int) -> dict[str, Any]:

@@ -8,13 +8,13 @@ from typing import cast
 
 import numpy as np
 import torch
+from motionlake.motion.features import Float32Array
+from motionlake.threads import on_threads
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from bench.deephums.baseline import Baseline
 from bench.fitting import BATCH, Budget, Training
-from pipeline.threads import on_threads
-from pipeline.words.features import Float32Array
 
 Augment = Callable[[Tensor, Tensor], Tensor]
 

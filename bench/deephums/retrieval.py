@@ -10,6 +10,18 @@ from typing import Final
 
 import numpy as np
 import torch
+from motionlake.deephums.descriptors.augmentation import Augmentation
+from motionlake.deephums.descriptors.batches import resampled
+from motionlake.deephums.descriptors.config import DescriptorsConfig
+from motionlake.deephums.descriptors.recipe import recipe_of
+from motionlake.deephums.descriptors.similarity import alignment_distances, motion_distance, motion_field
+from motionlake.deephums.descriptors.trained import TrainedDescriptor
+from motionlake.deephums.descriptors.training import TrainingClip, train_descriptor
+from motionlake.evaluation.measures.dtw import baseline_features
+from motionlake.evaluation.measures.dtw_error import joint_error
+from motionlake.evaluation.measures.split_retrieval import Questions, first_hits, score_split
+from motionlake.motion.clip_dtw import dtw_cross
+from motionlake.motion.features import Float32Array, body_length
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
@@ -21,18 +33,6 @@ from bench.deephums.robustness import robustness
 from bench.deephums.sets import Split, split_of
 from bench.fitting import Budget
 from bench.units import Found
-from pipeline.clip_dtw import dtw_cross
-from pipeline.descriptors.augmentation import Augmentation
-from pipeline.descriptors.batches import resampled
-from pipeline.descriptors.config import DescriptorsConfig
-from pipeline.descriptors.recipe import recipe_of
-from pipeline.descriptors.similarity import alignment_distances, motion_distance, motion_field
-from pipeline.descriptors.trained import TrainedDescriptor
-from pipeline.descriptors.training import TrainingClip, train_descriptor
-from pipeline.evaluation.dtw import baseline_features
-from pipeline.evaluation.dtw_error import joint_error
-from pipeline.evaluation.split_retrieval import Questions, first_hits, score_split
-from pipeline.words.features import Float32Array, body_length
 
 FRAMES: Final = 64
 SCORES: Final = ("top1", "top10", "map", "pr_area", "error_mm", "recognition", "n")

@@ -6,15 +6,15 @@ from typing import Final
 
 import numpy as np
 import torch
+from motionlake.deephums.descriptors.batches import resampled
+from motionlake.deephums.descriptors.trained import TrainedDescriptor
+from motionlake.evaluation.measures.split_retrieval import Questions, score_split
+from motionlake.motion.canonical import COMMON, INDEX
+from motionlake.motion.features import Float32Array
 from numpy.typing import NDArray
 
 from bench.deephums.sets import Split
 from bench.units import Found
-from pipeline.descriptors.batches import resampled
-from pipeline.descriptors.trained import TrainedDescriptor
-from pipeline.evaluation.split_retrieval import Questions, score_split
-from pipeline.skeleton.canonical import COMMON, INDEX
-from pipeline.words.features import Float32Array
 
 MISSING: Final = 0.2
 SPEEDS: Final = (0.5, 0.75, 1.5, 2.0)

@@ -7,11 +7,11 @@ from functools import cache
 from typing import Final
 
 import numpy as np
+from motionlake.deephums.descriptors.sequence import clip_sequence
+from motionlake.motion.features import Float32Array
 from numpy.typing import NDArray
 
 from bench.canonical_sets import LabelledClip, load
-from pipeline.descriptors.sequence import clip_sequence
-from pipeline.words.features import Float32Array
 
 SETS: Final = ("utd_mhad", "hdm05")
 

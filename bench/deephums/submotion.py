@@ -14,21 +14,21 @@ from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
+from motionlake.deephums.descriptors.config import DescriptorsConfig
+from motionlake.deephums.descriptors.sequence import clip_sequence
+from motionlake.deephums.descriptors.training import TrainingClip, train_descriptor
+from motionlake.deephums.submotions.config import SubmotionConfig
+from motionlake.deephums.submotions.encoder import train_submotion
+from motionlake.deephums.submotions.pieces import piece_windows
+from motionlake.deephums.submotions.trained import TrainedSubmotion
+from motionlake.motion.features import Float32Array, WordConfig, word_features
+from motionlake.retrieval.submotion_search import Piece, piece_of, place
 from numpy.typing import NDArray
 
 from bench.canonical_sets import LabelledClip
 from bench.deephums.retrieval import euclidean
 from bench.deephums.sets import Split, split_of
 from bench.units import SEEDS, Found, table, with_seeds
-from pipeline.descriptors.config import DescriptorsConfig
-from pipeline.descriptors.pieces import piece_windows
-from pipeline.descriptors.sequence import clip_sequence
-from pipeline.descriptors.submotion import train_submotion
-from pipeline.descriptors.submotion_config import SubmotionConfig
-from pipeline.descriptors.submotion_trained import TrainedSubmotion
-from pipeline.descriptors.training import TrainingClip, train_descriptor
-from pipeline.find_submotion import Piece, piece_of, place
-from pipeline.words.features import Float32Array, WordConfig, word_features
 
 SET: Final = "utd_mhad"
 SHARES: Final = (0.25, 0.6)

@@ -14,11 +14,12 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, Final
 
+from motionlake.evaluation.measures.synthesis_errors import MILLISECONDS
+
 from bench.glogen import between, dense, folds, long, search, sparse, whole
 from bench.glogen.sets import SETS
 from bench.record import hash_files, record, recordings
 from bench.units import SEEDS, Found, in_processes, table, with_seeds
-from pipeline.evaluation.synthesis_errors import MILLISECONDS
 
 
 def measure_sparse(given: argparse.Namespace) -> tuple[dict[str, Any], list[str]]:

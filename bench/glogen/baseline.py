@@ -8,13 +8,13 @@ from typing import Final, Protocol
 
 import numpy as np
 import torch
+from motionlake.motion.features import Float32Array
+from motionlake.threads import on_threads
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from bench.fitting import Budget, Training
 from bench.glogen.motions import Bones, Motions, Pasts, Task, pasts_of, windows_of
-from pipeline.threads import on_threads
-from pipeline.words.features import Float32Array
 
 Augment = Callable[[Tensor, Tensor], Tensor]
 BUDGET: Final = Budget(epochs=40)

@@ -6,19 +6,19 @@ from collections.abc import Callable, Mapping
 from typing import Final
 
 import numpy as np
+from motionlake.glogen.generator.generator import TrainedGenerator
+from motionlake.glogen.locgen.dense import dense_motions
+from motionlake.glogen.locgen.interpolation import interpolated_motion
+from motionlake.glogen.trajectories.motion import FPS, interpolated
+from motionlake.glogen.trajectories.pieces import Piece
+from motionlake.glogen.trajectories.sparse import HEIGHT, JOINT_COLUMNS
+from motionlake.motion.clip import FloatArray
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from bench.glogen.dense import asked_pieces
 from bench.glogen.folds import Measures, Unit, generator_of, parted
 from bench.glogen.material import frames_of
-from pipeline.clip import FloatArray
-from pipeline.locgen.dense import dense_motions
-from pipeline.locgen.interpolation import interpolated_motion
-from pipeline.synthesis.generator import TrainedGenerator
-from pipeline.trajectories.motion import FPS, interpolated
-from pipeline.trajectories.pieces import Piece
-from pipeline.trajectories.sparse import HEIGHT, JOINT_COLUMNS
 
 
 def straight(rows: FloatArray, times: FloatArray, at: FloatArray) -> FloatArray:

@@ -8,6 +8,18 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+from motionlake.evaluation.measures.synthesis_errors import MILLISECONDS
+from motionlake.glogen.generator.config import SynthesisConfig
+from motionlake.glogen.generator.course import Course, go_on
+from motionlake.glogen.generator.generator import TrainedGenerator
+from motionlake.glogen.glogen.recipe import SEEDS
+from motionlake.glogen.locgen.dense import dense_motions
+from motionlake.glogen.locgen.lead_in import led_in, state_at
+from motionlake.glogen.trajectories.motion import FPS, BodyMotion, interpolated
+from motionlake.glogen.trajectories.pieces import Piece, ranges
+from motionlake.glogen.trajectories.sparse import PIECE, SPARSE, even_motion
+from motionlake.motion.clip import FloatArray
+from motionlake.motion.features import Float32Array
 from numpy.typing import NDArray
 
 from bench.glogen.folds import generator_without, parted
@@ -16,18 +28,6 @@ from bench.glogen.methods import CHOSEN, DEFAULTS, DENSE, fitted
 from bench.glogen.motions import Motions
 from bench.glogen.sparse import settings_of
 from bench.units import Found
-from pipeline.clip import FloatArray
-from pipeline.evaluation.synthesis_errors import MILLISECONDS
-from pipeline.glogen.recipe import SEEDS
-from pipeline.locgen.dense import dense_motions
-from pipeline.locgen.lead_in import led_in, state_at
-from pipeline.synthesis.config import SynthesisConfig
-from pipeline.synthesis.course import Course, go_on
-from pipeline.synthesis.generator import TrainedGenerator
-from pipeline.trajectories.motion import FPS, BodyMotion, interpolated
-from pipeline.trajectories.pieces import Piece, ranges
-from pipeline.trajectories.sparse import PIECE, SPARSE, even_motion
-from pipeline.words.features import Float32Array
 
 HORIZON: Final = 20  # frames
 Errors = dict[str, Any]

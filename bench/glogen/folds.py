@@ -9,13 +9,13 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
+from motionlake.glogen.generator.config import SynthesisConfig
+from motionlake.glogen.generator.generator import TrainedGenerator, load_generator
+from motionlake.glogen.generator.training import fit_generator
+from motionlake.lake.parts import replacing
 
 from bench.glogen.material import Material, material
 from bench.units import Found
-from pipeline.lake.parts import replacing
-from pipeline.synthesis.config import SynthesisConfig
-from pipeline.synthesis.generator import TrainedGenerator, load_generator
-from pipeline.synthesis.training import fit_generator
 
 SETS: Final = ("indian", "martial", "walk")
 # Of so many clips or fewer one is left out at a time. Of more (the walks), every eighth in the order of their names.

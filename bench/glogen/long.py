@@ -5,12 +5,19 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Final
 
+from motionlake.evaluation.measures.synthesis_movement import (
+    bone_length_drift,
+    energy,
+    foot_sliding,
+    travel_speed,
+    within_range,
+)
+from motionlake.glogen.generator.wishes import Seed, Wish
+from motionlake.glogen.trajectories.motion import FPS, resampled
+from motionlake.motion.clip import FloatArray
+
 from bench.glogen.folds import Measures, Unit, folds, generator_of, parted
 from bench.glogen.material import Material, material
-from pipeline.clip import FloatArray
-from pipeline.evaluation.synthesis_movement import bone_length_drift, energy, foot_sliding, travel_speed, within_range
-from pipeline.synthesis.wishes import Seed, Wish
-from pipeline.trajectories.motion import FPS, resampled
 
 SECONDS: Final = 10.0
 ROWS: Final = ("made", "clips")

@@ -7,16 +7,16 @@ from functools import cache
 from typing import Final
 
 import numpy as np
+from motionlake.glogen.trajectories.motion import BodyMotion, body_motion
+from motionlake.glogen.trajectories.pieces import Piece, pieces, rows_of
+from motionlake.glogen.trajectories.sparse import HEIGHT, JOINT_COLUMNS
+from motionlake.motion.canonical import PARENTS
+from motionlake.motion.features import Float32Array
 from numpy.typing import NDArray
 
 from bench.canonical_sets import LabelledClip
 from bench.glogen.motions import Bones, Motions
 from bench.glogen.sets import clips_of
-from pipeline.skeleton.canonical import PARENTS
-from pipeline.trajectories.motion import BodyMotion, body_motion
-from pipeline.trajectories.pieces import Piece, pieces, rows_of
-from pipeline.trajectories.sparse import HEIGHT, JOINT_COLUMNS
-from pipeline.words.features import Float32Array
 
 # Pairs of joints, the hips left out, between which a bone keeps its length.
 BONES: Final[Bones] = tuple((joint - 1, parent - 1) for joint, parent in enumerate(PARENTS) if parent > 0)

@@ -9,6 +9,7 @@ from types import MappingProxyType
 from typing import Final
 
 import numpy as np
+from motionlake.motion.features import Float32Array
 from numpy.typing import NDArray
 
 from bench.glogen.attention import AttentionSeq2Seq
@@ -19,7 +20,6 @@ from bench.glogen.next_pose import AutoConditioned, ScheduledSampling
 from bench.glogen.seq2seq import Seq2Seq
 from bench.glogen.untrained import NearestReal, ZeroVelocity
 from bench.glogen.variational import VaeSeq2Seq
-from pipeline.words.features import Float32Array
 
 DEFAULTS: Final = Settings()
 NETWORKS: Final[Mapping[str, Callable[[Shape], Network]]] = MappingProxyType(

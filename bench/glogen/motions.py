@@ -7,9 +7,8 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from motionlake.motion.features import Float32Array
 from numpy.typing import NDArray
-
-from pipeline.words.features import Float32Array
 
 Bones = tuple[tuple[int, int], ...]
 Pasts = Sequence[Float32Array] | Float32Array

@@ -10,6 +10,17 @@ from typing import Final
 
 import numpy as np
 import torch
+from motionlake.deephums.descriptors.config import DescriptorsConfig
+from motionlake.deephums.descriptors.trained import TrainedDescriptor
+from motionlake.deephums.descriptors.training import TrainingClip, train_descriptor
+from motionlake.evaluation.measures.synthesis_likeness import frechet_distance
+from motionlake.glogen.glogen.follow import follow
+from motionlake.glogen.glogen.recipe import SEEDS, GloGenRecipe, glogen_recipe
+from motionlake.glogen.glogen.training import train_glogen, unseen
+from motionlake.glogen.trajectories.sparse import JOINT_COLUMNS, PIECE
+from motionlake.glogen.trajectories.sparse import SPARSE as POSES
+from motionlake.motion.canonical import COMMON, INDEX
+from motionlake.motion.features import Float32Array
 from numpy.typing import NDArray
 
 from bench.glogen.baseline import Settings
@@ -17,17 +28,6 @@ from bench.glogen.material import Material, sparse_motions, split_material
 from bench.glogen.methods import CHOSEN, DEFAULTS, SPARSE, fitted
 from bench.glogen.motions import Motions, joint_error, pose_error
 from bench.units import Found
-from pipeline.descriptors.config import DescriptorsConfig
-from pipeline.descriptors.trained import TrainedDescriptor
-from pipeline.descriptors.training import TrainingClip, train_descriptor
-from pipeline.evaluation.synthesis_likeness import frechet_distance
-from pipeline.glogen.follow import follow
-from pipeline.glogen.recipe import SEEDS, GloGenRecipe, glogen_recipe
-from pipeline.glogen.training import train_glogen, unseen
-from pipeline.skeleton.canonical import COMMON, INDEX
-from pipeline.trajectories.sparse import JOINT_COLUMNS, PIECE
-from pipeline.trajectories.sparse import SPARSE as POSES
-from pipeline.words.features import Float32Array
 
 SET: Final = "utd_mhad"
 THESIS: Final = glogen_recipe("glogen")

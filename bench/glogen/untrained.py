@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from motionlake.motion.features import Float32Array
 from numpy.typing import NDArray
 
 from bench.glogen.motions import Motions, Pasts, Task, padded, pasts_of
-from pipeline.words.features import Float32Array
 
 ASKED_AT_ONCE: Final = 256
 

@@ -12,6 +12,19 @@ from functools import cache
 from typing import Final
 
 import numpy as np
+from motionlake.deephums.descriptors.config import DescriptorsConfig
+from motionlake.deephums.descriptors.trained import TrainedDescriptor
+from motionlake.deephums.descriptors.training import TrainingClip, train_descriptor
+from motionlake.evaluation.measures.synthesis_likeness import frechet_distance
+from motionlake.glogen.generator.config import SynthesisConfig
+from motionlake.glogen.generator.generator import TrainedGenerator
+from motionlake.glogen.generator.training import fit_generator
+from motionlake.glogen.glogen.follow import follow
+from motionlake.glogen.glogen.recipe import SEEDS
+from motionlake.glogen.locgen.dense import dense_motions
+from motionlake.glogen.trajectories.motion import interpolated
+from motionlake.glogen.trajectories.sparse import DURATION, PIECE, SPARSE
+from motionlake.motion.features import Float32Array
 from numpy.typing import NDArray
 
 from bench.glogen.baseline import Baseline
@@ -21,19 +34,6 @@ from bench.glogen.methods import CHOSEN, DEFAULTS, build, fitted
 from bench.glogen.motions import DENSE_TASK, Motions
 from bench.glogen.sparse import SET, Unit, as_described, settings_of
 from bench.units import Found
-from pipeline.descriptors.config import DescriptorsConfig
-from pipeline.descriptors.trained import TrainedDescriptor
-from pipeline.descriptors.training import TrainingClip, train_descriptor
-from pipeline.evaluation.synthesis_likeness import frechet_distance
-from pipeline.glogen.follow import follow
-from pipeline.glogen.recipe import SEEDS
-from pipeline.locgen.dense import dense_motions
-from pipeline.synthesis.config import SynthesisConfig
-from pipeline.synthesis.generator import TrainedGenerator
-from pipeline.synthesis.training import fit_generator
-from pipeline.trajectories.motion import interpolated
-from pipeline.trajectories.sparse import DURATION, PIECE, SPARSE
-from pipeline.words.features import Float32Array
 
 OURS: Final[Mapping[str, SynthesisConfig]] = {
     "motionlake": SynthesisConfig(),

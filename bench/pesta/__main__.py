@@ -12,13 +12,14 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Final
 
+from motionlake.pesta.postures.recipe import AutoencoderRecipe, recipe_of
+
 from bench.pesta import ablations, elasticity, ranges, robustness, sub_queries, whole
 from bench.pesta.dictionaries import OWN, Spec
 from bench.pesta.measuring import with_seeds
 from bench.pesta.sets import hash_sets
 from bench.record import record
 from bench.units import SEEDS, Found, in_processes, table
-from pipeline.postures.recipe import AutoencoderRecipe, recipe_of
 
 Rows = dict[str, dict[int, Found]]
 
@@ -79,8 +80,8 @@ def measure_robustness(given: argparse.Namespace, aae: Spec) -> tuple[dict[str, 
 
 def _draw(folder: Path, rows: Mapping[str, Found]) -> None:
     """Figure 8 of the autoencoder's main rows."""
-    from pipeline.pictures.retrieval_figures import robustness_figure
-    from pipeline.pictures.style import png
+    from motionlake.pictures.retrieval_figures import robustness_figure
+    from motionlake.pictures.style import png
 
     by_rate: dict[str, dict[float, list[float]]] = {}
     for name, row in rows.items():

@@ -6,14 +6,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
+from motionlake.pesta.alignment.config import AlignmentConfig
+from motionlake.pesta.alignment.scan import Both
+from motionlake.pesta.postures.recipe import AutoencoderRecipe
+from motionlake.pesta.symbols.config import SymbolsConfig
+
 from bench.pesta.dictionaries import Spec, fitted, strings_of
 from bench.pesta.measuring import STA3, whole_scores
 from bench.pesta.sets import labels_of
 from bench.units import Found
-from pipeline.alignment.config import AlignmentConfig
-from pipeline.alignment.scan import Both
-from pipeline.postures.recipe import AutoencoderRecipe
-from pipeline.symbols.config import SymbolsConfig
 
 SETS: Final = ("hdm05", "bandai1")
 DEFAULT: Final = "default"

@@ -7,20 +7,20 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
+from motionlake.deep_motifs.words.linear import linear_embedding
+from motionlake.motion.features import Float32Array
+from motionlake.pesta.postures import shipped
+from motionlake.pesta.postures.config import PosturesConfig
+from motionlake.pesta.postures.dictionary import PostureDictionary, load_dictionary
+from motionlake.pesta.postures.fitting import fit_dictionary, sample_postures
+from motionlake.pesta.postures.recipe import AutoencoderRecipe, recipe_of
+from motionlake.pesta.symbols.config import SymbolsConfig
+from motionlake.pesta.symbols.strings import SymbolString, symbolise
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from bench.canonical_sets import LabelledClip
 from bench.pesta.sets import clips_of, postures_of
-from pipeline.postures import shipped
-from pipeline.postures.config import PosturesConfig
-from pipeline.postures.dictionary import PostureDictionary, load_dictionary
-from pipeline.postures.fitting import fit_dictionary, sample_postures
-from pipeline.postures.recipe import AutoencoderRecipe, recipe_of
-from pipeline.symbols.config import SymbolsConfig
-from pipeline.symbols.strings import SymbolString, symbolise
-from pipeline.words.features import Float32Array
-from pipeline.words.linear import linear_embedding
 
 OWN = PosturesConfig(weights="own")
 
@@ -96,7 +96,7 @@ def fitted(name: str, spec: Spec) -> Fitted:
             start = linear_embedding(sample[:, None], clips, linear, spec.config.seed)
             return Fitted(fit_dictionary([rows @ start.T for rows in postures], spec.config), start)
         if spec.config.dictionary == "aae" and spec.recipe is not None:
-            from pipeline.postures.training import train_autoencoder
+            from motionlake.pesta.postures.training import train_autoencoder
 
             return Fitted(train_autoencoder(*sample_postures(postures, spec.config), spec.config, recipe=spec.recipe))
         return Fitted(fit_dictionary(postures, spec.config))

@@ -12,12 +12,13 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final
 
+from motionlake.pesta.alignment.strings import Repository, SymbolDistances
+from motionlake.pesta.alignment.whole import nearest_strings
+
 from bench.pesta.dictionaries import OWN, Spec, Unit, fitted, strings_of
 from bench.pesta.measuring import STA3, whole_scores
 from bench.pesta.sets import labels_of
 from bench.units import Found
-from pipeline.alignment.strings import Repository, SymbolDistances
-from pipeline.alignment.whole import nearest_strings
 
 SET: Final = "hdm05"
 SIZES: Final = (50, 100, 200, 300, 400, 500, 600, 700, 800)

@@ -7,14 +7,8 @@ from dataclasses import asdict
 from typing import Final
 
 import numpy as np
-
-from bench import units
-from bench.units import Found
-from pipeline.alignment.config import AlignmentConfig
-from pipeline.alignment.scan import Both, symmetric_costs
-from pipeline.alignment.strings import Distances
-from pipeline.evaluation.confusion import confusion
-from pipeline.evaluation.ranking import (
+from motionlake.evaluation.measures.confusion import confusion
+from motionlake.evaluation.measures.ranking import (
     others,
     precision_recall,
     precision_recall_classes,
@@ -23,7 +17,13 @@ from pipeline.evaluation.ranking import (
     score_classes,
     score_rankings,
 )
-from pipeline.symbols.strings import SymbolString
+from motionlake.pesta.alignment.config import AlignmentConfig
+from motionlake.pesta.alignment.scan import Both, symmetric_costs
+from motionlake.pesta.alignment.strings import Distances
+from motionlake.pesta.symbols.strings import SymbolString
+
+from bench import units
+from bench.units import Found
 
 Scores = dict[str, float]
 

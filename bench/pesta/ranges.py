@@ -12,17 +12,17 @@ from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
+from motionlake.evaluation.measures.ranking import ranked_relevance, score_classes, score_rankings, share_label
+from motionlake.pesta.alignment.config import AlignmentConfig
+from motionlake.pesta.alignment.scan import pairwise
+from motionlake.pesta.alignment.strings import Repository
+from motionlake.pesta.symbols.strings import SymbolString
 
 from bench.pesta.dictionaries import Spec, Unit, fitted, strings_of
 from bench.pesta.measuring import STA3
 from bench.pesta.sets import segments_of
 from bench.pesta.whole import DTW, SCORES, SW, specs
 from bench.units import Found
-from pipeline.alignment.config import AlignmentConfig
-from pipeline.alignment.scan import pairwise
-from pipeline.alignment.strings import Repository
-from pipeline.evaluation.ranking import ranked_relevance, score_classes, score_rankings, share_label
-from pipeline.symbols.strings import SymbolString
 
 SET: Final = "cmu_bvh"
 EACH: Final = 10

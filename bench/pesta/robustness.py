@@ -13,6 +13,11 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
+from motionlake.evaluation.measures.singularity import PIECE, singular_pieces
+from motionlake.motion.canonical import INDEX
+from motionlake.motion.facing import facing
+from motionlake.pesta.alignment.config import AlignmentConfig
+from motionlake.pesta.alignment.scan import Both
 
 from bench.canonical_sets import LabelledClip, features
 from bench.pesta.dictionaries import Spec, Unit, fitted, string
@@ -20,11 +25,6 @@ from bench.pesta.measuring import STA2, STA3, whole_scores
 from bench.pesta.sets import clips_of, labels_of
 from bench.pesta.whole import DTW, SW, specs
 from bench.units import Found
-from pipeline.alignment.config import AlignmentConfig
-from pipeline.alignment.scan import Both
-from pipeline.evaluation.singularity import PIECE, singular_pieces
-from pipeline.skeleton.canonical import INDEX
-from pipeline.skeleton.facing import facing
 
 SET: Final = "hdm05"
 RATES: Final = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5)

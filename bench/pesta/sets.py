@@ -8,13 +8,14 @@ from functools import cache
 from pathlib import Path
 from typing import Final
 
+from motionlake.formats import read_clips
+from motionlake.motion.canonicalise import canonicalise
+from motionlake.motion.features import Float32Array, WordConfig
+from motionlake.motion.kinematics import solve
+from motionlake.motion.rigs import identify, load_rigs
+
 from bench.canonical_sets import SETS, LabelledClip, features, load
 from bench.record import hash_files, recordings
-from pipeline.formats import read_clips
-from pipeline.kinematics import solve
-from pipeline.skeleton.canonicalise import canonicalise
-from pipeline.skeleton.rigs import identify, load_rigs
-from pipeline.words.features import Float32Array, WordConfig
 
 # Sets with segments in the place of one label a clip: how their clips end.
 TAKES: Final = {"cmu_exercises": "*.amc", "cmu_bvh": "*.bvh"}

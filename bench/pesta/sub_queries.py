@@ -11,14 +11,7 @@ from dataclasses import asdict
 from functools import partial
 from typing import Final
 
-from bench.pesta.dictionaries import Spec, Unit, fitted, ready_made, strings_of
-from bench.pesta.measuring import STA2
-from bench.pesta.sets import segments_of
-from bench.pesta.whole import READY, specs
-from bench.record import interleave
-from bench.units import Found
-from pipeline.alignment.config import AlignmentConfig
-from pipeline.evaluation.sub_queries import (
+from motionlake.evaluation.measures.sub_queries import (
     Take,
     ask_all,
     fresh_search,
@@ -26,6 +19,14 @@ from pipeline.evaluation.sub_queries import (
     score_sub_queries,
     shared_search,
 )
+from motionlake.pesta.alignment.config import AlignmentConfig
+
+from bench.pesta.dictionaries import Spec, Unit, fitted, ready_made, strings_of
+from bench.pesta.measuring import STA2
+from bench.pesta.sets import segments_of
+from bench.pesta.whole import READY, specs
+from bench.record import interleave
+from bench.units import Found
 
 SET: Final = "cmu_exercises"
 SCORES: Final = ("p_at_2", "p_at_5", "p_at_10", "all_p_at_2", "all_p_at_5", "all_p_at_10", "n", "symbols")

@@ -12,14 +12,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
+from motionlake.pesta.alignment.config import AlignmentConfig
+from motionlake.pesta.alignment.scan import Both
+from motionlake.pesta.symbols.config import SymbolsConfig
+
 from bench.canonical_sets import features
 from bench.pesta.dictionaries import OWN, Spec, fitted, ready_made, strings_of
 from bench.pesta.measuring import STA2, STA3, score_distances, whole_scores
 from bench.pesta.sets import clips_of, labels_of
 from bench.units import Found
-from pipeline.alignment.config import AlignmentConfig
-from pipeline.alignment.scan import Both
-from pipeline.symbols.config import SymbolsConfig
 
 SETS: Final = ("hdm05", "bandai1")
 MORE_SETS: Final = ("hdm05", "bandai1", "salsa", "utd_mhad")
@@ -92,12 +93,13 @@ def measure(unit: Unit) -> dict[str, Found]:
 
 def references(set_name: str, seed: int) -> dict[str, Found]:
     """Signatures of learned words, and whole-clip DTW on frames (seed 0 alone: it has none)."""
+    from motionlake.deep_motifs.emd import emd_matrix
+    from motionlake.deep_motifs.signatures import signatures
+    from motionlake.evaluation.measures.dtw import BASELINE
+    from motionlake.motion.clip_dtw import dtw_matrix
+    from motionlake.motion.features import WordConfig
+
     from bench.representation import K, by_l2, learned
-    from pipeline.clip_dtw import dtw_matrix
-    from pipeline.emd import emd_matrix
-    from pipeline.evaluation.dtw import BASELINE
-    from pipeline.signatures import signatures
-    from pipeline.words.features import WordConfig
 
     clips, labels = clips_of(set_name), labels_of(set_name)
     grouped = by_l2(learned)(features(clips, WordConfig()), WordConfig(), K, seed)

@@ -8,15 +8,14 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-
-from pipeline.cli.alignment_picture import save_alignment
-from pipeline.cli.common import JsonOption, LakeOption, RealOption, print_rows
-from pipeline.cli.hits_picture import PictureOption, check_picture
-from pipeline.errors import UserError
-from pipeline.formats import is_clip
-from pipeline.lake.catalog import reading
-from pipeline.lake.layout import check_dataset, open_lake
-from pipeline.stages.resolve import resolve_clip
+from motionlake.cli.alignment_picture import save_alignment
+from motionlake.cli.common import JsonOption, LakeOption, RealOption, print_rows
+from motionlake.cli.hits_picture import PictureOption, check_picture
+from motionlake.errors import UserError
+from motionlake.formats import is_clip
+from motionlake.lake.catalog import reading
+from motionlake.lake.layout import check_dataset, open_lake
+from motionlake.lake.resolve import resolve_clip
 
 
 def add_to(app: typer.Typer) -> None:
@@ -59,7 +58,7 @@ def align(
 
     Of a file that is not in the lake: motionlake align shots/new_take.bvh --path --json --lake mylake
     """
-    from pipeline.align import Aligner, Wanted
+    from motionlake.retrieval.aligner import Aligner, Wanted
 
     target = open_lake(lake)
     if dataset is not None:

@@ -7,12 +7,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pipeline.lake.catalog import Connection
-from pipeline.lake.layout import Lake
+from motionlake.lake.catalog import Connection
+from motionlake.lake.layout import Lake
 
 if TYPE_CHECKING:
-    from pipeline.align import Aligner
-    from pipeline.aligned import AlignedHit, WholeHit
+    from motionlake.retrieval.aligned import AlignedHit, WholeHit
+    from motionlake.retrieval.aligner import Aligner
 
 
 def save_alignment(
@@ -32,10 +32,10 @@ def save_alignment(
     """Draw the answers to frames [start, stop) of a clip or file, if a file is named; the rest as they were asked."""
     if path is None:
         return
-    from pipeline.config import load_config
-    from pipeline.pictures.alignment_page import save_alignments
-    from pipeline.pictures.symbol_material import read_symbols
-    from pipeline.signing import first_body
+    from motionlake.lake.config import load_config
+    from motionlake.pictures.alignment_page import save_alignments
+    from motionlake.pictures.symbol_material import read_symbols
+    from motionlake.retrieval.encode import first_body
 
     strings = aligner.strings
     fps = first_body(lake, asked)[0].fps if isinstance(asked, Path) else strings.clips[strings.positions[asked]].fps

@@ -8,19 +8,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-
-from pipeline.cli.common import JsonOption, LakeOption, notice, print_rows
-from pipeline.cli.segment import LabelColumn
-from pipeline.errors import UserError
-from pipeline.formats import is_clip
-from pipeline.lake.catalog import reading
-from pipeline.lake.layout import check_dataset, open_lake
-from pipeline.stages.resolve import resolve_clip
+from motionlake.cli.common import JsonOption, LakeOption, notice, print_rows
+from motionlake.cli.segment import LabelColumn
+from motionlake.errors import UserError
+from motionlake.formats import is_clip
+from motionlake.lake.catalog import reading
+from motionlake.lake.layout import check_dataset, open_lake
+from motionlake.lake.resolve import resolve_clip
 
 if TYPE_CHECKING:
-    from pipeline.applications.classification import Method
-    from pipeline.labelling.classes import ClassifiedClip
-    from pipeline.labelling.signed import SignedClip
+    from motionlake.deep_motifs.applications.classification import Method
+    from motionlake.retrieval.labelling.classes import ClassifiedClip
+    from motionlake.retrieval.labelling.signed import SignedClip
 
 METHODS: dict[str, Method] = {"knn": "knn", "one-vs-all": "one_vs_all"}
 
@@ -52,8 +51,8 @@ def classify(
 
     Labels for all clips that have none: motionlake classify --unlabelled --write-labels found.csv --lake mylake
     """
-    from pipeline.labelling.classes import LakeClassifier
-    from pipeline.labelling.signed import signed_clips
+    from motionlake.retrieval.labelling.classes import LakeClassifier
+    from motionlake.retrieval.labelling.signed import signed_clips
 
     if method not in METHODS:
         raise UserError(f"--method {method}: use one of {', '.join(METHODS)}")

@@ -5,10 +5,10 @@ from __future__ import annotations
 import sys
 from datetime import datetime
 
-from jobs.session import Session
-from pipeline.cli.common import notice
-from pipeline.lake.catalog import fetch, reading, run_sql, writing
-from pipeline.lake.layout import Lake
+from motionlake.cli.common import notice
+from motionlake.jobs.session import Session
+from motionlake.lake.catalog import fetch, reading, run_sql, writing
+from motionlake.lake.layout import Lake
 
 SHOWN = 5
 
@@ -27,7 +27,7 @@ def close_run(job: Session) -> None:
     if any(totals.values()):
         with writing(job.lake) as con:
             run_sql(
-                con, "queries/add_run.sql",
+                con, "add_run",
                 {**totals, "command": " ".join(sys.argv[1:]), "started": job.started, "finished": datetime.now()},
             )  # fmt: skip
 
@@ -35,7 +35,7 @@ def close_run(job: Session) -> None:
 def say_rejects(lake: Lake, datasets: list[str]) -> None:
     """Name the first rejected files and where the rest are listed."""
     with reading(lake) as con:
-        rows = [{**r, "dataset": d} for d in datasets for r in fetch(con, "queries/rejects_of.sql", {"dataset": d})]
+        rows = [{**r, "dataset": d} for d in datasets for r in fetch(con, "rejects_of", {"dataset": d})]
     for row in rows[:SHOWN]:
         line = f", line {row['line']}" if row["line"] else ""
         notice(f"rejected {row['dataset']}/{row['path']}{line}: {row['reason']}")

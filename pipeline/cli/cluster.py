@@ -6,11 +6,10 @@ from dataclasses import asdict
 from typing import Annotated
 
 import typer
-
-from pipeline.cli.common import JsonOption, LakeOption, RealOption, notice, print_json, print_rows
-from pipeline.errors import UserError
-from pipeline.lake.catalog import reading
-from pipeline.lake.layout import check_dataset, open_lake
+from motionlake.cli.common import JsonOption, LakeOption, RealOption, notice, print_json, print_rows
+from motionlake.errors import UserError
+from motionlake.lake.catalog import reading
+from motionlake.lake.layout import check_dataset, open_lake
 
 
 def add_to(app: typer.Typer) -> None:
@@ -28,7 +27,7 @@ def cluster(
 
     Example: motionlake cluster --k 12 --in bandai1 --lake mylake
     """
-    from pipeline.labelling.clusters import clusters_of_lake
+    from motionlake.retrieval.labelling.clusters import clusters_of_lake
 
     target = open_lake(lake)
     if dataset is not None:

@@ -10,16 +10,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
-
-from pipeline.cli.common import JsonOption, LakeOption, notice, print_json, print_rows
-from pipeline.errors import UserError
-from pipeline.lake.catalog import Connection, fetch, reading
-from pipeline.lake.layout import check_dataset, open_lake
-from pipeline.motiongraph.errors import NoWalkError
-from pipeline.stages.resolve import resolve_clip
+from motionlake.cli.common import JsonOption, LakeOption, notice, print_json, print_rows
+from motionlake.deep_motifs.motion_graph.errors import NoWalkError
+from motionlake.errors import UserError
+from motionlake.lake.catalog import Connection, fetch, reading
+from motionlake.lake.layout import check_dataset, open_lake
+from motionlake.lake.resolve import resolve_clip
 
 if TYPE_CHECKING:
-    from pipeline.compose import Composition, LakeGraph
+    from motionlake.retrieval.compose import Composition, LakeGraph
 
 # How many clips `--sample` tries to start from.
 TRIES: Final = 10
@@ -59,9 +58,9 @@ def compose(
 
     The transitions are made by: motionlake run transitions --dataset dances --lake mylake
     """
-    from pipeline.compose import compose as compose_motion
-    from pipeline.compose import read_graph
-    from pipeline.formats.bvh_writer import write_bvh
+    from motionlake.formats.bvh_writer import write_bvh
+    from motionlake.retrieval.compose import compose as compose_motion
+    from motionlake.retrieval.compose import read_graph
 
     target = open_lake(lake)
     _check_files(out, lineage)
@@ -73,7 +72,7 @@ def compose(
         raise UserError(f"--seconds {seconds:g}: must be positive")
     with reading(target) as con:
         name = resolve_clip(con, clip) if clip is not None else None
-        chosen = fetch(con, "queries/clip.sql", {"clip": name})[0]["dataset"] if name else _dataset(con, dataset)
+        chosen = fetch(con, "clip", {"clip": name})[0]["dataset"] if name else _dataset(con, dataset)
         quantiles = {"distance_quantile": distance_quantile, "context_quantile": context_quantile}
         graph = read_graph(con, target, chosen, constrained=constraint, **quantiles)
         made = _first_made(
@@ -108,7 +107,7 @@ def _check_files(out: Path, lineage: Path | None) -> None:
 
 def _dataset(con: Connection, wanted: str | None) -> str:
     """The dataset to draw from: the one asked for, or the only one."""
-    found = [row["dataset"] for row in fetch(con, "queries/status_datasets.sql")]
+    found = [row["dataset"] for row in fetch(con, "status_datasets")]
     if wanted is not None and wanted not in found:
         raise UserError(f"{wanted}: no such dataset; the lake holds {', '.join(found) or 'none'}")
     if wanted is None and len(found) != 1:
@@ -118,7 +117,7 @@ def _dataset(con: Connection, wanted: str | None) -> str:
 
 def _sampled(graph: LakeGraph, seed: int) -> list[str]:
     """Some clips of the largest component in an order that the seed makes."""
-    from pipeline.motiongraph.walk import starts
+    from motionlake.deep_motifs.motion_graph.walk import starts
 
     found = starts(graph.graph)
     if not found:

@@ -6,10 +6,9 @@ from dataclasses import asdict
 from typing import Annotated
 
 import typer
-
-from pipeline.cli.common import JsonOption, LakeOption, RealOption, print_rows
-from pipeline.lake.catalog import reading
-from pipeline.lake.layout import check_dataset, open_lake
+from motionlake.cli.common import JsonOption, LakeOption, RealOption, print_rows
+from motionlake.lake.catalog import reading
+from motionlake.lake.layout import check_dataset, open_lake
 
 
 def add_to(app: typer.Typer) -> None:
@@ -36,8 +35,8 @@ def duplicates(
 
     Example: motionlake duplicates --across --mirrored --lake mylake
     """
-    from pipeline.applications.duplicates import MAX_DISTANCE
-    from pipeline.duplicates import near_duplicates
+    from motionlake.deep_motifs.applications.duplicates import MAX_DISTANCE
+    from motionlake.retrieval.duplicates import near_duplicates
 
     target = open_lake(lake)
     if within is not None:

@@ -6,14 +6,13 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-
-from pipeline.cli.common import JsonOption, LakeOption, print_json
-from pipeline.errors import UserError
-from pipeline.export import canonical_rig, own_rig
-from pipeline.formats.bvh_writer import write_bvh
-from pipeline.lake.catalog import reading
-from pipeline.lake.layout import open_lake
-from pipeline.stages.resolve import resolve_clip
+from motionlake.cli.common import JsonOption, LakeOption, print_json
+from motionlake.errors import UserError
+from motionlake.formats.bvh_writer import write_bvh
+from motionlake.lake.catalog import reading
+from motionlake.lake.export import canonical_rig, own_rig
+from motionlake.lake.layout import open_lake
+from motionlake.lake.resolve import resolve_clip
 
 
 def add_to(app: typer.Typer) -> None:

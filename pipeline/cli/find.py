@@ -7,18 +7,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
-
-from pipeline.cli.common import JsonOption, LakeOption, RealOption, print_rows
-from pipeline.cli.hits_picture import PictureOption, check_picture, save_picture
-from pipeline.errors import UserError
-from pipeline.formats import is_clip
-from pipeline.lake.catalog import Connection, reading
-from pipeline.lake.layout import Lake, check_dataset, open_lake
-from pipeline.stages.resolve import resolve_clip
+from motionlake.cli.common import JsonOption, LakeOption, RealOption, print_rows
+from motionlake.cli.hits_picture import PictureOption, check_picture, save_picture
+from motionlake.errors import UserError
+from motionlake.formats import is_clip
+from motionlake.lake.catalog import Connection, reading
+from motionlake.lake.layout import Lake, check_dataset, open_lake
+from motionlake.lake.resolve import resolve_clip
 
 if TYPE_CHECKING:
-    from pipeline.find import Found
-    from pipeline.find_submotion import FoundPiece
+    from motionlake.retrieval.query_by_example import Found
+    from motionlake.retrieval.submotion_search import FoundPiece
 
 METHODS: Final = ("words", "submotion")
 
@@ -86,7 +85,7 @@ def _by_words(
     real: bool,
     own: bool,
 ) -> list[Found]:
-    from pipeline.find import Finder
+    from motionlake.retrieval.query_by_example import Finder
 
     finder, asked = Finder(con, lake, real=real), _asked(con, query)
     if isinstance(asked, Path):
@@ -105,7 +104,7 @@ def _by_submotion(
     real: bool,
     own: bool,
 ) -> list[FoundPiece]:
-    from pipeline.find_submotion import SubmotionFinder
+    from motionlake.retrieval.submotion_search import SubmotionFinder
 
     finder, asked = SubmotionFinder(con, lake, real=real), _asked(con, query)
     if isinstance(asked, Path):

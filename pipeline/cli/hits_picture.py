@@ -7,9 +7,8 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-
-from pipeline.lake.catalog import Connection
-from pipeline.lake.layout import Lake
+from motionlake.lake.catalog import Connection
+from motionlake.lake.layout import Lake
 
 PictureOption = Annotated[
     Path | None,
@@ -20,7 +19,7 @@ PictureOption = Annotated[
 def check_picture(path: Path | None, queries: int) -> None:
     """Before the search is made: can so many answers be drawn there? Raises `UserError` if not."""
     if path is not None:
-        from pipeline.pictures.output import check_hits_file
+        from motionlake.pictures.output import check_hits_file
 
         check_hits_file(path, queries)
 
@@ -36,9 +35,9 @@ def save_picture(
     """Draw the answers (query, rows) of a search; `start` and `stop` are frames of the query, if it is a range."""
     if path is None:
         return
-    from pipeline.pictures.hits_page import hits_page
-    from pipeline.pictures.html import picture
-    from pipeline.pictures.output import write_hits
+    from motionlake.pictures.hits_page import hits_page
+    from motionlake.pictures.html import picture
+    from motionlake.pictures.output import write_hits
 
     pages = [
         picture(f"hits-{i}", f"hits for {query}", "", hits_page(con, lake, query, rows, start, stop))

@@ -6,11 +6,8 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-
-from jobs import frames
-from jobs.session import session
-from pipeline.cli.closing import close_run, say_rejects
-from pipeline.cli.common import (
+from motionlake.cli.closing import close_run, say_rejects
+from motionlake.cli.common import (
     JsonOption,
     LakeOption,
     SchedulerOption,
@@ -19,12 +16,14 @@ from pipeline.cli.common import (
     print_json,
     stage_progress,
 )
-from pipeline.errors import UserError
-from pipeline.formats import readers
-from pipeline.lake.catalog import create_catalog, reading
-from pipeline.lake.layout import Lake, check_dataset
-from pipeline.skeleton.rigs import load_rigs
-from pipeline.stages.sources import IngestOptions, Root, check_options, known_roots
+from motionlake.errors import UserError
+from motionlake.formats import readers
+from motionlake.jobs import frames
+from motionlake.jobs.session import session
+from motionlake.lake.catalog import create_catalog, reading
+from motionlake.lake.layout import Lake, check_dataset
+from motionlake.motion.rigs import load_rigs
+from motionlake.stages.sources import IngestOptions, Root, check_options, known_roots
 
 
 def add_to(app: typer.Typer) -> None:

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import typer
-
-from pipeline.cli.common import JsonOption, LakeArgument, notice, print_json
-from pipeline.config import default_toml
-from pipeline.lake.catalog import create_catalog
-from pipeline.lake.layout import Lake
+from motionlake.cli.common import JsonOption, LakeArgument, notice, print_json
+from motionlake.lake.catalog import create_catalog
+from motionlake.lake.config import default_toml
+from motionlake.lake.layout import Lake
 
 
 def add_to(app: typer.Typer) -> None:

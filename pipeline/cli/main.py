@@ -8,8 +8,7 @@ import sys
 from typing import Annotated
 
 import typer
-
-from pipeline.errors import UserError
+from motionlake.errors import UserError
 
 COMMANDS = (
     "init",
@@ -58,7 +57,7 @@ def options(
 
 
 for _name in COMMANDS:
-    importlib.import_module(f"pipeline.cli.{_name}").add_to(app)
+    importlib.import_module(f"motionlake.cli.{_name}").add_to(app)
 
 
 def main() -> None:

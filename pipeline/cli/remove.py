@@ -5,13 +5,12 @@ from __future__ import annotations
 from typing import Annotated
 
 import typer
-
-from jobs.session import session
-from pipeline.cli.common import JsonOption, LakeOption, notice, print_json, stage_progress
-from pipeline.errors import UserError
-from pipeline.lake.catalog import reading
-from pipeline.lake.layout import check_dataset, open_lake
-from pipeline.stages.removal import Removal, gone_sources, remove_dataset, remove_sources, sources_of
+from motionlake.cli.common import JsonOption, LakeOption, notice, print_json, stage_progress
+from motionlake.errors import UserError
+from motionlake.jobs.session import session
+from motionlake.lake.catalog import reading
+from motionlake.lake.layout import check_dataset, open_lake
+from motionlake.stages.removal import Removal, gone_sources, remove_dataset, remove_sources, sources_of
 
 
 def add_to(app: typer.Typer) -> None:

@@ -6,11 +6,10 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-
-from pipeline.cli.common import JsonOption, LakeOption, notice, print_json
-from pipeline.errors import UserError
-from pipeline.lake.catalog import reading
-from pipeline.lake.layout import check_dataset, open_lake
+from motionlake.cli.common import JsonOption, LakeOption, notice, print_json
+from motionlake.errors import UserError
+from motionlake.lake.catalog import reading
+from motionlake.lake.layout import check_dataset, open_lake
 
 
 def add_to(app: typer.Typer) -> None:
@@ -34,8 +33,8 @@ def report(
 
     One dataset, and its pictures as files: motionlake report --in hdm05 --pictures figures --lake mylake
     """
-    from pipeline.pictures.output import write_file, write_pictures
-    from pipeline.pictures.report import make_report
+    from motionlake.pictures.output import write_file, write_pictures
+    from motionlake.pictures.report import make_report
 
     target = open_lake(lake)
     if dataset is not None:

@@ -6,11 +6,10 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-
-from pipeline.cli.common import JsonOption, print_json, print_rows
-from pipeline.errors import ClipError, UserError
-from pipeline.formats import read_clips
-from pipeline.skeleton.rigs import identify, load_rigs, starter_map
+from motionlake.cli.common import JsonOption, print_json, print_rows
+from motionlake.errors import ClipError, UserError
+from motionlake.formats import read_clips
+from motionlake.motion.rigs import identify, load_rigs, starter_map
 
 
 def add_to(app: typer.Typer) -> None:

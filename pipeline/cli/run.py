@@ -5,11 +5,8 @@ from __future__ import annotations
 from typing import Annotated
 
 import typer
-
-from jobs.run import BY_NAME, STAGES, run
-from jobs.session import session
-from pipeline.cli.closing import close_run
-from pipeline.cli.common import (
+from motionlake.cli.closing import close_run
+from motionlake.cli.common import (
     JsonOption,
     LakeOption,
     SchedulerOption,
@@ -19,12 +16,14 @@ from pipeline.cli.common import (
     print_rows,
     stage_progress,
 )
-from pipeline.config import load_config
-from pipeline.errors import UserError
-from pipeline.lake.catalog import reading
-from pipeline.lake.layout import Lake, open_lake
-from pipeline.stages.outlook import outlook
-from pipeline.stages.sources import known_roots
+from motionlake.errors import UserError
+from motionlake.jobs.run import BY_NAME, STAGES, run
+from motionlake.jobs.session import session
+from motionlake.lake.catalog import reading
+from motionlake.lake.config import load_config
+from motionlake.lake.layout import Lake, open_lake
+from motionlake.stages.outlook import outlook
+from motionlake.stages.sources import known_roots
 
 
 def add_to(app: typer.Typer) -> None:

@@ -6,14 +6,13 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-
-from pipeline.cli.common import JsonOption, LakeOption, RealOption, print_json, print_rows
-from pipeline.cli.hits_picture import PictureOption, check_picture, save_picture
-from pipeline.errors import UserError
-from pipeline.formats import is_clip
-from pipeline.lake.catalog import Connection, fetch
-from pipeline.lake.layout import check_dataset, open_lake
-from pipeline.stages.resolve import resolve_clip
+from motionlake.cli.common import JsonOption, LakeOption, RealOption, print_json, print_rows
+from motionlake.cli.hits_picture import PictureOption, check_picture, save_picture
+from motionlake.errors import UserError
+from motionlake.formats import is_clip
+from motionlake.lake.catalog import Connection, fetch
+from motionlake.lake.layout import check_dataset, open_lake
+from motionlake.lake.resolve import resolve_clip
 
 
 def add_to(app: typer.Typer) -> None:
@@ -44,8 +43,8 @@ def search(
 
     By the descriptor network: motionlake search walk_01 --method descriptor --lake mylake
     """
-    from pipeline.connection import connect
-    from pipeline.retrievers.methods import check_method, retriever
+    from motionlake.retrieval.connection import connect
+    from motionlake.retrieval.methods import check_method, retriever
 
     target = open_lake(lake)
     if dataset is not None:
@@ -53,7 +52,7 @@ def search(
     check_method(method, mirrored=mirrored)
     con = connect(target.root)
     try:
-        queries = [*(clips or []), *(row["clip"] for row in fetch(con, "queries/sample_clips.sql", {"count": sample}))]
+        queries = [*(clips or []), *(row["clip"] for row in fetch(con, "sample_clips", {"count": sample}))]
         if not queries:
             raise UserError("search: name a clip or a clip file, or give --sample N")
         check_picture(picture, len(queries))

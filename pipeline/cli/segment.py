@@ -6,12 +6,11 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-
-from pipeline.cli.common import JsonOption, LakeOption, print_rows
-from pipeline.formats import is_clip
-from pipeline.lake.catalog import reading
-from pipeline.lake.layout import check_dataset, open_lake
-from pipeline.stages.resolve import resolve_clip
+from motionlake.cli.common import JsonOption, LakeOption, print_rows
+from motionlake.formats import is_clip
+from motionlake.lake.catalog import reading
+from motionlake.lake.layout import check_dataset, open_lake
+from motionlake.lake.resolve import resolve_clip
 
 LabelColumn = Annotated[str, typer.Option("--label-column", help="Column of labels.csv that holds the classes.")]
 
@@ -46,8 +45,8 @@ def segment(
 
     Of a file that is not in the lake: motionlake segment shots/new_take.bvh --teach hdm05 --lake mylake
     """
-    from pipeline.applications.segmentation import SegmentationConfig
-    from pipeline.labelling.segments import LakeSegmenter, Lessons
+    from motionlake.deep_motifs.applications.segmentation import SegmentationConfig
+    from motionlake.retrieval.labelling.segments import LakeSegmenter, Lessons
 
     target = open_lake(lake)
     for dataset in teach or ():

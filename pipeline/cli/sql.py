@@ -7,9 +7,8 @@ from typing import Annotated
 
 import duckdb
 import typer
-
-from pipeline.cli.common import JsonOption, LakeOption, print_rows
-from pipeline.errors import UserError
+from motionlake.cli.common import JsonOption, LakeOption, print_rows
+from motionlake.errors import UserError
 
 
 def add_to(app: typer.Typer) -> None:
@@ -27,7 +26,7 @@ def sql_command(
 
     Example: motionlake sql "FROM similar_clips('hdm05/clips/a.amc', 5)" --lake mylake
     """
-    from pipeline.connection import connect
+    from motionlake.retrieval.connection import connect
 
     con = connect(lake)
     try:

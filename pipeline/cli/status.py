@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import typer
-
-from jobs.run import BY_NAME, STAGES
-from pipeline.cli.common import JsonOption, LakeOption, print_json, print_rows
-from pipeline.config import load_config
-from pipeline.lake.catalog import fetch, reading
-from pipeline.lake.layout import open_lake
-from pipeline.stages import synthesis, synthesize
-from pipeline.stages.outlook import pending
+from motionlake.cli.common import JsonOption, LakeOption, print_json, print_rows
+from motionlake.jobs.run import BY_NAME, STAGES
+from motionlake.lake.catalog import fetch, reading
+from motionlake.lake.config import load_config
+from motionlake.lake.layout import open_lake
+from motionlake.stages import synthesis, synthesize
+from motionlake.stages.outlook import pending
 
 
 def add_to(app: typer.Typer) -> None:
@@ -25,11 +24,11 @@ def status(lake: LakeOption, as_json: JsonOption = False) -> None:
     target = open_lake(lake)
     config = load_config(target.config_file)
     with reading(target) as con:
-        datasets = fetch(con, "queries/status_datasets.sql")
-        done = {row["stage"]: row for row in fetch(con, "queries/status_stages.sql")}
+        datasets = fetch(con, "status_datasets")
+        done = {row["stage"]: row for row in fetch(con, "status_stages")}
         due = pending(con, target, config)
-        models = fetch(con, "queries/status_models.sql")
-        failed = fetch(con, "queries/failed_shards.sql")
+        models = fetch(con, "status_models")
+        failed = fetch(con, "failed_shards")
     nothing = {"shards": 0, "rows": 0, "bytes": 0, "failed": 0}
     # A stage that is made when asked for by name is not due before it was.
     known = {*STAGES, *done, *(synthesis.NAME for m in models if m["model"].startswith(synthesis.GENERATOR))}

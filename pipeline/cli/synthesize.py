@@ -7,11 +7,8 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-
-from jobs import synthesize as synthesize_job
-from jobs.session import Session, session
-from pipeline.cli.closing import close_run
-from pipeline.cli.common import (
+from motionlake.cli.closing import close_run
+from motionlake.cli.common import (
     JsonOption,
     LakeOption,
     SchedulerOption,
@@ -20,14 +17,16 @@ from pipeline.cli.common import (
     print_json,
     stage_progress,
 )
-from pipeline.config import load_config
-from pipeline.errors import UserError
-from pipeline.formats import is_clip
-from pipeline.lake.catalog import reading
-from pipeline.lake.layout import Lake, check_dataset, open_lake
-from pipeline.stages.resolve import resolve_clip
-from pipeline.stages.synthesis import class_names, served_generator
-from pipeline.stages.synthesis_wishes import Request, check_request
+from motionlake.errors import UserError
+from motionlake.formats import is_clip
+from motionlake.jobs import synthesize as synthesize_job
+from motionlake.jobs.session import Session, session
+from motionlake.lake.catalog import reading
+from motionlake.lake.config import load_config
+from motionlake.lake.layout import Lake, check_dataset, open_lake
+from motionlake.lake.resolve import resolve_clip
+from motionlake.stages.synthesis import class_names, served_generator
+from motionlake.stages.synthesis_wishes import Request, check_request
 
 
 def add_to(app: typer.Typer) -> None:
@@ -127,8 +126,8 @@ def _check_folder(folder: Path) -> None:
 
 def _write_bvh(job: Session, clips: list[str], folder: Path) -> int:
     """Write every clip on the canonical skeleton; returns how many files that are."""
-    from pipeline.export import own_rig
-    from pipeline.formats.bvh_writer import write_bvh
+    from motionlake.formats.bvh_writer import write_bvh
+    from motionlake.lake.export import own_rig
 
     job.progress("bvh", 0, len(clips))
     with reading(job.lake) as con:

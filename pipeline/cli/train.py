@@ -6,15 +6,14 @@ from collections.abc import Callable
 from typing import Annotated
 
 import typer
-
-from jobs import descriptors, embed, submotions, synth
-from jobs import postures as postures_job
-from jobs.session import Session, session
-from pipeline.cli.common import JsonOption, LakeOption, notice, print_json, stage_progress
-from pipeline.descriptors.config import SUPERVISIONS
-from pipeline.errors import UserError
-from pipeline.lake.layout import Lake, open_lake
-from pipeline.stages.models import Model
+from motionlake.cli.common import JsonOption, LakeOption, notice, print_json, stage_progress
+from motionlake.deephums.descriptors.config import SUPERVISIONS
+from motionlake.errors import UserError
+from motionlake.jobs import descriptors, embed, submotions, synth
+from motionlake.jobs import postures as postures_job
+from motionlake.jobs.session import Session, session
+from motionlake.lake.layout import Lake, open_lake
+from motionlake.lake.models import Model
 
 SplitOption = Annotated[
     str | None,

@@ -7,16 +7,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
-
-from pipeline.cli.common import JsonOption, LakeOption, notice, print_json
-from pipeline.errors import UserError
-from pipeline.formats import is_clip
-from pipeline.lake.catalog import Connection
-from pipeline.lake.layout import Lake, open_lake
-from pipeline.stages.resolve import resolve_clip
+from motionlake.cli.common import JsonOption, LakeOption, notice, print_json
+from motionlake.errors import UserError
+from motionlake.formats import is_clip
+from motionlake.lake.catalog import Connection
+from motionlake.lake.layout import Lake, open_lake
+from motionlake.lake.resolve import resolve_clip
 
 if TYPE_CHECKING:
-    from pipeline.pictures.player_clip import PlayerClip
+    from motionlake.pictures.player_clip import PlayerClip
 
 SUFFIXES: Final = (".html", ".gif", ".png")
 LONGEST_NAME: Final = 100
@@ -53,9 +52,9 @@ def view(
     --beside none --lake mylake
     """
     target = open_lake(lake)
-    from pipeline.connection import connect
-    from pipeline.pictures.output import write_file
-    from pipeline.pictures.player_material import player_clip
+    from motionlake.pictures.output import write_file
+    from motionlake.pictures.player_material import player_clip
+    from motionlake.retrieval.connection import connect
 
     _check(out)
     con = connect(target.root)
@@ -103,7 +102,7 @@ def _query(con: Connection, name: str) -> str | Path:
 
 
 def _beside(con: Connection, lake: Lake, asked: str | Path, beside: str) -> PlayerClip | None:
-    from pipeline.pictures.player_material import nearest_real_clip, player_clip
+    from motionlake.pictures.player_material import nearest_real_clip, player_clip
 
     if beside == "none":
         return None
@@ -119,23 +118,23 @@ def _beside(con: Connection, lake: Lake, asked: str | Path, beside: str) -> Play
 
 def _drawn(path: Path, shown: list[PlayerClip]) -> bytes:
     if path.suffix == ".gif":
-        from pipeline.pictures.motion_gif import motion_gif
+        from motionlake.pictures.motion_gif import motion_gif
 
         return motion_gif(shown)
     if path.suffix == ".png":
-        from pipeline.pictures.film_strip import film_strip
-        from pipeline.pictures.style import png
+        from motionlake.pictures.film_strip import film_strip
+        from motionlake.pictures.style import png
 
         return png(film_strip(shown))
-    from pipeline.pictures.player import player_page
+    from motionlake.pictures.player import player_page
 
     return player_page(shown).encode(errors="replace")
 
 
 def _capped(path: Path, shown: list[PlayerClip]) -> list[str]:
     """What is left out of a file that holds so many seconds at most."""
-    from pipeline.pictures.motion_gif import MOST_SECONDS as MOST_OF_GIF
-    from pipeline.pictures.player_clip import MOST_SECONDS
+    from motionlake.pictures.motion_gif import MOST_SECONDS as MOST_OF_GIF
+    from motionlake.pictures.player_clip import MOST_SECONDS
 
     most = {".html": MOST_SECONDS, ".gif": MOST_OF_GIF, ".png": float("inf")}[path.suffix]
     return [

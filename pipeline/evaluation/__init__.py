@@ -1,1 +1,1 @@
-"""Measures of how well a method retrieves, labels and segments."""
+"""How good the answers of a labelled lake are, by the protocols of the papers."""

@@ -1,82 +1,98 @@
-"""How many words of a segmented clip have the right class (Deep Motifs, section 6.2)."""
+"""Deep Motifs' measures of segmentation on a lake with segments (section 6.2)."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from typing import Any
 
 import numpy as np
+from motionlake.deep_motifs.applications.segmentation import (
+    SegmentationConfig,
+    Segmenter,
+    TaughtRange,
+    taught_windows,
+    word_centres,
+)
+from motionlake.deep_motifs.corpus import Corpus
+from motionlake.errors import UserError
+from motionlake.evaluation.measures.segmentation import SegmentationScores, mean_scores, score_words, word_truth
+from motionlake.lake.catalog import Connection, fetch
+from motionlake.lake.corpus import read_corpus
+from motionlake.lake.layout import Lake
+from motionlake.retrieval.labelling.segments import mirrored_motifs
 from numpy.typing import NDArray
 
 
 @dataclass(frozen=True)
-class SegmentationScores:
-    """Shares of words, from 0 to 1; None where there are no such words.
+class SegmentationResult:
+    """Scores of each clip, and their means."""
 
-    Attributes:
-        accuracy: of all labelled words, with the verdict "unknown", which is right for a class never taught
-            and wrong for one that was.
-        accuracy_known: of the words whose class was taught, each given a taught class.
-        accuracy_known_or_unknown: of the same words, with the verdict "unknown", which is wrong for all of them.
-        n: labelled words.
-        n_known: of these, words whose class was taught.
-    """
+    clips: dict[str, SegmentationScores]
+    mean: SegmentationScores
 
-    accuracy: float | None
-    accuracy_known: float | None
-    accuracy_known_or_unknown: float | None
-    n: int
-    n_known: int
+    def as_dict(self) -> dict[str, Any]:
+        return {**asdict(self.mean), "per_clip": {clip: asdict(each) for clip, each in self.clips.items()}}
 
 
-def word_truth(centres: NDArray[np.floating], segments: Sequence[tuple[int, int, str]]) -> list[frozenset[str]]:
-    """The classes of each of w words: those of the segments (start, stop, label) that hold its centre ([w])."""
-    return [frozenset(label for start, stop, label in segments if start <= centre < stop) for centre in centres]
-
-
-def score_words(
-    truth: Sequence[Collection[str]],
-    judged: Sequence[str],
-    forced: Sequence[str],
-    taught: Collection[str],
-    unknown: str = "unknown",
-) -> SegmentationScores:
-    """Score the words of a clip.
+def evaluate_segmentation(
+    con: Connection,
+    lake: Lake,
+    *,
+    dataset: str | None = None,
+    config: SegmentationConfig | None = None,
+    mirrored: bool = True,
+) -> SegmentationResult:
+    """Segment each clip that has segments by those of the other clips (section 6.2).
 
     Args:
-        truth: [w] classes of each word; a word without one is left out, one with several is right with any.
-        judged: [w] class given, or `unknown`.
-        forced: [w] class given where every word gets a taught one.
-        taught: classes that were learned.
-        unknown: the verdict.
+        con: to the lake.
+        lake: for the mirrored words.
+        dataset: its clips only.
+        config: how words are classified.
+        mirrored: clips teach their mirror images too.
+
+    Raises:
+        UserError: fewer than two clips have segments.
     """
-    labelled = [i for i, classes in enumerate(truth) if classes]
-    known = [i for i in labelled if any(c in taught for c in truth[i])]
-    never = set(labelled) - set(known)
-    right = [judged[i] in truth[i] for i in known] + [judged[i] == unknown for i in never]
-    return SegmentationScores(
-        _mean(right),
-        _mean([forced[i] in truth[i] for i in known]),
-        _mean([judged[i] in truth[i] for i in known]),
-        len(labelled),
-        len(known),
-    )
+    corpus = read_corpus(con, dataset)
+    ranges = segments_of(con, corpus)
+    clips = sorted({r.clip for r in ranges})
+    if len(clips) < 2:
+        raise UserError(
+            f"{len(clips)} clips of the lake have segments; leaving one out needs two: "
+            "give them in segments.csv beside the clips"
+        )
+    turned = mirrored_motifs(con, lake, corpus, clips) if mirrored else None
+    scores = {}
+    for clip in clips:
+        taught = [r for r in ranges if r.clip != clip]
+        truth = [r for r in ranges if r.clip == clip]
+        scores[corpus.clips[clip].clip] = segmentation_scores(corpus, clip, taught, truth, config, turned)
+    return SegmentationResult(scores, mean_scores(list(scores.values())))
 
 
-def mean_scores(clips: Sequence[SegmentationScores]) -> SegmentationScores:
-    """Means over clips, each of the clips that have the measure; sums of the counts."""
-
-    def mean(name: str) -> float | None:
-        return _mean([getattr(each, name) for each in clips if getattr(each, name) is not None])
-
-    return SegmentationScores(
-        mean("accuracy"),
-        mean("accuracy_known"),
-        mean("accuracy_known_or_unknown"),
-        sum(each.n for each in clips),
-        sum(each.n_known for each in clips),
-    )
+def segments_of(con: Connection, corpus: Corpus) -> list[TaughtRange]:
+    """The segments of a corpus's clips."""
+    rows = fetch(con, "taught_segments", {"datasets": None, "clips": None})
+    return [
+        TaughtRange(corpus.positions[r["clip"]], r["start"], r["stop"], r["label"])
+        for r in rows
+        if r["clip"] in corpus.positions
+    ]
 
 
-def _mean(values: Sequence[float]) -> float | None:
-    return float(np.mean(values)) if len(values) else None
+def segmentation_scores(
+    corpus: Corpus,
+    clip: int,
+    taught: list[TaughtRange],
+    truth: list[TaughtRange],
+    config: SegmentationConfig | None = None,
+    mirrored: dict[int, NDArray[np.int32]] | None = None,
+) -> SegmentationScores:
+    """Segment one clip by what `taught` (and its mirror images) shows, and score it by `truth`."""
+    chosen = config or SegmentationConfig()
+    segmenter = Segmenter(taught_windows(corpus, taught, chosen.window, mirrored), corpus.ground, chosen)
+    motifs = corpus.motifs[corpus.words_of(clip)]
+    judged, forced = segmenter.label_words(motifs, corpus.idf), segmenter.forced_words(motifs, corpus.idf)
+    classes = word_truth(word_centres(corpus, clip), [(r.start, r.stop, r.label) for r in truth])
+    return score_words(classes, judged.labels.tolist(), forced.labels.tolist(), segmenter.classes.tolist())

@@ -7,12 +7,8 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numba import njit, uint64
-from numpy.typing import NDArray
-
-from pipeline.clip import FloatArray
-from pipeline.errors import ClipError
-from pipeline.formats.numbers import (
+from motionlake.errors import ClipError
+from motionlake.formats.numbers import (
     BAD_NUMBER,
     LONG_ROW,
     OK,
@@ -25,6 +21,9 @@ from pipeline.formats.numbers import (
     skip_blanks,
     token_at,
 )
+from motionlake.motion.clip import FloatArray
+from numba import njit, uint64
+from numpy.typing import NDArray
 
 _UNKNOWN_BONE: Final = 10
 _TWICE: Final = 11

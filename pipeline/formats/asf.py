@@ -7,12 +7,11 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-
-from pipeline.clip import Hierarchy
-from pipeline.errors import ClipError
-from pipeline.formats.asf_skeleton import CHANNELS, LENGTH, ROOT, Bone, Skeleton
-from pipeline.formats.registry import load_bytes
-from pipeline.formats.remembered import Remembered
+from motionlake.errors import ClipError
+from motionlake.formats.asf_skeleton import CHANNELS, LENGTH, ROOT, Bone, Skeleton
+from motionlake.formats.registry import load_bytes
+from motionlake.formats.remembered import Remembered
+from motionlake.motion.clip import Hierarchy
 
 
 class _Lines:

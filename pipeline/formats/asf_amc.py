@@ -10,15 +10,14 @@ from pathlib import Path
 from typing import BinaryIO, Final, cast
 
 import numpy as np
-
-from pipeline.clip import FloatArray, SourceClip
-from pipeline.errors import ClipError
-from pipeline.formats.amc_frames import parse_frames
-from pipeline.formats.asf import load_asf
-from pipeline.formats.asf_finder import find_skeleton
-from pipeline.formats.asf_skeleton import ROOT, Skeleton
-from pipeline.formats.registry import COMPRESSED_SUFFIX
-from pipeline.rotations import rotate
+from motionlake.errors import ClipError
+from motionlake.formats.amc_frames import parse_frames
+from motionlake.formats.asf import load_asf
+from motionlake.formats.asf_finder import find_skeleton
+from motionlake.formats.asf_skeleton import ROOT, Skeleton
+from motionlake.formats.registry import COMPRESSED_SUFFIX
+from motionlake.motion.clip import FloatArray, SourceClip
+from motionlake.motion.rotations import rotate
 
 DEFAULT_FPS: Final = 120.0
 HEAD_BYTES: Final = 4096

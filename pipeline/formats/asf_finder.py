@@ -6,9 +6,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
 
-from pipeline.errors import ClipError
-from pipeline.formats.registry import COMPRESSED_SUFFIX
-from pipeline.formats.remembered import Remembered
+from motionlake.errors import ClipError
+from motionlake.formats.registry import COMPRESSED_SUFFIX
+from motionlake.formats.remembered import Remembered
 
 _ANCESTORS: Final = 3
 _SUFFIXES: Final = (".asf", f".asf{COMPRESSED_SUFFIX}")

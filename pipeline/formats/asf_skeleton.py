@@ -7,11 +7,10 @@ from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
-
-from pipeline.clip import ChannelKind, FloatArray, Hierarchy
-from pipeline.errors import ClipError
-from pipeline.formats.amc_frames import Layout
-from pipeline.rotations import from_euler
+from motionlake.errors import ClipError
+from motionlake.formats.amc_frames import Layout
+from motionlake.motion.clip import ChannelKind, FloatArray, Hierarchy
+from motionlake.motion.rotations import from_euler
 
 ROOT: Final = "root"
 _METRES_PER_INCH: Final = 0.0254

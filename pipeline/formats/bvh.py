@@ -10,12 +10,11 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-
-from pipeline.clip import ChannelKind, Hierarchy, SourceClip
-from pipeline.errors import ClipError
-from pipeline.formats.numbers import line_of, parse_table
-from pipeline.formats.registry import MAX_FPS, MIN_FPS
-from pipeline.rotations import IDENTITY
+from motionlake.errors import ClipError
+from motionlake.formats.numbers import line_of, parse_table
+from motionlake.formats.registry import MAX_FPS, MIN_FPS
+from motionlake.motion.clip import ChannelKind, Hierarchy, SourceClip
+from motionlake.motion.rotations import IDENTITY
 
 MAX_HEADER_BYTES: Final = 8 * 1024**2
 _CHANNELS: Final = {f"{axis}{what}".lower(): f"{axis}{what}" for axis in "XYZ" for what in ("position", "rotation")}

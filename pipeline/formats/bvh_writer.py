@@ -9,10 +9,9 @@ from pathlib import Path
 from typing import Final, TextIO
 
 import numpy as np
-
-from pipeline.clip import ChannelKind, FloatArray, Hierarchy, SourceClip
-from pipeline.kinematics import channel_starts, solve
-from pipeline.rotations import IDENTITY, to_euler
+from motionlake.motion.clip import ChannelKind, FloatArray, Hierarchy, SourceClip
+from motionlake.motion.kinematics import channel_starts, solve
+from motionlake.motion.rotations import IDENTITY, to_euler
 
 _ORDER: Final = "ZYX"
 _POSITIONS: Final = ("Xposition", "Yposition", "Zposition")

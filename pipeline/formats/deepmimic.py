@@ -14,12 +14,11 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
+from motionlake.errors import ClipError
+from motionlake.formats.repair import FARTHEST
+from motionlake.motion.clip import ChannelKind, FloatArray, Hierarchy, SourceClip
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation, Slerp
-
-from pipeline.clip import ChannelKind, FloatArray, Hierarchy, SourceClip
-from pipeline.errors import ClipError
-from pipeline.formats.repair import FARTHEST
 
 BALL: Final = 4
 HINGE: Final = 1

@@ -5,13 +5,12 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
+from motionlake.errors import ClipError
+from motionlake.formats.numbers import BAD_NUMBER, OK, UNDECIDED, line_of, scan_number, settle, token_at
+from motionlake.formats.repair import missing_samples
+from motionlake.motion.clip import FloatArray
 from numba import njit
 from numpy.typing import NDArray
-
-from pipeline.clip import FloatArray
-from pipeline.errors import ClipError
-from pipeline.formats.numbers import BAD_NUMBER, OK, UNDECIDED, line_of, scan_number, settle, token_at
-from pipeline.formats.repair import missing_samples
 
 JOINT_COUNT: Final = 25
 BODY_VALUES: Final = 10

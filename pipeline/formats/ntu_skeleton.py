@@ -12,12 +12,11 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
+from motionlake.errors import ClipError
+from motionlake.formats.ntu_bodies import parse_bodies
+from motionlake.formats.repair import carry, fill_missing, rarely_seen, repair_note
+from motionlake.motion.clip import ChannelKind, FloatArray, Hierarchy, SourceClip
 from numpy.typing import NDArray
-
-from pipeline.clip import ChannelKind, FloatArray, Hierarchy, SourceClip
-from pipeline.errors import ClipError
-from pipeline.formats.ntu_bodies import parse_bodies
-from pipeline.formats.repair import carry, fill_missing, rarely_seen, repair_note
 
 FPS: Final = 30.0
 JOINTS: Final = (

@@ -11,11 +11,10 @@ import math
 from typing import Final
 
 import numpy as np
+from motionlake.errors import ClipError
+from motionlake.motion.clip import FloatArray
 from numba import njit, uint64
 from numpy.typing import NDArray
-
-from pipeline.clip import FloatArray
-from pipeline.errors import ClipError
 
 ByteArray = NDArray[np.uint8]
 

@@ -15,11 +15,10 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+from motionlake.errors import ClipError
+from motionlake.formats.repair import fill_missing, missing_samples, repair_note
+from motionlake.motion.clip import ChannelKind, FloatArray, Hierarchy, SourceClip
 from numpy.typing import NDArray
-
-from pipeline.clip import ChannelKind, FloatArray, Hierarchy, SourceClip
-from pipeline.errors import ClipError
-from pipeline.formats.repair import fill_missing, missing_samples, repair_note
 
 MEMBERS: Final = ("positions", "joints", "parents", "fps")
 RATE: Final = "fps"

@@ -14,9 +14,8 @@ from types import ModuleType
 from typing import BinaryIO, Final, Protocol, runtime_checkable
 
 import numpy as np
-
-from pipeline.clip import SourceClip
-from pipeline.errors import ClipError
+from motionlake.errors import ClipError
+from motionlake.motion.clip import SourceClip
 
 MAX_PLAIN_BYTES: Final = 2 * 1024**3
 MIN_FPS: Final = 1.0

@@ -6,10 +6,9 @@ from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
+from motionlake.errors import ClipError
+from motionlake.motion.clip import FloatArray
 from numpy.typing import NDArray
-
-from pipeline.clip import FloatArray
-from pipeline.errors import ClipError
 
 # No recording is this large; a value beyond it is a broken number, and its square must stay finite.
 FARTHEST: Final = 1e5

@@ -1,1 +1,1 @@
-"""GloGen: sparse poses of a class from a few sparse poses (chapter 4, first stage)."""
+"""GloGen and LocGen: new motion of known classes."""

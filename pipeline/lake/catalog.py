@@ -13,11 +13,10 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import pyarrow as pa
-
-import sql
-from pipeline.errors import UserError
-from pipeline.lake.layout import Lake
-from pipeline.lake.parts import replacing
+from motionlake import sql
+from motionlake.errors import UserError
+from motionlake.lake.layout import Lake
+from motionlake.lake.parts import replacing
 
 if TYPE_CHECKING:
     import duckdb
@@ -52,7 +51,7 @@ def run_sql(con: Connection, name: str, parameters: Mapping[str, Any] | None = N
         try:
             con.execute(statement, {k: given[k] for k in statement.named_parameters})
         except duckdb.Error as error:
-            error.add_note(f"in sql/{name}: {statement.query.strip()}")
+            error.add_note(f"in SQL {name}: {statement.query.strip()}")
             raise
     return con
 
@@ -122,7 +121,7 @@ def connect_read_only(lake: Lake) -> Connection:
 
 
 def use_lake_paths(con: Connection, lake: Lake) -> None:
-    run_sql(con, "queries/use_lake.sql", {"root": str(lake.root)})
+    run_sql(con, "use_lake", {"root": str(lake.root)})
 
 
 @contextmanager
@@ -135,7 +134,7 @@ def writing(lake: Lake) -> Iterator[Connection]:
         con = duckdb.connect(str(temporary))
         try:
             use_lake_paths(con, lake)
-            run_sql(con, "queries/one_thread.sql")
+            run_sql(con, "one_thread")
             for name in ADDED:
                 run_sql(con, name)
             con.begin()

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from pipeline.lake.catalog import fetch, reading, remove_stale_copies
-from pipeline.lake.layout import Lake
+from motionlake.lake.catalog import fetch, reading, remove_stale_copies
+from motionlake.lake.layout import Lake
 
 FOLDERS = (
     "frames", "raw", "features", "embeddings", "assigned", "neighbours", "transitions", "postures", "staging", "models",
@@ -14,7 +14,7 @@ def collect_garbage(lake: Lake) -> int:
     """Delete parts the catalog does not name; returns how many. The caller holds the lake's lock."""
     remove_stale_copies(lake)
     with reading(lake) as con:
-        live = {row["file"] for row in fetch(con, "queries/live_files.sql")}
+        live = {row["file"] for row in fetch(con, "live_files")}
     deleted = 0
     for folder in FOLDERS:
         for path in lake.root.joinpath(folder).rglob("*"):

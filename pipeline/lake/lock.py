@@ -10,8 +10,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from datetime import datetime
 
-from pipeline.errors import UserError
-from pipeline.lake.layout import Lake
+from motionlake.errors import UserError
+from motionlake.lake.layout import Lake
 
 
 @contextmanager

@@ -10,11 +10,10 @@ import numpy as np
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
+from motionlake.pictures.stick_figures import draw_bodies, postures_view
+from motionlake.pictures.style import FAINT, INK, TOP, Float64Array, Sheet, fitted, styled, width_of
+from motionlake.pictures.symbol_chips import CHIP, chip
 from numpy.typing import NDArray
-
-from pipeline.pictures.stick_figures import draw_bodies, postures_view
-from pipeline.pictures.style import FAINT, INK, TOP, Float64Array, Sheet, fitted, styled, width_of
-from pipeline.pictures.symbol_chips import CHIP, chip
 
 PATH: Final = "#CC3311"
 OTHER: Final = "#0077BB"

@@ -8,18 +8,17 @@ from typing import Any, Final
 
 import numpy as np
 from matplotlib.figure import Figure
+from motionlake.pesta.alignment.config import AlignmentConfig
+from motionlake.pesta.alignment.matches import Match, best_matches
+from motionlake.pesta.alignment.strings import Repository
+from motionlake.pictures.alignment_matrix import AlignedPath, SymbolRow, alignment_matrix
+from motionlake.pictures.hits_page import hits_page
+from motionlake.pictures.html import Picture, picture
+from motionlake.pictures.output import write_hits
+from motionlake.pictures.symbol_material import SymbolMaterial
+from motionlake.retrieval.aligned import AlignedHit, StringQuery, WholeHit
+from motionlake.retrieval.lake_strings import LakeStrings
 from numpy.typing import NDArray
-
-from pipeline.aligned import AlignedHit, StringQuery, WholeHit
-from pipeline.alignment.config import AlignmentConfig
-from pipeline.alignment.matches import Match, best_matches
-from pipeline.alignment.strings import Repository
-from pipeline.lake_strings import LakeStrings
-from pipeline.pictures.alignment_matrix import AlignedPath, SymbolRow, alignment_matrix
-from pipeline.pictures.hits_page import hits_page
-from pipeline.pictures.html import Picture, picture
-from pipeline.pictures.output import write_hits
-from pipeline.pictures.symbol_material import SymbolMaterial
 
 CONTEXT: Final = 3  # symbols before and after a match
 MOST_WHOLE: Final = 30  # symbols of a clip that is shown whole

@@ -10,9 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
-from numpy.typing import NDArray
-
-from pipeline.pictures.style import (
+from motionlake.pictures.style import (
     FAINT,
     TOP,
     UNKNOWN,
@@ -28,6 +26,7 @@ from pipeline.pictures.style import (
     styled,
     width_of,
 )
+from numpy.typing import NDArray
 
 LEFT: Final = 2.8
 WIDE: Final = 7.8

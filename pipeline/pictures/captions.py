@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from pipeline.pictures.material import Material, Word
-from pipeline.pictures.selection import ALL, View, display_names
+from motionlake.pictures.material import Material, Word
+from motionlake.pictures.selection import ALL, View, display_names
 
 
 def model(material: Material) -> str:

@@ -7,21 +7,20 @@ from typing import Final
 
 import numpy as np
 from matplotlib.figure import Figure
+from motionlake.deep_motifs.emd import emd_many, emd_matrix
+from motionlake.evaluation.measures.dtw import BASELINE, baseline_features
+from motionlake.lake.layout import Lake
+from motionlake.motion.clip_dtw import dtw_matrix, frame_pairs
+from motionlake.pictures.bands import motif_bands
+from motionlake.pictures.captions import about_clusters, count_of, model, short_names
+from motionlake.pictures.hits_page import hits_page
+from motionlake.pictures.html import Picture, picture
+from motionlake.pictures.maps import clip_map, plane_of
+from motionlake.pictures.material import Material
+from motionlake.pictures.selection import ALL, MOST_CLASSES, View, closest_pair, largest, sampled
+from motionlake.pictures.signature_bars import BarGroup, signature_bars
+from motionlake.pictures.style import Float64Array
 from threadpoolctl import threadpool_limits
-
-from pipeline.clip_dtw import dtw_matrix, frame_pairs
-from pipeline.emd import emd_many, emd_matrix
-from pipeline.evaluation.dtw import BASELINE, baseline_features
-from pipeline.lake.layout import Lake
-from pipeline.pictures.bands import motif_bands
-from pipeline.pictures.captions import about_clusters, count_of, model, short_names
-from pipeline.pictures.hits_page import hits_page
-from pipeline.pictures.html import Picture, picture
-from pipeline.pictures.maps import clip_map, plane_of
-from pipeline.pictures.material import Material
-from pipeline.pictures.selection import ALL, MOST_CLASSES, View, closest_pair, largest, sampled
-from pipeline.pictures.signature_bars import BarGroup, signature_bars
-from pipeline.pictures.style import Float64Array
 
 PER_CLASS: Final = 4
 HITS: Final = 6

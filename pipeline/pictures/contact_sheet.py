@@ -8,10 +8,9 @@ from typing import Final
 
 import numpy as np
 from matplotlib.figure import Figure
+from motionlake.pictures.stick_figures import draw_strip
+from motionlake.pictures.style import FAINT, TOP, Float64Array, Sheet, fitted, percent, styled, width_of
 from numpy.typing import NDArray
-
-from pipeline.pictures.stick_figures import draw_strip
-from pipeline.pictures.style import FAINT, TOP, Float64Array, Sheet, fitted, percent, styled, width_of
 
 ROW: Final = 1.22
 STRIP: Final = 2.65

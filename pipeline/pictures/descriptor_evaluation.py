@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import Final
 
-from pipeline.evaluating.descriptor import DescriptorEvaluation
-from pipeline.pictures.descriptor_map import PERPLEXITY, descriptor_map
-from pipeline.pictures.html import Picture, picture
-from pipeline.pictures.learning_curves import LearningCurve, learning_curves_figure
-from pipeline.pictures.retrieval_figures import precision_recall_figure
+from motionlake.evaluation.descriptor import DescriptorEvaluation
+from motionlake.pictures.descriptor_map import PERPLEXITY, descriptor_map
+from motionlake.pictures.html import Picture, picture
+from motionlake.pictures.learning_curves import LearningCurve, learning_curves_figure
+from motionlake.pictures.retrieval_figures import precision_recall_figure
 
 LEAST_MAPPED: Final = 4
 

@@ -7,10 +7,9 @@ from typing import Final
 
 import numpy as np
 from matplotlib.figure import Figure
+from motionlake.pictures.maps import clip_map
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
-
-from pipeline.pictures.maps import clip_map
 
 PERPLEXITY: Final = 20.0
 SEED: Final = 0

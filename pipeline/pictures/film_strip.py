@@ -7,12 +7,11 @@ from typing import Final
 
 import numpy as np
 from matplotlib.figure import Figure
-
-from pipeline.pictures.bands import Segment, lanes_of, second_ticks
-from pipeline.pictures.player_clip import PlayerClip
-from pipeline.pictures.stick_figures import draw_bodies, three_quarter_view
-from pipeline.pictures.style import FAINT, INK, TOP, ClassStyle, Sheet, bare, class_styles, fitted, ink_on, styled
-from pipeline.skeleton.canonical import INDEX
+from motionlake.motion.canonical import INDEX
+from motionlake.pictures.bands import Segment, lanes_of, second_ticks
+from motionlake.pictures.player_clip import PlayerClip
+from motionlake.pictures.stick_figures import draw_bodies, three_quarter_view
+from motionlake.pictures.style import FAINT, INK, TOP, ClassStyle, Sheet, bare, class_styles, fitted, ink_on, styled
 
 MOMENTS: Final = 12
 MOST_LANES: Final = 6

@@ -9,19 +9,18 @@ from typing import Any, Final
 
 import numpy as np
 from matplotlib.figure import Figure
+from motionlake.errors import ClipError, UserError
+from motionlake.formats import is_clip
+from motionlake.lake.catalog import Connection, fetch
+from motionlake.lake.layout import Lake
+from motionlake.lake.resolve import resolve_clip
+from motionlake.motion.rigs import load_rigs
+from motionlake.pictures.poses import Poses, spread
+from motionlake.pictures.stick_figures import draw_strip
+from motionlake.pictures.style import FAINT, TOP, Sheet, styled
+from motionlake.stages.frames import canonical_motions
+from motionlake.stages.sources import IngestOptions
 from numpy.typing import NDArray
-
-from pipeline.errors import ClipError, UserError
-from pipeline.formats import is_clip
-from pipeline.lake.catalog import Connection, fetch
-from pipeline.lake.layout import Lake
-from pipeline.pictures.poses import Poses, spread
-from pipeline.pictures.stick_figures import draw_strip
-from pipeline.pictures.style import FAINT, TOP, Sheet, styled
-from pipeline.skeleton.rigs import load_rigs
-from pipeline.stages.frames import canonical_motions
-from pipeline.stages.resolve import resolve_clip
-from pipeline.stages.sources import IngestOptions
 
 MOST_HITS: Final = 30
 MOMENTS: Final = 14
@@ -88,7 +87,7 @@ def hits_page(
     """
     poses = Poses(con, lake)
     shown = hits[:MOST_HITS]
-    facts = {clip: fetch(con, "queries/clip.sql", {"clip": clip})[0] for clip in {str(h["clip"]) for h in shown}}
+    facts = {clip: fetch(con, "clip", {"clip": clip})[0] for clip in {str(h["clip"]) for h in shown}}
     strips = [_hit_strip(poses, hit, facts[str(hit["clip"])], measure) for hit in shown]
     name, row = _query_strip(con, lake, poses, query, start, stop)
     counted = f"{len(hits)} hits" if len(hits) != 1 else "1 hit"
@@ -121,7 +120,7 @@ def _query_strip(
         name, label, fps, positions = path.name, None, source.fps, motion.positions.astype(np.float32)
     else:
         name = resolve_clip(con, str(query))
-        row = fetch(con, "queries/clip.sql", {"clip": name})[0]
+        row = fetch(con, "clip", {"clip": name})[0]
         label, fps, positions = row["label"], row["fps"], poses.positions(name)
     part = positions[start or 0 : stop or len(positions)]
     first = (start or 0) / fps

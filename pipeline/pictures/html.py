@@ -10,8 +10,7 @@ from html import escape
 from typing import Any, Final
 
 from matplotlib.figure import Figure
-
-from pipeline.pictures.style import png
+from motionlake.pictures.style import png
 
 PIXELS_AN_INCH: Final = 100
 _CSS: Final = """

@@ -10,9 +10,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+from motionlake.pictures.style import TOP, Sheet, class_styles, plain, styled, width_of
 from numpy.typing import NDArray
-
-from pipeline.pictures.style import TOP, Sheet, class_styles, plain, styled, width_of
 
 PANEL: Final = (3.7, 3.0)
 GAP: Final = 0.75

@@ -9,18 +9,8 @@ from typing import Final
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-
-from pipeline.applications.clustering import places_of
-from pipeline.pictures.style import (
-    TOP,
-    UNLABELLED,
-    ClassStyle,
-    Float64Array,
-    Sheet,
-    bare,
-    class_styles,
-    styled,
-)
+from motionlake.deep_motifs.applications.clustering import places_of
+from motionlake.pictures.style import TOP, UNLABELLED, ClassStyle, Float64Array, Sheet, bare, class_styles, styled
 
 WIDE: Final = 6.7
 TALL: Final = 5.5

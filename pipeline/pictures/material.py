@@ -7,15 +7,15 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from motionlake.deep_motifs.corpus import Corpus
+from motionlake.lake.catalog import Connection, fetch
+from motionlake.lake.corpus import read_corpus
+from motionlake.lake.layout import Lake
+from motionlake.pictures.bands import MotifBand, Segment, word_edges
+from motionlake.pictures.poses import Poses
+from motionlake.pictures.signature_bars import motif_order
+from motionlake.pictures.style import Float64Array, motif_colours
 from numpy.typing import NDArray
-
-from pipeline.corpus import Corpus, read_corpus
-from pipeline.lake.catalog import Connection, fetch
-from pipeline.lake.layout import Lake
-from pipeline.pictures.bands import MotifBand, Segment, word_edges
-from pipeline.pictures.poses import Poses
-from pipeline.pictures.signature_bars import motif_order
-from pipeline.pictures.style import Float64Array, motif_colours
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ class Material:
     def nearest_words(self, motifs: list[int], clips: list[str]) -> dict[int, list[Word]]:
         """For each motif, the word of each of the clips that is closest to its centroid, closest first."""
         found: dict[int, list[Word]] = {motif: [] for motif in motifs}
-        for row in fetch(self.con, "queries/nearest_words.sql", {"motifs": motifs, "clips": clips}):
+        for row in fetch(self.con, "nearest_words", {"motifs": motifs, "clips": clips}):
             found[row["motif"]].append(Word(row["clip"], row["start"], row["stop"]))
         return found
 
@@ -82,10 +82,10 @@ def read_material(con: Connection, lake: Lake, dataset: str | None = None) -> Ma
         UserError: no motifs or no signed clips yet (`read_corpus`).
     """
     corpus = read_corpus(con, dataset)
-    rows = fetch(con, "queries/signatures_of.sql", {"dataset": dataset})
+    rows = fetch(con, "signatures_of", {"dataset": dataset})
     signatures = np.array([row["signature"] for row in rows], dtype=np.float32)
     segments: dict[str, list[Segment]] = defaultdict(list)
-    for row in fetch(con, "queries/segments_of.sql", {"dataset": dataset}):
+    for row in fetch(con, "segments_of", {"dataset": dataset}):
         if row["clip"] in corpus.positions:
             fps = corpus.clips[corpus.positions[row["clip"]]].fps
             segments[row["clip"]].append(Segment(row["start"] / fps, row["stop"] / fps, row["label"]))

@@ -6,13 +6,12 @@ from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
-
-from pipeline.pictures.captions import about_clusters, count, count_of, model, source
-from pipeline.pictures.contact_sheet import MotifRow, WordStrip, contact_sheet
-from pipeline.pictures.html import Picture, picture
-from pipeline.pictures.material import Material
-from pipeline.pictures.selection import MOST_CLASSES, View, discriminative, largest, shares
-from pipeline.pictures.style import UNLABELLED
+from motionlake.pictures.captions import about_clusters, count, count_of, model, source
+from motionlake.pictures.contact_sheet import MotifRow, WordStrip, contact_sheet
+from motionlake.pictures.html import Picture, picture
+from motionlake.pictures.material import Material
+from motionlake.pictures.selection import MOST_CLASSES, View, discriminative, largest, shares
+from motionlake.pictures.style import UNLABELLED
 
 WORDS_A_MOTIF: Final = 3
 POSES: Final = 5

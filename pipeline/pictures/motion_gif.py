@@ -10,12 +10,11 @@ from typing import Final
 
 import numpy as np
 from matplotlib.font_manager import FontProperties, findfont
+from motionlake.motion.canonical import INDEX, JOINTS, PARENTS
+from motionlake.pictures.player_clip import PlayerClip
+from motionlake.pictures.stick_figures import LEFT, RIGHT, TILT, TURN
+from motionlake.pictures.style import FAINT, INK, NONE, Float64Array, class_styles, fitted
 from PIL import Image, ImageDraw, ImageFont
-
-from pipeline.pictures.player_clip import PlayerClip
-from pipeline.pictures.stick_figures import LEFT, RIGHT, TILT, TURN
-from pipeline.pictures.style import FAINT, INK, NONE, Float64Array, class_styles, fitted
-from pipeline.skeleton.canonical import INDEX, JOINTS, PARENTS
 
 MOST_SECONDS: Final = 30.0
 FPS: Final = 25  # a GIF counts hundredths of a second, so that 30 frames a second cannot be said

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from pipeline.errors import UserError
-from pipeline.lake.parts import replacing
-from pipeline.pictures.html import Chapter, Picture, page
+from motionlake.errors import UserError
+from motionlake.lake.parts import replacing
+from motionlake.pictures.html import Chapter, Picture, page
 
 
 def write_file(path: Path, content: bytes) -> None:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from pipeline.pictures.html import Picture, picture
-from pipeline.pictures.retrieval_figures import confusion_figure, precision_recall_figure
+from motionlake.pictures.html import Picture, picture
+from motionlake.pictures.retrieval_figures import confusion_figure, precision_recall_figure
 
 
 def evaluation_pictures(found: Mapping[str, Any]) -> list[Picture]:

@@ -10,11 +10,11 @@ from html import escape
 from importlib import resources
 from typing import Any, Final
 
-from pipeline.pictures.bands import Segment, lanes_of
-from pipeline.pictures.player_clip import MOST_SECONDS, PlayerClip, pack
-from pipeline.pictures.stick_figures import LEFT, RIGHT
-from pipeline.pictures.style import FAINT, INK, NONE, class_styles, ink_on
-from pipeline.skeleton.canonical import INDEX, JOINTS, PARENTS
+from motionlake.motion.canonical import INDEX, JOINTS, PARENTS
+from motionlake.pictures.bands import Segment, lanes_of
+from motionlake.pictures.player_clip import MOST_SECONDS, PlayerClip, pack
+from motionlake.pictures.stick_figures import LEFT, RIGHT
+from motionlake.pictures.style import FAINT, INK, NONE, class_styles, ink_on
 
 MOST_LANES: Final = 6
 _TOKENS: Final = {"ink": INK, "faint": FAINT, "none": NONE, "left": LEFT, "right": RIGHT}
@@ -66,7 +66,7 @@ def player_page(clips: Sequence[PlayerClip], notes: Sequence[str] = ()) -> str:
 
 
 def _asset(name: str) -> str:
-    return resources.files("pipeline.pictures").joinpath(name).read_text(encoding="utf-8")
+    return resources.files("motionlake.pictures").joinpath(name).read_text(encoding="utf-8")
 
 
 def _hash(text: str) -> str:

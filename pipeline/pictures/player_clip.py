@@ -9,12 +9,11 @@ from functools import cached_property
 from typing import Final
 
 import numpy as np
+from motionlake.motion.facing import facing
+from motionlake.pictures.bands import Segment
+from motionlake.pictures.stick_figures import body_height
+from motionlake.pictures.style import Float64Array
 from numpy.typing import NDArray
-
-from pipeline.pictures.bands import Segment
-from pipeline.pictures.stick_figures import body_height
-from pipeline.pictures.style import Float64Array
-from pipeline.skeleton.facing import facing
 
 MOST_FPS: Final = 30.0
 MOST_SECONDS: Final = 180.0

@@ -7,18 +7,17 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-
-from pipeline.errors import UserError
-from pipeline.frames import frame_range
-from pipeline.lake.catalog import Connection, fetch
-from pipeline.lake.layout import Lake
-from pipeline.pictures.bands import Segment
-from pipeline.pictures.player_clip import PlayerClip
-from pipeline.pictures.poses import Poses
-from pipeline.retrievers.methods import ready_methods, retriever
-from pipeline.retrievers.protocol import Query
-from pipeline.search import Hit
-from pipeline.signing import first_body
+from motionlake.errors import UserError
+from motionlake.lake.catalog import Connection, fetch
+from motionlake.lake.frames import frame_range
+from motionlake.lake.layout import Lake
+from motionlake.pictures.bands import Segment
+from motionlake.pictures.player_clip import PlayerClip
+from motionlake.pictures.poses import Poses
+from motionlake.retrieval.encode import first_body
+from motionlake.retrieval.methods import ready_methods, retriever
+from motionlake.retrieval.protocol import Query
+from motionlake.retrieval.search import Hit
 
 NEAREST_BY: Final = ("descriptor", "signature")
 
@@ -49,7 +48,7 @@ def player_clip(
         positions, fps, name = motion.positions.astype(np.float32), body.fps, query.name
         facts, segments = [("file", query.suffix.lstrip("."))], []
     else:
-        known = fetch(con, "queries/clip.sql", {"clip": query})[0]
+        known = fetch(con, "clip", {"clip": query})[0]
         positions, fps, name = Poses(con, lake).positions(query), float(known["fps"]), query
         lineage = _lineage(con, query)
         facts = _facts(known, lineage)
@@ -70,7 +69,7 @@ def nearest_real_clip(con: Connection, lake: Lake, query: Query) -> tuple[str, H
     """The recorded clip nearest to a clip or a file: by descriptor where the lake has them, else by signature.
 
     Args:
-        con: with functions and macros, as `pipeline.connect` opens it.
+        con: with functions and macros, as `motionlake.connect` opens it.
         lake: the same.
         query: a clip's full name, itself no answer, or a file.
 
@@ -97,9 +96,9 @@ def nearest_real_clip(con: Connection, lake: Lake, query: Query) -> tuple[str, H
 
 def _lineage(con: Connection, clip: str) -> Mapping[str, Any] | None:
     """How a synthetic clip was made; None for a recorded one."""
-    if not fetch(con, "queries/has_synthetic_table.sql"):
+    if not fetch(con, "has_synthetic_table"):
         return None
-    return next(iter(fetch(con, "queries/synthetic_clip.sql", {"clip": clip})), None)
+    return next(iter(fetch(con, "synthetic_clip", {"clip": clip})), None)
 
 
 def _facts(known: Mapping[str, Any], lineage: Mapping[str, Any] | None) -> list[tuple[str, str]]:
@@ -120,7 +119,7 @@ def _segments(
     con: Connection, clip: str, frames: int, lineage: Mapping[str, Any] | None
 ) -> list[tuple[str, list[tuple[int, int, str]]]]:
     """Rows of labelled stretches in frames: segments, or the classes of a synthetic clip that has none."""
-    found = [(r["start"], r["stop"], r["label"]) for r in fetch(con, "queries/segments_of_clip.sql", {"clip": clip})]
+    found = [(r["start"], r["stop"], r["label"]) for r in fetch(con, "segments_of_clip", {"clip": clip})]
     if lineage is None:
         return [("labels", found)] if found else []
     if not found:

@@ -9,11 +9,10 @@ from typing import Final
 
 import numpy as np
 import pyarrow.parquet as pq
+from motionlake.lake.catalog import Connection, fetch
+from motionlake.lake.frames import POSITION_CHANNELS, ROOT_CHANNELS, runs_of
+from motionlake.lake.layout import Lake
 from numpy.typing import NDArray
-
-from pipeline.frames import POSITION_CHANNELS, ROOT_CHANNELS, runs_of
-from pipeline.lake.catalog import Connection, fetch
-from pipeline.lake.layout import Lake
 
 Float32Array = NDArray[np.float32]
 CACHED: Final = 64
@@ -34,7 +33,7 @@ class Poses:
     def many(self, clips: Sequence[str]) -> dict[str, Float32Array]:
         """Positions of several clips, each part of the lake read once."""
         parts: dict[tuple[str, str], list[str]] = defaultdict(list)
-        for row in fetch(self._con, "queries/parts_of.sql", {"clips": list(clips)}):
+        for row in fetch(self._con, "parts_of", {"clips": list(clips)}):
             parts[row["dataset"], row["part"]].append(row["clip"])
         found: dict[str, Float32Array] = {}
         for (dataset, part), members in parts.items():

@@ -7,12 +7,11 @@ from typing import Final
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from motionlake.pictures.stick_figures import draw_bodies, postures_view
+from motionlake.pictures.style import TOP, Float64Array, Sheet, bare, styled
+from motionlake.pictures.symbol_chips import chip
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
-
-from pipeline.pictures.stick_figures import draw_bodies, postures_view
-from pipeline.pictures.style import TOP, Float64Array, Sheet, bare, styled
-from pipeline.pictures.symbol_chips import chip
 
 WIDE: Final = 7.4
 HEADS: Final = 5.6

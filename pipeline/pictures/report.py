@@ -8,14 +8,14 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
-from pipeline.lake.catalog import Connection, fetch
-from pipeline.lake.layout import Lake
-from pipeline.pictures import clip_sections, motif_sections, sequence_sections
-from pipeline.pictures.html import Chapter, Picture, page
-from pipeline.pictures.material import Material, read_material
-from pipeline.pictures.selection import View, dataset_view, lake_view, most_cut
-from pipeline.pictures.symbol_material import has_strings, read_symbols
-from pipeline.pictures.symbol_sections import string_pictures
+from motionlake.lake.catalog import Connection, fetch
+from motionlake.lake.layout import Lake
+from motionlake.pictures import clip_sections, motif_sections, sequence_sections
+from motionlake.pictures.html import Chapter, Picture, page
+from motionlake.pictures.material import Material, read_material
+from motionlake.pictures.selection import View, dataset_view, lake_view, most_cut
+from motionlake.pictures.symbol_material import has_strings, read_symbols
+from motionlake.pictures.symbol_sections import string_pictures
 
 MOST_DATASETS: Final = 8
 MOST_SEGMENTED: Final = 6
@@ -58,7 +58,7 @@ def make_report(
         chapters.append(Chapter("Symbol strings", _of_strings(con, lake, dataset)))
     chapters = _named_apart([chapter for chapter in chapters if chapter.pictures])
     lead = _lead(material, len(datasets))
-    tables = [fetch(con, "queries/lake_summary.sql", {"dataset": dataset}), _models(con)]
+    tables = [fetch(con, "lake_summary", {"dataset": dataset}), _models(con)]
     title = f"What is in the lake {lake.root.name}" + (f": dataset {dataset}" if dataset else "")
     pictures = [p for chapter in chapters for p in chapter.pictures]
     return Report(page(title, lead, tables, chapters), pictures)
@@ -112,7 +112,7 @@ def _lead(material: Material, datasets: int) -> list[str]:
 def _models(con: Connection) -> list[dict[str, Any]]:
     return [
         {"model": row["model"], "made": str(row["created"]), "figures": _figures(json.loads(row["figures"]))}
-        for row in fetch(con, "queries/status_models.sql")
+        for row in fetch(con, "status_models")
     ]
 
 

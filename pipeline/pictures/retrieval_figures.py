@@ -9,9 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
-from numpy.typing import ArrayLike, NDArray
-
-from pipeline.pictures.style import (
+from motionlake.pictures.style import (
     FAINT,
     INK,
     TOP,
@@ -24,6 +22,7 @@ from pipeline.pictures.style import (
     styled,
     width_of,
 )
+from numpy.typing import ArrayLike, NDArray
 
 PLOT: Final = 4.6
 LEGEND: Final = 3.4  # at most

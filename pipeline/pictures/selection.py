@@ -10,12 +10,11 @@ from dataclasses import dataclass
 from typing import Final, TypeVar
 
 import numpy as np
+from motionlake.deep_motifs.applications.clustering import cluster_clips
+from motionlake.deep_motifs.emd import emd_matrix
+from motionlake.pictures.material import Material
+from motionlake.pictures.style import UNLABELLED, Float64Array
 from numpy.typing import NDArray
-
-from pipeline.applications.clustering import cluster_clips
-from pipeline.emd import emd_matrix
-from pipeline.pictures.material import Material
-from pipeline.pictures.style import UNLABELLED, Float64Array
 
 T = TypeVar("T", bound=Hashable)
 

@@ -6,9 +6,8 @@ from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
-
-from pipeline.applications.query_by_example import ExampleQuery, distances_along, window_ranges
-from pipeline.applications.segmentation import (
+from motionlake.deep_motifs.applications.query_by_example import ExampleQuery, distances_along, window_ranges
+from motionlake.deep_motifs.applications.segmentation import (
     SegmentationConfig,
     Segmenter,
     TaughtRange,
@@ -16,12 +15,12 @@ from pipeline.applications.segmentation import (
     taught_windows,
     word_centres,
 )
-from pipeline.pictures.bands import Segment, SegmentRow, segment_bands
-from pipeline.pictures.captions import model, source
-from pipeline.pictures.html import Picture, picture
-from pipeline.pictures.material import Material, Word
-from pipeline.pictures.selection import View, display_names, sampled
-from pipeline.pictures.similarity import QueryCurve, similarity_along
+from motionlake.pictures.bands import Segment, SegmentRow, segment_bands
+from motionlake.pictures.captions import model, source
+from motionlake.pictures.html import Picture, picture
+from motionlake.pictures.material import Material, Word
+from motionlake.pictures.selection import View, display_names, sampled
+from motionlake.pictures.similarity import QueryCurve, similarity_along
 
 QUERY_WORDS: Final = 5
 QUERIES: Final = 3

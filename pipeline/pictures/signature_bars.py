@@ -9,10 +9,7 @@ from typing import Final
 import numpy as np
 from matplotlib.colors import LogNorm, to_rgb
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
-from scipy.cluster.hierarchy import leaves_list, linkage
-
-from pipeline.pictures.style import (
+from motionlake.pictures.style import (
     FAINT,
     NONE,
     TOP,
@@ -24,6 +21,8 @@ from pipeline.pictures.style import (
     styled,
     width_of,
 )
+from numpy.typing import NDArray
+from scipy.cluster.hierarchy import leaves_list, linkage
 
 # One scale for all pictures, so that they compare: shares outside it take the colour of its ends.
 RAREST: Final = 0.005

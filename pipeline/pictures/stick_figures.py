@@ -8,11 +8,10 @@ import numpy as np
 from matplotlib.collections import LineCollection, PatchCollection
 from matplotlib.colors import to_rgb
 from matplotlib.patches import Circle
+from motionlake.motion.canonical import INDEX, JOINTS, PARENTS
+from motionlake.motion.facing import facing
+from motionlake.pictures.style import INK, Float64Array, Sheet
 from numpy.typing import NDArray
-
-from pipeline.pictures.style import INK, Float64Array, Sheet
-from pipeline.skeleton.canonical import INDEX, JOINTS, PARENTS
-from pipeline.skeleton.facing import facing
 
 LEFT: Final = "#0072B2"
 RIGHT: Final = "#D55E00"

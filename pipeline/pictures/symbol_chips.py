@@ -5,9 +5,8 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
+from motionlake.pictures.style import Float64Array, Sheet, ink_on, width_of
 from numpy.typing import NDArray
-
-from pipeline.pictures.style import Float64Array, Sheet, ink_on, width_of
 
 CHIP: Final = 0.15
 SIZE: Final = 6.5

@@ -9,21 +9,20 @@ from functools import cached_property
 from typing import Final
 
 import numpy as np
+from motionlake.lake.catalog import Connection, fetch
+from motionlake.lake.layout import Lake
+from motionlake.lake.models import Model
+from motionlake.motion.canonical import INDEX, JOINTS
+from motionlake.motion.features import Float32Array, WordConfig
+from motionlake.pesta.postures.config import PosturesConfig
+from motionlake.pesta.postures.dictionary import METADATA_KEY
+from motionlake.pictures.poses import Poses
+from motionlake.pictures.signature_bars import motif_order
+from motionlake.pictures.style import Float64Array, motif_colours
+from motionlake.retrieval.lake_strings import LakeStrings, read_strings
+from motionlake.stages import postures as coding
 from numpy.typing import NDArray
 from safetensors import safe_open
-
-from pipeline.lake.catalog import Connection, fetch
-from pipeline.lake.layout import Lake
-from pipeline.lake_strings import LakeStrings, read_strings
-from pipeline.pictures.poses import Poses
-from pipeline.pictures.signature_bars import motif_order
-from pipeline.pictures.style import Float64Array, motif_colours
-from pipeline.postures.config import PosturesConfig
-from pipeline.postures.dictionary import METADATA_KEY
-from pipeline.skeleton.canonical import INDEX, JOINTS
-from pipeline.stages import postures as coding
-from pipeline.stages.models import Model
-from pipeline.words.features import Float32Array, WordConfig
 
 # Joints that no dictionary over positions holds, as shares of two that it does; feet end at the ankles.
 _BETWEEN: Final = {
@@ -67,13 +66,13 @@ class SymbolMaterial:
     @cached_property
     def _codes_files(self) -> dict[str, str]:
         """Coded postures of each part."""
-        file = fetch(self.con, "queries/model_file.sql", {"model": self.strings.model})[0]["file"]
+        file = fetch(self.con, "model_file", {"model": self.strings.model})[0]["file"]
         served = Model(self.strings.model, coding.DICTIONARY, "", file, {})
         return {part.part: coding.codes_file(part.key) for part in coding.keyed(self.con, self.lake, served)}
 
     def codes_of(self, clips: Sequence[str]) -> dict[str, NDArray[np.int32]]:
         """[T] symbols of the postures of clips, parts read once; without clips that are being recoded."""
-        parts = {row["clip"]: row["part"] for row in fetch(self.con, "queries/parts_of.sql", {"clips": list(clips)})}
+        parts = {row["clip"]: row["part"] for row in fetch(self.con, "parts_of", {"clips": list(clips)})}
         found: dict[str, NDArray[np.int32]] = {}
         for part in sorted(set(parts.values())):
             file = self.lake.path(self._codes_files[part])
@@ -108,7 +107,7 @@ class SymbolMaterial:
 
 def has_strings(con: Connection) -> bool:
     """Whether the lake serves symbol strings."""
-    return bool(fetch(con, "queries/has_symbol_tables.sql")) and bool(fetch(con, "queries/served_postures.sql"))
+    return bool(fetch(con, "has_symbol_tables")) and bool(fetch(con, "served_postures"))
 
 
 def read_symbols(con: Connection, lake: Lake, strings: LakeStrings | None = None) -> SymbolMaterial:
@@ -118,11 +117,11 @@ def read_symbols(con: Connection, lake: Lake, strings: LakeStrings | None = None
         UserError: the lake has no strings yet (`read_strings`).
     """
     strings = strings or read_strings(con)
-    file = lake.path(fetch(con, "queries/model_file.sql", {"model": strings.model})[0]["file"])
+    file = lake.path(fetch(con, "model_file", {"model": strings.model})[0]["file"])
     with safe_open(file, framework="numpy") as tensors:  # not `load_dictionary`: no encoder is needed, nor torch
         config = PosturesConfig(**json.loads(tensors.metadata()[METADATA_KEY])["config"])
         codes, postures = tensors.get_tensor("codes"), tensors.get_tensor("postures")
-    share = np.array([row["share"] for row in fetch(con, "queries/posture_shares.sql")], dtype=np.float64)
+    share = np.array([row["share"] for row in fetch(con, "posture_shares")], dtype=np.float64)
     return SymbolMaterial(con, lake, strings, codes, postures, share, config, Poses(con, lake))
 
 

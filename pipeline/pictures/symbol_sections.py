@@ -6,23 +6,22 @@ from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
+from motionlake.lake.catalog import fetch
+from motionlake.lake.config import load_config
+from motionlake.lake.frames import read_clips
+from motionlake.motion.features import Float32Array, word_features
+from motionlake.pesta.alignment.config import AlignmentConfig
+from motionlake.pesta.alignment.scan import symmetric_costs
+from motionlake.pesta.alignment.strings import Repository
+from motionlake.pesta.symbols.runs import reduce_runs
+from motionlake.pictures.alignment_page import about_dictionary, about_matrix, whole_picture
+from motionlake.pictures.html import Picture, picture
+from motionlake.pictures.posture_map import LEAST, plane, posture_map
+from motionlake.pictures.selection import display_names, sampled
+from motionlake.pictures.symbol_material import SymbolMaterial
+from motionlake.pictures.symbol_strip import MOMENTS, StripOfSymbols, folds, symbol_strip
+from motionlake.retrieval.aligned import WholeHit, string_query
 from numpy.typing import NDArray
-
-from pipeline.aligned import WholeHit, string_query
-from pipeline.alignment.config import AlignmentConfig
-from pipeline.alignment.scan import symmetric_costs
-from pipeline.alignment.strings import Repository
-from pipeline.config import load_config
-from pipeline.frames import read_clips
-from pipeline.lake.catalog import fetch
-from pipeline.pictures.alignment_page import about_dictionary, about_matrix, whole_picture
-from pipeline.pictures.html import Picture, picture
-from pipeline.pictures.posture_map import LEAST, plane, posture_map
-from pipeline.pictures.selection import display_names, sampled
-from pipeline.pictures.symbol_material import SymbolMaterial
-from pipeline.pictures.symbol_strip import MOMENTS, StripOfSymbols, folds, symbol_strip
-from pipeline.symbols.runs import reduce_runs
-from pipeline.words.features import Float32Array, word_features
 
 STRIPS: Final = 3
 MOST_PAIRED: Final = 80  # clips among which the nearest two are looked for
@@ -117,7 +116,7 @@ def posture_sample(material: SymbolMaterial, clips: Sequence[int]) -> tuple[Floa
     names = [strings.clips[i].clip for i in clips]
     chosen = {names[i]: strings.clips[clips[i]] for i in sampled(names, SAMPLED_CLIPS)}
     parts: dict[tuple[str, str], list[str]] = {}
-    for row in fetch(material.con, "queries/parts_of.sql", {"clips": list(chosen)}):
+    for row in fetch(material.con, "parts_of", {"clips": list(chosen)}):
         parts.setdefault((row["dataset"], row["part"]), []).append(row["clip"])
     coded = material.codes_of(list(chosen))
     features, symbols = [], []

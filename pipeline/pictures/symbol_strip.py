@@ -8,12 +8,11 @@ from typing import Final
 
 import numpy as np
 from matplotlib.figure import Figure
+from motionlake.pictures.bands import second_ticks
+from motionlake.pictures.stick_figures import body_height, draw_bodies, postures_view, three_quarter_view
+from motionlake.pictures.style import FAINT, INK, TOP, Float64Array, Sheet, bare, fitted, styled
+from motionlake.pictures.symbol_chips import chip, symbol_band
 from numpy.typing import NDArray
-
-from pipeline.pictures.bands import second_ticks
-from pipeline.pictures.stick_figures import body_height, draw_bodies, postures_view, three_quarter_view
-from pipeline.pictures.style import FAINT, INK, TOP, Float64Array, Sheet, bare, fitted, styled
-from pipeline.pictures.symbol_chips import chip, symbol_band
 
 LEFT: Final = 1.35
 WIDE: Final = 10.4

@@ -7,14 +7,13 @@ from typing import Any, Final
 
 import numpy as np
 from matplotlib.figure import Figure
-
-from pipeline.evaluating.synthesis_generator import SynthesisEvaluation
-from pipeline.evaluating.synthesis_trials import Trial
-from pipeline.pictures.descriptor_map import PERPLEXITY
-from pipeline.pictures.html import Picture, picture
-from pipeline.pictures.stick_figures import draw_strip
-from pipeline.pictures.style import FAINT, INK, TOP, Sheet, styled
-from pipeline.pictures.synthesis_map import beside_map, generator_map
+from motionlake.evaluation.synthesis_generator import SynthesisEvaluation
+from motionlake.evaluation.synthesis_trials import Trial
+from motionlake.pictures.descriptor_map import PERPLEXITY
+from motionlake.pictures.html import Picture, picture
+from motionlake.pictures.stick_figures import draw_strip
+from motionlake.pictures.style import FAINT, INK, TOP, Sheet, styled
+from motionlake.pictures.synthesis_map import beside_map, generator_map
 
 MADE: Final = "#0072B2"
 REAL: Final = "#9a9a9a"

@@ -7,11 +7,10 @@ from typing import Final
 
 import numpy as np
 from matplotlib.figure import Figure
+from motionlake.glogen.generator.embedding import EmbeddedMotions
+from motionlake.pictures.descriptor_map import tsne
+from motionlake.pictures.style import TOP, Sheet, bare, class_styles, styled
 from numpy.typing import NDArray
-
-from pipeline.pictures.descriptor_map import tsne
-from pipeline.pictures.style import TOP, Sheet, bare, class_styles, styled
-from pipeline.synthesis.embedding import EmbeddedMotions
 
 MAPPED: Final = 12  # classes that a map shows
 SIDE: Final = 4.1

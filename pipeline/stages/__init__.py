@@ -1,1 +1,1 @@
-"""The stages of the lake: what is missing (plan), how a shard is made (run), how it enters the catalog (load)."""
+"""Stages: what of a lake is due, how a shard of it is made, how it enters the catalog."""

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from pipeline.clip import SourceClip
-from pipeline.errors import ClipError, UserError
-from pipeline.lake.layout import Lake
-from pipeline.skeleton.canonicalise import CanonicalMotion
-from pipeline.skeleton.rigs import load_rigs
-from pipeline.stages.frames import canonical_motions
-from pipeline.stages.sources import IngestOptions
+from motionlake.errors import ClipError, UserError
+from motionlake.lake.layout import Lake
+from motionlake.motion.canonicalise import CanonicalMotion
+from motionlake.motion.clip import SourceClip
+from motionlake.motion.rigs import load_rigs
+from motionlake.stages.frames import canonical_motions
+from motionlake.stages.sources import IngestOptions
 
 
 def first_body(lake: Lake, path: Path, options: IngestOptions | None = None) -> tuple[SourceClip, CanonicalMotion]:

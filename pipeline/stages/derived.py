@@ -7,10 +7,9 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import pyarrow as pa
-
-from pipeline.config import config_hash
-from pipeline.lake.catalog import Connection, fetch
-from pipeline.stages.shard import Shard
+from motionlake.lake.catalog import Connection, fetch
+from motionlake.lake.config import config_hash
+from motionlake.stages.shard import Shard
 
 PART_KEYS = [("clip", pa.string()), ("part", pa.string()), ("key", pa.string())]
 
@@ -35,7 +34,7 @@ class Part:
 
 def frames_parts(con: Connection) -> list[Part]:
     """Every frames part that holds a clip of the lake."""
-    rows = fetch(con, "queries/frames_parts.sql")
+    rows = fetch(con, "frames_parts")
     return [Part(r["part"], r["dataset"], r["clips"], "", r["key"], r["synthetic"]) for r in rows]
 
 
@@ -52,8 +51,8 @@ def due(
     spec: Callable[[Part], Mapping[str, Any]],
 ) -> list[Shard]:
     """Shards for the parts whose input is there and whose result is not."""
-    done = {r["key"] for r in fetch(con, "queries/shards.sql", {"stage": stage}) if r["state"] == "ok"}
-    ready = {r["key"] for r in fetch(con, "queries/ready_keys.sql", {"stage": upstream_stage})}
+    done = {r["key"] for r in fetch(con, "shards", {"stage": stage}) if r["state"] == "ok"}
+    ready = {r["key"] for r in fetch(con, "ready_keys", {"stage": upstream_stage})}
     return [
         Shard(stage, p.key, p.part, p.dataset, spec(p), p.clips)
         for p in parts

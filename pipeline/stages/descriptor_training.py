@@ -7,19 +7,18 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-
-from pipeline.descriptors.config import DescriptorsConfig
-from pipeline.descriptors.sequence import FPS
-from pipeline.descriptors.training import TrainingClip, train_descriptor
-from pipeline.epochs import Progress
-from pipeline.errors import UserError
-from pipeline.lake.catalog import Connection
-from pipeline.lake.layout import Lake
-from pipeline.stages.descriptors import sequence_of
-from pipeline.stages.frames import clips_key
-from pipeline.stages.models import checkpoint_file, save_model
-from pipeline.stages.training_clips import chosen_clips, drawn_clips, frames_of_clips
-from pipeline.words.features import Float32Array
+from motionlake.deephums.descriptors.config import DescriptorsConfig
+from motionlake.deephums.descriptors.sequence import FPS
+from motionlake.deephums.descriptors.training import TrainingClip, train_descriptor
+from motionlake.epochs import Progress
+from motionlake.errors import UserError
+from motionlake.lake.catalog import Connection
+from motionlake.lake.layout import Lake
+from motionlake.lake.models import checkpoint_file, save_model
+from motionlake.motion.features import Float32Array
+from motionlake.stages.descriptors import sequence_of
+from motionlake.stages.frames import clips_key
+from motionlake.stages.training_clips import chosen_clips, drawn_clips, frames_of_clips
 
 # Of more than these, clips are drawn at random.
 MOST_FRAMES = 10_000_000  # at 30 a second: 93 hours

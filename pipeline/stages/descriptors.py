@@ -12,19 +12,18 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
-
-from pipeline import frames
-from pipeline.config import LakeConfig, config_hash
-from pipeline.descriptors import shipped
-from pipeline.descriptors.config import DIMENSION
-from pipeline.descriptors.sequence import clip_sequence
-from pipeline.lake.catalog import Connection, fetch, run_sql
-from pipeline.lake.layout import Lake
-from pipeline.lake.parts import write_part
-from pipeline.stages.derived import Part, derive, due, frames_parts
-from pipeline.stages.models import Model, copy_weights, file_hash, fitting_model, model_of
-from pipeline.stages.shard import Shard, ShardResult
-from pipeline.words.features import Float32Array
+from motionlake.deephums.descriptors import shipped
+from motionlake.deephums.descriptors.config import DIMENSION
+from motionlake.deephums.descriptors.sequence import clip_sequence
+from motionlake.lake import frames
+from motionlake.lake.catalog import Connection, fetch, run_sql
+from motionlake.lake.config import LakeConfig, config_hash
+from motionlake.lake.layout import Lake
+from motionlake.lake.models import Model, copy_weights, file_hash, fitting_model, model_of
+from motionlake.lake.parts import write_part
+from motionlake.motion.features import Float32Array
+from motionlake.stages.derived import Part, derive, due, frames_parts
+from motionlake.stages.shard import Shard, ShardResult
 
 NAME = "descriptors"
 VERSION = 1
@@ -50,7 +49,7 @@ def takes_ready_made(_con: Connection, config: LakeConfig) -> bool:
 
 def take_weights(lake: Lake, _config: LakeConfig, weights: Path, file: str) -> dict[str, Any]:
     """Copy a ready-made network into the lake as `file`; returns its figures."""
-    from pipeline.descriptors.trained import load_descriptor
+    from motionlake.deephums.descriptors.trained import load_descriptor
 
     return copy_weights(lake, weights, file, load_descriptor(weights).figures, "clips", "classes", "supervision")
 
@@ -62,7 +61,7 @@ def keyed(con: Connection, lake: Lake, network: Model) -> list[Part]:
 
 def plan(con: Connection, lake: Lake, network: Model) -> list[Shard]:
     def spec(part: Part) -> dict[str, object]:
-        rows = fetch(con, "queries/rates.sql", {"part": part.part})
+        rows = fetch(con, "rates", {"part": part.part})
         return {"network": network.file, "model": network.model, "fps": {r["clip"]: r["fps"] for r in rows}}
 
     return due(con, NAME, "frames", keyed(con, lake, network), spec)
@@ -74,7 +73,7 @@ def rows_file(key: str) -> str:
 
 def run(lake_root: Path, shard: Shard) -> ShardResult:
     """The descriptor of every clip of one frames part."""
-    from pipeline.descriptors.trained import load_descriptor
+    from motionlake.deephums.descriptors.trained import load_descriptor
 
     started = time.perf_counter()
     lake = Lake(lake_root)
@@ -116,9 +115,9 @@ def _rows(names: list[str], vectors: Float32Array, part: str) -> pa.Table:
 
 def served_network(con: Connection) -> Model | None:
     """The network whose descriptors the lake serves: those of another do not compare with them."""
-    if not fetch(con, "queries/has_descriptors_table.sql"):
+    if not fetch(con, "has_descriptors_table"):
         return None  # a lake made before there were descriptors
-    rows = fetch(con, "queries/served_descriptors.sql")
+    rows = fetch(con, "served_descriptors")
     return model_of(rows[0]) if rows else None
 
 
@@ -129,4 +128,4 @@ def load(con: Connection, root: Path, results: Sequence[ShardResult]) -> None:
         "parts": [r.shard.part for r in results],
         "files": [str(root / rows_file(r.shard.key)) for r in results],
     }
-    run_sql(con, "queries/load_descriptors.sql", parameters)
+    run_sql(con, "load_descriptors", parameters)

@@ -11,18 +11,17 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
+from motionlake.deep_motifs.words.windows import word_windows
+from motionlake.lake.catalog import Connection, fetch
+from motionlake.lake.config import LakeConfig, config_hash
+from motionlake.lake.layout import Lake
+from motionlake.lake.models import Model, checkpoint_file, copy_weights, file_hash, fitting_model, save_model
+from motionlake.lake.parts import PartWriter, check_part, replacing
+from motionlake.motion.features import WordConfig
+from motionlake.stages import words
+from motionlake.stages.derived import PART_KEYS, Part, derive, due
+from motionlake.stages.shard import Shard, ShardResult
 from numpy.typing import NDArray
-
-from pipeline.config import LakeConfig, config_hash
-from pipeline.lake.catalog import Connection, fetch
-from pipeline.lake.layout import Lake
-from pipeline.lake.parts import PartWriter, check_part, replacing
-from pipeline.stages import words
-from pipeline.stages.derived import PART_KEYS, Part, derive, due
-from pipeline.stages.models import Model, checkpoint_file, copy_weights, file_hash, fitting_model, save_model
-from pipeline.stages.shard import Shard, ShardResult
-from pipeline.words.features import WordConfig
-from pipeline.words.windows import word_windows
 
 NAME = "embed"
 VERSION = 1
@@ -42,7 +41,7 @@ def fitting_network(con: Connection, config: LakeConfig) -> Model | None:
 
 def training_sample(con: Connection, lake: Lake, config: LakeConfig) -> list[NDArray[np.float32]]:
     """Features of whole clips, drawn at random until they hold `max_words` words; in order of the clips."""
-    rows = fetch(con, "queries/recorded_words.sql")
+    rows = fetch(con, "recorded_words")
     order = np.random.default_rng(config.network.seed).permutation(len(rows))
     total, chosen = 0, set()
     for i in order.tolist():
@@ -77,8 +76,8 @@ def train(
 
     A training that was interrupted goes on from its checkpoint in the lake.
     """
-    from pipeline.words.trained import load_network
-    from pipeline.words.training import train_words
+    from motionlake.deep_motifs.words.trained import load_network
+    from motionlake.deep_motifs.words.training import train_words
 
     checkpoint = checkpoint_file(lake, "words")
     before = load_network(lake.path(start)) if start else None
@@ -95,7 +94,7 @@ def take_weights(lake: Lake, config: LakeConfig, weights: Path, file: str) -> di
     Raises:
         ValueError: they are of other words or of another architecture than the configuration's.
     """
-    from pipeline.words.trained import load_network
+    from motionlake.deep_motifs.words.trained import load_network
 
     network = load_network(weights)
     if (network.words, network.architecture) != (config.words, config.network.architecture):
@@ -122,7 +121,7 @@ def embeddings_file(key: str) -> str:
 
 def run(lake_root: Path, shard: Shard) -> ShardResult:
     """Embed every word of one features part."""
-    from pipeline.words.trained import load_network
+    from motionlake.deep_motifs.words.trained import load_network
 
     started = time.perf_counter()
     lake = Lake(lake_root)

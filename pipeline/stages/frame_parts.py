@@ -5,14 +5,13 @@ from __future__ import annotations
 from contextlib import ExitStack
 
 import pyarrow as pa
-
-from pipeline import frames, raw
-from pipeline.clip import SourceClip
-from pipeline.config import FramesConfig
-from pipeline.lake.layout import Lake
-from pipeline.lake.parts import PartWriter, replacing
-from pipeline.skeleton.canonicalise import CanonicalMotion
-from pipeline.stages.shard import Shard
+from motionlake.lake import frames, raw
+from motionlake.lake.config import FramesConfig
+from motionlake.lake.layout import Lake
+from motionlake.lake.parts import PartWriter, replacing
+from motionlake.motion.canonicalise import CanonicalMotion
+from motionlake.motion.clip import SourceClip
+from motionlake.stages.shard import Shard
 
 
 class FrameParts:

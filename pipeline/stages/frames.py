@@ -13,21 +13,20 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
-
-from pipeline import raw
-from pipeline.clip import SourceClip
-from pipeline.config import FramesConfig, config_hash
-from pipeline.errors import ClipError, UserError
-from pipeline.formats import read_clips, reader_for
-from pipeline.kinematics import solve
-from pipeline.lake.catalog import Connection, load_rows, run_sql, table_of
-from pipeline.lake.layout import Lake
-from pipeline.lake.parts import check_part
-from pipeline.skeleton.canonicalise import CanonicalMotion, canonicalise
-from pipeline.skeleton.rigs import RigMap, identify, load_rigs
-from pipeline.stages.frame_parts import FrameParts
-from pipeline.stages.shard import Shard, ShardResult, tables_of
-from pipeline.stages.sources import IngestOptions, Root, SourceFile
+from motionlake.errors import ClipError, UserError
+from motionlake.formats import read_clips, reader_for
+from motionlake.lake import raw
+from motionlake.lake.catalog import Connection, load_rows, run_sql, table_of
+from motionlake.lake.config import FramesConfig, config_hash
+from motionlake.lake.layout import Lake
+from motionlake.lake.parts import check_part
+from motionlake.motion.canonicalise import CanonicalMotion, canonicalise
+from motionlake.motion.clip import SourceClip
+from motionlake.motion.kinematics import solve
+from motionlake.motion.rigs import RigMap, identify, load_rigs
+from motionlake.stages.frame_parts import FrameParts
+from motionlake.stages.shard import Shard, ShardResult, tables_of
+from motionlake.stages.sources import IngestOptions, Root, SourceFile
 
 NAME = "frames"
 SHARD_BYTES = 8 << 20  # of source files; a worker's memory grows with it
@@ -231,18 +230,18 @@ def _source_row(shard: Shard, file: Mapping[str, Any]) -> dict[str, Any]:
 def load(con: Connection, _root: Path, results: Sequence[ShardResult]) -> None:
     """Replace the rows of every source file in the results; what was derived from them goes too."""
     sources = tables_of(results, "sources")
-    load_rows(con, "queries/forget_sources.sql", sources)
-    load_rows(con, "queries/load_sources.sql", sources)
-    load_rows(con, "queries/load_clips.sql", tables_of(results, "clips"))
-    load_rows(con, "queries/load_rejects.sql", tables_of(results, "rejects"))
-    load_rows(con, "queries/load_layouts.sql", tables_of(results, "layouts"))
-    load_rows(con, "queries/load_skeletons.sql", tables_of(results, "skeletons"))
-    run_sql(con, "queries/forget_orphans.sql")
+    load_rows(con, "forget_sources", sources)
+    load_rows(con, "load_sources", sources)
+    load_rows(con, "load_clips", tables_of(results, "clips"))
+    load_rows(con, "load_rejects", tables_of(results, "rejects"))
+    load_rows(con, "load_layouts", tables_of(results, "layouts"))
+    load_rows(con, "load_skeletons", tables_of(results, "skeletons"))
+    run_sql(con, "forget_orphans")
 
 
 def content_key(con: Connection) -> str:
     """sha256 over every clip and its content: what a model fitted to the whole lake was fitted to."""
-    return clips_key(run_sql(con, "queries/content.sql").fetchall())
+    return clips_key(run_sql(con, "content").fetchall())
 
 
 def clips_key(rows: Sequence[tuple[str, str]]) -> str:

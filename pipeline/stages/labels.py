@@ -9,11 +9,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pyarrow as pa
-
-from pipeline.config import config_hash
-from pipeline.errors import UserError
-from pipeline.lake.catalog import Connection, fetch, load_rows, table_of
-from pipeline.stages.sources import Root
+from motionlake.errors import UserError
+from motionlake.lake.catalog import Connection, fetch, load_rows, table_of
+from motionlake.lake.config import config_hash
+from motionlake.stages.sources import Root
 
 _S = pa.string()
 LABEL_ROWS = pa.schema(
@@ -44,12 +43,12 @@ def apply_labels(con: Connection, root: Root) -> list[LabelReport]:
     labels = _find(root, root.options.labels, "labels.csv")
     rows = _label_rows(root, labels) if labels else []
     licence = {"licence": root.options.licence}
-    load_rows(con, "queries/load_labels.sql", table_of(rows, LABEL_ROWS), {**parameters, **licence})
+    load_rows(con, "load_labels", table_of(rows, LABEL_ROWS), {**parameters, **licence})
     if labels:
         reports.append(_report(con, root, labels, rows))
     segments = _find(root, root.options.segments, "segments.csv")
     rows = _segment_rows(root, segments) if segments else []
-    load_rows(con, "queries/load_segments.sql", table_of(rows, SEGMENT_ROWS), parameters)
+    load_rows(con, "load_segments", table_of(rows, SEGMENT_ROWS), parameters)
     if segments:
         reports.append(_report(con, root, segments, rows))
     return reports
@@ -118,5 +117,5 @@ def _segment_rows(root: Root, file: Path) -> list[dict[str, object]]:
 
 def _report(con: Connection, root: Root, file: Path, rows: list[dict[str, object]]) -> LabelReport:
     parameters = {"dataset": root.dataset, "root": str(root.base), "paths": [r["path"] for r in rows]}
-    known = fetch(con, "queries/count_unmatched.sql", parameters)
+    known = fetch(con, "count_unmatched", parameters)
     return LabelReport(str(file), len(rows), known[0]["unmatched"])

@@ -13,19 +13,18 @@ from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
-
-from pipeline.config import LakeConfig
-from pipeline.lake.catalog import Connection, fetch, run_sql
-from pipeline.lake.layout import Lake
-from pipeline.lake.parts import write_part
-from pipeline.motifs import assign
-from pipeline.stages import motifs, signatures, words
-from pipeline.stages.derived import Part, derive, due
-from pipeline.stages.models import Model
-from pipeline.stages.shard import Shard, ShardResult
-from pipeline.words.features import WordConfig
-from pipeline.words.mirror import mirrored_features
-from pipeline.words.windows import word_windows
+from motionlake.deep_motifs.motifs import assign
+from motionlake.deep_motifs.words.windows import word_windows
+from motionlake.lake.catalog import Connection, fetch, run_sql
+from motionlake.lake.config import LakeConfig
+from motionlake.lake.layout import Lake
+from motionlake.lake.models import Model
+from motionlake.lake.parts import write_part
+from motionlake.motion.features import WordConfig
+from motionlake.motion.mirror import mirrored_features
+from motionlake.stages import motifs, signatures, words
+from motionlake.stages.derived import Part, derive, due
+from motionlake.stages.shard import Shard, ShardResult
 
 NAME = "mirrored"
 VERSION = 1
@@ -59,7 +58,7 @@ def rows_file(key: str) -> str:
 
 def run(lake_root: Path, shard: Shard) -> ShardResult:
     """The motif of every mirrored word of one features part."""
-    from pipeline.words.trained import load_network
+    from motionlake.deep_motifs.words.trained import load_network
 
     started = time.perf_counter()
     lake = Lake(lake_root)
@@ -82,8 +81,8 @@ def _rows(clip: str, shard: Shard, found: np.ndarray) -> pa.Table:
 
 def see_table(con: Connection) -> None:
     """Let a connection see an empty table of mirrored signatures in a lake made before there was one."""
-    if not fetch(con, "queries/has_mirrored_table.sql"):
-        run_sql(con, "queries/no_mirrored_table.sql")
+    if not fetch(con, "has_mirrored_table"):
+        run_sql(con, "no_mirrored_table")
 
 
 def load(con: Connection, root: Path, results: Sequence[ShardResult]) -> None:
@@ -92,4 +91,4 @@ def load(con: Connection, root: Path, results: Sequence[ShardResult]) -> None:
         "parts": [r.shard.part for r in results],
         "files": [str(root / rows_file(r.shard.key)) for r in results],
     }
-    run_sql(con, "queries/load_mirrored.sql", parameters)
+    run_sql(con, "load_mirrored", parameters)

@@ -9,18 +9,17 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
+from motionlake.deep_motifs.motifs import Motifs, assign, fit_motifs
+from motionlake.errors import UserError
+from motionlake.lake.catalog import Connection
+from motionlake.lake.config import LakeConfig, config_hash
+from motionlake.lake.layout import Lake
+from motionlake.lake.models import Model, file_hash, fitting_model
+from motionlake.lake.parts import write_part
+from motionlake.stages import embed
+from motionlake.stages.derived import Part, derive, due
+from motionlake.stages.shard import Shard, ShardResult
 from numpy.typing import NDArray
-
-from pipeline.config import LakeConfig, config_hash
-from pipeline.errors import UserError
-from pipeline.lake.catalog import Connection
-from pipeline.lake.layout import Lake
-from pipeline.lake.parts import write_part
-from pipeline.motifs import Motifs, assign, fit_motifs
-from pipeline.stages import embed
-from pipeline.stages.derived import Part, derive, due
-from pipeline.stages.models import Model, file_hash, fitting_model
-from pipeline.stages.shard import Shard, ShardResult
 
 NAME = "motifs"
 VERSION = 1

@@ -15,23 +15,22 @@ from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
-
-from pipeline.config import LakeConfig, config_hash
-from pipeline.errors import UserError
-from pipeline.lake.catalog import Connection, fetch
-from pipeline.lake.layout import Lake
-from pipeline.lake.parts import replacing, write_part
-from pipeline.stages import words
-from pipeline.stages.derived import PART_KEYS, Part, derive, due
-from pipeline.stages.models import Model, fitting_model
-from pipeline.stages.shard import Shard, ShardResult
-from pipeline.words.config import NeighboursConfig
-from pipeline.words.dtw import Index
-from pipeline.words.features import Float32Array, WordConfig
-from pipeline.words.frame_distance import Metric
-from pipeline.words.neighbour_files import load_searched, save_searched
-from pipeline.words.neighbours import Neighbours, Searched, prepare, search
-from pipeline.words.word_set import WordSet
+from motionlake.deep_motifs.words.config import NeighboursConfig
+from motionlake.deep_motifs.words.dtw import Index
+from motionlake.deep_motifs.words.neighbour_files import load_searched, save_searched
+from motionlake.deep_motifs.words.neighbours import Neighbours, Searched, prepare, search
+from motionlake.deep_motifs.words.word_set import WordSet
+from motionlake.errors import UserError
+from motionlake.lake.catalog import Connection, fetch
+from motionlake.lake.config import LakeConfig, config_hash
+from motionlake.lake.layout import Lake
+from motionlake.lake.models import Model, fitting_model
+from motionlake.lake.parts import replacing, write_part
+from motionlake.motion.features import Float32Array, WordConfig
+from motionlake.motion.frame_distance import Metric
+from motionlake.stages import words
+from motionlake.stages.derived import PART_KEYS, Part, derive, due
+from motionlake.stages.shard import Shard, ShardResult
 
 NAME = "neighbours"
 VERSION = 1
@@ -57,7 +56,7 @@ def fitting_index(con: Connection, config: LakeConfig) -> Model | None:
 
 def missing_words(con: Connection, config: LakeConfig) -> int:
     """How many parts lack the words that an index is made of."""
-    done = {r["key"] for r in fetch(con, "queries/shards.sql", {"stage": words.NAME}) if r["state"] == "ok"}
+    done = {r["key"] for r in fetch(con, "shards", {"stage": words.NAME}) if r["state"] == "ok"}
     return sum(p.key not in done for p in words.keyed(con, config.words))
 
 
@@ -67,7 +66,7 @@ def fit(con: Connection, lake: Lake, config: LakeConfig, file: str) -> dict[str,
     Raises:
         UserError: fewer than two clips have words.
     """
-    clips = fetch(con, "queries/words_per_clip.sql")
+    clips = fetch(con, "words_per_clip")
     if len(clips) < 2:
         raise UserError(f"{lake.root}: neighbours are sought in other clips, and {len(clips)} have words")
     live = {p.part: p.key for p in words.keyed(con, config.words)}
@@ -103,7 +102,7 @@ def pending(con: Connection, config: LakeConfig) -> int:
     """How many parts lack their neighbours."""
     index = fitting_index(con, config)
     parts = keyed(con, config, index) if index else []
-    done = {r["key"] for r in fetch(con, "queries/shards.sql", {"stage": NAME}) if r["state"] == "ok"}
+    done = {r["key"] for r in fetch(con, "shards", {"stage": NAME}) if r["state"] == "ok"}
     return sum(p.key not in done for p in parts) if index else len(words.keyed(con, config.words))
 
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from pipeline.config import LakeConfig
-from pipeline.lake.catalog import Connection, fetch
-from pipeline.lake.layout import Lake
-from pipeline.postures.recipe import training_seconds
-from pipeline.stages import (
+from motionlake.deep_motifs.words import shipped
+from motionlake.lake.catalog import Connection, fetch
+from motionlake.lake.config import LakeConfig
+from motionlake.lake.layout import Lake
+from motionlake.pesta.postures.recipe import training_seconds
+from motionlake.stages import (
     descriptors,
     embed,
     frames,
@@ -23,8 +24,7 @@ from pipeline.stages import (
     transitions,
     words,
 )
-from pipeline.stages.derived import Part
-from pipeline.words import shipped
+from motionlake.stages.derived import Part
 
 
 def outlook(con: Connection, config: LakeConfig, stages: Sequence[str], *, refit: bool) -> list[str]:
@@ -124,9 +124,9 @@ def pending(con: Connection, lake: Lake, config: LakeConfig) -> dict[str, int]:
     wanted[descriptors.NAME] = descriptors.keyed(con, lake, described) if described else None
     second = submotions.fitting_network(con, config)
     wanted[submotions.NAME] = submotions.keyed(con, lake, second) if second else None
-    due = {frames.NAME: sum(r["state"] == "planned" for r in fetch(con, "queries/shards.sql", {"stage": frames.NAME}))}
+    due = {frames.NAME: sum(r["state"] == "planned" for r in fetch(con, "shards", {"stage": frames.NAME}))}
     for stage, parts in wanted.items():
-        done = {r["key"] for r in fetch(con, "queries/shards.sql", {"stage": stage}) if r["state"] == "ok"}
+        done = {r["key"] for r in fetch(con, "shards", {"stage": stage}) if r["state"] == "ok"}
         due[stage] = len(wanted[words.NAME] or []) if parts is None else sum(p.key not in done for p in parts)
     due[neighbours.NAME] = neighbours.pending(con, config)
     due[transitions.NAME] = transitions.pending(con, lake, config)
@@ -136,5 +136,5 @@ def pending(con: Connection, lake: Lake, config: LakeConfig) -> dict[str, int]:
 
 def _words(con: Connection, config: LakeConfig) -> int:
     """Words of the lake; from its seconds where they are not cut yet."""
-    seconds = fetch(con, "queries/total_seconds.sql")[0]["seconds"]
+    seconds = fetch(con, "total_seconds")[0]["seconds"]
     return int(seconds * config.words.fps / config.words.stride) or config.network.max_words

@@ -14,24 +14,23 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
+from motionlake.errors import UserError
+from motionlake.lake import frames
+from motionlake.lake.catalog import Connection, fetch
+from motionlake.lake.config import LakeConfig, config_hash
+from motionlake.lake.layout import Lake
+from motionlake.lake.models import Model, checkpoint_file, copy_weights, file_hash, fitting_model, save_model
+from motionlake.lake.parts import PartWriter, check_part, replacing
+from motionlake.motion.features import Float32Array, word_features
+from motionlake.pesta.postures import shipped
+from motionlake.pesta.postures.config import ENOUGH
+from motionlake.stages.derived import PART_KEYS, Part, derive, due, frames_parts
+from motionlake.stages.shard import Shard, ShardResult
 from numpy.typing import NDArray
 from safetensors import safe_open
 
-from pipeline import frames
-from pipeline.config import LakeConfig, config_hash
-from pipeline.errors import UserError
-from pipeline.lake.catalog import Connection, fetch
-from pipeline.lake.layout import Lake
-from pipeline.lake.parts import PartWriter, check_part, replacing
-from pipeline.postures import shipped
-from pipeline.postures.config import ENOUGH
-from pipeline.stages.derived import PART_KEYS, Part, derive, due, frames_parts
-from pipeline.stages.models import Model, checkpoint_file, copy_weights, file_hash, fitting_model, save_model
-from pipeline.stages.shard import Shard, ShardResult
-from pipeline.words.features import Float32Array, word_features
-
 if TYPE_CHECKING:
-    from pipeline.postures.dictionary import PostureDictionary
+    from motionlake.pesta.postures.dictionary import PostureDictionary
 
 NAME = "postures"
 VERSION = 1
@@ -61,13 +60,13 @@ def takes_ready_made(con: Connection, config: LakeConfig) -> bool:
 
 def count(con: Connection, config: LakeConfig) -> float:
     """About how many postures the lake holds."""
-    seconds = sum(row["frames"] / row["fps"] for row in fetch(con, "queries/clip_lengths.sql"))
+    seconds = sum(row["frames"] / row["fps"] for row in fetch(con, "clip_lengths"))
     return float(config.postures.fps * seconds)
 
 
 def training_sample(con: Connection, lake: Lake, config: LakeConfig) -> list[Float32Array]:
     """[T, D] postures of clips drawn at random, of each the same share, up to `max_postures`; in order of the clips."""
-    rows = fetch(con, "queries/clip_lengths.sql")
+    rows = fetch(con, "clip_lengths")
     random = np.random.default_rng(config.postures.seed)
     chosen = sorted(random.permutation(len(rows))[:MOST_CLIPS].tolist())
     clips = {rows[i]["clip"]: rows[i] for i in chosen}
@@ -100,7 +99,7 @@ def train(
     Raises:
         UserError: the lake holds fewer postures than symbols are asked for.
     """
-    from pipeline.postures.fitting import fit_dictionary
+    from motionlake.pesta.postures.fitting import fit_dictionary
 
     checkpoint = checkpoint_file(lake, "postures")
     count = sum(map(len, features))
@@ -117,7 +116,7 @@ def train(
 
 def take_weights(lake: Lake, _config: LakeConfig, weights: Path, file: str) -> dict[str, Any]:
     """Copy a ready-made dictionary into the lake as `file`; returns its figures."""
-    from pipeline.postures.dictionary import METADATA_KEY
+    from motionlake.pesta.postures.dictionary import METADATA_KEY
 
     with safe_open(weights, framework="numpy") as tensors:
         figures = json.loads(tensors.metadata()[METADATA_KEY])["figures"]
@@ -131,7 +130,7 @@ def keyed(con: Connection, lake: Lake, dictionary: Model) -> list[Part]:
 
 def plan(con: Connection, lake: Lake, dictionary: Model) -> list[Shard]:
     def spec(part: Part) -> dict[str, object]:
-        rows = fetch(con, "queries/rates.sql", {"part": part.part})
+        rows = fetch(con, "rates", {"part": part.part})
         return {"dictionary": dictionary.file, "fps": {r["clip"]: r["fps"] for r in rows}}
 
     return due(con, NAME, "frames", keyed(con, lake, dictionary), spec)
@@ -143,7 +142,7 @@ def codes_file(key: str) -> str:
 
 def run(lake_root: Path, shard: Shard) -> ShardResult:
     """The symbol of every posture of every clip of one frames part."""
-    from pipeline.postures.dictionary import load_dictionary
+    from motionlake.pesta.postures.dictionary import load_dictionary
 
     started = time.perf_counter()
     lake = Lake(lake_root)

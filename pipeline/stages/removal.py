@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from pipeline.errors import UserError
-from pipeline.lake.catalog import Connection, fetch, load_rows, reading, run_sql, table_of, writing
-from pipeline.lake.layout import Lake
-from pipeline.stages.frames import SOURCE_ROWS
-from pipeline.stages.resolve import resolve_clip
+from motionlake.errors import UserError
+from motionlake.lake.catalog import Connection, fetch, load_rows, reading, run_sql, table_of, writing
+from motionlake.lake.layout import Lake
+from motionlake.lake.resolve import resolve_clip
+from motionlake.stages.frames import SOURCE_ROWS
 
 
 @dataclass(frozen=True)
@@ -33,20 +33,20 @@ def sources_of(con: Connection, names: Sequence[str]) -> list[Source]:
     Raises:
         UserError: no clip or several are meant by a name.
     """
-    known = {row["dataset"] for row in fetch(con, "queries/status_datasets.sql")}
+    known = {row["dataset"] for row in fetch(con, "status_datasets")}
     for name in names:
-        if name in known and not fetch(con, "queries/find_clip.sql", {"name": name}):
+        if name in known and not fetch(con, "find_clip", {"name": name}):
             raise UserError(f"{name}: is a dataset; `motionlake remove --dataset {name}` removes all of it")
     return [
         {"dataset": row["dataset"], "path": row["path"]}
         for name in names
-        for row in fetch(con, "queries/clip.sql", {"clip": resolve_clip(con, name)})
+        for row in fetch(con, "clip", {"clip": resolve_clip(con, name)})
     ]
 
 
 def gone_sources(con: Connection) -> list[Source]:
     """Every source file the lake knows that is not on disk any more."""
-    rows = fetch(con, "queries/all_sources.sql")
+    rows = fetch(con, "all_sources")
     return [
         {"dataset": r["dataset"], "path": r["path"]} for r in rows if not Path(r["root"]).joinpath(r["path"]).exists()
     ]
@@ -59,15 +59,15 @@ def remove_dataset(lake: Lake, dataset: str) -> Removal:
         UserError: there is no such dataset.
     """
     with reading(lake) as con:
-        rows = fetch(con, "queries/sources_of.sql", {"dataset": dataset})
-        made = fetch(con, "queries/synthetic_paths.sql", {"dataset": dataset})
-        known = {r["dataset"] for name in ("roots", "synthetic_datasets") for r in fetch(con, f"queries/{name}.sql")}
+        rows = fetch(con, "sources_of", {"dataset": dataset})
+        made = fetch(con, "synthetic_paths", {"dataset": dataset})
+        known = {r["dataset"] for name in ("roots", "synthetic_datasets") for r in fetch(con, name)}
     if not rows and dataset not in known:
         raise UserError(f"{dataset}: no such dataset in {lake.root}; it holds {', '.join(sorted(known)) or 'none'}")
     paths = {r["path"] for r in rows} | {r["path"] for r in made}
     removed = remove_sources(lake, [{"dataset": dataset, "path": path} for path in sorted(paths)])
     with writing(lake) as con:
-        run_sql(con, "queries/forget_roots.sql", {"dataset": dataset})
+        run_sql(con, "forget_roots", {"dataset": dataset})
     return removed
 
 
@@ -77,14 +77,14 @@ def remove_sources(lake: Lake, sources: Sequence[Source]) -> Removal:
         return Removal(0, 0)
     with writing(lake) as con:
         clips, files = _clips(con), _files(con)
-        load_rows(con, "queries/forget_sources.sql", table_of(sources, SOURCE_ROWS))
-        run_sql(con, "queries/forget_orphans.sql")
+        load_rows(con, "forget_sources", table_of(sources, SOURCE_ROWS))
+        run_sql(con, "forget_orphans")
         return Removal(clips - _clips(con), files - _files(con))
 
 
 def _files(con: Connection) -> int:
-    return int(fetch(con, "queries/count_sources.sql")[0]["sources"])
+    return int(fetch(con, "count_sources")[0]["sources"])
 
 
 def _clips(con: Connection) -> int:
-    return int(fetch(con, "queries/count_clips.sql")[0]["clips"])
+    return int(fetch(con, "count_clips")[0]["clips"])

@@ -8,8 +8,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 import pyarrow as pa
-
-from pipeline.lake.catalog import Connection
+from motionlake.lake.catalog import Connection
 
 
 @dataclass(frozen=True)

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from pipeline.config import LakeConfig
-from pipeline.lake.catalog import Connection, fetch, run_sql
-from pipeline.lake.layout import Lake
-from pipeline.stages import motifs
-from pipeline.stages.derived import Part, derive, due
-from pipeline.stages.models import Model
-from pipeline.stages.shard import Shard, ShardResult
+from motionlake.lake.catalog import Connection, fetch, run_sql
+from motionlake.lake.config import LakeConfig
+from motionlake.lake.layout import Lake
+from motionlake.lake.models import Model
+from motionlake.stages import motifs
+from motionlake.stages.derived import Part, derive, due
+from motionlake.stages.shard import Shard, ShardResult
 
 NAME = "signatures"
 VERSION = 1
@@ -47,7 +47,7 @@ def load(con: Connection, root: Path, results: Sequence[ShardResult]) -> None:
     not compare.
     """
     spec = results[0].shard.spec
-    served = fetch(con, "queries/served_motifs.sql")
+    served = fetch(con, "served_motifs")
     parameters = {
         "parts": [r.shard.part for r in results],
         "files": [str(root / r.shard.spec["assigned"]) for r in results],
@@ -56,8 +56,8 @@ def load(con: Connection, root: Path, results: Sequence[ShardResult]) -> None:
     }
     new_motifs = not served or served[0]["model"] != spec["model"]
     if new_motifs:
-        run_sql(con, "queries/clear_motifs.sql")
-    run_sql(con, "queries/load_word_motifs.sql", parameters)
+        run_sql(con, "clear_motifs")
+    run_sql(con, "load_word_motifs", parameters)
     if new_motifs:
-        run_sql(con, "queries/load_motifs.sql", parameters)
-    run_sql(con, "queries/make_signatures.sql", parameters)
+        run_sql(con, "load_motifs", parameters)
+    run_sql(con, "make_signatures", parameters)

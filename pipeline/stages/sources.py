@@ -11,11 +11,11 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from pipeline.config import FramesConfig, config_hash
-from pipeline.errors import ClipError, UserError
-from pipeline.formats import companions, is_clip
-from pipeline.lake.catalog import Connection, fetch
-from pipeline.lake.layout import Lake
+from motionlake.errors import ClipError, UserError
+from motionlake.formats import companions, is_clip
+from motionlake.lake.catalog import Connection, fetch
+from motionlake.lake.config import FramesConfig, config_hash
+from motionlake.lake.layout import Lake
 
 UNITS = {"m": 1.0, "dm": 0.1, "cm": 0.01, "mm": 0.001, "in": 0.0254, "ft": 0.3048}
 UPS = ("x", "y", "z", "-x", "-y", "-z")
@@ -95,7 +95,7 @@ def user_rigs_hash(lake: Lake) -> str:
 
 
 def known_roots(con: Connection) -> list[Root]:
-    rows = fetch(con, "queries/roots.sql")
+    rows = fetch(con, "roots")
     return [Root(r["dataset"], r["root"], IngestOptions(**json.loads(r["options"]))) for r in rows]
 
 
@@ -193,12 +193,12 @@ def compare(
         UserError: the dataset holds synthetic clips, or clips of another root under the same paths.
     """
     base = root.base
-    if root.dataset in {r["dataset"] for r in fetch(con, "queries/synthetic_datasets.sql")}:
+    if root.dataset in {r["dataset"] for r in fetch(con, "synthetic_datasets")}:
         raise UserError(
             f"dataset {root.dataset}: holds synthetic clips; give {root.root} a dataset of its own (--dataset NAME)"
         )
-    known = {r["path"]: r for r in fetch(con, "queries/sources_of.sql", {"dataset": root.dataset})}
-    rejected = {r["path"] for r in fetch(con, "queries/rejects_of.sql", {"dataset": root.dataset})}
+    known = {r["path"]: r for r in fetch(con, "sources_of", {"dataset": root.dataset})}
+    rejected = {r["path"] for r in fetch(con, "rejects_of", {"dataset": root.dataset})}
     found = list(scan(Path(root.root), lake))
     _refuse_collisions(root, known, found)
     suspects, unchanged = [], 0

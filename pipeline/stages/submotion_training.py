@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from typing import Any
 
-from pipeline.descriptors.config import DescriptorsConfig
-from pipeline.descriptors.submotion import Progress, train_submotion
-from pipeline.descriptors.submotion_config import SubmotionConfig
-from pipeline.descriptors.submotion_trained import TrainedSubmotion
-from pipeline.errors import UserError
-from pipeline.lake.catalog import Connection
-from pipeline.lake.layout import Lake
-from pipeline.stages import descriptors
-from pipeline.stages.descriptor_training import TrainingSet, training_set
-from pipeline.stages.models import Model, checkpoint_file, save_model
+from motionlake.deephums.descriptors.config import DescriptorsConfig
+from motionlake.deephums.submotions.config import SubmotionConfig
+from motionlake.deephums.submotions.encoder import Progress, train_submotion
+from motionlake.deephums.submotions.trained import TrainedSubmotion
+from motionlake.errors import UserError
+from motionlake.lake.catalog import Connection
+from motionlake.lake.layout import Lake
+from motionlake.lake.models import Model, checkpoint_file, save_model
+from motionlake.stages import descriptors
+from motionlake.stages.descriptor_training import TrainingSet, training_set
 
 
 def submotion_set(
@@ -62,7 +62,7 @@ def train(
     sequences = [clip.sequence for clip in material.clips]
     targets = None
     if first is not None:
-        from pipeline.descriptors.trained import load_descriptor
+        from motionlake.deephums.descriptors.trained import load_descriptor
 
         targets = load_descriptor(lake.path(first.file)).embed(sequences)
     checkpoint = checkpoint_file(lake, "submotion")

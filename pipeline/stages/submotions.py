@@ -12,20 +12,19 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
-
-from pipeline import frames
-from pipeline.config import LakeConfig, config_hash
-from pipeline.descriptors import shipped_submotion
-from pipeline.descriptors.config import DIMENSION
-from pipeline.descriptors.pieces import piece_windows
-from pipeline.descriptors.sequence import clip_sequence
-from pipeline.lake.catalog import Connection, fetch, run_sql
-from pipeline.lake.layout import Lake
-from pipeline.lake.parts import write_part
-from pipeline.stages.derived import Part, derive, due, frames_parts
-from pipeline.stages.models import Model, copy_weights, file_hash, fitting_model, model_of
-from pipeline.stages.shard import Shard, ShardResult
-from pipeline.words.features import Float32Array
+from motionlake.deephums.descriptors.config import DIMENSION
+from motionlake.deephums.descriptors.sequence import clip_sequence
+from motionlake.deephums.submotions import shipped as shipped_submotion
+from motionlake.deephums.submotions.pieces import piece_windows
+from motionlake.lake import frames
+from motionlake.lake.catalog import Connection, fetch, run_sql
+from motionlake.lake.config import LakeConfig, config_hash
+from motionlake.lake.layout import Lake
+from motionlake.lake.models import Model, copy_weights, file_hash, fitting_model, model_of
+from motionlake.lake.parts import write_part
+from motionlake.motion.features import Float32Array
+from motionlake.stages.derived import Part, derive, due, frames_parts
+from motionlake.stages.shard import Shard, ShardResult
 
 NAME = "submotions"
 VERSION = 1
@@ -60,7 +59,7 @@ def takes_ready_made(_con: Connection, config: LakeConfig) -> bool:
 
 def take_weights(lake: Lake, _config: LakeConfig, weights: Path, file: str) -> dict[str, Any]:
     """Copy a ready-made network into the lake as `file`; returns its figures."""
-    from pipeline.descriptors.submotion_trained import load_submotion
+    from motionlake.deephums.submotions.trained import load_submotion
 
     return copy_weights(lake, weights, file, load_submotion(weights).figures, "clips", "loss")
 
@@ -72,10 +71,10 @@ def keyed(con: Connection, lake: Lake, network: Model) -> list[Part]:
 
 def plan(con: Connection, lake: Lake, network: Model) -> list[Shard]:
     described = network.figures.get("descriptors")  # recipe "deephums": the network it was trained to agree with
-    first = fetch(con, "queries/model_file.sql", {"model": described})[0]["file"] if described else None
+    first = fetch(con, "model_file", {"model": described})[0]["file"] if described else None
 
     def spec(part: Part) -> dict[str, object]:
-        rows = fetch(con, "queries/rates.sql", {"part": part.part})
+        rows = fetch(con, "rates", {"part": part.part})
         rates = {r["clip"]: r["fps"] for r in rows}
         return {"network": network.file, "model": network.model, "descriptors": first, "fps": rates}
 
@@ -113,10 +112,10 @@ def _reader(lake: Lake, spec: Mapping[str, Any]) -> tuple[Embed, Callable[[int, 
     Recipe "deephums" compares pieces with the descriptors that the first network gives to whole clips.
     """
     if spec["descriptors"] is None:
-        from pipeline.descriptors.submotion_trained import load_submotion
+        from motionlake.deephums.submotions.trained import load_submotion
 
         return load_submotion(lake.path(spec["network"])).embed, piece_windows
-    from pipeline.descriptors.trained import load_descriptor
+    from motionlake.deephums.descriptors.trained import load_descriptor
 
     return load_descriptor(lake.path(spec["descriptors"])).embed, lambda n_frames, _fps: [(0, n_frames)]
 
@@ -130,9 +129,9 @@ def _rows(names: list[str], windows: list[Window], vectors: Float32Array, part: 
 
 def served_network(con: Connection) -> Model | None:
     """The network whose windows the lake serves: those of another do not compare with them."""
-    if not fetch(con, "queries/has_submotions_table.sql"):
+    if not fetch(con, "has_submotions_table"):
         return None  # a lake made before there were any
-    rows = fetch(con, "queries/served_submotions.sql")
+    rows = fetch(con, "served_submotions")
     return model_of(rows[0]) if rows else None
 
 
@@ -143,4 +142,4 @@ def load(con: Connection, root: Path, results: Sequence[ShardResult]) -> None:
         "parts": [r.shard.part for r in results],
         "files": [str(root / rows_file(r.shard.key)) for r in results],
     }
-    run_sql(con, "queries/load_submotions.sql", parameters)
+    run_sql(con, "load_submotions", parameters)

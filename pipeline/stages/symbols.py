@@ -10,20 +10,19 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pyarrow as pa
+from motionlake.lake.catalog import Connection, fetch, load_rows, run_sql
+from motionlake.lake.config import LakeConfig
+from motionlake.lake.layout import Lake
+from motionlake.lake.models import Model
+from motionlake.lake.parts import write_part
+from motionlake.pesta.symbols.config import SymbolsConfig
+from motionlake.stages import postures
+from motionlake.stages.derived import Part, derive, due
+from motionlake.stages.shard import Shard, ShardResult
 from safetensors import safe_open
 
-from pipeline.config import LakeConfig
-from pipeline.lake.catalog import Connection, fetch, load_rows, run_sql
-from pipeline.lake.layout import Lake
-from pipeline.lake.parts import write_part
-from pipeline.stages import postures
-from pipeline.stages.derived import Part, derive, due
-from pipeline.stages.models import Model
-from pipeline.stages.shard import Shard, ShardResult
-from pipeline.symbols.config import SymbolsConfig
-
 if TYPE_CHECKING:
-    from pipeline.symbols.strings import SymbolString
+    from motionlake.pesta.symbols.strings import SymbolString
 
 NAME = "symbols"
 VERSION = 1
@@ -45,7 +44,7 @@ def keyed(con: Connection, lake: Lake, config: LakeConfig, dictionary: Model) ->
 
 def plan(con: Connection, lake: Lake, config: LakeConfig, dictionary: Model) -> list[Shard]:
     def spec(part: Part) -> dict[str, object]:
-        rows = fetch(con, "queries/part_clips.sql", {"part": part.part})
+        rows = fetch(con, "part_clips", {"part": part.part})
         return {
             "codes": postures.codes_file(part.upstream),
             "codes_fps": config.postures.fps,
@@ -64,7 +63,7 @@ def rows_file(key: str) -> str:
 
 def run(lake_root: Path, shard: Shard) -> ShardResult:
     """The string of every clip of one part of coded postures."""
-    from pipeline.symbols.strings import symbolise
+    from motionlake.pesta.symbols.strings import symbolise
 
     started = time.perf_counter()
     lake = Lake(lake_root)
@@ -92,14 +91,14 @@ def _rows(names: list[str], strings: list[SymbolString], part: str) -> pa.Table:
 
 def served_model(con: Connection) -> str | None:
     """The name of the dictionary whose strings the lake serves."""
-    rows = fetch(con, "queries/served_postures.sql")
+    rows = fetch(con, "served_postures")
     return str(rows[0]["model"]) if rows else None
 
 
 def see_tables(con: Connection) -> None:
     """Let a connection see empty tables in a lake made before there were strings."""
-    if not fetch(con, "queries/has_symbol_tables.sql"):
-        run_sql(con, "queries/no_symbol_tables.sql")
+    if not fetch(con, "has_symbol_tables"):
+        run_sql(con, "no_symbol_tables")
 
 
 def load(con: Connection, root: Path, results: Sequence[ShardResult]) -> None:
@@ -111,14 +110,14 @@ def load(con: Connection, root: Path, results: Sequence[ShardResult]) -> None:
     spec = results[0].shard.spec
     new = served_model(con) != spec["model"]
     if new:
-        run_sql(con, "queries/clear_symbols.sql")
+        run_sql(con, "clear_symbols")
     parts = [r.shard.part for r in results]
     staged = [str(root / rows_file(r.shard.key)) for r in results]
-    run_sql(con, "queries/load_symbols.sql", {"parts": parts, "files": staged})
+    run_sql(con, "load_symbols", {"parts": parts, "files": staged})
     if new:
         codes = [str(root / r.shard.spec["codes"]) for r in results]
         rows = _postures(root / spec["dictionary"])
-        load_rows(con, "queries/load_postures.sql", rows, {"codes": codes, "model": spec["model"]})
+        load_rows(con, "load_postures", rows, {"codes": codes, "model": spec["model"]})
 
 
 def _postures(file: Path) -> pa.Table:

@@ -7,15 +7,15 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pipeline.config import LakeConfig, config_hash
-from pipeline.errors import UserError
-from pipeline.lake.catalog import Connection, fetch
-from pipeline.lake.layout import Lake
-from pipeline.stages.models import Model, copy_weights, current_model, fitting_model
-from pipeline.synthesis import shipped
+from motionlake.errors import UserError
+from motionlake.glogen.generator import shipped
+from motionlake.lake.catalog import Connection, fetch
+from motionlake.lake.config import LakeConfig, config_hash
+from motionlake.lake.layout import Lake
+from motionlake.lake.models import Model, copy_weights, current_model, fitting_model
 
 if TYPE_CHECKING:
-    from pipeline.synthesis.generator import TrainedGenerator
+    from motionlake.glogen.generator.generator import TrainedGenerator
 
 NAME = "synth"
 VERSION = 4
@@ -42,12 +42,12 @@ def takes_ready_made(con: Connection, config: LakeConfig) -> bool:
 
 def classed_motions(con: Connection, split: str | None = None, label: str | None = None) -> list[dict[str, Any]]:
     """Recorded motion of known class: of a split, of a class; of any where these are None."""
-    return fetch(con, "queries/classed_motions.sql", {"dataset": None, "split": split, "label": label})
+    return fetch(con, "classed_motions", {"dataset": None, "split": split, "label": label})
 
 
 def take_weights(lake: Lake, _config: LakeConfig, weights: Path, file: str) -> dict[str, Any]:
     """Copy a ready-made generator into the lake as `file`; returns its figures."""
-    from pipeline.synthesis.generator import load_generator
+    from motionlake.glogen.generator.generator import load_generator
 
     kept = ("clips", "class_names", "datasets", "licences", "filled", "split", "dataset")
     return copy_weights(lake, weights, file, load_generator(weights).figures, *kept)
@@ -85,7 +85,7 @@ def open_generator(lake: Lake, model: Model) -> TrainedGenerator:
     Raises:
         UserError: its file holds something else, or a generator of another skeleton.
     """
-    from pipeline.synthesis.generator import load_generator
+    from motionlake.glogen.generator.generator import load_generator
 
     try:
         return load_generator(lake.path(model.file))
@@ -113,8 +113,8 @@ def check_classes(model: Model, classes: tuple[str, ...]) -> None:
 
 def long_enough(row: Mapping[str, Any]) -> bool:
     """Whether frames [start, stop) of a clip are enough to start from, and to learn from."""
-    from pipeline.synthesis.start import SHORTEST
-    from pipeline.trajectories.motion import FPS
+    from motionlake.glogen.generator.start import SHORTEST
+    from motionlake.glogen.trajectories.motion import FPS
 
     return bool(round((row["stop"] - row["start"] - 1) / row["fps"] * FPS) + 1 >= SHORTEST)
 

@@ -6,15 +6,15 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from pipeline.errors import UserError
-from pipeline.lake.catalog import Connection, fetch
-from pipeline.lake.layout import Lake
-from pipeline.stages.frames import clips_key
-from pipeline.stages.models import checkpoint_file, save_model
-from pipeline.stages.synthesis import long_enough
-from pipeline.stages.training_clips import chosen_clips, drawn_clips, frames_of_clips
-from pipeline.synthesis.config import SynthesisConfig
-from pipeline.synthesis.training import Progress, TrainingMotion, train_generator
+from motionlake.errors import UserError
+from motionlake.glogen.generator.config import SynthesisConfig
+from motionlake.glogen.generator.training import Progress, TrainingMotion, train_generator
+from motionlake.lake.catalog import Connection, fetch
+from motionlake.lake.layout import Lake
+from motionlake.lake.models import checkpoint_file, save_model
+from motionlake.stages.frames import clips_key
+from motionlake.stages.synthesis import long_enough
+from motionlake.stages.training_clips import chosen_clips, drawn_clips, frames_of_clips
 
 # Of more frames than these, motions are drawn at random: a GiB of positions.
 MOST_FRAMES = 2_000_000
@@ -44,7 +44,7 @@ def motion_set(
     Raises:
         UserError: there is no such dataset or split, nothing in it has a label, or all that has is too short.
     """
-    rows = chosen_clips(con, lake, split, dataset, "queries/classed_motions.sql")
+    rows = chosen_clips(con, lake, split, dataset, "classed_motions")
     if not rows:
         _refuse_unlabelled(con, lake, split, dataset)
         return None
@@ -65,7 +65,7 @@ def motion_set(
 
 
 def _refuse_unlabelled(con: Connection, lake: Lake, split: str | None, dataset: str | None) -> None:
-    clips = fetch(con, "queries/training_clips.sql", {"split": split, "dataset": dataset})
+    clips = fetch(con, "training_clips", {"split": split, "dataset": dataset})
     if clips:
         raise UserError(
             f"{lake.root}: none of the {len(clips)} clips to train on has a label, and a generator learns motion by "

@@ -9,18 +9,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-
-from pipeline.errors import UserError
-from pipeline.lake.catalog import Connection, fetch
-from pipeline.lake.layout import Lake
-from pipeline.stages.clip_files import first_body
-from pipeline.stages.sources import content_hash
-from pipeline.stages.synthesis import classed_motions, long_enough
-from pipeline.stages.training_clips import check_chosen, frames_of_clips
-from pipeline.synthesis.wishes import Seed, Synthesized, Wish
+from motionlake.errors import UserError
+from motionlake.glogen.generator.wishes import Seed, Synthesized, Wish
+from motionlake.lake.catalog import Connection, fetch
+from motionlake.lake.layout import Lake
+from motionlake.stages.clip_files import first_body
+from motionlake.stages.sources import content_hash
+from motionlake.stages.synthesis import classed_motions, long_enough
+from motionlake.stages.training_clips import check_chosen, frames_of_clips
 
 if TYPE_CHECKING:
-    from pipeline.synthesis.generator import TrainedGenerator
+    from motionlake.glogen.generator.generator import TrainedGenerator
 
 LONGEST: Final = 3600.0  # seconds of one motion
 
@@ -112,7 +111,7 @@ def find_starts(con: Connection, lake: Lake, request: Request) -> list[Start]:
     if request.start is not None and request.outside:
         return [_outside(lake, Path(request.start))]
     if request.start is not None:
-        row = fetch(con, "queries/clip.sql", {"clip": request.start})[0]
+        row = fetch(con, "clip", {"clip": request.start})[0]
         if row["format"] == "synthetic":
             raise UserError(f"{request.start}: is synthetic; start from a recorded clip")
         return [_start(row | {"start": 0, "stop": row["frames"]})]
@@ -126,7 +125,7 @@ def find_starts(con: Connection, lake: Lake, request: Request) -> list[Start]:
                 f"{lake.root}: has no recorded clip{where} of class {wanted} to start from; name another with --from "
                 "CLIP"
             )
-        rows = fetch(con, "queries/recorded_motions.sql", {"split": request.split})
+        rows = fetch(con, "recorded_motions", {"split": request.split})
     long = [_start(row) for row in rows if long_enough(row)]
     if not long:
         raise UserError(

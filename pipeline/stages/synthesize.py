@@ -12,22 +12,21 @@ from pathlib import Path
 from typing import Any, Final
 
 import pyarrow as pa
-
-from pipeline import raw
-from pipeline.config import FramesConfig, LakeConfig, canonical_json, config_hash
-from pipeline.errors import UserError
-from pipeline.lake.catalog import Connection, fetch, load_rows, run_sql, table_of
-from pipeline.lake.layout import Lake
-from pipeline.lake.parts import check_part
-from pipeline.skeleton.canonicalise import CanonicalMotion
-from pipeline.skeleton.retarget import to_source_clip
-from pipeline.stages.frame_parts import FrameParts
-from pipeline.stages.frames import CLIP_ROWS, LAYOUT_ROWS, SKELETON_ROWS
-from pipeline.stages.models import Model, file_hash
-from pipeline.stages.shard import Shard, ShardResult, tables_of
-from pipeline.stages.synthesis import open_generator
-from pipeline.stages.synthesis_wishes import Made, Motion, Request, Start, make, motions_of
-from pipeline.stages.synthetic_motion import canonical_motion
+from motionlake.errors import UserError
+from motionlake.lake import raw
+from motionlake.lake.catalog import Connection, fetch, load_rows, run_sql, table_of
+from motionlake.lake.config import FramesConfig, LakeConfig, canonical_json, config_hash
+from motionlake.lake.layout import Lake
+from motionlake.lake.models import Model, file_hash
+from motionlake.lake.parts import check_part
+from motionlake.motion.canonicalise import CanonicalMotion
+from motionlake.motion.retarget import to_source_clip
+from motionlake.stages.frame_parts import FrameParts
+from motionlake.stages.frames import CLIP_ROWS, LAYOUT_ROWS, SKELETON_ROWS
+from motionlake.stages.shard import Shard, ShardResult, tables_of
+from motionlake.stages.synthesis import open_generator
+from motionlake.stages.synthesis_wishes import Made, Motion, Request, Start, make, motions_of
+from motionlake.stages.synthetic_motion import canonical_motion
 
 NAME: Final = "synthesize"
 VERSION: Final = 2
@@ -70,7 +69,7 @@ def motion_path(request: Request, number: int) -> str:
 
 def check_own_dataset(con: Connection, dataset: str) -> None:
     """Raises `UserError` where a dataset holds recorded clips, or files were taken in to it."""
-    if fetch(con, "queries/recorded_dataset.sql", {"dataset": dataset}):
+    if fetch(con, "recorded_dataset", {"dataset": dataset}):
         raise UserError(f"{dataset}: holds recorded clips; give synthetic ones a dataset of their own (--dataset NAME)")
 
 
@@ -113,9 +112,9 @@ def _identity(request: Request, starts: Sequence[Start], motion: Motion) -> list
 
 def _there(con: Connection, dataset: str) -> dict[str, str]:
     """Key of every synthetic clip of a dataset."""
-    if not fetch(con, "queries/has_synthetic_table.sql"):
+    if not fetch(con, "has_synthetic_table"):
         return {}  # a lake made before there were any
-    return {r["clip"]: r["key"] for r in fetch(con, "queries/synthetic_keys.sql", {"dataset": dataset})}
+    return {r["clip"]: r["key"] for r in fetch(con, "synthetic_keys", {"dataset": dataset})}
 
 
 def _spec(
@@ -258,12 +257,10 @@ def _lineage(
 def load(con: Connection, _root: Path, results: Sequence[ShardResult]) -> None:
     """Replace clips of these names, with their segments and lineage; what was derived from them goes too."""
     clips = tables_of(results, "clips")
-    load_rows(con, "queries/forget_sources.sql", clips.select(PATH_ROWS.names))
-    load_rows(con, "queries/load_clips.sql", clips)
-    load_rows(
-        con, "queries/load_synthetic_segments.sql", tables_of(results, "segments"), {"clips": clips["clip"].to_pylist()}
-    )
-    load_rows(con, "queries/load_synthetic.sql", tables_of(results, "synthetic"))
-    load_rows(con, "queries/load_layouts.sql", tables_of(results, "layouts"))
-    load_rows(con, "queries/load_skeletons.sql", tables_of(results, "skeletons"))
-    run_sql(con, "queries/forget_orphans.sql")
+    load_rows(con, "forget_sources", clips.select(PATH_ROWS.names))
+    load_rows(con, "load_clips", clips)
+    load_rows(con, "load_synthetic_segments", tables_of(results, "segments"), {"clips": clips["clip"].to_pylist()})
+    load_rows(con, "load_synthetic", tables_of(results, "synthetic"))
+    load_rows(con, "load_layouts", tables_of(results, "layouts"))
+    load_rows(con, "load_skeletons", tables_of(results, "skeletons"))
+    run_sql(con, "forget_orphans")

@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-
-from pipeline.skeleton.canonicalise import CanonicalMotion, body_height
-from pipeline.skeleton.pose import continuous_signs, forward_kinematics
-from pipeline.skeleton.retarget import METRES_PER_UNIT
-from pipeline.synthesis.wishes import Synthesized
+from motionlake.glogen.generator.wishes import Synthesized
+from motionlake.motion.canonicalise import CanonicalMotion, body_height
+from motionlake.motion.pose import continuous_signs, forward_kinematics
+from motionlake.motion.retarget import METRES_PER_UNIT
 
 
 def canonical_motion(made: Synthesized, filled: Sequence[str] = ()) -> CanonicalMotion:

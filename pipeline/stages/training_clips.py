@@ -6,12 +6,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from motionlake.errors import UserError
+from motionlake.lake import frames
+from motionlake.lake.catalog import Connection, fetch
+from motionlake.lake.layout import Lake
 from numpy.typing import ArrayLike
-
-from pipeline import frames
-from pipeline.errors import UserError
-from pipeline.lake.catalog import Connection, fetch
-from pipeline.lake.layout import Lake
 
 Row = Mapping[str, Any]
 
@@ -21,7 +20,7 @@ def chosen_clips(
     lake: Lake,
     split: str | None,
     dataset: str | None,
-    query: str = "queries/training_clips.sql",
+    query: str = "training_clips",
 ) -> list[dict[str, Any]]:
     """The rows of a query for the recorded clips of a split and of a dataset; none where the lake has no clips.
 
@@ -43,7 +42,7 @@ def chosen_clips(
 
 def check_chosen(con: Connection, lake: Lake, split: str | None, dataset: str | None) -> None:
     """Raises `UserError` where the lake has recorded clips, but none of such a dataset or split."""
-    held = fetch(con, "queries/splits.sql")
+    held = fetch(con, "splits")
     if not held:
         return
     datasets = sorted({row["dataset"] for row in held})

@@ -15,23 +15,23 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
+from motionlake.deep_motifs.corpus import Corpus
+from motionlake.deep_motifs.motion_graph.config import TransitionsConfig
+from motionlake.deep_motifs.motion_graph.context import context_distances
+from motionlake.deep_motifs.motion_graph.transitions import Windowed, candidates, nearest_per_word, windowed
+from motionlake.deep_motifs.words.windows import windows
+from motionlake.lake import frames
+from motionlake.lake.catalog import Connection, fetch, fetch_table, load_rows
+from motionlake.lake.config import LakeConfig, config_hash
+from motionlake.lake.corpus import read_corpus
+from motionlake.lake.layout import Lake
+from motionlake.lake.parts import write_part
+from motionlake.motion.features import WordConfig, body_length, resample
+from motionlake.motion.pose import bone_vectors, world_rotations
+from motionlake.stages import embed, motifs, signatures
+from motionlake.stages.derived import Part, frames_parts
+from motionlake.stages.shard import Shard, ShardResult
 from numpy.typing import NDArray
-
-from pipeline import frames
-from pipeline.config import LakeConfig, config_hash
-from pipeline.corpus import Corpus, read_corpus
-from pipeline.lake.catalog import Connection, fetch, fetch_table, load_rows
-from pipeline.lake.layout import Lake
-from pipeline.lake.parts import write_part
-from pipeline.motiongraph.config import TransitionsConfig
-from pipeline.motiongraph.context import context_distances
-from pipeline.motiongraph.transitions import Windowed, candidates, nearest_per_word, windowed
-from pipeline.skeleton.pose import bone_vectors, world_rotations
-from pipeline.stages import embed, motifs, signatures
-from pipeline.stages.derived import Part, frames_parts
-from pipeline.stages.shard import Shard, ShardResult
-from pipeline.words.features import WordConfig, body_length, resample
-from pipeline.words.windows import windows
 
 NAME = "transitions"
 CONTEXTS = "contexts"
@@ -58,7 +58,7 @@ def pair_shards(con: Connection, parts: Sequence[Part], config: LakeConfig) -> l
     words = config.words
     shaping = asdict(config.transitions) | {"fps": words.fps, "length": words.length, "stride": words.stride}
     del shaping["context"]  # compared anew without comparing frames
-    rates = {p.part: {r["clip"]: r["fps"] for r in fetch(con, "queries/rates.sql", {"part": p.part})} for p in parts}
+    rates = {p.part: {r["clip"]: r["fps"] for r in fetch(con, "rates", {"part": p.part})} for p in parts}
     return [
         Shard(
             NAME,
@@ -105,7 +105,7 @@ def plan_contexts(con: Connection, lake: Lake, config: LakeConfig, dataset: str 
 
 
 def _done(con: Connection, stage: str) -> set[str]:
-    return {r["key"] for r in fetch(con, "queries/shards.sql", {"stage": stage}) if r["state"] == "ok"}
+    return {r["key"] for r in fetch(con, "shards", {"stage": stage}) if r["state"] == "ok"}
 
 
 def candidates_file(key: str) -> str:
@@ -206,10 +206,10 @@ def load_contexts(con: Connection, root: Path, results: Sequence[ShardResult]) -
         spec, dataset = result.shard.spec, result.shard.dataset
         config = TransitionsConfig(**spec["transitions"])
         parameters = {"files": [str(root / f) for f in spec["files"]], "per_word": config.per_word}
-        found = fetch_table(con, "queries/transition_candidates.sql", parameters)
+        found = fetch_table(con, "transition_candidates", parameters)
         distances = contexts(found, read_corpus(con, dataset), config.context)
         rows = found.append_column("context_distance", pa.array(distances, pa.float64()))
-        load_rows(con, "queries/load_transitions.sql", rows, {"dataset": dataset})
+        load_rows(con, "load_transitions", rows, {"dataset": dataset})
 
 
 def contexts(found: pa.Table, corpus: Corpus, context: int) -> NDArray[np.float64]:
@@ -228,5 +228,5 @@ def pending(con: Connection, lake: Lake, config: LakeConfig) -> int:
 
     Where pairs are due, the contexts that hang on them are not counted.
     """
-    asked = sorted({r["dataset"] for r in fetch(con, "queries/shards.sql", {"stage": NAME})})
+    asked = sorted({r["dataset"] for r in fetch(con, "shards", {"stage": NAME})})
     return sum(len(plan(con, config, name)) + len(plan_contexts(con, lake, config, name)) for name in asked)

@@ -11,16 +11,15 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
+from motionlake.deep_motifs.words.windows import native_range, windows
+from motionlake.lake import frames
+from motionlake.lake.catalog import Connection, fetch, run_sql
+from motionlake.lake.layout import Lake
+from motionlake.lake.parts import PartWriter, check_part, replacing, write_part
+from motionlake.motion.features import WordConfig, word_features
+from motionlake.stages.derived import PART_KEYS, Part, derive, due, frames_parts
+from motionlake.stages.shard import Shard, ShardResult
 from numpy.typing import NDArray
-
-from pipeline import frames
-from pipeline.lake.catalog import Connection, fetch, run_sql
-from pipeline.lake.layout import Lake
-from pipeline.lake.parts import PartWriter, check_part, replacing, write_part
-from pipeline.stages.derived import PART_KEYS, Part, derive, due, frames_parts
-from pipeline.stages.shard import Shard, ShardResult
-from pipeline.words.features import WordConfig, word_features
-from pipeline.words.windows import native_range, windows
 
 NAME = "words"
 VERSION = 1
@@ -36,7 +35,7 @@ def keyed(con: Connection, config: WordConfig) -> list[Part]:
 
 def plan(con: Connection, config: WordConfig) -> list[Shard]:
     def spec(part: Part) -> dict[str, Any]:
-        rows = fetch(con, "queries/rates.sql", {"part": part.part})
+        rows = fetch(con, "rates", {"part": part.part})
         return {"config": asdict(config), "fps": {r["clip"]: r["fps"] for r in rows}}
 
     return due(con, NAME, "frames", keyed(con, config), spec)
@@ -112,4 +111,4 @@ def load(con: Connection, root: Path, results: Sequence[ShardResult]) -> None:
         "parts": [r.shard.part for r in results],
         "files": [str(root / rows_file(r.shard.key)) for r in results],
     }
-    run_sql(con, "queries/load_words.sql", parameters)
+    run_sql(con, "load_words", parameters)

@@ -1,1 +1,69 @@
+-- name: plan_shards
+INSERT OR REPLACE INTO manifest BY NAME
+SELECT stage, key, part, dataset, 'planned' AS state, NULL AS reason,
+    coalesce((SELECT m.attempts FROM manifest m WHERE m.stage = r.stage AND m.key = r.key), 0) AS attempts,
+    0 AS rows, 0 AS bytes, spec, [] AS files
+FROM rows r;
+
+-- name: finish_shards
+UPDATE manifest SET state = r.state, reason = r.reason, attempts = manifest.attempts + 1, rows = r.rows,
+    bytes = r.bytes, files = r.files, spec = if(r.state = 'ok', '{}', spec), seconds = r.seconds, finished = now()::TIMESTAMP
+FROM rows r WHERE manifest.stage = r.stage AND manifest.key = r.key;
+-- What the same part gave under another configuration is of no use any more.
+DELETE FROM manifest USING rows r
+WHERE manifest.stage = r.stage AND manifest.part = r.part AND manifest.key <> r.key AND r.state = 'ok';
+
+-- name: shards
 SELECT stage, key, part, dataset, state, reason, attempts, spec, files FROM manifest WHERE stage = $stage ORDER BY key;
+
+-- name: ready_keys
+-- What a stage has made; frames are those of synthetic clips too.
+SELECT key FROM manifest WHERE state = 'ok' AND (stage = $stage OR ($stage = 'frames' AND stage = 'synthesize'));
+
+-- name: drop_shards
+DELETE FROM manifest USING rows r WHERE manifest.stage = r.stage AND manifest.key = r.key;
+
+-- name: failed_shards
+SELECT stage, part, attempts, reason FROM manifest WHERE state = 'failed' ORDER BY ALL LIMIT 20;
+
+-- name: unfinished_shards
+SELECT stage, key, part, dataset, state, reason, spec FROM manifest
+WHERE stage = 'frames' AND dataset = $dataset AND state <> 'ok' ORDER BY key;
+
+-- name: unfinished_of_stage
+SELECT key FROM manifest WHERE stage = $stage AND state <> 'ok' ORDER BY key;
+
+-- name: forget_unfinished
+-- Shards that a run left when it was cut short, but for those that will be run now.
+DELETE FROM manifest
+WHERE stage = $stage AND state <> 'ok' AND key NOT IN (SELECT unnest($keys::VARCHAR[]));
+
+-- name: forget_orphans
+-- Derived rows of clips that are gone or have moved to another part.
+DELETE FROM words WHERE NOT EXISTS (FROM clips c WHERE c.clip = words.clip AND c.part = words.part);
+DELETE FROM word_motifs WHERE NOT EXISTS (FROM clips c WHERE c.clip = word_motifs.clip AND c.part = word_motifs.part);
+DELETE FROM signatures WHERE clip NOT IN (SELECT clip FROM words);
+DELETE FROM mirrored_signatures WHERE clip NOT IN (SELECT clip FROM words);
+DELETE FROM transitions WHERE from_clip NOT IN (SELECT clip FROM words) OR to_clip NOT IN (SELECT clip FROM words);
+DELETE FROM symbol_strings
+WHERE NOT EXISTS (FROM clips c WHERE c.clip = symbol_strings.clip AND c.part = symbol_strings.part);
+DELETE FROM descriptors WHERE NOT EXISTS (FROM clips c WHERE c.clip = descriptors.clip AND c.part = descriptors.part);
+DELETE FROM submotions WHERE NOT EXISTS (FROM clips c WHERE c.clip = submotions.clip AND c.part = submotions.part);
+DELETE FROM synthetic WHERE clip NOT IN (SELECT clip FROM clips WHERE format = 'synthetic');
+DELETE FROM segments WHERE clip NOT IN (SELECT clip FROM clips);
+DELETE FROM layouts WHERE layout NOT IN (SELECT layout FROM clips);
+DELETE FROM skeletons WHERE skeleton NOT IN (SELECT skeleton FROM clips);
+-- A shard may be of several parts ("a+b") or of a whole dataset.
+DELETE FROM manifest
+WHERE state = 'ok' AND NOT list_has_all(
+    (SELECT coalesce(list(part), []) FROM (
+        SELECT part FROM clips UNION SELECT part FROM sources UNION SELECT dataset FROM clips)),
+    string_split(part, '+'));
+
+-- name: live_files
+SELECT unnest(files) AS file FROM manifest WHERE state = 'ok'
+UNION SELECT file FROM models;
+
+-- name: add_run
+INSERT INTO runs
+SELECT coalesce(max(run), 0) + 1, $command, $ok, $failed, $rejected, $started, $finished FROM runs;

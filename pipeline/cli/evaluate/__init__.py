@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import typer
-
-from pipeline.cli.evaluate.descriptor import descriptor
-from pipeline.cli.evaluate.pesta import pesta
-from pipeline.cli.evaluate.segmentation import segmentation
-from pipeline.cli.evaluate.signatures import signatures
-from pipeline.cli.evaluate.synthesis import synthesis
+from motionlake.cli.evaluate.descriptor import descriptor
+from motionlake.cli.evaluate.pesta import pesta
+from motionlake.cli.evaluate.segmentation import segmentation
+from motionlake.cli.evaluate.signatures import signatures
+from motionlake.cli.evaluate.synthesis import synthesis
 
 ABOUT = """Measures on labelled clips of a lake.
 

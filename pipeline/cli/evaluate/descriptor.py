@@ -6,11 +6,10 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-
-from pipeline.cli.common import JsonOption, LakeOption, notice, print_json, print_rows
-from pipeline.cli.evaluate.options import BASELINES, BaselineOption, DatasetOption, target_of
-from pipeline.cli.segment import LabelColumn
-from pipeline.lake.catalog import reading
+from motionlake.cli.common import JsonOption, LakeOption, notice, print_json, print_rows
+from motionlake.cli.evaluate.options import BASELINES, BaselineOption, DatasetOption, target_of
+from motionlake.cli.segment import LabelColumn
+from motionlake.lake.catalog import reading
 
 COLUMNS = ("top1", "top10", "map", "pr_area", "dtw_error_mm", "retrieval_ms", "n")
 
@@ -42,7 +41,7 @@ def descriptor(
 
     Drawn: motionlake evaluate descriptor --dataset utd_mhad --pictures figures --lake mylake
     """
-    from pipeline.evaluating.descriptor import evaluate_descriptor
+    from motionlake.evaluation.descriptor import evaluate_descriptor
 
     target = target_of(lake, dataset, baseline)
     with reading(target) as con:
@@ -51,8 +50,8 @@ def descriptor(
             dtw=BASELINES[baseline], notice=notice,
         )  # fmt: skip
     if pictures is not None:
-        from pipeline.pictures.descriptor_evaluation import descriptor_pictures
-        from pipeline.pictures.output import write_pictures
+        from motionlake.pictures.descriptor_evaluation import descriptor_pictures
+        from motionlake.pictures.output import write_pictures
 
         for path in write_pictures(descriptor_pictures(measured), pictures):
             notice(f"wrote {path}")

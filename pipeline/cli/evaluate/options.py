@@ -6,9 +6,8 @@ from pathlib import Path
 from typing import Annotated, Final
 
 import typer
-
-from pipeline.errors import UserError
-from pipeline.lake.layout import Lake, check_dataset, open_lake
+from motionlake.errors import UserError
+from motionlake.lake.layout import Lake, check_dataset, open_lake
 
 BASELINES: Final = {"auto": None, "dtw": True, "none": False}
 

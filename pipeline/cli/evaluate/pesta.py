@@ -6,11 +6,10 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-
-from pipeline.cli.common import JsonOption, LakeOption, notice, print_json, print_rows
-from pipeline.cli.evaluate.options import BASELINES, BaselineOption, DatasetOption, OnlyOption, criterion, target_of
-from pipeline.cli.segment import LabelColumn
-from pipeline.lake.catalog import reading
+from motionlake.cli.common import JsonOption, LakeOption, notice, print_json, print_rows
+from motionlake.cli.evaluate.options import BASELINES, BaselineOption, DatasetOption, OnlyOption, criterion, target_of
+from motionlake.cli.segment import LabelColumn
+from motionlake.lake.catalog import reading
 
 
 def pesta(
@@ -38,7 +37,7 @@ def pesta(
 
     Drawn: motionlake evaluate pesta --dataset hdm05 --pictures figures --lake mylake
     """
-    from pipeline.evaluating.pesta import evaluate_pesta
+    from motionlake.evaluation.pesta import evaluate_pesta
 
     target = target_of(lake, dataset, baseline)
     with reading(target) as con:
@@ -47,8 +46,8 @@ def pesta(
             notice=notice,
         )  # fmt: skip
     if pictures is not None:
-        from pipeline.pictures.output import write_pictures
-        from pipeline.pictures.pesta_evaluation import evaluation_pictures
+        from motionlake.pictures.output import write_pictures
+        from motionlake.pictures.pesta_evaluation import evaluation_pictures
 
         for path in write_pictures(evaluation_pictures(found), pictures):
             notice(f"wrote {path}")

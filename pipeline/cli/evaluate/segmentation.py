@@ -5,11 +5,10 @@ from __future__ import annotations
 from typing import Annotated
 
 import typer
-
-from pipeline.cli.common import JsonOption, LakeOption, print_json, print_rows
-from pipeline.cli.evaluate.options import DatasetOption
-from pipeline.lake.catalog import reading
-from pipeline.lake.layout import check_dataset, open_lake
+from motionlake.cli.common import JsonOption, LakeOption, print_json, print_rows
+from motionlake.cli.evaluate.options import DatasetOption
+from motionlake.lake.catalog import reading
+from motionlake.lake.layout import check_dataset, open_lake
 
 
 def segmentation(
@@ -28,8 +27,8 @@ def segmentation(
 
     Example: motionlake evaluate segmentation --dataset cmu_exercises --json --lake mylake
     """
-    from pipeline.applications.segmentation import SegmentationConfig
-    from pipeline.evaluating.segmentation import evaluate_segmentation
+    from motionlake.deep_motifs.applications.segmentation import SegmentationConfig
+    from motionlake.evaluation.segmentation import evaluate_segmentation
 
     target = open_lake(lake)
     if dataset is not None:

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from pipeline.cli.common import JsonOption, LakeOption, notice, print_json, print_rows
-from pipeline.cli.evaluate.options import BASELINES, BaselineOption, DatasetOption, OnlyOption, criterion, target_of
-from pipeline.cli.segment import LabelColumn
-from pipeline.lake.catalog import reading
+from motionlake.cli.common import JsonOption, LakeOption, notice, print_json, print_rows
+from motionlake.cli.evaluate.options import BASELINES, BaselineOption, DatasetOption, OnlyOption, criterion, target_of
+from motionlake.cli.segment import LabelColumn
+from motionlake.lake.catalog import reading
 
 
 def signatures(
@@ -27,7 +27,7 @@ def signatures(
 
     The partners of a dance: motionlake evaluate signatures --label-column subject --only label=salsa --lake mylake
     """
-    from pipeline.evaluating.signatures import evaluate_signatures
+    from motionlake.evaluation.signatures import evaluate_signatures
 
     target = target_of(lake, dataset, baseline)
     with reading(target) as con:

@@ -6,11 +6,10 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-
-from pipeline.cli.common import JsonOption, LakeOption, notice, print_json, print_rows, stage_progress
-from pipeline.cli.evaluate.options import DatasetOption, target_of
-from pipeline.cli.segment import LabelColumn
-from pipeline.lake.catalog import reading
+from motionlake.cli.common import JsonOption, LakeOption, notice, print_json, print_rows, stage_progress
+from motionlake.cli.evaluate.options import DatasetOption, target_of
+from motionlake.cli.segment import LabelColumn
+from motionlake.lake.catalog import reading
 
 
 def synthesis(
@@ -50,9 +49,9 @@ def synthesis(
 
     Drawn: motionlake evaluate synthesis --dataset utd_mhad --pictures figures --lake mylake
     """
-    from pipeline.errors import UserError
-    from pipeline.evaluating.synthesis import evaluate_synthesis
-    from pipeline.evaluating.synthesis_generator import Plan
+    from motionlake.errors import UserError
+    from motionlake.evaluation.synthesis import evaluate_synthesis
+    from motionlake.evaluation.synthesis_generator import Plan
 
     for name, value in (("--seconds", seconds), ("--piece", piece)):
         if value is not None and not value > 0:
@@ -64,8 +63,8 @@ def synthesis(
             column=column, notice=notice, progress=progress,
         )  # fmt: skip
     if pictures is not None:
-        from pipeline.pictures.output import write_pictures
-        from pipeline.pictures.synthesis_evaluation import synthesis_pictures
+        from motionlake.pictures.output import write_pictures
+        from motionlake.pictures.synthesis_evaluation import synthesis_pictures
 
         for path in write_pictures(synthesis_pictures(measured), pictures):
             notice(f"wrote {path}")

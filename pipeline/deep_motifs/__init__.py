@@ -1,0 +1,1 @@
+"""Deep Motifs and Motion Signatures: motion words, motifs, signatures, and what they are good for."""

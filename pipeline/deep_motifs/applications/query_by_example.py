@@ -1,0 +1,224 @@
+"""Query by example inside sequences (Deep Motifs, section 6.1).
+
+The query is a run of words; a window of as many words slides over every clip, and the Earth Mover's Distance
+between the signature of each window and the query's ranks the windows. Windows that overlap in one clip speak
+of one event: the nearest of them is the hit (by clip and start where distances tie), the others are dropped.
+
+A window's signature depends on which motifs it holds and how often, not on their order, so windows of the
+same motifs are weighed once, and lower bounds rule most of the others out (`emd`). The answer is that
+of computing every distance.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from motionlake.deep_motifs.corpus import Corpus
+from motionlake.deep_motifs.emd import SignatureIndex, emd_many
+from motionlake.deep_motifs.signatures import window_signatures
+from motionlake.errors import UserError
+from numpy.typing import NDArray
+
+Float64Array = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+LEAST_WORDS: Final = 2
+# Distinct windows looked at first for every hit wanted; twice as many while hits are still missing.
+_AHEAD: Final = 4
+
+
+@dataclass(frozen=True)
+class ExampleQuery:
+    """What to look for: the motifs of consecutive words.
+
+    Attributes:
+        motifs: [n] of the query's words, n >= 2.
+        mirrored: [n] motifs of the same words mirrored left to right, to be looked for as well; or None.
+
+    Raises:
+        UserError: fewer than two words.
+    """
+
+    motifs: NDArray[np.int32]
+    mirrored: NDArray[np.int32] | None = None
+
+    def __post_init__(self) -> None:
+        if len(self.motifs) < LEAST_WORDS:
+            raise UserError(
+                f"a query shorter than two words has no distribution to compare: it holds {len(self.motifs)}; "
+                "give a longer range (--from, --to)"
+            )
+
+    @property
+    def n_words(self) -> int:
+        return len(self.motifs)
+
+    def signatures(self, idf: Float64Array) -> NDArray[np.float32]:
+        """[1 or 2, K]: of the query, and of the mirrored query."""
+        rows = [self.motifs] if self.mirrored is None else [self.motifs, self.mirrored]
+        return np.concatenate([window_signatures(motifs, idf, self.n_words) for motifs in rows])
+
+
+@dataclass(frozen=True)
+class RangeHit:
+    """A range of frames [start, stop) of a clip, at its own rate, and its distance from the query.
+
+    Attributes:
+        mirrored: the mirrored query is nearer than the query itself.
+    """
+
+    rank: int
+    clip: str
+    start: int
+    stop: int
+    distance: float
+    mirrored: bool
+
+
+def words_within(starts: IntArray, stops: IntArray, start: int, stop: int) -> slice:
+    """The words that lie wholly within frames [start, stop); `starts`, `stops` [w] ascending."""
+    first = int(np.searchsorted(starts, start))
+    return slice(first, max(first, int(np.searchsorted(stops, stop, side="right"))))
+
+
+def find_ranges(
+    corpus: Corpus,
+    query: ExampleQuery,
+    k: int,
+    *,
+    clips: Collection[int] | None = None,
+    without: tuple[int, int, int] | None = None,
+) -> list[RangeHit]:
+    """The k ranges most like a query, nearest first; no two of one clip overlap.
+
+    Args:
+        corpus: where to look. A clip of fewer words than the query is compared as a whole.
+        query: what to look for.
+        k: how many hits at most.
+        clips: indices of the clips to look in; None for all.
+        without: (clip, start, stop): windows of that clip that overlap these frames are left out.
+    """
+    windows = _Windows(corpus, query.n_words, clips, without)
+    if k < 1 or not len(windows.clip):
+        return []
+    return _nearest_apart(corpus, windows, query, k)
+
+
+def distances_along(corpus: Corpus, clip: int, query: ExampleQuery) -> Float64Array:
+    """[v] distance of the query from each window along a clip (figure 11); the lesser of both where it is mirrored."""
+    windows = corpus.windows_of(clip, query.n_words)
+    unique, where = np.unique(windows, axis=0, return_inverse=True)
+    sides = [emd_many(signature, unique, corpus.ground) for signature in query.signatures(corpus.idf)]
+    return np.asarray(np.min(sides, axis=0)[where.ravel()], dtype=np.float64)
+
+
+def window_ranges(corpus: Corpus, clip: int, n_words: int) -> IntArray:
+    """[v, 2] half-open frames of each window of `n_words` words along a clip, at its own rate."""
+    words = corpus.words_of(clip)
+    starts, stops = corpus.starts[words], corpus.stops[words]
+    width = min(n_words, len(starts))
+    return np.column_stack([starts[: len(starts) - width + 1], stops[width - 1 :]])
+
+
+def frame_distances_along(corpus: Corpus, clip: int, query: ExampleQuery) -> Float64Array:
+    """[F] distance of the nearest window that covers each frame of a clip; beyond its last word, that word's."""
+    frames = np.full(corpus.clips[clip].frames, np.inf)
+    ranges = window_ranges(corpus, clip, query.n_words)
+    for (start, stop), distance in zip(ranges, distances_along(corpus, clip, query), strict=True):
+        np.minimum(frames[start:stop], distance, out=frames[start:stop])
+    known = np.flatnonzero(np.isfinite(frames))
+    frames[known[-1] + 1 :] = frames[known[-1]]
+    return frames
+
+
+class _Windows:
+    """Every window of n words of some clips: where it lies, and which row of the distinct ones it is.
+
+    Attributes:
+        clip, start, stop: [v] of each window, by clip and start.
+        kind: [v] row of `signatures`.
+        signatures: [u, K] of windows that hold different motifs.
+    """
+
+    def __init__(
+        self, corpus: Corpus, n_words: int, clips: Collection[int] | None, without: tuple[int, int, int] | None
+    ) -> None:
+        chosen = range(len(corpus.clips)) if clips is None else sorted(clips)
+        ranges = [window_ranges(corpus, clip, n_words) for clip in chosen]
+        bags = [_bags(corpus.motifs[corpus.words_of(clip)], n_words) for clip in chosen]
+        self.clip = np.repeat(np.array(list(chosen), dtype=np.int64), [len(r) for r in ranges])
+        frames = np.concatenate(ranges) if ranges else np.zeros((0, 2), dtype=np.int64)
+        kept = np.ones(len(frames), dtype=np.bool_)
+        if without is not None:
+            clip, start, stop = without
+            kept = ~((self.clip == clip) & (frames[:, 0] < stop) & (frames[:, 1] > start))
+        self.clip, self.start, self.stop = self.clip[kept], frames[kept, 0], frames[kept, 1]
+        all_bags = np.concatenate(bags)[kept] if bags else np.zeros((0, n_words), dtype=np.int32)
+        unique, where = np.unique(all_bags, axis=0, return_inverse=True)
+        self.kind = where.ravel()
+        self.signatures = _signatures(unique, corpus.idf)
+
+
+def _bags(motifs: NDArray[np.int32], n_words: int) -> NDArray[np.int32]:
+    """[v, n_words] sorted motifs of each window; a clip of fewer words is filled up with -1."""
+    if len(motifs) < n_words:
+        return np.sort(np.pad(motifs, (0, n_words - len(motifs)), constant_values=-1))[None]
+    return np.sort(np.lib.stride_tricks.sliding_window_view(motifs, n_words), axis=1)
+
+
+def _signatures(bags: NDArray[np.int32], idf: Float64Array) -> NDArray[np.float32]:
+    """[u, K] signatures of windows by their motifs [u, n] (-1: none)."""
+    counts = np.zeros((len(bags), len(idf) + 1), dtype=np.int64)
+    np.add.at(counts, (np.arange(len(bags))[:, None], bags), 1)  # -1 falls into a last column, which is dropped
+    weights = counts[:, :-1] * idf
+    return np.asarray(weights / weights.sum(axis=1, keepdims=True), dtype=np.float32)
+
+
+def _nearest_apart(corpus: Corpus, windows: _Windows, query: ExampleQuery, k: int) -> list[RangeHit]:
+    index = SignatureIndex.build(windows.signatures, corpus.ground)
+    signatures = query.signatures(corpus.idf)
+    count = _AHEAD * k
+    while True:
+        sides = np.full((len(signatures), len(index)), np.inf)
+        floor = np.inf
+        for side, signature in zip(sides, signatures, strict=True):
+            nearest = index.nearest(signature, count)
+            side[nearest.indices] = nearest.distances
+            if count < len(index):
+                floor = min(floor, nearest.distances[-1])
+        distance = sides.min(axis=0)
+        hits = _apart(windows, distance[windows.kind], floor, k)
+        if len(hits) == k or count >= len(index):
+            break
+        count *= 2
+    mirrored = sides.argmin(axis=0) == 1
+    return [
+        RangeHit(
+            rank,
+            corpus.clips[windows.clip[i]].clip,
+            int(windows.start[i]),
+            int(windows.stop[i]),
+            float(distance[windows.kind[i]]),
+            bool(mirrored[windows.kind[i]]),
+        )
+        for rank, i in enumerate(hits, start=1)
+    ]
+
+
+def _apart(windows: _Windows, distance: Float64Array, floor: float, k: int) -> list[int]:
+    """The first k windows by distance, of those nearer than `floor`, that overlap none taken before."""
+    candidates = np.flatnonzero(distance < floor)
+    taken: dict[int, list[tuple[int, int]]] = {}
+    chosen: list[int] = []
+    for i in candidates[np.argsort(distance[candidates], kind="stable")].tolist():
+        if len(chosen) == k:
+            break
+        start, stop = int(windows.start[i]), int(windows.stop[i])
+        ranges = taken.setdefault(int(windows.clip[i]), [])
+        if all(stop <= first or start >= last for first, last in ranges):
+            ranges.append((start, stop))
+            chosen.append(i)
+    return chosen

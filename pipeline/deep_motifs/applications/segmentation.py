@@ -1,0 +1,341 @@
+"""Temporal segmentation (Deep Motifs, section 6.2): every word of a clip gets a class from labelled clips.
+
+A window of 2 seconds around each word has a signature, cut short at the clip's ends (the paper's 9 words of 16
+frames, 19 of the default words). Labelled frames teach the
+signatures of the windows around their words, and the signatures of their mirror images, which count as a
+quarter farther than they are; the 5 taught windows nearest to a new one (Earth Mover's Distance) vote for its
+class. In the paper the class goes to the word in the middle; here a window votes for all words up to `reach`
+from its middle, so that a moment of another pose does not break a band.
+
+A window votes "unknown" where it lies farther from what was taught than the taught windows of its class lie
+from those of other clips: the threshold of a class is a quantile (by default the largest) of the distances of
+its taught windows from the nearest window of another clip. No other data sets it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+from motionlake.deep_motifs.corpus import Corpus
+from motionlake.deep_motifs.emd import SignatureIndex
+from motionlake.errors import UserError
+from numpy.typing import NDArray
+
+Float64Array = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+UNKNOWN: Final = "unknown"
+# Windows that the threshold is calibrated on, evenly drawn where there are more.
+_CALIBRATED: Final = 1000
+# Tips a tie of votes to the class that holds the nearest of the voters.
+_TIP: Final = 1e-9
+
+
+@dataclass(frozen=True)
+class SegmentationConfig:
+    """How words are classified.
+
+    Attributes:
+        window: words of a window; 19 default words are 2 seconds.
+        k: nearest taught windows that vote.
+        reach: a window votes for the words up to so many from its middle; 0 is the paper's, 12 are a second.
+        mirror_factor: by how much farther a window taught by a mirror image counts.
+        unknown: quantile of the distances of a class's taught windows from those of other clips, beyond which a
+            window is "unknown"; None gives every word a taught class.
+
+    Raises:
+        UserError: a window or k below 1, a negative reach, a factor below 1, or a quantile outside 0 to 1.
+    """
+
+    window: int = 19
+    k: int = 5
+    reach: int = 12
+    mirror_factor: float = 1.25
+    unknown: float | None = 1.0
+
+    def __post_init__(self) -> None:
+        if self.window < 1 or self.k < 1:
+            raise UserError(f"a window of {self.window} words and {self.k} neighbours: both must be at least 1")
+        if self.reach < 0 or self.mirror_factor < 1:
+            raise UserError(
+                f"a reach of {self.reach} words (at least 0), a factor of {self.mirror_factor} (at least 1)"
+            )
+        if self.unknown is not None and not 0 <= self.unknown <= 1:
+            raise UserError(f"the quantile beyond which a word is unknown is {self.unknown}, not between 0 and 1")
+
+
+@dataclass(frozen=True)
+class TaughtRange:
+    """Frames [start, stop) of a clip, by its index in a corpus, at its own rate, that show one class."""
+
+    clip: int
+    start: int
+    stop: int
+    label: str
+
+
+@dataclass(frozen=True)
+class Teaching:
+    """m labelled windows.
+
+    Attributes:
+        signatures: [m, K].
+        labels: [m] class of each.
+        clips: [m] clip that each comes from.
+        mirrored: [m] whether it is the window of a mirror image.
+    """
+
+    signatures: NDArray[np.float32]
+    labels: NDArray[np.str_]
+    clips: IntArray
+    mirrored: NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class WordLabels:
+    """What each of w words of a clip shows.
+
+    Attributes:
+        labels: [w] class, or "unknown".
+        distances: [w] of the word's own window from the nearest taught one.
+        confidence: [w] share of the votes that the class got.
+    """
+
+    labels: NDArray[np.str_]
+    distances: Float64Array
+    confidence: Float64Array
+
+
+@dataclass(frozen=True)
+class Band:
+    """Frames [start, stop) of a clip, at its own rate, of one class; means of its words."""
+
+    start: int
+    stop: int
+    label: str
+    distance: float
+    confidence: float
+
+
+def centred_signatures(motifs: NDArray[np.integer], idf: Float64Array, n_words: int) -> NDArray[np.float32]:
+    """[w, K] signature of the window of `n_words` words around each of w words (`motifs`), cut at the clip's ends.
+
+    An even window reaches one word further back than ahead.
+    """
+    w = len(motifs)
+    present = np.zeros((w + 1, len(idf)), dtype=np.int64)
+    present[np.arange(1, w + 1), motifs] = 1
+    running = np.cumsum(present, axis=0)
+    first, last = _span(w, n_words)
+    weights = (running[last] - running[first]) * idf
+    return np.asarray(weights / weights.sum(axis=1, keepdims=True), dtype=np.float32)
+
+
+def word_centres(corpus: Corpus, clip: int) -> Float64Array:
+    """[w] frame at the centre of each word of a clip."""
+    words = corpus.words_of(clip)
+    return np.asarray((corpus.starts[words] + corpus.stops[words] - 1) / 2, dtype=np.float64)
+
+
+def taught_windows(
+    corpus: Corpus,
+    ranges: Sequence[TaughtRange],
+    n_words: int,
+    mirrored: Mapping[int, NDArray[np.integer]] | None = None,
+) -> Teaching:
+    """The windows around the words whose centre lies in a labelled range.
+
+    A range too short to hold a centre teaches the word whose centre is nearest to its own; a word in ranges of
+    several classes teaches all of them.
+
+    Args:
+        corpus: holds the clips of the ranges.
+        ranges: what is labelled.
+        n_words: words of a window.
+        mirrored: motifs of the words of clips mirrored left to right, by the clip's index: their windows teach
+            the same classes.
+
+    Raises:
+        UserError: no ranges.
+    """
+    if not ranges:
+        raise UserError(
+            "there is nothing to learn classes from: give clips with rows in segments.csv, or clips with labels"
+        )
+    signatures, labels, clips, turned = [], [], [], []
+    windows: dict[int, list[NDArray[np.float32]]] = {}
+    for taught in ranges:
+        if taught.clip not in windows:
+            sides: list[NDArray[np.integer]] = [corpus.motifs[corpus.words_of(taught.clip)]]
+            if mirrored is not None:
+                sides.append(mirrored[taught.clip])
+            windows[taught.clip] = [centred_signatures(side, corpus.idf, n_words) for side in sides]
+        inside = _words_in(word_centres(corpus, taught.clip), taught)
+        for side, side_windows in enumerate(windows[taught.clip]):
+            signatures.append(side_windows[inside])
+            turned.extend([side == 1] * len(inside))
+            labels.extend([taught.label] * len(inside))
+            clips.extend([taught.clip] * len(inside))
+    return Teaching(np.concatenate(signatures), np.array(labels), np.array(clips, dtype=np.int64), np.array(turned))
+
+
+def _words_in(centres: Float64Array, taught: TaughtRange) -> IntArray:
+    inside = np.flatnonzero((centres >= taught.start) & (centres < taught.stop))
+    if not len(inside):
+        inside = np.array([np.argmin(np.abs(centres - (taught.start + taught.stop - 1) / 2))])
+    return np.asarray(inside, dtype=np.int64)
+
+
+class _Side:
+    """Taught windows, equal ones kept once: those of the clips, or those of their mirror images."""
+
+    def __init__(self, teaching: Teaching, rows: IntArray, ground: Float64Array, factor: float) -> None:
+        _, first, where = np.unique(teaching.signatures[rows], axis=0, return_index=True, return_inverse=True)
+        rank = np.argsort(np.argsort(first))  # in the order taught, which settles ties
+        kinds = rank[where.ravel()]
+        unique = teaching.signatures[rows[np.sort(first)]]
+        self._rows = rows[np.argsort(kinds, kind="stable")]
+        self._bounds = np.concatenate([[0], np.cumsum(np.bincount(kinds, minlength=len(unique)))])
+        self._index = SignatureIndex.build(unique, ground)
+        self._factor = factor
+
+    def nearest(self, window: NDArray[np.float32], k: int, among: IntArray | None = None) -> list[tuple[float, int]]:
+        """(distance, row of teaching) of at least the k nearest of the rows, equal windows all together."""
+        found = self._index.nearest(window, k, among)
+        return [
+            (distance * self._factor, row)
+            for kind, distance in zip(found.indices.tolist(), found.distances.tolist(), strict=True)
+            for row in self._rows[self._bounds[kind] : self._bounds[kind + 1]].tolist()
+        ]
+
+    def kinds(self, kept: NDArray[np.bool_]) -> IntArray:
+        """Which different windows a taught row that is kept ([m]) has."""
+        kinds = np.repeat(np.arange(len(self._bounds) - 1), np.diff(self._bounds))
+        return np.unique(kinds[kept[self._rows]])
+
+
+class Segmenter:
+    """Classifies words by labelled windows; see the module."""
+
+    def __init__(self, teaching: Teaching, ground: Float64Array, config: SegmentationConfig | None = None) -> None:
+        """Prepare `teaching` over motifs at `ground` distances [K, K]."""
+        self.config = config or SegmentationConfig()
+        self.teaching = teaching
+        self.classes, self._codes = np.unique(teaching.labels, return_inverse=True)
+        sides = ((~teaching.mirrored, 1.0), (teaching.mirrored, self.config.mirror_factor))
+        self._sides = [_Side(teaching, np.flatnonzero(rows), ground, factor) for rows, factor in sides if rows.any()]
+
+    def label_words(self, motifs: NDArray[np.integer], idf: Float64Array) -> WordLabels:
+        """The class of each of w words of a clip (`motifs` [w]), or "unknown"."""
+        return self._label(motifs, idf, judging=self.config.unknown is not None)
+
+    def forced_words(self, motifs: NDArray[np.integer], idf: Float64Array) -> WordLabels:
+        """The same where every word gets a taught class."""
+        return self._label(motifs, idf, judging=False)
+
+    def _label(self, motifs: NDArray[np.integer], idf: Float64Array, *, judging: bool) -> WordLabels:
+        votes, distances = self._votes(centred_signatures(motifs, idf, self.config.window))
+        if judging:
+            far = distances > self.thresholds[votes.argmax(axis=1)]
+            votes = np.column_stack([votes * ~far[:, None], far])
+        votes = _shared_out(votes, self.config.reach)
+        labels = np.append(self.classes, UNKNOWN)[votes.argmax(axis=1)]
+        return WordLabels(labels, distances, votes.max(axis=1) / votes.sum(axis=1))
+
+    @cached_property
+    def thresholds(self) -> Float64Array:
+        """[classes] distance from the nearest taught window beyond which a window of that class is unknown.
+
+        The quantile over the class's taught windows of their distance from the nearest window of another clip.
+        A class that one clip alone teaches has that of all other classes together; where every class is such a
+        one, nothing tells what is far, and the thresholds are infinite.
+        """
+        quantile = self.config.unknown
+        taken = self._calibrated()
+        if quantile is None or not len(taken):
+            return np.full(len(self.classes), np.inf)
+        distances = np.array([self._nearest(int(row)) for row in taken])
+        thresholds = np.full(len(self.classes), np.quantile(distances, quantile))
+        for code in np.unique(self._codes[taken]):
+            thresholds[code] = np.quantile(distances[self._codes[taken] == code], quantile)
+        return thresholds
+
+    def _calibrated(self) -> IntArray:
+        """Rows of teaching whose class another clip teaches too, evenly drawn; no mirror images."""
+        pairs = np.unique(np.column_stack([self._codes, self.teaching.clips]), axis=0)
+        several = np.bincount(pairs[:, 0], minlength=len(self.classes)) > 1
+        rows = np.flatnonzero(several[self._codes] & ~self.teaching.mirrored)
+        step = max(1, -(-len(rows) // _CALIBRATED))
+        return np.asarray(rows[::step], dtype=np.int64)
+
+    def _nearest(self, row: int) -> float:
+        """Distance of a taught window from the nearest of another clip."""
+        others = self.teaching.clips != self.teaching.clips[row]
+        window = self.teaching.signatures[row]
+        return min(
+            distance
+            for side in self._sides
+            if len(among := side.kinds(others))
+            for distance, _ in side.nearest(window, 1, among)
+        )
+
+    def _votes(self, windows: NDArray[np.float32]) -> tuple[Float64Array, Float64Array]:
+        """[w, classes] shares of the votes of the k nearest taught windows, and [w] the nearest's distance.
+
+        Where the k-th and others are at one distance, those taught first vote. A tie goes to the class that
+        holds the nearest of the voters.
+        """
+        unique, back = np.unique(windows, axis=0, return_inverse=True)
+        votes = np.zeros((len(unique), len(self.classes)))
+        distances = np.zeros(len(unique))
+        for i, window in enumerate(unique):
+            rows = sorted(found for side in self._sides for found in side.nearest(window, self.config.k))
+            voters = [row for _, row in rows[: self.config.k]]
+            np.add.at(votes[i], self._codes[voters], 1 / len(voters))
+            seen, first = np.unique(self._codes[voters], return_index=True)
+            votes[i, seen] += _TIP / (1 + first)
+            distances[i] = rows[0][0]
+        return votes[back.ravel()], distances[back.ravel()]
+
+
+def bands(found: WordLabels, centres: Float64Array, frames: int) -> list[Band]:
+    """Runs of one class along a clip; each frame belongs to the word whose centre ([w], ascending) is nearest.
+
+    Args:
+        found: classes of the w words.
+        centres: `word_centres`.
+        frames: F of the clip; the bands cover [0, F) without gaps.
+    """
+    starts = np.flatnonzero(np.concatenate([[True], found.labels[1:] != found.labels[:-1]]))
+    stops = np.append(starts[1:], len(found.labels))
+    # Frame f belongs to the later word once it is past the middle of both centres.
+    edges = np.ceil((centres[starts[1:] - 1] + centres[starts[1:]]) / 2).astype(np.int64)
+    limits = np.concatenate([[0], edges, [frames]])
+    return [
+        Band(
+            int(limits[i]),
+            int(limits[i + 1]),
+            str(found.labels[a]),
+            float(found.distances[a:b].mean()),
+            float(found.confidence[a:b].mean()),
+        )
+        for i, (a, b) in enumerate(zip(starts.tolist(), stops.tolist(), strict=True))
+    ]
+
+
+def _span(w: int, n_words: int) -> tuple[IntArray, IntArray]:
+    """Half-open ranges of words, [w] each, that the window around each of w words holds."""
+    middle = np.arange(w)
+    first = middle - n_words // 2
+    return np.clip(first, 0, w), np.clip(first + n_words, 0, w)
+
+
+def _shared_out(votes: Float64Array, reach: int) -> Float64Array:
+    """[w, c] mean of the votes [w, c] of all windows up to `reach` from each word."""
+    running = np.concatenate([np.zeros((1, votes.shape[1])), np.cumsum(votes, axis=0)])
+    first, last = _span(len(votes), 2 * reach + 1)
+    return np.asarray((running[last] - running[first]) / (last - first)[:, None], dtype=np.float64)

@@ -1,0 +1,245 @@
+"""Poses of a rig: placing them on the ground, blending them, and how far joints move from frame to frame."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from motionlake.errors import ClipError
+from motionlake.motion.clip import ChannelKind, FloatArray, Hierarchy, SourceClip
+from motionlake.motion.kinematics import channel_starts, solve
+from motionlake.motion.rotations import IDENTITY, angle, from_axis_angle, multiply, rotate
+
+_POSITIONS: Final = ("Xposition", "Yposition", "Zposition")
+_QUATERNION: Final = ("Wquaternion", "Xquaternion", "Yquaternion", "Zquaternion")
+_AXES: Final = "xyz"
+
+
+@dataclass(frozen=True)
+class Poses:
+    """F poses of a rig of J joints, in its own axes and units.
+
+    Attributes:
+        hierarchy: the rig; its channels are positions, then a quaternion, for each joint.
+        root: [F, 3].
+        shifts: [F, m] the position channels of the other joints.
+        rotations: [F, J, 4] relative to the parent.
+        fps: frames a second.
+        metres_per_unit: length unit.
+        up: up axis of the rig: x, y, z, -x, -y or -z.
+    """
+
+    hierarchy: Hierarchy
+    root: FloatArray
+    shifts: FloatArray
+    rotations: FloatArray
+    fps: float
+    metres_per_unit: float
+    up: str
+
+    def __len__(self) -> int:
+        return len(self.root)
+
+    def cut(self, start: int, stop: int) -> Poses:
+        rows = slice(start, stop)
+        return self.of(self.root[rows], self.shifts[rows], self.rotations[rows])
+
+    def of(self, root: FloatArray, shifts: FloatArray, rotations: FloatArray) -> Poses:
+        """Other poses of the same rig."""
+        return Poses(self.hierarchy, root, shifts, rotations, self.fps, self.metres_per_unit, self.up)
+
+    def clip(self) -> SourceClip:
+        """As a clip whose channels are quaternions."""
+        starts = channel_starts(self.hierarchy)
+        channels = np.empty((len(self), int(starts[-1])))
+        channels[:, :3], used = self.root, 0
+        for joint, names in enumerate(self.hierarchy.channels):
+            count = len(names) - 4
+            if joint:
+                channels[:, starts[joint] : starts[joint] + count] = self.shifts[:, used : used + count]
+                used += count
+            channels[:, starts[joint] + count : starts[joint + 1]] = self.rotations[:, joint]
+        return SourceClip(self.hierarchy, channels, self.fps, metres_per_unit=self.metres_per_unit)
+
+    def positions(self) -> FloatArray:
+        """[F, J, 3] joints in the world, metres."""
+        return solve(self.clip()).positions * self.metres_per_unit
+
+
+def can_pose(kind: str, root: Sequence[str]) -> bool:
+    """Whether a rig of channels of some kind, `root` those of its root, has rotations and a position of the root."""
+    return kind != ChannelKind.POSITIONS.value and tuple(root[:3]) == _POSITIONS
+
+
+def poses_of(clip: SourceClip, up: str, metres_per_unit: float) -> Poses:
+    """The poses of a clip.
+
+    Raises:
+        ClipError: the clip has positions instead of rotations, or its root has no position.
+    """
+    hierarchy, local = clip.hierarchy, solve(clip).local
+    if not can_pose(hierarchy.kind.value, hierarchy.channels[0]) or local is None:
+        raise ClipError("a rig without rotations, or without a position of the root, cannot be posed")
+    starts = channel_starts(hierarchy)
+    names = [[n for n in joint if n in _POSITIONS] for joint in hierarchy.channels]
+    columns = [
+        starts[joint] + i
+        for joint, channels in enumerate(hierarchy.channels)
+        for i, name in enumerate(channels)
+        if joint and name in _POSITIONS
+    ]
+    plain = Hierarchy(
+        joints=hierarchy.joints,
+        parents=hierarchy.parents,
+        offsets=hierarchy.offsets,
+        channels=tuple((*own, *_QUATERNION) for own in names),
+        kind=ChannelKind.QUATERNION,
+        axes=np.tile(IDENTITY, (len(hierarchy.joints), 1)),
+        end_sites=hierarchy.end_sites,
+    )
+    return Poses(plain, clip.channels[:, :3], clip.channels[:, columns], local, clip.fps, metres_per_unit, up)
+
+
+def resampled(poses: Poses, fps: float) -> Poses:
+    """The poses at the instants k / fps up to the last; the same where the rate is."""
+    if poses.fps == fps:
+        return poses
+    count = int(np.floor((len(poses) - 1) / poses.fps * fps + 1e-6)) + 1
+    instants = np.arange(count) * (poses.fps / fps)
+    below = np.clip(np.floor(instants + 1e-6).astype(np.int64), 0, len(poses) - 1)
+    above = np.minimum(below + 1, len(poses) - 1)
+    weight = np.clip(instants - below, 0.0, 1.0)
+    mixed = mixture(
+        poses.of(poses.root[below], poses.shifts[below], poses.rotations[below]),
+        poses.of(poses.root[above], poses.shifts[above], poses.rotations[above]),
+        weight,
+    )
+    return Poses(mixed.hierarchy, mixed.root, mixed.shifts, mixed.rotations, fps, mixed.metres_per_unit, mixed.up)
+
+
+@dataclass(frozen=True)
+class Placement:
+    """A turn about the vertical by `degrees`, then a shift along the ground, in the rig's axes and units."""
+
+    degrees: float
+    shift: tuple[float, float, float]
+
+    def after(self, first: Placement, up: str) -> Placement:
+        """One placement that does `first`, then this one."""
+        moved = rotate(_turn(up, self.degrees), np.array(first.shift)) + np.array(self.shift)
+        x, y, z = moved.tolist()
+        return Placement((self.degrees + first.degrees + 180.0) % 360.0 - 180.0, (x, y, z))
+
+
+STAY: Final = Placement(0.0, (0.0, 0.0, 0.0))
+
+
+def placed(poses: Poses, placement: Placement) -> Poses:
+    """The poses somewhere else on the ground."""
+    if placement == STAY:
+        return poses
+    turn = _turn(poses.up, placement.degrees)
+    rotations = poses.rotations.copy()
+    rotations[:, 0] = multiply(turn, np.ascontiguousarray(poses.rotations[:, 0]))
+    return poses.of(rotate(turn, poses.root) + np.array(placement.shift), poses.shifts, rotations)
+
+
+def alignment(to: Poses, window: Poses) -> Placement:
+    """Where to place `window` so that its joints come closest to those of `to`, frame by frame.
+
+    Joints weigh as much as the bone that leads to them is long, the root as much as the mean.
+    """
+    weights = np.linalg.norm(to.hierarchy.offsets, axis=1)
+    weights[0] = weights[1:].mean() if len(weights) > 1 else 1.0
+    weights = weights / (weights.sum() * len(to))
+    up, first, second = _frame(to.up)
+    a, b = to.positions(), window.positions()
+    a, b = (np.stack([p @ first, p @ second], axis=-1) for p in (a, b))
+    middle_a, middle_b = (np.einsum("fjc,j->c", p, weights) for p in (a, b))
+    a, b = a - middle_a, b - middle_b
+    along = np.einsum("fjc,fjc,j->", a, b, weights)
+    across = np.einsum("fj,fj,j->", a[..., 1], b[..., 0], weights) - np.einsum(
+        "fj,fj,j->", a[..., 0], b[..., 1], weights
+    )
+    degrees = float(np.degrees(np.arctan2(across, along)))
+    ground = middle_b[0] * first + middle_b[1] * second
+    shift = middle_a[0] * first + middle_a[1] * second - rotate(_turn(to.up, degrees), ground)
+    x, y, z = ((shift - (shift @ up) * up) / to.metres_per_unit).tolist()
+    return Placement(degrees, (x, y, z))
+
+
+def _frame(up: str) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """The up axis and two ground axes; a turn about the first leads from the second to the third."""
+    axis = _AXES.index(up[-1])
+    vectors = np.eye(3)
+    sign = -1.0 if up.startswith("-") else 1.0
+    return sign * vectors[axis], vectors[(axis + 1) % 3], sign * vectors[(axis + 2) % 3]
+
+
+def _turn(up: str, degrees: float) -> FloatArray:
+    return from_axis_angle(_frame(up)[0], degrees)
+
+
+def ease(count: int) -> FloatArray:
+    """[count] weight of what is entered, from nearly 0 to 1, without a jump in speed (Kovar et al. 2002)."""
+    t = np.arange(1, count + 1) / count
+    weights: FloatArray = 3 * t**2 - 2 * t**3
+    return weights
+
+
+def mixture(a: Poses, b: Poses, weight: FloatArray) -> Poses:
+    """Poses between those of `a` (weight 0) and `b` (weight 1); `weight` [F]. Rotations go the shortest way."""
+    line = weight[:, None]
+    return a.of(
+        a.root + line * (b.root - a.root),
+        a.shifts + line * (b.shifts - a.shifts),
+        slerp(a.rotations, b.rotations, weight[:, None]),
+    )
+
+
+def slerp(a: FloatArray, b: FloatArray, weight: FloatArray) -> FloatArray:
+    """Unit quaternions [..., 4] on the shortest arc from a to b; `weight` [...] from 0 to 1, exact at both ends."""
+    cosine = np.sum(a * b, axis=-1)
+    b = np.where((cosine < 0)[..., None], -b, b)
+    half = np.arccos(np.clip(np.abs(cosine), 0.0, 1.0))
+    sine = np.sin(half)
+    near = sine < 1e-6
+    safe = np.where(near, 1.0, sine)
+    left = np.where(near, 1 - weight, np.sin((1 - weight) * half) / safe)
+    right = np.where(near, weight, np.sin(weight * half) / safe)
+    mixed = left[..., None] * a + right[..., None] * b
+    result: FloatArray = mixed / np.linalg.norm(mixed, axis=-1, keepdims=True)
+    return result
+
+
+@dataclass(frozen=True)
+class Steps:
+    """The largest step of each joint from one frame to the next: [J] metres in the world, [J] degrees to its parent."""
+
+    metres: FloatArray
+    degrees: FloatArray
+
+    def with_(self, other: Steps) -> Steps:
+        """The larger ones of both."""
+        return Steps(np.maximum(self.metres, other.metres), np.maximum(self.degrees, other.degrees))
+
+    def within(self, limits: Steps) -> bool:
+        """Whether no joint steps farther, but for rounding."""
+        return self.excess(limits) <= 1.0
+
+    def excess(self, limits: Steps) -> float:
+        """The largest share of its limit that a joint's step takes (10 micrometres and 0.001 degrees are no step)."""
+        metres = (self.metres - 1e-5) / np.maximum(limits.metres, 1e-9)
+        degrees = (self.degrees - 1e-3) / np.maximum(limits.degrees, 1e-9)
+        return float(max(metres.max(), degrees.max()))
+
+
+def steps(poses: Poses) -> Steps:
+    """The largest steps within the poses; zero for a single one."""
+    joints = len(poses.hierarchy.joints)
+    if len(poses) < 2:
+        return Steps(np.zeros(joints), np.zeros(joints))
+    moved = np.linalg.norm(np.diff(poses.positions(), axis=0), axis=-1).max(axis=0)
+    return Steps(moved, angle(poses.rotations[:-1], poses.rotations[1:]).max(axis=0))

@@ -1,0 +1,200 @@
+"""Dynamic time warping between motion words (Deep Motifs, section 3.3 and equation 3).
+
+The distance of two words is the cost of the cheapest warping path through their frame-pair distances,
+divided by the number of matched frame pairs on it ("the average distance of the matched frames in the
+optimal matching sequence"). Steps are (1, 1), (1, 0) and (0, 1); where costs tie, the path comes from the
+diagonal, then from above (the frame before of the first word), then from the left.
+
+Frame distances (`frame_distance`) come from one matrix product for many words at once; then `LANES` words are
+aligned side by side in the lanes of one kernel.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from motionlake.motion.features import Float32Array
+from motionlake.motion.frame_distance import Metric, frame_distances, operands, product
+from numba import njit
+from numpy.typing import NDArray
+
+Index = NDArray[np.int64]
+
+LANES: Final = 32
+# Words of one matrix product: keeps frame distances of a chunk (words * length * length floats) in cache.
+CHUNK_WORDS_A: Final = 8
+CHUNK_BLOCKS_B: Final = 4
+# Consecutive words of a clip aligned from one copy of their frame distances, again to stay in cache.
+TILE_WORDS: Final = 32
+
+
+def word_distances(
+    a: Float32Array, b: Float32Array, metric: Metric = "euclidean", *, average: bool = True
+) -> Float32Array:
+    """Distances of every word of `a` from every word of `b`.
+
+    Args:
+        a: [n, length, D] words; views are welcome.
+        b: [m, length', D] words.
+        metric: the frame distance. "geodesic" takes D = 4 * joints unit quaternions.
+        average: divide by the number of matched pairs (equation 3's text); False gives the plain sum that
+            DTW packages compute with squared Euclidean distances.
+
+    Returns:
+        [n, m] float32.
+
+    Raises:
+        ValueError: shapes that do not fit.
+    """
+    _check_words(a, b, metric)
+    n_a, n_b = len(a), len(b)
+    result = np.empty((n_a, n_b), dtype=np.float32)
+    if not (n_a and n_b):
+        return result
+    n_blocks = -(-n_b // LANES)
+    lanes = np.minimum(np.arange(n_blocks * LANES), n_b - 1).reshape(n_blocks, LANES)
+    left, right = operands(a.reshape(-1, a.shape[2]), b.reshape(-1, b.shape[2]), metric)
+    left = left.reshape(n_a, a.shape[1], -1)
+    right = right.reshape(n_b, b.shape[1], -1)
+    block_columns = b.shape[1] * LANES
+    distances = np.empty((n_a, n_blocks * LANES), dtype=np.float32)
+    for first in range(0, n_blocks, CHUNK_BLOCKS_B):
+        block_words = lanes[first : first + CHUNK_BLOCKS_B]
+        columns = right[block_words].transpose(0, 2, 1, 3).reshape(len(block_words) * block_columns, -1)
+        columns = np.ascontiguousarray(columns.T)
+        for start in range(0, n_a, CHUNK_WORDS_A):
+            rows = left[start : start + CHUNK_WORDS_A]
+            frames = product(rows.reshape(-1, rows.shape[2]), columns, metric)
+            columns_out = slice(first * LANES, (first + len(block_words)) * LANES)
+            _align(frames, a.shape[1], b.shape[1], average, distances[start : start + len(rows), columns_out])
+    result[:] = distances[:, :n_b]
+    return result
+
+
+def clip_pair_dtw(
+    features_a: Float32Array,
+    starts_a: Index,
+    features_b: Float32Array,
+    starts_b: Index,
+    length: int = 16,
+    metric: Metric = "euclidean",
+    *,
+    average: bool = True,
+) -> Float32Array:
+    """Distances of every word of one clip from every word of another, computing each frame pair once.
+
+    Words of stride 4 and length 16 share all but a sixteenth of their frame pairs, so this is the fast way
+    wherever words come as clips.
+
+    Args:
+        features_a: [Ta, D] frames (`windows.padded` for short clips); starts_a: [n] first frames of words.
+        features_b: [Tb, D] frames; starts_b: [m] first frames of words.
+        length: frames of a word.
+        metric: the frame distance.
+        average: as in `word_distances`.
+
+    Returns:
+        [n, m] float32, equal to `word_distances` of the same words up to rounding.
+
+    Raises:
+        ValueError: a word that reaches beyond its clip.
+    """
+    for features, starts in ((features_a, starts_a), (features_b, starts_b)):
+        if len(starts) and (np.min(starts) < 0 or np.max(starts) + length > len(features)):
+            raise ValueError("a word reaches beyond its clip")
+    distances = np.empty((len(starts_a), len(starts_b)), dtype=np.float32)
+    if distances.size:
+        frames = frame_distances(features_a, features_b, metric)
+        _align_shared(frames, starts_a.astype(np.int64), starts_b.astype(np.int64), length, average, distances)
+    return distances
+
+
+def _check_words(a: Float32Array, b: Float32Array, metric: Metric) -> None:
+    if a.ndim != 3 or b.ndim != 3 or a.shape[2] != b.shape[2] or not (a.shape[1] and b.shape[1]):
+        raise ValueError(f"words of shapes {a.shape} and {b.shape} cannot be compared")
+    if metric == "geodesic" and a.shape[2] % 4:
+        raise ValueError(f"{a.shape[2]} numbers a frame are no whole number of quaternions")
+
+
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def align_block(
+    frames: Float32Array,
+    row: int,
+    column: int,
+    n: int,
+    m: int,
+    scratch: Float32Array,
+    out: Float32Array,
+    average: bool,
+) -> None:
+    """Align one word of n frames with `LANES` words of m frames.
+
+    frames: frame distances, C-contiguous; those of frame i of the one with frame j of the others stand in
+    row `row + i` from column `column + j * LANES`. scratch: 4 * (m + 1) * LANES floats, two rows of path
+    costs and of path lengths. out: [LANES].
+    """
+    one, zero, infinity = np.float32(1), np.float32(0), np.float32(np.inf)
+    width = (m + 1) * LANES
+    scratch[:] = infinity
+    scratch[:LANES] = zero
+    scratch[width : width + LANES] = zero
+    for i in range(n):
+        above, here = (i & 1) * 2 * width, (1 - (i & 1)) * 2 * width
+        scratch[here : here + LANES] = infinity
+        for j in range(m):
+            cost_above = scratch[above + j * LANES : above + (j + 2) * LANES]
+            steps_above = scratch[above + width + j * LANES : above + width + (j + 2) * LANES]
+            cost_here = scratch[here + j * LANES : here + (j + 2) * LANES]
+            steps_here = scratch[here + width + j * LANES : here + width + (j + 2) * LANES]
+            distance = frames[row + i, column + j * LANES : column + (j + 1) * LANES]
+            for lane in range(LANES):
+                cost, steps = cost_above[lane], steps_above[lane]
+                other_cost, other_steps = cost_above[LANES + lane], steps_above[LANES + lane]
+                better = other_cost < cost
+                cost, steps = (other_cost if better else cost), (other_steps if better else steps)
+                other_cost, other_steps = cost_here[lane], steps_here[lane]
+                better = other_cost < cost
+                cost, steps = (other_cost if better else cost), (other_steps if better else steps)
+                step_cost = distance[lane]
+                cost_here[LANES + lane] = cost + (step_cost if step_cost > zero else zero)
+                steps_here[LANES + lane] = steps + one
+    last = (n & 1) * 2 * width
+    for lane in range(LANES):
+        cost = scratch[last + m * LANES + lane]
+        out[lane] = cost / scratch[last + width + m * LANES + lane] if average else cost
+
+
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _align(frames: Float32Array, n: int, m: int, average: bool, out: Float32Array) -> None:
+    """frames [words * n, blocks * m * LANES] -> out [words, blocks * LANES]."""
+    scratch = np.empty(4 * (m + 1) * LANES, dtype=np.float32)
+    aligned = np.empty(LANES, dtype=np.float32)
+    for word in range(frames.shape[0] // n):
+        for block in range(frames.shape[1] // (m * LANES)):
+            align_block(frames, word * n, block * m * LANES, n, m, scratch, aligned, average)
+            out[word, block * LANES : (block + 1) * LANES] = aligned
+
+
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _align_shared(
+    frames: Float32Array, starts_a: Index, starts_b: Index, length: int, average: bool, out: Float32Array
+) -> None:
+    """frames [Ta, Tb] -> out [n, m], lanes filled with consecutive words of b."""
+    lanes = np.empty((frames.shape[0], length * LANES), dtype=np.float32)
+    scratch = np.empty(4 * (length + 1) * LANES, dtype=np.float32)
+    aligned = np.empty(LANES, dtype=np.float32)
+    for first in range(0, len(starts_b), LANES):
+        width = min(LANES, len(starts_b) - first)
+        for tile in range(0, len(starts_a), TILE_WORDS):
+            words = starts_a[tile : tile + TILE_WORDS]
+            low, high = words.min(), words.max() + length
+            for t in range(low, high):
+                for j in range(length):
+                    for lane in range(width):
+                        lanes[t - low, j * LANES + lane] = frames[t, starts_b[first + lane] + j]
+                    for lane in range(width, LANES):
+                        lanes[t - low, j * LANES + lane] = np.float32(0)
+            for word in range(len(words)):
+                align_block(lanes, words[word] - low, 0, length, length, scratch, aligned, average)
+                out[tile + word, first : first + width] = aligned[:width]

@@ -1,0 +1,252 @@
+"""Lower bounds of DTW between words, and the words that they cannot rule out.
+
+The word distance is the cost of the cheapest path divided by its length, between L and 2 L - 1 for words of L frames.
+So a sum of costs that every path must pay bounds it only when divided by the longest length, unless every further
+step is paid for too. With D the frame distances of a pair and t a threshold, the pair is farther than t when
+
+    sum over the cells of the path of (D - t) > 0.
+
+Three tests make sure of that, the cheap ones first:
+
+1. Ends. Every path holds the cells of both first and both last frames (as LB_Kim has it); any other cell costs at
+   least m, the squared gap between the spheres that hold the two words, or between their boxes. Ruled out if
+   first + last + (2 L - 3) m > (2 L - 1) t.
+2. Boxes. A path enters each row once, at a cost of at least r_i, the squared distance of frame i from the box that
+   holds the other word (LB_Keogh in several dimensions, with a window as wide as the word); r_0 is the first cell
+   itself. Every other cell of the path enters a column j > 0, another one each, at c_j or more. Ruled out if
+   sum r_i + sum over j > 0 of min(c_j, t) > (2 L - 1) t, or the same with rows and columns exchanged.
+3. Paths. The least sum of D - t over any path, found as DTW is, is above zero. Abandoned early, LANES words at once:
+   a path that reaches cell (i, j) gains at most t in each of the 2 L - 2 - i - j cells that may follow.
+
+All look at frames projected orthogonally, which brings no two frames further apart, hence are bounds in full.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from motionlake.deep_motifs.words.dtw import LANES, Index
+from motionlake.deep_motifs.words.listed_dtw import centred, lane_frames
+from motionlake.motion.features import Float32Array
+from numba import njit
+from numpy.typing import NDArray
+
+COLUMN_WORDS: Final = 8192  # words that meet a block of queries at a time
+# Bounds and distances carry rounding errors of their own: what is within these of the threshold is not ruled out.
+RELATIVE_SLACK, ABSOLUTE_SLACK = 1e-3, 1e-5
+
+
+@dataclass(frozen=True)
+class WordBounds:
+    """What the tests need of n words.
+
+    Attributes:
+        frames: [n * length, P] projected.
+        ends: [n, 2 P] first and last frame; the first alone, [n, P], where a word is one frame.
+        centres: [n, P] mean frame; radii: [n] distance of the farthest frame from it.
+        low: [n, P] least and high: [n, P] greatest coordinates.
+        length: frames of a word.
+    """
+
+    frames: Float32Array
+    ends: Float32Array
+    centres: Float32Array
+    radii: Float32Array
+    low: Float32Array
+    high: Float32Array
+    length: int
+
+    @classmethod
+    def of(cls, projected: Float32Array) -> WordBounds:
+        """Of projected words [n, length, P]."""
+        n, length, width = projected.shape
+        centres = projected.mean(axis=1)
+        radii = np.sqrt(np.square(projected - centres[:, None]).sum(axis=2)).max(axis=1)
+        ends = projected[:, 0] if length == 1 else np.concatenate([projected[:, 0], projected[:, -1]], axis=1)
+        return cls(
+            np.ascontiguousarray(projected).reshape(n * length, width),
+            ends, centres, radii, projected.min(axis=1), projected.max(axis=1), length,
+        )  # fmt: skip
+
+    def __len__(self) -> int:
+        return len(self.radii)
+
+
+def survivors(queries: WordBounds, words: WordBounds, thresholds: Float32Array) -> list[Index]:
+    """For each query the words that may be as near as its threshold, ascending.
+
+    Args:
+        queries: n words.
+        words: N words of the same length and directions.
+        thresholds: [n] word distances; infinite rules nothing out.
+    """
+    slack = (thresholds * np.float32(1 + RELATIVE_SLACK) + np.float32(ABSOLUTE_SLACK)).astype(np.float32)
+    found: list[list[Index]] = [[] for _ in range(len(queries))]
+    for first in range(0, len(words), COLUMN_WORDS):
+        some = slice(first, min(first + COLUMN_WORDS, len(words)))
+        passed = np.empty((len(queries), some.stop - first), dtype=np.bool_)
+        _test(
+            _squared(queries.ends, words.ends[some]), _squared(queries.centres, words.centres[some]),
+            queries.frames, queries.radii, queries.low, queries.high,
+            words.frames[first * words.length : some.stop * words.length], words.radii[some], words.low[some],
+            words.high[some], words.length, slack, passed,
+        )  # fmt: skip
+        for query in range(len(queries)):
+            found[query].append(np.flatnonzero(passed[query]) + first)
+    left = [np.concatenate(f) if f else np.zeros(0, np.int64) for f in found]
+    return [some[_paths_below(queries, i, words, some, slack[i])] for i, some in enumerate(left)]
+
+
+def _paths_below(
+    queries: WordBounds, query: int, words: WordBounds, some: Index, threshold: np.float32
+) -> NDArray[np.bool_]:
+    """Which of some words have a path to a query whose costs less the threshold sum to zero or less."""
+    below = np.ones(len(some), dtype=np.bool_)
+    if np.isfinite(threshold):
+        starts = np.arange(len(words), dtype=np.int64) * words.length
+        own = queries.frames[query * words.length : (query + 1) * words.length]
+        _test_paths(own, words.frames, starts, some, threshold, below)
+    return below
+
+
+def _squared(a: Float32Array, b: Float32Array) -> Float32Array:
+    """[n, m] squared distances, a rounding error below zero at worst."""
+    total = np.float32(-2) * (a @ b.T)
+    total += np.einsum("nd,nd->n", a, a)[:, None]
+    total += np.einsum("nd,nd->n", b, b)
+    return np.asarray(total)
+
+
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _test(
+    ends: Float32Array,
+    centres: Float32Array,
+    frames_a: Float32Array,
+    radii_a: Float32Array,
+    low_a: Float32Array,
+    high_a: Float32Array,
+    frames_b: Float32Array,
+    radii_b: Float32Array,
+    low_b: Float32Array,
+    high_b: Float32Array,
+    length: int,
+    thresholds: Float32Array,
+    out: NDArray[np.bool_],
+) -> None:
+    """out[a, b]: word b may be as near to word a as the threshold; ends, centres [n, m] squared distances."""
+    longest = 2 * length - 1
+    others = longest - min(length, 2)
+    rows, columns = np.empty(length, dtype=np.float32), np.empty(length, dtype=np.float32)
+    for a in range(out.shape[0]):
+        threshold = thresholds[a]
+        most = longest * threshold
+        for b in range(out.shape[1]):
+            gap = max(np.float32(0), np.sqrt(max(centres[a, b], np.float32(0))) - radii_a[a] - radii_b[b])
+            if ends[a, b] + others * gap * gap > most:
+                out[a, b] = False
+                continue
+            if ends[a, b] + others * _gap(low_a[a], high_a[a], low_b[b], high_b[b]) > most:
+                out[a, b] = False
+                continue
+            first = _between(frames_a[a * length], frames_b[b * length])
+            for i in range(length):
+                rows[i] = first if i == 0 else _outside(frames_a[a * length + i], low_b[b], high_b[b])
+            # Further cells may lie in the first row too, beside its first cell.
+            beside = _outside(frames_a[a * length], low_b[b], high_b[b])
+            total, least = rows.sum(), min(beside, rows[1:].min()) if length > 1 else np.float32(0)
+            if total + (length - 1) * min(least, threshold) > most:
+                out[a, b] = False
+                continue
+            for j in range(length):
+                columns[j] = first if j == 0 else _outside(frames_b[b * length + j], low_a[a], high_a[a])
+            out[a, b] = max(_paid(rows, columns, threshold), _paid(columns, rows, threshold)) <= most
+
+
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _paid(rows: Float32Array, columns: Float32Array, threshold: float) -> float:
+    """What a path pays at least on entering rows, and columns beside them as far as the threshold."""
+    total = float(rows.sum())
+    for j in range(1, len(columns)):
+        total += min(columns[j], threshold)
+    return total
+
+
+@njit(cache=True, nogil=True, fastmath={"reassoc", "nsz", "contract"})  # type: ignore[untyped-decorator]
+def _between(a: Float32Array, b: Float32Array) -> np.float32:
+    total = np.float32(0)
+    for number in range(len(a)):
+        step = a[number] - b[number]
+        total += step * step
+    return total
+
+
+@njit(cache=True, nogil=True, fastmath={"reassoc", "nsz", "contract"})  # type: ignore[untyped-decorator]
+def _gap(low_a: Float32Array, high_a: Float32Array, low_b: Float32Array, high_b: Float32Array) -> np.float32:
+    """Squared distance of two boxes."""
+    total = np.float32(0)
+    for number in range(len(low_a)):
+        step = max(max(low_b[number] - high_a[number], low_a[number] - high_b[number]), np.float32(0))
+        total += step * step
+    return total
+
+
+@njit(cache=True, nogil=True, fastmath={"reassoc", "nsz", "contract"})  # type: ignore[untyped-decorator]
+def _outside(frame: Float32Array, low: Float32Array, high: Float32Array) -> np.float32:
+    """Squared distance of a frame from a box."""
+    total = np.float32(0)
+    for number in range(len(frame)):
+        step = max(max(low[number] - frame[number], frame[number] - high[number]), np.float32(0))
+        total += step * step
+    return total
+
+
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _test_paths(
+    query: Float32Array, frames: Float32Array, starts: Index, words: Index, threshold: float, out: NDArray[np.bool_]
+) -> None:
+    """out[w]: the cheapest path from the query [length, P] to word w costs no more than the threshold a cell."""
+    length, width = query.shape
+    zero = np.zeros(width, dtype=np.float32)
+    left, norms_left = np.empty((length, width), dtype=np.float32), np.empty(length, dtype=np.float32)
+    right, norms_right = np.zeros((LANES * length, width), np.float32), np.zeros(LANES * length, np.float32)
+    products = np.empty((length, LANES * length), dtype=np.float32)
+    lanes = np.empty((length, length * LANES), dtype=np.float32)
+    costs = np.empty((2, (length + 1) * LANES), dtype=np.float32)
+    sums = np.empty(LANES, dtype=np.float32)
+    centred(query, 0, zero, False, left, norms_left)
+    for first in range(0, len(words), LANES):
+        some = words[first : first + LANES]
+        n = lane_frames(left, norms_left, frames, starts, some, zero, False, right, norms_right, products, lanes)
+        _least_sums(lanes, length, np.float32(threshold), costs, sums)
+        for lane in range(n):
+            out[first + lane] = sums[lane] <= 0
+
+
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _least_sums(lanes: Float32Array, length: int, threshold: float, costs: Float32Array, sums: Float32Array) -> None:
+    """sums [LANES]: least sum of frame distances less the threshold over any path; infinite if abandoned.
+
+    lanes [length, length * LANES]; costs [2, (length + 1) * LANES] is scratch.
+    """
+    costs[:] = np.inf
+    costs[0, :LANES] = 0
+    best = np.empty(LANES, dtype=np.float32)
+    for i in range(length):
+        above, here = costs[i & 1], costs[1 - (i & 1)]
+        here[:LANES] = np.inf
+        best[:] = np.inf
+        for j in range(length):
+            gain = threshold * np.float32(2 * length - 2 - i - j)
+            diagonal, up = above[j * LANES : (j + 1) * LANES], above[(j + 1) * LANES : (j + 2) * LANES]
+            before, now = here[j * LANES : (j + 1) * LANES], here[(j + 1) * LANES : (j + 2) * LANES]
+            distance = lanes[i, j * LANES : (j + 1) * LANES]
+            for lane in range(LANES):
+                cost = min(min(diagonal[lane], up[lane]), before[lane]) + (distance[lane] - threshold)
+                now[lane] = cost
+                best[lane] = min(best[lane], cost - gain)
+        if best.min() > 0:
+            sums[:] = np.inf
+            return
+    sums[:] = costs[length & 1, length * LANES :]

@@ -1,0 +1,141 @@
+"""Networks that embed motion words (Deep Motifs, section 3.3), by name.
+
+"linear" (the default) is the embedding of `linear`. "conv" is a small 1-D convolution over time
+beside a linear path that starts as that embedding: untrained it equals it.
+"inception736" follows the paper: an Inception network on the word as an image of frames by features, with
+the 736 channels of its last module (256 + 384 + 96) averaged into a unit vector.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Final
+
+import torch
+from torch import Tensor, nn
+
+ARCHITECTURES: Final = ("linear", "conv", "inception736")
+EMBEDDING: Final = 48
+
+
+class WordNetwork(nn.Module):
+    """Standardises words [n, length, D] and embeds them as [n, d]."""
+
+    mean: Tensor
+    scale: Tensor
+
+    def __init__(self, length: int, dimension: int, body: nn.Module) -> None:
+        super().__init__()
+        self.register_buffer("mean", torch.zeros(dimension))
+        self.register_buffer("scale", torch.ones(()))
+        self.length = length
+        self.body = body
+
+    def forward(self, words: Tensor) -> Tensor:
+        embedded: Tensor = self.body((words - self.mean) / self.scale)
+        return embedded
+
+
+class LinearBody(nn.Module):
+    """One matrix on the flattened word."""
+
+    def __init__(self, length: int, dimension: int) -> None:
+        super().__init__()
+        self.linear = nn.Linear(length * dimension, EMBEDDING, bias=False)
+
+    def forward(self, words: Tensor) -> Tensor:
+        embedded: Tensor = self.linear(words.flatten(1))
+        return embedded
+
+    @torch.no_grad()
+    def start_from(self, matrix: Tensor) -> None:
+        """Make the matrix `matrix` [d, length * D] (rows beyond are zero)."""
+        self.linear.weight.zero_()
+        count = min(len(matrix), len(self.linear.weight))
+        self.linear.weight[:count] = matrix[:count]
+
+
+class ConvBody(LinearBody):
+    """Linear path plus convolutions over time, whose last layer starts at zero."""
+
+    def __init__(self, length: int, dimension: int, *, width: int = 96) -> None:
+        super().__init__(length, dimension)
+        reduced = -(-length // 2)
+        self.convolutions = nn.Sequential(
+            nn.Conv1d(dimension, width, 5, stride=2, padding=2),
+            nn.GELU(),
+            nn.Conv1d(width, width, 3, padding=1),
+            nn.GELU(),
+            nn.Conv1d(width, width, 3, stride=2, padding=1),
+            nn.GELU(),
+            nn.Flatten(),
+        )
+        self.head = nn.Linear(width * -(-reduced // 2), EMBEDDING)
+        nn.init.zeros_(self.head.weight)
+        nn.init.zeros_(self.head.bias)
+
+    def forward(self, words: Tensor) -> Tensor:
+        learned: Tensor = self.head(self.convolutions(words.transpose(1, 2)))
+        return super().forward(words) + learned
+
+
+def _convolution(inputs: int, outputs: int, kernel: int, stride: int = 1) -> nn.Sequential:
+    return nn.Sequential(
+        nn.Conv2d(inputs, outputs, kernel, stride, padding=kernel // 2, bias=False),
+        nn.BatchNorm2d(outputs),
+        nn.ReLU(),
+    )
+
+
+class Inception(nn.Module):
+    """Parallel 1x1, 3x3, 5x5 and pooled branches, joined along the channels."""
+
+    def __init__(self, inputs: int, one: int, three: tuple[int, int], five: tuple[int, int], pooled: int) -> None:
+        super().__init__()
+        branches = [
+            _convolution(inputs, one, 1),
+            nn.Sequential(_convolution(inputs, three[0], 1), _convolution(three[0], three[1], 3)),
+            nn.Sequential(nn.MaxPool2d(3, 1, padding=1), _convolution(inputs, pooled, 1)),
+        ]
+        if five[1]:
+            branches.append(nn.Sequential(_convolution(inputs, five[0], 1), _convolution(five[0], five[1], 5)))
+        self.branches = nn.ModuleList(branches)
+
+    def forward(self, images: Tensor) -> Tensor:
+        return torch.cat([branch(images) for branch in self.branches], dim=1)
+
+
+class InceptionBody(nn.Module):
+    """The word as a one-channel image of frames by features; a unit vector of 736 numbers."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.layers = nn.Sequential(
+            _convolution(1, 64, 7, stride=2),
+            Inception(64, 64, (96, 128), (16, 32), 32),
+            nn.MaxPool2d(3, 2, padding=1),
+            Inception(256, 128, (96, 192), (32, 64), 128),
+            nn.MaxPool2d(3, 2, padding=1),
+            Inception(512, 256, (96, 384), (0, 0), 96),
+            nn.AdaptiveAvgPool2d(1),
+            nn.Flatten(),
+        )
+
+    def forward(self, words: Tensor) -> Tensor:
+        return nn.functional.normalize(self.layers(words[:, None]), dim=1)
+
+
+def build(architecture: str, length: int, dimension: int) -> WordNetwork:
+    """A network by name, with random weights from torch's generator.
+
+    Raises:
+        ValueError: an unknown name.
+    """
+    bodies: dict[str, Callable[[], nn.Module]] = {
+        "linear": lambda: LinearBody(length, dimension),
+        "conv": lambda: ConvBody(length, dimension),
+        "inception736": InceptionBody,
+    }
+    if architecture not in bodies:
+        raise ValueError(f"unknown word network {architecture!r}; known are {', '.join(ARCHITECTURES)}")
+    return WordNetwork(length, dimension, bodies[architecture]())

@@ -1,0 +1,250 @@
+"""Training word networks (Deep Motifs, sections 3.3 and 3.4, equation 2)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import torch
+from motionlake.checkpoint import Checkpoint
+from motionlake.deep_motifs.words.config import NetworkConfig
+from motionlake.deep_motifs.words.linear import LinearConfig, linear_embedding
+from motionlake.deep_motifs.words.network import LinearBody, WordNetwork, build
+from motionlake.deep_motifs.words.trained import TrainedNetwork
+from motionlake.deep_motifs.words.triplets import (
+    TrainingWords,
+    TripletConfig,
+    sample_words,
+    time_reversed,
+    time_warped,
+    training_words,
+)
+from motionlake.motion.features import Float32Array, WordConfig
+from motionlake.threads import on_threads
+from torch import Tensor
+
+Progress = Callable[[int, int, float], None]
+REPORT_EVERY: Final = 50
+CHECKPOINT_EVERY: Final = 100
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """How a word network is trained; the defaults measured best (`docs/words.md`).
+
+    Attributes:
+        triplets: what positives and negatives are.
+        linear: the embedding that "linear" is and that "conv" starts from.
+        margin: alpha of equation 2, in units of the squared median word distance.
+        temporal_weight: of the positives closest in time, beside 1 for each other kind. The paper's is 1.
+        triplet_weight: of the triplet loss.
+        metric_weight: of the term that keeps embedding distances equal to word distances.
+        batch: anchors of a step.
+        pool: words of a step drawn at random, beside neighbours of the anchors.
+        learning_rate: of Adam at its peak; it falls to zero along a cosine.
+        threads: of the computation; results depend on it in the last digits.
+    """
+
+    triplets: TripletConfig = field(default_factory=TripletConfig)
+    linear: LinearConfig = field(default_factory=LinearConfig)
+    margin: float = 0.2
+    temporal_weight: float = 0.0
+    triplet_weight: float = 1.0
+    metric_weight: float = 1.0
+    batch: int = 64
+    pool: int = 128
+    learning_rate: float = 1e-3
+    threads: int = 1
+
+    @classmethod
+    def deep_motifs(cls) -> Recipe:
+        """The paper's (sections 3.3, 3.4): DTW alone, positives closest in time, equation 2 and nothing beside it."""
+        return cls(TripletConfig(elastic=1.0), LinearConfig.principal(), temporal_weight=1.0, metric_weight=0.0)
+
+
+def train_words(
+    features: list[Float32Array],
+    words: WordConfig,
+    config: NetworkConfig,
+    *,
+    recipe: Recipe | None = None,
+    start: TrainedNetwork | None = None,
+    checkpoint: Path | None = None,
+    device: str | None = None,
+    progress: Progress | None = None,
+) -> TrainedNetwork:
+    """Train a word network on clips.
+
+    Args:
+        features: [T, D] of each clip, as `word_features` gives them.
+        words: how words are cut.
+        config: architecture, seed, steps and sample size.
+        recipe: how to train.
+        start: a network of the same words and architecture to go on from (fine-tuning).
+        checkpoint: a file to save training to and to go on from; deleted at the end.
+        device: of the computation; CUDA where there is one, else the CPU.
+        progress: called with (steps done, steps, loss) every so often.
+
+    Returns:
+        The network; the same for the same input, configuration, seed and threads, interrupted or not (on CUDA:
+        up to rounding).
+
+    Raises:
+        ValueError: fewer than two words, an unknown architecture, or a start of other words or architecture.
+    """
+    recipe = recipe or Recipe()
+    device = device or ("cuda" if torch.cuda.is_available() else "cpu")
+    if start is not None and (start.words, start.architecture) != (words, config.architecture):
+        raise ValueError("fine-tuning needs a network of the same words and architecture")
+    with on_threads(recipe.threads), torch.random.fork_rng(devices=[]):
+        torch.manual_seed(config.seed)
+        network = build(config.architecture, words.length, words.dimension)
+        if config.architecture == "linear":
+            figures = _solve(network, features, words, config, recipe, start)
+        else:
+            material = training_words(features, words, recipe.triplets, recipe.linear, config.max_words, config.seed)
+            _initialise(network, material.words, material.linear, start)
+            kept = Checkpoint(checkpoint, material.words, config, words, recipe) if checkpoint else None
+            losses = _fit(network.to(device), material, recipe, words, config, device, kept, progress)
+            figures = {"words": len(material.words), "anchors": len(material.anchors), "loss": _curve(losses)}
+    return TrainedNetwork(network.cpu().eval(), config.architecture, words, figures)
+
+
+def _solve(
+    network: WordNetwork,
+    features: list[Float32Array],
+    words: WordConfig,
+    config: NetworkConfig,
+    recipe: Recipe,
+    start: TrainedNetwork | None,
+) -> dict[str, Any]:
+    """ "linear" needs no steps: its optimum has a closed form."""
+    stacked, clips, _ = sample_words(features, words, config.max_words, config.seed)
+    before = None
+    if start is not None and isinstance(start.network.body, LinearBody):
+        before = (start.network.body.linear.weight / start.network.scale).detach().numpy()
+    alike = time_reversed(stacked, words) if config.reversible else None
+    matrix = linear_embedding(stacked, clips, recipe.linear, config.seed, before, alike)
+    _initialise(network, stacked, matrix, None)
+    return {"words": len(stacked), "clips": len(np.unique(clips)), "components": len(matrix)}
+
+
+def _initialise(network: WordNetwork, words: Float32Array, linear: Float32Array, start: TrainedNetwork | None) -> None:
+    """Centre the input and bring it to unit variance; start linear paths as the linear embedding.
+
+    One scale for all features: their relative size is the metric's.
+    """
+    if start is not None:
+        network.load_state_dict(start.network.state_dict())
+        return
+    mean = words.mean(axis=(0, 1), dtype=np.float64)
+    scale = float(np.std(words - mean.astype(np.float32), dtype=np.float64)) or 1.0
+    network.mean.copy_(torch.from_numpy(mean))
+    network.scale.fill_(scale)
+    if isinstance(network.body, LinearBody):
+        network.body.start_from(torch.from_numpy(linear) * scale)
+
+
+def _fit(
+    network: WordNetwork,
+    material: TrainingWords,
+    recipe: Recipe,
+    words: WordConfig,
+    config: NetworkConfig,
+    device: str,
+    checkpoint: Checkpoint | None,
+    progress: Progress | None,
+) -> list[float]:
+    rng = np.random.default_rng(config.seed)
+    optimiser = torch.optim.Adam(network.parameters(), lr=recipe.learning_rate)
+    losses = checkpoint.resume(network, optimiser, rng) if checkpoint else []
+    network.train()
+    for step in range(len(losses), config.steps):
+        for group in optimiser.param_groups:
+            group["lr"] = recipe.learning_rate * _rate(step, config.steps)
+        loss = _loss(network, material, recipe, rng, device, words if config.reversible else None)
+        optimiser.zero_grad(set_to_none=True)
+        loss.backward()  # type: ignore[no-untyped-call]
+        optimiser.step()
+        losses.append(float(loss.detach()))
+        if checkpoint and (step + 1) % CHECKPOINT_EVERY == 0:
+            checkpoint.save(network, optimiser, rng, losses)
+        if progress is not None and ((step + 1) % REPORT_EVERY == 0 or step + 1 == config.steps):
+            progress(step + 1, config.steps, losses[-1])
+    if checkpoint:
+        checkpoint.remove()
+    return losses
+
+
+def _rate(step: int, steps: int, warm_up: float = 0.1) -> float:
+    """Share of the peak learning rate: a linear rise, then a cosine down to zero."""
+    done = (step + 1) / (steps + 1)
+    return done / warm_up if done < warm_up else 0.5 + 0.5 * float(np.cos(np.pi * (done - warm_up) / (1 - warm_up)))
+
+
+def _curve(losses: list[float]) -> list[float]:
+    """Mean loss of every `REPORT_EVERY` steps."""
+    return [round(float(np.mean(losses[i : i + REPORT_EVERY])), 5) for i in range(0, len(losses), REPORT_EVERY)]
+
+
+def _loss(
+    network: WordNetwork,
+    material: TrainingWords,
+    recipe: Recipe,
+    rng: np.random.Generator,
+    device: str,
+    reversible: WordConfig | None,
+) -> Tensor:
+    """One step: anchors against a pool of random words, their neighbours and their positives."""
+    rows = rng.integers(0, len(material.anchors), recipe.batch)
+    pick = np.arange(recipe.batch)
+    near, temporal, neighbours = (
+        table[rows, rng.integers(0, table.shape[1], recipe.batch)]
+        for table in (material.nearest, material.temporal, material.neighbours)
+    )
+    random = rng.integers(0, len(material.words), recipe.pool)
+    anchors = material.words[material.anchors[rows]]
+    pool = np.concatenate([near, temporal, neighbours, random])
+    batch = np.concatenate([anchors, _copies(anchors, rng, reversible), material.words[pool]])
+    embedded = network(torch.from_numpy(batch).to(device))
+    anchor, warped, others = embedded.split([recipe.batch, recipe.batch, len(pool)])
+    target = torch.from_numpy(material.distances[rows[:, None], pool]).to(device)
+    squared = (anchor[:, None] - others[None]).square().sum(dim=2)
+    positives = torch.stack(
+        [squared[pick, pick], squared[pick, pick + recipe.batch], (anchor - warped).square().sum(dim=1)]
+    )
+    kinds = torch.tensor([1.0, recipe.temporal_weight, 1.0], device=device)
+    negative = target > recipe.triplets.far
+    loss = recipe.triplet_weight * _triplet_loss(positives, kinds, squared, negative, recipe.margin)
+    if recipe.metric_weight:
+        loss = loss + recipe.metric_weight * _metric_loss(squared, target)
+    return loss
+
+
+def _copies(words: Float32Array, rng: np.random.Generator, reversible: WordConfig | None) -> Float32Array:
+    """Time-warped copies; half of them played backwards where these count as alike."""
+    warped = time_warped(words, rng)
+    if reversible is None:
+        return warped
+    chosen = rng.random(len(words)) < 0.5
+    return np.where(chosen[:, None, None], time_reversed(warped, reversible), warped)
+
+
+def _triplet_loss(positives: Tensor, kinds: Tensor, squared: Tensor, negative: Tensor, margin: float) -> Tensor:
+    """Equation 2, averaged over every positive of an anchor and every negative of the pool.
+
+    positives [p, B] and squared [B, P] are squared embedding distances, kinds [p] weights, negative [B, P]
+    a mask.
+    """
+    hinge = torch.relu(positives[:, :, None] - squared[None] + margin) * kinds[:, None, None]
+    return (hinge * negative).sum() / (kinds.sum() * negative.sum().clamp(min=1))
+
+
+def _metric_loss(squared: Tensor, target: Tensor) -> Tensor:
+    """Sammon's weighting of (embedding distance - word distance)^2: errors count relative to the distance."""
+    weight = 1 / (target + 0.1)
+    distance = (squared + 1e-8).sqrt()
+    return (weight * (distance - target).square()).sum() / weight.sum()

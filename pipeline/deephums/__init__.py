@@ -1,0 +1,1 @@
+"""DeepHuMS: one vector a clip, and vectors of the windows of clips."""

@@ -1,0 +1,1 @@
+"""The sub-motion encoder: vectors of pieces of clips (DeepHuMS, section 3.3.5)."""

@@ -1,1 +1,0 @@
-"""Measures on a labelled lake: what `motionlake evaluate` calls."""

@@ -1,0 +1,196 @@
+"""DeepHuMS's measures on a labelled lake (section 3.3.3): descriptors, and the lake's other methods beside them."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from motionlake.evaluation.clips import Notice, read_positions
+from motionlake.evaluation.measures.dtw import baseline_features
+from motionlake.evaluation.measures.dtw_error import joint_error
+from motionlake.evaluation.measures.split_retrieval import first_hits, score_split
+from motionlake.evaluation.methods import (
+    Distances,
+    alignment_distances,
+    frame_distances,
+    fused_distances,
+    signature_distances,
+)
+from motionlake.evaluation.split import Chosen, choose
+from motionlake.lake.catalog import Connection
+from motionlake.lake.layout import Lake
+from motionlake.lake.models import Model
+from motionlake.motion.features import body_length
+from motionlake.retrieval.labelling.described import DescribedClip, described_clips
+from motionlake.retrieval.methods import SINGLE
+from motionlake.stages.descriptors import served_network
+from numpy.typing import NDArray
+from scipy.spatial.distance import cdist
+
+Float32Array = NDArray[np.float32]
+
+HITS: Final = 10  # that a look-up finds
+
+
+@dataclass(frozen=True)
+class DescriptorEvaluation:
+    """What was measured, and what pictures of it need.
+
+    Attributes:
+        found: what `evaluate_descriptor` tells of.
+        labels: [q] classes of the queries.
+        descriptors: [q, 512] theirs.
+        loss: of the network's training, as it was recorded; may be empty.
+    """
+
+    found: dict[str, Any]
+    labels: list[str]
+    descriptors: Float32Array
+    loss: list[float]
+
+
+def evaluate_descriptor(
+    con: Connection,
+    lake: Lake,
+    *,
+    dataset: str | None = None,
+    queries: str | None = None,
+    repository: str | None = None,
+    column: str = "label",
+    dtw: bool | None = None,
+    notice: Notice = lambda line: None,
+) -> DescriptorEvaluation:
+    """Retrieval by the lake's descriptors: clips of one split query those of another.
+
+    Where no labelled clip is of these splits and none is asked for, every labelled clip queries all others. The other
+    methods whose tables the lake has, and whole-clip DTW, answer the same queries.
+
+    Args:
+        con: to the lake.
+        lake: for the frames that DTW compares.
+        dataset: its clips only.
+        queries, repository: values of the column split; "test" and "train" where they are not given.
+        column: what says the class of clips.
+        dtw: compute the DTW baseline; None: where it takes less than `PATIENCE` seconds.
+        notice: hears what takes long, is left out or is to be doubted.
+
+    Returns:
+        top1, top10, map, n (queries), pr_area, curve; dtw_error_mm: mean over queries of the joint error between query
+        and first hit (`joint_error`, times body_mm: leg plus torso of the mean body of these clips); retrieval_ms: the
+        ten nearest of one query by its descriptor; protocol, queries, repository, classes (counts); model: its name and
+        what it was trained on; warning: None unless the network was trained on clips that are queries here; methods:
+        the same measures by "signature", "alignment", "dtw" and "fused" (of the first two and descriptors), None for
+        what the lake lacks or was left out (their retrieval_ms: the distances of one query from the whole repository,
+        or fusing them).
+
+    Raises:
+        UserError: no such column or split, no descriptors, or nothing to measure.
+    """
+    clips = described_clips(con, dataset, column)
+    chosen = choose(clips.clips, queries, repository)
+    notice(f"{chosen.protocol}: {len(chosen.queries)} queries, {len(chosen.repository)} clips to find")
+    features, body = _features(lake, clips.clips)
+    asked, known = clips.descriptors[chosen.queries], clips.descriptors[chosen.repository]
+    measured = _Measured(chosen, features, body)
+    found = measured.by("descriptor", lambda: cdist(asked, known)) or {}
+    methods = {
+        "signature": measured.by("signature", lambda: signature_distances(con, clips, chosen, notice)),
+        "alignment": measured.by("alignment", lambda: alignment_distances(con, lake, clips, chosen, notice)),
+        "dtw": measured.by("dtw", lambda: frame_distances(features, chosen, dtw, notice)),
+        "fused": measured.by("fused", lambda: fused_distances(measured.among(SINGLE), clips, chosen)),
+    }
+    labels = [clips.labels[query] for query in chosen.queries]
+    network = served_network(con)
+    assert network is not None
+    found |= {
+        "retrieval_ms": _look_up_ms(asked, known),
+        "body_mm": body,
+        "protocol": chosen.protocol,
+        "queries": len(chosen.queries),
+        "repository": len(chosen.repository),
+        "classes": len(set(labels)),
+        "model": {"model": network.model, **{name: v for name, v in network.figures.items() if name != "loss"}},
+        "warning": _warning(network, [clips.clips[query] for query in chosen.queries]),
+        "methods": methods,
+    }
+    if found["warning"]:
+        notice(f"warning: {found['warning']}")
+    return DescriptorEvaluation(found, labels, asked, list(network.figures.get("loss", ())))
+
+
+def _warning(network: Model, queries: Sequence[DescribedClip]) -> str | None:
+    """Which queries the network has been trained on, as far as its figures tell."""
+    figures = network.figures
+    if figures.get("ready_made"):
+        seen = [clip for clip in queries if clip.dataset in figures.get("sets", ())]
+        trained = "the ready-made network was trained on recordings of this dataset"
+    else:
+        split, dataset = figures.get("split"), figures.get("dataset")
+        seen = [clip for clip in queries if split in (None, clip.split) and dataset in (None, clip.dataset)]
+        trained = f"{network.model} was trained on " + (f"split {split}" if split else "every clip")
+        trained += f" of {dataset}" if dataset else ""
+    if not seen:
+        return None
+    return (
+        f"{len(seen)} of {len(queries)} queries are clips that training has seen ({trained}): the measures flatter; "
+        "`motionlake train descriptor --split train`, then `motionlake run all`, keeps them apart"
+    )
+
+
+class _Measured:
+    """Measures of the distances that methods compute, which it keeps."""
+
+    def __init__(self, chosen: Chosen, features: list[Float32Array], body: float) -> None:
+        self._chosen, self._features, self._body = chosen, features, body
+        self._distances: dict[str, Distances] = {}
+
+    def by(self, method: str, compute: Callable[[], Distances | None]) -> dict[str, Any] | None:
+        """Of one method; None where it computes nothing."""
+        started = time.perf_counter()
+        distances = compute()
+        seconds = time.perf_counter() - started
+        if distances is None:
+            return None
+        self._distances[method] = distances
+        return {
+            **score_split(distances, self._chosen.questions).as_dict(),
+            "dtw_error_mm": self._body * float(np.mean(self._errors(distances))),
+            "retrieval_ms": 1000 * seconds / len(distances),
+        }
+
+    def among(self, methods: Sequence[str]) -> dict[str, Distances]:
+        """The distances of those of these methods that computed any."""
+        return {name: self._distances[name] for name in methods if name in self._distances}
+
+    def _errors(self, distances: Distances) -> list[float]:
+        asked, known = self._chosen.queries, self._chosen.repository
+        return [
+            joint_error(self._features[asked[query]], self._features[known[hit]])
+            for query, hit in first_hits(distances, self._chosen.questions).items()
+        ]
+
+
+def _features(lake: Lake, clips: list[DescribedClip]) -> tuple[list[Float32Array], float]:
+    """What DTW compares, of every clip, and leg plus torso of their mean body, in millimetres."""
+    found, lengths = {}, {}
+    for name, fps, positions in read_positions(lake, clips):
+        found[name] = baseline_features(positions, fps)
+        lengths[name] = body_length(positions)
+    return [found[clip.clip] for clip in clips], 1000 * float(np.mean([lengths[clip.clip] for clip in clips]))
+
+
+def _look_up_ms(queries: Float32Array, repository: Float32Array) -> float:
+    """Mean milliseconds of one look-up on one core, one query at a time."""
+    from motionlake.deephums.descriptors.nearest import DescriptorScan
+    from motionlake.threads import on_threads
+
+    with on_threads(1):
+        scan = DescriptorScan(repository)
+        scan.nearest(queries[0], HITS)
+        started = time.perf_counter()
+        for query in queries:
+            scan.nearest(query, HITS)
+        return 1000 * (time.perf_counter() - started) / len(queries)

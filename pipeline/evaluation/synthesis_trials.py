@@ -1,0 +1,172 @@
+"""Motions made to be measured: each goes on from a real clip, and has a real one beside it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Final, Protocol
+
+import numpy as np
+from motionlake.errors import UserError
+from motionlake.evaluation.synthesis_clips import RealMotion
+from motionlake.glogen.generator.wishes import Seed, Synthesized, Wish
+from numpy.typing import NDArray
+
+Float64Array = NDArray[np.float64]
+Progress = Callable[[str, int, int], None]
+
+AT_ONCE: Final = 64  # motions that a generator makes in one go
+LEAST: Final = 0.3  # seconds of a real clip after the seed
+
+
+class Generator(Protocol):
+    """What makes motion; `motionlake.glogen.generator.generator.TrainedGenerator` is one, and so is any baseline."""
+
+    @property
+    def classes(self) -> list[str]: ...
+
+    def generate(self, wishes: Sequence[Wish]) -> list[Synthesized]: ...
+
+
+@dataclass(frozen=True)
+class Begun:
+    """A real clip whose first poses a generator takes as its seed.
+
+    Attributes:
+        motion: the clip.
+        stop: the frame after the seed.
+        after: [F, 21, 3] what really follows, at `fps`: frame k is (k + 1) / fps after the seed's last frame.
+        fps: the generator's.
+        chance: the wish's seed: it says which part of a long clip is the seed.
+    """
+
+    motion: RealMotion
+    stop: int
+    after: Float64Array
+    fps: float
+    chance: int
+
+    @property
+    def last_pose(self) -> Float64Array:
+        """[21, 3] the seed's."""
+        return np.asarray(self.motion.positions[self.stop - 1])
+
+    @property
+    def seconds(self) -> float:
+        return len(self.after) / self.fps
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A made motion.
+
+    Attributes:
+        wanted: its class.
+        made: itself.
+        seed: the clip that it goes on from.
+        real: the clip of the wanted class that it is compared with; where that is the seed, what really follows.
+    """
+
+    wanted: str
+    made: Synthesized
+    seed: Begun
+    real: Begun
+
+
+def begun(generator: Generator, motions: Sequence[RealMotion], seed: int, what: str, progress: Progress) -> list[Begun]:
+    """The motions that are long enough to go on from, each with what follows its seed.
+
+    Raises:
+        UserError: none is.
+    """
+    wishes = [_wish(motion, motion.label, 1e-3, seed + i, 0.0) for i, motion in enumerate(motions)]
+    found: list[Begun] = []
+    refused = "no clips"
+    for start in range(0, len(wishes), AT_ONCE):
+        made, reason = _those_possible(generator, wishes[start : start + AT_ONCE])
+        refused = reason or refused
+        for i, one in enumerate(made, start):
+            if one is not None:
+                after = following(motions[i], one.seed_stop, one.fps)
+                if len(after) >= LEAST * one.fps:
+                    found.append(Begun(motions[i], one.seed_stop, after, one.fps, wishes[i].seed))
+        progress(what, min(start + AT_ONCE, len(wishes)), len(wishes))
+    if not found:
+        raise UserError(f"none of {len(motions)} clips is long enough to go on from and compare with ({refused})")
+    return found
+
+
+def following(motion: RealMotion, stop: int, fps: float) -> Float64Array:
+    """[F, 21, 3] a clip at `fps` after frame `stop` - 1, linearly interpolated."""
+    step = motion.fps / fps
+    count = int(np.floor((len(motion.positions) - stop) / step + 1e-6))
+    at = stop - 1 + step * np.arange(1, count + 1)
+    before = np.clip(np.floor(at + 1e-6).astype(int), 0, max(0, len(motion.positions) - 2))
+    share = np.clip(at - before, 0, 1)[:, None, None]
+    after = np.minimum(before + 1, len(motion.positions) - 1)
+    return np.asarray((1 - share) * motion.positions[before] + share * motion.positions[after])
+
+
+def continued(
+    generator: Generator, begins: Sequence[Begun], *, temperature: float, seconds: float | None, what: str,
+    progress: Progress,
+) -> list[Trial]:  # fmt: skip
+    """Each clip gone on from in its own class, for `seconds`, or as long as it really goes on."""
+    wishes = [
+        _wish(each.motion, each.motion.label, seconds or each.seconds, each.chance, temperature) for each in begins
+    ]
+    return _trials(generator, wishes, [(each, each) for each in begins], what, progress)
+
+
+def from_other_classes(
+    generator: Generator, begins: Sequence[Begun], count: int, *, seconds: float | None, seed: int, what: str,
+    progress: Progress,
+) -> list[Trial]:  # fmt: skip
+    """`count` motions of each class that has real clips, each from a clip of another class.
+
+    They are compared in turn with real clips of the class, taken evenly. Each is made as long as that goes on (or
+    `seconds`) and starts from a clip of the same dataset, drawn at random. Without other classes there are none.
+    """
+    random = np.random.default_rng(seed)
+    pairs = []
+    for name in sorted({each.motion.label for each in begins}):
+        real = [each for each in begins if each.motion.label == name]
+        others = [each for each in begins if each.motion.label != name]
+        for i in range(count if others else 0):
+            beside = real[i % len(real) if count > len(real) else i * len(real) // count]
+            near = [each for each in others if each.motion.dataset == beside.motion.dataset] or others
+            pairs.append((near[int(random.integers(len(near)))], beside))
+    wishes = [
+        _wish(start.motion, real.motion.label, seconds or real.seconds, seed + i, 1.0)
+        for i, (start, real) in enumerate(pairs)
+    ]
+    return _trials(generator, wishes, pairs, what, progress)
+
+
+def _trials(
+    generator: Generator, wishes: Sequence[Wish], pairs: Sequence[tuple[Begun, Begun]], what: str, progress: Progress
+) -> list[Trial]:
+    found: list[Trial] = []
+    for first in range(0, len(wishes), AT_ONCE):
+        made = generator.generate(wishes[first : first + AT_ONCE])
+        for one, (start, real) in zip(made, pairs[first : first + AT_ONCE], strict=True):
+            found.append(Trial(real.motion.label, one, start, real))
+        progress(what, len(found), len(wishes))
+    return found
+
+
+def _wish(start: RealMotion, label: str, seconds: float, seed: int, temperature: float) -> Wish:
+    given = Seed(start.clip, start.positions, start.fps, start.rest_offsets)
+    return Wish((label,), seconds, seed, given, temperature=temperature)
+
+
+def _those_possible(generator: Generator, wishes: Sequence[Wish]) -> tuple[list[Synthesized | None], str]:
+    """What each wish gives, None where it cannot be met, and why the last of these could not."""
+    try:
+        return list(generator.generate(wishes)), ""
+    except ValueError as error:
+        if len(wishes) == 1:
+            return [None], str(error)
+    half = len(wishes) // 2
+    (first, why), (second, other) = (_those_possible(generator, some) for some in (wishes[:half], wishes[half:]))
+    return [*first, *second], other or why

@@ -1,0 +1,139 @@
+"""Sparse poses by GloGen, block after block, class after class, until the time is filled."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+from motionlake.glogen.glogen.by_class import ByClass
+from motionlake.glogen.glogen.follow import follow
+from motionlake.glogen.glogen.recipe import SEEDS
+from motionlake.glogen.trajectories.sparse import DURATION
+from motionlake.motion.clip import FloatArray
+
+# An action is slowed down or hurried at most so much to end with its time.
+SLOWEST: Final = 1.5
+FASTEST: Final = 0.75
+# Batches of exactly this many, the last one filled up, so that a motion does not depend on those beside it.
+BATCH: Final = 32
+
+
+class Course:
+    """One motion as it grows.
+
+    Attributes:
+        rows: sparse poses so far, the last one given first; the logarithm of their seconds has the pace in it.
+        begins: the second that each class begins at.
+    """
+
+    def __init__(
+        self,
+        given: FloatArray,
+        targets: Sequence[int],
+        latent: FloatArray,
+        seconds: float,
+        pace: float,
+        ending: Sequence[bool] = (),
+        taken: Sequence[int] = (),
+    ) -> None:
+        """A motion that is to be made.
+
+        Args:
+            given: [5, 65] sparse poses.
+            targets: K classes, each for an equal share of the time.
+            latent: [K, L].
+            seconds: in all.
+            pace: 2: twice as fast as the recordings.
+            ending: [K] classes whose motion comes to its end; so many whole ones are made as fit the time best, a
+                little faster or slower. None by default.
+            taken: [K] of the poses that are made at a time, how many are kept before others are made from these; all
+                by default.
+        """
+        self.rows: list[FloatArray] = [given[-1]]
+        self.begins: list[float] = [0.0]
+        self._last = given
+        self._targets, self._latent = list(targets), latent
+        self._seconds, self._pace = seconds, pace
+        self._ending = list(ending) or [False] * len(self._targets)
+        self._taken: list[int | None] = list(taken) or [None] * len(self._targets)
+        self._time = 0.0
+        self._anew = False
+
+    @property
+    def done(self) -> bool:
+        return self._time >= self._seconds
+
+    @property
+    def target(self) -> int:
+        return self._targets[len(self.begins) - 1]
+
+    @property
+    def anew(self) -> bool:
+        """Whether the class begins, or its action begins again, with the next poses."""
+        return self._anew
+
+    @property
+    def given(self) -> FloatArray:
+        """[5, 65] the last poses."""
+        return self._last
+
+    @property
+    def latent(self) -> FloatArray:
+        latent: FloatArray = self._latent[len(self.begins) - 1]
+        return latent
+
+    def take(self, made: FloatArray) -> None:
+        """Go on by poses [n, 65], as far as the time of the class goes."""
+        made = made[: self._taken[len(self.begins) - 1]]
+        until = self._seconds * len(self.begins) / len(self._targets)
+        slower = self._fitting(made, until - self._time) if self._ending[len(self.begins) - 1] else 1.0
+        taken = 0
+        while taken < len(made) and self._time < until:
+            row = made[taken].copy()
+            row[DURATION] += np.log(slower / self._pace)
+            self._time += float(np.exp(row[DURATION]))
+            self.rows.append(row)
+            taken += 1
+        self._last = np.concatenate([self._last, made[:taken]])[-SEEDS:]
+        self._anew = self._ending[len(self.begins) - 1]
+        if self._time >= until and len(self.begins) < len(self._targets):
+            self.begins.append(self._time)
+            self._anew = True
+
+    def _fitting(self, made: FloatArray, left: float) -> float:
+        """How much slower an action is to be, that whole ones fill the time that is left."""
+        once = float(np.exp(made[:, DURATION]).sum()) / self._pace
+        slower = left / (once * max(1, round(left / once)))
+        # A hair more than asked for: rounding is not to begin another one.
+        return float(np.clip(slower * (1 + 1e-6), FASTEST, SLOWEST))
+
+    def times(self) -> FloatArray:
+        """[n] seconds of `rows`, from 0."""
+        return np.concatenate([[0.0], np.cumsum(np.exp([row[DURATION] for row in self.rows[1:]]))])
+
+
+def go_on(networks: ByClass, courses: Sequence[Course]) -> Sequence[Course]:
+    """Fill the time of every course."""
+    while True:
+        growing = [course for course in courses if not course.done]
+        if not growing:
+            return courses
+        by_network: list[list[Course]] = [[] for _ in networks.of]
+        for course in growing:
+            by_network[networks.place(course.target)[0]].append(course)
+        for index, asked in enumerate(by_network):
+            for start in range(0, len(asked), BATCH):
+                some = asked[start : start + BATCH]
+                for course, made in zip(some, _ahead(networks, index, some), strict=True):
+                    course.take(made)
+
+
+def _ahead(networks: ByClass, index: int, courses: Sequence[Course]) -> FloatArray:
+    filled = [*courses, *[courses[0]] * (BATCH - len(courses))]
+    targets = np.array([networks.place(course.target)[1] for course in filled])
+    made = follow(
+        networks.network(index), np.stack([course.given for course in filled]), targets,
+        np.stack([course.latent for course in filled]), np.array([course.anew for course in filled]),
+    )  # fmt: skip
+    return made[: len(courses)]

@@ -1,0 +1,136 @@
+"""Feet that stand stay where they are, feet that swing clear the ground: legs bend for it, the rest of the body stays.
+
+Standing feet have held the root before (`motion.in_world`). What is left, of two feet that stand at a time and of feet
+that a network has swing too low, hip and knee take (inverse kinematics of two bones).
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from motionlake.motion.canonical import INDEX
+from motionlake.motion.clip import FloatArray
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter1d, label, maximum_filter1d
+
+SIDES: Final = ("left", "right")
+PARTS: Final = ("ankle", "toe")
+STANDS: Final = 0.5
+SHORTEST: Final = 3  # frames of a stand
+FAR: Final = 0.08  # body lengths; a foot that wanders further while it stands is turned or dragged on purpose
+BLEND: Final = 6  # frames, over which a foot comes to where it stands and leaves it
+# A foot as slow as the first may be on the ground, one as fast as the second clears it: body lengths a second, and body
+# lengths. Of recorded dances (salsa of cmu_dance) nine tenths of such fast ankles and toes are that high.
+SLOW: Final = 0.3
+FAST: Final = 1.2
+CLEAR: Final = 0.025
+SMOOTH: Final = 1.5  # frames
+GROUND: Final = 0.05  # quantile over time of the height of the lower foot
+REACH: Final = 0.999  # of a leg's length
+AHEAD: Final = 0.02  # of a thigh: a leg whose knee is less to a side is straight, and bends ahead
+
+UP: Final = np.array([0.0, 1.0, 0.0])
+SIDE: Final = np.array([1.0, 0.0, 0.0])
+
+
+def planted(joints: FloatArray, stands: FloatArray, size: float, fps: float) -> FloatArray:
+    """Joints of a body whose feet are planted.
+
+    Args:
+        joints: [T, 21, 3] in the world, metres, y up.
+        stands: [T, 2] how surely the left and the right foot stands, 0 to 1. Where no foot ever does, nothing is known
+            of a ground, and the joints stay as they are.
+        size: of the body (`body.body_length`), metres.
+        fps: frames a second.
+
+    Returns:
+        [T, 21, 3]: knees, ankles and toes differ, their bones are as long as before.
+    """
+    if len(joints) < 2 or not (stands > STANDS).any():
+        return joints
+    rows = {side: [INDEX[f"{side}_{part}"] for part in PARTS] for side in SIDES}
+    heights = np.minimum(*(joints[:, rows[side], 1] for side in SIDES))
+    grounds = np.quantile(heights, GROUND, axis=0)  # rigs differ in how high ankle and toe lie above the sole
+    ahead = _ahead(joints)
+    done = joints.copy()
+    for side, standing in zip(SIDES, stands.T, strict=True):
+        hip, knee = INDEX[f"{side}_hip"], INDEX[f"{side}_knee"]
+        ankle, toe = rows[side]
+        change = _staying(joints[:, rows[side]], standing > STANDS, FAR * size)
+        change[:, 1] = _lift(joints[:, rows[side]] + change[:, None], grounds, size, fps)
+        done[:, knee], done[:, ankle] = bent(
+            joints[:, hip], joints[:, knee], joints[:, ankle], joints[:, ankle] + change, ahead
+        )
+        done[:, toe] += done[:, ankle] - joints[:, ankle]
+    return done
+
+
+def _ahead(joints: FloatArray) -> FloatArray:
+    """[T, 3] where the body faces, level."""
+    across = joints[:, INDEX["left_hip"]] - joints[:, INDEX["right_hip"]]
+    ahead = np.cross(across, [0.0, 1.0, 0.0])
+    level: FloatArray = ahead / np.maximum(np.linalg.norm(ahead, axis=1, keepdims=True), 1e-9)
+    return level
+
+
+def _staying(foot: FloatArray, standing: NDArray[np.bool_], far: float) -> FloatArray:
+    """[T, 3] by which a foot (ankle and toe, [T, 2, 3]) moves, level, to stay in place while it stands."""
+    change, weights = np.zeros((len(foot), 3)), np.zeros(len(foot))
+    runs, count = label(standing)
+    frames = np.arange(len(foot))
+    for run in range(1, count + 1):
+        rows = np.flatnonzero(runs == run)
+        first, last = rows[0], rows[-1]
+        flat = foot[rows][..., [0, 2]]
+        middle = np.median(flat, axis=0)
+        away = np.linalg.norm(flat - middle, axis=2).max(axis=0)
+        bears = int(away.argmin())
+        if len(rows) < SHORTEST or away[bears] > far:
+            continue
+        apart = np.maximum(np.maximum(first - frames, frames - last), 0)
+        share = np.where(apart < BLEND, 0.5 + 0.5 * np.cos(np.pi * apart / BLEND), 0.0)
+        back = middle[bears] - foot[np.clip(frames, first, last), bears][:, [0, 2]]
+        change[:, [0, 2]] += share[:, None] * back
+        weights += share
+    return change / np.maximum(weights, 1)[:, None]
+
+
+def _lift(foot: FloatArray, grounds: FloatArray, size: float, fps: float) -> FloatArray:
+    """[T] by which a foot [T, 2, 3] is too low for how fast it travels."""
+    speed = np.linalg.norm(np.gradient(foot[..., [0, 2]], axis=0), axis=2) * fps / size
+    wanted = CLEAR * size * np.clip((speed - SLOW) / (FAST - SLOW), 0, 1)
+    missing = np.maximum(wanted - (foot[..., 1] - grounds), 0).max(axis=1)
+    lift: FloatArray = gaussian_filter1d(maximum_filter1d(missing, 3), SMOOTH)
+    return lift
+
+
+def bent(
+    hip: FloatArray, knee: FloatArray, ankle: FloatArray, wanted: FloatArray, ahead: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Knees and ankles [T, 3] of legs whose ankles come to `wanted`, or as near to it as the legs are long.
+
+    A knee stays on the side of the leg where it is; that of a straight leg bends towards `ahead`.
+    """
+    thigh, shin = np.linalg.norm(knee - hip, axis=1), np.linalg.norm(ankle - knee, axis=1)
+    line = wanted - hip
+    length = np.linalg.norm(line, axis=1)
+    along = line / np.maximum(length, 1e-9)[:, None]
+    # Not quite straight, for knees snap into that; but a leg that was straighter may stay so.
+    longest = np.maximum(REACH * (thigh + shin), np.linalg.norm(ankle - hip, axis=1))
+    length = np.clip(length, np.abs(thigh - shin), np.minimum(longest, thigh + shin))
+    out = _across(knee - hip, along)
+    # A leg that points ahead bends upwards; where it is not known what is ahead, to a side.
+    for towards in (ahead, UP, SIDE):
+        straight = np.maximum(0, AHEAD * thigh - np.linalg.norm(out, axis=1))
+        out += straight[:, None] * _across(np.broadcast_to(towards, hip.shape), along)
+    out /= np.maximum(np.linalg.norm(out, axis=1), 1e-9)[:, None]
+    share = (thigh**2 - shin**2 + length**2) / (2 * np.maximum(length, 1e-9))
+    height = np.sqrt(np.maximum(thigh**2 - share**2, 0))
+    return hip + share[:, None] * along + height[:, None] * out, hip + length[:, None] * along
+
+
+def _across(vectors: FloatArray, along: FloatArray) -> FloatArray:
+    """[T, 3] what of vectors is at right angles to directions."""
+    rest: FloatArray = vectors - (vectors * along).sum(axis=1, keepdims=True) * along
+    return rest

@@ -1,0 +1,116 @@
+"""Configuration: one frozen dataclass a stage, read from the lake's config.toml, hashed as canonical JSON."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import tomllib
+from dataclasses import asdict, dataclass, field, fields, replace
+from pathlib import Path
+from typing import Any
+
+from motionlake.deep_motifs.motion_graph.config import TransitionsConfig
+from motionlake.deep_motifs.words.config import NeighboursConfig, NetworkConfig
+from motionlake.deephums.descriptors.config import DescriptorsConfig
+from motionlake.deephums.submotions.config import SubmotionConfig
+from motionlake.errors import UserError
+from motionlake.glogen.generator.config import SynthesisConfig
+from motionlake.motion.features import WordConfig
+from motionlake.pesta.alignment.config import AlignmentConfig
+from motionlake.pesta.postures.config import PosturesConfig
+from motionlake.pesta.symbols.config import SymbolsConfig
+
+
+@dataclass(frozen=True)
+class FramesConfig:
+    """How canonical frames are stored.
+
+    Attributes:
+        position_step: metres; positions are multiples of it (2^-13 m is 0.12 mm).
+        rotation_step: quaternion components are multiples of it (2^-13 is below 0.02 degrees).
+    """
+
+    position_step: float = 2.0**-13
+    rotation_step: float = 2.0**-13
+
+
+@dataclass(frozen=True)
+class MotifsConfig:
+    """Motifs (Deep Motifs, section 4.1): their number K and the seed of the clustering."""
+
+    k: int = 100
+    seed: int = 0
+
+
+@dataclass(frozen=True)
+class LakeConfig:
+    """All of a lake's configuration; each part is a table of config.toml."""
+
+    frames: FramesConfig = field(default_factory=FramesConfig)
+    words: WordConfig = field(default_factory=WordConfig)
+    network: NetworkConfig = field(default_factory=NetworkConfig)
+    motifs: MotifsConfig = field(default_factory=MotifsConfig)
+    neighbours: NeighboursConfig = field(default_factory=NeighboursConfig)
+    transitions: TransitionsConfig = field(default_factory=TransitionsConfig)
+    postures: PosturesConfig = field(default_factory=PosturesConfig)
+    symbols: SymbolsConfig = field(default_factory=SymbolsConfig)
+    alignment: AlignmentConfig = field(default_factory=AlignmentConfig)
+    descriptors: DescriptorsConfig = field(default_factory=DescriptorsConfig)
+    submotion: SubmotionConfig = field(default_factory=SubmotionConfig)
+    synthesis: SynthesisConfig = field(default_factory=SynthesisConfig)
+
+
+def canonical_json(value: Any) -> str:
+    """One spelling for one value: sorted keys, no spaces."""
+    return json.dumps(value, sort_keys=True, separators=(",", ":"), ensure_ascii=False)
+
+
+def config_hash(*values: Any) -> str:
+    """sha256 over the canonical JSON of dataclasses and plain values."""
+    plain = [asdict(v) if hasattr(v, "__dataclass_fields__") else v for v in values]
+    return hashlib.sha256(canonical_json(plain).encode()).hexdigest()
+
+
+def load_config(path: Path) -> LakeConfig:
+    """Read config.toml; what it leaves out keeps its default. Raises `UserError` on unknown or unfit values."""
+    if not path.is_file():
+        return LakeConfig()
+    try:
+        tables = tomllib.loads(path.read_text(encoding="utf-8"))
+    except tomllib.TOMLDecodeError as error:
+        raise UserError(f"{path}: not valid TOML: {error}") from error
+    config = LakeConfig()
+    known = {f.name for f in fields(config)}
+    for name, table in tables.items():
+        if name not in known or not isinstance(table, dict):
+            raise UserError(f"{path}: unknown table [{name}]; known are {', '.join(sorted(known))}")
+        config = replace(config, **{name: _override(getattr(config, name), table, f"{path}: [{name}]")})
+    return config
+
+
+def _override(default: Any, table: dict[str, Any], where: str) -> Any:
+    known = {f.name for f in fields(default)}
+    for key, value in table.items():
+        if key not in known:
+            raise UserError(f"{where} {key}: unknown; known are {', '.join(sorted(known))}")
+        wanted = type(getattr(default, key))
+        number = wanted is float and type(value) is int
+        if type(value) is not wanted and not number:
+            raise UserError(f"{where} {key} = {value!r}: must be of type {wanted.__name__}")
+    try:
+        return replace(default, **{k: type(getattr(default, k))(v) for k, v in table.items()})
+    except ValueError as error:
+        raise UserError(f"{where}: {error}") from error
+
+
+def default_toml() -> str:
+    """The text of a config.toml that states every default, commented out."""
+    lines = ["# Configuration of this lake. A changed value redoes its stage and what hangs on it.", ""]
+    config = LakeConfig()
+    for part in fields(config):
+        lines.append(f"[{part.name}]")
+        for f in fields(getattr(config, part.name)):
+            value = getattr(getattr(config, part.name), f.name)
+            lines.append(f"# {f.name} = {json.dumps(value)}")
+        lines.append("")
+    return "\n".join(lines)

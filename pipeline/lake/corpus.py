@@ -1,0 +1,37 @@
+"""Reading the encoded words of a lake."""
+
+from __future__ import annotations
+
+import numpy as np
+from motionlake.deep_motifs.corpus import Corpus, CorpusClip
+from motionlake.errors import UserError
+from motionlake.lake.catalog import Connection, fetch, fetch_table
+
+
+def read_corpus(con: Connection, dataset: str | None = None) -> Corpus:
+    """The signed words of a lake, or of one of its datasets.
+
+    Raises:
+        UserError: the lake has no motifs yet, or no signed clip of that dataset.
+    """
+    motifs = fetch(con, "corpus_motifs")
+    if not motifs:
+        raise UserError("the lake has no motifs yet; make them with `motionlake run all`")
+    clips = [CorpusClip(**row) for row in fetch(con, "corpus_clips", {"dataset": dataset})]
+    if not clips:
+        raise UserError(f"dataset {dataset}: has no clip with a signature; `motionlake status` shows what there is")
+    words = fetch_table(con, "corpus_words", {"dataset": dataset})
+    names = words.column("clip").to_numpy(zero_copy_only=False)
+    counts = dict(zip(*np.unique(names, return_counts=True), strict=True))
+    offsets = np.concatenate([[0], np.cumsum([counts[c.clip] for c in clips])]).astype(np.int64)
+    return Corpus(
+        clips,
+        offsets,
+        words.column("motif").to_numpy().astype(np.int32),
+        words.column("start").to_numpy().astype(np.int64),
+        words.column("stop").to_numpy().astype(np.int64),
+        np.array([row["centroid"] for row in motifs], dtype=np.float32),
+        np.array([row["idf"] for row in motifs]),
+        np.array([row["strength"] for row in motifs]),
+        motifs[0]["model"],
+    )

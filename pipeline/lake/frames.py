@@ -1,0 +1,128 @@
+"""Canonical frames as table columns, one column a channel, and back to arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+import pyarrow.parquet as pq
+from motionlake.errors import UserError
+from motionlake.motion.canonical import JOINTS
+from numpy.typing import NDArray
+
+ROOT_CHANNELS: Final = ("root_x", "root_y", "root_z")
+ROTATION_CHANNELS: Final = tuple(f"{j}_q{c}" for j in JOINTS for c in "wxyz")
+POSITION_CHANNELS: Final = tuple(f"{j}_{c}" for j in JOINTS[1:] for c in "xyz")
+CHANNELS: Final = ROOT_CHANNELS + ROTATION_CHANNELS + POSITION_CHANNELS
+_KEYS: Final = (("clip", pa.string()), ("part", pa.string()), ("frame", pa.int32()))
+SCHEMA: Final = pa.schema([*_KEYS, *((name, pa.float32()) for name in CHANNELS)])
+
+
+@dataclass(frozen=True)
+class Frames:
+    """The canonical motion of one clip at its own rate.
+
+    Attributes:
+        clip: the clip's name in the lake.
+        rotations: [F, 21, 4] local rotations (w, x, y, z) relative to the canonical rest pose.
+        positions: [F, 21, 3] joints in the world, metres, y up; joint 0 is the root.
+    """
+
+    clip: str
+    rotations: NDArray[np.floating]
+    positions: NDArray[np.floating]
+
+
+def quantise(values: NDArray[np.floating], step: float) -> NDArray[np.float32]:
+    """Round to multiples of a power of two: exact in float32, and its zero bits compress away."""
+    return (np.round(values / step) * step).astype(np.float32)
+
+
+def key_columns(clip: str, part: str, count: int) -> list[pa.Array]:
+    """The three columns every per-frame part begins with: clip, part, frame."""
+    return [
+        pa.repeat(pa.scalar(clip), count),
+        pa.repeat(pa.scalar(part), count),
+        pa.array(np.arange(count, dtype=np.int32)),
+    ]
+
+
+def columns_of(matrix: NDArray[np.float32]) -> list[pa.Array]:
+    return [pa.array(column) for column in np.ascontiguousarray(matrix.T)]
+
+
+def to_table(frames: Frames, part: str, position_step: float, rotation_step: float) -> pa.Table:
+    """The rows of one clip, quantised (steps in metres and quaternion units)."""
+    count = len(frames.positions)
+    positions = quantise(frames.positions, position_step).reshape(count, -1)
+    rotations = quantise(frames.rotations, rotation_step).reshape(count, -1)
+    matrix = np.concatenate([positions[:, :3], rotations, positions[:, 3:]], axis=1)
+    return pa.Table.from_arrays([*key_columns(frames.clip, part, count), *columns_of(matrix)], schema=SCHEMA)
+
+
+def from_table(clip: str, table: pa.Table) -> Frames:
+    """The arrays of one clip's rows (sorted by frame); rotations are normalised again."""
+    matrix = np.column_stack([table.column(name).to_numpy() for name in CHANNELS])
+    count, split = len(matrix), 3 + len(ROTATION_CHANNELS)
+    rotations = matrix[:, 3:split].reshape(count, -1, 4)
+    rotations = rotations / np.linalg.norm(rotations, axis=-1, keepdims=True)
+    positions = np.concatenate([matrix[:, :3], matrix[:, split:]], axis=1).reshape(count, -1, 3)
+    return Frames(clip, rotations.astype(np.float32), np.ascontiguousarray(positions, dtype=np.float32))
+
+
+def frame_range(name: str, start: int | None, stop: int | None, frames: int) -> tuple[int, int]:
+    """Frames [start, stop) of a clip of so many; None for its first and its last.
+
+    Raises:
+        UserError: the clip has no such frames.
+    """
+    first, last = start or 0, frames if stop is None else stop
+    if not 0 <= first < last <= frames:
+        raise UserError(f"{name}: has frames 0 to {frames}; frames {first} to {last} are not a range of them")
+    return first, last
+
+
+def read_part(path: Path) -> Iterator[Frames]:
+    """Every clip of a frames part, in order; memory holds one row group and one clip."""
+    pending: list[pa.Table] = []
+    current: str | None = None
+    for batch in pq.ParquetFile(path).iter_batches(batch_size=65_536):
+        table = pa.Table.from_batches([batch])
+        for clip, rows in _runs(table):
+            if clip != current and current is not None:
+                yield from_table(current, pa.concat_tables(pending))
+                pending = []
+            current = clip
+            pending.append(rows)
+    if current is not None:
+        yield from_table(current, pa.concat_tables(pending))
+
+
+def _runs(table: pa.Table) -> Iterator[tuple[str, pa.Table]]:
+    start = 0
+    for clip, stop in runs_of(table.column("clip")):
+        yield clip, table.slice(start, stop - start)
+        start = stop
+
+
+def runs_of(column: pa.ChunkedArray) -> Iterator[tuple[str, int]]:
+    """(value, end row) of every run of equal values."""
+    encoded = pc.run_end_encode(column.combine_chunks())
+    yield from zip(encoded.values.to_pylist(), encoded.run_ends.to_pylist(), strict=True)
+
+
+def read_clips(path: Path, clips: Sequence[str]) -> Iterator[Frames]:
+    """Some clips of a frames part, in its order."""
+    table = pq.read_table(path, columns=["clip", "frame", *CHANNELS], filters=[("clip", "in", list(clips))])
+    yield from (from_table(clip, rows) for clip, rows in _runs(table))
+
+
+def read_clip(path: Path, clip: str) -> Frames:
+    """One clip of a frames part."""
+    table = pq.read_table(path, columns=["frame", *CHANNELS], filters=[("clip", "==", clip)])
+    return from_table(clip, table.sort_by("frame"))

@@ -1,0 +1,105 @@
+"""Fitted models as frozen versions: networks, motifs, dictionaries, indexes."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import shutil
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from motionlake.lake.catalog import Connection, fetch, run_sql
+from motionlake.lake.config import canonical_json
+from motionlake.lake.layout import Lake
+from motionlake.lake.parts import replacing
+
+OF_TRAINING = ("sets", "data_sha256")  # figures that every ready-made file has
+
+
+@dataclass(frozen=True)
+class Model:
+    """The current version of one kind of model.
+
+    Attributes:
+        model: its name, kind-version.
+        key: sha256 over its configuration.
+        file: relative to the lake.
+    """
+
+    model: str
+    kind: str
+    key: str
+    file: str
+    figures: Mapping[str, Any]
+
+
+def current_model(con: Connection, kind: str) -> Model | None:
+    rows = fetch(con, "current_model", {"kind": kind})
+    return model_of(rows[0]) if rows else None
+
+
+def model_of(row: Mapping[str, Any]) -> Model:
+    """A model from its row."""
+    return Model(row["model"], row["kind"], row["key"], row["file"], json.loads(row["figures"]))
+
+
+def fitting_model(con: Connection, kind: str, key: str) -> Model | None:
+    """The current version if it has the key that a configuration asks for."""
+    model = current_model(con, kind)
+    return model if model and model.key == key else None
+
+
+def next_file(con: Connection, kind: str, suffix: str) -> str:
+    version = fetch(con, "next_version", {"kind": kind})[0]["version"]
+    return f"models/{kind}-{version}{suffix}"
+
+
+def add_model(
+    con: Connection,
+    kind: str,
+    *,
+    key: str,
+    data_hash: str,
+    config: Mapping[str, Any],
+    figures: Mapping[str, Any],
+    file: str,
+    seconds: float,
+) -> None:
+    """Make a fitted model the current version of its kind."""
+    parameters = {
+        "kind": kind,
+        "key": key,
+        "data_hash": data_hash,
+        "config": canonical_json(config),
+        "figures": canonical_json(figures),
+        "file": file,
+        "seconds": seconds,
+    }
+    run_sql(con, "add_model", parameters)
+
+
+def save_model(lake: Lake, file: str, save: Callable[[Path], None]) -> None:
+    """Have a model written as a file of the lake, whole or not at all."""
+    with replacing(lake.path(file)) as temporary:
+        save(temporary)
+
+
+def copy_weights(lake: Lake, weights: Path, file: str, figures: Mapping[str, Any], *kept: str) -> dict[str, Any]:
+    """Copy a ready-made model into the lake as `file`; returns the figures to keep of its training."""
+    with replacing(lake.path(file)) as temporary:
+        shutil.copyfile(weights, temporary)
+    return {"ready_made": True, **{name: figures[name] for name in (*OF_TRAINING, *kept) if name in figures}}
+
+
+def checkpoint_file(lake: Lake, name: str) -> Path:
+    """Where the training of a model is saved to, and goes on from."""
+    path = lake.path(f"training/{name}.safetensors")
+    path.parent.mkdir(exist_ok=True)
+    return path
+
+
+def file_hash(path: Path) -> str:
+    with path.open("rb") as handle:
+        return hashlib.file_digest(handle, "sha256").hexdigest()

@@ -1,0 +1,197 @@
+"""From a file's motion to the canonical skeleton: one set of joints, one world, one rest pose."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from motionlake.errors import ClipError
+from motionlake.motion.canonical import INDEX, PARENTS
+from motionlake.motion.clip import FloatArray, Motion, SourceClip
+from motionlake.motion.fill import Binding, bind, place, place_offsets
+from motionlake.motion.from_positions import world_from_positions
+from motionlake.motion.pose import bone_vectors, continuous_signs, forward_kinematics, local_rotations
+from motionlake.motion.rest import to_canonical_rest
+from motionlake.motion.rigs import Rest, RigMap
+from motionlake.motion.rotations import conjugate, from_axis_angle, multiply, normalise, rotate
+
+MIN_HEIGHT: Final = 0.4
+MAX_HEIGHT: Final = 3.0
+# No recording goes this far (metres) from where it starts: a number is damaged, or the unit is wrong.
+FARTHEST: Final = 1000.0
+# Up axis of the file -> axis and degrees of the turn that brings it to +y.
+_TURNS: Final[dict[str, tuple[tuple[float, float, float], float]]] = {
+    "y": ((1.0, 0.0, 0.0), 0.0),
+    "-y": ((1.0, 0.0, 0.0), 180.0),
+    "z": ((1.0, 0.0, 0.0), -90.0),
+    "-z": ((1.0, 0.0, 0.0), 90.0),
+    "x": ((0.0, 0.0, 1.0), 90.0),
+    "-x": ((0.0, 0.0, 1.0), -90.0),
+}
+
+
+@dataclass(frozen=True)
+class CanonicalMotion:
+    """A motion of the canonical skeleton.
+
+    Attributes:
+        fps: frames a second.
+        root: [F, 3] position of the hips in the world: metres, y up, heading and place as recorded.
+        rotations: [F, 21, 4] local rotations (w, x, y, z) relative to the canonical rest pose, continuous in
+            sign. With identity rotations the body stands in a T-pose and faces +z.
+        positions: [F, 21, 3] joints in the world, metres.
+        rest_offsets: [21, 3] offset of every joint from its parent in the canonical rest pose, metres: the
+            mean over the clip of what the motion shows.
+        body_height: metres from the ankles to the head joint in the rest pose.
+        twist: False where rotations come from positions only, so that turns about a bone's axis are unknown.
+        filled: joints that the rig lacks.
+        up, metres_per_unit: what was used for the file.
+        fk_error, fk_error_mean: metres, the largest and the mean distance between `positions` and forward
+            kinematics of `root`, `rotations` and `rest_offsets`; 0 for a rigid body with these joints.
+        notes: what a person should know.
+    """
+
+    fps: float
+    root: FloatArray
+    rotations: FloatArray
+    positions: FloatArray
+    rest_offsets: FloatArray
+    body_height: float
+    twist: bool
+    filled: tuple[str, ...]
+    up: str
+    metres_per_unit: float
+    fk_error: float
+    fk_error_mean: float
+    notes: tuple[str, ...] = ()
+
+
+def canonicalise(
+    clip: SourceClip,
+    motion: Motion,
+    rig: RigMap,
+    *,
+    up: str | None = None,
+    metres_per_unit: float | None = None,
+) -> CanonicalMotion:
+    """Map a motion onto the canonical skeleton.
+
+    A joint's canonical global rotation is G(t) = W Gsrc(t) (S A R)^-1: W turns the file's up axis to +y, and
+    S A R is the orientation of the source joint in the canonical rest pose (`to_canonical_rest`). So the
+    canonical bones point along the measured ones.
+
+    Args:
+        clip: what the file holds.
+        motion: its forward kinematics.
+        rig: the map for its joints.
+        up: up axis of the file, x y z -x -y -z; by default the rig's.
+        metres_per_unit: length unit of the file; by default what the file says, else the rig's.
+
+    Raises:
+        ClipError: the rig does not fit, no length unit is known, a joint goes more than 1 km from the first
+            frame's root, or the body is outside 0.4 to 3 m.
+    """
+    up = up if up is not None else rig.up
+    if up not in _TURNS:
+        raise ClipError(f"up axis {up!r} is not one of {', '.join(_TURNS)}")
+    units = (metres_per_unit, clip.metres_per_unit, rig.metres_per_unit)
+    scale = next((unit for unit in units if unit is not None), None)
+    if scale is None:
+        raise ClipError("the length unit is unknown: say --unit")
+    hierarchy = clip.hierarchy
+    binding = bind(rig, hierarchy)
+    turn = _turn(up)
+    _check_reach(motion.positions, hierarchy.joints, scale)
+    source_positions = rotate(turn, motion.positions) * scale
+    source_world = None if motion.world is None else multiply(turn, motion.world)
+    positions = place(binding, hierarchy, source_positions, source_world, scale)
+    notes = _orientation_notes(positions, up)
+
+    in_rest = None
+    if source_world is not None and rig.rest is not Rest.POSITIONS:
+        in_rest = to_canonical_rest(rig, binding, hierarchy, motion, scale)
+        if in_rest is None:
+            notes.append("the zero pose is no standing human: rotations come from positions, without twist")
+    if in_rest is None or source_world is None:
+        world = world_from_positions(positions)
+    else:
+        world = _world_rotations(binding, source_world, in_rest)
+
+    height = body_height(bone_vectors(positions, world).mean(axis=0))
+    if not MIN_HEIGHT <= height <= MAX_HEIGHT:
+        raise ClipError(f"body height {height:.4g} m with unit {scale:.4g} m: say --unit")
+    place_offsets(binding, positions, world, height)
+    rest_offsets = bone_vectors(positions, world).mean(axis=0)
+    rotations = continuous_signs(normalise(local_rotations(world)))
+    root = np.array(positions[:, 0])
+    errors = np.linalg.norm(forward_kinematics(root, rotations, rest_offsets) - positions, axis=-1)
+    return CanonicalMotion(
+        fps=clip.fps,
+        root=root,
+        rotations=rotations,
+        positions=positions,
+        rest_offsets=rest_offsets,
+        body_height=height,
+        twist=in_rest is not None,
+        filled=binding.filled,
+        up=up,
+        metres_per_unit=scale,
+        fk_error=float(errors.max()),
+        fk_error_mean=float(errors.mean()),
+        notes=tuple(notes),
+    )
+
+
+def _check_reach(positions: FloatArray, joints: tuple[str, ...], scale: float) -> None:
+    """`ClipError` where one of the file's joints [F, J, 3], of `scale` metres, goes absurdly far."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        distance = np.linalg.norm(positions - positions[0, 0], axis=-1) * scale
+    far = ~(distance <= FARTHEST)
+    if far.any():
+        frame, joint = (int(index) for index in np.argwhere(far)[0])
+        raise ClipError(
+            f"frame {frame}: {joints[joint]} is {distance[frame, joint]:.4g} m from the first frame's "
+            f"{joints[0]} with unit {scale:.4g} m: a damaged number, or say --unit"
+        )
+
+
+def _turn(up: str) -> FloatArray:
+    axis, degrees = _TURNS[up]
+    return from_axis_angle(np.array(axis), degrees)
+
+
+def _world_rotations(binding: Binding, source_world: FloatArray, in_rest: FloatArray) -> FloatArray:
+    world = np.empty((len(source_world), len(PARENTS), 4))
+    for joint, parent in enumerate(PARENTS):
+        if joint in binding.source:
+            own = np.ascontiguousarray(source_world[:, binding.source[joint]])
+            world[:, joint] = multiply(own, conjugate(in_rest[joint]))
+        else:
+            world[:, joint] = world[:, parent]
+    return world
+
+
+def body_height(rest_offsets: FloatArray) -> float:
+    """Height of the head joint over the ankles in the rest pose with these offsets."""
+    heights = np.zeros(len(PARENTS))
+    for joint, parent in enumerate(PARENTS):
+        if parent >= 0:
+            heights[joint] = heights[parent] + rest_offsets[joint, 1]
+    ankles = (heights[INDEX["left_ankle"]] + heights[INDEX["right_ankle"]]) / 2
+    return float(heights[INDEX["head"]] - ankles)
+
+
+def _orientation_notes(positions: FloatArray, up: str) -> list[str]:
+    """A note where the body is long along another axis than up in most frames: lying, or a wrong up axis."""
+    ankles = (positions[:, INDEX["left_ankle"]] + positions[:, INDEX["right_ankle"]]) / 2
+    body = positions[:, INDEX["head"]] - ankles
+    axis = np.argmax(np.abs(body), axis=1)
+    upright = np.mean((axis == 1) & (body[:, 1] > 0))
+    if upright >= 0.5:
+        return []
+    longest = rotate(conjugate(_turn(up)), np.median(body, axis=0))
+    strongest = int(np.argmax(np.abs(longest)))
+    name = ("-" if longest[strongest] < 0 else "") + "xyz"[strongest]
+    share = f"the head is not above the ankles in {1 - upright:.0%} of frames"
+    return [f"{share}: the body lies or hangs, or up is {name} and not {up} (--up)"]

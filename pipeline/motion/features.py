@@ -1,0 +1,206 @@
+"""Per-frame features that motion words are cut from.
+
+Two representations. "positions": joint positions seen from the body (centred at the hips, turned to face
+one way, divided by the body's size), with the motion of the root beside them. "rotations": the local
+rotation of each joint, as in Deep Motifs, sections 3.1 and 5.1. Both are invariant to where the body
+stands and where it faces.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final, Literal
+
+import numpy as np
+from motionlake.motion.canonical import COMMON, DEEP_MOTIFS, INDEX
+from motionlake.motion.facing import facing
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter1d
+
+Representation = Literal["positions", "rotations"]
+JointSet = Literal["common15", "deep_motifs16"]
+Float64Array = NDArray[np.float64]
+Float32Array = NDArray[np.float32]
+
+JOINT_SETS: Final[dict[str, tuple[str, ...]]] = {"common15": COMMON, "deep_motifs16": DEEP_MOTIFS}
+# A sampling instant this close (in frames) to the clip's last frame still counts as inside the clip.
+INSTANT_TOLERANCE: Final = 1e-6
+
+
+@dataclass(frozen=True)
+class WordConfig:
+    """What motion words are made of; the defaults measured best over four sets (`docs/words.md`).
+
+    Attributes:
+        representation: "positions" or "rotations".
+        fps: frames a second that words are sampled at.
+        length: frames of a word.
+        stride: frames between the starts of neighbouring words.
+        joints: "common15" (every rig has them) or "deep_motifs16" (Deep Motifs, section 5.1).
+        root_weight: "positions" only: weight of the root's velocity (body lengths a frame, seen from the
+            body) and yaw rate (radians a frame); 0 leaves them out.
+        velocity_weight: "positions" only: weight of the joints' velocities (body lengths a frame, seen
+            from the body); 0 leaves them out.
+        smoothing: "positions" only: standard deviation, in frames of the words, of the Gaussian that smooths
+            joint positions in time; 0 leaves them as they are.
+
+    Raises:
+        ValueError: a value out of range, or rotations with weights, smoothing or a joint set that holds the hips.
+    """
+
+    representation: Representation = "positions"
+    fps: float = 24.0
+    length: int = 12
+    stride: int = 2
+    joints: JointSet = "common15"
+    root_weight: float = 5.0
+    velocity_weight: float = 4.0
+    smoothing: float = 1.0
+
+    def __post_init__(self) -> None:
+        if self.representation not in ("positions", "rotations"):
+            raise ValueError(f"representation is {self.representation!r}, not positions or rotations")
+        if self.joints not in JOINT_SETS:
+            raise ValueError(f"joints is {self.joints!r}, not one of {', '.join(JOINT_SETS)}")
+        if not (self.fps > 0 and self.length >= 1 and self.stride >= 1):
+            raise ValueError("fps, length and stride of words must be positive")
+        if min(self.root_weight, self.velocity_weight, self.smoothing) < 0:
+            raise ValueError("weights and smoothing of word features cannot be negative")
+        if self.representation == "rotations" and (
+            self.joints != "deep_motifs16" or self.root_weight or self.velocity_weight or self.smoothing
+        ):
+            raise ValueError("words of rotations need joints deep_motifs16, zero weights and no smoothing")
+
+    @classmethod
+    def deep_motifs(cls) -> WordConfig:
+        """The paper's words: local rotations of 16 joints, 24 fps, 16 frames, stride 4 (section 5.1)."""
+        return cls("rotations", 24.0, 16, 4, "deep_motifs16", 0.0, 0.0, 0.0)
+
+    def words_in(self, seconds: float) -> int:
+        """How many words in a row cover about so many seconds; at least two."""
+        return max(2, round((seconds * self.fps - self.length) / self.stride) + 1)
+
+    @property
+    def joint_indices(self) -> tuple[int, ...]:
+        """Canonical indices of the joints whose features are kept.
+
+        The hips are left out of positions: centred at themselves they are always zero.
+        """
+        names = JOINT_SETS[self.joints]
+        return tuple(INDEX[name] for name in names if name != "hips")
+
+    @property
+    def dimension(self) -> int:
+        """D: numbers a frame."""
+        n_joints = len(self.joint_indices)
+        if self.representation == "rotations":
+            return 4 * n_joints
+        return 3 * n_joints * (1 + (self.velocity_weight > 0)) + 4 * (self.root_weight > 0)
+
+
+def sample_count(n_frames: int, fps: float, config: WordConfig) -> int:
+    """T: how many frames `n_frames` at `fps` become at the words' rate: floor((F - 1) / fps * 24) + 1."""
+    return int(np.floor((n_frames - 1) / fps * config.fps + INSTANT_TOLERANCE)) + 1
+
+
+def word_features(positions: Float64Array, rotations: Float64Array, fps: float, config: WordConfig) -> Float32Array:
+    """Features of every frame of a clip at the words' rate.
+
+    Args:
+        positions: [F, 21, 3] canonical joint positions, metres, y up. May be empty for rotations.
+        rotations: [F, 21, 4] canonical local rotations (w, x, y, z). May be empty for positions.
+        fps: frames a second of the arrays.
+        config: what to compute.
+
+    Returns:
+        [T, D] float32, T = `sample_count(F, fps, config)`, D = `config.dimension`. Positions: joints (x, y,
+        z each), then joint velocities, then root velocity (x, y, z) and yaw rate. Rotations: w, x, y, z of
+        each joint with w >= 0.
+
+    Raises:
+        ValueError: a clip without frames, a rate that is not positive, or a body without size.
+    """
+    used = positions if config.representation == "positions" else rotations
+    if len(used) == 0:
+        raise ValueError("a clip without frames has no words")
+    if not fps > 0:
+        raise ValueError(f"the frame rate is {fps}, not positive")
+    if config.representation == "rotations":
+        quaternions = resample(rotations[:, list(config.joint_indices)], fps, config, spherical=True)
+        return np.ascontiguousarray(quaternions.reshape(len(quaternions), -1), dtype=np.float32)
+    sampled = resample(positions, fps, config)
+    if config.smoothing:
+        sampled = gaussian_filter1d(sampled, config.smoothing, axis=0, mode="nearest")
+    return _position_features(sampled, body_length(positions), config)
+
+
+def resample(values: Float64Array, fps: float, config: WordConfig, *, spherical: bool = False) -> Float64Array:
+    """Linear interpolation at the exact instants k / config.fps.
+
+    Args:
+        values: [F, J, C].
+        fps: frames a second of `values`.
+        config: the words' rate.
+        spherical: the last axis holds unit quaternions: neighbours are brought to one hemisphere, the
+            result is normalised and has w >= 0.
+
+    Returns:
+        [T, J, C].
+    """
+    instants = np.arange(sample_count(len(values), fps, config)) * (fps / config.fps)
+    below = np.clip(np.floor(instants + INSTANT_TOLERANCE).astype(np.int64), 0, len(values) - 1)
+    above = np.minimum(below + 1, len(values) - 1)
+    weight = np.clip(instants - below, 0.0, 1.0)[:, None, None]
+    first, second = values[below], values[above]
+    if not spherical:
+        return np.asarray(first + weight * (second - first), dtype=np.float64)
+    second = np.where(np.sum(first * second, axis=-1, keepdims=True) < 0, -second, second)
+    blended = first + weight * (second - first)
+    blended /= np.linalg.norm(blended, axis=-1, keepdims=True)
+    return np.asarray(np.where(blended[..., :1] < 0, -blended, blended), dtype=np.float64)
+
+
+def body_length(positions: Float64Array) -> float:
+    """Leg plus torso in metres: thigh + shin (mean of both sides) + hips to neck, medians over the clip.
+
+    Raises:
+        ValueError: it is zero or not finite.
+    """
+
+    def bone(start: str, end: str) -> float:
+        return float(np.median(np.linalg.norm(positions[:, INDEX[end]] - positions[:, INDEX[start]], axis=-1)))
+
+    legs = sum(
+        bone(f"{side}_hip", f"{side}_knee") + bone(f"{side}_knee", f"{side}_ankle") for side in ("left", "right")
+    )
+    length = legs / 2 + bone("hips", "neck")
+    if not (np.isfinite(length) and length > 0):
+        raise ValueError(f"leg plus torso measure {length} m: the body has no size")
+    return length
+
+
+def _turned_back(vectors: Float64Array, angles: Float64Array) -> Float64Array:
+    """`vectors` [T, ..., 3] turned by -angles [T] about +y."""
+    shape = (-1,) + (1,) * (vectors.ndim - 2)
+    cos, sin = np.cos(angles).reshape(shape), np.sin(angles).reshape(shape)
+    x, y, z = vectors[..., 0], vectors[..., 1], vectors[..., 2]
+    return np.stack([cos * x - sin * z, y, sin * x + cos * z], axis=-1)
+
+
+def _rate(values: Float64Array) -> Float64Array:
+    """Central differences a frame along the first axis; zero for a single frame."""
+    return np.gradient(values, axis=0) if len(values) > 1 else np.zeros_like(values)
+
+
+def _position_features(positions: Float64Array, size: float, config: WordConfig) -> Float32Array:
+    n_frames = len(positions)
+    angles = facing(positions)
+    root = positions[:, INDEX["hips"]]
+    joints = _turned_back(positions[:, list(config.joint_indices)] - root[:, None], angles) / size
+    parts = [joints.reshape(n_frames, -1)]
+    if config.velocity_weight > 0:
+        parts.append(config.velocity_weight * _rate(joints).reshape(n_frames, -1))
+    if config.root_weight > 0:
+        velocity = _turned_back(_rate(root) / size, angles)
+        parts.append(config.root_weight * np.column_stack([velocity, _rate(angles)]))
+    return np.ascontiguousarray(np.concatenate(parts, axis=1), dtype=np.float32)

@@ -1,0 +1,166 @@
+"""Forward kinematics: a file's raw channels to local and global rotations and global positions."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+from motionlake.errors import ClipError
+from motionlake.motion.clip import ChannelKind, Hierarchy, Motion, SourceClip
+from motionlake.motion.rotations import multiply_into, rotate_into
+from numba import njit
+from numpy.typing import NDArray
+
+# A channel's code: 0-2 position, 3-5 rotation, 6-9 quaternion.
+_CODES: Final = {
+    name: code
+    for code, name in enumerate(
+        (
+            *("Xposition", "Yposition", "Zposition"),
+            *("Xrotation", "Yrotation", "Zrotation"),
+            *("Wquaternion", "Xquaternion", "Yquaternion", "Zquaternion"),
+        )
+    )
+}
+_FIRST_ROTATION: Final = 3
+_FIRST_QUATERNION: Final = 6
+
+
+@njit(cache=True)
+def _joint_rotation(values, begin, end, codes, fixed, out):  # type: ignore[no-untyped-def]
+    """out = rotation of one joint's channels values[begin:end]; False where a quaternion has no length."""
+    w, x, y, z = 1.0, 0.0, 0.0, 0.0
+    quaternion = False
+    for c in range(begin, end):
+        code = codes[c]
+        value = values[c]
+        if code < _FIRST_ROTATION:
+            continue
+        if code >= _FIRST_QUATERNION:
+            out[code - _FIRST_QUATERNION] = value
+            quaternion = True
+            continue
+        if value == 0.0:
+            continue
+        half = value * (math.pi / 360.0)
+        s, t = math.sin(half), math.cos(half)
+        # Product with a turn about a coordinate axis; from the other side the vector part's cross term flips.
+        r = -s if fixed else s
+        if code == 3:
+            w, x, y, z = w * t - x * s, x * t + w * s, y * t + z * r, z * t - y * r
+        elif code == 4:
+            w, x, y, z = w * t - y * s, x * t - z * r, y * t + w * s, z * t + x * r
+        else:
+            w, x, y, z = w * t - z * s, x * t + y * r, y * t - x * r, z * t + w * s
+    if quaternion:
+        length = math.sqrt(out[0] * out[0] + out[1] * out[1] + out[2] * out[2] + out[3] * out[3])
+        if not length > 0.0:
+            return False
+        for i in range(4):
+            out[i] /= length
+    else:
+        out[0], out[1], out[2], out[3] = w, x, y, z
+    return True
+
+
+@njit(cache=True)
+def _keep_sign(q, before):  # type: ignore[no-untyped-def]
+    """Negate q in place where its opposite is nearer to `before`."""
+    if q[0] * before[0] + q[1] * before[1] + q[2] * before[2] + q[3] * before[3] < 0.0:
+        for i in range(4):
+            q[i] = -q[i]
+
+
+@njit(cache=True)
+def _solve(channels, starts, codes, parents, offsets, axes, turned, fixed, positions, local, world):  # type: ignore[no-untyped-def]
+    """Fill positions [F, J, 3], local and world [F, J, 4]; the (frame, joint) that fails first, or -1, -1."""
+    frames, joints = positions.shape[0], positions.shape[1]
+    vector = np.empty(3)
+    inverse = np.empty(4)
+    for f in range(frames):
+        values = channels[f]
+        for j in range(joints):
+            begin, end = starts[j], starts[j + 1]
+            q = local[f, j]
+            if not _joint_rotation(values, begin, end, codes, fixed, q):
+                return f, j
+            if turned[j]:
+                inverse[0] = axes[j, 0]
+                for i in range(1, 4):
+                    inverse[i] = -axes[j, i]
+                multiply_into(axes[j], q, q)
+                multiply_into(q, inverse, q)
+            for i in range(3):
+                vector[i] = offsets[j, i]
+            for c in range(begin, end):
+                if codes[c] < _FIRST_ROTATION:
+                    vector[codes[c]] = values[c]
+            parent = parents[j]
+            if parent < 0:
+                for i in range(4):
+                    world[f, j, i] = q[i]
+                for i in range(3):
+                    positions[f, j, i] = vector[i]
+            else:
+                multiply_into(world[f, parent], q, world[f, j])
+                rotate_into(world[f, parent], vector, vector)
+                for i in range(3):
+                    positions[f, j, i] = positions[f, parent, i] + vector[i]
+            if f:
+                _keep_sign(q, local[f - 1, j])
+                _keep_sign(world[f, j], world[f - 1, j])
+    return -1, -1
+
+
+def channel_starts(hierarchy: Hierarchy) -> NDArray[np.int64]:
+    """Column [J + 1] at which each joint's channels start."""
+    return np.cumsum([0, *map(len, hierarchy.channels)])
+
+
+def solve(clip: SourceClip) -> Motion:
+    """Forward kinematics of every frame.
+
+    Along time the signs of a joint's quaternions are such that neighbours are near each other.
+
+    Args:
+        clip: channels in degrees and file units. Quaternions need not be of length 1.
+
+    Returns:
+        `Motion` in file units and axes.
+
+    Raises:
+        ClipError: a channel that its kind does not know, or a quaternion of length zero.
+    """
+    hierarchy = clip.hierarchy
+    frames, joints = len(clip.channels), len(hierarchy.joints)
+    if hierarchy.kind is ChannelKind.POSITIONS:
+        if any(names != ("x", "y", "z") for names in hierarchy.channels):
+            raise ClipError("a joint of a clip of positions needs the channels x, y, z")
+        return Motion(np.ascontiguousarray(clip.channels, float).reshape(frames, joints, 3), None, None)
+    names = [name for joint in hierarchy.channels for name in joint]
+    unknown = next((name for name in names if name not in _CODES), None)
+    if unknown is not None:
+        raise ClipError(f"unknown channel {unknown!r}")
+    quaternions = [sum(name.endswith("quaternion") for name in joint) for joint in hierarchy.channels]
+    if any(number not in (0, 4) for number in quaternions):
+        raise ClipError("a joint has fewer or more than the four channels of a quaternion")
+    positions = np.empty((frames, joints, 3))
+    local, world = np.empty((frames, joints, 4)), np.empty((frames, joints, 4))
+    axes = np.ascontiguousarray(hierarchy.axes, float)
+    frame, joint = _solve(
+        np.ascontiguousarray(clip.channels, float),
+        channel_starts(hierarchy),
+        np.array([_CODES[name] for name in names], np.int64),
+        np.array(hierarchy.parents, np.int64),
+        np.ascontiguousarray(hierarchy.offsets, float),
+        axes,
+        np.abs(axes[:, 0]) < 1.0,
+        hierarchy.fixed_axes,
+        positions,
+        local,
+        world,
+    )
+    if frame >= 0:
+        raise ClipError(f"frame {frame + 1}: the quaternion of joint {hierarchy.joints[joint]!r} has length zero")
+    return Motion(positions, local, world)

@@ -1,0 +1,140 @@
+"""The rest pose of a source rig and the rotations that carry it into the canonical rest pose."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from motionlake.motion.canonical import BONES, INDEX, JOINTS, TWIST_AXES
+from motionlake.motion.clip import FloatArray, Hierarchy, Motion
+from motionlake.motion.fill import Binding, place
+from motionlake.motion.rigs import Rest, RigMap
+from motionlake.motion.rotations import conjugate, from_axis_angle, from_matrix, multiply, rotate, swing
+
+IDENTITY: Final = (1.0, 0.0, 0.0, 0.0)
+SAMPLED_FRAMES: Final = 64
+# Rest poses are modelled along the axes of the file; what is this near to them (degrees) is meant to be.
+SNAP_DEGREES: Final = 15.0
+# Cosine to the vertical that legs and torso of a standing rest pose reach at least.
+STANDING: Final = 0.5
+MIN_LENGTH: Final = 1e-9
+
+
+def to_canonical_rest(
+    rig: RigMap, binding: Binding, hierarchy: Hierarchy, motion: Motion, scale: float
+) -> FloatArray | None:
+    """Global orientation of each measured joint's source joint in the canonical rest pose.
+
+    With it the canonical global rotation of a frame is `source rotation * result^-1`. The result is S A R: R
+    the orientation in the source's rest pose, A the turn of the whole rest body to face +z with y up, S the
+    smallest swing of the joint's bone to its canonical direction, and the rig's twist about that.
+
+    Args:
+        rig: its rest pose is not `Rest.POSITIONS`.
+        binding: of the rig to the file.
+        hierarchy: of the file.
+        motion: of the file, with rotations.
+        scale: metres per file unit.
+
+    Returns:
+        [21, 4], identity for filled joints; None where the zero pose is no standing human.
+    """
+    assert motion.world is not None
+    if rig.rest is Rest.CANONICAL:
+        return np.tile(IDENTITY, (len(JOINTS), 1))
+    offsets = _mean_offsets(hierarchy, motion)
+    orientations = _orientations(rig, binding, hierarchy)
+    rest = _posed(hierarchy, orientations, offsets) * scale
+    placed = place(binding, hierarchy, rest[None], orientations[None], scale)[0]
+    if rig.rest is Rest.ZERO:
+        aligned = _alignment(placed)
+        if aligned is None:
+            return None
+        orientations, placed = multiply(aligned, orientations), rotate(aligned, placed)
+    if not _stands(placed):
+        return None
+    swings = _swings(placed, binding)
+    for name, degrees in rig.twists.items():
+        twist = from_axis_angle(np.array(TWIST_AXES[name]), degrees)
+        swings[INDEX[name]] = multiply(twist, swings[INDEX[name]])
+    result = np.tile(np.array(IDENTITY), (len(JOINTS), 1))
+    for joint, source in binding.source.items():
+        result[joint] = multiply(swings[joint], orientations[source])
+    return result
+
+
+def _mean_offsets(hierarchy: Hierarchy, motion: Motion) -> FloatArray:
+    """[J, 3] offsets from the parent as the motion shows them: position channels replace rest offsets."""
+    assert motion.world is not None
+    frames = np.unique(np.linspace(0, len(motion.positions) - 1, SAMPLED_FRAMES).round().astype(int))
+    parents = list(hierarchy.parents)
+    positions, world = motion.positions[frames], motion.world[frames]
+    offsets: FloatArray = rotate(conjugate(world[:, parents]), positions - positions[:, parents]).mean(axis=0)
+    offsets[0] = 0.0
+    return offsets
+
+
+def _orientations(rig: RigMap, binding: Binding, hierarchy: Hierarchy) -> FloatArray:
+    """[J, 4] global orientations in the source's rest pose."""
+    given = {binding.names.get(name.casefold()): q for name, q in rig.rest_orientations.items()}
+    orientations = np.tile(np.array(IDENTITY), (len(hierarchy.joints), 1))
+    for joint, parent in enumerate(hierarchy.parents):
+        if joint in given:
+            orientations[joint] = given[joint]
+        elif parent >= 0:
+            orientations[joint] = orientations[parent]
+    return orientations
+
+
+def _posed(hierarchy: Hierarchy, orientations: FloatArray, offsets: FloatArray) -> FloatArray:
+    positions = np.zeros_like(offsets)
+    for joint, parent in enumerate(hierarchy.parents):
+        if parent >= 0:
+            positions[joint] = positions[parent] + rotate(orientations[parent], offsets[joint])
+    return positions
+
+
+def _alignment(placed: FloatArray) -> FloatArray | None:
+    """Turn [4] that brings the rest body's up to +y and its left to +x; None where it has neither."""
+
+    def joints(part: str) -> FloatArray:
+        return placed[[INDEX[f"left_{part}"], INDEX[f"right_{part}"]]]
+
+    up = joints("shoulder").mean(axis=0) - joints("ankle").mean(axis=0)
+    across = joints("hip") + joints("shoulder")
+    left = across[0] - across[1]
+    if np.linalg.norm(np.cross(left, up)) < MIN_LENGTH:
+        return None
+    up = _snapped(up)
+    left = _snapped(left - (left @ up) * up)
+    return from_matrix(np.stack([left, up, np.cross(left, up)]))
+
+
+def _snapped(direction: FloatArray) -> FloatArray:
+    """The unit vector along `direction`, or along the file's axis that is near to it."""
+    direction = direction / np.linalg.norm(direction)
+    axis = np.zeros(3)
+    nearest = int(np.argmax(np.abs(direction)))
+    axis[nearest] = np.sign(direction[nearest])
+    return axis if axis @ direction > np.cos(np.deg2rad(SNAP_DEGREES)) else direction
+
+
+def _stands(placed: FloatArray) -> bool:
+    bones = [("hips", "neck", 1.0), ("left_hip", "left_ankle", -1.0), ("right_hip", "right_ankle", -1.0)]
+    for start, end, sense in bones:
+        bone = placed[INDEX[end]] - placed[INDEX[start]]
+        if not sense * bone[1] > STANDING * np.linalg.norm(bone):
+            return False
+    return bool(placed[INDEX["left_hip"], 0] > placed[INDEX["right_hip"], 0])
+
+
+def _swings(placed: FloatArray, binding: Binding) -> FloatArray:
+    """[21, 4] swing of every joint's bone to its canonical direction; hands turn with their forearms."""
+    swings = np.tile(np.array(IDENTITY), (len(JOINTS), 1))
+    for name, (child, direction) in BONES.items():
+        bone = placed[INDEX[child]] - placed[INDEX[name]]
+        if INDEX[name] in binding.source and np.linalg.norm(bone) > MIN_LENGTH:
+            swings[INDEX[name]] = swing(bone, np.array(direction))
+    for side in ("left", "right"):
+        swings[INDEX[f"{side}_wrist"]] = swings[INDEX[f"{side}_elbow"]]
+    return swings

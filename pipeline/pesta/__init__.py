@@ -1,0 +1,1 @@
+"""PESTA: postures, strings of posture symbols, and their strided temporal alignment."""

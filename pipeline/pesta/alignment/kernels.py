@@ -1,0 +1,175 @@
+"""The recurrence of section 6 over many strings side by side, one in each lane, by a ring of the last w columns.
+
+W(1, y) = D(e_1, s_y); W(x, y) = min over the window of W(m, n) + D(e_x, s_y) * max(x - m, y - n). A window reaches no
+further back than the string's first column. All costs are float32, and since rounding keeps the order of numbers, the
+minimum does not depend on the order in which cells are looked at.
+
+Smith-Waterman ("local") is kept as costs, so that smaller is better: C(x, y) = min(0, C(x-1, y-1) + D - threshold,
+C(x-1, y) + gap, C(x, y-1) + gap), and a column ends at the least of its rows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+from typing import Any
+
+import numpy as np
+from motionlake.pesta.alignment.strings import Float32Array, IntArray, Symbols
+from motionlake.pesta.alignment.vectors import (
+    LANES,
+    MAX_UNROLLED,
+    ROWS,
+    least,
+    load,
+    load_rows,
+    plus,
+    scaled,
+    spread,
+    store,
+    window,
+)
+from numba import njit
+
+ZERO = np.float32(0)
+INFINITY = np.float32(np.inf)
+
+
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def query_profile(query: Symbols, distances: Float32Array) -> Float32Array:
+    """[m * width] flat: the distances of each symbol from the query's, one after another, filled up with zeros.
+
+    width: the query's length, rounded up to a multiple of `ROWS`.
+    """
+    m = len(distances)
+    width = -(-len(query) // ROWS) * ROWS
+    profile = np.zeros(m * width, dtype=np.float32)
+    for x in range(len(query)):
+        row = distances[query[x]]
+        for symbol in range(m):
+            profile[symbol * width + x] = row[symbol]
+    return profile
+
+
+@njit(nogil=True)  # type: ignore[untyped-decorator]
+def _wide_window(ring: Float32Array, columns: IntArray, row: int, above: Any, distance: Any, stride: int) -> Any:
+    """`vectors.window` for any stride."""
+    best = plus(above, distance)
+    for p in range(stride, 0, -1):
+        low = load(ring, columns[p] + row)
+        for k in range(1, p + 1):
+            low = least(low, load(ring, columns[p] + row - k * LANES))
+        for k in range(p - 1, 0, -1):
+            low = least(low, load(ring, columns[k] + row - p * LANES))
+        if p > 1:
+            low = least(low, load(ring, columns[0] + row - p * LANES))
+        best = least(best, plus(low, scaled(distance, np.float32(p))))
+    return best
+
+
+@cache
+def scanner(stride: int) -> Callable[..., None]:
+    """The kernel that scans strings with one stride."""
+    unrolled = stride <= MAX_UNROLLED
+
+    @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+    def scan(
+        profile: Float32Array,
+        n_rows: int,
+        local: bool,
+        threshold: np.float32,
+        gap: np.float32,
+        symbols: Symbols,
+        pieces: IntArray,
+        warm: int,
+        full: int,
+        initial: Float32Array,
+        entries: Float32Array,
+        exits: Float32Array,
+        ends: Float32Array,
+        best: Float32Array,
+    ) -> None:
+        """Scan pieces of strings, `LANES` at a time.
+
+        profile: `query_profile` of a query of `n_rows`.
+        pieces: [n, 4] where a piece is scanned from, kept from and stops, and where its least end cost goes, -1 for
+            nowhere; longest first.
+        warm, full: columns that a cut piece is scanned before it is kept, and columns scanned of a piece that another
+            continues.
+        initial: [n, stride, rows] the columns before each piece, the latest first; or of length 0, where it begins a
+            string.
+        entries, exits: [n, stride, rows] the last columns before the first one kept and up to the last one, the
+            latest first, of cut pieces; or of length 0.
+        ends: [Y] end cost of every column, or length 0.
+        best: least end costs, or length 0.
+        """
+        width = -(-n_rows // ROWS) * ROWS
+        outside = ZERO if local else INFINITY
+        size = (stride + n_rows) * LANES
+        ring = np.empty((stride + 1) * size, dtype=np.float32)
+        columns = np.empty(stride + 1, dtype=np.int64)
+        nearby = np.empty(ROWS * LANES, dtype=np.float32)
+        at = np.zeros(LANES, dtype=np.int64)
+        last = np.zeros(LANES, dtype=np.int64)
+        begin = np.zeros(LANES, dtype=np.int64)
+        bottom = np.empty((np.max(pieces[:, 2] - pieces[:, 0]) if len(pieces) else 0) * LANES, dtype=np.float32)
+        for group in range(0, len(pieces), LANES):
+            used = min(LANES, len(pieces) - group)
+            for lane in range(LANES):
+                piece = group + min(lane, used - 1)
+                begin[lane], last[lane] = pieces[piece, 0], max(pieces[piece, 2] - 1, pieces[piece, 0])
+            n_columns = pieces[group, 2] - pieces[group, 0]
+            if n_columns == 0:
+                break
+            ring[:] = outside
+            if len(initial):
+                for lane in range(used):
+                    for k in range(stride):
+                        for x in range(n_rows):
+                            ring[(k + 1) * size + (stride + x) * LANES + lane] = initial[group + lane, k, x]
+            for t in range(n_columns):
+                for lane in range(LANES):
+                    at[lane] = symbols[min(begin[lane] + t, last[lane])] * width
+                for k in range(stride + 1):
+                    columns[k] = ((t - k) % (stride + 1)) * size + stride * LANES
+                above = spread(outside)
+                lowest = spread(ZERO)
+                for x in range(n_rows):
+                    if x % ROWS == 0:
+                        load_rows(profile, at, x, nearby)
+                    distance = load(nearby, (x % ROWS) * LANES)
+                    row = x * LANES
+                    if local:
+                        cost = plus(load(ring, columns[1] + row - LANES), plus(distance, spread(-threshold)))
+                        skipped = least(above, load(ring, columns[1] + row))
+                        cost = least(least(cost, plus(skipped, spread(gap))), spread(ZERO))
+                        lowest = least(lowest, cost)
+                    elif x == 0:
+                        cost = distance
+                    elif unrolled:
+                        cost = window(ring, columns, row, above, distance, stride)
+                    else:
+                        cost = _wide_window(ring, columns, row, above, distance, stride)
+                    store(ring, columns[0] + row, cost)
+                    above = cost
+                store(bottom, t * LANES, lowest if local else above)
+                if len(exits) and ((warm - stride <= t < warm) or (full - stride <= t < full)):
+                    entering = t < warm
+                    states = entries if entering else exits
+                    k = t - ((warm if entering else full) - stride)
+                    for lane in range(used):
+                        for x in range(n_rows):
+                            states[group + lane, stride - 1 - k, x] = ring[columns[0] + x * LANES + lane]
+            for lane in range(used):
+                first, kept, stop, target = pieces[group + lane]
+                if len(ends):
+                    for y in range(kept, stop):
+                        ends[y] = bottom[(y - first) * LANES + lane]
+                if len(best) and target >= 0:
+                    low = INFINITY
+                    for y in range(kept, stop):
+                        low = min(low, bottom[(y - first) * LANES + lane])
+                    best[target] = low
+
+    kernel: Callable[..., None] = scan
+    return kernel

@@ -1,0 +1,188 @@
+"""The best matches of a query that do not overlap, in ascending cost (section 6)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from motionlake.pesta.alignment.config import AlignmentConfig
+from motionlake.pesta.alignment.scan import Boundaries, scan_ends
+from motionlake.pesta.alignment.selection import ascending_blocks, next_column
+from motionlake.pesta.alignment.strings import (
+    Distances,
+    Float32Array,
+    IntArray,
+    Repository,
+    SymbolDistances,
+    Symbols,
+    checked,
+)
+from motionlake.pesta.alignment.trace import strided_weights, trace
+from numba import njit
+from numpy.typing import ArrayLike, NDArray
+
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Match:
+    """A sub-sequence of the repository that is like a query.
+
+    Attributes:
+        clip: index of the clip it begins in.
+        start, stop: symbols [start, stop) of that clip's string. Where boundaries are crossed, stop may lie beyond the
+            clip's end and counts on through the clips after it.
+        cost: W(X, y); of "sw", minus the score.
+        path: [L, 2] pairs (query index, string index, counted from the clip's first symbol) in ascending order; None
+            where it was not asked for. A strided path leaves out symbols that it strides over.
+    """
+
+    clip: int
+    start: int
+    stop: int
+    cost: float
+    path: IntArray | None = None
+
+
+def best_matches(
+    query: ArrayLike,
+    repository: Repository,
+    distances: Distances,
+    k: int,
+    config: AlignmentConfig | None = None,
+    *,
+    boundaries: Boundaries = "kept",
+    barred: Mask | None = None,
+    below: float = np.inf,
+    paths: bool = False,
+    threads: int = 1,
+) -> list[Match]:
+    """The k best matches that do not overlap (section 6).
+
+    Columns are visited in ascending end cost, by position where costs are equal; a match that shares a symbol with one
+    found before is dropped.
+
+    Args:
+        query: [X] symbols.
+        repository: where to look.
+        distances: [m, m] of the dictionary's symbols.
+        k: how many matches at most.
+        config: the alignment.
+        boundaries: "kept" aligns each clip by itself; "crossed" makes one string of all clips; "dropped" does so too,
+            but drops matches that cross from one clip into another.
+        barred: [Y] symbols that no match may cover, such as the query itself.
+        below: only matches that cost less (U_d of section 3).
+        paths: give every match its path.
+        threads: which share the scan; the result does not depend on their number.
+
+    Returns:
+        Matches in ascending cost, ties by clip and position. Of "sw", only matches of a score above zero.
+
+    Raises:
+        ValueError: an empty query, a symbol outside the dictionary, k below 0, `barred` of another length.
+    """
+    config = config or AlignmentConfig()
+    if boundaries not in ("kept", "crossed", "dropped"):
+        raise ValueError(f"boundaries is {boundaries!r}, not kept, crossed or dropped")
+    if k < 0:
+        raise ValueError(f"k is {k}: it is at least 0")
+    ground = SymbolDistances.of(distances)
+    symbols = checked(query, repository, ground)
+    strings = repository if boundaries == "kept" else repository.joined
+    taken = taken_symbols(barred, len(repository.symbols))
+    ends = scan_ends(symbols, strings, ground, config, threads)
+    inside = repository.offsets if boundaries == "dropped" else strings.offsets
+    limit = np.float32(min(below, 0.0) if config.local else below)
+    found = _select(
+        ends, symbols, strings.symbols, strings.offsets, inside, taken, k, limit,
+        ground.matrix, config.reach, config.local, *ground.scores(config),
+    )  # fmt: skip
+    matches = []
+    clips = np.searchsorted(repository.offsets, found[:, 0], side="right") - 1
+    firsts, costs = repository.offsets[clips].tolist(), ends[found[:, 2]].tolist()
+    for (start, stop, end), clip, first, cost in zip(found.tolist(), clips.tolist(), firsts, costs, strict=True):
+        path = None
+        if paths:
+            path = trace(
+                symbols, strings.symbols, first if boundaries == "kept" else 0, end,
+                ground.matrix, config.reach, config.local, *ground.scores(config),
+            )  # fmt: skip
+            path[:, 1] -= first
+        matches.append(Match(clip, start - first, stop - first, cost, path))
+    return matches
+
+
+def taken_symbols(barred: Mask | None, n_symbols: int) -> Mask:
+    """[Y] a fresh mask of the symbols that no match may cover.
+
+    Raises:
+        ValueError: a mask of another length.
+    """
+    if barred is None:
+        return np.zeros(n_symbols, dtype=np.bool_)
+    mask = np.array(barred, dtype=np.bool_)
+    if mask.shape != (n_symbols,):
+        raise ValueError(f"barred is [Y] = [{n_symbols}], not {mask.shape}")
+    return mask
+
+
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _select(
+    ends: Float32Array,
+    query: Symbols,
+    symbols: Symbols,
+    offsets: IntArray,
+    inside: IntArray,
+    taken: Mask,
+    k: int,
+    limit: np.float32,
+    distances: Float32Array,
+    stride: int,
+    local: bool,
+    threshold: np.float32,
+    gap: np.float32,
+) -> IntArray:
+    """[h, 3] start, stop and end column of the best matches.
+
+    offsets: of the strings that were aligned; inside: those that a match must not cross.
+    """
+    found = np.empty((min(k, len(ends)), 3), dtype=np.int64)
+    n = 0
+    heap = ascending_blocks(ends)
+    while n < len(found):
+        end = next_column(heap, ends, taken)
+        if end < 0 or not ends[end] < limit:
+            break
+        begin = offsets[np.searchsorted(offsets, end, side="right") - 1]
+        if not local and _runs_into(taken, query, symbols, begin, end, distances, stride, ends[end]):
+            continue
+        path = trace(query, symbols, begin, end, distances, stride, local, threshold, gap)
+        start, stop = path[0, 1], path[-1, 1] + 1
+        if start < inside[np.searchsorted(inside, end, side="right") - 1] or np.any(taken[start:stop]):
+            continue
+        taken[start:stop] = True
+        found[n, 0], found[n, 1], found[n, 2] = start, stop, end
+        n += 1
+    return found[:n]
+
+
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _runs_into(
+    taken: Mask,
+    query: Symbols,
+    symbols: Symbols,
+    begin: int,
+    end: int,
+    distances: Float32Array,
+    stride: int,
+    cost: np.float32,
+) -> bool:
+    """Whether no path of that cost lies between the last symbol taken before `end` and `end`. False may be wrong."""
+    low = end
+    farthest = max(begin, end - 2 * len(query))
+    while low > farthest and not taken[low - 1]:
+        low -= 1
+    if low == begin or not taken[low - 1]:
+        return False
+    weights = strided_weights(query, symbols, low, end, distances, stride, np.float32(np.inf))
+    return bool(weights[-1, -1] > cost)

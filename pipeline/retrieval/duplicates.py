@@ -1,0 +1,89 @@
+"""Near-duplicate and mirrored clips of a lake."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+from motionlake.deep_motifs.applications.duplicates import MAX_DISTANCE, Duplicate, SignedClips, find_duplicates
+from motionlake.deep_motifs.emd import ground_distances
+from motionlake.errors import UserError
+from motionlake.lake.catalog import Connection, fetch
+from motionlake.lake.config import load_config
+from motionlake.lake.layout import Lake
+from motionlake.motion.features import Float32Array
+from motionlake.stages import mirrored as mirrored_stage
+from motionlake.stages import words
+
+HELD_PARTS = 64  # of features, a few MB each
+
+
+def near_duplicates(
+    con: Connection,
+    lake: Lake,
+    *,
+    max_distance: float = MAX_DISTANCE,
+    within: str | None = None,
+    across: bool = False,
+    mirrored: bool = False,
+    real: bool = False,
+) -> list[Duplicate]:
+    """Pairs of near-duplicates of a lake, nearest first; see `find_duplicates`.
+
+    Args:
+        con: to the lake.
+        lake: where the features lie.
+        max_distance: what may differ, as a part of the movement, in (0, 1).
+        within: a dataset that both clips must belong to.
+        across: only pairs of two datasets.
+        mirrored: mirror images too.
+        real: leave synthetic clips out.
+
+    Raises:
+        UserError: no signatures yet, no mirrored ones where they are needed, or a distance out of range.
+    """
+    if not 0 < max_distance < 1:
+        raise UserError(f"a distance of {max_distance}: it is a part of the movement, between 0 and 1")
+    if within is not None and across:
+        raise UserError("within one dataset and across datasets at once: choose one")
+    centroids = [row["centroid"] for row in fetch(con, "corpus_motifs")]
+    mirrored_stage.see_table(con)
+    rows = fetch(con, "signed_clips", {"real": real})
+    if not rows:
+        raise UserError(f"{lake.root}: has no signatures yet; make them with `motionlake run all`")
+    if mirrored and any(row["mirrored"] is None for row in rows):
+        raise UserError(
+            f"{lake.root}: not every clip has a mirrored signature yet; make them with `motionlake run all`"
+        )
+    clips = SignedClips(
+        [row["clip"] for row in rows],
+        [row["dataset"] for row in rows],
+        np.array([row["signature"] for row in rows], dtype=np.float32),
+        np.array([row["mirrored"] for row in rows], dtype=np.float32) if mirrored else None,
+        ground_distances(np.array(centroids, dtype=np.float32)),
+    )
+    config = load_config(lake.config_file).words
+    files = {part.part: lake.path(words.features_file(part.key)) for part in words.keyed(con, config)}
+    features = _Features({row["clip"]: files[row["part"]] for row in rows})
+    return find_duplicates(clips, features, config, max_distance=max_distance, within=within, across=across)
+
+
+class _Features:
+    """Features of clips by name; the parts last used are held."""
+
+    def __init__(self, files: Mapping[str, Path]) -> None:
+        self._files = files
+        self._held: OrderedDict[Path, dict[str, Float32Array]] = OrderedDict()
+
+    def __call__(self, clip: str) -> Float32Array:
+        file = self._files[clip]
+        if file not in self._held:
+            if not file.exists():
+                raise UserError(f"{clip}: has no words under this configuration; make them with `motionlake run all`")
+            self._held[file] = dict(words.read_features(file))
+            if len(self._held) > HELD_PARTS:
+                self._held.popitem(last=False)
+        self._held.move_to_end(file)
+        return self._held[file][clip]

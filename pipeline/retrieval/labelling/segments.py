@@ -1,0 +1,166 @@
+"""Classes along a lake's clips (Deep Motifs, section 6.2)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+from motionlake.deep_motifs.applications.segmentation import (
+    Band,
+    SegmentationConfig,
+    Segmenter,
+    TaughtRange,
+    bands,
+    taught_windows,
+    word_centres,
+)
+from motionlake.deep_motifs.corpus import Corpus
+from motionlake.errors import UserError
+from motionlake.lake.catalog import Connection, fetch
+from motionlake.lake.corpus import read_corpus
+from motionlake.lake.layout import Lake
+from motionlake.retrieval.encode import serving_models, words_of_file
+from motionlake.retrieval.labelling.signed import check_column
+from motionlake.stages import words
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True)
+class Lessons:
+    """Where a segmentation learns its classes.
+
+    Attributes:
+        datasets: clips of these datasets teach; all clips where `clips` is None as well.
+        clips: names of clips that teach.
+        column: what a clip without segments teaches as a whole: "label", or another column of labels.csv.
+        mirrored: clips teach their mirror images too.
+    """
+
+    datasets: Sequence[str] | None = None
+    clips: Sequence[str] | None = None
+    column: str = "label"
+    mirrored: bool = True
+
+    @property
+    def all(self) -> bool:
+        return self.datasets is None and self.clips is None
+
+
+@dataclass(frozen=True)
+class LabelledBand:
+    """Frames [start, stop) of a clip, at its own rate, that show one class."""
+
+    start: int
+    stop: int
+    label: str
+    distance: float
+    confidence: float
+    start_seconds: float
+    seconds: float
+
+    def as_row(self) -> dict[str, object]:
+        return asdict(self)
+
+
+class LakeSegmenter:
+    """Segments clips by what clips of a lake teach; `corpus` where its signed words have been read already."""
+
+    def __init__(
+        self,
+        con: Connection,
+        lake: Lake,
+        lessons: Lessons | None = None,
+        config: SegmentationConfig | None = None,
+        corpus: Corpus | None = None,
+    ) -> None:
+        self._con, self._lake = con, lake
+        self._lessons = lessons or Lessons()
+        self._config = config or SegmentationConfig()
+        self.corpus = corpus or read_corpus(con)
+        check_column(con, self._lessons.column)
+        self._ranges = taught_ranges(con, self.corpus, self._lessons)
+
+    def clip(self, name: str) -> list[LabelledBand]:
+        """The bands of a clip of the lake; it does not teach itself.
+
+        Raises:
+            UserError: the clip has no words yet, or there is nothing else to learn from.
+        """
+        index = self.corpus.positions.get(name)
+        if index is None:
+            raise UserError(f"{name}: has no signature yet; make it with `motionlake run all`")
+        found = self.segmenter(index).label_words(self.corpus.motifs[self.corpus.words_of(index)], self.corpus.idf)
+        clip = self.corpus.clips[index]
+        return _timed(bands(found, word_centres(self.corpus, index), clip.frames), clip.fps)
+
+    def file(self, path: Path) -> list[LabelledBand]:
+        """The same for a clip file (its first body), which need not be in the lake.
+
+        Raises:
+            UserError: the file cannot be read, or there is nothing to learn from.
+        """
+        models = serving_models(self._con, self._lake)
+        file = words_of_file(self._lake, models.config.words, path)
+        found = self.segmenter(None).label_words(models.motifs_of(file.features), self.corpus.idf)
+        centres = (file.ranges[:, 0] + file.ranges[:, 1] - 1) / 2
+        return _timed(bands(found, centres, file.frames), file.fps)
+
+    def segmenter(self, without: int | None) -> Segmenter:
+        """What the clips teach, one of them left out.
+
+        Raises:
+            UserError: there is nothing to learn from.
+        """
+        ranges = [r for r in self._ranges if r.clip != without]
+        mirrored = None
+        if self._lessons.mirrored:
+            mirrored = mirrored_motifs(self._con, self._lake, self.corpus, (r.clip for r in ranges))
+        teaching = taught_windows(self.corpus, ranges, self._config.window, mirrored)
+        return Segmenter(teaching, self.corpus.ground, self._config)
+
+
+def mirrored_motifs(con: Connection, lake: Lake, corpus: Corpus, clips: Iterable[int]) -> dict[int, NDArray[np.int32]]:
+    """Motifs of the words of some clips of a lake, by index, mirrored left to right."""
+    models = serving_models(con, lake)
+    wanted = {corpus.clips[clip].clip: clip for clip in clips}
+    parts = {row["part"] for row in fetch(con, "words_per_clip") if row["clip"] in wanted}
+    found = {}
+    for part in words.keyed(con, models.config.words):
+        if part.part in parts:
+            for name, features in words.read_features(lake.path(words.features_file(part.key))):
+                if name in wanted:
+                    found[wanted[name]] = models.mirrored_motifs_of(features)
+    return found
+
+
+def taught_ranges(con: Connection, corpus: Corpus, lessons: Lessons) -> list[TaughtRange]:
+    """Labelled frames: segments where a clip has them, else the whole clip where it has a label.
+
+    Where no dataset and no clip is named, whole clips teach only if there are no segments in the lake.
+
+    Raises:
+        UserError: a named dataset or clip teaches nothing.
+    """
+    chosen = {
+        "datasets": None if lessons.datasets is None else list(lessons.datasets),
+        "clips": None if lessons.clips is None else list(lessons.clips),
+    }
+    rows = fetch(con, "taught_segments", chosen)
+    if not lessons.all or not rows:
+        whole = fetch(con, "taught_clips", {**chosen, "column": lessons.column})
+        rows += [{"clip": r["clip"], "start": r["start"], "stop": r["stop"], "label": r["taught"]} for r in whole]
+    taught = {r["clip"] for r in rows}
+    datasets = {corpus.clips[corpus.positions[clip]].dataset for clip in taught}
+    for dataset in lessons.datasets or ():
+        if dataset not in datasets:
+            raise UserError(f"{dataset}: no clip of this dataset has segments or a {lessons.column} to learn from")
+    for clip in lessons.clips or ():
+        if clip not in taught:
+            raise UserError(f"{clip}: has neither segments nor a {lessons.column} to learn from")
+    return [TaughtRange(corpus.positions[r["clip"]], r["start"], r["stop"], r["label"]) for r in rows]
+
+
+def _timed(found: Sequence[Band], fps: float) -> list[LabelledBand]:
+    return [LabelledBand(**asdict(b), start_seconds=b.start / fps, seconds=(b.stop - b.start) / fps) for b in found]

@@ -1,1 +1,0 @@
-"""The ways to retrieve whole clips, behind one interface."""

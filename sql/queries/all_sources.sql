@@ -1,1 +1,0 @@
-SELECT dataset, path, root FROM sources ORDER BY dataset, path;

@@ -1,1 +1,0 @@
-SELECT centroid FROM motifs ORDER BY motif;

@@ -1,2 +1,0 @@
-DELETE FROM postures;
-DELETE FROM symbol_strings;

@@ -1,1 +1,0 @@
-SELECT clip, part, dataset, fps, frames FROM clips WHERE format <> 'synthetic' ORDER BY clip;

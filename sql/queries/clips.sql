@@ -1,0 +1,74 @@
+-- name: clip
+SELECT * FROM clips WHERE clip = $clip;
+
+-- name: find_clip
+FROM find_clip($name);
+
+-- name: count_clips
+SELECT count(*)::BIGINT AS clips FROM clips;
+
+-- name: clip_lengths
+SELECT clip, part, dataset, fps, frames FROM clips WHERE format <> 'synthetic' ORDER BY clip;
+
+-- name: load_clips
+INSERT INTO clips BY NAME
+SELECT *, frames / fps AS seconds, MAP {} AS attributes FROM rows ORDER BY clip;
+
+-- name: load_layouts
+INSERT INTO layouts BY NAME
+FROM (SELECT DISTINCT ON (layout) * FROM rows ORDER BY layout) r
+ANTI JOIN layouts l ON l.layout = r.layout;
+
+-- name: load_skeletons
+INSERT INTO skeletons BY NAME
+FROM (SELECT DISTINCT ON (skeleton) * FROM rows ORDER BY skeleton) r
+ANTI JOIN skeletons s ON s.skeleton = r.skeleton;
+
+-- name: layout
+SELECT * FROM layouts WHERE layout = $layout;
+
+-- name: skeleton
+SELECT * FROM skeletons WHERE skeleton = $skeleton;
+
+-- name: parts_of
+SELECT clip, dataset, part FROM clips WHERE clip IN (SELECT unnest($clips::VARCHAR[])) ORDER BY clip;
+
+-- name: part_clips
+SELECT clip, fps, frames FROM clips WHERE part = $part ORDER BY clip;
+
+-- name: rates
+SELECT clip, fps FROM clips WHERE part = $part ORDER BY clip;
+
+-- name: frames_parts
+-- Parts of recorded and of synthetic clips.
+SELECT c.part, c.dataset, any_value(m.key) AS key, count(*)::BIGINT AS clips, sum(c.frames)::BIGINT AS frames,
+    bool_and(c.format = 'synthetic') AS synthetic
+FROM clips c JOIN manifest m ON m.stage IN ('frames', 'synthesize') AND m.part = c.part
+GROUP BY ALL ORDER BY c.dataset, c.part;
+
+-- name: content
+SELECT clip, content_hash FROM clips ORDER BY clip;
+
+-- name: sample_clips
+-- The same clips every time, from all over the lake.
+SELECT clip FROM signatures ORDER BY md5(clip) LIMIT $count;
+
+-- name: seconds_of_clips
+-- Length of those of some clips that the lake holds, in their order.
+SELECT clip, seconds
+FROM (SELECT unnest($clips::VARCHAR[]) AS clip, unnest(range(len($clips::VARCHAR[]))) AS position) JOIN clips USING (clip)
+ORDER BY position;
+
+-- name: total_seconds
+SELECT coalesce(sum(seconds), 0) AS seconds FROM clips;
+
+-- name: recorded_dataset
+SELECT dataset FROM clips WHERE dataset = $dataset AND format <> 'synthetic'
+UNION SELECT dataset FROM roots WHERE dataset = $dataset;
+
+-- name: dataset_clips
+-- Synthetic clips only of a dataset that is named.
+SELECT clip, dataset, part, fps, frames, label, subject
+FROM clips
+WHERE (dataset = $dataset::VARCHAR OR $dataset IS NULL AND format <> 'synthetic') AND ($split::VARCHAR IS NULL OR split = $split)
+ORDER BY clip;

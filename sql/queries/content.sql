@@ -1,1 +1,0 @@
-SELECT clip, content_hash FROM clips ORDER BY clip;

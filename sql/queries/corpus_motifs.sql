@@ -1,1 +1,0 @@
-SELECT model, centroid, idf, strength FROM motifs ORDER BY motif;

@@ -1,1 +1,0 @@
-SELECT count(*)::BIGINT AS clips FROM clips;

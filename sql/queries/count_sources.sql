@@ -1,1 +1,0 @@
-SELECT count(*)::BIGINT AS sources FROM sources;

@@ -1,1 +1,0 @@
-SELECT model, kind, version, key, config, figures, file FROM models WHERE kind = $kind AND "current";

@@ -1,1 +1,0 @@
-SELECT stage, part, attempts, reason FROM manifest WHERE state = 'failed' ORDER BY ALL LIMIT 20;

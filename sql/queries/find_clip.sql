@@ -1,1 +1,0 @@
-FROM find_clip($name);

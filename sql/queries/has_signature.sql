@@ -1,1 +1,0 @@
-SELECT clip FROM signatures WHERE clip = $clip;

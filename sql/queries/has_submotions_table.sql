@@ -1,1 +1,0 @@
-SELECT 1 AS there FROM duckdb_tables() WHERE table_name = 'submotions';

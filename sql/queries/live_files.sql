@@ -1,2 +1,0 @@
-SELECT unnest(files) AS file FROM manifest WHERE state = 'ok'
-UNION SELECT file FROM models;

@@ -1,5 +1,0 @@
-DELETE FROM descriptors WHERE model <> $model OR part IN (SELECT unnest($parts::VARCHAR[]));
-INSERT INTO descriptors BY NAME
-SELECT s.clip, s.descriptor::FLOAT[512] AS descriptor, $model AS model, s.part
-FROM read_parquet($files) s SEMI JOIN clips c ON c.clip = s.clip AND c.part = s.part
-ORDER BY clip;

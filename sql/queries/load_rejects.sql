@@ -1,1 +1,0 @@
-INSERT INTO rejects BY NAME FROM rows ORDER BY dataset, path;

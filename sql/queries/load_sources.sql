@@ -1,1 +1,0 @@
-INSERT INTO sources BY NAME FROM rows ORDER BY dataset, path;

@@ -1,1 +1,0 @@
-SELECT file FROM models WHERE model = $model;

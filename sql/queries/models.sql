@@ -1,0 +1,35 @@
+-- name: add_model
+UPDATE models SET "current" = false WHERE kind = $kind;
+INSERT INTO models
+SELECT $kind || '-' || v, $kind, v, $key, $data_hash, $config, $figures,
+    $file, true, $seconds, now()::TIMESTAMP
+FROM (SELECT coalesce(max(version), 0) + 1 AS v FROM models WHERE kind = $kind);
+
+-- name: current_model
+SELECT model, kind, version, key, config, figures, file FROM models WHERE kind = $kind AND "current";
+
+-- name: model_file
+SELECT file FROM models WHERE model = $model;
+
+-- name: next_version
+SELECT coalesce(max(version), 0) + 1 AS version FROM models WHERE kind = $kind;
+
+-- name: served_motifs
+SELECT DISTINCT model FROM motifs;
+
+-- name: served_postures
+SELECT model FROM postures LIMIT 1;
+
+-- name: served_descriptors
+SELECT model, kind, key, file, figures FROM models WHERE model = (SELECT model FROM descriptors LIMIT 1);
+
+-- name: served_submotions
+SELECT model, kind, key, file, figures FROM models WHERE model = (SELECT model FROM submotions LIMIT 1);
+
+-- name: training_clips
+-- Recorded clips to train on: of one dataset, of one split; all where these are NULL.
+SELECT clip, part, dataset, fps, frames, label, content_hash
+FROM clips
+WHERE format <> 'synthetic' AND ($dataset::VARCHAR IS NULL OR dataset = $dataset)
+    AND ($split::VARCHAR IS NULL OR split = $split)
+ORDER BY clip;

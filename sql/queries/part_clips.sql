@@ -1,1 +1,0 @@
-SELECT clip, fps, frames FROM clips WHERE part = $part ORDER BY clip;

@@ -1,1 +1,0 @@
-SELECT model, code FROM postures ORDER BY symbol;

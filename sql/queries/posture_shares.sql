@@ -1,1 +1,0 @@
-SELECT share FROM postures ORDER BY symbol;

@@ -1,0 +1,41 @@
+-- name: load_postures
+-- A new dictionary: how often the lake as it stands has each posture.
+INSERT INTO postures BY NAME
+WITH counts AS (
+    SELECT k.symbol, count(*)::BIGINT AS frames
+    FROM read_parquet($codes) k SEMI JOIN clips c ON c.clip = k.clip AND c.part = k.part
+    GROUP BY k.symbol
+)
+SELECT r.symbol, $model AS model, r.code, r.posture, coalesce(n.frames, 0) AS frames,
+    coalesce(n.frames, 0) / (SELECT sum(frames) FROM counts) AS share
+FROM rows r LEFT JOIN counts n USING (symbol)
+ORDER BY r.symbol;
+
+-- name: load_symbols
+DELETE FROM symbol_strings WHERE part IN (SELECT unnest($parts::VARCHAR[]));
+INSERT INTO symbol_strings BY NAME
+FROM read_parquet($files) s SEMI JOIN clips c ON c.clip = s.clip AND c.part = s.part
+ORDER BY clip;
+
+-- name: clear_symbols
+DELETE FROM postures;
+DELETE FROM symbol_strings;
+
+-- name: has_symbol_tables
+SELECT 1 AS there FROM duckdb_tables() WHERE table_name = 'symbol_strings';
+
+-- name: no_symbol_tables
+-- For a connection to a lake made before there were such tables: macros bind what they name when they are made.
+CREATE TEMP TABLE postures (symbol INTEGER, model VARCHAR, code FLOAT[]);
+CREATE TEMP TABLE symbol_strings (clip VARCHAR, symbols INTEGER[], starts BIGINT[], part VARCHAR);
+
+-- name: posture_codes
+SELECT model, code FROM postures ORDER BY symbol;
+
+-- name: posture_shares
+SELECT share FROM postures ORDER BY symbol;
+
+-- name: symbol_strings
+SELECT s.clip, c.dataset, c.label, c.fps, c.frames, c.format = 'synthetic' AS synthetic, s.symbols, s.starts
+FROM symbol_strings s JOIN clips c USING (clip)
+ORDER BY clip;

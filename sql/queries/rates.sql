@@ -1,1 +1,0 @@
-SELECT clip, fps FROM clips WHERE part = $part ORDER BY clip;

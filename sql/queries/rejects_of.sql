@@ -1,1 +1,0 @@
-SELECT path, line, reason FROM rejects WHERE dataset = $dataset ORDER BY path;

@@ -1,1 +1,0 @@
-SELECT dataset, root, options, labels_hash FROM roots ORDER BY dataset, root;

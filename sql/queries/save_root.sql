@@ -1,1 +1,0 @@
-INSERT OR REPLACE INTO roots VALUES ($dataset, $root, $options, $labels_hash);

@@ -1,1 +1,0 @@
-FROM similar_clips($clip, $k, within := $dataset, real := $real);

@@ -1,1 +1,0 @@
-FROM clips_like($signature, $k, within := $dataset, real := $real);

@@ -1,1 +1,0 @@
-FROM clips_like_either($signature, $mirrored, $k, within := $dataset, real := $real);

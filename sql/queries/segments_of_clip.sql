@@ -1,1 +1,0 @@
-FROM clip_segments($clip);

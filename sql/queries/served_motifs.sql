@@ -1,1 +1,0 @@
-SELECT DISTINCT model FROM motifs;

@@ -1,1 +1,0 @@
-SELECT model FROM postures LIMIT 1;

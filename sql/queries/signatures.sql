@@ -1,0 +1,119 @@
+-- name: load_motifs
+-- New motifs: their document frequencies are those of the recorded clips as they stand, and stay as they are.
+INSERT INTO motifs BY NAME
+WITH recorded AS (
+    SELECT * FROM word_motifs SEMI JOIN clips c ON c.clip = word_motifs.clip AND c.format <> 'synthetic'
+)
+SELECT m.motif, $model AS model, m.centroid, count(w.clip)::BIGINT AS words,
+    count(DISTINCT w.clip)::BIGINT AS clips, m.strength,
+    ln((1 + (SELECT count(DISTINCT clip) FROM recorded)) / (1 + count(DISTINCT w.clip))) + 1 AS idf
+FROM read_parquet($motifs) m LEFT JOIN recorded w ON w.motif = m.motif
+GROUP BY m.motif, m.centroid, m.strength
+ORDER BY m.motif;
+
+-- name: clear_motifs
+DELETE FROM motifs;
+DELETE FROM word_motifs;
+DELETE FROM signatures;
+DELETE FROM mirrored_signatures;
+DELETE FROM transitions;
+DELETE FROM manifest WHERE stage = 'contexts';
+
+-- name: centroids
+SELECT centroid FROM motifs ORDER BY motif;
+
+-- name: weigh_motifs
+-- The same weighing as in make_signatures.sql, for words that are not in the lake.
+WITH counts AS (
+    SELECT motif, count(*) AS n FROM (SELECT unnest($motifs::INTEGER[]) AS motif) GROUP BY ALL
+), weights AS (
+    SELECT map_from_entries(list((motif, n * idf) ORDER BY motif)) AS mass,
+        list_sum(list(n * idf ORDER BY motif)) AS total
+    FROM counts JOIN motifs USING (motif)
+)
+SELECT list_transform(range((SELECT count(*) FROM motifs)), lambda m: coalesce(mass[m::INTEGER], 0) / total)::FLOAT[] AS signature
+FROM weights;
+
+-- name: make_signatures
+DELETE FROM signatures WHERE clip IN (SELECT clip FROM clips WHERE part IN (SELECT unnest($parts::VARCHAR[])));
+INSERT INTO signatures BY NAME
+WITH counts AS (
+    SELECT clip, motif, count(*) AS n FROM word_motifs
+    WHERE part IN (SELECT unnest($parts::VARCHAR[])) GROUP BY ALL
+), weights AS (
+    SELECT clip, sum(n)::BIGINT AS words, map_from_entries(list((motif, n * idf) ORDER BY motif)) AS mass,
+        list_sum(list(n * idf ORDER BY motif)) AS total
+    FROM counts JOIN motifs USING (motif) GROUP BY clip
+)
+SELECT clip, words,
+    list_transform(range((SELECT count(*) FROM motifs)), lambda m: coalesce(mass[m::INTEGER], 0) / total)::FLOAT[] AS signature
+FROM weights ORDER BY clip;
+
+-- name: load_mirrored
+-- The same weighing as in make_signatures.sql, for the words of mirrored clips.
+DELETE FROM mirrored_signatures WHERE clip IN (SELECT clip FROM clips WHERE part IN (SELECT unnest($parts::VARCHAR[])));
+INSERT INTO mirrored_signatures BY NAME
+WITH counts AS (
+    SELECT a.clip, a.motif, count(*) AS n
+    FROM read_parquet($files) a SEMI JOIN clips c ON c.clip = a.clip AND c.part = a.part
+    GROUP BY ALL
+), weights AS (
+    SELECT clip, map_from_entries(list((motif, n * idf) ORDER BY motif)) AS mass,
+        list_sum(list(n * idf ORDER BY motif)) AS total
+    FROM counts JOIN motifs USING (motif) GROUP BY clip
+)
+SELECT clip,
+    list_transform(range((SELECT count(*) FROM motifs)), lambda m: coalesce(mass[m::INTEGER], 0) / total)::FLOAT[] AS signature
+FROM weights ORDER BY clip;
+
+-- name: no_mirrored_table
+-- For a connection to a lake made before there was such a table: macros bind what they name when they are made.
+CREATE TEMP TABLE mirrored_signatures (clip VARCHAR, signature FLOAT[]);
+
+-- name: has_mirrored_table
+SELECT 1 AS there FROM duckdb_tables() WHERE table_name = 'mirrored_signatures';
+
+-- name: has_signature
+SELECT clip FROM signatures WHERE clip = $clip;
+
+-- name: has_mirrored_signature
+SELECT 1 AS there FROM mirrored_signatures WHERE clip = $clip;
+
+-- name: corpus_motifs
+SELECT model, centroid, idf, strength FROM motifs ORDER BY motif;
+
+-- name: corpus_clips
+SELECT clip, dataset, label, subject, split, fps, frames, format = 'synthetic' AS synthetic FROM clips
+WHERE ($dataset::VARCHAR IS NULL OR dataset = $dataset) AND clip IN (SELECT clip FROM signatures)
+ORDER BY clip;
+
+-- name: corpus_words
+SELECT m.clip, m.word, m.motif, w.start, w.stop
+FROM word_motifs m JOIN words w USING (clip, word) JOIN clips c USING (clip)
+WHERE $dataset::VARCHAR IS NULL OR c.dataset = $dataset
+ORDER BY m.clip, m.word;
+
+-- name: signature_index
+SELECT clip, dataset, format = 'synthetic' AS synthetic, signature FROM signatures JOIN clips USING (clip) ORDER BY clip;
+
+-- name: signatures_of
+SELECT clip, signature FROM signatures JOIN clips USING (clip)
+WHERE $dataset::VARCHAR IS NULL OR dataset = $dataset ORDER BY clip;
+
+-- name: signed_clips
+SELECT clip, dataset, part, s.signature, m.signature AS mirrored
+FROM clips JOIN signatures s USING (clip) LEFT JOIN mirrored_signatures m USING (clip)
+WHERE NOT $real OR format <> 'synthetic'
+ORDER BY clip;
+
+-- name: search_clip
+FROM similar_clips($clip, $k, within := $dataset, real := $real);
+
+-- name: search_clip_or_mirrored
+FROM similar_or_mirrored_clips($clip, $k, within := $dataset, real := $real);
+
+-- name: search_signature
+FROM clips_like($signature, $k, within := $dataset, real := $real);
+
+-- name: search_signature_or_mirrored
+FROM clips_like_either($signature, $mirrored, $k, within := $dataset, real := $real);

@@ -1,1 +1,0 @@
-SELECT * FROM skeletons WHERE skeleton = $skeleton;

@@ -1,1 +1,0 @@
-SELECT dataset, split, count(*)::BIGINT AS clips FROM clips WHERE format <> 'synthetic' GROUP BY ALL ORDER BY ALL;

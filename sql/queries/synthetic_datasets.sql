@@ -1,1 +1,0 @@
-SELECT DISTINCT dataset FROM clips WHERE format = 'synthetic' ORDER BY dataset;

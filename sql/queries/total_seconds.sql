@@ -1,1 +1,0 @@
-SELECT coalesce(sum(seconds), 0) AS seconds FROM clips;

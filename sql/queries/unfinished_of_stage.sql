@@ -1,1 +1,0 @@
-SELECT key FROM manifest WHERE stage = $stage AND state <> 'ok' ORDER BY key;

@@ -1,1 +1,0 @@
-SET file_search_path = $root;

@@ -1,1 +1,0 @@
-SELECT clip, part, count(*)::BIGINT AS words FROM words GROUP BY ALL ORDER BY clip;
