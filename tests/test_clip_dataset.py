@@ -38,10 +38,11 @@ def test_items_are_the_lakes_frames(split_lake: Path) -> None:
     assert found.classes == sorted({row[1] for row in rows if row[1] is not None})
     assert found.targets[1] == -1
     for item, (clip, label, subject, fps, frames) in zip([found[i] for i in range(4)], rows[:4], strict=True):
-        assert (item["clip"], item["label"], item["subject"], item["fps"]) == (clip, label, subject, fps)
+        assert (item["clip"], item["label"], item["subject"], item["fps"]) == (clip, label or "", subject or "", fps)
         assert item["target"] == (found.classes.index(label) if label else -1)
         assert item["positions"].shape == (frames, 21, 3)
         assert item["rotations"].shape == (frames, 21, 4)
+        assert item["mask"].tolist() == [True] * frames
         assert {item["positions"].dtype, item["rotations"].dtype} == {torch.float32}
         text = "SELECT root_x, {0}_x, {0}_qw FROM frames WHERE clip = $clip ORDER BY frame".format(JOINTS[7])
         stored = np.array(query(split_lake, text, clip=clip))
@@ -111,5 +112,32 @@ def test_windows_are_drawn_from_long_clips(split_lake: Path) -> None:
     assert len(starts) > 3
     torch.manual_seed(0)
     assert all(torch.equal(cut[0]["positions"], item["positions"]) for item in drawn)
-    long = ClipDataset(split_lake, length=100_000)
-    assert torch.equal(long[0]["positions"], whole[0]["positions"])
+
+
+def test_clips_shorter_than_the_length_are_padded(split_lake: Path) -> None:
+    """The `DataLoader` makes batches by itself, of long clips and short ones, with labels and without."""
+    whole = ClipDataset(split_lake)
+    length = sorted(len(whole[i]["positions"]) for i in range(len(whole)))[len(whole) // 2]
+    loader = DataLoader(ClipDataset(split_lake, length=length), batch_size=4, num_workers=2)
+    batches = list(loader)
+    assert [clip for batch in batches for clip in batch["clip"]] == whole.clips
+    assert [label for batch in batches for label in batch["label"]][1] == ""
+    padded = 0
+    for first, batch in zip(range(0, len(whole), 4), batches, strict=True):
+        assert batch["positions"].shape == (len(batch["clip"]), length, 21, 3)
+        for at in range(len(batch["clip"])):
+            clip, mask = whole[first + at], batch["mask"][at]
+            assert int(mask.sum()) == min(length, len(clip["positions"]))
+            if len(clip["positions"]) <= length:
+                assert torch.equal(batch["positions"][at][mask], clip["positions"])
+                assert torch.equal(batch["rotations"][at][mask], clip["rotations"])
+                assert not batch["positions"][at][~mask].any()
+                padded += 1
+    assert 0 < padded < len(whole)
+
+
+def test_collate_counts_the_frames_of_padded_items(split_lake: Path) -> None:
+    padded, whole = ClipDataset(split_lake, length=100_000), ClipDataset(split_lake)
+    batch = collate([padded[0], padded[1]])
+    assert batch["lengths"].tolist() == [len(whole[0]["positions"]), len(whole[1]["positions"])]
+    assert torch.equal(batch["positions"][0][batch["mask"][0]], whole[0]["positions"])

@@ -24,14 +24,18 @@ class ClipDataset(Dataset[Item]):
     garbage-collected.
 
     Items are dicts: `positions` [T, 21, 3] float32, metres, y up; `rotations` [T, 21, 4] float32, local quaternions
-    (w, x, y, z) relative to the canonical rest pose; `fps`; `clip`, its name; `label` and `subject`, or None; `target`,
-    the index of its label in `classes`, -1 without one.
+    (w, x, y, z) relative to the canonical rest pose; `mask` [T], true where there are frames; `fps`; `clip`, its name;
+    `label` and `subject`, empty where a clip has none; `target`, the index of its label in `classes`, -1 without one.
+
+    Clips differ in length. Give `length`, and every item has so many frames, as `DataLoader` wants them; or leave it
+    out, and give the `DataLoader` the function `collate`, which pads a batch to its longest clip.
 
     Args:
         lake: its folder.
         split: clips of this value of the split column of labels.csv alone.
         dataset: clips of this dataset alone; by default all recorded clips.
-        length: of longer clips, a window of so many frames that torch's generator draws.
+        length: T of every item: of a longer clip a window, which torch's random generator draws; a shorter one is
+            followed by zeros, where `mask` is false.
         transform: applied to every item.
         classes: labels by their index, where another dataset has set them; by default the labels of these clips by
             name.
@@ -81,13 +85,14 @@ class ClipDataset(Dataset[Item]):
         frames = read_clip(self._lake.path(self._lake.frames_part(row["dataset"], row["part"])), row["clip"])
         window = self._window(len(frames.positions))
         item = {
-            "positions": torch.from_numpy(frames.positions[window].copy()),
-            "rotations": torch.from_numpy(frames.rotations[window].copy()),
+            "positions": self._padded(torch.from_numpy(frames.positions[window].copy())),
+            "rotations": self._padded(torch.from_numpy(frames.rotations[window].copy())),
+            "mask": self._padded(torch.ones(window.stop - window.start, dtype=torch.bool)),
             "fps": float(row["fps"]),
             "clip": row["clip"],
-            "label": row["label"],
+            "label": row["label"] or "",
             "target": self.targets[at],
-            "subject": row["subject"],
+            "subject": row["subject"] or "",
         }
         return item if self._transform is None else self._transform(item)
 
@@ -97,16 +102,20 @@ class ClipDataset(Dataset[Item]):
         start = int(torch.randint(frames - self._length + 1, ()))
         return slice(start, start + self._length)
 
+    def _padded(self, values: torch.Tensor) -> torch.Tensor:
+        """Values [t, ...] of a clip's frames, followed by zeros (false) up to the length of items."""
+        missing = 0 if self._length is None else self._length - len(values)
+        return torch.cat([values, values.new_zeros(missing, *values.shape[1:])]) if missing else values
+
 
 def collate(items: Sequence[Mapping[str, Any]]) -> Item:
-    """A batch of items of `ClipDataset` for `DataLoader(collate_fn=collate)`.
+    """A batch of items of `ClipDataset`, clips of any length, for `DataLoader(collate_fn=collate)`.
 
     Returns:
-        Every tensor of the items whose first axis is T, padded with zeros to the longest, [B, T, ...]; `mask` [B, T],
-        true where there are frames; `lengths` [B]; numbers as tensors [B]; all else as lists of B.
+        Every tensor of the items whose first axis is T, padded with zeros to the longest, [B, T, ...], `mask` among
+        them; `lengths` [B], the frames of each; numbers as tensors [B]; all else as lists of B.
     """
-    lengths = torch.tensor([len(item["positions"]) for item in items])
-    batch: Item = {"lengths": lengths, "mask": torch.arange(int(lengths.max())) < lengths[:, None]}
+    batch: Item = {"lengths": torch.stack([item["mask"].sum() for item in items])}
     for name in items[0]:
         values = [item[name] for item in items]
         if isinstance(values[0], torch.Tensor):
