@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pyarrow.parquet as pq
 import pytest
+from motionlake.lake.frames import read_part
 
 from tests.lakes import catalog, query
 
@@ -58,6 +59,14 @@ def test_frames_are_sorted_and_complete(built_lake: Path) -> None:
         assert rows == sorted(rows)
     rows = query(built_lake, "SELECT clip, max(frame) + 1 FROM frames GROUP BY clip ORDER BY clip")
     assert rows == query(built_lake, "SELECT clip, frames FROM clips ORDER BY clip")
+
+
+def test_frames_carry_their_rate(built_lake: Path) -> None:
+    rates = query(built_lake, "SELECT clip, fps FROM clips ORDER BY clip")
+    assert query(built_lake, "SELECT DISTINCT clip, fps FROM frames ORDER BY clip") == rates
+    assert len({fps for _, fps in rates}) > 1
+    stored = {clip.clip: clip.fps for part in built_lake.glob("frames/*/*.parquet") for clip in read_part(part)}
+    assert stored == dict(rates)
 
 
 def test_frame_columns_are_compressed_as_documented(built_lake: Path) -> None:

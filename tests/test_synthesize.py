@@ -76,6 +76,7 @@ def test_clips_have_their_lineage(made: Path, classes: tuple[str, str]) -> None:
     assert len(rows) == query(made, "SELECT count(*) FROM clips WHERE format = 'synthetic'")[0][0] == 6
     for clip, label, kind, seconds, model, wanted, asked, seed, number, _, start, stop, own, frames, licences in rows:
         stem = "+".join(wanted)
+        assert query(made, "SELECT DISTINCT fps FROM frames WHERE clip = $clip", clip=clip) == [(30.0,)]
         assert clip == f"synthetic/{stem}-s7-{number:04d}"
         assert (kind, model, asked, seed, licences) == ("synthetic", "synthesis-1", SECONDS, 7, [])
         assert seconds == pytest.approx(SECONDS, abs=0.05)

@@ -21,7 +21,7 @@ PATIENCE: Final = 300.0
 
 
 class FramedClip(Protocol):
-    """A clip of a lake; `part` holds its frames, at `fps`."""
+    """A clip of a lake; `part` holds its frames."""
 
     @property
     def clip(self) -> str: ...
@@ -29,8 +29,6 @@ class FramedClip(Protocol):
     def dataset(self) -> str: ...
     @property
     def part(self) -> str: ...
-    @property
-    def fps(self) -> float: ...
 
 
 def clip_features(lake: Lake, clips: Sequence[FramedClip]) -> list[Float32Array]:
@@ -41,11 +39,10 @@ def clip_features(lake: Lake, clips: Sequence[FramedClip]) -> list[Float32Array]
 
 def read_positions(lake: Lake, clips: Sequence[FramedClip]) -> Iterator[tuple[str, float, Float64Array]]:
     """Name, rate and canonical joint positions [F, 21, 3] (metres) of clips; each frames part is read once."""
-    rates = {clip.clip: clip.fps for clip in clips}
+    names = {clip.clip for clip in clips}
     for dataset, part in sorted({(clip.dataset, clip.part) for clip in clips}):
-        for clip in frames.read_part(lake.path(lake.frames_part(dataset, part))):
-            if clip.clip in rates:
-                yield clip.clip, rates[clip.clip], clip.positions.astype(np.float64)
+        for clip in frames.read_part(lake.path(lake.frames_part(dataset, part)), names):
+            yield clip.clip, clip.fps, clip.positions.astype(np.float64)
 
 
 def dtw_distances(lake: Lake, clips: Sequence[FramedClip]) -> Float64Array:

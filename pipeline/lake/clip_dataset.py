@@ -88,7 +88,7 @@ class ClipDataset(Dataset[Item]):
             "positions": self._padded(torch.from_numpy(frames.positions[window].copy())),
             "rotations": self._padded(torch.from_numpy(frames.rotations[window].copy())),
             "mask": self._padded(torch.ones(window.stop - window.start, dtype=torch.bool)),
-            "fps": float(row["fps"]),
+            "fps": frames.fps,
             "clip": row["clip"],
             "label": row["label"] or "",
             "target": self.targets[at],

@@ -25,7 +25,7 @@ def canonical_rig(con: Connection, lake: Lake, clip: str) -> SourceClip:
     stored = frames.read_clip(lake.path(lake.frames_part(row["dataset"], row["part"])), clip)
     positions = stored.positions.astype(float)
     motion = CanonicalMotion(
-        fps=row["fps"],
+        fps=stored.fps,
         root=positions[:, 0],
         rotations=stored.rotations.astype(float),
         positions=positions,

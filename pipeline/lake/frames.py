@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -19,7 +19,7 @@ ROOT_CHANNELS: Final = ("root_x", "root_y", "root_z")
 ROTATION_CHANNELS: Final = tuple(f"{j}_q{c}" for j in JOINTS for c in "wxyz")
 POSITION_CHANNELS: Final = tuple(f"{j}_{c}" for j in JOINTS[1:] for c in "xyz")
 CHANNELS: Final = ROOT_CHANNELS + ROTATION_CHANNELS + POSITION_CHANNELS
-_KEYS: Final = (("clip", pa.string()), ("part", pa.string()), ("frame", pa.int32()))
+_KEYS: Final = (("clip", pa.string()), ("part", pa.string()), ("frame", pa.int32()), ("fps", pa.float64()))
 SCHEMA: Final = pa.schema([*_KEYS, *((name, pa.float32()) for name in CHANNELS)])
 
 
@@ -29,11 +29,13 @@ class Frames:
 
     Attributes:
         clip: the clip's name in the lake.
+        fps: frames a second.
         rotations: [F, 21, 4] local rotations (w, x, y, z) relative to the canonical rest pose.
         positions: [F, 21, 3] joints in the world, metres, y up; joint 0 is the root.
     """
 
     clip: str
+    fps: float
     rotations: NDArray[np.floating]
     positions: NDArray[np.floating]
 
@@ -62,7 +64,8 @@ def to_table(frames: Frames, part: str, position_step: float, rotation_step: flo
     positions = quantise(frames.positions, position_step).reshape(count, -1)
     rotations = quantise(frames.rotations, rotation_step).reshape(count, -1)
     matrix = np.concatenate([positions[:, :3], rotations, positions[:, 3:]], axis=1)
-    return pa.Table.from_arrays([*key_columns(frames.clip, part, count), *columns_of(matrix)], schema=SCHEMA)
+    keys = [*key_columns(frames.clip, part, count), pa.repeat(pa.scalar(float(frames.fps)), count)]
+    return pa.Table.from_arrays([*keys, *columns_of(matrix)], schema=SCHEMA)
 
 
 def from_table(clip: str, table: pa.Table) -> Frames:
@@ -72,7 +75,8 @@ def from_table(clip: str, table: pa.Table) -> Frames:
     rotations = matrix[:, 3:split].reshape(count, -1, 4)
     rotations = rotations / np.linalg.norm(rotations, axis=-1, keepdims=True)
     positions = np.concatenate([matrix[:, :3], matrix[:, split:]], axis=1).reshape(count, -1, 3)
-    return Frames(clip, rotations.astype(np.float32), np.ascontiguousarray(positions, dtype=np.float32))
+    fps = table.column("fps")[0].as_py()
+    return Frames(clip, fps, rotations.astype(np.float32), np.ascontiguousarray(positions, dtype=np.float32))
 
 
 def frame_range(name: str, start: int | None, stop: int | None, frames: int) -> tuple[int, int]:
@@ -87,13 +91,16 @@ def frame_range(name: str, start: int | None, stop: int | None, frames: int) -> 
     return first, last
 
 
-def read_part(path: Path) -> Iterator[Frames]:
-    """Every clip of a frames part, in order; memory holds one row group and one clip."""
+def read_part(path: Path, clips: Collection[str] | None = None) -> Iterator[Frames]:
+    """Every clip of a frames part, or those of `clips`, in order; memory holds one row group and one clip."""
+    wanted = None if clips is None else frozenset(clips)
     pending: list[pa.Table] = []
     current: str | None = None
     for batch in pq.ParquetFile(path).iter_batches(batch_size=65_536):
         table = pa.Table.from_batches([batch])
         for clip, rows in _runs(table):
+            if wanted is not None and clip not in wanted:
+                continue
             if clip != current and current is not None:
                 yield from_table(current, pa.concat_tables(pending))
                 pending = []
@@ -116,13 +123,24 @@ def runs_of(column: pa.ChunkedArray) -> Iterator[tuple[str, int]]:
     yield from zip(encoded.values.to_pylist(), encoded.run_ends.to_pylist(), strict=True)
 
 
+def lengths(path: Path) -> dict[str, tuple[float, int]]:
+    """(frames a second, number of frames) of every clip of a frames part."""
+    table = pq.read_table(path, columns=["clip", "fps"])
+    found: dict[str, tuple[float, int]] = {}
+    start = 0
+    for clip, stop in runs_of(table.column("clip")):
+        found[clip] = (table.column("fps")[start].as_py(), stop - start)
+        start = stop
+    return found
+
+
 def read_clips(path: Path, clips: Sequence[str]) -> Iterator[Frames]:
     """Some clips of a frames part, in its order."""
-    table = pq.read_table(path, columns=["clip", "frame", *CHANNELS], filters=[("clip", "in", list(clips))])
+    table = pq.read_table(path, columns=["clip", "frame", "fps", *CHANNELS], filters=[("clip", "in", list(clips))])
     yield from (from_table(clip, rows) for clip, rows in _runs(table))
 
 
 def read_clip(path: Path, clip: str) -> Frames:
     """One clip of a frames part."""
-    table = pq.read_table(path, columns=["frame", *CHANNELS], filters=[("clip", "==", clip)])
+    table = pq.read_table(path, columns=["frame", "fps", *CHANNELS], filters=[("clip", "==", clip)])
     return from_table(clip, table.sort_by("frame"))

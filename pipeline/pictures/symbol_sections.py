@@ -114,18 +114,18 @@ def posture_sample(material: SymbolMaterial, clips: Sequence[int]) -> tuple[Floa
     """[n, D] postures spread over some clips, the same ones every time, and the [n] symbols they are coded as."""
     strings = material.strings
     names = [strings.clips[i].clip for i in clips]
-    chosen = {names[i]: strings.clips[clips[i]] for i in sampled(names, SAMPLED_CLIPS)}
+    chosen = [names[i] for i in sampled(names, SAMPLED_CLIPS)]
     parts: dict[tuple[str, str], list[str]] = {}
-    for row in fetch(material.con, "parts_of", {"clips": list(chosen)}):
+    for row in fetch(material.con, "parts_of", {"clips": chosen}):
         parts.setdefault((row["dataset"], row["part"]), []).append(row["clip"])
-    coded = material.codes_of(list(chosen))
+    coded = material.codes_of(chosen)
     features, symbols = [], []
     for dataset, part in sorted(parts):
         path = material.lake.path(material.lake.frames_part(dataset, part))
         for found in read_clips(path, [clip for clip in parts[dataset, part] if clip in coded]):
-            fps = chosen[found.clip].fps
             config = material.config.frames
-            features.append(word_features(found.positions.astype(float), found.rotations.astype(float), fps, config))
+            positions, rotations = found.positions.astype(float), found.rotations.astype(float)
+            features.append(word_features(positions, rotations, found.fps, config))
             symbols.append(coded[found.clip])
     every = np.concatenate(features) if features else np.zeros((0, material.postures.shape[1]), dtype=np.float32)
     all_symbols = np.concatenate(symbols) if symbols else np.zeros(0, dtype=np.int32)

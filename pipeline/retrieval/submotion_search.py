@@ -120,7 +120,7 @@ class SubmotionFinder:
         first, last = frame_range(clip, start, stop, len(motion.positions))
         cut = slice(first, last)
         piece = piece_of(
-            clip, motion.positions[cut].astype(float), motion.rotations[cut].astype(float), row["fps"], self._words,
+            clip, motion.positions[cut].astype(float), motion.rotations[cut].astype(float), motion.fps, self._words,
             None if own else (clip, first, last),
         )  # fmt: skip
         return self._answers(piece, k, dataset)

@@ -38,6 +38,11 @@ def frames_parts(con: Connection) -> list[Part]:
     return [Part(r["part"], r["dataset"], r["clips"], "", r["key"], r["synthetic"]) for r in rows]
 
 
+def clips_of(con: Connection, part: str) -> list[str]:
+    """The clips of the lake in a frames part; the part may hold more that left since it was written."""
+    return [r["clip"] for r in fetch(con, "part_clips", {"part": part})]
+
+
 def derive(parts: list[Part], stage: str, version: int, *config: Any) -> list[Part]:
     """The same parts one stage further down: the new key covers stage, version, configuration and input."""
     return [replace(p, upstream=p.key, key=config_hash(stage, version, p.key, *config)) for p in parts]

@@ -74,8 +74,7 @@ def _drawn(rows: list[dict[str, Any]], seed: int, most: int) -> list[dict[str, A
 
 
 def _sequences(lake: Lake, rows: Sequence[Mapping[str, Any]]) -> dict[str, Float32Array]:
-    rates = {row["clip"]: row["fps"] for row in rows}
-    return {clip.clip: sequence_of(clip, rates[clip.clip]) for clip in frames_of_clips(lake, rows)}
+    return {clip.clip: sequence_of(clip) for clip in frames_of_clips(lake, rows)}
 
 
 def train(

@@ -6,7 +6,7 @@ DeepHuMS, section 3.2. Descriptors of two networks do not compare, so a lake ser
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +22,7 @@ from motionlake.lake.layout import Lake
 from motionlake.lake.models import Model, copy_weights, file_hash, fitting_model, model_of
 from motionlake.lake.parts import write_part
 from motionlake.motion.features import Float32Array
-from motionlake.stages.derived import Part, derive, due, frames_parts
+from motionlake.stages.derived import Part, clips_of, derive, due, frames_parts
 from motionlake.stages.shard import Shard, ShardResult
 
 NAME = "descriptors"
@@ -61,8 +61,7 @@ def keyed(con: Connection, lake: Lake, network: Model) -> list[Part]:
 
 def plan(con: Connection, lake: Lake, network: Model) -> list[Shard]:
     def spec(part: Part) -> dict[str, object]:
-        rows = fetch(con, "rates", {"part": part.part})
-        return {"network": network.file, "model": network.model, "fps": {r["clip"]: r["fps"] for r in rows}}
+        return {"network": network.file, "model": network.model, "clips": clips_of(con, part.part)}
 
     return due(con, NAME, "frames", keyed(con, lake, network), spec)
 
@@ -81,21 +80,19 @@ def run(lake_root: Path, shard: Shard) -> ShardResult:
     file = lake.path(lake.frames_part(shard.dataset, shard.part))
     names: list[str] = []
     found = [np.zeros((0, DIMENSION), dtype=np.float32)]
-    for clips, sequences in _batches(file, shard.spec["fps"]):
+    for clips, sequences in _batches(file, shard.spec["clips"]):
         names.extend(clips)
         found.append(network.embed(sequences))
     size = write_part(lake.path(rows_file(shard.key)), _rows(names, np.concatenate(found), shard.part), {})
     return ShardResult(shard, len(names), size, (), time.perf_counter() - started)
 
 
-def _batches(file: Path, rates: Mapping[str, float]) -> Iterator[tuple[list[str], list[Float32Array]]]:
+def _batches(file: Path, clips: Sequence[str]) -> Iterator[tuple[list[str], list[Float32Array]]]:
     names: list[str] = []
     sequences: list[Float32Array] = []
-    for clip in frames.read_part(file):
-        if clip.clip not in rates:
-            continue  # left the lake since the part was written
+    for clip in frames.read_part(file, clips):
         names.append(clip.clip)
-        sequences.append(sequence_of(clip, rates[clip.clip]))
+        sequences.append(sequence_of(clip))
         if len(names) == AT_ONCE:
             yield names, sequences
             names, sequences = [], []
@@ -103,9 +100,9 @@ def _batches(file: Path, rates: Mapping[str, float]) -> Iterator[tuple[list[str]
         yield names, sequences
 
 
-def sequence_of(clip: frames.Frames, fps: float) -> Float32Array:
+def sequence_of(clip: frames.Frames) -> Float32Array:
     """[T, J, 3] a clip of the lake as the network reads it."""
-    return clip_sequence(clip.positions.astype(float), fps)
+    return clip_sequence(clip.positions.astype(float), clip.fps)
 
 
 def _rows(names: list[str], vectors: Float32Array, part: str) -> pa.Table:

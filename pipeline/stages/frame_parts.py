@@ -32,7 +32,7 @@ class FrameParts:
     def write(self, name: str, clip: SourceClip, motion: CanonicalMotion, layout: str, config: FramesConfig) -> None:
         """Append one clip; clips must come by name. `layout` is that of its channels."""
         part = self._shard.part
-        canonical = frames.Frames(name, motion.rotations, motion.positions)
+        canonical = frames.Frames(name, clip.fps, motion.rotations, motion.positions)
         self._append(
             self._lake.frames_part(self._shard.dataset, part),
             frames.to_table(canonical, part, config.position_step, config.rotation_step),

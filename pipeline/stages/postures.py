@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -24,7 +24,7 @@ from motionlake.lake.parts import PartWriter, check_part, replacing
 from motionlake.motion.features import Float32Array, word_features
 from motionlake.pesta.postures import shipped
 from motionlake.pesta.postures.config import ENOUGH
-from motionlake.stages.derived import PART_KEYS, Part, derive, due, frames_parts
+from motionlake.stages.derived import PART_KEYS, Part, clips_of, derive, due, frames_parts
 from motionlake.stages.shard import Shard, ShardResult
 from numpy.typing import NDArray
 from safetensors import safe_open
@@ -76,12 +76,12 @@ def training_sample(con: Connection, lake: Lake, config: LakeConfig) -> list[Flo
     for dataset, part in sorted({(row["dataset"], row["part"]) for row in clips.values()}):
         path = lake.path(lake.frames_part(dataset, part))
         for clip in frames.read_clips(path, [name for name, row in clips.items() if row["part"] == part]):
-            found[clip.clip] = _postures(clip, clips[clip.clip]["fps"], config)
+            found[clip.clip] = _postures(clip, config)
     return [_some(found[name], share, random) for name in clips]
 
 
-def _postures(clip: frames.Frames, fps: float, config: LakeConfig) -> Float32Array:
-    return word_features(clip.positions.astype(float), clip.rotations.astype(float), fps, config.postures.frames)
+def _postures(clip: frames.Frames, config: LakeConfig) -> Float32Array:
+    return word_features(clip.positions.astype(float), clip.rotations.astype(float), clip.fps, config.postures.frames)
 
 
 def _some(features: Float32Array, share: float, random: np.random.Generator) -> Float32Array:
@@ -130,8 +130,7 @@ def keyed(con: Connection, lake: Lake, dictionary: Model) -> list[Part]:
 
 def plan(con: Connection, lake: Lake, dictionary: Model) -> list[Shard]:
     def spec(part: Part) -> dict[str, object]:
-        rows = fetch(con, "rates", {"part": part.part})
-        return {"dictionary": dictionary.file, "fps": {r["clip"]: r["fps"] for r in rows}}
+        return {"dictionary": dictionary.file, "clips": clips_of(con, part.part)}
 
     return due(con, NAME, "frames", keyed(con, lake, dictionary), spec)
 
@@ -147,22 +146,20 @@ def run(lake_root: Path, shard: Shard) -> ShardResult:
     started = time.perf_counter()
     lake = Lake(lake_root)
     dictionary = load_dictionary(lake.path(shard.spec["dictionary"]))
-    rates: Mapping[str, float] = shard.spec["fps"]
     file = codes_file(shard.key)
     with replacing(lake.path(file)) as temporary:
         writer = PartWriter(temporary, ROWS, {"key": shard.key})
-        for clip in frames.read_part(lake.path(lake.frames_part(shard.dataset, shard.part))):
-            if clip.clip in rates:  # else it left the lake since the part was written
-                writer.append(_rows(clip.clip, shard, codes_of(dictionary, clip, rates[clip.clip])))
+        for clip in frames.read_part(lake.path(lake.frames_part(shard.dataset, shard.part)), shard.spec["clips"]):
+            writer.append(_rows(clip.clip, shard, codes_of(dictionary, clip)))
         writer.close()
     size = check_part(lake.path(file), writer.rows)
     return ShardResult(shard, writer.rows, size, (file,), time.perf_counter() - started)
 
 
-def codes_of(dictionary: PostureDictionary, clip: frames.Frames, fps: float) -> NDArray[np.int32]:
+def codes_of(dictionary: PostureDictionary, clip: frames.Frames) -> NDArray[np.int32]:
     """[T] symbols of a clip's postures, at the rate of the dictionary."""
-    config = dictionary.config.frames
-    return dictionary.encode(word_features(clip.positions.astype(float), clip.rotations.astype(float), fps, config))
+    positions, rotations = clip.positions.astype(float), clip.rotations.astype(float)
+    return dictionary.encode(word_features(positions, rotations, clip.fps, dictionary.config.frames))
 
 
 def _rows(clip: str, shard: Shard, codes: NDArray[np.int32]) -> pa.Table:

@@ -23,7 +23,7 @@ from motionlake.lake.layout import Lake
 from motionlake.lake.models import Model, copy_weights, file_hash, fitting_model, model_of
 from motionlake.lake.parts import write_part
 from motionlake.motion.features import Float32Array
-from motionlake.stages.derived import Part, derive, due, frames_parts
+from motionlake.stages.derived import Part, clips_of, derive, due, frames_parts
 from motionlake.stages.shard import Shard, ShardResult
 
 NAME = "submotions"
@@ -74,9 +74,8 @@ def plan(con: Connection, lake: Lake, network: Model) -> list[Shard]:
     first = fetch(con, "model_file", {"model": described})[0]["file"] if described else None
 
     def spec(part: Part) -> dict[str, object]:
-        rows = fetch(con, "rates", {"part": part.part})
-        rates = {r["clip"]: r["fps"] for r in rows}
-        return {"network": network.file, "model": network.model, "descriptors": first, "fps": rates}
+        clips = clips_of(con, part.part)
+        return {"network": network.file, "model": network.model, "descriptors": first, "clips": clips}
 
     return due(con, NAME, "frames", keyed(con, lake, network), spec)
 
@@ -93,15 +92,12 @@ def run(lake_root: Path, shard: Shard) -> ShardResult:
     names: list[str] = []
     windows: list[Window] = []
     found = [np.zeros((0, DIMENSION), dtype=np.float32)]
-    for clip in frames.read_part(lake.path(lake.frames_part(shard.dataset, shard.part))):
-        fps = shard.spec["fps"].get(clip.clip)
-        if fps is None:
-            continue  # left the lake since the part was written
-        ranges = cut(len(clip.positions), fps)
+    for clip in frames.read_part(lake.path(lake.frames_part(shard.dataset, shard.part)), shard.spec["clips"]):
+        ranges = cut(len(clip.positions), clip.fps)
         names.extend([clip.clip] * len(ranges))
         windows.extend(ranges)
         positions = clip.positions.astype(float)
-        found.append(embed([clip_sequence(positions[start:stop], fps) for start, stop in ranges]))
+        found.append(embed([clip_sequence(positions[start:stop], clip.fps) for start, stop in ranges]))
     size = write_part(lake.path(rows_file(shard.key)), _rows(names, windows, np.concatenate(found), shard.part), {})
     return ShardResult(shard, len(names), size, (), time.perf_counter() - started)
 

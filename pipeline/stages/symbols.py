@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pyarrow as pa
+from motionlake.lake import frames
 from motionlake.lake.catalog import Connection, fetch, load_rows, run_sql
 from motionlake.lake.config import LakeConfig
 from motionlake.lake.layout import Lake
@@ -17,7 +18,7 @@ from motionlake.lake.models import Model
 from motionlake.lake.parts import write_part
 from motionlake.pesta.symbols.config import SymbolsConfig
 from motionlake.stages import postures
-from motionlake.stages.derived import Part, derive, due
+from motionlake.stages.derived import Part, clips_of, derive, due
 from motionlake.stages.shard import Shard, ShardResult
 from safetensors import safe_open
 
@@ -44,11 +45,10 @@ def keyed(con: Connection, lake: Lake, config: LakeConfig, dictionary: Model) ->
 
 def plan(con: Connection, lake: Lake, config: LakeConfig, dictionary: Model) -> list[Shard]:
     def spec(part: Part) -> dict[str, object]:
-        rows = fetch(con, "part_clips", {"part": part.part})
         return {
             "codes": postures.codes_file(part.upstream),
             "codes_fps": config.postures.fps,
-            "clips": {r["clip"]: [r["fps"], r["frames"]] for r in rows},
+            "clips": clips_of(con, part.part),
             "symbols": asdict(config.symbols),
             "dictionary": dictionary.file,
             "model": dictionary.model,
@@ -68,11 +68,12 @@ def run(lake_root: Path, shard: Shard) -> ShardResult:
     started = time.perf_counter()
     lake = Lake(lake_root)
     config, clips = SymbolsConfig(**shard.spec["symbols"]), shard.spec["clips"]
+    lengths = frames.lengths(lake.path(lake.frames_part(shard.dataset, shard.part)))
     names, strings = [], []
     for clip, codes in postures.read_codes(lake.path(shard.spec["codes"])):
         if clip not in clips:
             continue  # left the lake since the part was coded
-        fps, n_frames = clips[clip]
+        fps, n_frames = lengths[clip]
         string = symbolise(codes, codes_fps=shard.spec["codes_fps"], fps=fps, n_frames=n_frames, config=config)
         names.append(clip)
         strings.append(string)

@@ -86,7 +86,7 @@ def _motions(lake: Lake, rows: Sequence[Mapping[str, Any]]) -> list[TrainingMoti
         for index in wanted[clip.clip]:
             row = rows[index]
             positions = clip.positions[row["start"] : row["stop"]].astype(float)
-            found[index] = TrainingMotion(positions, row["fps"], row["label"])
+            found[index] = TrainingMotion(positions, clip.fps, row["label"])
     return [found[index] for index in range(len(rows))]
 
 

@@ -8,7 +8,7 @@ the signatures around their ends and replaces the dataset's rows of the table `t
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -29,7 +29,7 @@ from motionlake.lake.parts import write_part
 from motionlake.motion.features import WordConfig, body_length, resample
 from motionlake.motion.pose import bone_vectors, world_rotations
 from motionlake.stages import embed, motifs, signatures
-from motionlake.stages.derived import Part, frames_parts
+from motionlake.stages.derived import Part, clips_of, frames_parts
 from motionlake.stages.shard import Shard, ShardResult
 from numpy.typing import NDArray
 
@@ -58,7 +58,7 @@ def pair_shards(con: Connection, parts: Sequence[Part], config: LakeConfig) -> l
     words = config.words
     shaping = asdict(config.transitions) | {"fps": words.fps, "length": words.length, "stride": words.stride}
     del shaping["context"]  # compared anew without comparing frames
-    rates = {p.part: {r["clip"]: r["fps"] for r in fetch(con, "rates", {"part": p.part})} for p in parts}
+    clips = {p.part: clips_of(con, p.part) for p in parts}
     return [
         Shard(
             NAME,
@@ -67,7 +67,7 @@ def pair_shards(con: Connection, parts: Sequence[Part], config: LakeConfig) -> l
             a.dataset,
             {
                 "parts": [a.part, b.part],
-                "fps": rates[a.part] | rates[b.part],
+                "clips": clips[a.part] + (clips[b.part] if b is not a else []),
                 "words": asdict(words),
                 "transitions": asdict(config.transitions),
             },
@@ -143,20 +143,16 @@ def run(lake_root: Path, shard: Shard) -> ShardResult:
 
 def _read(lake: Lake, shard: Shard, part: str, config: TransitionsConfig) -> _Group:
     words = WordConfig(**shard.spec["words"])
-    rates: Mapping[str, float] = shard.spec["fps"]
     clips, fps, bones, sizes, positions, counts = [], [], [], [], [], []
-    for clip in frames.read_part(lake.path(lake.frames_part(shard.dataset, part))):
-        if clip.clip not in rates:
-            continue  # left the lake since the part was written
-        rate = rates[clip.clip]
+    for clip in frames.read_part(lake.path(lake.frames_part(shard.dataset, part)), shard.spec["clips"]):
         joints, rotations = clip.positions.astype(float), clip.rotations.astype(float)
-        sampled = resample(joints, rate, words)
+        sampled = resample(joints, clip.fps, words)
         clips.append(clip.clip)
-        fps.append(rate)
+        fps.append(clip.fps)
         bones.append(bone_vectors(joints, world_rotations(rotations)).mean(axis=0))
         sizes.append(body_length(joints))
         counts.append(len(windows(len(sampled), words)))
-        positions.append(sampled[: _usable(len(sampled), len(joints), rate / words.fps, config.window)])
+        positions.append(sampled[: _usable(len(sampled), len(joints), clip.fps / words.fps, config.window)])
     if not clips:
         raise ValueError(f"part {part} holds no clip of the lake")
     cut = windowed(positions, counts, words.stride, config.window)

@@ -13,11 +13,11 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from motionlake.deep_motifs.words.windows import native_range, windows
 from motionlake.lake import frames
-from motionlake.lake.catalog import Connection, fetch, run_sql
+from motionlake.lake.catalog import Connection, run_sql
 from motionlake.lake.layout import Lake
 from motionlake.lake.parts import PartWriter, check_part, replacing, write_part
 from motionlake.motion.features import WordConfig, word_features
-from motionlake.stages.derived import PART_KEYS, Part, derive, due, frames_parts
+from motionlake.stages.derived import PART_KEYS, Part, clips_of, derive, due, frames_parts
 from motionlake.stages.shard import Shard, ShardResult
 from numpy.typing import NDArray
 
@@ -35,8 +35,7 @@ def keyed(con: Connection, config: WordConfig) -> list[Part]:
 
 def plan(con: Connection, config: WordConfig) -> list[Shard]:
     def spec(part: Part) -> dict[str, Any]:
-        rows = fetch(con, "rates", {"part": part.part})
-        return {"config": asdict(config), "fps": {r["clip"]: r["fps"] for r in rows}}
+        return {"config": asdict(config), "clips": clips_of(con, part.part)}
 
     return due(con, NAME, "frames", keyed(con, config), spec)
 
@@ -54,18 +53,14 @@ def run(lake_root: Path, shard: Shard) -> ShardResult:
     started = time.perf_counter()
     lake = Lake(lake_root)
     config = WordConfig(**shard.spec["config"])
-    rates = shard.spec["fps"]
     file, staged = features_file(shard.key), rows_file(shard.key)
     ranges: list[pa.Table] = []
     source = lake.path(lake.frames_part(shard.dataset, shard.part))
     with replacing(lake.path(file)) as temporary:
         writer: PartWriter | None = None
-        for clip in frames.read_part(source):
-            if clip.clip not in rates:
-                continue  # left the lake since the part was written
-            fps = rates[clip.clip]
-            features = word_features(clip.positions.astype(float), clip.rotations.astype(float), fps, config)
-            ranges.append(_ranges(clip.clip, shard.part, len(features), fps, len(clip.positions), config))
+        for clip in frames.read_part(source, shard.spec["clips"]):
+            features = word_features(clip.positions.astype(float), clip.rotations.astype(float), clip.fps, config)
+            ranges.append(_ranges(clip.clip, shard.part, len(features), clip.fps, len(clip.positions), config))
             table = features_table(clip.clip, shard, features)
             writer = writer or PartWriter(temporary, table.schema, {"key": shard.key})
             writer.append(table)

@@ -34,10 +34,7 @@ SELECT * FROM skeletons WHERE skeleton = $skeleton;
 SELECT clip, dataset, part FROM clips WHERE clip IN (SELECT unnest($clips::VARCHAR[])) ORDER BY clip;
 
 -- name: part_clips
-SELECT clip, fps, frames FROM clips WHERE part = $part ORDER BY clip;
-
--- name: rates
-SELECT clip, fps FROM clips WHERE part = $part ORDER BY clip;
+SELECT clip FROM clips WHERE part = $part ORDER BY clip;
 
 -- name: frames_parts
 -- Parts of recorded and of synthetic clips.

@@ -123,7 +123,7 @@ class _Served:
 
         motion, steps = canonical_motion(made.motion), self.config.frames
         table = to_table(
-            Frames("", motion.rotations, motion.positions), "", steps.position_step, steps.rotation_step
+            Frames("", motion.fps, motion.rotations, motion.positions), "", steps.position_step, steps.rotation_step
         ).combine_chunks()
         count = len(motion.positions)
         current = np.searchsorted(made.motion.class_starts, np.arange(count), side="right") - 1
