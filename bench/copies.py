@@ -12,9 +12,9 @@ from motionlake.formats.bvh_writer import to_bvh, write_bvh
 from motionlake.lake.catalog import Connection
 from motionlake.lake.export import canonical_rig, own_rig
 from motionlake.lake.layout import Lake
-from motionlake.motion.canonical import JOINTS
 from motionlake.motion.clip import SourceClip
 from motionlake.motion.mirror import other_side
+from motionlake.motion.skeleton import JOINTS
 
 Export = Callable[[Connection, Lake, str], SourceClip]
 

@@ -20,7 +20,7 @@ import duckdb
 import numpy as np
 import pyarrow as pa
 from motionlake import sql
-from motionlake.deephums.descriptors import shipped
+from motionlake.deephums.descriptors import config as shipped
 from motionlake.deephums.descriptors.config import DIMENSION
 from motionlake.deephums.descriptors.nearest import DescriptorScan
 from motionlake.deephums.descriptors.quick import QuickIndex

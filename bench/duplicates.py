@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-from motionlake.deep_motifs.applications.duplicates import MAX_DISTANCE
+from motionlake.deep_motifs.duplicates import MAX_DISTANCE
 from motionlake.jobs import frames
 from motionlake.jobs.session import session
 from motionlake.lake.catalog import reading

@@ -17,11 +17,11 @@ from typing import Any, Final
 
 import numpy as np
 from motionlake.deep_motifs.motion_graph.blend import Steps, poses_of, steps
-from motionlake.deep_motifs.motion_graph.errors import NoWalkError
 from motionlake.deep_motifs.motion_graph.graph import (
     CONTEXT_QUANTILE,
     DISTANCE_QUANTILE,
     MotionGraph,
+    NoWalkError,
     build_graph,
     in_context,
     summarise,

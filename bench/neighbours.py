@@ -22,8 +22,7 @@ import numpy as np
 from motionlake.deep_motifs.words.dtw import Index, word_distances
 from motionlake.deep_motifs.words.neighbours import Neighbours, SearchConfig, prepare, search
 from motionlake.deep_motifs.words.triplets import time_warped
-from motionlake.deep_motifs.words.windows import padded
-from motionlake.deep_motifs.words.word_set import WordSet
+from motionlake.deep_motifs.words.windows import WordSet, padded
 from motionlake.formats import is_clip
 from motionlake.jobs import words as words_job
 from motionlake.jobs.session import session

@@ -23,14 +23,14 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-from motionlake.deep_motifs.applications.query_by_example import ExampleQuery, frame_distances_along
 from motionlake.deep_motifs.corpus import Corpus
+from motionlake.deep_motifs.query_by_example import ExampleQuery, frame_distances_along
 from motionlake.lake.catalog import reading
 from motionlake.lake.config import load_config
 from motionlake.lake.corpus import read_corpus
 from motionlake.lake.layout import Lake
+from motionlake.motion.dtw import STEPS, alignment_ends
 from motionlake.motion.features import Float32Array, WordConfig
-from motionlake.motion.subsequence_dtw import STEPS, alignment_ends
 from motionlake.stages import words
 from numpy.typing import NDArray
 from sklearn.metrics import average_precision_score

@@ -151,7 +151,7 @@ def medoids_of(words: Float32Array, k: int, seed: int) -> Float32Array:
 
 def ready_made(name: str) -> Grouping:
     """The network that comes with the package; for a set of CMU the same training without it."""
-    from motionlake.deep_motifs.words import shipped
+    from motionlake.deep_motifs.words import config as shipped
     from motionlake.deep_motifs.words.trained import load_network
 
     from bench.shipped_words import SETS as CMU

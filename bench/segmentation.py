@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from motionlake.deep_motifs.applications.segmentation import SegmentationConfig, TaughtRange
+from motionlake.deep_motifs.segmentation import SegmentationConfig, TaughtRange
 from motionlake.evaluation.measures.segmentation import SegmentationScores
 from motionlake.evaluation.segmentation import segmentation_scores, segments_of
 from motionlake.lake.catalog import reading

@@ -12,13 +12,13 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any, Final
 
-from motionlake.deephums.descriptors import shipped
+from motionlake.deephums.descriptors import config as shipped
 from motionlake.deephums.descriptors.batches import windows
 from motionlake.deephums.descriptors.config import DescriptorsConfig
 from motionlake.deephums.descriptors.sequence import clip_sequence
 from motionlake.deephums.descriptors.trained import TrainedDescriptor
 from motionlake.deephums.descriptors.training import TrainingClip, train_descriptor
-from motionlake.deephums.submotions import shipped as shipped_submotion
+from motionlake.deephums.submotions import config as shipped_submotion
 from motionlake.deephums.submotions.config import SubmotionConfig
 from motionlake.deephums.submotions.encoder import train_submotion
 from motionlake.deephums.submotions.trained import TrainedSubmotion

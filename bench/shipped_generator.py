@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Final
 
 from motionlake.formats import read_clips
-from motionlake.glogen.generator import shipped
+from motionlake.glogen.generator import config as shipped
 from motionlake.glogen.generator.config import SynthesisConfig
 from motionlake.glogen.generator.generator import TrainedGenerator
 from motionlake.glogen.generator.training import TrainingMotion, train_generator

@@ -10,7 +10,7 @@ import json
 from dataclasses import asdict, replace
 from pathlib import Path
 
-from motionlake.pesta.postures import shipped
+from motionlake.pesta.postures import config as shipped
 from motionlake.pesta.postures.config import PosturesConfig
 from motionlake.pesta.postures.dictionary import PostureDictionary
 from motionlake.pesta.postures.fitting import fit_dictionary

@@ -11,7 +11,7 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Final
 
-from motionlake.deep_motifs.words import shipped
+from motionlake.deep_motifs.words import config as shipped
 from motionlake.deep_motifs.words.config import NetworkConfig
 from motionlake.deep_motifs.words.trained import TrainedNetwork
 from motionlake.deep_motifs.words.training import Recipe, train_words

@@ -16,10 +16,10 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from motionlake.deep_motifs.applications.clustering import cluster_clips
+from motionlake.deep_motifs.clustering import cluster_clips
 from motionlake.deep_motifs.emd import emd_matrix
 from motionlake.evaluation.clips import dtw_distances
-from motionlake.evaluation.measures.clustering import adjusted_rand_index
+from motionlake.evaluation.measures.classification import adjusted_rand_index
 from motionlake.evaluation.signatures import evaluate_signatures
 from motionlake.lake.layout import Lake
 from motionlake.retrieval.connection import connect

@@ -12,11 +12,10 @@ from itertools import combinations, pairwise
 from typing import Final
 
 import numpy as np
-from motionlake.motion.canonical import INDEX, TWIST_AXES
 from motionlake.motion.features import Float64Array, WordConfig
-from motionlake.motion.from_positions import world_from_positions
-from motionlake.motion.pose import local_rotations
+from motionlake.motion.rest import world_from_positions
 from motionlake.motion.rotations import rotate, swing
+from motionlake.motion.skeleton import INDEX, TWIST_AXES, local_rotations
 
 from bench.canonical_sets import LabelledClip, features, load
 from bench.record import record

@@ -20,7 +20,7 @@ from typing import Any, Final
 
 import numpy as np
 from motionlake.deep_motifs.motifs import assign, fit_motifs
-from motionlake.deep_motifs.words import shipped
+from motionlake.deep_motifs.words import config as shipped
 from motionlake.deep_motifs.words.config import NetworkConfig
 from motionlake.deep_motifs.words.dtw import word_distances
 from motionlake.deep_motifs.words.trained import TrainedNetwork, load_network

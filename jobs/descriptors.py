@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict, replace
 from typing import Any
 
-from motionlake.deephums.descriptors import shipped
+from motionlake.deephums.descriptors import config as shipped
 from motionlake.jobs import modelling
 from motionlake.jobs.execute import Outcome, StageJob
 from motionlake.jobs.session import Session

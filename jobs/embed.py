@@ -6,7 +6,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from motionlake.deep_motifs.words import shipped
+from motionlake.deep_motifs.words import config as shipped
 from motionlake.jobs import modelling
 from motionlake.jobs.execute import Outcome, StageJob
 from motionlake.jobs.session import Session

@@ -10,7 +10,7 @@ from motionlake.jobs.execute import Outcome, StageJob
 from motionlake.jobs.session import Session
 from motionlake.lake.catalog import reading
 from motionlake.lake.models import Model
-from motionlake.pesta.postures import shipped
+from motionlake.pesta.postures import config as shipped
 from motionlake.stages import postures
 
 JOB = StageJob(postures.NAME, postures.run, postures.load)

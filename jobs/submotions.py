@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict
 from typing import Any
 
-from motionlake.deephums.submotions import shipped as shipped_submotion
+from motionlake.deephums.submotions import config as shipped_submotion
 from motionlake.jobs import modelling
 from motionlake.jobs.execute import Outcome, StageJob
 from motionlake.jobs.session import Session

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict
 from typing import Any
 
-from motionlake.glogen.generator import shipped
+from motionlake.glogen.generator import config as shipped
 from motionlake.jobs import modelling
 from motionlake.jobs.execute import Outcome
 from motionlake.jobs.session import Session

@@ -14,8 +14,7 @@ from hypothesis import strategies as st
 from motionlake.errors import ClipError
 from motionlake.formats import companions, is_clip, read_clips
 from motionlake.formats.asf import parse_asf
-from motionlake.formats.asf_amc import READER
-from motionlake.formats.asf_finder import find_skeleton
+from motionlake.formats.asf_amc import READER, find_skeleton
 from motionlake.motion.clip import SourceClip
 from motionlake.motion.kinematics import solve
 from motionlake.motion.rotations import from_euler, rotate

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from motionlake.deep_motifs.applications.classification import classify_knn, classify_one_vs_all
+from motionlake.deep_motifs.classification import classify_knn, classify_one_vs_all
 from motionlake.errors import UserError
 from motionlake.motion.clip import FloatArray
 from motionlake.retrieval.connection import connect

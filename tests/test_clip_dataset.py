@@ -13,7 +13,7 @@ import torch
 from motionlake import ClipDataset
 from motionlake.errors import UserError
 from motionlake.lake.clip_dataset import collate
-from motionlake.motion.canonical import JOINTS
+from motionlake.motion.skeleton import JOINTS
 from torch.utils.data import DataLoader
 
 from tests.lakes import query

@@ -11,11 +11,9 @@ import pytest
 import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from motionlake.deephums.descriptors.augmentation import Augmentation
-from motionlake.deephums.descriptors.batches import at_speeds, resampled, windows
+from motionlake.deephums.descriptors.batches import Augmentation, at_speeds, resampled, windows
 from motionlake.deephums.descriptors.config import DIMENSION, DescriptorsConfig
-from motionlake.deephums.descriptors.losses import class_contrast, contrastive_loss
-from motionlake.deephums.descriptors.network import MissingJoints
+from motionlake.deephums.descriptors.network import MissingJoints, class_contrast, contrastive_loss
 from motionlake.deephums.descriptors.recipe import NO_AUGMENTATION, DescriptorRecipe, recipe_of
 from motionlake.deephums.descriptors.sequence import clip_sequence
 from motionlake.deephums.descriptors.similarity import (
@@ -27,8 +25,8 @@ from motionlake.deephums.descriptors.similarity import (
 )
 from motionlake.deephums.descriptors.trained import load_descriptor
 from motionlake.deephums.descriptors.training import TrainingClip, train_descriptor
-from motionlake.motion.canonical import COMMON, INDEX, JOINTS
 from motionlake.motion.features import Float32Array, Float64Array
+from motionlake.motion.skeleton import COMMON, INDEX, JOINTS
 
 TINY = replace(recipe_of(DescriptorsConfig()), hidden=16, epochs=6, batch=8)
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from motionlake.deep_motifs.applications.duplicates import MAX_DISTANCE
+from motionlake.deep_motifs.duplicates import MAX_DISTANCE
 from motionlake.lake.catalog import reading
 from motionlake.lake.layout import open_lake
 from motionlake.motion.features import WordConfig

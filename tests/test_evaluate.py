@@ -15,7 +15,7 @@ from motionlake.evaluation.measures.classification import folded_accuracy
 from motionlake.evaluation.measures.dtw import baseline_features
 from motionlake.evaluation.measures.retrieval import leave_one_out
 from motionlake.evaluation.measures.segmentation import mean_scores, score_words, word_truth
-from motionlake.motion.clip_dtw import clip_dtw, dtw_matrix, frame_pairs
+from motionlake.motion.dtw import clip_dtw, dtw_matrix, frame_pairs
 
 from tests.lakes import motionlake, query
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from motionlake.evaluation.measures.confusion import confusion
+from motionlake.evaluation.measures.classification import confusion
 from motionlake.evaluation.measures.ranking import (
     others,
     precision_recall,

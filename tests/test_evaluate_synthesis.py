@@ -22,7 +22,7 @@ from motionlake.glogen.generator.wishes import Synthesized, Wish
 from motionlake.lake.catalog import writing
 from motionlake.lake.layout import open_lake
 from motionlake.lake.models import add_model, next_file, save_model
-from motionlake.motion.canonical import INDEX, JOINTS, PARENTS
+from motionlake.motion.skeleton import INDEX, JOINTS, PARENTS
 from motionlake.pictures.synthesis_evaluation import recognised_figure, synthesis_pictures
 from motionlake.pictures.synthesis_map import beside_map, generator_map
 from numpy.typing import NDArray

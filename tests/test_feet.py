@@ -12,8 +12,8 @@ from hypothesis.extra import numpy as arrays
 from motionlake.glogen.trajectories.body import STANDARD, measured_length
 from motionlake.glogen.trajectories.feet import BLEND, CLEAR, FAST, bent, planted
 from motionlake.glogen.trajectories.motion import FPS, body_motion, resampled
-from motionlake.motion.canonical import INDEX, PARENTS
 from motionlake.motion.clip import FloatArray
+from motionlake.motion.skeleton import INDEX, PARENTS
 
 from tests.lakes import canonical_clips
 

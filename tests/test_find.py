@@ -10,8 +10,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from motionlake.deep_motifs.applications import query_by_example
-from motionlake.deep_motifs.applications.query_by_example import (
+from motionlake.deep_motifs import query_by_example
+from motionlake.deep_motifs.corpus import Corpus, CorpusClip
+from motionlake.deep_motifs.emd import emd
+from motionlake.deep_motifs.query_by_example import (
     ExampleQuery,
     RangeHit,
     distances_along,
@@ -20,8 +22,6 @@ from motionlake.deep_motifs.applications.query_by_example import (
     window_ranges,
     words_within,
 )
-from motionlake.deep_motifs.corpus import Corpus, CorpusClip
-from motionlake.deep_motifs.emd import emd
 from motionlake.deep_motifs.signatures import motif_counts, signature
 from motionlake.errors import UserError
 from motionlake.formats import read_clips

@@ -14,14 +14,13 @@ from motionlake.glogen.generator.course import FASTEST, Course
 from motionlake.glogen.generator.generator import METADATA_KEY, TrainedGenerator, load_generator
 from motionlake.glogen.generator.training import TrainingMotion, fit_generator, train_generator
 from motionlake.glogen.generator.wishes import Seed, Synthesized, Wish
-from motionlake.glogen.glogen.by_class import groups
 from motionlake.glogen.glogen.recipe import GloGenRecipe
-from motionlake.glogen.locgen.recipe import LocGenRecipe
+from motionlake.glogen.glogen.training import groups
+from motionlake.glogen.locgen.network import LocGenRecipe
 from motionlake.glogen.trajectories.body import STANDARD
 from motionlake.glogen.trajectories.motion import body_motion
 from motionlake.glogen.trajectories.sparse import DURATION, WIDTH
-from motionlake.motion.canonical import JOINTS
-from motionlake.motion.pose import forward_kinematics
+from motionlake.motion.skeleton import JOINTS, forward_kinematics
 from motionlake.network_file import save_network
 
 from tests.test_trajectories import swinging
@@ -156,7 +155,7 @@ def test_a_generator_is_kept_in_one_file(generator: TrainedGenerator, tmp_path: 
 
 
 def test_other_files_are_refused(generator: TrainedGenerator, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from motionlake.deephums.descriptors.shipped import FILE
+    from motionlake.deephums.descriptors.config import FILE
 
     with pytest.raises(ValueError, match="holds no motion generator"):
         load_generator(FILE)

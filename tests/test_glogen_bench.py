@@ -9,8 +9,8 @@ import pytest
 from motionlake.evaluation.measures.synthesis_errors import MILLISECONDS
 from motionlake.glogen.trajectories.motion import FPS, BodyMotion, body_motion, interpolated
 from motionlake.glogen.trajectories.sparse import JOINT_COLUMNS
-from motionlake.motion.canonical import INDEX
 from motionlake.motion.features import Float32Array
+from motionlake.motion.skeleton import INDEX
 from numpy.typing import NDArray
 
 from bench.canonical_sets import LabelledClip

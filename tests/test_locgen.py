@@ -11,12 +11,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from motionlake.glogen.locgen.dense import dense_motions
 from motionlake.glogen.locgen.interpolation import between, interpolated_motion, times_of
-from motionlake.glogen.locgen.network import Between, Frames, locgen_network
-from motionlake.glogen.locgen.recipe import LocGenRecipe, locgen_recipe
+from motionlake.glogen.locgen.network import Between, Frames, LocGenRecipe, locgen_network, locgen_recipe
 from motionlake.glogen.locgen.training import poses_between, train_locgen
 from motionlake.glogen.trajectories.motion import FPS, body_motion
-from motionlake.glogen.trajectories.pieces import Piece, pieces
-from motionlake.glogen.trajectories.sparse import HEIGHT, STEP, TURN
+from motionlake.glogen.trajectories.sparse import HEIGHT, STEP, TURN, Piece, pieces
 
 from tests.test_trajectories import swinging
 

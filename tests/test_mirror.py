@@ -13,10 +13,9 @@ from motionlake.deep_motifs.words.windows import word_windows
 from motionlake.lake.catalog import reading
 from motionlake.lake.config import load_config
 from motionlake.lake.layout import open_lake
-from motionlake.motion.canonical import INDEX
 from motionlake.motion.features import WordConfig, word_features
 from motionlake.motion.mirror import mirrored_features, mirrored_positions, mirrored_rotations
-from motionlake.motion.pose import forward_kinematics
+from motionlake.motion.skeleton import INDEX, forward_kinematics
 from motionlake.stages import embed, motifs
 
 from tests.lakes import QUICK, canonical_clips, motionlake, query

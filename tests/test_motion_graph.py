@@ -29,9 +29,14 @@ from motionlake.deep_motifs.motion_graph.blend import (
     slerp,
     steps,
 )
-from motionlake.deep_motifs.motion_graph.clouds import JOINTS, paired_distance, squared_distances, window_clouds
 from motionlake.deep_motifs.motion_graph.config import TransitionsConfig
-from motionlake.deep_motifs.motion_graph.context import context_distances
+from motionlake.deep_motifs.motion_graph.costs import (
+    JOINTS,
+    context_distances,
+    paired_distance,
+    squared_distances,
+    window_clouds,
+)
 from motionlake.deep_motifs.motion_graph.graph import GraphClip, Transitions, build_graph, in_context, near, summarise
 from motionlake.deep_motifs.motion_graph.walk import Piece, assemble, random_walk
 from motionlake.deep_motifs.signatures import signature

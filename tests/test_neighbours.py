@@ -11,17 +11,25 @@ from hypothesis import strategies as st
 from motionlake.deep_motifs.words.dtw import LANES, Index, word_distances
 from motionlake.deep_motifs.words.listed_dtw import listed_distances
 from motionlake.deep_motifs.words.lower_bounds import WordBounds, survivors
-from motionlake.deep_motifs.words.neighbour_files import load_searched, save_searched
-from motionlake.deep_motifs.words.neighbours import Method, SearchConfig, all_pairs, nearest_words, prepare, search
+from motionlake.deep_motifs.words.neighbours import (
+    Method,
+    SearchConfig,
+    all_pairs,
+    load_searched,
+    nearest_words,
+    prepare,
+    save_searched,
+    search,
+)
+from motionlake.deep_motifs.words.windows import WordSet
 from motionlake.deep_motifs.words.word_index import IndexConfig, along_path
-from motionlake.deep_motifs.words.word_set import WordSet
 from motionlake.formats import read_clips
 from motionlake.lake.catalog import reading
 from motionlake.lake.config import load_config
 from motionlake.lake.layout import Lake
 from motionlake.motion.canonicalise import canonicalise
+from motionlake.motion.dtw import Metric
 from motionlake.motion.features import Float32Array, WordConfig, word_features
-from motionlake.motion.frame_distance import Metric
 from motionlake.motion.kinematics import solve
 from motionlake.motion.rigs import identify, load_rigs
 from motionlake.stages import words as words_stage

@@ -13,9 +13,9 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from motionlake.lake.catalog import reading
 from motionlake.lake.layout import open_lake
-from motionlake.motion.canonical import COMMON, INDEX
 from motionlake.motion.features import body_length, word_features
 from motionlake.motion.rotations import from_axis_angle, rotate
+from motionlake.motion.skeleton import COMMON, INDEX
 from motionlake.pesta.postures.config import PosturesConfig
 from motionlake.pictures.alignment_matrix import AlignedPath, SymbolRow, alignment_matrix
 from motionlake.pictures.alignment_page import path_indices

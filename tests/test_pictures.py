@@ -19,11 +19,11 @@ from matplotlib.figure import Figure
 from matplotlib.image import imread
 from motionlake.lake.catalog import reading
 from motionlake.lake.layout import open_lake
-from motionlake.motion.canonical import INDEX, JOINTS, PARENTS
 from motionlake.motion.rotations import from_axis_angle, rotate
+from motionlake.motion.skeleton import INDEX, JOINTS, PARENTS
 from motionlake.pictures.bands import MotifBand, Segment, SegmentRow, lanes_of, motif_bands, segment_bands, word_edges
 from motionlake.pictures.clip_sections import bars
-from motionlake.pictures.contact_sheet import MotifRow, WordStrip, contact_sheet
+from motionlake.pictures.film_strip import MotifRow, WordStrip, contact_sheet
 from motionlake.pictures.hits_page import HitStrip, draw_hits, hits_page
 from motionlake.pictures.html import Chapter, page, picture
 from motionlake.pictures.maps import clip_map, plane_of

@@ -10,10 +10,9 @@ from typing import Any
 import numpy as np
 import pytest
 from motionlake.motion.features import Float32Array
-from motionlake.pesta.postures.clusters import grid, self_organising_map
 from motionlake.pesta.postures.config import KINDS, DictionaryKind, PosturesConfig
 from motionlake.pesta.postures.dictionary import PostureDictionary, load_dictionary
-from motionlake.pesta.postures.fitting import fit_dictionary, sample_postures
+from motionlake.pesta.postures.fitting import fit_dictionary, grid, sample_postures, self_organising_map
 from motionlake.pesta.postures.network import PostureAutoencoder
 from motionlake.pesta.postures.recipe import AutoencoderRecipe, recipe_of
 from motionlake.pesta.postures.training import _revive, train_autoencoder

@@ -18,7 +18,7 @@ from motionlake.lake.config import LakeConfig, load_config
 from motionlake.lake.frames import read_part
 from motionlake.lake.layout import open_lake
 from motionlake.motion.features import word_features
-from motionlake.pesta.postures import shipped
+from motionlake.pesta.postures import config as shipped
 from motionlake.pesta.postures.config import PosturesConfig
 from motionlake.pesta.postures.dictionary import PostureDictionary, load_dictionary
 from motionlake.pesta.symbols.config import SymbolsConfig

@@ -11,7 +11,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from motionlake.deep_motifs.applications.segmentation import (
+from motionlake.deep_motifs.corpus import Corpus, CorpusClip
+from motionlake.deep_motifs.emd import emd
+from motionlake.deep_motifs.segmentation import (
     UNKNOWN,
     SegmentationConfig,
     Segmenter,
@@ -21,8 +23,6 @@ from motionlake.deep_motifs.applications.segmentation import (
     centred_signatures,
     taught_windows,
 )
-from motionlake.deep_motifs.corpus import Corpus, CorpusClip
-from motionlake.deep_motifs.emd import emd
 from motionlake.deep_motifs.signatures import signature
 from motionlake.errors import UserError
 from numpy.typing import NDArray

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from motionlake.deep_motifs.words import shipped
+from motionlake.deep_motifs.words import config as shipped
 from motionlake.deep_motifs.words.config import NetworkConfig
 from motionlake.deep_motifs.words.trained import load_network
 from motionlake.lake.catalog import fetch, reading

@@ -7,11 +7,11 @@ from pathlib import Path
 import duckdb
 import numpy as np
 import pytest
-from motionlake.glogen.generator import shipped
+from motionlake.glogen.generator import config as shipped
 from motionlake.glogen.generator.config import SynthesisConfig
 from motionlake.glogen.generator.generator import load_generator
 from motionlake.glogen.generator.wishes import Seed, Wish
-from motionlake.motion.canonical import JOINTS, PARENTS
+from motionlake.motion.skeleton import JOINTS, PARENTS
 
 from tests.lakes import motionlake, query
 from tests.test_pictures import standing

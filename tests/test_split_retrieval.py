@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from motionlake.evaluation.measures.dtw_error import dtw_path, joint_error
+from motionlake.evaluation.measures.dtw import dtw_path, joint_error
 from motionlake.evaluation.measures.ranking import others
 from motionlake.evaluation.measures.retrieval import leave_one_out
 from motionlake.evaluation.measures.split_retrieval import Questions, area, first_hits, score_split
-from motionlake.motion.clip_dtw import clip_dtw, dtw_cross, dtw_matrix, squared_distances
+from motionlake.motion.dtw import clip_dtw, dtw_cross, dtw_matrix, squared_distances
 
 
 def test_a_split_is_scored_by_hand() -> None:

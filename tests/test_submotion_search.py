@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from motionlake.deephums.descriptors import shipped
+from motionlake.deephums.descriptors import config as shipped
 from motionlake.deephums.descriptors.sequence import clip_sequence
+from motionlake.deephums.submotions import config as shipped_submotion
 from motionlake.deephums.submotions import pieces
-from motionlake.deephums.submotions import shipped as shipped_submotion
 from motionlake.deephums.submotions.config import LONGEST, SHORT, SubmotionConfig
 from motionlake.deephums.submotions.encoder import train_submotion
 from motionlake.deephums.submotions.pieces import frames_of, piece_windows

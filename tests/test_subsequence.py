@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from motionlake.motion.subsequence_dtw import STEPS, alignment_ends, nearest_stretch
+from motionlake.motion.dtw import STEPS, alignment_ends, nearest_stretch
 
 Path = list[tuple[int, int]]
 

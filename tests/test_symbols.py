@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from motionlake.pesta.symbols.alphabet import reduce_runs
 from motionlake.pesta.symbols.config import SymbolsConfig
-from motionlake.pesta.symbols.runs import reduce_runs
 from motionlake.pesta.symbols.strings import SymbolString, symbolise
 from motionlake.pesta.symbols.tandem import reduce_repeats
 

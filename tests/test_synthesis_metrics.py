@@ -31,10 +31,9 @@ from motionlake.evaluation.measures.synthesis_movement import (
     travel_speed,
     within_range,
 )
-from motionlake.motion.canonical import INDEX, JOINTS
-from motionlake.motion.clip_dtw import clip_dtw
-from motionlake.motion.facing import facing
+from motionlake.motion.dtw import clip_dtw
 from motionlake.motion.features import body_length
+from motionlake.motion.skeleton import INDEX, JOINTS, facing
 from numpy.typing import NDArray
 from scipy.linalg import sqrtm
 

@@ -11,21 +11,24 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from motionlake.glogen.trajectories.body import STANDARD, body_length, measured_length, standard_joints
 from motionlake.glogen.trajectories.motion import FEET, FPS, BodyMotion, body_motion, in_world, mirrored, resampled
-from motionlake.glogen.trajectories.pieces import LONGEST, goes_on, pieces, ranges, reach
 from motionlake.glogen.trajectories.sparse import (
     DURATION,
+    LONGEST,
     PIECE,
     POSES,
     STEP,
     TURN,
     even_motion,
+    goes_on,
+    pieces,
     poses_at,
+    ranges,
+    reach,
     sparse_motion,
     uniform_places,
 )
-from motionlake.motion.canonical import INDEX, PARENTS
-from motionlake.motion.facing import facing
 from motionlake.motion.mirror import mirrored_positions
+from motionlake.motion.skeleton import INDEX, PARENTS, facing
 
 from tests.lakes import canonical_clips, query
 from tests.test_pictures import standing

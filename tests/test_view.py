@@ -19,7 +19,7 @@ from motionlake.pictures.bands import Segment
 from motionlake.pictures.film_strip import film_strip
 from motionlake.pictures.motion_gif import FPS, gif_frames, motion_gif
 from motionlake.pictures.player import player_page
-from motionlake.pictures.player_clip import MOST_SECONDS, PlayerClip, pack, unpack
+from motionlake.pictures.player_material import MOST_SECONDS, PlayerClip, pack, unpack
 from motionlake.pictures.style import png
 from numpy.typing import NDArray
 from PIL import Image, ImageChops

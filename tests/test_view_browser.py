@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from motionlake.pictures.bands import Segment
 from motionlake.pictures.player import player_page
-from motionlake.pictures.player_clip import PlayerClip
+from motionlake.pictures.player_material import PlayerClip
 from numpy.typing import NDArray
 
 from tests.browser import NoBrowserError, Page, browsing, wait

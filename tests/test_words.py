@@ -7,9 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from motionlake.deep_motifs.words.windows import native_range, padded, windows, word_windows
-from motionlake.motion.canonical import COMMON, DEEP_MOTIFS, INDEX, JOINTS
-from motionlake.motion.facing import facing
 from motionlake.motion.features import WordConfig, body_length, resample, sample_count, word_features
+from motionlake.motion.skeleton import COMMON, DEEP_MOTIFS, INDEX, JOINTS, facing
 from numpy.typing import NDArray
 
 NO_ROTATIONS = np.empty((0, 21, 4))

@@ -13,7 +13,7 @@ from itertools import pairwise
 from typing import Final
 
 import torch
-from motionlake.motion.canonical import COMMON
+from motionlake.motion.skeleton import COMMON
 from torch import Tensor, nn
 
 from bench.deephums.baseline import FRAMES

@@ -10,17 +10,15 @@ from typing import Final
 
 import numpy as np
 import torch
-from motionlake.deephums.descriptors.augmentation import Augmentation
-from motionlake.deephums.descriptors.batches import resampled
+from motionlake.deephums.descriptors.batches import Augmentation, resampled
 from motionlake.deephums.descriptors.config import DescriptorsConfig
 from motionlake.deephums.descriptors.recipe import recipe_of
 from motionlake.deephums.descriptors.similarity import alignment_distances, motion_distance, motion_field
 from motionlake.deephums.descriptors.trained import TrainedDescriptor
 from motionlake.deephums.descriptors.training import TrainingClip, train_descriptor
-from motionlake.evaluation.measures.dtw import baseline_features
-from motionlake.evaluation.measures.dtw_error import joint_error
+from motionlake.evaluation.measures.dtw import baseline_features, joint_error
 from motionlake.evaluation.measures.split_retrieval import Questions, first_hits, score_split
-from motionlake.motion.clip_dtw import dtw_cross
+from motionlake.motion.dtw import dtw_cross
 from motionlake.motion.features import Float32Array, body_length
 from numpy.typing import NDArray
 from torch import Tensor, nn

@@ -9,8 +9,8 @@ import torch
 from motionlake.deephums.descriptors.batches import resampled
 from motionlake.deephums.descriptors.trained import TrainedDescriptor
 from motionlake.evaluation.measures.split_retrieval import Questions, score_split
-from motionlake.motion.canonical import COMMON, INDEX
 from motionlake.motion.features import Float32Array
+from motionlake.motion.skeleton import COMMON, INDEX
 from numpy.typing import NDArray
 
 from bench.deephums.sets import Split

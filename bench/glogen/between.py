@@ -10,8 +10,7 @@ from motionlake.glogen.generator.generator import TrainedGenerator
 from motionlake.glogen.locgen.dense import dense_motions
 from motionlake.glogen.locgen.interpolation import interpolated_motion
 from motionlake.glogen.trajectories.motion import FPS, interpolated
-from motionlake.glogen.trajectories.pieces import Piece
-from motionlake.glogen.trajectories.sparse import HEIGHT, JOINT_COLUMNS
+from motionlake.glogen.trajectories.sparse import HEIGHT, JOINT_COLUMNS, Piece
 from motionlake.motion.clip import FloatArray
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline

@@ -16,8 +16,7 @@ from motionlake.glogen.glogen.recipe import SEEDS
 from motionlake.glogen.locgen.dense import dense_motions
 from motionlake.glogen.locgen.lead_in import led_in, state_at
 from motionlake.glogen.trajectories.motion import FPS, BodyMotion, interpolated
-from motionlake.glogen.trajectories.pieces import Piece, ranges
-from motionlake.glogen.trajectories.sparse import PIECE, SPARSE, even_motion
+from motionlake.glogen.trajectories.sparse import PIECE, SPARSE, Piece, even_motion, ranges
 from motionlake.motion.clip import FloatArray
 from motionlake.motion.features import Float32Array
 from numpy.typing import NDArray

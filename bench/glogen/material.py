@@ -8,10 +8,9 @@ from typing import Final
 
 import numpy as np
 from motionlake.glogen.trajectories.motion import BodyMotion, body_motion
-from motionlake.glogen.trajectories.pieces import Piece, pieces, rows_of
-from motionlake.glogen.trajectories.sparse import HEIGHT, JOINT_COLUMNS
-from motionlake.motion.canonical import PARENTS
+from motionlake.glogen.trajectories.sparse import HEIGHT, JOINT_COLUMNS, Piece, pieces, rows_of
 from motionlake.motion.features import Float32Array
+from motionlake.motion.skeleton import PARENTS
 from numpy.typing import NDArray
 
 from bench.canonical_sets import LabelledClip

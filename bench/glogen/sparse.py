@@ -19,8 +19,8 @@ from motionlake.glogen.glogen.recipe import SEEDS, GloGenRecipe, glogen_recipe
 from motionlake.glogen.glogen.training import train_glogen, unseen
 from motionlake.glogen.trajectories.sparse import JOINT_COLUMNS, PIECE
 from motionlake.glogen.trajectories.sparse import SPARSE as POSES
-from motionlake.motion.canonical import COMMON, INDEX
 from motionlake.motion.features import Float32Array
+from motionlake.motion.skeleton import COMMON, INDEX
 from numpy.typing import NDArray
 
 from bench.glogen.baseline import Settings

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from motionlake.deep_motifs.words.linear import linear_embedding
 from motionlake.motion.features import Float32Array
-from motionlake.pesta.postures import shipped
+from motionlake.pesta.postures import config as shipped
 from motionlake.pesta.postures.config import PosturesConfig
 from motionlake.pesta.postures.dictionary import PostureDictionary, load_dictionary
 from motionlake.pesta.postures.fitting import fit_dictionary, sample_postures

@@ -7,7 +7,7 @@ from dataclasses import asdict
 from typing import Final
 
 import numpy as np
-from motionlake.evaluation.measures.confusion import confusion
+from motionlake.evaluation.measures.classification import confusion
 from motionlake.evaluation.measures.ranking import (
     others,
     precision_recall,

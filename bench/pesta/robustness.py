@@ -14,8 +14,7 @@ from typing import Final
 
 import numpy as np
 from motionlake.evaluation.measures.singularity import PIECE, singular_pieces
-from motionlake.motion.canonical import INDEX
-from motionlake.motion.facing import facing
+from motionlake.motion.skeleton import INDEX, facing
 from motionlake.pesta.alignment.config import AlignmentConfig
 from motionlake.pesta.alignment.scan import Both
 

@@ -96,7 +96,7 @@ def references(set_name: str, seed: int) -> dict[str, Found]:
     from motionlake.deep_motifs.emd import emd_matrix
     from motionlake.deep_motifs.signatures import signatures
     from motionlake.evaluation.measures.dtw import BASELINE
-    from motionlake.motion.clip_dtw import dtw_matrix
+    from motionlake.motion.dtw import dtw_matrix
     from motionlake.motion.features import WordConfig
 
     from bench.representation import K, by_l2, learned

@@ -8,9 +8,8 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from motionlake.cli.alignment_picture import save_alignment
 from motionlake.cli.common import JsonOption, LakeOption, RealOption, print_rows
-from motionlake.cli.hits_picture import PictureOption, check_picture
+from motionlake.cli.pictures import PictureOption, check_picture, save_alignment
 from motionlake.errors import UserError
 from motionlake.formats import is_clip
 from motionlake.lake.catalog import reading

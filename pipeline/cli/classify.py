@@ -17,7 +17,7 @@ from motionlake.lake.layout import check_dataset, open_lake
 from motionlake.lake.resolve import resolve_clip
 
 if TYPE_CHECKING:
-    from motionlake.deep_motifs.applications.classification import Method
+    from motionlake.deep_motifs.classification import Method
     from motionlake.retrieval.labelling.classes import ClassifiedClip
     from motionlake.retrieval.labelling.signed import SignedClip
 

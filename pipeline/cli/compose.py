@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 from motionlake.cli.common import JsonOption, LakeOption, notice, print_json, print_rows
-from motionlake.deep_motifs.motion_graph.errors import NoWalkError
+from motionlake.deep_motifs.motion_graph.graph import NoWalkError
 from motionlake.errors import UserError
 from motionlake.lake.catalog import Connection, fetch, reading
 from motionlake.lake.layout import check_dataset, open_lake

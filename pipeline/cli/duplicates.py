@@ -35,7 +35,7 @@ def duplicates(
 
     Example: motionlake duplicates --across --mirrored --lake mylake
     """
-    from motionlake.deep_motifs.applications.duplicates import MAX_DISTANCE
+    from motionlake.deep_motifs.duplicates import MAX_DISTANCE
     from motionlake.retrieval.duplicates import near_duplicates
 
     target = open_lake(lake)

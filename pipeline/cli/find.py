@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 from motionlake.cli.common import JsonOption, LakeOption, RealOption, print_rows
-from motionlake.cli.hits_picture import PictureOption, check_picture, save_picture
+from motionlake.cli.pictures import PictureOption, check_picture, save_picture
 from motionlake.errors import UserError
 from motionlake.formats import is_clip
 from motionlake.lake.catalog import Connection, reading

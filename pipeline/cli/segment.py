@@ -45,7 +45,7 @@ def segment(
 
     Of a file that is not in the lake: motionlake segment shots/new_take.bvh --teach hdm05 --lake mylake
     """
-    from motionlake.deep_motifs.applications.segmentation import SegmentationConfig
+    from motionlake.deep_motifs.segmentation import SegmentationConfig
     from motionlake.retrieval.labelling.segments import LakeSegmenter, Lessons
 
     target = open_lake(lake)

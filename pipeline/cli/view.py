@@ -15,7 +15,7 @@ from motionlake.lake.layout import Lake, open_lake
 from motionlake.lake.resolve import resolve_clip
 
 if TYPE_CHECKING:
-    from motionlake.pictures.player_clip import PlayerClip
+    from motionlake.pictures.player_material import PlayerClip
 
 SUFFIXES: Final = (".html", ".gif", ".png")
 LONGEST_NAME: Final = 100
@@ -134,7 +134,7 @@ def _drawn(path: Path, shown: list[PlayerClip]) -> bytes:
 def _capped(path: Path, shown: list[PlayerClip]) -> list[str]:
     """What is left out of a file that holds so many seconds at most."""
     from motionlake.pictures.motion_gif import MOST_SECONDS as MOST_OF_GIF
-    from motionlake.pictures.player_clip import MOST_SECONDS
+    from motionlake.pictures.player_material import MOST_SECONDS
 
     most = {".html": MOST_SECONDS, ".gif": MOST_OF_GIF, ".png": float("inf")}[path.suffix]
     return [

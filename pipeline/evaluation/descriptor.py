@@ -8,9 +8,8 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
-from motionlake.evaluation.clips import Notice, read_positions
-from motionlake.evaluation.measures.dtw import baseline_features
-from motionlake.evaluation.measures.dtw_error import joint_error
+from motionlake.evaluation.clips import Chosen, Notice, choose, read_positions
+from motionlake.evaluation.measures.dtw import baseline_features, joint_error
 from motionlake.evaluation.measures.split_retrieval import first_hits, score_split
 from motionlake.evaluation.methods import (
     Distances,
@@ -19,7 +18,6 @@ from motionlake.evaluation.methods import (
     fused_distances,
     signature_distances,
 )
-from motionlake.evaluation.split import Chosen, choose
 from motionlake.lake.catalog import Connection
 from motionlake.lake.layout import Lake
 from motionlake.lake.models import Model

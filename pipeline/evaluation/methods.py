@@ -8,13 +8,13 @@ from typing import Final
 import numpy as np
 from motionlake.deep_motifs.emd import emd_many, emd_matrix
 from motionlake.errors import UserError
-from motionlake.evaluation.clips import PATIENCE, Notice, worth_waiting
+from motionlake.evaluation.clips import PATIENCE, Chosen, Notice, worth_waiting
 from motionlake.evaluation.measures.ranking import ranked
-from motionlake.evaluation.split import Chosen
 from motionlake.lake.catalog import Connection
 from motionlake.lake.config import load_config
 from motionlake.lake.layout import Lake
-from motionlake.motion.clip_dtw import Float32Array, dtw_cross, dtw_matrix, frame_pairs
+from motionlake.motion.dtw import dtw_cross, dtw_matrix, frame_pairs
+from motionlake.motion.features import Float32Array
 from motionlake.pesta.alignment.scan import pairwise
 from motionlake.pesta.alignment.strings import Repository
 from motionlake.retrieval.fused import FusedRetriever

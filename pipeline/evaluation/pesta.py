@@ -12,7 +12,7 @@ import numpy as np
 from motionlake.deep_motifs.emd import emd_matrix
 from motionlake.errors import UserError
 from motionlake.evaluation.clips import Notice, dtw_baseline
-from motionlake.evaluation.measures.confusion import confusion
+from motionlake.evaluation.measures.classification import confusion
 from motionlake.evaluation.measures.ranking import (
     others,
     precision_recall,

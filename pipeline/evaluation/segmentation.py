@@ -6,14 +6,14 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
-from motionlake.deep_motifs.applications.segmentation import (
+from motionlake.deep_motifs.corpus import Corpus
+from motionlake.deep_motifs.segmentation import (
     SegmentationConfig,
     Segmenter,
     TaughtRange,
     taught_windows,
     word_centres,
 )
-from motionlake.deep_motifs.corpus import Corpus
 from motionlake.errors import UserError
 from motionlake.evaluation.measures.segmentation import SegmentationScores, mean_scores, score_words, word_truth
 from motionlake.lake.catalog import Connection, fetch

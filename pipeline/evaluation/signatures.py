@@ -6,7 +6,7 @@ from dataclasses import asdict
 from typing import Any, Final
 
 import numpy as np
-from motionlake.deep_motifs.applications.classification import classify_one_vs_all
+from motionlake.deep_motifs.classification import classify_one_vs_all
 from motionlake.deep_motifs.emd import emd_matrix
 from motionlake.errors import UserError
 from motionlake.evaluation.clips import Notice, dtw_baseline

@@ -8,8 +8,7 @@ from typing import Final
 
 import numpy as np
 from motionlake.errors import UserError
-from motionlake.evaluation.clips import read_positions
-from motionlake.evaluation.split import LEAVE_ONE_OUT, QUERIES, REPOSITORY
+from motionlake.evaluation.clips import LEAVE_ONE_OUT, QUERIES, REPOSITORY, read_positions
 from motionlake.lake.catalog import Connection, fetch
 from motionlake.lake.layout import Lake
 from motionlake.retrieval.labelling.signed import check_column

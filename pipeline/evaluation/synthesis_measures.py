@@ -28,8 +28,8 @@ from motionlake.evaluation.measures.synthesis_movement import (
     within_range,
 )
 from motionlake.evaluation.synthesis_trials import Begun, Trial
-from motionlake.motion.clip_dtw import Float32Array
-from motionlake.motion.subsequence_dtw import nearest_stretch
+from motionlake.motion.dtw import nearest_stretch
+from motionlake.motion.features import Float32Array
 from numpy.typing import NDArray
 
 Float64Array = NDArray[np.float64]

@@ -12,7 +12,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 from motionlake.errors import UserError
-from motionlake.motion.canonical import JOINTS
+from motionlake.motion.skeleton import JOINTS
 from numpy.typing import NDArray
 
 ROOT_CHANNELS: Final = ("root_x", "root_y", "root_z")

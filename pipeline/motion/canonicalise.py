@@ -7,14 +7,19 @@ from typing import Final
 
 import numpy as np
 from motionlake.errors import ClipError
-from motionlake.motion.canonical import INDEX, PARENTS
 from motionlake.motion.clip import FloatArray, Motion, SourceClip
 from motionlake.motion.fill import Binding, bind, place, place_offsets
-from motionlake.motion.from_positions import world_from_positions
-from motionlake.motion.pose import bone_vectors, continuous_signs, forward_kinematics, local_rotations
-from motionlake.motion.rest import to_canonical_rest
+from motionlake.motion.rest import to_canonical_rest, world_from_positions
 from motionlake.motion.rigs import Rest, RigMap
 from motionlake.motion.rotations import conjugate, from_axis_angle, multiply, normalise, rotate
+from motionlake.motion.skeleton import (
+    INDEX,
+    PARENTS,
+    bone_vectors,
+    continuous_signs,
+    forward_kinematics,
+    local_rotations,
+)
 
 MIN_HEIGHT: Final = 0.4
 MAX_HEIGHT: Final = 3.0

@@ -12,8 +12,7 @@ from dataclasses import dataclass
 from typing import Final, Literal
 
 import numpy as np
-from motionlake.motion.canonical import COMMON, DEEP_MOTIFS, INDEX
-from motionlake.motion.facing import facing
+from motionlake.motion.skeleton import COMMON, DEEP_MOTIFS, INDEX, facing
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 

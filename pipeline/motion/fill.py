@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from motionlake.errors import ClipError
-from motionlake.motion.canonical import INDEX, JOINTS, PARENTS
 from motionlake.motion.clip import FloatArray, Hierarchy
 from motionlake.motion.rigs import Fill, RigMap, bare_names
 from motionlake.motion.rotations import rotate
+from motionlake.motion.skeleton import INDEX, JOINTS, PARENTS
 
 
 @dataclass(frozen=True)

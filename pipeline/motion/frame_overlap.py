@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from motionlake.motion.canonical import INDEX
 from motionlake.motion.features import Float32Array, WordConfig
 from motionlake.motion.rotations import to_matrix
+from motionlake.motion.skeleton import INDEX
 from numba import njit
 from numpy.typing import NDArray
 

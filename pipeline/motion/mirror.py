@@ -11,8 +11,8 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from motionlake.motion.canonical import INDEX, JOINTS
 from motionlake.motion.features import Float32Array, WordConfig
+from motionlake.motion.skeleton import INDEX, JOINTS
 from numpy.typing import NDArray
 
 _ACROSS: Final = {"left_": "right_", "right_": "left_"}

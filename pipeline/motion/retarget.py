@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from motionlake.motion.canonical import INDEX, JOINTS, PARENTS
 from motionlake.motion.canonicalise import CanonicalMotion
 from motionlake.motion.clip import ChannelKind, Hierarchy, SourceClip
 from motionlake.motion.rotations import to_euler
+from motionlake.motion.skeleton import INDEX, JOINTS, PARENTS
 
 METRES_PER_UNIT: Final = 0.01
 ROTATION: Final = ("Zrotation", "Yrotation", "Xrotation")

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from motionlake.errors import ClipError, UserError
-from motionlake.motion.canonical import INDEX, JOINTS, TWIST_AXES
+from motionlake.motion.skeleton import INDEX, JOINTS, TWIST_AXES
 from motionlake.motion.starter import starter_map
 
 __all__ = ["Fill", "Rest", "RigMap", "bare_names", "identify", "load_rigs", "parse_rig", "starter_map"]

@@ -7,8 +7,8 @@ import re
 from typing import Final
 
 import numpy as np
-from motionlake.motion.canonical import JOINTS
 from motionlake.motion.clip import ChannelKind, Hierarchy
+from motionlake.motion.skeleton import JOINTS
 
 # In each limb the joints from the body outwards, with what their names contain.
 _LEG: Final = (

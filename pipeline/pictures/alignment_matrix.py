@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from motionlake.pictures.stick_figures import draw_bodies, postures_view
 from motionlake.pictures.style import FAINT, INK, TOP, Float64Array, Sheet, fitted, styled, width_of
-from motionlake.pictures.symbol_chips import CHIP, chip
+from motionlake.pictures.symbol_strip import CHIP, chip
 from numpy.typing import NDArray
 
 PATH: Final = "#CC3311"

@@ -15,8 +15,7 @@ from motionlake.lake.catalog import Connection, fetch
 from motionlake.lake.layout import Lake
 from motionlake.lake.resolve import resolve_clip
 from motionlake.motion.rigs import load_rigs
-from motionlake.pictures.poses import Poses, spread
-from motionlake.pictures.stick_figures import draw_strip
+from motionlake.pictures.stick_figures import Poses, draw_strip, spread
 from motionlake.pictures.style import FAINT, TOP, Sheet, styled
 from motionlake.stages.frames import canonical_motions
 from motionlake.stages.sources import IngestOptions

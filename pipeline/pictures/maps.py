@@ -9,8 +9,10 @@ from typing import Final
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from motionlake.deep_motifs.applications.clustering import places_of
+from motionlake.deep_motifs.clustering import places_of
 from motionlake.pictures.style import TOP, UNLABELLED, ClassStyle, Float64Array, Sheet, bare, class_styles, styled
+from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
 
 WIDE: Final = 6.7
 TALL: Final = 5.5
@@ -89,3 +91,37 @@ def _mark(axes: Axes, points: Float64Array, style: ClassStyle, size: float) -> N
         points[:, 0], points[:, 1], size, color=style.colour, marker=style.marker, edgecolors="white",
         linewidths=0.5, alpha=0.9,
     )  # fmt: skip
+
+
+PERPLEXITY: Final = 20.0
+SEED: Final = 0
+
+
+def tsne(descriptors: NDArray[np.floating]) -> NDArray[np.float64]:
+    """[n, 2] places of n descriptors [n, d], the same for the same descriptors.
+
+    Raises:
+        ValueError: fewer than four.
+    """
+    from sklearn.manifold import TSNE
+
+    if len(descriptors) < 4:
+        raise ValueError(f"{len(descriptors)} descriptors are too few for a map")
+    perplexity = min(PERPLEXITY, (len(descriptors) - 1) / 3)
+    with threadpool_limits(limits=1):  # else sums differ from run to run
+        found = TSNE(perplexity=perplexity, init="pca", random_state=SEED).fit_transform(
+            np.asarray(descriptors, dtype=np.float32)
+        )
+    return np.asarray(found, dtype=np.float64)
+
+
+def descriptor_map(descriptors: NDArray[np.floating], classes: Sequence[str], title: str, note: str = "") -> Figure:
+    """Each clip a point in the colour and marker of its class; near points have near descriptors.
+
+    Args:
+        descriptors: [n, d], n at least 4.
+        classes: [n].
+        title: one line.
+        note: one line below it.
+    """
+    return clip_map(tsne(descriptors), classes, title, note)

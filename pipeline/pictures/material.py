@@ -12,8 +12,8 @@ from motionlake.lake.catalog import Connection, fetch
 from motionlake.lake.corpus import read_corpus
 from motionlake.lake.layout import Lake
 from motionlake.pictures.bands import MotifBand, Segment, word_edges
-from motionlake.pictures.poses import Poses
 from motionlake.pictures.signature_bars import motif_order
+from motionlake.pictures.stick_figures import Poses
 from motionlake.pictures.style import Float64Array, motif_colours
 from numpy.typing import NDArray
 

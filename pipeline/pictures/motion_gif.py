@@ -10,8 +10,8 @@ from typing import Final
 
 import numpy as np
 from matplotlib.font_manager import FontProperties, findfont
-from motionlake.motion.canonical import INDEX, JOINTS, PARENTS
-from motionlake.pictures.player_clip import PlayerClip
+from motionlake.motion.skeleton import INDEX, JOINTS, PARENTS
+from motionlake.pictures.player_material import PlayerClip
 from motionlake.pictures.stick_figures import LEFT, RIGHT, TILT, TURN
 from motionlake.pictures.style import FAINT, INK, NONE, Float64Array, class_styles, fitted
 from PIL import Image, ImageDraw, ImageFont

@@ -10,9 +10,9 @@ from html import escape
 from importlib import resources
 from typing import Any, Final
 
-from motionlake.motion.canonical import INDEX, JOINTS, PARENTS
+from motionlake.motion.skeleton import INDEX, JOINTS, PARENTS
 from motionlake.pictures.bands import Segment, lanes_of
-from motionlake.pictures.player_clip import MOST_SECONDS, PlayerClip, pack
+from motionlake.pictures.player_material import MOST_SECONDS, PlayerClip, pack
 from motionlake.pictures.stick_figures import LEFT, RIGHT
 from motionlake.pictures.style import FAINT, INK, NONE, class_styles, ink_on
 

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from motionlake.pictures.stick_figures import draw_bodies, postures_view
 from motionlake.pictures.style import TOP, Float64Array, Sheet, bare, styled
-from motionlake.pictures.symbol_chips import chip
+from motionlake.pictures.symbol_strip import chip
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 

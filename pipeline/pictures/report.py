@@ -10,7 +10,8 @@ from typing import Any, Final
 
 from motionlake.lake.catalog import Connection, fetch
 from motionlake.lake.layout import Lake
-from motionlake.pictures import clip_sections, motif_sections, sequence_sections
+from motionlake.pictures import clip_sections, sequence_sections
+from motionlake.pictures import clip_sections as motif_sections
 from motionlake.pictures.html import Chapter, Picture, page
 from motionlake.pictures.material import Material, read_material
 from motionlake.pictures.selection import View, dataset_view, lake_view, most_cut

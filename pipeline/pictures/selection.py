@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Final, TypeVar
 
 import numpy as np
-from motionlake.deep_motifs.applications.clustering import cluster_clips
+from motionlake.deep_motifs.clustering import cluster_clips
 from motionlake.deep_motifs.emd import emd_matrix
 from motionlake.pictures.material import Material
 from motionlake.pictures.style import UNLABELLED, Float64Array

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
-from motionlake.deep_motifs.applications.query_by_example import ExampleQuery, distances_along, window_ranges
-from motionlake.deep_motifs.applications.segmentation import (
+from motionlake.deep_motifs.query_by_example import ExampleQuery, distances_along, window_ranges
+from motionlake.deep_motifs.segmentation import (
     SegmentationConfig,
     Segmenter,
     TaughtRange,
@@ -16,9 +16,9 @@ from motionlake.deep_motifs.applications.segmentation import (
     word_centres,
 )
 from motionlake.pictures.bands import Segment, SegmentRow, segment_bands
-from motionlake.pictures.captions import model, source
 from motionlake.pictures.html import Picture, picture
 from motionlake.pictures.material import Material, Word
+from motionlake.pictures.output import model, source
 from motionlake.pictures.selection import View, display_names, sampled
 from motionlake.pictures.similarity import QueryCurve, similarity_along
 

@@ -12,12 +12,12 @@ import numpy as np
 from motionlake.lake.catalog import Connection, fetch
 from motionlake.lake.layout import Lake
 from motionlake.lake.models import Model
-from motionlake.motion.canonical import INDEX, JOINTS
 from motionlake.motion.features import Float32Array, WordConfig
+from motionlake.motion.skeleton import INDEX, JOINTS
 from motionlake.pesta.postures.config import PosturesConfig
 from motionlake.pesta.postures.dictionary import METADATA_KEY
-from motionlake.pictures.poses import Poses
 from motionlake.pictures.signature_bars import motif_order
+from motionlake.pictures.stick_figures import Poses
 from motionlake.pictures.style import Float64Array, motif_colours
 from motionlake.retrieval.lake_strings import LakeStrings, read_strings
 from motionlake.stages import postures as coding

@@ -13,7 +13,7 @@ from motionlake.motion.features import Float32Array, word_features
 from motionlake.pesta.alignment.config import AlignmentConfig
 from motionlake.pesta.alignment.scan import symmetric_costs
 from motionlake.pesta.alignment.strings import Repository
-from motionlake.pesta.symbols.runs import reduce_runs
+from motionlake.pesta.symbols.alphabet import reduce_runs
 from motionlake.pictures.alignment_page import about_dictionary, about_matrix, whole_picture
 from motionlake.pictures.html import Picture, picture
 from motionlake.pictures.posture_map import LEAST, plane, posture_map

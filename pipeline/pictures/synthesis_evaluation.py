@@ -9,8 +9,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from motionlake.evaluation.synthesis_generator import SynthesisEvaluation
 from motionlake.evaluation.synthesis_trials import Trial
-from motionlake.pictures.descriptor_map import PERPLEXITY
 from motionlake.pictures.html import Picture, picture
+from motionlake.pictures.maps import PERPLEXITY
 from motionlake.pictures.stick_figures import draw_strip
 from motionlake.pictures.style import FAINT, INK, TOP, Sheet, styled
 from motionlake.pictures.synthesis_map import beside_map, generator_map

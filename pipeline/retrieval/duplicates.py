@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
-from motionlake.deep_motifs.applications.duplicates import MAX_DISTANCE, Duplicate, SignedClips, find_duplicates
+from motionlake.deep_motifs.duplicates import MAX_DISTANCE, Duplicate, SignedClips, find_duplicates
 from motionlake.deep_motifs.emd import ground_distances
 from motionlake.errors import UserError
 from motionlake.lake.catalog import Connection, fetch

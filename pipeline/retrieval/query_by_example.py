@@ -7,8 +7,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
-from motionlake.deep_motifs.applications.query_by_example import ExampleQuery, RangeHit, find_ranges, words_within
 from motionlake.deep_motifs.corpus import Corpus
+from motionlake.deep_motifs.query_by_example import ExampleQuery, RangeHit, find_ranges, words_within
 from motionlake.errors import UserError
 from motionlake.lake.catalog import Connection
 from motionlake.lake.corpus import read_corpus

@@ -21,8 +21,8 @@ from motionlake.lake.catalog import Connection, fetch
 from motionlake.lake.config import load_config
 from motionlake.lake.frames import frame_range, read_clip
 from motionlake.lake.layout import Lake
+from motionlake.motion.dtw import Stretch, nearest_stretch
 from motionlake.motion.features import Float32Array, WordConfig, word_features
-from motionlake.motion.subsequence_dtw import Stretch, nearest_stretch
 from motionlake.retrieval.encode import features_of_clips, first_body
 from motionlake.stages.submotions import served_network
 from numpy.typing import NDArray

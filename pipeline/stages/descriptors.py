@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
-from motionlake.deephums.descriptors import shipped
+from motionlake.deephums.descriptors import config as shipped
 from motionlake.deephums.descriptors.config import DIMENSION
 from motionlake.deephums.descriptors.sequence import clip_sequence
 from motionlake.lake import frames

@@ -17,17 +17,16 @@ import numpy as np
 import pyarrow as pa
 from motionlake.deep_motifs.words.config import NeighboursConfig
 from motionlake.deep_motifs.words.dtw import Index
-from motionlake.deep_motifs.words.neighbour_files import load_searched, save_searched
-from motionlake.deep_motifs.words.neighbours import Neighbours, Searched, prepare, search
-from motionlake.deep_motifs.words.word_set import WordSet
+from motionlake.deep_motifs.words.neighbours import Neighbours, Searched, load_searched, prepare, save_searched, search
+from motionlake.deep_motifs.words.windows import WordSet
 from motionlake.errors import UserError
 from motionlake.lake.catalog import Connection, fetch
 from motionlake.lake.config import LakeConfig, config_hash
 from motionlake.lake.layout import Lake
 from motionlake.lake.models import Model, fitting_model
 from motionlake.lake.parts import replacing, write_part
+from motionlake.motion.dtw import Metric
 from motionlake.motion.features import Float32Array, WordConfig
-from motionlake.motion.frame_distance import Metric
 from motionlake.stages import words
 from motionlake.stages.derived import PART_KEYS, Part, derive, due
 from motionlake.stages.shard import Shard, ShardResult

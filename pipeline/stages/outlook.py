@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from motionlake.deep_motifs.words import shipped
+from motionlake.deep_motifs.words import config as shipped
 from motionlake.lake.catalog import Connection, fetch
 from motionlake.lake.config import LakeConfig
 from motionlake.lake.layout import Lake

@@ -22,7 +22,7 @@ from motionlake.lake.layout import Lake
 from motionlake.lake.models import Model, checkpoint_file, copy_weights, file_hash, fitting_model, save_model
 from motionlake.lake.parts import PartWriter, check_part, replacing
 from motionlake.motion.features import Float32Array, word_features
-from motionlake.pesta.postures import shipped
+from motionlake.pesta.postures import config as shipped
 from motionlake.pesta.postures.config import ENOUGH
 from motionlake.stages.derived import PART_KEYS, Part, clips_of, derive, due, frames_parts
 from motionlake.stages.shard import Shard, ShardResult

@@ -14,7 +14,7 @@ import numpy as np
 import pyarrow as pa
 from motionlake.deephums.descriptors.config import DIMENSION
 from motionlake.deephums.descriptors.sequence import clip_sequence
-from motionlake.deephums.submotions import shipped as shipped_submotion
+from motionlake.deephums.submotions import config as shipped_submotion
 from motionlake.deephums.submotions.pieces import piece_windows
 from motionlake.lake import frames
 from motionlake.lake.catalog import Connection, fetch, run_sql

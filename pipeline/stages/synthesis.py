@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from motionlake.errors import UserError
-from motionlake.glogen.generator import shipped
+from motionlake.glogen.generator import config as shipped
 from motionlake.lake.catalog import Connection, fetch
 from motionlake.lake.config import LakeConfig, config_hash
 from motionlake.lake.layout import Lake
@@ -113,7 +113,7 @@ def check_classes(model: Model, classes: tuple[str, ...]) -> None:
 
 def long_enough(row: Mapping[str, Any]) -> bool:
     """Whether frames [start, stop) of a clip are enough to start from, and to learn from."""
-    from motionlake.glogen.generator.start import SHORTEST
+    from motionlake.glogen.generator.wishes import SHORTEST
     from motionlake.glogen.trajectories.motion import FPS
 
     return bool(round((row["stop"] - row["start"] - 1) / row["fps"] * FPS) + 1 >= SHORTEST)

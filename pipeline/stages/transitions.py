@@ -17,7 +17,7 @@ import numpy as np
 import pyarrow as pa
 from motionlake.deep_motifs.corpus import Corpus
 from motionlake.deep_motifs.motion_graph.config import TransitionsConfig
-from motionlake.deep_motifs.motion_graph.context import context_distances
+from motionlake.deep_motifs.motion_graph.costs import context_distances
 from motionlake.deep_motifs.motion_graph.transitions import Windowed, candidates, nearest_per_word, windowed
 from motionlake.deep_motifs.words.windows import windows
 from motionlake.lake import frames
@@ -27,7 +27,7 @@ from motionlake.lake.corpus import read_corpus
 from motionlake.lake.layout import Lake
 from motionlake.lake.parts import write_part
 from motionlake.motion.features import WordConfig, body_length, resample
-from motionlake.motion.pose import bone_vectors, world_rotations
+from motionlake.motion.skeleton import bone_vectors, world_rotations
 from motionlake.stages import embed, motifs, signatures
 from motionlake.stages.derived import Part, clips_of, frames_parts
 from motionlake.stages.shard import Shard, ShardResult

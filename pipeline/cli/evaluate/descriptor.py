@@ -50,7 +50,7 @@ def descriptor(
             dtw=BASELINES[baseline], notice=notice,
         )  # fmt: skip
     if pictures is not None:
-        from motionlake.pictures.descriptor_evaluation import descriptor_pictures
+        from motionlake.pictures.evaluation import descriptor_pictures
         from motionlake.pictures.output import write_pictures
 
         for path in write_pictures(descriptor_pictures(measured), pictures):

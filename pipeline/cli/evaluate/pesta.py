@@ -46,8 +46,8 @@ def pesta(
             notice=notice,
         )  # fmt: skip
     if pictures is not None:
+        from motionlake.pictures.evaluation import evaluation_pictures
         from motionlake.pictures.output import write_pictures
-        from motionlake.pictures.pesta_evaluation import evaluation_pictures
 
         for path in write_pictures(evaluation_pictures(found), pictures):
             notice(f"wrote {path}")

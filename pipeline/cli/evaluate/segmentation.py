@@ -27,7 +27,7 @@ def segmentation(
 
     Example: motionlake evaluate segmentation --dataset cmu_exercises --json --lake mylake
     """
-    from motionlake.deep_motifs.applications.segmentation import SegmentationConfig
+    from motionlake.deep_motifs.segmentation import SegmentationConfig
     from motionlake.evaluation.segmentation import evaluate_segmentation
 
     target = open_lake(lake)

@@ -7,9 +7,17 @@ embedding space. POT's network simplex solves the transport exactly. `emd_deep_m
 
 from __future__ import annotations
 
-from motionlake.deep_motifs.emd.exact import check_model, check_signature, emd, emd_many, emd_matrix, ground_distances
+from motionlake.deep_motifs.emd.exact import (
+    check_model,
+    check_signature,
+    emd,
+    emd_deep_motifs,
+    emd_many,
+    emd_matrix,
+    emd_partial,
+    ground_distances,
+)
 from motionlake.deep_motifs.emd.nearest import Nearest, SignatureIndex, nearest_many, nearest_signatures
-from motionlake.deep_motifs.emd.partial import emd_deep_motifs, emd_partial
 
 __all__ = [
     "Nearest",

@@ -1,4 +1,4 @@
-"""Motion graphs: the points at which clips can be left or entered, and what leads from one to another."""
+"""What can go wrong with a walk."""
 
 from __future__ import annotations
 
@@ -7,9 +7,15 @@ from dataclasses import asdict, dataclass
 from typing import Final
 
 import numpy as np
+from motionlake.errors import UserError
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
+
+
+class NoWalkError(UserError):
+    """A graph holds no walk that starts with some clip."""
+
 
 Int64Array = NDArray[np.int64]
 Float64Array = NDArray[np.float64]

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from motionlake.deep_motifs.motion_graph.clouds import (
+from motionlake.deep_motifs.motion_graph.config import TransitionsConfig
+from motionlake.deep_motifs.motion_graph.costs import (
     Clouds,
     Float64Array,
     joined,
@@ -14,7 +15,6 @@ from motionlake.deep_motifs.motion_graph.clouds import (
     squared_distances,
     window_clouds,
 )
-from motionlake.deep_motifs.motion_graph.config import TransitionsConfig
 from numba import njit
 from numpy.typing import NDArray
 

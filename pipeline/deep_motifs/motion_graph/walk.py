@@ -9,8 +9,7 @@ from typing import Final
 
 import numpy as np
 from motionlake.deep_motifs.motion_graph.blend import STAY, Placement, Poses, alignment, ease, mixture, placed
-from motionlake.deep_motifs.motion_graph.errors import NoWalkError
-from motionlake.deep_motifs.motion_graph.graph import Int64Array, MotionGraph
+from motionlake.deep_motifs.motion_graph.graph import Int64Array, MotionGraph, NoWalkError
 from motionlake.errors import UserError
 
 # A piece of a walk lasts at least this long where the graph allows it, and a walk does not go straight back.

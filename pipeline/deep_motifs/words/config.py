@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Final, Literal
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, Final, Literal
+
+from motionlake.motion.features import WordConfig
+from motionlake.ready_made import described
 
 EXACT_WORDS: Final = 30_000
 
@@ -69,3 +73,24 @@ class NeighboursConfig:
         """The method to search so many words."""
         exact = self.method == "exact" or (self.method == "auto" and words <= EXACT_WORDS)
         return "exact" if exact else "approximate"
+
+
+FILE = Path(__file__).parent / "weights" / "words-linear.safetensors"
+
+
+def about() -> dict[str, Any]:
+    """What stands beside the weights: words, architecture, sets and sha256 of the clips, recipe."""
+    return described(FILE)
+
+
+def fits(words: WordConfig, network: NetworkConfig) -> bool:
+    """Whether a lake of this configuration is embedded with the ready-made weights."""
+    return (
+        network.weights == "shipped"
+        and not network.reversible
+        and (about()["words"], about()["architecture"])
+        == (
+            asdict(words),
+            network.architecture,
+        )
+    )

@@ -14,8 +14,8 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
+from motionlake.motion.dtw import Metric, frame_distances, operands, product
 from motionlake.motion.features import Float32Array
-from motionlake.motion.frame_distance import Metric, frame_distances, operands, product
 from numba import njit
 from numpy.typing import NDArray
 

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 from motionlake.deep_motifs.words.dtw import LANES, Index, align_block
+from motionlake.motion.dtw import Metric, squared_geodesics
 from motionlake.motion.features import Float32Array
-from motionlake.motion.frame_distance import Metric, squared_geodesics
 from numba import njit
 
 

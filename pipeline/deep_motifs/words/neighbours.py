@@ -7,25 +7,29 @@ there: no word is left unaligned unless a lower bound shows it to be farther tha
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
 from typing import Final, Literal
 
 import numpy as np
 from motionlake.deep_motifs.words.dtw import Index, clip_pair_dtw
 from motionlake.deep_motifs.words.listed_dtw import listed_distances
 from motionlake.deep_motifs.words.lower_bounds import WordBounds, survivors
+from motionlake.deep_motifs.words.windows import WordSet
 from motionlake.deep_motifs.words.word_index import (
     IndexConfig,
     WordIndex,
+    WordSpace,
     fit_index,
     nearest_centroids,
     nearest_positions,
 )
-from motionlake.deep_motifs.words.word_set import WordSet
+from motionlake.motion.dtw import Metric
 from motionlake.motion.features import Float32Array
-from motionlake.motion.frame_distance import Metric
+from safetensors import safe_open
+from safetensors.numpy import save_file
 from threadpoolctl import threadpool_limits
 
 Method = Literal["exact", "approximate"]
@@ -272,3 +276,33 @@ class _Search:
         indices[:, : best.shape[1]] = np.take_along_axis(lists, best, axis=1)
         nearest[:, : best.shape[1]] = np.take_along_axis(distances, best, axis=1)
         return Neighbours(indices, nearest)
+
+
+LENGTH = "length"
+
+
+def save_searched(searched: Searched, path: Path, notes: Mapping[str, str]) -> None:
+    """Write a corpus and its index, with notes of the caller's; what can be projected again is left out."""
+    index = searched.index
+    tensors = {
+        **asdict(index.space),
+        "centroids": index.centroids,
+        "order": index.order,
+        "offsets": index.offsets,
+        "embedded": index.embedded,
+        "frames": searched.words.frames,
+        "starts": searched.words.starts,
+        "groups": searched.groups,
+    }
+    save_file(tensors, path, {**notes, LENGTH: str(searched.words.length)})
+
+
+def load_searched(path: Path) -> tuple[Searched, dict[str, str]]:
+    """What `save_searched` wrote, and the notes."""
+    with safe_open(path, framework="numpy") as file:
+        notes = dict(file.metadata())
+        found = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
+    space = WordSpace(found["centre"], found["basis"], found["mean"], found["components"])
+    words = WordSet(found["frames"], found["starts"], int(notes.pop(LENGTH)))
+    index = WordIndex.of(space, words, found["centroids"], found["order"], found["offsets"], found["embedded"])
+    return Searched(words, found["groups"], index), notes

@@ -14,8 +14,8 @@ import numpy as np
 from motionlake.deep_motifs.words.dtw import word_distances
 from motionlake.deep_motifs.words.linear import LinearConfig, linear_embedding
 from motionlake.deep_motifs.words.windows import windows, word_windows
+from motionlake.motion.dtw import Metric, frame_distances
 from motionlake.motion.features import Float32Array, WordConfig
-from motionlake.motion.frame_distance import Metric, frame_distances
 from numpy.typing import NDArray
 
 Indices = NDArray[np.int64]

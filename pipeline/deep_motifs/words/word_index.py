@@ -14,7 +14,7 @@ from typing import Final, Self
 
 import numpy as np
 from motionlake.deep_motifs.words.dtw import Index
-from motionlake.deep_motifs.words.word_set import WordSet
+from motionlake.deep_motifs.words.windows import WordSet
 from motionlake.motion.features import Float32Array
 from numba import njit
 from numpy.typing import NDArray

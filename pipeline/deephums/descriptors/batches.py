@@ -1,15 +1,132 @@
-"""Clips as batches that a network reads."""
+"""Variants of clips to train on: other speeds, views and bodies, noise, missing joints, limbs of another clip."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 import torch
 from motionlake.motion.features import Float32Array
+from motionlake.motion.skeleton import COMMON
 from numpy.typing import NDArray
 from torch import Tensor
+
+LIMBS: Final = tuple(
+    [COMMON.index(f"{side}_{joint}") for joint in joints]
+    for joints in (("shoulder", "elbow", "wrist"), ("hip", "knee", "ankle"))
+    for side in ("left", "right")
+)
+_SWAPPED: Final = [
+    COMMON.index(name.replace("left", "l").replace("right", "left").replace("l_", "right_"))
+    if name.startswith(("left", "right"))
+    else i
+    for i, name in enumerate(COMMON)
+]
+
+
+@dataclass(frozen=True)
+class Augmentation:
+    """How far variants go; 0 leaves that out.
+
+    Attributes:
+        crop: most of the clip's length cut off at either end.
+        warp: how much faster or slower the motion runs in parts, as a share of its speed.
+        yaw: standard deviation of a turn about the vertical, radians.
+        tilt: of a turn about the left-right axis, radians.
+        scale: of the stretch of each axis.
+        offset: of a displacement of each joint that stays, body lengths.
+        noise: of a displacement of each joint in each frame, body lengths.
+        missing: mean share of joints that are not seen in any frame, from none to twice as many.
+        limbs: chance that a clip takes some limbs from another of its class, where classes are known.
+        mirror: chance that left and right are swapped.
+    """
+
+    crop: float = 0.1
+    warp: float = 0.4
+    yaw: float = 0.15
+    tilt: float = 0.1
+    scale: float = 0.08
+    offset: float = 0.03
+    noise: float = 0.01
+    missing: float = 0.15
+    limbs: float = 0.5
+    mirror: float = 0.0
+
+    def __call__(self, clips: Tensor, rng: np.random.Generator, partners: Tensor | None = None) -> Tensor:
+        """A variant of each clip.
+
+        Args:
+            clips: [B, T, 15, 3].
+            rng: what chance is drawn from.
+            partners: [B, T, 15, 3] another clip of the same class each.
+        """
+        varied = self._moved(clips, rng)
+        if self.limbs and partners is not None:
+            varied = self._with_limbs(varied, self._moved(partners, rng), rng)
+        if self.mirror:
+            swapped = varied[:, :, _SWAPPED] * torch.tensor([-1.0, 1.0, 1.0])
+            varied = torch.where(_tensor(rng.random((len(clips), 1, 1, 1)) < self.mirror), swapped, varied)
+        if self.missing:
+            shares = 2 * self.missing * rng.random((len(clips), 1, 1, 1))
+            varied = varied * _tensor(rng.random((len(clips), 1, len(COMMON), 1)) >= shares)
+        return varied
+
+    def _moved(self, clips: Tensor, rng: np.random.Generator) -> Tensor:
+        count, frames = clips.shape[:2]
+        varied = _interpolated(clips, self._instants(count, frames, rng))
+        varied = torch.cat([varied[:, :, :1] - varied[:, :1, :1], varied[:, :, 1:]], dim=2)
+        turns = _turns(rng.normal(0, self.yaw, count), 1) @ _turns(rng.normal(0, self.tilt, count), 0)
+        varied = torch.einsum("btjx,bxy->btjy", varied, torch.from_numpy(turns.astype(np.float32)))
+        varied = varied * _normal(rng, (count, 1, 1, 3), self.scale, 1.0)
+        varied = varied + _normal(rng, (count, 1, len(COMMON), 3), self.offset)
+        return varied + _normal(rng, tuple(varied.shape), self.noise)
+
+    def _instants(self, count: int, frames: int, rng: np.random.Generator) -> NDArray[np.float64]:
+        """[B, T] where in a clip, from 0 to T - 1, each frame of its variant is taken."""
+        start, stop = rng.random((2, count, 1)) * self.crop
+        time = np.linspace(0, 1, frames)[None]
+        once, twice = rng.uniform(-self.warp, self.warp, (2, count, 1))
+        time = time + once * np.sin(np.pi * time) / np.pi + 0.5 * twice * np.sin(2 * np.pi * time) / (2 * np.pi)
+        return np.asarray((start + (1 - stop - start) * time).clip(0, 1) * (frames - 1))
+
+    def _with_limbs(self, clips: Tensor, partners: Tensor, rng: np.random.Generator) -> Tensor:
+        taken = np.zeros((len(clips), 1, len(COMMON), 1), dtype=bool)
+        mixed = rng.random(len(clips)) < self.limbs
+        for limb in LIMBS:
+            taken[:, 0, limb, 0] = (mixed & (rng.random(len(clips)) < 0.3))[:, None]
+        return torch.where(torch.from_numpy(taken), partners, clips)
+
+
+def _tensor(values: NDArray[np.bool_]) -> Tensor:
+    return torch.from_numpy(values)
+
+
+def _normal(rng: np.random.Generator, shape: tuple[int, ...], deviation: float, mean: float = 0.0) -> Tensor:
+    drawn = rng.standard_normal(shape, dtype=np.float32)
+    return torch.from_numpy(drawn * np.float32(deviation) + np.float32(mean))
+
+
+def _turns(angles: NDArray[np.float64], axis: int) -> NDArray[np.float64]:
+    """[B, 3, 3] turns of row vectors about an axis."""
+    cos, sin = np.cos(angles), np.sin(angles)
+    turns = np.zeros((len(angles), 3, 3))
+    a, b = [i for i in range(3) if i != axis]
+    turns[:, axis, axis] = 1
+    turns[:, a, a] = turns[:, b, b] = cos
+    turns[:, a, b], turns[:, b, a] = -sin, sin
+    return turns
+
+
+def _interpolated(clips: Tensor, instants: NDArray[np.float64]) -> Tensor:
+    frames = clips.shape[1]
+    before = np.minimum(instants.astype(np.int64), max(0, frames - 2))
+    share = torch.from_numpy((instants - before).astype(np.float32))[..., None, None]
+    rows = np.arange(len(clips))[:, None]
+    earlier = clips[rows, before]
+    return earlier + (clips[rows, np.minimum(before + 1, frames - 1)] - earlier) * share
+
 
 # A longer clip is read in windows of at most so many frames (at 30 a second), each half over the one before.
 LONGEST: Final = 600

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
+from pathlib import Path
+from typing import Any, Final
+
+from motionlake.ready_made import described
 
 DIMENSION: Final = 512
 RECIPES: Final = ("default", "deephums")
@@ -42,3 +45,16 @@ class DescriptorsConfig:
             raise ValueError(f"weights is {self.weights!r}, not shipped or own")
         if self.epochs < 0:
             raise ValueError(f"epochs = {self.epochs}: cannot be negative")
+
+
+FILE = Path(__file__).parent / "weights" / "descriptors.safetensors"
+
+
+def about() -> dict[str, Any]:
+    """What stands beside the weights: configuration, sets and sha256 of the clips; empty where there are none."""
+    return described(FILE)
+
+
+def fits(config: DescriptorsConfig) -> bool:
+    """Whether a lake of this configuration starts with the ready-made network."""
+    return config.weights == "shipped" and config.supervision != "labels" and about().get("recipe") == config.recipe

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from typing import Final, Literal
 
-from motionlake.deephums.descriptors.augmentation import Augmentation
+from motionlake.deephums.descriptors.batches import Augmentation
 from motionlake.deephums.descriptors.config import DescriptorsConfig
 
 EncoderKind = Literal["conv_gru", "lstm"]

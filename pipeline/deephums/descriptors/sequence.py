@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from typing import Final
 
 import numpy as np
-from motionlake.motion.canonical import COMMON, INDEX
 from motionlake.motion.features import Float32Array, Float64Array
+from motionlake.motion.skeleton import COMMON, INDEX
 from numpy.typing import NDArray
 from scipy.signal import savgol_filter
 
@@ -114,3 +115,13 @@ def _size(joints: Float64Array, there: NDArray[np.bool_]) -> float:
             length += float(np.median(np.linalg.norm(joints[:, a] - joints[:, b], axis=-1)))
             share += part
     return length / share if length > 0 else 1.0
+
+
+WARM_UP: Final = 0.3
+
+
+def one_cycle(done: float) -> float:
+    """Share of the highest rate when a share `done` of training is over: up along a cosine, then down to nothing."""
+    if done < WARM_UP:
+        return 0.04 + 0.96 * (1 - math.cos(math.pi * done / WARM_UP)) / 2
+    return (1 + math.cos(math.pi * (done - WARM_UP) / (1 - WARM_UP))) / 2

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
-from motionlake.motion.clip_dtw import dtw_matrix
+from motionlake.motion.dtw import dtw_matrix
 from motionlake.motion.features import Float32Array, Float64Array
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d

@@ -9,8 +9,7 @@ from typing import Any, Final
 
 import numpy as np
 import torch
-from motionlake.deephums.descriptors.augmentation import Augmentation
-from motionlake.deephums.descriptors.batches import padded, resampled, windows
+from motionlake.deephums.descriptors.batches import Augmentation, padded, resampled, windows
 from motionlake.deephums.descriptors.config import DIMENSION, DescriptorsConfig
 from motionlake.deephums.descriptors.network import DescriptorNetwork
 from motionlake.deephums.descriptors.recipe import DescriptorRecipe

@@ -13,10 +13,15 @@ import torch
 from motionlake.checkpoint import Checkpoint
 from motionlake.deephums.descriptors.batches import at_speeds, order, padded, resampled, windows
 from motionlake.deephums.descriptors.config import DescriptorsConfig
-from motionlake.deephums.descriptors.losses import class_contrast, contrastive_loss, neighbour_contrast
-from motionlake.deephums.descriptors.network import DescriptorNetwork, MissingJoints
-from motionlake.deephums.descriptors.rates import one_cycle
+from motionlake.deephums.descriptors.network import (
+    DescriptorNetwork,
+    MissingJoints,
+    class_contrast,
+    contrastive_loss,
+    neighbour_contrast,
+)
 from motionlake.deephums.descriptors.recipe import DescriptorRecipe, recipe_of
+from motionlake.deephums.descriptors.sequence import one_cycle
 from motionlake.deephums.descriptors.similarity import alignment_distances, neighbourhoods, similar_by_motion
 from motionlake.deephums.descriptors.trained import TrainedDescriptor
 from motionlake.epochs import Progress, Training

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
+from pathlib import Path
+from typing import Any, Final
+
+from motionlake.ready_made import described
 
 RECIPES: Final = ("default", "deephums")
 # Pieces are compared with long and with short windows of a clip, of at most so many frames at 30 a second. The network
@@ -57,3 +60,19 @@ class SubmotionConfig:
             or min(self.temperature, self.learning_rate) <= 0
         ):
             raise ValueError("steps, batch, variants, hidden, temperature and learning_rate must be positive")
+
+
+FILE = Path(__file__).parent / "weights" / "submotion.safetensors"
+# What says which network it is; the rest says how it is trained.
+_OF_NETWORK: Final = ("recipe", "hidden", "shortest", "longest")
+
+
+def about() -> dict[str, Any]:
+    """What stands beside the weights: configuration, sets and sha256 of the clips; empty where there are none."""
+    return described(FILE)
+
+
+def fits(config: SubmotionConfig) -> bool:
+    """Whether a lake of this configuration starts with the ready-made network."""
+    made = about().get("submotion", {})
+    return config.weights == "shipped" and all(made.get(name) == getattr(config, name) for name in _OF_NETWORK)

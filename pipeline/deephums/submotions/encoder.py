@@ -16,15 +16,13 @@ from typing import Final
 import numpy as np
 import torch
 from motionlake.checkpoint import Checkpoint
-from motionlake.deephums.descriptors.augmentation import Augmentation
-from motionlake.deephums.descriptors.batches import padded
+from motionlake.deephums.descriptors.batches import Augmentation, padded
 from motionlake.deephums.descriptors.config import DIMENSION
 from motionlake.deephums.descriptors.network import CHANNELS, positions_and_motion
-from motionlake.deephums.descriptors.rates import one_cycle
-from motionlake.deephums.descriptors.sequence import BONES
+from motionlake.deephums.descriptors.sequence import BONES, one_cycle
 from motionlake.deephums.submotions.config import LONGEST, SHORTEST, SubmotionConfig
-from motionlake.motion.canonical import COMMON
 from motionlake.motion.features import Float32Array
+from motionlake.motion.skeleton import COMMON
 from motionlake.threads import on_threads
 from numpy.typing import NDArray
 from torch import Tensor, nn

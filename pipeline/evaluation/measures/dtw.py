@@ -1,4 +1,4 @@
-"""The baseline without motifs: what whole clips are compared by under `motionlake.motion.clip_dtw`.
+"""The baseline without motifs: what whole clips are compared by under `motionlake.motion.dtw`.
 
 Fifteen joints seen from the body (centred at the hips, turned to face one way, divided by leg plus torso length) at 24
 frames a second.
@@ -9,7 +9,10 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
+from motionlake.motion.dtw import squared_distances
 from motionlake.motion.features import Float32Array, Float64Array, WordConfig, word_features
+from numba import njit
+from numpy.typing import NDArray
 
 BASELINE: Final = WordConfig(root_weight=0.0, velocity_weight=0.0, smoothing=0.0)
 
@@ -20,3 +23,67 @@ def baseline_features(positions: Float64Array, fps: float) -> Float32Array:
     The fifteenth joint is the origin. Raises `ValueError` as `word_features` does.
     """
     return word_features(positions, np.zeros((0, 0, 4)), fps, BASELINE)
+
+
+PathArray = NDArray[np.int64]
+
+
+def dtw_path(a: Float32Array, b: Float32Array) -> PathArray:
+    """[L, 2] frames of clips a [n, D] and b [m, D] along the cheapest path, from (0, 0) to (n - 1, m - 1).
+
+    Steps (1, 1), (1, 0), (0, 1); of equal ones the first of these.
+
+    Raises:
+        ValueError: a clip without frames.
+    """
+    if not (len(a) and len(b)):
+        raise ValueError("a clip without frames cannot be aligned")
+    found: PathArray = _path(squared_distances(a, b))
+    return found
+
+
+def joint_error(a: Float32Array, b: Float32Array) -> float:
+    """Mean Euclidean distance of a joint along the path of two clips [n, 3 J] and [m, 3 J], in their unit.
+
+    Raises:
+        ValueError: a clip without frames.
+    """
+    path = dtw_path(a, b)
+    apart = (a[path[:, 0]] - b[path[:, 1]]).reshape(len(path), -1, 3)
+    return float(np.linalg.norm(apart.astype(np.float64), axis=-1).mean())
+
+
+@njit(cache=True)  # type: ignore[untyped-decorator]
+def _path(squared: Float32Array) -> PathArray:
+    """The cheapest path through the roots of `squared` [n, m]."""
+    n, m = squared.shape
+    steps = np.empty((n, m), dtype=np.uint8)
+    before = np.full(m + 1, np.inf)
+    before[0] = 0.0
+    for i in range(n):
+        diagonal = before[0]
+        before[0] = np.inf
+        left = np.inf
+        for j in range(m):
+            above = before[j + 1]
+            step, least = 0, diagonal
+            if above < least:
+                step, least = 1, above
+            if left < least:
+                step, least = 2, left
+            steps[i, j] = step
+            left = least + np.sqrt(max(squared[i, j], np.float32(0)))
+            before[j + 1] = left
+            diagonal = above
+    found = np.empty((n + m, 2), dtype=np.int64)
+    i, j, count = n - 1, m - 1, 0
+    while True:
+        found[count, 0], found[count, 1] = i, j
+        count += 1
+        if i == 0 and j == 0:
+            return found[:count][::-1].copy()
+        step = steps[i, j]
+        if step != 2:
+            i -= 1
+        if step != 1:
+            j -= 1

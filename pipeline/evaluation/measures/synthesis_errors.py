@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 from motionlake.glogen.trajectories.motion import body_motion, interpolated
 from motionlake.glogen.trajectories.sparse import uniform_places
-from motionlake.motion.facing import facing
+from motionlake.motion.skeleton import facing
 from numpy.typing import NDArray
 
 Float64Array = NDArray[np.float64]

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from motionlake.motion.clip_dtw import Float32Array, clip_dtw
+from motionlake.motion.dtw import clip_dtw
+from motionlake.motion.features import Float32Array
 from numpy.typing import NDArray
 from scipy.linalg import cholesky, qr, solve_triangular
 from scipy.spatial.distance import cdist

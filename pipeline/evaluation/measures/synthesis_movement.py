@@ -12,8 +12,8 @@ from typing import Final
 
 import numpy as np
 from motionlake.evaluation.measures.synthesis_errors import body_poses
-from motionlake.motion.canonical import INDEX, PARENTS
 from motionlake.motion.features import body_length
+from motionlake.motion.skeleton import INDEX, PARENTS
 from numpy.typing import NDArray
 
 Float64Array = NDArray[np.float64]

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
+from pathlib import Path
+from typing import Any, Final
+
+from motionlake.ready_made import described
 
 RECIPES: Final = ("default", "glogen")
 WEIGHTS: Final = ("auto", "shipped", "own")
@@ -36,3 +39,16 @@ class SynthesisConfig:
             raise ValueError(f"weights is {self.weights!r}, not one of {', '.join(WEIGHTS)}")
         if self.epochs < 0:
             raise ValueError(f"epochs = {self.epochs}: cannot be negative")
+
+
+FILE = Path(__file__).parent / "weights" / "generator.safetensors"
+
+
+def about() -> dict[str, Any]:
+    """What stands beside the weights: classes, recipe, sets and sha256 of the clips; empty where there are none."""
+    return described(FILE)
+
+
+def fits(config: SynthesisConfig) -> bool:
+    """Whether a lake of this configuration may make motion with the ready-made generator."""
+    return config.weights != "own" and not config.epochs and about().get("recipe") == config.recipe

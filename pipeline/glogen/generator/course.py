@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
-from motionlake.glogen.glogen.by_class import ByClass
 from motionlake.glogen.glogen.follow import follow
 from motionlake.glogen.glogen.recipe import SEEDS
+from motionlake.glogen.glogen.training import ByClass
 from motionlake.glogen.trajectories.sparse import DURATION
 from motionlake.motion.clip import FloatArray
 

@@ -10,17 +10,15 @@ from typing import Any, Final
 import numpy as np
 from motionlake.glogen.generator.config import SynthesisConfig
 from motionlake.glogen.generator.course import Course, go_on
-from motionlake.glogen.generator.start import Start, start_of
-from motionlake.glogen.generator.wishes import Synthesized, Wish
-from motionlake.glogen.glogen.by_class import ByClass, untrained
+from motionlake.glogen.generator.wishes import Start, Synthesized, Wish, start_of
 from motionlake.glogen.glogen.recipe import GloGenRecipe
+from motionlake.glogen.glogen.training import ByClass, untrained
 from motionlake.glogen.locgen.dense import dense_motions
 from motionlake.glogen.locgen.lead_in import FEATURES, LeadIn, led_in
-from motionlake.glogen.locgen.network import Between, Frames, locgen_network
-from motionlake.glogen.locgen.recipe import LocGenRecipe
+from motionlake.glogen.locgen.network import Between, Frames, LocGenRecipe, locgen_network
 from motionlake.glogen.trajectories.motion import FPS, in_world
-from motionlake.motion.canonical import JOINTS
 from motionlake.motion.clip import FloatArray
+from motionlake.motion.skeleton import JOINTS
 from motionlake.network_file import read_network, save_network
 from motionlake.threads import on_threads
 from torch import nn

@@ -10,16 +10,14 @@ from typing import Final
 import numpy as np
 from motionlake.glogen.generator.config import SynthesisConfig
 from motionlake.glogen.generator.generator import TrainedGenerator
-from motionlake.glogen.glogen.by_class import ByClass, groups
 from motionlake.glogen.glogen.recipe import SEEDS, GloGenRecipe, glogen_recipe
-from motionlake.glogen.glogen.training import epochs_of, train_glogen
+from motionlake.glogen.glogen.training import ByClass, epochs_of, groups, train_glogen
 from motionlake.glogen.locgen.lead_in import MOST as EXAMPLES
 from motionlake.glogen.locgen.lead_in import fit_lead_in
-from motionlake.glogen.locgen.recipe import LocGenRecipe, locgen_recipe
+from motionlake.glogen.locgen.network import LocGenRecipe, locgen_recipe
 from motionlake.glogen.locgen.training import train_locgen
 from motionlake.glogen.trajectories.motion import BodyMotion, body_motion
-from motionlake.glogen.trajectories.pieces import Piece, goes_on, pieces, reach
-from motionlake.glogen.trajectories.sparse import PIECE
+from motionlake.glogen.trajectories.sparse import PIECE, Piece, goes_on, pieces, reach
 from motionlake.motion.clip import FloatArray
 from motionlake.motion.features import Float32Array
 from numpy.typing import NDArray

@@ -11,11 +11,9 @@ import torch
 from motionlake.checkpoint import Checkpoint
 from motionlake.epochs import Progress, Training, optimiser_of, rate_of
 from motionlake.glogen.locgen.interpolation import between, interpolated_motion
-from motionlake.glogen.locgen.network import MOVING, POSE, Between, Frames, locgen_network
-from motionlake.glogen.locgen.recipe import LocGenRecipe
+from motionlake.glogen.locgen.network import MOVING, POSE, Between, Frames, LocGenRecipe, locgen_network
 from motionlake.glogen.trajectories.motion import FPS, BodyMotion, interpolated
-from motionlake.glogen.trajectories.pieces import Piece
-from motionlake.glogen.trajectories.sparse import HEIGHT
+from motionlake.glogen.trajectories.sparse import HEIGHT, Piece
 from motionlake.motion.clip import FloatArray
 from motionlake.threads import on_threads
 from numpy.typing import NDArray

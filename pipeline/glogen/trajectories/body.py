@@ -5,10 +5,9 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from motionlake.motion.canonical import INDEX, JOINTS
 from motionlake.motion.clip import FloatArray
-from motionlake.motion.from_positions import world_from_positions
-from motionlake.motion.pose import forward_kinematics, local_rotations
+from motionlake.motion.rest import world_from_positions
+from motionlake.motion.skeleton import INDEX, JOINTS, forward_kinematics, local_rotations
 
 # Offsets of joints from their parents in the canonical rest pose, of an average body, in body lengths: a body length
 # is a leg and a torso, from ankle over knee to hip and from the root over spine and chest to the neck.

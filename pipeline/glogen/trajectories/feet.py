@@ -9,8 +9,8 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from motionlake.motion.canonical import INDEX
 from motionlake.motion.clip import FloatArray
+from motionlake.motion.skeleton import INDEX
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d, label, maximum_filter1d
 

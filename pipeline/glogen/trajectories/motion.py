@@ -13,10 +13,9 @@ from typing import Final
 import numpy as np
 from motionlake.glogen.trajectories.body import body_length, measured_length, posed, standard_joints
 from motionlake.glogen.trajectories.feet import planted
-from motionlake.motion.canonical import INDEX, JOINTS
 from motionlake.motion.clip import FloatArray
-from motionlake.motion.facing import facing
 from motionlake.motion.mirror import MIRRORED_JOINTS
+from motionlake.motion.skeleton import INDEX, JOINTS, facing
 from scipy.ndimage import gaussian_filter1d
 from scipy.signal import savgol_filter
 

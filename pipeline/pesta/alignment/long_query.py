@@ -24,7 +24,7 @@ from typing import Final
 
 import numpy as np
 from motionlake.pesta.alignment.config import AlignmentConfig
-from motionlake.pesta.alignment.matches import Mask, Match, taken_symbols
+from motionlake.pesta.alignment.matches import Mask, Match, ascending_blocks, next_column, taken_symbols
 from motionlake.pesta.alignment.scan import Boundaries
 from motionlake.pesta.alignment.segment_kernels import (
     Columns,
@@ -33,7 +33,6 @@ from motionlake.pesta.alignment.segment_kernels import (
     segment_profile,
     segment_scanner,
 )
-from motionlake.pesta.alignment.selection import ascending_blocks, next_column
 from motionlake.pesta.alignment.strings import (
     Distances,
     Float32Array,

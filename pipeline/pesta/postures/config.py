@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Final, Literal
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, Final, Literal
 
 from motionlake.motion.features import Representation, WordConfig
+from motionlake.ready_made import described
 
 DictionaryKind = Literal["aae", "kmeans", "som"]
 RecipeName = Literal["default", "pesta"]
@@ -79,3 +81,22 @@ class PosturesConfig:
         return WordConfig(
             self.representation, self.fps, 1, 1, joints, self.root_weight, self.velocity_weight, self.smoothing
         )
+
+
+FILE = Path(__file__).parent / "weights" / "postures-aae.safetensors"
+# What shapes a training alone; frames are coded alike whatever these say.
+_OF_TRAINING = ("seed", "weights", "max_postures")
+
+
+def about() -> dict[str, Any]:
+    """What stands beside the weights: configuration, sets and sha256 of the clips; empty where there are none."""
+    return described(FILE)
+
+
+def fits(config: PosturesConfig) -> bool:
+    """Whether a lake of this configuration may be coded with the ready-made dictionary."""
+    return config.weights != "own" and "postures" in about() and _coding(asdict(config)) == _coding(about()["postures"])
+
+
+def _coding(config: dict[str, Any]) -> dict[str, Any]:
+    return {name: value for name, value in config.items() if name not in _OF_TRAINING}

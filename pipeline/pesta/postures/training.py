@@ -13,8 +13,7 @@ from motionlake.deep_motifs.motifs import fit_motifs
 from motionlake.deep_motifs.words.linear import linear_embedding
 from motionlake.motion.features import Float32Array
 from motionlake.pesta.postures.config import PosturesConfig
-from motionlake.pesta.postures.dictionary import PostureDictionary
-from motionlake.pesta.postures.encoder import AutoencoderEncoder
+from motionlake.pesta.postures.dictionary import AutoencoderEncoder, PostureDictionary
 from motionlake.pesta.postures.network import PostureAutoencoder
 from motionlake.pesta.postures.recipe import AutoencoderRecipe, recipe_of
 from motionlake.threads import on_threads

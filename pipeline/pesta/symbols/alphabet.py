@@ -1,4 +1,4 @@
-"""Symbols as ranks: the same string over the alphabet 0, 1, 2, …"""
+"""Symbols as the numbers 0 to n - 1, and runs of one symbol as that symbol."""
 
 from __future__ import annotations
 
@@ -33,3 +33,10 @@ def ranks(symbols: NDArray[Any]) -> tuple[Int32Array, int]:
         return np.asarray(names[shifted], dtype=np.int32), int(names[-1]) + 1
     values, inverse = np.unique(symbols, return_inverse=True)
     return inverse.astype(np.int32), len(values)
+
+
+def reduce_runs(symbols: NDArray[Any]) -> Int64Array:
+    """int64 [k] places of the first symbols of all runs of `symbols` (int [n]), ascending."""
+    if len(symbols) == 0:
+        return np.empty(0, np.int64)
+    return np.concatenate(([0], np.flatnonzero(symbols[1:] != symbols[:-1]) + 1))

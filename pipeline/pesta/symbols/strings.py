@@ -11,9 +11,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from motionlake.pesta.symbols.alphabet import Int32Array, Int64Array
+from motionlake.pesta.symbols.alphabet import Int32Array, Int64Array, reduce_runs
 from motionlake.pesta.symbols.config import SymbolsConfig
-from motionlake.pesta.symbols.runs import reduce_runs
 from motionlake.pesta.symbols.tandem import reduce_repeats
 
 INSTANT_TOLERANCE = 1e-6

@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
-from motionlake.deep_motifs.applications.classification import Method, classify_knn, classify_one_vs_all
+from motionlake.deep_motifs.classification import Method, classify_knn, classify_one_vs_all
 from motionlake.deep_motifs.emd import emd_many, emd_matrix
 from motionlake.errors import UserError
 from motionlake.lake.catalog import Connection
@@ -21,7 +21,7 @@ Float64Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class ClassifiedClip:
-    """The class found for a clip; see `motionlake.deep_motifs.applications.classification.Verdict`."""
+    """The class found for a clip; see `motionlake.deep_motifs.classification.Verdict`."""
 
     clip: str
     label: str

@@ -7,7 +7,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
-from motionlake.deep_motifs.applications.segmentation import (
+from motionlake.deep_motifs.corpus import Corpus
+from motionlake.deep_motifs.segmentation import (
     Band,
     SegmentationConfig,
     Segmenter,
@@ -16,7 +17,6 @@ from motionlake.deep_motifs.applications.segmentation import (
     taught_windows,
     word_centres,
 )
-from motionlake.deep_motifs.corpus import Corpus
 from motionlake.errors import UserError
 from motionlake.lake.catalog import Connection, fetch
 from motionlake.lake.corpus import read_corpus

@@ -30,7 +30,7 @@ def register(con: Connection, lake: Lake) -> None:
     """Make `emd`, `emd_deep_motifs` and `nearest_signatures` known to a connection.
 
     - `emd(FLOAT[], FLOAT[]) -> DOUBLE`
-    - `emd_deep_motifs(FLOAT[], FLOAT[]) -> DOUBLE`, the variant of `motionlake.deep_motifs.emd.partial`
+    - `emd_deep_motifs(FLOAT[], FLOAT[]) -> DOUBLE`, the variant of `motionlake.deep_motifs.emd.exact`
     - `nearest_signatures(signature FLOAT[], k BIGINT, within VARCHAR, without VARCHAR, model VARCHAR, real BOOLEAN) ->
       STRUCT(clip VARCHAR, distance DOUBLE)[]`: the k clips nearest to a signature, ties by name; all where k is
       NULL, none where the signature is. `within` is a dataset, `without` a clip that is no answer, `model` the

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Final
+from collections.abc import Mapping
+from typing import Any, Final
 
 from motionlake.evaluation.descriptor import DescriptorEvaluation
-from motionlake.pictures.descriptor_map import PERPLEXITY, descriptor_map
 from motionlake.pictures.html import Picture, picture
 from motionlake.pictures.learning_curves import LearningCurve, learning_curves_figure
-from motionlake.pictures.retrieval_figures import precision_recall_figure
+from motionlake.pictures.maps import PERPLEXITY, descriptor_map
+from motionlake.pictures.retrieval_figures import confusion_figure, precision_recall_figure
 
 LEAST_MAPPED: Final = 4
 
@@ -35,3 +36,28 @@ def descriptor_pictures(measured: DescriptorEvaluation) -> list[Picture]:
         figure = learning_curves_figure({model: [LearningCurve(measured.loss)]}, title, unit="epoch")
         made.append(picture("learning-curve", title, "Loss as a share of its first value.", figure))
     return made
+
+
+def evaluation_pictures(found: Mapping[str, Any]) -> list[Picture]:
+    """Precision and recall of all methods, of strided alignment by class, and the confusion of each method.
+
+    Args:
+        found: what `evaluate_pesta` returns.
+
+    Returns:
+        No pictures where no clips have labels that others share.
+    """
+    rows = {name: row for name, row in found.items() if row is not None and "curve" in row}
+    if not rows:
+        return []
+    curves = {name: (row["curve"]["recall"], row["curve"]["precision"]) for name, row in rows.items()}
+    strided = rows["sta"]["curve"]
+    by_class = {label: (strided["recall"], precision) for label, precision in strided["by_class"].items()}
+    made = [
+        ("precision-recall", "Precision and recall by method", precision_recall_figure(curves, mean=False)),
+        ("precision-recall-sta", "Strided alignment by class", precision_recall_figure(by_class, "Strided alignment")),
+    ]
+    for name, row in rows.items():
+        confused, title = row["confusion"], f"First 20 hits: {name}"
+        made.append((f"confusion-{name}", title, confusion_figure(confused["counts"], confused["classes"], title)))
+    return [picture(name, title, "Each labelled clip queries all others.", figure) for name, title, figure in made]

@@ -1,0 +1,148 @@
+"""The canonical skeleton: its joints and rest pose, forward kinematics of a pose, and where a body faces."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from motionlake.motion.clip import FloatArray
+from motionlake.motion.rotations import conjugate, multiply, rotate
+from numpy.typing import NDArray
+
+JOINTS: Final[tuple[str, ...]] = (
+    "hips", "spine", "chest", "neck", "head",
+    "left_clavicle", "left_shoulder", "left_elbow", "left_wrist",
+    "right_clavicle", "right_shoulder", "right_elbow", "right_wrist",
+    "left_hip", "left_knee", "left_ankle", "left_toe",
+    "right_hip", "right_knee", "right_ankle", "right_toe",
+)  # fmt: skip
+PARENTS: Final[tuple[int, ...]] = (-1, 0, 1, 2, 3, 2, 5, 6, 7, 2, 9, 10, 11, 0, 13, 14, 15, 0, 17, 18, 19)
+INDEX: Final[dict[str, int]] = {name: i for i, name in enumerate(JOINTS)}
+
+# Direction of the bone from a joint to the next one of its limb in the canonical rest pose. Joints that are
+# missing here bear several bones (hips, chest) or none: their orientation comes from the source rest pose.
+BONES: Final[dict[str, tuple[str, tuple[float, float, float]]]] = {
+    "spine": ("chest", (0.0, 1.0, 0.0)), "neck": ("head", (0.0, 1.0, 0.0)),
+    "left_clavicle": ("left_shoulder", (1.0, 0.0, 0.0)),
+    "right_clavicle": ("right_shoulder", (-1.0, 0.0, 0.0)),
+    "left_shoulder": ("left_elbow", (1.0, 0.0, 0.0)), "right_shoulder": ("right_elbow", (-1.0, 0.0, 0.0)),
+    "left_elbow": ("left_wrist", (1.0, 0.0, 0.0)), "right_elbow": ("right_wrist", (-1.0, 0.0, 0.0)),
+    "left_hip": ("left_knee", (0.0, -1.0, 0.0)), "right_hip": ("right_knee", (0.0, -1.0, 0.0)),
+    "left_knee": ("left_ankle", (0.0, -1.0, 0.0)), "right_knee": ("right_ankle", (0.0, -1.0, 0.0)),
+    "left_ankle": ("left_toe", (0.0, 0.0, 1.0)), "right_ankle": ("right_toe", (0.0, 0.0, 1.0)),
+}  # fmt: skip
+# Axis that a rest pose is twisted about: the bone's, hands and toes with the bone before them.
+TWIST_AXES: Final[dict[str, tuple[float, float, float]]] = {
+    **{name: direction for name, (_, direction) in BONES.items()},
+    "left_wrist": (1.0, 0.0, 0.0), "right_wrist": (-1.0, 0.0, 0.0),
+    "left_toe": (0.0, 0.0, 1.0), "right_toe": (0.0, 0.0, 1.0),
+}  # fmt: skip
+
+# 15 joints that every rig measures itself (none is filled in by interpolation).
+COMMON: Final[tuple[str, ...]] = (
+    "hips", "neck", "head",
+    "left_shoulder", "left_elbow", "left_wrist", "right_shoulder", "right_elbow", "right_wrist",
+    "left_hip", "left_knee", "left_ankle", "right_hip", "right_knee", "right_ankle",
+)  # fmt: skip
+# Deep Motifs, section 5.1: the m = 16 most informative joints with their relative joint angles. The hips'
+# own rotation is the body's orientation in the world, which words are invariant to.
+DEEP_MOTIFS: Final[tuple[str, ...]] = (
+    "spine", "chest", "neck", "head",
+    "left_shoulder", "left_elbow", "left_wrist", "right_shoulder", "right_elbow", "right_wrist",
+    "left_hip", "left_knee", "left_ankle", "right_hip", "right_knee", "right_ankle",
+)  # fmt: skip
+# PESTA, section 5.1: root, thorax, head, clavicles, humeri, radii, wrists, femurs, tibiae, feet.
+PESTA: Final[tuple[str, ...]] = (
+    "hips", "chest", "head",
+    "left_clavicle", "left_shoulder", "left_elbow", "left_wrist",
+    "right_clavicle", "right_shoulder", "right_elbow", "right_wrist",
+    "left_hip", "left_knee", "left_ankle", "right_hip", "right_knee", "right_ankle",
+)  # fmt: skip
+
+
+def world_rotations(local: FloatArray) -> FloatArray:
+    """Global rotations [..., 21, 4] of local ones."""
+    world = np.array(local, float)
+    for joint, parent in enumerate(PARENTS):
+        if parent >= 0:
+            world[..., joint, :] = multiply(
+                np.ascontiguousarray(world[..., parent, :]), np.ascontiguousarray(local[..., joint, :])
+            )
+    return world
+
+
+def local_rotations(world: FloatArray) -> FloatArray:
+    """Local rotations [..., 21, 4] of global ones: parent^-1 * own."""
+    local: FloatArray = multiply(conjugate(world[..., list(PARENTS), :]), world)
+    local[..., 0, :] = world[..., 0, :]
+    return local
+
+
+def bone_vectors(positions: FloatArray, world: FloatArray) -> FloatArray:
+    """Offsets [F, 21, 3] of joints from their parents, as the parents see them; zero at the hips."""
+    parents = list(PARENTS)
+    vectors: FloatArray = rotate(conjugate(world[:, parents]), positions - positions[:, parents])
+    vectors[:, 0] = 0.0
+    return vectors
+
+
+def forward_kinematics(root: FloatArray, rotations: FloatArray, rest_offsets: FloatArray) -> FloatArray:
+    """Joint positions.
+
+    Args:
+        root: [F, 3] position of the hips.
+        rotations: [F, 21, 4] local rotations (w, x, y, z).
+        rest_offsets: [21, 3] offset of every joint from its parent in the canonical rest pose.
+
+    Returns:
+        [F, 21, 3] in the units of `root`.
+    """
+    bones = rotate(world_rotations(rotations)[:, list(PARENTS)], rest_offsets)
+    positions = np.empty_like(bones)
+    positions[:, 0] = root
+    for joint, parent in enumerate(PARENTS):
+        if parent >= 0:
+            positions[:, joint] = positions[:, parent] + bones[:, joint]
+    return positions
+
+
+def continuous_signs(q: FloatArray) -> FloatArray:
+    """[F, J, 4] with the signs that keep neighbours in time on one hemisphere; the first has w >= 0."""
+    signs = np.ones((*q.shape[:-1], 1))
+    signs[0] = np.where(q[0, :, :1] < 0, -1.0, 1.0)
+    signs[1:] = np.where(np.sum(q[1:] * q[:-1], axis=-1, keepdims=True) < 0, -1.0, 1.0)
+    continuous: FloatArray = q * np.cumprod(signs, axis=0)
+    return continuous
+
+
+# A mean left axis (of length 1 at most) whose horizontal part is shorter says nothing of the heading.
+MIN_HORIZONTAL: Final = 0.05
+
+
+def facing(positions: NDArray[np.floating]) -> NDArray[np.float64]:
+    """Heading of the body: the angle about +y that turns +z to where it faces.
+
+    The left axis is the mean of the unit vectors right to left hip and right to left shoulder; the body faces
+    left x up. Frames in which that axis is near vertical (a body on its side) take the heading of the nearest
+    frame in time that has one; 0 where none has.
+
+    Args:
+        positions: [F, 21, 3] canonical joint positions, y up.
+
+    Returns:
+        [F] radians, continuous in time (unwrapped).
+    """
+    left = np.zeros((len(positions), 3))
+    for joint in ("hip", "shoulder"):
+        sides = positions[:, [INDEX[f"left_{joint}"], INDEX[f"right_{joint}"]]].astype(np.float64)
+        axis = sides[:, 0] - sides[:, 1]
+        left += axis / np.maximum(np.linalg.norm(axis, axis=-1, keepdims=True), 1e-12) / 2
+    valid = np.flatnonzero(np.hypot(left[:, 0], left[:, 2]) > MIN_HORIZONTAL)
+    if not len(valid):
+        return np.zeros(len(positions))
+    yaw = np.unwrap(np.arctan2(-left[valid, 2], left[valid, 0]))
+    frames = np.arange(len(positions))
+    after = np.clip(np.searchsorted(valid, frames), 0, len(valid) - 1)
+    before = np.maximum(after - 1, 0)
+    nearer = np.where(np.abs(valid[before] - frames) <= np.abs(valid[after] - frames), before, after)
+    return np.asarray(yaw[nearer], np.float64)
