@@ -1,24 +1,41 @@
-"""motionlake: motion capture repositories as Parquet frames and DuckDB tables."""
+"""motionlake: motion capture repositories as Parquet frames and DuckDB tables.
+
+`open_lake(path)` opens a lake; what can be asked of it are the methods of `Lake`.
+"""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+import importlib
+from typing import TYPE_CHECKING, Any, Final
 
 if TYPE_CHECKING:
-    from motionlake.lake.clip_dataset import ClipDataset
+    from motionlake.api import Lake, open_lake
+    from motionlake.errors import UserError
+    from motionlake.lake.clip_dataset import ClipDataset, collate
+    from motionlake.lake.rows import Rows
+    from motionlake.motion.canonicalise import CanonicalMotion
     from motionlake.retrieval.connection import connect
 
-__all__ = ["ClipDataset", "connect"]
+__all__ = ["CanonicalMotion", "ClipDataset", "Lake", "Rows", "UserError", "collate", "connect", "open_lake"]
+
+# Imported where first used: readers and kernels must not pay for what a connection or a network needs.
+_HOMES: Final = {
+    "CanonicalMotion": "motion.canonicalise",
+    "ClipDataset": "lake.clip_dataset",
+    "Lake": "api",
+    "Rows": "lake.rows",
+    "UserError": "errors",
+    "collate": "lake.clip_dataset",
+    "connect": "retrieval.connection",
+    "open_lake": "api",
+}
 
 
 def __getattr__(name: str) -> Any:
-    # Readers and kernels must not pay for the imports that a connection or a network needs.
-    if name == "connect":
-        from motionlake.retrieval.connection import connect
-
-        return connect
-    if name == "ClipDataset":
-        from motionlake.lake.clip_dataset import ClipDataset
-
-        return ClipDataset
+    if name in _HOMES:
+        return getattr(importlib.import_module(f"{__name__}.{_HOMES[name]}"), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -109,9 +109,11 @@ def connect_read_only(lake: Lake) -> Connection:
     """Open the catalog for reading. Raises `UserError` if somebody has it open for writing."""
     import duckdb
 
+    con = duckdb.connect(":memory:")
     try:
-        con = duckdb.connect(str(lake.catalog), read_only=True)
+        run_sql(con, "open_catalog", {"catalog": str(lake.catalog)})
     except duckdb.IOException as error:
+        con.close()
         raise UserError(
             f"{lake.catalog}: cannot be opened for reading ({str(error).splitlines()[0]}); "
             "close the program that has it open for writing"

@@ -30,6 +30,16 @@ class ClipDataset(Dataset[Item]):
     Clips differ in length. Give `length`, and every item has so many frames, as `DataLoader` wants them; or leave it
     out, and give the `DataLoader` the function `collate`, which pads a batch to its longest clip.
 
+    Examples:
+        >>> from motionlake import ClipDataset, collate
+        >>> from torch.utils.data import DataLoader
+        >>> clips = ClipDataset("mylake", split="train")
+        >>> clips.classes
+        ['dance_a', 'kick', 'spin']
+        >>> batch = next(iter(DataLoader(clips, batch_size=3, collate_fn=collate)))
+        >>> batch["positions"].shape, batch["lengths"]
+        (torch.Size([3, 110, 21, 3]), tensor([ 90,  70, 110]))
+
     Args:
         lake: its folder.
         split: clips of this value of the split column of labels.csv alone.

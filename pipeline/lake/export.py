@@ -21,10 +21,15 @@ def own_rig(con: Connection, lake: Lake, clip: str) -> SourceClip:
 
 def canonical_rig(con: Connection, lake: Lake, clip: str) -> SourceClip:
     """A clip retargeted to the canonical skeleton with the body's own bone lengths."""
+    return to_source_clip(canonical_motion(con, lake, clip))
+
+
+def canonical_motion(con: Connection, lake: Lake, clip: str) -> CanonicalMotion:
+    """The motion of a clip on the canonical skeleton, from its stored frames."""
     row = fetch(con, "clip", {"clip": clip})[0]
     stored = frames.read_clip(lake.path(lake.frames_part(row["dataset"], row["part"])), clip)
     positions = stored.positions.astype(float)
-    motion = CanonicalMotion(
+    return CanonicalMotion(
         fps=stored.fps,
         root=positions[:, 0],
         rotations=stored.rotations.astype(float),
@@ -37,6 +42,5 @@ def canonical_rig(con: Connection, lake: Lake, clip: str) -> SourceClip:
         metres_per_unit=1.0,
         fk_error=row["fk_error"],
         fk_error_mean=row["fk_error"],
-        notes=(),
+        notes=tuple(row["notes"]),
     )
-    return to_source_clip(motion)

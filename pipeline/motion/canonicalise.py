@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -14,6 +14,7 @@ from motionlake.motion.rigs import Rest, RigMap
 from motionlake.motion.rotations import conjugate, from_axis_angle, multiply, normalise, rotate
 from motionlake.motion.skeleton import (
     INDEX,
+    JOINTS,
     PARENTS,
     bone_vectors,
     continuous_signs,
@@ -36,9 +37,11 @@ _TURNS: Final[dict[str, tuple[tuple[float, float, float], float]]] = {
 }
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class CanonicalMotion:
     """A motion of the canonical skeleton.
+
+    `motion[start:stop]` is a part of it; `len(motion)` counts its F frames.
 
     Attributes:
         fps: frames a second.
@@ -70,6 +73,34 @@ class CanonicalMotion:
     fk_error: float
     fk_error_mean: float
     notes: tuple[str, ...] = ()
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """Names of the 21 joints; parents come before their children."""
+        return JOINTS
+
+    @property
+    def parents(self) -> tuple[int, ...]:
+        """The index of each joint's parent; -1 of the hips."""
+        return PARENTS
+
+    @property
+    def seconds(self) -> float:
+        """How long it lasts."""
+        return len(self) / self.fps
+
+    def __len__(self) -> int:
+        return len(self.positions)
+
+    def __getitem__(self, frames: slice) -> CanonicalMotion:
+        """Frames [start, stop); raises `ValueError` for a step, which would change `fps`."""
+        if frames.step not in (None, 1):
+            raise ValueError(f"step {frames.step}: a motion has every frame of a range")
+        parts = {name: getattr(self, name)[frames] for name in ("root", "rotations", "positions")}
+        return replace(self, **parts)
+
+    def __repr__(self) -> str:
+        return f"<CanonicalMotion: {len(self)} frames, {self.fps:g} a second, {self.seconds:.4g} s>"
 
 
 def canonicalise(

@@ -13,8 +13,8 @@ from motionlake.retrieval.sql_functions import align, duplicates, emd, find, fin
 def connect(lake: Path | str) -> Connection:
     """Open a lake for reading: its tables, views, macros, and the functions that macros need.
 
-    Functions: those of `sql_functions`. Close the connection to see what later runs have added: it reads the
-    catalog as it stood when it was opened, and a process that opens it twice sees the older one.
+    Functions: those of `sql_functions`. Open another connection to see what later runs have added: this one reads the
+    catalog as it stood when it was opened.
 
     Raises:
         UserError: there is no lake, or its catalog is open for writing elsewhere.

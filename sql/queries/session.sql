@@ -4,3 +4,8 @@ SET threads = 1;
 
 -- name: use_lake
 SET file_search_path = $root;
+
+-- name: open_catalog
+-- A database instance of its own: others in this process may have an earlier catalog open, or functions of these names.
+ATTACH $catalog AS lake (READ_ONLY);
+USE lake;

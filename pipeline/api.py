@@ -1,0 +1,455 @@
+"""A lake in Python: `motionlake.open_lake(path)`."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
+
+from motionlake.errors import UserError
+from motionlake.lake import layout
+from motionlake.lake.rows import Rows
+
+if TYPE_CHECKING:
+    import duckdb
+    import pyarrow as pa
+    from motionlake.lake.catalog import Connection
+    from motionlake.lake.clip_dataset import ClipDataset
+    from motionlake.motion.canonicalise import CanonicalMotion
+    from motionlake.retrieval.query_by_example import Finder
+    from motionlake.retrieval.submotion_search import SubmotionFinder
+
+T = TypeVar("T")
+Clip: TypeAlias = str | Path  # a clip of the lake by its name or the end of it, or a clip file
+
+
+def open_lake(path: str | Path) -> Lake:
+    """Open a lake to ask it for clips, motions and the nearest of them.
+
+    Make one first: `motionlake ingest FOLDER --lake PATH`, then `motionlake run all --lake PATH`.
+
+    Examples:
+        >>> import motionlake
+        >>> lake = motionlake.open_lake("mylake")
+        >>> lake
+        <motionlake.Lake mylake>
+
+    Args:
+        path: its folder.
+
+    Raises:
+        UserError: there is no lake.
+    """
+    return Lake(path)
+
+
+class Lake:
+    """A lake that is open for reading.
+
+    Clips are named as on the command line: in full ("clips/humanoid3d_walk.txt"), or by an end that no other clip has
+    ("humanoid3d_walk"). Queries may also be clip files, which need not be in the lake. What is wrong with a name or a
+    number is said by a `motionlake.UserError` of one line.
+
+    A lake may be written to while it is open here: the next call answers from what there is then. Use one `Lake` for
+    each thread. Close it, or open it `with motionlake.open_lake(path) as lake:`.
+
+    Args:
+        path: its folder.
+
+    Raises:
+        UserError: there is no lake.
+    """
+
+    def __init__(self, path: str | Path) -> None:
+        self._lake, self._path = layout.open_lake(path), Path(path)
+        self._connection: Connection | None = None
+        self._served: tuple[int, int] | None = None
+        self._kept: dict[tuple[object, ...], Any] = {}
+
+    @property
+    def path(self) -> Path:
+        """Its folder."""
+        return self._path
+
+    def clips(self, where: str | None = None, **equal: str | float | None) -> Rows:
+        """The clips and what is known of each: dataset, rig, frames, fps, seconds, label, subject, split and more.
+
+        Examples:
+            >>> lake.clips(label="kick")[0]["seconds"]
+            2.3333333333333335
+            >>> [row["clip"] for row in lake.clips("seconds > 3.2")]
+            ['clips/humanoid3d_jump.txt', 'clips/humanoid3d_spin.txt']
+
+        Args:
+            where: a condition in SQL over the columns of the table `clips`.
+            equal: a column and the value that it must have; None where it must be empty.
+
+        Raises:
+            UserError: a condition that DuckDB does not understand, or no such column.
+        """
+        return Rows(_asked(lambda: self._clips(where, equal).order("clip").to_arrow_table()))
+
+    def motion(self, clip: Clip) -> CanonicalMotion:
+        """The motion of a clip on the canonical skeleton of 21 joints.
+
+        Examples:
+            >>> motion = lake.motion("humanoid3d_walk")
+            >>> motion
+            <CanonicalMotion: 60 frames, 30 a second, 2 s>
+            >>> motion.positions.shape, motion.rotations.shape  # metres, y up; (w, x, y, z)
+            ((60, 21, 3), (60, 21, 4))
+            >>> motion.joints[:3], motion.parents[:3], motion.rest_offsets.shape
+            (('hips', 'spine', 'chest'), (-1, 0, 1), (21, 3))
+
+        Args:
+            clip: of the lake, or a clip file (its first body).
+
+        Raises:
+            UserError: no clip or several are meant, or the file cannot be read.
+        """
+        from motionlake.lake.export import canonical_motion
+        from motionlake.stages.clip_files import first_body
+
+        query = self._query(clip)
+        return (
+            first_body(self._lake, query)[1]
+            if isinstance(query, Path)
+            else canonical_motion(self._con, self._lake, query)
+        )
+
+    def frames(
+        self,
+        clip: str | None = None,
+        where: str | None = None,
+        *,
+        columns: Sequence[str] | None = None,
+        **equal: str | float | None,
+    ) -> pa.Table:
+        """Stored frames as an Arrow table, a row a frame: by clip and frame, a column for each channel.
+
+        Channels are `root_x` to `root_z` (the hips), `<joint>_x` to `<joint>_z` of the other joints, in metres, y up,
+        and `<joint>_qw` to `<joint>_qz`, local rotations. Of a large lake, ask for few columns or by `sql`.
+
+        Examples:
+            >>> lake.frames("humanoid3d_walk", columns=["frame", "root_x"]).shape
+            (60, 2)
+            >>> lake.frames(label="kick").column("frame").to_pylist()[:3]
+            [0, 1, 2]
+
+        Args:
+            clip: the frames of one clip.
+            where, equal: the frames of the clips that `clips` gives for them.
+            columns: these alone.
+
+        Raises:
+            UserError: as `clips` and `motion`; or no such column.
+        """
+        named = {} if clip is None else {"clip": self._name(clip)}
+
+        def ask() -> pa.Table:
+            chosen = self._clips(where, equal | named)
+            found = self._con.table("frames").join(chosen, "clip", how="semi").order("clip, frame")
+            return (found if columns is None else found.select(*columns)).to_arrow_table()
+
+        return _asked(ask)
+
+    def search(
+        self,
+        query: Clip,
+        k: int = 10,
+        *,
+        method: str = "signature",
+        dataset: str | None = None,
+        recorded_only: bool = False,
+        mirrored: bool = False,
+    ) -> Rows:
+        """The clips most like one, nearest first.
+
+        Examples:
+            >>> hits = lake.search("humanoid3d_walk", k=3)
+            >>> hits
+            <3 rows: rank, clip, distance, label, dataset, seconds>
+            >>> hits.df()["rank"].tolist()
+            [1, 2, 3]
+            >>> len(lake.search("humanoid3d_walk", k=2, method="descriptor"))
+            2
+
+        Args:
+            query: a clip of the lake, itself no answer, or a clip file.
+            k: how many at most.
+            method: "signature" (histograms of motion words; Deep Motifs, section 4.3), "alignment" (strings of
+                postures; PESTA, section 6), "descriptor" (one vector a clip; DeepHuMS, section 3.2) or "fused" (all).
+            dataset: from its clips only.
+            recorded_only: synthetic clips are no answers.
+            mirrored: search for the mirrored motion too ("signature" only).
+
+        Raises:
+            UserError: as `motion`; an unknown method, or the lake is not ready for it.
+        """
+        from motionlake.retrieval.methods import retriever
+
+        asked = self._query(query)
+        key = ("search", method, mirrored, recorded_only)
+        ways = self._keep(key, lambda: retriever(method, self._con, self._lake, mirrored=mirrored, real=recorded_only))
+        return Rows.of(hit.as_row() for hit in ways.search([asked], k, dataset)[0])
+
+    def find(
+        self,
+        query: Clip,
+        start: int | None = None,
+        stop: int | None = None,
+        k: int = 10,
+        *,
+        method: str = "words",
+        dataset: str | None = None,
+        recorded_only: bool = False,
+        mirrored: bool = False,
+        own: bool = False,
+    ) -> Rows:
+        """Where a motion occurs inside the clips: ranges of frames, nearest first.
+
+        Examples:
+            >>> hits = lake.find("humanoid3d_walk", 0, 30, k=2)
+            >>> hits.columns[:5]
+            ['rank', 'clip', 'start', 'stop', 'distance']
+
+        Args:
+            query: a clip of the lake, or a clip file.
+            start, stop: frames [start, stop) of it, at its own rate; None for its first and its last.
+            k: how many at most.
+            method: "words" (histograms of motion words; Deep Motifs, section 6.1) or "submotion" (a network that says
+                which clips hold the motion; DeepHuMS, section 3.3.5).
+            dataset, recorded_only: as in `search`.
+            mirrored: look for the mirrored query too ("words" only).
+            own: ranges that overlap the query in its own clip may be answers.
+
+        Raises:
+            UserError: as `search`; the query has no such frames, or too few.
+        """
+        asked = self._query(query)
+        if method not in ("words", "submotion"):
+            raise UserError(f"method {method}: not one of words, submotion")
+        if mirrored and method != "words":
+            raise UserError(f"mirrored: looks by words, not by {method}; leave one of the two out")
+        scope: dict[str, Any] = {"dataset": dataset} | ({"mirrored": mirrored} if method == "words" else {})
+        finder = self._keep(("find", method, recorded_only), lambda: self._finder(method, recorded_only))
+        if isinstance(asked, Path):
+            hits = finder.in_file(asked, start, stop, k, **scope)
+        else:
+            hits = finder.in_clip(asked, start, stop, k, own=own, **scope)
+        return Rows.of(hit.as_row() for hit in hits)
+
+    def align(
+        self,
+        query: Clip,
+        start: int | None = None,
+        stop: int | None = None,
+        k: int = 10,
+        *,
+        dataset: str | None = None,
+        recorded_only: bool = False,
+        method: str | None = None,
+        stride: int | None = None,
+        crossing: bool = False,
+        path: bool = False,
+    ) -> Rows:
+        """Where a motion occurs inside the clips, by alignment of postures: ranges, cheapest first (PESTA, section 6).
+
+        Examples:
+            >>> hits = lake.align("humanoid3d_walk", 0, 30, k=2, path=True)
+            >>> sorted(hits[0]["path"][0])
+            ['clip', 'query']
+
+        Args:
+            query, start, stop, k, dataset, recorded_only: as in `find`.
+            method: "sta" (strided temporal alignment), "dtw" or "sw" (Smith-Waterman); by default that of config.toml.
+            stride: how many symbols "sta" may skip at a time, plus one; by default that of config.toml.
+            crossing: a match may begin in one clip and end in a later one.
+            path: tell which frames are aligned to which.
+
+        Raises:
+            UserError: as `find`.
+        """
+        from motionlake.retrieval.aligner import Aligner, Wanted
+
+        asked = self._query(query)
+        aligner = self._keep(
+            ("align", recorded_only),
+            lambda: Aligner(self._con, self._lake, threads=os.cpu_count() or 1, real=recorded_only),
+        )
+        wanted: Wanted = {
+            "dataset": dataset, "method": method, "stride": stride, "crossing": crossing, "paths": path,
+        }  # fmt: skip
+        if isinstance(asked, Path):
+            return Rows.of(hit.as_row() for hit in aligner.in_file(asked, start, stop, k, **wanted))
+        return Rows.of(hit.as_row() for hit in aligner.in_clip(asked, start, stop, k, **wanted))
+
+    def sql(self, text: str, parameters: Mapping[str, Any] | Sequence[Any] | None = None) -> Rows:
+        """The answer to a query in SQL, with the lake's tables, macros and functions.
+
+        Examples:
+            >>> lake.sql("SELECT count(*) AS clips FROM clips WHERE seconds > $least", {"least": 3}).fetchall()
+            [(2,)]
+            >>> lake.sql("FROM similar_clips('clips/humanoid3d_walk.txt', 2)").arrow().num_rows
+            2
+
+        Args:
+            text: one query; the lake cannot be changed.
+            parameters: by name (`$name`), or in their order (`?`).
+
+        Raises:
+            UserError: DuckDB does not understand it, or there is no statement in it.
+        """
+        found = _asked(lambda: self._con.sql(text, params=parameters))
+        if found is None:
+            raise UserError("sql: there is no statement in the text")
+        return Rows(_asked(found.to_arrow_table))
+
+    def dataset(
+        self,
+        split: str | None = None,
+        dataset: str | None = None,
+        length: int | None = None,
+        transform: Callable[[dict[str, Any]], Any] | None = None,
+        *,
+        classes: Sequence[str] | None = None,
+    ) -> ClipDataset:
+        """The motion of the clips as a torch `Dataset`, for networks of your own; see `ClipDataset`.
+
+        Examples:
+            >>> from torch.utils.data import DataLoader
+            >>> batch = next(iter(DataLoader(lake.dataset(length=90), batch_size=3)))
+            >>> batch["positions"].shape, batch["mask"].sum(dim=1)
+            (torch.Size([3, 90, 21, 3]), tensor([90, 90, 70]))
+        """
+        from motionlake.lake.clip_dataset import ClipDataset
+
+        return ClipDataset(self._lake.root, split, dataset, length, transform, classes=classes)
+
+    def synthesize(
+        self,
+        classes: str | Sequence[str],
+        seconds: float = 8.0,
+        *,
+        seed: int = 0,
+        start: Clip | None = None,
+        split: str | None = None,
+        pace: float = 1.0,
+        temperature: float = 1.0,
+    ) -> CanonicalMotion:
+        """New motion of known classes, which nobody recorded (GloGen). The same arguments give the same motion.
+
+        The lake is not changed: `motionlake synthesize` makes clips of it. A generator comes first:
+        `motionlake run synth`.
+
+        Examples:
+            >>> lake.synthesize("walk", seconds=2, start="humanoid3d_walk")
+            <CanonicalMotion: 60 frames, 30 a second, 2 s>
+
+        Args:
+            classes: one, or several that follow one another in equal shares of the time.
+            seconds: length.
+            seed: another seed, another motion.
+            start: start from the first poses of this recorded clip or clip file; by default from one that is drawn.
+            split: draw it from this split.
+            pace: 2 is twice as fast.
+            temperature: how much chance varies the motion; 0 not at all.
+
+        Raises:
+            UserError: there is no generator, it does not know a class, there is nothing to start from, or a number
+                that no motion can have.
+        """
+        from motionlake.lake.config import load_config
+        from motionlake.stages.synthesis import check_classes, open_generator, served_generator
+        from motionlake.stages.synthesis_wishes import Request, check_request, find_starts, make, motions_of
+        from motionlake.stages.synthetic_motion import canonical_motion
+
+        wanted = (classes,) if isinstance(classes, str) else tuple(classes)
+        seed_clip = None if start is None else self._query(start)
+        outside = isinstance(seed_clip, Path)
+        clip = None if seed_clip is None else str(seed_clip)
+        request = Request(wanted, seconds, seed, clip, outside, split, pace, temperature)
+        check_request(request)
+        model = served_generator(self._con, self._lake, load_config(self._lake.config_file))
+        check_classes(model, request.classes)
+        starts = find_starts(self._con, self._lake, request)
+        generator = self._keep(("synthesize",), lambda: open_generator(self._lake, model))
+        return canonical_motion(
+            make(generator, self._lake, request, starts, motions_of(request, starts, [1]))[0].motion
+        )
+
+    def close(self) -> None:
+        """Let go of the catalog; the next call opens it again."""
+        self._kept.clear()
+        if self._connection is not None:
+            self._connection.close()
+            self._connection = None
+
+    def __enter__(self) -> Lake:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def __repr__(self) -> str:
+        return f"<motionlake.Lake {self._path}>"
+
+    @property
+    def _con(self) -> Connection:
+        """A connection to the catalog that is served now: every run of a command puts another in its place."""
+        from motionlake.retrieval.connection import connect
+
+        found = self._lake.catalog.stat()
+        if self._connection is None or self._served != (found.st_ino, found.st_mtime_ns):
+            self.close()
+            self._connection, self._served = connect(self._lake.root), (found.st_ino, found.st_mtime_ns)
+        return self._connection
+
+    def _keep(self, key: tuple[object, ...], make: Callable[[], T]) -> T:
+        """What was made for this key from the catalog that is served, made when first asked for."""
+        self._con  # noqa: B018 - drops what was made from an earlier catalog
+        if key not in self._kept:
+            self._kept[key] = make()
+        kept: T = self._kept[key]
+        return kept
+
+    def _query(self, clip: Clip) -> Clip:
+        """The path of a clip file, or the clip of the lake that a name means, in full."""
+        from motionlake.formats import is_clip
+
+        path = Path(clip)
+        return path.absolute() if path.is_file() and is_clip(path) else self._name(str(clip))
+
+    def _name(self, clip: str) -> str:
+        from motionlake.lake.resolve import resolve_clip
+
+        return resolve_clip(self._con, clip)
+
+    def _clips(self, where: str | None, equal: Mapping[str, str | float | None]) -> duckdb.DuckDBPyRelation:
+        import duckdb
+
+        found = self._con.table("clips")
+        for name, value in equal.items():
+            if name not in found.columns:
+                raise UserError(f"clips: have no column {name}; they have {', '.join(found.columns)}")
+            column = duckdb.ColumnExpression(name)
+            found = found.filter(column.isnull() if value is None else column == duckdb.ConstantExpression(value))
+        return found if where is None else found.filter(where)
+
+    def _finder(self, method: str, recorded_only: bool) -> Finder | SubmotionFinder:
+        from motionlake.retrieval.query_by_example import Finder
+        from motionlake.retrieval.submotion_search import SubmotionFinder
+
+        kind = Finder if method == "words" else SubmotionFinder
+        return kind(self._con, self._lake, real=recorded_only)
+
+
+def _asked(ask: Callable[[], T]) -> T:
+    """What DuckDB answers; its errors as `UserError`."""
+    import duckdb
+
+    try:
+        return ask()
+    except duckdb.Error as error:
+        raise UserError(f"SQL: {' '.join(str(error).rpartition('UserError: ')[2].split())}") from error

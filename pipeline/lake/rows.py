@@ -1,0 +1,112 @@
+"""The rows of an answer, as Python, Arrow, pandas or polars have them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, overload
+
+import pyarrow as pa
+from motionlake.errors import UserError
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import polars as pl
+
+_INT64 = pa.int64()
+
+
+class Rows(Sequence[dict[str, Any]]):
+    """The rows of a table: a sequence of dictionaries, or a data frame of your choice.
+
+    Examples:
+        >>> rows = lake.sql("SELECT clip, frames FROM clips ORDER BY frames LIMIT 2")
+        >>> len(rows)
+        2
+        >>> rows[0]
+        {'clip': 'clips/humanoid3d_walk.txt', 'frames': 60}
+        >>> [row["frames"] for row in rows]
+        [60, 70]
+        >>> rows.df().shape  # pandas; .pl() is polars, .arrow() Arrow
+        (2, 2)
+    """
+
+    def __init__(self, table: pa.Table) -> None:
+        self._table = _with_whole_numbers(table)
+        self._rows: list[dict[str, Any]] | None = None
+
+    @classmethod
+    def of(cls, rows: Iterable[Mapping[str, Any]]) -> Rows:
+        """Rows of dictionaries that have the same keys."""
+        return cls(pa.Table.from_pylist([dict(row) for row in rows]))
+
+    @property
+    def columns(self) -> list[str]:
+        """Names of the columns, in their order."""
+        return list(self._table.column_names)
+
+    def arrow(self) -> pa.Table:
+        """The rows as an Arrow table."""
+        return self._table
+
+    def df(self) -> pd.DataFrame:
+        """The rows as a pandas data frame.
+
+        Raises:
+            UserError: pandas is not installed.
+        """
+        try:
+            import pandas  # noqa: F401
+        except ImportError as error:
+            raise _missing("df", "pandas") from error
+        return self._table.to_pandas()
+
+    def pl(self) -> pl.DataFrame:
+        """The rows as a polars data frame.
+
+        Raises:
+            UserError: polars is not installed.
+        """
+        try:
+            import polars
+        except ImportError as error:
+            raise _missing("pl", "polars") from error
+        frame = polars.from_arrow(self._table)
+        assert isinstance(frame, polars.DataFrame)
+        return frame
+
+    def fetchall(self) -> list[tuple[Any, ...]]:
+        """The rows as tuples, as DuckDB's `fetchall` gives them."""
+        return [tuple(row.values()) for row in self._dictionaries()]
+
+    def __len__(self) -> int:
+        return int(self._table.num_rows)
+
+    @overload
+    def __getitem__(self, at: int) -> dict[str, Any]: ...
+    @overload
+    def __getitem__(self, at: slice) -> list[dict[str, Any]]: ...
+    def __getitem__(self, at: int | slice) -> dict[str, Any] | list[dict[str, Any]]:
+        return self._dictionaries()[at]
+
+    def __repr__(self) -> str:
+        return f"<{len(self)} row{'s' * (len(self) != 1)}: {', '.join(self.columns)}>"
+
+    def _dictionaries(self) -> list[dict[str, Any]]:
+        if self._rows is None:
+            self._rows = self._table.to_pylist(maps_as_pydicts="strict")
+        return self._rows
+
+
+def _with_whole_numbers(table: pa.Table) -> pa.Table:
+    """Sums of whole numbers come from DuckDB as decimals of 38 digits; those that 64 bits hold become int64."""
+    for at, column in enumerate(table.schema):
+        if pa.types.is_decimal(column.type) and column.type.scale == 0:
+            try:
+                table = table.set_column(at, column.name, table.column(at).cast(_INT64))
+            except pa.ArrowInvalid:
+                continue
+    return table
+
+
+def _missing(method: str, package: str) -> UserError:
+    return UserError(f"{method}(): {package} is not installed; get it with `pip install 'motionlake[frames]'`")
