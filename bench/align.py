@@ -13,6 +13,7 @@ from typing import Any, Final
 import librosa
 import numpy as np
 import pydivsufsort
+from motionlake.arrays import Int32Array
 from motionlake.pesta.alignment.config import AlignmentConfig
 from motionlake.pesta.alignment.long_query import LongQuery
 from motionlake.pesta.alignment.matches import best_matches
@@ -22,8 +23,6 @@ from motionlake.pesta.symbols.tandem import reduce_repeats
 from numpy.typing import NDArray
 
 from bench.record import interleave, record
-
-Symbols = NDArray[np.int32]
 
 DICTIONARY: Final = 400
 ONE_STRING_CELLS: Final = 3_200_000
@@ -173,7 +172,7 @@ def tandem(rng: np.random.Generator) -> dict[str, float]:
         "repeats": repetitive(rng, LONG),
     }.items():
 
-        def both(text: Symbols = string) -> None:
+        def both(text: Int32Array = string) -> None:
             pydivsufsort.kasai(text, pydivsufsort.divsufsort(text))
 
         seconds = interleave({"ours": lambda text=string: reduce_repeats(text), "both": both}, rounds=5)  # type: ignore[misc]
@@ -181,9 +180,9 @@ def tandem(rng: np.random.Generator) -> dict[str, float]:
     return ratios
 
 
-def repetitive(rng: np.random.Generator, length: int) -> Symbols:
+def repetitive(rng: np.random.Generator, length: int) -> Int32Array:
     """Cycles of 2 to 20 symbols, each repeated 1 to 8 times."""
-    pieces: list[Symbols] = []
+    pieces: list[Int32Array] = []
     total = 0
     while total < length:
         pieces.append(np.tile(random_symbols(rng, int(rng.integers(2, 21))), int(rng.integers(1, 9))))
@@ -191,7 +190,7 @@ def repetitive(rng: np.random.Generator, length: int) -> Symbols:
     return np.concatenate(pieces)[:length]
 
 
-def random_symbols(rng: np.random.Generator, length: int) -> Symbols:
+def random_symbols(rng: np.random.Generator, length: int) -> Int32Array:
     """[length] symbols of the dictionary, no two neighbours equal."""
     steps = rng.integers(1, DICTIONARY, length)
     return (np.cumsum(steps) % DICTIONARY).astype(np.int32)

@@ -8,9 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+from motionlake.arrays import Float32Array, Float64Array
 from motionlake.formats import read_clips
 from motionlake.motion.canonicalise import canonicalise
-from motionlake.motion.features import Float32Array, Float64Array, WordConfig, word_features
+from motionlake.motion.features import WordConfig, word_features
 from motionlake.motion.kinematics import solve
 from motionlake.motion.rigs import identify, load_rigs
 

@@ -20,6 +20,7 @@ import duckdb
 import numpy as np
 import pyarrow as pa
 from motionlake import sql
+from motionlake.arrays import Float32Array, Int64Array
 from motionlake.deephums.descriptors import config as shipped
 from motionlake.deephums.descriptors.config import DIMENSION
 from motionlake.deephums.descriptors.nearest import DescriptorScan
@@ -33,8 +34,6 @@ from sklearn.neighbors import NearestNeighbors
 from bench.canonical_sets import load
 from bench.record import record
 
-Rows = NDArray[np.float32]
-Found = NDArray[np.int64]
 Times = dict[str, float]
 
 SIZES: Final = (800, 7_000, 56_000, 200_000)
@@ -71,7 +70,7 @@ def say(title: str, row: dict[str, Any]) -> None:
     print(f"{title}: one query, ms: {one}; {QUERIES}: {many}; identical: {row['identical']}", flush=True)
 
 
-def measure(rows: Rows, queries: Rows, rounds: int) -> dict[str, Any]:
+def measure(rows: Float32Array, queries: Float32Array, rounds: int) -> dict[str, Any]:
     """Median times of every method, ratios to the peers, and whether the answers are the same."""
     started = time.perf_counter()
     scan = DescriptorScan(rows)
@@ -80,7 +79,7 @@ def measure(rows: Rows, queries: Rows, rounds: int) -> dict[str, Any]:
     built = time.perf_counter()
     squares, brute = np.square(rows).sum(axis=1), NearestNeighbors(algorithm="brute").fit(rows)
     con = in_duckdb(rows)
-    one: dict[str, Callable[[Rows], Found]] = {
+    one: dict[str, Callable[[Float32Array], Int64Array]] = {
         "scan": lambda query: scan.nearest(query, K).indices[0],
         "quick": lambda query: quick.nearest(query, K).indices[0],
         "numpy": lambda query: by_numpy(rows, squares, query[None])[0],
@@ -129,26 +128,26 @@ def interleaved(functions: Mapping[str, Callable[[], object]], rounds: int) -> t
     return {name: float(m[0]) for name, m in medians.items()}, {name: float(m[1]) for name, m in medians.items()}
 
 
-def agreement(method: Callable[[Rows], Found], queries: Rows, expected: Found) -> float:
+def agreement(method: Callable[[Float32Array], Int64Array], queries: Float32Array, expected: Int64Array) -> float:
     """Share of its answers that are among those of the scan."""
     shares = [np.isin(method(query), own).mean() for query, own in zip(queries, expected, strict=False)]
     return float(np.mean(shares))
 
 
-def over(method: Callable[[Rows], Found], queries: Rows) -> Callable[[], object]:
+def over(method: Callable[[Float32Array], Int64Array], queries: Float32Array) -> Callable[[], object]:
     """The method on the next query at every call."""
-    turn: Iterator[Rows] = itertools.cycle(queries)
+    turn: Iterator[Float32Array] = itertools.cycle(queries)
     return lambda: method(next(turn))
 
 
-def by_numpy(rows: Rows, squares: Rows, queries: Rows) -> Found:
+def by_numpy(rows: Float32Array, squares: Float32Array, queries: Float32Array) -> Int64Array:
     found = squares - 2 * (queries @ rows.T)
     least = np.argpartition(found, K, axis=1)[:, :K]
     order = np.take_along_axis(found, least, axis=1).argsort(axis=1)
     return np.take_along_axis(least, order, axis=1)
 
 
-def in_duckdb(rows: Rows) -> duckdb.DuckDBPyConnection:
+def in_duckdb(rows: Float32Array) -> duckdb.DuckDBPyConnection:
     """The tables that the macro of a lake reads, in memory."""
     con = duckdb.connect()
     con.execute("SET threads = 1")
@@ -162,19 +161,19 @@ def in_duckdb(rows: Rows) -> duckdb.DuckDBPyConnection:
     return con
 
 
-def by_duckdb(con: duckdb.DuckDBPyConnection, query: Rows) -> Found:
+def by_duckdb(con: duckdb.DuckDBPyConnection, query: Float32Array) -> Int64Array:
     found = con.execute("SELECT clip FROM clips_near($query, $k)", {"query": query.tolist(), "k": K}).fetchall()
     return np.array([int(clip) for (clip,) in found])
 
 
-def of_recordings() -> Callable[[int, np.random.Generator], Rows]:
+def of_recordings() -> Callable[[int, np.random.Generator], Float32Array]:
     """Descriptors of the sets, repeated with noise."""
     clips = [clip for name in SETS for clip in load(name)]
     real = load_descriptor(shipped.FILE).embed([clip_sequence(clip.positions, clip.fps) for clip in clips])
     apart = np.median(DescriptorScan(real).nearest(real, 2).distances[:, 1])
     print(f"{len(real)} recordings, median distance of a clip from its nearest {apart:.3f}")
 
-    def make(count: int, rng: np.random.Generator) -> Rows:
+    def make(count: int, rng: np.random.Generator) -> Float32Array:
         # Noise in the directions in which clips differ, as far as other takes would be.
         pairs = real[rng.integers(0, len(real), (2, count))]
         noise = pairs[0] - pairs[1]
@@ -184,7 +183,7 @@ def of_recordings() -> Callable[[int, np.random.Generator], Rows]:
     return make
 
 
-def clusters(count: int, rng: np.random.Generator) -> Rows:
+def clusters(count: int, rng: np.random.Generator) -> Float32Array:
     """Unit vectors about 60 centres, which differ in 12 directions of their own, and a little in all."""
     centres, spread = rng.standard_normal((60, DIMENSION)), rng.standard_normal((60, 12, DIMENSION)) / 12
     found = np.empty((count, DIMENSION), dtype=np.float32)
@@ -193,7 +192,7 @@ def clusters(count: int, rng: np.random.Generator) -> Rows:
     return unit(found + 0.1 * rng.standard_normal(found.shape, dtype=np.float32))
 
 
-def unit(rows: NDArray[np.floating]) -> Rows:
+def unit(rows: NDArray[np.floating]) -> Float32Array:
     return np.asarray(rows / np.linalg.norm(rows, axis=1, keepdims=True), dtype=np.float32)
 
 

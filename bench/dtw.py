@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from aeon.distances import dtw_pairwise_distance
 from dtaidistance import dtw_ndim
+from motionlake.arrays import Float32Array
 from motionlake.deep_motifs.words.dtw import clip_pair_dtw, word_distances
-from motionlake.motion.features import Float32Array
 from threadpoolctl import threadpool_limits
 
 from bench.record import interleave, record

@@ -22,10 +22,11 @@ from typing import Any, Final
 
 import numpy as np
 import ot
+from motionlake.arrays import Float32Array, Float64Array, Int32Array
 from motionlake.deep_motifs.emd import SignatureIndex, emd_many, ground_distances
 from motionlake.deep_motifs.motifs import assign, fit_motifs
 from motionlake.deep_motifs.signatures import document_frequency, inverse_document_frequency, motif_counts, signature
-from motionlake.motion.features import Float32Array, Float64Array, WordConfig
+from motionlake.motion.features import WordConfig
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
@@ -44,14 +45,12 @@ PEERS: Final[dict[str, dict[str, bool]]] = {
 }
 BARS: Final = {"ratio": 20.0, "solved_share": 0.02}
 
-Motifs = NDArray[np.int32]
-
 
 @dataclass(frozen=True)
 class Words:
     """Motifs of the words of each clip, the set of each clip, and what signatures need besides."""
 
-    clips: list[Motifs]
+    clips: list[Int32Array]
     sets: list[str]
     idf: Float64Array
     ground: Float64Array
@@ -91,13 +90,13 @@ def mixed(words: Words, count: int, rng: np.random.Generator) -> NDArray[np.floa
     return np.stack([_sign(words, [_window(words.clips[c], 4, 24, rng) for c in row]) for row in chosen])
 
 
-def _window(stream: Motifs, shortest: int, longest: int, rng: np.random.Generator) -> Motifs:
+def _window(stream: Int32Array, shortest: int, longest: int, rng: np.random.Generator) -> Int32Array:
     length = min(len(stream), int(rng.integers(shortest, longest + 1)))
     start = int(rng.integers(0, len(stream) - length + 1))
     return stream[start : start + length]
 
 
-def _sign(words: Words, parts: list[Motifs]) -> NDArray[np.float32]:
+def _sign(words: Words, parts: list[Int32Array]) -> NDArray[np.float32]:
     return signature(motif_counts(np.concatenate(parts), len(words.idf)), words.idf)
 
 

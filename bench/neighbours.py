@@ -19,7 +19,8 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from motionlake.deep_motifs.words.dtw import Index, word_distances
+from motionlake.arrays import Float32Array, Int64Array
+from motionlake.deep_motifs.words.dtw import word_distances
 from motionlake.deep_motifs.words.neighbours import Neighbours, SearchConfig, prepare, search
 from motionlake.deep_motifs.words.triplets import time_warped
 from motionlake.deep_motifs.words.windows import WordSet, padded
@@ -29,7 +30,7 @@ from motionlake.jobs.session import session
 from motionlake.lake.catalog import reading
 from motionlake.lake.config import LakeConfig
 from motionlake.lake.layout import Lake
-from motionlake.motion.features import Float32Array, WordConfig
+from motionlake.motion.features import WordConfig
 from motionlake.motion.mirror import mirrored_features
 from motionlake.stages import words
 from threadpoolctl import threadpool_limits
@@ -65,7 +66,7 @@ def features_of(lake: Lake) -> list[Float32Array]:
     return [found[clip] for clip in sorted(found)]
 
 
-def corpus(features: list[Float32Array], count: int, seed: int) -> tuple[WordSet, Index]:
+def corpus(features: list[Float32Array], count: int, seed: int) -> tuple[WordSet, Int64Array]:
     """`count` words, and for each the place of its source among all frames."""
     clips = [padded(f, CONFIG) for f in features]
     both = [np.concatenate(clips), np.concatenate([mirrored_features(c, CONFIG) for c in clips])]
@@ -90,7 +91,7 @@ def corpus(features: list[Float32Array], count: int, seed: int) -> tuple[WordSet
     return WordSet(frames, where, CONFIG.length), places[source]
 
 
-def nearest_by_brute_force(corpus: WordSet, places: Index, anchors: Index, threads: int) -> Float32Array:
+def nearest_by_brute_force(corpus: WordSet, places: Int64Array, anchors: Int64Array, threads: int) -> Float32Array:
     """[A, K] distances of the nearest words of other sources, every word aligned."""
     asked = corpus.take(anchors)
 
@@ -106,7 +107,7 @@ def nearest_by_brute_force(corpus: WordSet, places: Index, anchors: Index, threa
     return np.sort(np.concatenate(best, axis=1), axis=1)[:, :K]
 
 
-def figures_of(found: Neighbours, anchors: Index, truth: Float32Array) -> dict[str, float]:
+def figures_of(found: Neighbours, anchors: Int64Array, truth: Float32Array) -> dict[str, float]:
     distances = found.distances[anchors]
     right = distances <= truth[:, -1:] * (1 + RELATIVE) + ABSOLUTE
     return {

@@ -23,6 +23,7 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
+from motionlake.arrays import Float32Array, Float64Array
 from motionlake.deep_motifs.corpus import Corpus
 from motionlake.deep_motifs.query_by_example import ExampleQuery, frame_distances_along
 from motionlake.lake.catalog import reading
@@ -30,7 +31,7 @@ from motionlake.lake.config import load_config
 from motionlake.lake.corpus import read_corpus
 from motionlake.lake.layout import Lake
 from motionlake.motion.dtw import STEPS, alignment_ends
-from motionlake.motion.features import Float32Array, WordConfig
+from motionlake.motion.features import WordConfig
 from motionlake.stages import words
 from numpy.typing import NDArray
 from sklearn.metrics import average_precision_score
@@ -42,7 +43,6 @@ from bench.signed import make_lake, run_all
 SEEDS: Final = (0, 1, 2)
 READY: Final = "motionlake, ready-made weights"
 EVERY: Final = 4
-Float64Array = NDArray[np.float64]
 # The distances of a query's frames in one take from another take: [T].
 Scorer = Callable[["Query", int], Float64Array]
 

@@ -23,6 +23,7 @@ from functools import cache, partial
 from typing import Any, Final
 
 import numpy as np
+from motionlake.arrays import Float32Array, Float64Array
 from motionlake.deep_motifs.emd import emd_matrix, ground_distances
 from motionlake.deep_motifs.motifs import Motifs, assign, fit_motifs
 from motionlake.deep_motifs.signatures import signatures
@@ -31,7 +32,7 @@ from motionlake.deep_motifs.words.dtw import word_distances
 from motionlake.deep_motifs.words.linear import LinearConfig
 from motionlake.deep_motifs.words.windows import word_windows
 from motionlake.evaluation.measures.retrieval import RetrievalScores, leave_one_out
-from motionlake.motion.features import Float32Array, Float64Array, WordConfig
+from motionlake.motion.features import WordConfig
 from numpy.typing import NDArray
 from sklearn.decomposition import PCA
 from threadpoolctl import threadpool_limits

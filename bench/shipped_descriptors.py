@@ -12,6 +12,7 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any, Final
 
+from motionlake.arrays import Float32Array
 from motionlake.deephums.descriptors import config as shipped
 from motionlake.deephums.descriptors.batches import windows
 from motionlake.deephums.descriptors.config import DescriptorsConfig
@@ -24,7 +25,6 @@ from motionlake.deephums.submotions.encoder import train_submotion
 from motionlake.deephums.submotions.trained import TrainedSubmotion
 from motionlake.formats import read_clips
 from motionlake.motion.canonicalise import canonicalise
-from motionlake.motion.features import Float32Array
 from motionlake.motion.kinematics import solve
 from motionlake.motion.rigs import identify, load_rigs
 

@@ -11,13 +11,14 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Final
 
+from motionlake.arrays import Float32Array
 from motionlake.deep_motifs.words import config as shipped
 from motionlake.deep_motifs.words.config import NetworkConfig
 from motionlake.deep_motifs.words.trained import TrainedNetwork
 from motionlake.deep_motifs.words.training import Recipe, train_words
 from motionlake.formats import is_clip, read_clips
 from motionlake.motion.canonicalise import canonicalise
-from motionlake.motion.features import Float32Array, WordConfig, word_features
+from motionlake.motion.features import WordConfig, word_features
 from motionlake.motion.kinematics import solve
 from motionlake.motion.rigs import identify, load_rigs
 

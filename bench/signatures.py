@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+from motionlake.arrays import Float64Array
 from motionlake.deep_motifs.clustering import cluster_clips
 from motionlake.deep_motifs.emd import emd_matrix
 from motionlake.evaluation.clips import dtw_distances
@@ -24,14 +25,12 @@ from motionlake.evaluation.signatures import evaluate_signatures
 from motionlake.lake.layout import Lake
 from motionlake.retrieval.connection import connect
 from motionlake.retrieval.labelling.signed import lake_ground, signed_clips
-from numpy.typing import NDArray
 
 from bench.record import hash_files, record, recordings
 from bench.shipped_words import ready_made_for
 from bench.signed import make_lake, run_all
 
 SEEDS: Final = (0, 1, 2)
-Float64Array = NDArray[np.float64]
 MEASURES: Final = ("nn", "top5", "first_tier", "second_tier", "map", "cross_subject_nn")
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from motionlake.arrays import Float32Array, Float64Array
 from motionlake.deep_motifs.emd import ground_distances
 from motionlake.deep_motifs.motifs import assign, fit_motifs
 from motionlake.deep_motifs.signatures import signatures
@@ -16,7 +17,6 @@ from motionlake.jobs.session import session
 from motionlake.lake.catalog import create_catalog, reading
 from motionlake.lake.config import load_config
 from motionlake.lake.layout import Lake
-from motionlake.motion.features import Float32Array, Float64Array
 from motionlake.stages import words
 from motionlake.stages.sources import IngestOptions, Root
 from numpy.typing import NDArray

@@ -12,7 +12,8 @@ from itertools import combinations, pairwise
 from typing import Final
 
 import numpy as np
-from motionlake.motion.features import Float64Array, WordConfig
+from motionlake.arrays import Float64Array
+from motionlake.motion.features import WordConfig
 from motionlake.motion.rest import world_from_positions
 from motionlake.motion.rotations import rotate, swing
 from motionlake.motion.skeleton import INDEX, TWIST_AXES, local_rotations

@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+from motionlake.arrays import Float32Array
 from motionlake.deep_motifs.motifs import assign, fit_motifs
 from motionlake.deep_motifs.words import config as shipped
 from motionlake.deep_motifs.words.config import NetworkConfig
@@ -26,7 +27,7 @@ from motionlake.deep_motifs.words.dtw import word_distances
 from motionlake.deep_motifs.words.trained import TrainedNetwork, load_network
 from motionlake.deep_motifs.words.training import train_words
 from motionlake.deep_motifs.words.windows import word_windows
-from motionlake.motion.features import Float32Array, WordConfig
+from motionlake.motion.features import WordConfig
 from motionlake.retrieval.connection import connect
 from threadpoolctl import threadpool_limits
 

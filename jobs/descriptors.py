@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict, replace
 from typing import Any
 
+from motionlake.arrays import Progress
 from motionlake.deephums.descriptors import config as shipped
 from motionlake.jobs import modelling
 from motionlake.jobs.execute import Outcome, StageJob
@@ -64,7 +65,7 @@ def train(
         session.notice("descriptors: there are no frames yet; `motionlake ingest` takes clips in")
         return None
 
-    def fit(file: str, progress: modelling.Progress) -> dict[str, Any]:
+    def fit(file: str, progress: Progress) -> dict[str, Any]:
         return descriptor_training.train(lake, material, config, file, progress)
 
     return modelling.train(session, NETWORK, fit, asdict(config))

@@ -6,6 +6,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from motionlake.arrays import Progress
 from motionlake.deep_motifs.words import config as shipped
 from motionlake.jobs import modelling
 from motionlake.jobs.execute import Outcome, StageJob
@@ -53,7 +54,7 @@ def train(session: Session, *, fine_tune: bool = False) -> Model | None:
         session.notice("embed: there are no words yet; `motionlake run all` makes every stage")
         return None
 
-    def fit(file: str, progress: modelling.Progress) -> dict[str, Any]:
+    def fit(file: str, progress: Progress) -> dict[str, Any]:
         figures = embed.train(lake, features, config, file, before.file if before else None, progress)
         return figures | ({"fine_tuned_from": before.model} if before else {})
 

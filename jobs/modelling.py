@@ -8,14 +8,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from motionlake.arrays import Progress
 from motionlake.jobs.session import Session
 from motionlake.lake.catalog import Connection, reading, writing
 from motionlake.lake.config import LakeConfig
 from motionlake.lake.layout import Lake
 from motionlake.lake.models import Model, add_model, current_model, fitting_model, next_file
 from motionlake.stages import frames
-
-Progress = Callable[[int, int, float], None]
 
 
 @dataclass(frozen=True)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict
 from typing import Any
 
+from motionlake.arrays import Progress
 from motionlake.jobs import modelling
 from motionlake.jobs.execute import Outcome, StageJob
 from motionlake.jobs.session import Session
@@ -46,7 +47,7 @@ def train(session: Session) -> Model | None:
         session.notice("postures: there are no frames yet; `motionlake ingest` takes clips in")
         return None
 
-    def fit(file: str, progress: modelling.Progress) -> dict[str, Any]:
+    def fit(file: str, progress: Progress) -> dict[str, Any]:
         return postures.train(lake, features, config, file, progress)
 
     dictionary = modelling.train(session, DICTIONARY, fit)

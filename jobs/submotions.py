@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict
 from typing import Any
 
+from motionlake.arrays import Progress
 from motionlake.deephums.submotions import config as shipped_submotion
 from motionlake.jobs import modelling
 from motionlake.jobs.execute import Outcome, StageJob
@@ -56,7 +57,7 @@ def train(session: Session, split: str | None = None, dataset: str | None = None
             return None
         first = submotion_training.first_network(con, lake, config)
 
-    def fit(file: str, progress: modelling.Progress) -> dict[str, Any]:
+    def fit(file: str, progress: Progress) -> dict[str, Any]:
         return submotion_training.train(lake, material, config, first, file, progress)
 
     return modelling.train(session, NETWORK, fit)

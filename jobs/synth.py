@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict
 from typing import Any
 
+from motionlake.arrays import Progress
 from motionlake.glogen.generator import config as shipped
 from motionlake.jobs import modelling
 from motionlake.jobs.execute import Outcome
@@ -50,7 +51,7 @@ def train(session: Session, split: str | None = None, dataset: str | None = None
         session.notice("synth: there are no frames yet; `motionlake ingest` takes clips in")
         return None
 
-    def fit(file: str, progress: modelling.Progress) -> dict[str, Any]:
+    def fit(file: str, progress: Progress) -> dict[str, Any]:
         return synthesis_training.train(lake, material, config, file, progress)
 
     return modelling.train(session, GENERATOR, fit)

@@ -8,11 +8,11 @@ from typing import Final, Literal, Protocol
 
 import numpy as np
 import torch
+from motionlake.arrays import Progress
 from motionlake.checkpoint import Checkpoint
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-Progress = Callable[[int, int, float], None]
 STEEPEST: Final = 1.0  # norm that gradients are cut to
 
 

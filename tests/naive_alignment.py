@@ -5,10 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 import numpy as np
-from numpy.typing import NDArray
+from motionlake.arrays import Float32Array, Int32Array
 
-Matrix = NDArray[np.float32]
-Symbols = NDArray[np.int32]
 Path = list[tuple[int, int]]
 Score = float | np.float32
 
@@ -19,7 +17,7 @@ def cells(stride: int) -> list[tuple[int, int]]:
     return sorted(offsets, key=lambda o: (max(o), o[0] < max(o), -o[1] if o[0] == max(o) else -o[0]))
 
 
-def weights(query: Symbols, string: Symbols, distances: Matrix, stride: int) -> Matrix:
+def weights(query: Int32Array, string: Int32Array, distances: Float32Array, stride: int) -> Float32Array:
     """[X, Y] W of section 6."""
     w = np.zeros((len(query), len(string)), dtype=np.float32)
     for x, e in enumerate(query):
@@ -30,7 +28,9 @@ def weights(query: Symbols, string: Symbols, distances: Matrix, stride: int) -> 
     return w
 
 
-def path_back(w: Matrix, query: Symbols, string: Symbols, distances: Matrix, stride: int, end: int) -> Path:
+def path_back(
+    w: Float32Array, query: Int32Array, string: Int32Array, distances: Float32Array, stride: int, end: int
+) -> Path:
     """The path from the last row in column `end`, first cell first."""
     x, y = len(query) - 1, end
     path = [(x, y)]
@@ -44,7 +44,9 @@ def path_back(w: Matrix, query: Symbols, string: Symbols, distances: Matrix, str
     return path[::-1]
 
 
-def local_weights(query: Symbols, string: Symbols, distances: Matrix, threshold: Score, gap: Score) -> Matrix:
+def local_weights(
+    query: Int32Array, string: Int32Array, distances: Float32Array, threshold: Score, gap: Score
+) -> Float32Array:
     """[X + 1, Y + 1] Smith-Waterman as costs."""
     t, g = np.float32(threshold), np.float32(gap)
     h = np.zeros((len(query) + 1, len(string) + 1), dtype=np.float32)
@@ -56,7 +58,13 @@ def local_weights(query: Symbols, string: Symbols, distances: Matrix, threshold:
 
 
 def local_path(
-    h: Matrix, query: Symbols, string: Symbols, distances: Matrix, threshold: Score, gap: Score, end: int
+    h: Float32Array,
+    query: Int32Array,
+    string: Int32Array,
+    distances: Float32Array,
+    threshold: Score,
+    gap: Score,
+    end: int,
 ) -> Path:
     """Matched pairs of the best local alignment that ends in column `end`."""
     x, y, path = int(np.argmin(h[:, end + 1])), end + 1, []
@@ -87,7 +95,7 @@ def apart(
 
 
 def long_query(
-    query: Symbols, string: Symbols, distances: Matrix, stride: int, segments: int, start: int, stop: int
+    query: Int32Array, string: Int32Array, distances: Float32Array, stride: int, segments: int, start: int, stop: int
 ) -> list[tuple[float, Path]]:
     """Section 7 on one string: cost and whole path from every column of the last row of the last covering segment."""
     length = -(-len(query) // segments)

@@ -8,9 +8,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
-
-FloatArray = NDArray[np.float64]
+from motionlake.arrays import Float64Array
 
 KINECT_1 = (
     "HipCenter", "Spine", "ShoulderCenter", "Head", "ShoulderLeft", "ElbowLeft", "WristLeft", "HandLeft",
@@ -20,7 +18,7 @@ KINECT_1 = (
 KINECT_1_PARENTS = (-1, 0, 1, 2, 2, 4, 5, 6, 2, 8, 9, 10, 0, 12, 13, 14, 0, 16, 17, 18)
 
 
-def kinect_2_from_1(positions: FloatArray) -> FloatArray:
+def kinect_2_from_1(positions: Float64Array) -> Float64Array:
     """[F, 25, 3] in the order of NTU files, from the 20 joints of a Kinect v1: shared joints as they are."""
     joint = {name: positions[:, index] for index, name in enumerate(KINECT_1)}
     neck = 0.7 * joint["ShoulderCenter"] + 0.3 * joint["Head"]
@@ -34,7 +32,7 @@ def kinect_2_from_1(positions: FloatArray) -> FloatArray:
 
 
 def ntu_text(
-    bodies: Sequence[tuple[str, int, FloatArray]],
+    bodies: Sequence[tuple[str, int, Float64Array]],
     *,
     dropped: frozenset[tuple[int, int]] = frozenset(),
     untracked: frozenset[tuple[int, int, int]] = frozenset(),
@@ -66,7 +64,7 @@ def ntu_text(
     return newline.join(lines) + newline
 
 
-def npz_bytes(positions: FloatArray, joints: Sequence[str], parents: Sequence[int], fps: float) -> bytes:
+def npz_bytes(positions: Float64Array, joints: Sequence[str], parents: Sequence[int], fps: float) -> bytes:
     """A positions `.npz`."""
     stream = io.BytesIO()
     np.savez_compressed(
@@ -79,7 +77,7 @@ def npz_bytes(positions: FloatArray, joints: Sequence[str], parents: Sequence[in
     return stream.getvalue()
 
 
-def deepmimic_frames(count: int) -> FloatArray:
+def deepmimic_frames(count: int) -> Float64Array:
     """[count, 44] a DeepMimic humanoid at 30 frames a second that bends knees and elbows as it moves +x."""
     frames = np.zeros((count, 44))
     phase = np.linspace(0.0, 2.0 * np.pi, count)
@@ -93,13 +91,13 @@ def deepmimic_frames(count: int) -> FloatArray:
     return frames
 
 
-def deepmimic_text(frames: FloatArray) -> str:
+def deepmimic_text(frames: Float64Array) -> str:
     """A DeepMimic motion file."""
     rows = ",\n".join(json.dumps(frame) for frame in frames.tolist())
     return f'{{\n"Loop": "wrap",\n"Frames":\n[\n{rows}\n]\n}}\n'
 
 
-def swinging_body(count: int) -> FloatArray:
+def swinging_body(count: int) -> Float64Array:
     """[count, 20, 3] a made-up Kinect v1 body three metres from the sensor, arms swinging."""
     spine, arm, leg = (0.0, 0.1, 0.45, 0.65), (0.4, 0.1, -0.1, -0.2), (-0.1, -0.5, -0.9, -1.0)
     up = (*spine, *arm, *arm, *leg, *leg)
@@ -112,13 +110,13 @@ def swinging_body(count: int) -> FloatArray:
     return motion
 
 
-def mirrored_body(positions: FloatArray) -> FloatArray:
+def mirrored_body(positions: Float64Array) -> Float64Array:
     """[F, 20, 3] joints of a Kinect v1, left for right."""
     sides = {"Left": "Right", "Right": "Left"}
     order = [
         KINECT_1.index(next((name.replace(a, b) for a, b in sides.items() if a in name), name)) for name in KINECT_1
     ]
-    mirrored: FloatArray = positions[:, order] * np.array([-1.0, 1.0, 1.0])
+    mirrored: Float64Array = positions[:, order] * np.array([-1.0, 1.0, 1.0])
     return mirrored
 
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from motionlake.motion.features import Float32Array, WordConfig
+from motionlake.arrays import Float32Array
+from motionlake.motion.features import WordConfig
 
 from bench.representation import by_dtw, medoids_of
 

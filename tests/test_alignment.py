@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from motionlake.arrays import Int32Array
 from motionlake.pesta.alignment.config import AlignmentConfig, Method
 from motionlake.pesta.alignment.matches import Match, best_matches
 from motionlake.pesta.alignment.scan import Boundaries, best_per_clip, end_costs, pairwise, symmetric_costs
@@ -16,8 +17,6 @@ from motionlake.pesta.alignment.strings import Repository, SymbolDistances
 from numpy.typing import NDArray
 
 from tests import naive_alignment as naive
-
-Symbols = NDArray[np.int32]
 
 
 def dictionary(seed: int, m: int, *, whole: bool = False) -> NDArray[np.float32]:
@@ -29,7 +28,7 @@ def dictionary(seed: int, m: int, *, whole: bool = False) -> NDArray[np.float32]
 
 
 @st.composite
-def cases(draw: st.DrawFn, clips: int = 6) -> tuple[Symbols, Repository, NDArray[np.float32], int]:
+def cases(draw: st.DrawFn, clips: int = 6) -> tuple[Int32Array, Repository, NDArray[np.float32], int]:
     """A query, a repository of clips of 0 to 40 symbols, distances, a stride."""
     rng = np.random.default_rng(draw(st.integers(0, 10_000)))
     m = draw(st.sampled_from([2, 5, 30]))
@@ -40,7 +39,7 @@ def cases(draw: st.DrawFn, clips: int = 6) -> tuple[Symbols, Repository, NDArray
     return query, Repository.of(strings), distances, draw(st.integers(1, 4))
 
 
-def naive_ends(query: Symbols, repository: Repository, distances: Any, stride: int) -> NDArray[np.float32]:
+def naive_ends(query: Int32Array, repository: Repository, distances: Any, stride: int) -> NDArray[np.float32]:
     rows = [naive.weights(query, repository.string(i), distances, stride)[-1] for i in range(len(repository))]
     return np.concatenate(rows)
 
@@ -105,7 +104,7 @@ def test_long_strings_scanned_in_pieces_are_scanned_exactly(stride: int, still: 
             assert np.array_equal(costs, expected)
 
 
-def spans(query: Symbols, repository: Repository, distances: Any, stride: int) -> tuple[list[float], list[Any]]:
+def spans(query: Int32Array, repository: Repository, distances: Any, stride: int) -> tuple[list[float], list[Any]]:
     costs, paths = [], []
     for clip in range(len(repository)):
         string, first = repository.string(clip), int(repository.offsets[clip])

@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from motionlake.arrays import Float64Array
 from motionlake.formats import read_clips
 from motionlake.formats.bvh import READER
 from motionlake.formats.bvh_writer import write_bvh
-from motionlake.motion.clip import ChannelKind, FloatArray, Hierarchy, SourceClip
+from motionlake.motion.clip import ChannelKind, Hierarchy, SourceClip
 from motionlake.motion.kinematics import solve
 from motionlake.motion.rotations import IDENTITY, from_euler, to_matrix
 
@@ -24,7 +25,7 @@ def read_back(clip: SourceClip, start: int = 0, stop: int | None = None) -> Sour
     return back
 
 
-def positions_in_order(back: SourceClip, tree: Hierarchy) -> FloatArray:
+def positions_in_order(back: SourceClip, tree: Hierarchy) -> Float64Array:
     return solve(back).positions[:, [back.hierarchy.joints.index(joint) for joint in tree.joints]]
 
 

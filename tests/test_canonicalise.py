@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from motionlake.arrays import Float64Array
 from motionlake.errors import ClipError
 from motionlake.formats import read_clips
 from motionlake.formats.bvh_writer import write_bvh
@@ -33,7 +34,7 @@ from motionlake.motion.skeleton import (
 from scipy.spatial.transform import Rotation
 
 from tests.rig_samples import SETS, sample
-from tests.samples import FloatArray, deepmimic_frames, deepmimic_text
+from tests.samples import deepmimic_frames, deepmimic_text
 
 RIGS = load_rigs()
 IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
@@ -43,7 +44,7 @@ PLAUSIBLE = (1.2, 1.8)
 COLLAPSED = {"cmu_asf": {"spine", "neck"}, "cmu_bvh": {"spine", "neck"}}
 
 
-def made_offsets() -> FloatArray:
+def made_offsets() -> Float64Array:
     """[21, 3] a body of 1.5 m from ankle to head, bones along the canonical directions."""
     offsets = np.zeros((len(JOINTS), 3))
     for name, (child, direction) in BONES.items():
@@ -56,11 +57,11 @@ def made_offsets() -> FloatArray:
     return offsets
 
 
-def quaternions(rotation: Rotation) -> FloatArray:
+def quaternions(rotation: Rotation) -> Float64Array:
     return np.asarray(rotation.as_quat(scalar_first=True))
 
 
-def made_motion(seed: int, frames: int = 5) -> tuple[FloatArray, FloatArray, FloatArray]:
+def made_motion(seed: int, frames: int = 5) -> tuple[Float64Array, Float64Array, Float64Array]:
     """Root [F, 3], global rotations [F, 21, 4], positions [F, 21, 3]: any pose, near to standing."""
     generator = np.random.default_rng(seed)
     turns = Rotation.from_rotvec(generator.normal(scale=0.5, size=(frames * len(JOINTS), 3)))
@@ -69,7 +70,7 @@ def made_motion(seed: int, frames: int = 5) -> tuple[FloatArray, FloatArray, Flo
     return root, world_rotations(local), forward_kinematics(root, local, made_offsets())
 
 
-def clip_of(world: FloatArray, positions: FloatArray) -> tuple[SourceClip, Motion]:
+def clip_of(world: Float64Array, positions: Float64Array) -> tuple[SourceClip, Motion]:
     """A clip of the canonical joint names with this forward kinematics; its channels are never looked at."""
     hierarchy = Hierarchy(
         JOINTS, PARENTS, np.zeros((len(JOINTS), 3)), ((),) * len(JOINTS), ChannelKind.EULER,
@@ -78,7 +79,7 @@ def clip_of(world: FloatArray, positions: FloatArray) -> tuple[SourceClip, Motio
     return SourceClip(hierarchy, np.zeros((len(world), 0)), 30.0), Motion(positions, world, world)
 
 
-def assert_same_rotations(motion: CanonicalMotion, world: FloatArray) -> None:
+def assert_same_rotations(motion: CanonicalMotion, world: Float64Array) -> None:
     assert angle(world_rotations(motion.rotations), world).max() < 1e-4
 
 

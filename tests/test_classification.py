@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from motionlake.arrays import Float64Array
 from motionlake.deep_motifs.classification import classify_knn, classify_one_vs_all
 from motionlake.errors import UserError
-from motionlake.motion.clip import FloatArray
 from motionlake.retrieval.connection import connect
 
 from tests.lakes import motionlake, query
@@ -17,7 +17,7 @@ from tests.lakes import motionlake, query
 
 def on_a_line(places: list[float]) -> np.ndarray:
     x = np.array(places)
-    apart: FloatArray = np.abs(x[:, None] - x[None])
+    apart: Float64Array = np.abs(x[:, None] - x[None])
     return apart
 
 

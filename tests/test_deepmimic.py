@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from motionlake.arrays import Float64Array
 from motionlake.errors import ClipError
 from motionlake.formats import is_clip, read_clips
 from motionlake.formats.deepmimic import READER
@@ -15,7 +16,7 @@ from motionlake.motion.clip import SourceClip
 from motionlake.motion.kinematics import solve
 from scipy.spatial.transform import Rotation
 
-from tests.samples import FloatArray, deepmimic_frames, deepmimic_text
+from tests.samples import deepmimic_frames, deepmimic_text
 
 DEMO = Path(__file__).parents[1] / "demo" / "deepmimic"
 
@@ -25,7 +26,7 @@ def read(text: str) -> SourceClip:
     return clip
 
 
-def leg_angles(forwards: FloatArray, upwards: FloatArray) -> tuple[FloatArray, FloatArray]:
+def leg_angles(forwards: Float64Array, upwards: Float64Array) -> tuple[Float64Array, Float64Array]:
     """Hip and knee angles about z that put the ankle there as seen from the hip, the knee in front."""
     thigh, shin = 0.421546, 0.409870
     reach = np.hypot(forwards, upwards)
@@ -144,7 +145,7 @@ def test_uneven_durations_are_resampled_along_the_shortest_turn() -> None:
     np.testing.assert_allclose(clip.channels[:, 0], frames[:, 1], atol=1e-9)
 
 
-def changed(row: int, column: int, value: float) -> FloatArray:
+def changed(row: int, column: int, value: float) -> Float64Array:
     frames = deepmimic_frames(5)
     frames[row, column] = value
     return frames

@@ -11,6 +11,7 @@ import pytest
 import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from motionlake.arrays import Float32Array, Float64Array
 from motionlake.deephums.descriptors.batches import Augmentation, at_speeds, resampled, windows
 from motionlake.deephums.descriptors.config import DIMENSION, DescriptorsConfig
 from motionlake.deephums.descriptors.network import MissingJoints, class_contrast, contrastive_loss
@@ -25,7 +26,6 @@ from motionlake.deephums.descriptors.similarity import (
 )
 from motionlake.deephums.descriptors.trained import load_descriptor
 from motionlake.deephums.descriptors.training import TrainingClip, train_descriptor
-from motionlake.motion.features import Float32Array, Float64Array
 from motionlake.motion.skeleton import COMMON, INDEX, JOINTS
 
 TINY = replace(recipe_of(DescriptorsConfig()), hidden=16, epochs=6, batch=8)

@@ -10,10 +10,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from motionlake.arrays import Float32Array, Float64Array
 from motionlake.deep_motifs.words.dtw import LANES, clip_pair_dtw, word_distances
 from motionlake.deep_motifs.words.windows import padded, windows, word_windows
 from motionlake.motion.dtw import Metric, frame_distances
-from motionlake.motion.features import Float32Array, Float64Array, WordConfig
+from motionlake.motion.features import WordConfig
 
 
 def naive_frame_distance(a: Float32Array, b: Float32Array, metric: Metric) -> float:

@@ -11,6 +11,7 @@ from typing import Any
 import duckdb
 import numpy as np
 import pytest
+from motionlake.arrays import Float64Array
 from motionlake.evaluation.measures.synthesis_errors import MILLISECONDS, body_poses, errors_at
 from motionlake.evaluation.synthesis_clips import RealMotion
 from motionlake.evaluation.synthesis_generator import Plan, SynthesisEvaluation, measure_generator
@@ -25,12 +26,10 @@ from motionlake.lake.models import add_model, next_file, save_model
 from motionlake.motion.skeleton import INDEX, JOINTS, PARENTS
 from motionlake.pictures.synthesis_evaluation import recognised_figure, synthesis_pictures
 from motionlake.pictures.synthesis_map import beside_map, generator_map
-from numpy.typing import NDArray
 
 from tests.lakes import motionlake, query
 from tests.test_pictures import NASTY, assert_readable, standing
 
-Array = NDArray[np.float64]
 FPS = 30.0
 THREE = Plan(count=3)
 SEED = 13  # frames at the clip's rate
@@ -52,7 +51,7 @@ TRAINING = [clip(label, number) for label in MOVES for number in range(5)]
 TEST = [clip(label, number, 60.0 if number == 7 else FPS) for label in MOVES for number in (6, 7)]
 
 
-def describe(motions: Sequence[tuple[Array, float]]) -> Array:
+def describe(motions: Sequence[tuple[Float64Array, float]]) -> Float64Array:
     """How much each joint moves: tells the classes apart."""
     return np.stack([np.log(1e-3 + body_poses(positions).std(axis=0)).ravel() for positions, _ in motions])
 
@@ -61,7 +60,7 @@ def describe(motions: Sequence[tuple[Array, float]]) -> Array:
 class Fake:
     """Makes `motion(wish, frames)`, [frames, 21, 3] at 30 a second after the first `SEED` frames of the seed."""
 
-    motion: Callable[[Wish, int], Array]
+    motion: Callable[[Wish, int], Float64Array]
 
     @property
     def classes(self) -> list[str]:
@@ -75,7 +74,7 @@ class Fake:
         return [Synthesized(one, q, REST, FPS, (0,), 0, SEED) for one, q in zip(found, turns, strict=True)]
 
 
-def truly(wish: Wish, frames: int) -> Array:
+def truly(wish: Wish, frames: int) -> Float64Array:
     """What really follows, or a real test clip of the class."""
     real = {c.clip: c for c in TEST}[wish.start.clip]
     if wish.classes != (real.label,):
@@ -84,17 +83,17 @@ def truly(wish: Wish, frames: int) -> Array:
     return np.concatenate([after, np.repeat(after[-1:], max(0, frames - len(after)), axis=0)])[:frames]
 
 
-def held(wish: Wish, frames: int) -> Array:
+def held(wish: Wish, frames: int) -> Float64Array:
     return np.repeat(wish.start.positions[SEED - 1 : SEED].astype(float), frames, axis=0)
 
 
-def copied(wish: Wish, frames: int) -> Array:
+def copied(wish: Wish, frames: int) -> Float64Array:
     """A stretch from the middle of a training clip of the class."""
     return clip(wish.classes[0], 4).positions[5 : 5 + frames]
 
 
-def measured(motion: Callable[[Wish, int], Array], plan: Plan = THREE, **other: Any) -> SynthesisEvaluation:
-    def safe(wish: Wish, frames: int) -> Array:
+def measured(motion: Callable[[Wish, int], Float64Array], plan: Plan = THREE, **other: Any) -> SynthesisEvaluation:
+    def safe(wish: Wish, frames: int) -> Float64Array:
         known = {c.clip for c in TEST}
         return motion(wish, frames) if wish.start.clip in known else held(wish, frames)
 

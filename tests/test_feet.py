@@ -9,10 +9,10 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
+from motionlake.arrays import Float64Array
 from motionlake.glogen.trajectories.body import STANDARD, measured_length
 from motionlake.glogen.trajectories.feet import BLEND, CLEAR, FAST, bent, planted
 from motionlake.glogen.trajectories.motion import FPS, body_motion, resampled
-from motionlake.motion.clip import FloatArray
 from motionlake.motion.skeleton import INDEX, PARENTS
 
 from tests.lakes import canonical_clips
@@ -36,7 +36,7 @@ def standing(frames: int) -> np.ndarray:
 
 
 def bones(joints: np.ndarray) -> np.ndarray:
-    lengths: FloatArray = np.linalg.norm(joints[:, 1:] - joints[:, list(PARENTS[1:])], axis=2)
+    lengths: Float64Array = np.linalg.norm(joints[:, 1:] - joints[:, list(PARENTS[1:])], axis=2)
     return lengths
 
 

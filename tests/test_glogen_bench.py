@@ -6,10 +6,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import pytest
+from motionlake.arrays import Float32Array
 from motionlake.evaluation.measures.synthesis_errors import MILLISECONDS
 from motionlake.glogen.trajectories.motion import FPS, BodyMotion, body_motion, interpolated
 from motionlake.glogen.trajectories.sparse import JOINT_COLUMNS
-from motionlake.motion.features import Float32Array
 from motionlake.motion.skeleton import INDEX
 from numpy.typing import NDArray
 

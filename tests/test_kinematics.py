@@ -9,9 +9,10 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from motionlake.arrays import Float64Array
 from motionlake.errors import ClipError
 from motionlake.motion import rotations as rot
-from motionlake.motion.clip import ChannelKind, FloatArray, Hierarchy, SourceClip
+from motionlake.motion.clip import ChannelKind, Hierarchy, SourceClip
 from motionlake.motion.kinematics import solve
 from scipy.spatial.transform import Rotation
 
@@ -20,18 +21,20 @@ angles = arrays(float, (5, 3), elements=st.floats(-400, 400).map(lambda a: round
 vectors = arrays(float, (5, 3), elements=st.floats(-10, 10).map(lambda a: round(a, 3)))
 
 
-def scipy_of(q: FloatArray) -> Rotation:
+def scipy_of(q: Float64Array) -> Rotation:
     return Rotation.from_quat(q, scalar_first=True)
 
 
-def assert_same_rotation(q: FloatArray, expected: Rotation, atol: float = 1e-10) -> None:
+def assert_same_rotation(q: Float64Array, expected: Rotation, atol: float = 1e-10) -> None:
     np.testing.assert_allclose(np.linalg.norm(q, axis=-1), 1, atol=1e-12)
     np.testing.assert_allclose((scipy_of(q).inv() * expected).magnitude(), 0, atol=atol)
 
 
 @settings(max_examples=60, deadline=None)
 @given(angles, angles, vectors, st.sampled_from(ORDERS), st.booleans())
-def test_quaternions_agree_with_scipy(a: FloatArray, b: FloatArray, v: FloatArray, order: str, fixed: bool) -> None:
+def test_quaternions_agree_with_scipy(
+    a: Float64Array, b: Float64Array, v: Float64Array, order: str, fixed: bool
+) -> None:
     expected = Rotation.from_euler(order.lower() if fixed else order, a, degrees=True)
     other = Rotation.from_euler("ZYX", b, degrees=True)
     q, p = rot.from_euler(a, order, fixed), rot.from_euler(b, "ZYX")
@@ -48,7 +51,7 @@ def test_quaternions_agree_with_scipy(a: FloatArray, b: FloatArray, v: FloatArra
 @given(angles, st.sampled_from(ORDERS))
 @example(np.array([[10.0, 90, 20], [10, -90, 20], [10, 0, 20], [10, 180, 20], [0, 0, 0]]), "ZYX")
 @example(np.array([[10.0, 90, 20], [10, -90, 20], [10, 0, 20], [10, 180, 20], [0, 0, 0]]), "XYX")
-def test_euler_angles_of_any_order_give_the_rotation_back(a: FloatArray, order: str) -> None:
+def test_euler_angles_of_any_order_give_the_rotation_back(a: Float64Array, order: str) -> None:
     expected = Rotation.from_euler(order, a, degrees=True)
     back = rot.to_euler(rot.from_euler(a, order), order)
     low, high = (0, 180) if order[0] == order[2] else (-90, 90)
@@ -62,7 +65,7 @@ def test_euler_angles_of_any_order_give_the_rotation_back(a: FloatArray, order: 
 @given(vectors, vectors)
 @example(np.eye(3)[[0, 1, 2, 0, 1]], -np.eye(3)[[0, 1, 2, 0, 1]])
 @example(np.ones((5, 3)), -np.ones((5, 3)) * [1, 1, 1 + 1e-9])
-def test_swing_turns_one_direction_into_the_other_the_short_way(u: FloatArray, v: FloatArray) -> None:
+def test_swing_turns_one_direction_into_the_other_the_short_way(u: Float64Array, v: Float64Array) -> None:
     keep = (np.linalg.norm(u, axis=1) > 0) & (np.linalg.norm(v, axis=1) > 0)
     u, v = rot.normalise(u[keep]), rot.normalise(v[keep])
     q = rot.swing(u, v)
@@ -72,19 +75,19 @@ def test_swing_turns_one_direction_into_the_other_the_short_way(u: FloatArray, v
     np.testing.assert_allclose(scipy_of(q).magnitude(), shortest, atol=1e-6)
 
 
-def hierarchy(kind: ChannelKind, channels: list[tuple[str, ...]], axes: FloatArray, fixed: bool) -> Hierarchy:
+def hierarchy(kind: ChannelKind, channels: list[tuple[str, ...]], axes: Float64Array, fixed: bool) -> Hierarchy:
     """A root, a chain of two below it and a branch."""
     offsets = np.array([[0.5, 1, 2], [0, 3, 0], [1, 0, 0.5], [-2, 1, 0]])
     return Hierarchy(("a", "b", "c", "d"), (-1, 0, 1, 0), offsets, tuple(channels), kind, axes, fixed)
 
 
-def plain_kinematics(clip: SourceClip) -> tuple[FloatArray, FloatArray]:
+def plain_kinematics(clip: SourceClip) -> tuple[Float64Array, Float64Array]:
     """Positions [F, J, 3] and world rotations as matrices [F, J, 3, 3], straight from the definition."""
     tree = clip.hierarchy
     positions, world = [], []
     for row in clip.channels:
         values = dict(zip(tree.channel_names, row, strict=True))
-        at: list[FloatArray] = []
+        at: list[Float64Array] = []
         turned: list[Rotation] = []
         for j, name in enumerate(tree.joints):
             turn = Rotation.identity()
@@ -129,7 +132,7 @@ def assert_solved(clip: SourceClip) -> None:
     st.booleans(),
     st.sampled_from(ORDERS),
 )
-def test_euler_channels_of_any_order(values: FloatArray, fixed: bool, axes: bool, order: str) -> None:
+def test_euler_channels_of_any_order(values: Float64Array, fixed: bool, axes: bool, order: str) -> None:
     turns = tuple(f"{letter}rotation" for letter in order)[: 3 if len(set(order)) == 3 else 2]
     layout = [
         ("Xposition", "Yposition", "Zposition", *turns),
@@ -144,7 +147,7 @@ def test_euler_channels_of_any_order(values: FloatArray, fixed: bool, axes: bool
 
 @settings(max_examples=40, deadline=None)
 @given(arrays(float, (4, 16), elements=st.floats(-3, 3).map(lambda a: round(a, 2))))
-def test_quaternion_channels_need_not_be_of_length_one(values: FloatArray) -> None:
+def test_quaternion_channels_need_not_be_of_length_one(values: Float64Array) -> None:
     names = tuple(f"{letter}quaternion" for letter in "WXYZ")
     tree = hierarchy(ChannelKind.QUATERNION, [names] * 4, np.tile(rot.IDENTITY, (4, 1)), False)
     clip = SourceClip(tree, values, 30)

@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from motionlake.arrays import Float64Array
 from motionlake.deep_motifs.emd import emd, ground_distances
 from motionlake.deep_motifs.motion_graph import transitions as kernels
 from motionlake.deep_motifs.motion_graph.blend import (
@@ -42,7 +43,7 @@ from motionlake.deep_motifs.motion_graph.walk import Piece, assemble, random_wal
 from motionlake.deep_motifs.signatures import signature
 from motionlake.errors import UserError
 from motionlake.formats import read_clips
-from motionlake.motion.clip import FloatArray, SourceClip
+from motionlake.motion.clip import SourceClip
 from motionlake.motion.kinematics import solve
 from motionlake.motion.rotations import angle, from_axis_angle, multiply, rotate
 from scipy.optimize import minimize_scalar
@@ -54,7 +55,7 @@ CONFIG = TransitionsConfig()
 AXES = {"x": (1.0, 0, 0), "y": (0, 1.0, 0), "z": (0, 0, 1.0), "-y": (0, -1.0, 0), "-z": (0, 0, -1.0)}
 
 
-def wandering(frames: int, seed: int) -> FloatArray:
+def wandering(frames: int, seed: int) -> Float64Array:
     """[frames, 21, 3] a body whose joints sway slowly and which walks about and turns."""
     random = np.random.default_rng(seed)
     time = np.arange(frames)[:, None, None] / 24
@@ -65,7 +66,7 @@ def wandering(frames: int, seed: int) -> FloatArray:
     return rotate(turn[:, None], rest + sway) + path
 
 
-def naive_distance(a: FloatArray, b: FloatArray) -> float:
+def naive_distance(a: Float64Array, b: Float64Array) -> float:
     """Of two windows [k, 21, 3]: the least root mean square over turns, each with its best shift."""
     a, b = a[:, list(JOINTS)].reshape(-1, 3), b[:, list(JOINTS)].reshape(-1, 3)
 
@@ -92,11 +93,11 @@ def test_window_distance_is_the_least_over_turns_and_shifts(seed: int) -> None:
     np.testing.assert_allclose(np.sqrt(squares[rows, rows + 1]), expected, rtol=1e-4)
 
 
-def windows_of(clips: list[FloatArray]) -> kernels.Windowed:
+def windows_of(clips: list[Float64Array]) -> kernels.Windowed:
     return kernels.windowed(clips, [max(1, (len(c) - 16) // 4 + 1) for c in clips], 4, 8)
 
 
-def naive_candidates(a: list[FloatArray], b: list[FloatArray], agree: Any, *, same: bool) -> set[tuple[int, ...]]:
+def naive_candidates(a: list[Float64Array], b: list[Float64Array], agree: Any, *, same: bool) -> set[tuple[int, ...]]:
     """(clip, frame, clip, frame) of every local minimum, by looking at every neighbour."""
     found: set[tuple[int, ...]] = set()
     for i, first in enumerate(a):
@@ -329,7 +330,7 @@ def test_resampled_poses_pass_through_the_recorded_ones() -> None:
     assert (steps(double).metres <= steps(poses).metres + 1e-9).all()
 
 
-def looping(cycles: int, seed: int) -> FloatArray:
+def looping(cycles: int, seed: int) -> Float64Array:
     """A DeepMimic motion that does the same thing again and again, now slower and now faster."""
     random = np.random.default_rng(seed)
     parts = [deepmimic_frames(int(n)) for n in random.integers(18, 70, cycles)]
@@ -412,7 +413,7 @@ def test_composed_motions_come_from_their_sources(graph_lake: Path, tmp_path: Pa
     assert report["jump"] <= 1
 
 
-def largest_steps(positions: FloatArray) -> FloatArray:
+def largest_steps(positions: Float64Array) -> Float64Array:
     return np.asarray(np.linalg.norm(np.diff(positions, axis=0), axis=-1).max(axis=0))
 
 

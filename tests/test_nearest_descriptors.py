@@ -11,30 +11,29 @@ import torch
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from motionlake.arrays import Float32Array
 from motionlake.deephums.descriptors.nearest import DescriptorScan, Neighbours, nearest
 from motionlake.deephums.descriptors.quick import QuickIndex
-from numpy.typing import NDArray
 
-Rows = NDArray[np.float32]
-Search = Callable[[Rows, Rows, int], Neighbours]
+Search = Callable[[Float32Array, Float32Array, int], Neighbours]
 
 
-def by_scan(rows: Rows, query: Rows, k: int) -> Neighbours:
+def by_scan(rows: Float32Array, query: Float32Array, k: int) -> Neighbours:
     return nearest(query, rows, k)
 
 
-def by_quick_index(rows: Rows, query: Rows, k: int) -> Neighbours:
+def by_quick_index(rows: Float32Array, query: Float32Array, k: int) -> Neighbours:
     return QuickIndex.build(rows).nearest(query, k)
 
 
-def by_blocks(rows: Rows, query: Rows, k: int) -> Neighbours:
+def by_blocks(rows: Float32Array, query: Float32Array, k: int) -> Neighbours:
     return QuickIndex.build(rows, cuts=(1, 3)).nearest(query, k)
 
 
 SEARCHES = pytest.mark.parametrize("search", [by_scan, by_quick_index, by_blocks])
 
 
-def naive(rows: Rows, query: Rows, k: int) -> list[tuple[float, int]]:
+def naive(rows: Float32Array, query: Float32Array, k: int) -> list[tuple[float, int]]:
     """(squared distance, index) of the k nearest; exact where values are small integers."""
     found = [
         (sum((float(a) - float(b)) ** 2 for a, b in zip(row, query, strict=True)), i) for i, row in enumerate(rows)
@@ -45,7 +44,7 @@ def naive(rows: Rows, query: Rows, k: int) -> list[tuple[float, int]]:
 SIZES = st.tuples(st.integers(-(2**20), 2**20), st.integers(-30, 20)).map(lambda v: float(v[0] * 2.0 ** v[1]))
 
 
-def integers(n: st.SearchStrategy[int], d: int) -> st.SearchStrategy[Rows]:
+def integers(n: st.SearchStrategy[int], d: int) -> st.SearchStrategy[Float32Array]:
     return n.flatmap(lambda count: arrays(np.float32, (count, d), elements=st.integers(-3, 3).map(float)))
 
 
@@ -54,7 +53,7 @@ def integers(n: st.SearchStrategy[int], d: int) -> st.SearchStrategy[Rows]:
 @given(rows=integers(st.integers(0, 90), 5), query=integers(st.just(1), 5), k=st.integers(1, 100))
 @example(rows=np.zeros((80, 5), np.float32), query=np.zeros((1, 5), np.float32), k=3)
 @example(rows=np.zeros((0, 5), np.float32), query=np.ones((1, 5), np.float32), k=3)
-def test_ties_duplicates_zeros_and_any_k(search: Search, rows: Rows, query: Rows, k: int) -> None:
+def test_ties_duplicates_zeros_and_any_k(search: Search, rows: Float32Array, query: Float32Array, k: int) -> None:
     expected = naive(rows, query[0], k)
     found = search(rows, query, k)
     assert found.indices.shape == (1, min(k, len(rows)))
@@ -68,7 +67,7 @@ def test_ties_duplicates_zeros_and_any_k(search: Search, rows: Rows, query: Rows
     query=arrays(np.float32, (1, 4), elements=SIZES),
     scale=st.sampled_from([1.0, 1e-25, 1e-40]),
 )
-def test_both_ways_agree_on_any_numbers(rows: Rows, query: Rows, scale: float) -> None:
+def test_both_ways_agree_on_any_numbers(rows: Float32Array, query: Float32Array, scale: float) -> None:
     """Values of very different size, where rounding is worst, denormal ones among them."""
     rows, query = (rows * np.float32(scale)).astype(np.float32), (query * np.float32(scale)).astype(np.float32)
     scan = by_scan(rows, query, 5)
@@ -80,12 +79,12 @@ def test_both_ways_agree_on_any_numbers(rows: Rows, query: Rows, scale: float) -
         np.testing.assert_array_equal(found.distances, scan.distances)
 
 
-def clustered(count: int, rng: np.random.Generator, spread: float) -> Rows:
+def clustered(count: int, rng: np.random.Generator, spread: float) -> Float32Array:
     """Unit vectors of 512 values about 12 centres in 20 dimensions; many are almost alike."""
     centres = rng.standard_normal((12, 20))[rng.integers(0, 12, count)]
     found = (centres + spread * rng.standard_normal((count, 20))) @ rng.standard_normal((20, 512))
     found += 0.01 * rng.standard_normal((count, 512))
-    unit: Rows = (found / np.linalg.norm(found, axis=1, keepdims=True)).astype(np.float32)
+    unit: Float32Array = (found / np.linalg.norm(found, axis=1, keepdims=True)).astype(np.float32)
     return unit
 
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from motionlake.arrays import Float64Array
 from motionlake.deep_motifs.emd import (
     SignatureIndex,
     emd,
@@ -24,8 +25,6 @@ from motionlake.retrieval.search import similar_to_signature
 from numpy.typing import NDArray
 
 from tests.lakes import query
-
-Float64Array = NDArray[np.float64]
 
 
 def some_signatures(n: int, k: int, seed: int) -> Float64Array:

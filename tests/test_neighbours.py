@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
-from motionlake.deep_motifs.words.dtw import LANES, Index, word_distances
+from motionlake.arrays import Float32Array, Int64Array
+from motionlake.deep_motifs.words.dtw import LANES, word_distances
 from motionlake.deep_motifs.words.listed_dtw import listed_distances
 from motionlake.deep_motifs.words.lower_bounds import WordBounds, survivors
 from motionlake.deep_motifs.words.neighbours import (
@@ -29,7 +30,7 @@ from motionlake.lake.config import load_config
 from motionlake.lake.layout import Lake
 from motionlake.motion.canonicalise import canonicalise
 from motionlake.motion.dtw import Metric
-from motionlake.motion.features import Float32Array, WordConfig, word_features
+from motionlake.motion.features import WordConfig, word_features
 from motionlake.motion.kinematics import solve
 from motionlake.motion.rigs import identify, load_rigs
 from motionlake.stages import words as words_stage
@@ -53,7 +54,7 @@ def naive_distances(words: Float32Array) -> np.ndarray:
     return np.array([[naive_align(np.array(pair), True) for pair in row] for row in frames])
 
 
-def naive_nearest(distances: np.ndarray, groups: Index, apart: int, k: int) -> np.ndarray:
+def naive_nearest(distances: np.ndarray, groups: Int64Array, apart: int, k: int) -> np.ndarray:
     """[n, k] distances of the nearest words, infinite where there are too few."""
     allowed = np.where(np.abs(groups[:, None] - groups) >= apart, distances, np.inf)
     padded = np.concatenate([allowed, np.full((len(allowed), k), np.inf)], axis=1)
@@ -196,7 +197,7 @@ def test_a_saved_corpus_answers_as_before(tmp_path: Path) -> None:
     np.testing.assert_array_equal(one.distances, two.distances)
 
 
-def lake_words(lake: Path) -> tuple[WordSet, Index, list[str]]:
+def lake_words(lake: Path) -> tuple[WordSet, Int64Array, list[str]]:
     """The words of a lake, the clip each is of, and the clips."""
     root = Lake(lake)
     config = load_config(root.config_file).words
@@ -208,7 +209,7 @@ def lake_words(lake: Path) -> tuple[WordSet, Index, list[str]]:
     return words, owners, clips
 
 
-def recorded_words(recordings: Path, clips: int) -> tuple[WordSet, Index]:
+def recorded_words(recordings: Path, clips: int) -> tuple[WordSet, Int64Array]:
     """Words of stride 1 of the first clips of bandai1, and the clip each is of."""
     rigs, config = load_rigs(), WordConfig(stride=1)
     features = []

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from motionlake.arrays import Float64Array
 from motionlake.errors import ClipError
 from motionlake.formats.ntu_skeleton import JOINTS, READER
 from motionlake.motion.canonicalise import canonicalise
@@ -15,7 +16,7 @@ from motionlake.motion.clip import ChannelKind, SourceClip
 from motionlake.motion.kinematics import solve
 from motionlake.motion.rigs import load_rigs
 
-from tests.samples import FloatArray, kinect_2_from_1, ntu_text, swinging_body
+from tests.samples import kinect_2_from_1, ntu_text, swinging_body
 
 FIRST_ID, SECOND_ID = "72057594037944738", "72057594037944739"
 FLOAT32_DIGITS = 1e-6
@@ -25,14 +26,14 @@ def read(text: str) -> list[SourceClip]:
     return READER.read(text.encode(), Path("S001C001P001R001A001.skeleton"))
 
 
-def in_file_order(clip: SourceClip) -> FloatArray:
+def in_file_order(clip: SourceClip) -> Float64Array:
     """[F, 25, 3] in the order in which an NTU file lists the joints."""
     order = [clip.hierarchy.joints.index(joint) for joint in JOINTS]
     return clip.channels.reshape(len(clip.channels), -1, 3)[:, order]
 
 
 @pytest.fixture(scope="module")
-def people(recordings: Path) -> tuple[FloatArray, FloatArray]:
+def people(recordings: Path) -> tuple[Float64Array, Float64Array]:
     """Two real people, [F, 25, 3] each."""
     clips = recordings / "utd_mhad" / "clips"
     motions = []
@@ -44,7 +45,7 @@ def people(recordings: Path) -> tuple[FloatArray, FloatArray]:
 
 @pytest.mark.recordings
 @pytest.mark.parametrize("newline", ["\n", "\r\n"])
-def test_every_body_becomes_a_clip(people: tuple[FloatArray, FloatArray], newline: str) -> None:
+def test_every_body_becomes_a_clip(people: tuple[Float64Array, Float64Array], newline: str) -> None:
     one, two = people
     clips = read(ntu_text([(FIRST_ID, 0, one), (SECOND_ID, 7, two)], newline=newline))
     assert [clip.body for clip in clips] == ["1", "2"]
@@ -64,7 +65,7 @@ def test_every_body_becomes_a_clip(people: tuple[FloatArray, FloatArray], newlin
 
 
 @pytest.mark.recordings
-def test_gaps_are_interpolated_in_time(people: tuple[FloatArray, FloatArray]) -> None:
+def test_gaps_are_interpolated_in_time(people: tuple[Float64Array, Float64Array]) -> None:
     one, two = people[0].copy(), people[1]
     one[20:23, 5] = 0.0
     one[30, 7] = np.nan

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from motionlake.motion.features import Float32Array
+from motionlake.arrays import Float32Array
 from motionlake.pesta.postures.config import KINDS, DictionaryKind, PosturesConfig
 from motionlake.pesta.postures.dictionary import PostureDictionary, load_dictionary
 from motionlake.pesta.postures.fitting import fit_dictionary, grid, sample_postures, self_organising_map

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from motionlake.arrays import Float64Array
 from motionlake.evaluation.measures.retrieval import average_precision, leave_one_out
-from motionlake.motion.clip import FloatArray
 
 
 def on_a_line(places: list[float]) -> np.ndarray:
     x = np.array(places)
-    apart: FloatArray = np.abs(x[:, None] - x[None])
+    apart: Float64Array = np.abs(x[:, None] - x[None])
     return apart
 
 

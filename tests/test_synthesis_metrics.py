@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from motionlake.arrays import Float64Array
 from motionlake.evaluation.measures.synthesis_errors import (
     body_poses,
     errors_at,
@@ -34,23 +35,21 @@ from motionlake.evaluation.measures.synthesis_movement import (
 from motionlake.motion.dtw import clip_dtw
 from motionlake.motion.features import body_length
 from motionlake.motion.skeleton import INDEX, JOINTS, facing
-from numpy.typing import NDArray
 from scipy.linalg import sqrtm
 
 from tests.test_pictures import standing
 
-Array = NDArray[np.float64]
 FPS = 30.0
 
 
-def moving(seconds: float, speed: float, fps: float = FPS) -> Array:
+def moving(seconds: float, speed: float, fps: float = FPS) -> Float64Array:
     """A stiff body that glides along +z."""
     body = standing(round(seconds * fps))
     body[..., 2] += speed * np.arange(len(body))[:, None] / fps
     return body
 
 
-def turned(positions: Array, yaw: Array) -> Array:
+def turned(positions: Float64Array, yaw: Float64Array) -> Float64Array:
     cos, sin = np.cos(yaw)[:, None], np.sin(yaw)[:, None]
     x, y, z = positions[..., 0], positions[..., 1], positions[..., 2]
     return np.stack([cos * x + sin * z, y, cos * z - sin * x], axis=-1)
@@ -126,7 +125,7 @@ def test_sparse_poses_forget_timing_and_size() -> None:
     assert steps.std() < 0.05 * steps.mean()
 
 
-def naive_sliding(positions: Array, fps: float) -> tuple[float, float]:
+def naive_sliding(positions: Float64Array, fps: float) -> tuple[float, float]:
     height = LOW * body_length(positions)
     slides, near = [], []
     for kind in ("ankle", "toe"):

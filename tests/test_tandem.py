@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from motionlake.arrays import Int32Array
 from motionlake.pesta.symbols.alphabet import ranks
 from motionlake.pesta.symbols.repetitions import by_period, by_suffixes, maximal_repetitions, suffix_order
 from motionlake.pesta.symbols.squares import square_free
 from motionlake.pesta.symbols.tandem import reduce_repeats, without_repetitions
 from numpy.typing import NDArray
 
-Ints = NDArray[np.int32]
 words = st.integers(2, 4).flatmap(lambda m: st.lists(st.integers(0, m - 1), max_size=60))
 
 
@@ -62,22 +62,22 @@ def kept_text(text: str) -> str:
     return "".join(text[k] for k in reduce_repeats(np.array([ord(c) for c in text], dtype=np.int32)))
 
 
-def fibonacci(n: int) -> Ints:
+def fibonacci(n: int) -> Int32Array:
     short, long = "a", "ab"
     while len(long) < n:
         short, long = long, long + short
     return np.frombuffer(long[:n].encode(), np.uint8).astype(np.int32) - ord("a")
 
 
-def thue_morse(n: int) -> Ints:
+def thue_morse(n: int) -> Int32Array:
     return np.array([bin(k).count("1") & 1 for k in range(n)], dtype=np.int32)
 
 
-def square_free_ternary(n: int) -> Ints:
+def square_free_ternary(n: int) -> Int32Array:
     return np.diff(thue_morse(n + 1)) + np.int32(1)
 
 
-def run_rich(n: int) -> Ints:
+def run_rich(n: int) -> Int32Array:
     """The strings of Matsubara et al. (2008), among those with the most repetitions known."""
     earlier = ["0110101101001011010", "110101101001"]
     while len(earlier[-1]) < n:
@@ -86,7 +86,7 @@ def run_rich(n: int) -> Ints:
     return np.frombuffer(earlier[-1][:n].encode(), np.uint8).astype(np.int32) - ord("0")
 
 
-def copied(n: int, m: int) -> Ints:
+def copied(n: int, m: int) -> Int32Array:
     """Pieces of a random string one after another, each repeated up to five times."""
     rng = np.random.default_rng(m)
     source = rng.integers(0, m, n // 8)
@@ -98,7 +98,7 @@ def copied(n: int, m: int) -> Ints:
     return np.concatenate(pieces)[:n].astype(np.int32)
 
 
-def uniform(n: int, m: int) -> Ints:
+def uniform(n: int, m: int) -> Int32Array:
     return np.random.default_rng(m).integers(0, m, n).astype(np.int32)
 
 
@@ -181,7 +181,7 @@ def test_nested_and_overlapping_repeats_of_the_docstring(text: str, kept: str) -
     assert kept_text(text) == kept
 
 
-STRINGS: dict[str, Callable[[int], Ints]] = {
+STRINGS: dict[str, Callable[[int], Int32Array]] = {
     "random, 4": lambda n: uniform(n, 4),
     "random, 400": lambda n: uniform(n, 400),
     "periodic": lambda n: np.tile(uniform(7, 400), n // 7),

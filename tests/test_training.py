@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from motionlake.arrays import Float32Array, Float64Array
 from motionlake.deep_motifs.words.config import NetworkConfig
 from motionlake.deep_motifs.words.dtw import word_distances
 from motionlake.deep_motifs.words.linear import LinearConfig, linear_embedding, nearest_elsewhere
@@ -15,7 +16,7 @@ from motionlake.deep_motifs.words.training import Recipe, train_words
 from motionlake.deep_motifs.words.triplets import TripletConfig, time_reversed, time_warped, training_words
 from motionlake.deep_motifs.words.windows import word_windows
 from motionlake.motion.dtw import frame_distances
-from motionlake.motion.features import Float32Array, Float64Array, WordConfig, word_features
+from motionlake.motion.features import WordConfig, word_features
 from safetensors.numpy import save_file
 from threadpoolctl import threadpool_limits
 

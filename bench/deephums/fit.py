@@ -8,7 +8,7 @@ from typing import cast
 
 import numpy as np
 import torch
-from motionlake.motion.features import Float32Array
+from motionlake.arrays import Float32Array
 from motionlake.threads import on_threads
 from numpy.typing import NDArray
 from torch import Tensor, nn

@@ -10,6 +10,7 @@ from typing import Final
 
 import numpy as np
 import torch
+from motionlake.arrays import Float32Array, FloatArray
 from motionlake.deephums.descriptors.batches import Augmentation, resampled
 from motionlake.deephums.descriptors.config import DescriptorsConfig
 from motionlake.deephums.descriptors.recipe import recipe_of
@@ -19,7 +20,7 @@ from motionlake.deephums.descriptors.training import TrainingClip, train_descrip
 from motionlake.evaluation.measures.dtw import baseline_features, joint_error
 from motionlake.evaluation.measures.split_retrieval import Questions, first_hits, score_split
 from motionlake.motion.dtw import dtw_cross
-from motionlake.motion.features import Float32Array, body_length
+from motionlake.motion.features import body_length
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
@@ -34,7 +35,6 @@ from bench.units import Found
 
 FRAMES: Final = 64
 SCORES: Final = ("top1", "top10", "map", "pr_area", "error_mm", "recognition", "n")
-Distances = NDArray[np.floating]
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class Unit:
         return f"{self.set_name} {self.method}, seed {self.seed}"
 
 
-def scores(distances: Distances, asked: Split, known: Split) -> Found:
+def scores(distances: FloatArray, asked: Split, known: Split) -> Found:
     """Retrieval scores of distances [q, r], and the error of a joint after DTW between query and first hit."""
     questions = Questions.of(asked.labels, known.labels)
     a, b = (_frames(split) for split in (asked, known))
@@ -72,22 +72,22 @@ def euclidean(asked: Float32Array, known: Float32Array) -> NDArray[np.float64]:
 # Methods without training
 
 
-def by_dtw(asked: Split, known: Split) -> Distances:
+def by_dtw(asked: Split, known: Split) -> FloatArray:
     return dtw_cross(_frames(asked), _frames(known))
 
 
-def by_moves(asked: Split, known: Split) -> Distances:
+def by_moves(asked: Split, known: Split) -> FloatArray:
     """The distances that self-supervised training looks at, as a method of its own."""
     both = alignment_distances([*asked.sequences, *known.sequences])
     return both[: len(asked.clips), len(asked.clips) :]
 
 
-def by_joints(asked: Split, known: Split) -> Distances:
+def by_joints(asked: Split, known: Split) -> FloatArray:
     """Joints at 32 instants: the shallow floor of a descriptor."""
     return euclidean(*(np.stack([resampled(s, 32).ravel() for s in split.sequences]) for split in (asked, known)))
 
 
-def by_motion(asked: Split, known: Split) -> Distances:
+def by_motion(asked: Split, known: Split) -> FloatArray:
     """Motion fields and distances (equations 3.3 and 3.4) themselves."""
 
     def rows(split: Split) -> Float32Array:
@@ -97,7 +97,7 @@ def by_motion(asked: Split, known: Split) -> Distances:
     return euclidean(rows(asked), rows(known))
 
 
-UNTRAINED: Final[Mapping[str, Callable[[Split, Split], Distances]]] = {
+UNTRAINED: Final[Mapping[str, Callable[[Split, Split], FloatArray]]] = {
     "whole-clip DTW": by_dtw,
     "DTW of normalised moves": by_moves,
     "joints at 32 instants": by_joints,
@@ -180,7 +180,7 @@ def descriptor(unit: Unit, asked: Split, known: Split) -> dict[str, Found]:
     return rows
 
 
-def _apart(model: TrainedDescriptor, asked: Split, known: Split) -> Distances:
+def _apart(model: TrainedDescriptor, asked: Split, known: Split) -> FloatArray:
     return euclidean(model.embed(asked.sequences), model.embed(known.sequences))
 
 

@@ -7,8 +7,8 @@ from functools import cache
 from typing import Final
 
 import numpy as np
+from motionlake.arrays import Float32Array
 from motionlake.deephums.descriptors.sequence import clip_sequence
-from motionlake.motion.features import Float32Array
 from numpy.typing import NDArray
 
 from bench.canonical_sets import LabelledClip, load

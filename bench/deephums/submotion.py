@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
+from motionlake.arrays import Float32Array, Int64Array
 from motionlake.deephums.descriptors.config import DescriptorsConfig
 from motionlake.deephums.descriptors.sequence import clip_sequence
 from motionlake.deephums.descriptors.training import TrainingClip, train_descriptor
@@ -21,7 +22,7 @@ from motionlake.deephums.submotions.config import SubmotionConfig
 from motionlake.deephums.submotions.encoder import train_submotion
 from motionlake.deephums.submotions.pieces import piece_windows
 from motionlake.deephums.submotions.trained import TrainedSubmotion
-from motionlake.motion.features import Float32Array, WordConfig, word_features
+from motionlake.motion.features import WordConfig, word_features
 from motionlake.retrieval.submotion_search import Piece, piece_of, place
 from numpy.typing import NDArray
 
@@ -35,7 +36,6 @@ SHARES: Final = (0.25, 0.6)
 WORDS: Final = WordConfig()
 SCORES: Final = ("top1", "top5", "iou_source", "iou_hits", "iou_constant", "n")
 GUESSES: Final = np.linspace(0, 1, 51)
-Ranges = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class Pieces:
     """One piece of each of n clips, and the frames [n, 2] of its clip that it was cut from."""
 
     pieces: list[Piece]
-    ranges: Ranges
+    ranges: Int64Array
 
 
 def cut(clips: Sequence[LabelledClip], seed: int) -> Pieces:
@@ -59,7 +59,7 @@ def cut(clips: Sequence[LabelledClip], seed: int) -> Pieces:
     return Pieces(pieces, np.array(ranges, dtype=np.int64))
 
 
-def overlaps(found: NDArray[np.floating] | Ranges, true: Ranges) -> NDArray[np.float64]:
+def overlaps(found: NDArray[np.floating] | Int64Array, true: Int64Array) -> NDArray[np.float64]:
     """[n] intersection over union of ranges [n, 2]."""
     both = np.minimum(found[:, 1], true[:, 1]) - np.maximum(found[:, 0], true[:, 0])
     either = np.maximum(found[:, 1], true[:, 1]) - np.minimum(found[:, 0], true[:, 0])
@@ -67,7 +67,7 @@ def overlaps(found: NDArray[np.floating] | Ranges, true: Ranges) -> NDArray[np.f
     return shares
 
 
-def best_guess(true: Ranges, frames: NDArray[np.int64]) -> tuple[float, float]:
+def best_guess(true: Int64Array, frames: NDArray[np.int64]) -> tuple[float, float]:
     """The range, as shares of a clip, whose mean overlap with ranges [n, 2] of clips of so many frames is greatest."""
     every = [(a, b) for a in GUESSES for b in GUESSES if a < b]
     scores = [overlaps(np.outer(frames, guess), true).mean() for guess in every]
@@ -75,7 +75,7 @@ def best_guess(true: Ranges, frames: NDArray[np.int64]) -> tuple[float, float]:
     return float(start), float(stop)
 
 
-def locate(pieces: Sequence[Piece], clips: Sequence[LabelledClip]) -> Ranges:
+def locate(pieces: Sequence[Piece], clips: Sequence[LabelledClip]) -> Int64Array:
     """[n, 2] frames of each clip that its piece aligns with best."""
     found = []
     for piece, clip in zip(pieces, clips, strict=True):

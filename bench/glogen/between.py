@@ -6,12 +6,12 @@ from collections.abc import Callable, Mapping
 from typing import Final
 
 import numpy as np
+from motionlake.arrays import Float64Array
 from motionlake.glogen.generator.generator import TrainedGenerator
 from motionlake.glogen.locgen.dense import dense_motions
 from motionlake.glogen.locgen.interpolation import interpolated_motion
 from motionlake.glogen.trajectories.motion import FPS, interpolated
 from motionlake.glogen.trajectories.sparse import HEIGHT, JOINT_COLUMNS, Piece
-from motionlake.motion.clip import FloatArray
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
@@ -20,23 +20,23 @@ from bench.glogen.folds import Measures, Unit, generator_of, parted
 from bench.glogen.material import frames_of
 
 
-def straight(rows: FloatArray, times: FloatArray, at: FloatArray) -> FloatArray:
+def straight(rows: Float64Array, times: Float64Array, at: Float64Array) -> Float64Array:
     """[T, 60] joints on straight lines between sparse poses [n, 65] (equation 4.3)."""
     return interpolated(rows[:, JOINT_COLUMNS], np.interp(at, times, np.arange(len(times))))
 
 
-def cubic(rows: FloatArray, times: FloatArray, at: FloatArray) -> FloatArray:
+def cubic(rows: Float64Array, times: Float64Array, at: Float64Array) -> Float64Array:
     """[T, 60] on cubic splines."""
-    joints: FloatArray = CubicSpline(times, rows[:, JOINT_COLUMNS])(at)
+    joints: Float64Array = CubicSpline(times, rows[:, JOINT_COLUMNS])(at)
     return joints
 
 
-def shaped(rows: FloatArray, times: FloatArray, at: FloatArray) -> FloatArray:
+def shaped(rows: Float64Array, times: Float64Array, at: Float64Array) -> Float64Array:
     """[T, 60] on cubics that do not overshoot, from which LocGen starts."""
     return interpolated_motion(rows, times, at)[:, JOINT_COLUMNS]
 
 
-CURVES: Final[Mapping[str, Callable[[FloatArray, FloatArray, FloatArray], FloatArray]]] = {
+CURVES: Final[Mapping[str, Callable[[Float64Array, Float64Array, Float64Array], Float64Array]]] = {
     "straight lines": straight,
     "cubics": cubic,
     "cubics that do not overshoot": shaped,
@@ -57,16 +57,16 @@ def measure(unit: Unit) -> dict[str, Measures]:
     }
 
 
-def _times(piece: Piece) -> FloatArray:
+def _times(piece: Piece) -> Float64Array:
     return piece.sparse.places / FPS
 
 
-def _asked(piece: Piece) -> FloatArray:
+def _asked(piece: Piece) -> Float64Array:
     """Seconds of the frames after the first one, where the first sparse pose is."""
     return np.arange(1, len(piece.motion)) / FPS
 
 
-def _by_locgen(generator: TrainedGenerator, piece: Piece) -> FloatArray:
+def _by_locgen(generator: TrainedGenerator, piece: Piece) -> Float64Array:
     (motion,) = dense_motions(generator.locgen, [piece.sparse.rows], [_times(piece)], len(piece.motion) - 1)
     return motion.joints.reshape(-1, HEIGHT)
 

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+from motionlake.arrays import Float32Array, Float64Array
 from motionlake.evaluation.measures.synthesis_errors import MILLISECONDS
 from motionlake.glogen.generator.config import SynthesisConfig
 from motionlake.glogen.generator.course import Course, go_on
@@ -17,8 +18,6 @@ from motionlake.glogen.locgen.dense import dense_motions
 from motionlake.glogen.locgen.lead_in import led_in, state_at
 from motionlake.glogen.trajectories.motion import FPS, BodyMotion, interpolated
 from motionlake.glogen.trajectories.sparse import PIECE, SPARSE, Piece, even_motion, ranges
-from motionlake.motion.clip import FloatArray
-from motionlake.motion.features import Float32Array
 from numpy.typing import NDArray
 
 from bench.glogen.folds import generator_without, parted
@@ -158,7 +157,7 @@ def continued(
     return [led_in(motion, _ahead(generator, p, t)) for motion, p, t in zip(made, pieces, targets, strict=True)]
 
 
-def _ahead(generator: TrainedGenerator, piece: Piece, target: int) -> FloatArray | None:
+def _ahead(generator: TrainedGenerator, piece: Piece, target: int) -> Float64Array | None:
     place = piece.sparse.places[SEEDS - 1 : SEEDS]
     return generator.lead.ahead(state_at(piece.motion, place)[0], target) if generator.going[target] else None
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Final
 
+from motionlake.arrays import Float64Array
 from motionlake.evaluation.measures.synthesis_movement import (
     bone_length_drift,
     energy,
@@ -14,7 +15,6 @@ from motionlake.evaluation.measures.synthesis_movement import (
 )
 from motionlake.glogen.generator.wishes import Seed, Wish
 from motionlake.glogen.trajectories.motion import FPS, resampled
-from motionlake.motion.clip import FloatArray
 
 from bench.glogen.folds import Measures, Unit, folds, generator_of, parted
 from bench.glogen.material import Material, material
@@ -42,12 +42,12 @@ def _wish(test: Material, i: int, seed: int) -> Wish:
     return Wish((clip.label,), SECONDS, seed, Seed(clip.name, clip.positions, clip.fps, clip.rest_offsets))
 
 
-def _recorded(chosen: Material) -> list[FloatArray]:
+def _recorded(chosen: Material) -> list[Float64Array]:
     flat = [resampled(c.positions.reshape(len(c.positions), -1), c.fps, FPS) for c in chosen.clips]
     return [rows.reshape(len(rows), -1, 3) for rows in flat]
 
 
-def _described(motions: Sequence[FloatArray]) -> Measures:
+def _described(motions: Sequence[Float64Array]) -> Measures:
     energies, feet = [energy(m, FPS) for m in motions], [foot_sliding(m, FPS) for m in motions]
     return {
         "energy": [e.mean for e in energies], "least": [e.low for e in energies], "most": [e.high for e in energies],

@@ -9,7 +9,7 @@ from types import MappingProxyType
 from typing import Final
 
 import numpy as np
-from motionlake.motion.features import Float32Array
+from motionlake.arrays import Float32Array
 from numpy.typing import NDArray
 
 from bench.glogen.attention import AttentionSeq2Seq

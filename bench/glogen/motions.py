@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from motionlake.motion.features import Float32Array
+from motionlake.arrays import Float32Array
 from numpy.typing import NDArray
 
 Bones = tuple[tuple[int, int], ...]

@@ -10,6 +10,7 @@ from typing import Final
 
 import numpy as np
 import torch
+from motionlake.arrays import Float32Array
 from motionlake.deephums.descriptors.config import DescriptorsConfig
 from motionlake.deephums.descriptors.trained import TrainedDescriptor
 from motionlake.deephums.descriptors.training import TrainingClip, train_descriptor
@@ -19,7 +20,6 @@ from motionlake.glogen.glogen.recipe import SEEDS, GloGenRecipe, glogen_recipe
 from motionlake.glogen.glogen.training import train_glogen, unseen
 from motionlake.glogen.trajectories.sparse import JOINT_COLUMNS, PIECE
 from motionlake.glogen.trajectories.sparse import SPARSE as POSES
-from motionlake.motion.features import Float32Array
 from motionlake.motion.skeleton import COMMON, INDEX
 from numpy.typing import NDArray
 

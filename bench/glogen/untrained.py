@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from motionlake.motion.features import Float32Array
+from motionlake.arrays import Float32Array
 from numpy.typing import NDArray
 
 from bench.glogen.motions import Motions, Pasts, Task, padded, pasts_of

@@ -12,6 +12,7 @@ from functools import cache
 from typing import Final
 
 import numpy as np
+from motionlake.arrays import Float32Array
 from motionlake.deephums.descriptors.config import DescriptorsConfig
 from motionlake.deephums.descriptors.trained import TrainedDescriptor
 from motionlake.deephums.descriptors.training import TrainingClip, train_descriptor
@@ -24,7 +25,6 @@ from motionlake.glogen.glogen.recipe import SEEDS
 from motionlake.glogen.locgen.dense import dense_motions
 from motionlake.glogen.trajectories.motion import interpolated
 from motionlake.glogen.trajectories.sparse import DURATION, PIECE, SPARSE
-from motionlake.motion.features import Float32Array
 from numpy.typing import NDArray
 
 from bench.glogen.baseline import Baseline

@@ -7,8 +7,8 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
+from motionlake.arrays import Float32Array
 from motionlake.deep_motifs.words.linear import linear_embedding
-from motionlake.motion.features import Float32Array
 from motionlake.pesta.postures import config as shipped
 from motionlake.pesta.postures.config import PosturesConfig
 from motionlake.pesta.postures.dictionary import PostureDictionary, load_dictionary

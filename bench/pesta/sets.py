@@ -8,9 +8,10 @@ from functools import cache
 from pathlib import Path
 from typing import Final
 
+from motionlake.arrays import Float32Array
 from motionlake.formats import read_clips
 from motionlake.motion.canonicalise import canonicalise
-from motionlake.motion.features import Float32Array, WordConfig
+from motionlake.motion.features import WordConfig
 from motionlake.motion.kinematics import solve
 from motionlake.motion.rigs import identify, load_rigs
 

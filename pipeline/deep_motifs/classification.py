@@ -12,10 +12,9 @@ from dataclasses import dataclass
 from typing import Final, Literal
 
 import numpy as np
+from motionlake.arrays import Float64Array
 from motionlake.errors import UserError
-from numpy.typing import NDArray
 
-Float64Array = NDArray[np.float64]
 Method = Literal["knn", "one_vs_all"]
 
 # Cost of a margin violation: labels are taken to be right, so it is high.

@@ -11,11 +11,9 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from motionlake.arrays import Float64Array, Int64Array
 from motionlake.errors import UserError
-from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
-
-Float64Array = NDArray[np.float64]
 
 DIMENSIONS: Final = 10
 # The largest number of clusters that "auto" looks at.
@@ -32,7 +30,7 @@ class Clustering:
         silhouette: mean silhouette of the places, from -1 to 1: how well the clusters are apart.
     """
 
-    clusters: NDArray[np.int64]
+    clusters: Int64Array
     places: Float64Array
     silhouette: float
 
@@ -73,7 +71,7 @@ def cluster_clips(distances: Float64Array, k: int | None, *, seed: int = 0, dime
     return Clustering(_by_size(clusters), places, silhouette)
 
 
-def _kmeans(places: Float64Array, k: int, seed: int) -> tuple[NDArray[np.int64], float]:
+def _kmeans(places: Float64Array, k: int, seed: int) -> tuple[Int64Array, float]:
     from sklearn.cluster import KMeans
     from sklearn.exceptions import ConvergenceWarning
     from sklearn.metrics import silhouette_score
@@ -98,7 +96,7 @@ def _classical(distances: Float64Array, dimensions: int) -> Float64Array:
     return np.asarray(vectors * signs * np.sqrt(np.maximum(values[chosen], 0)), dtype=np.float64)
 
 
-def _by_size(clusters: NDArray[np.int64]) -> NDArray[np.int64]:
+def _by_size(clusters: Int64Array) -> Int64Array:
     """Numbers by size, the largest first, equal sizes by their first clip."""
     names, first, counts = np.unique(clusters, return_index=True, return_counts=True)
     order = np.lexsort((first, -counts))

@@ -5,12 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 
-import numpy as np
+from motionlake.arrays import Float32Array, Float64Array, Int32Array, Int64Array
 from motionlake.deep_motifs.emd import ground_distances
 from motionlake.deep_motifs.signatures import window_signatures
-from numpy.typing import NDArray
-
-Float64Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -44,11 +41,11 @@ class Corpus:
     """
 
     clips: list[CorpusClip]
-    offsets: NDArray[np.int64]
-    motifs: NDArray[np.int32]
-    starts: NDArray[np.int64]
-    stops: NDArray[np.int64]
-    centroids: NDArray[np.float32]
+    offsets: Int64Array
+    motifs: Int32Array
+    starts: Int64Array
+    stops: Int64Array
+    centroids: Float32Array
     idf: Float64Array
     strength: Float64Array
     model: str
@@ -67,7 +64,7 @@ class Corpus:
         """Where the words of a clip stand."""
         return slice(int(self.offsets[clip]), int(self.offsets[clip + 1]))
 
-    def windows_of(self, clip: int, n_words: int) -> NDArray[np.float32]:
+    def windows_of(self, clip: int, n_words: int) -> Float32Array:
         """[max(1, w - n_words + 1), K] signatures of a window of `n_words` words sliding over a clip of w.
 
         A clip of fewer words gives one window, the whole of it.

@@ -16,13 +16,11 @@ from functools import lru_cache
 from typing import Final
 
 import numpy as np
+from motionlake.arrays import Float32Array, Float64Array, Int64Array
 from motionlake.deep_motifs.emd import SignatureIndex, emd
-from motionlake.motion.features import Float32Array, WordConfig
+from motionlake.motion.features import WordConfig
 from motionlake.motion.frame_overlap import Track, align, poses
 from motionlake.motion.mirror import mirrored_features
-from numpy.typing import NDArray
-
-Float64Array = NDArray[np.float64]
 
 # Part of the movement that may differ.
 MAX_DISTANCE: Final = 0.1
@@ -51,8 +49,8 @@ class SignedClips:
 
     names: Sequence[str]
     datasets: Sequence[str]
-    signatures: NDArray[np.float32]
-    mirrored: NDArray[np.float32] | None
+    signatures: Float32Array
+    mirrored: Float32Array | None
     ground: Float64Array
 
 
@@ -112,7 +110,7 @@ def find_duplicates(
     return sorted(found.values(), key=lambda d: (d.distance, d.clip, d.other))
 
 
-def _candidates(clips: SignedClips, kept: NDArray[np.int64], across: bool) -> NDArray[np.int64]:
+def _candidates(clips: SignedClips, kept: Int64Array, across: bool) -> Int64Array:
     """[c, 3] (mirrored, i, j), i < j, of the pairs that lower bounds do not put beyond the radius.
 
     In an order in which the clips of neighbouring rows are few.

@@ -11,10 +11,8 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
+from motionlake.arrays import Float32Array, Float64Array, Int32Array, IntArray
 from threadpoolctl import threadpool_limits
-
-Float32Array = NDArray[np.float32]
 
 # Clustering a subsample of this many words costs about 1 % of inertia against clustering 300,000.
 MAX_WORDS: Final = 100_000
@@ -33,7 +31,7 @@ class Motifs:
     """
 
     centroids: Float32Array
-    strength: NDArray[np.float64]
+    strength: Float64Array
 
     @property
     def k(self) -> int:
@@ -75,7 +73,7 @@ def fit_motifs(embeddings: Float32Array, k: int, seed: int) -> Motifs:
     return Motifs(np.ascontiguousarray(centroids[order]), strength[order])
 
 
-def assign(embeddings: Float32Array, motifs: Motifs) -> NDArray[np.int32]:
+def assign(embeddings: Float32Array, motifs: Motifs) -> Int32Array:
     """[n] index of the motif closest to each word of `embeddings` [n, d]; the lowest index where two tie."""
     centroids = motifs.centroids.astype(np.float64)
     half_norms = np.einsum("kd,kd->k", centroids, centroids) / 2
@@ -87,7 +85,7 @@ def assign(embeddings: Float32Array, motifs: Motifs) -> NDArray[np.int32]:
     return labels
 
 
-def _density(words: Float32Array, centroids: Float32Array, labels: NDArray[np.integer]) -> NDArray[np.float64]:
+def _density(words: Float32Array, centroids: Float32Array, labels: IntArray) -> Float64Array:
     squares = np.sum((words.astype(np.float64) - centroids[labels]) ** 2, axis=1)
     counts = np.bincount(labels, minlength=len(centroids))
     common = squares.mean()

@@ -16,14 +16,11 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from motionlake.arrays import Float32Array, Float64Array, Int32Array, Int64Array
 from motionlake.deep_motifs.corpus import Corpus
 from motionlake.deep_motifs.emd import SignatureIndex, emd_many
 from motionlake.deep_motifs.signatures import window_signatures
 from motionlake.errors import UserError
-from numpy.typing import NDArray
-
-Float64Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 LEAST_WORDS: Final = 2
 # Distinct windows looked at first for every hit wanted; twice as many while hits are still missing.
@@ -42,8 +39,8 @@ class ExampleQuery:
         UserError: fewer than two words.
     """
 
-    motifs: NDArray[np.int32]
-    mirrored: NDArray[np.int32] | None = None
+    motifs: Int32Array
+    mirrored: Int32Array | None = None
 
     def __post_init__(self) -> None:
         if len(self.motifs) < LEAST_WORDS:
@@ -56,7 +53,7 @@ class ExampleQuery:
     def n_words(self) -> int:
         return len(self.motifs)
 
-    def signatures(self, idf: Float64Array) -> NDArray[np.float32]:
+    def signatures(self, idf: Float64Array) -> Float32Array:
         """[1 or 2, K]: of the query, and of the mirrored query."""
         rows = [self.motifs] if self.mirrored is None else [self.motifs, self.mirrored]
         return np.concatenate([window_signatures(motifs, idf, self.n_words) for motifs in rows])
@@ -78,7 +75,7 @@ class RangeHit:
     mirrored: bool
 
 
-def words_within(starts: IntArray, stops: IntArray, start: int, stop: int) -> slice:
+def words_within(starts: Int64Array, stops: Int64Array, start: int, stop: int) -> slice:
     """The words that lie wholly within frames [start, stop); `starts`, `stops` [w] ascending."""
     first = int(np.searchsorted(starts, start))
     return slice(first, max(first, int(np.searchsorted(stops, stop, side="right"))))
@@ -115,7 +112,7 @@ def distances_along(corpus: Corpus, clip: int, query: ExampleQuery) -> Float64Ar
     return np.asarray(np.min(sides, axis=0)[where.ravel()], dtype=np.float64)
 
 
-def window_ranges(corpus: Corpus, clip: int, n_words: int) -> IntArray:
+def window_ranges(corpus: Corpus, clip: int, n_words: int) -> Int64Array:
     """[v, 2] half-open frames of each window of `n_words` words along a clip, at its own rate."""
     words = corpus.words_of(clip)
     starts, stops = corpus.starts[words], corpus.stops[words]
@@ -162,14 +159,14 @@ class _Windows:
         self.signatures = _signatures(unique, corpus.idf)
 
 
-def _bags(motifs: NDArray[np.int32], n_words: int) -> NDArray[np.int32]:
+def _bags(motifs: Int32Array, n_words: int) -> Int32Array:
     """[v, n_words] sorted motifs of each window; a clip of fewer words is filled up with -1."""
     if len(motifs) < n_words:
         return np.sort(np.pad(motifs, (0, n_words - len(motifs)), constant_values=-1))[None]
     return np.sort(np.lib.stride_tricks.sliding_window_view(motifs, n_words), axis=1)
 
 
-def _signatures(bags: NDArray[np.int32], idf: Float64Array) -> NDArray[np.float32]:
+def _signatures(bags: Int32Array, idf: Float64Array) -> Float32Array:
     """[u, K] signatures of windows by their motifs [u, n] (-1: none)."""
     counts = np.zeros((len(bags), len(idf) + 1), dtype=np.int64)
     np.add.at(counts, (np.arange(len(bags))[:, None], bags), 1)  # -1 falls into a last column, which is dropped

@@ -20,13 +20,11 @@ from functools import cached_property
 from typing import Final
 
 import numpy as np
+from motionlake.arrays import BoolArray, Float32Array, Float64Array, Int64Array, IntArray
 from motionlake.deep_motifs.corpus import Corpus
 from motionlake.deep_motifs.emd import SignatureIndex
 from motionlake.errors import UserError
 from numpy.typing import NDArray
-
-Float64Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 UNKNOWN: Final = "unknown"
 # Windows that the threshold is calibrated on, evenly drawn where there are more.
@@ -89,10 +87,10 @@ class Teaching:
         mirrored: [m] whether it is the window of a mirror image.
     """
 
-    signatures: NDArray[np.float32]
+    signatures: Float32Array
     labels: NDArray[np.str_]
-    clips: IntArray
-    mirrored: NDArray[np.bool_]
+    clips: Int64Array
+    mirrored: BoolArray
 
 
 @dataclass(frozen=True)
@@ -121,7 +119,7 @@ class Band:
     confidence: float
 
 
-def centred_signatures(motifs: NDArray[np.integer], idf: Float64Array, n_words: int) -> NDArray[np.float32]:
+def centred_signatures(motifs: IntArray, idf: Float64Array, n_words: int) -> Float32Array:
     """[w, K] signature of the window of `n_words` words around each of w words (`motifs`), cut at the clip's ends.
 
     An even window reaches one word further back than ahead.
@@ -145,7 +143,7 @@ def taught_windows(
     corpus: Corpus,
     ranges: Sequence[TaughtRange],
     n_words: int,
-    mirrored: Mapping[int, NDArray[np.integer]] | None = None,
+    mirrored: Mapping[int, IntArray] | None = None,
 ) -> Teaching:
     """The windows around the words whose centre lies in a labelled range.
 
@@ -167,10 +165,10 @@ def taught_windows(
             "there is nothing to learn classes from: give clips with rows in segments.csv, or clips with labels"
         )
     signatures, labels, clips, turned = [], [], [], []
-    windows: dict[int, list[NDArray[np.float32]]] = {}
+    windows: dict[int, list[Float32Array]] = {}
     for taught in ranges:
         if taught.clip not in windows:
-            sides: list[NDArray[np.integer]] = [corpus.motifs[corpus.words_of(taught.clip)]]
+            sides: list[IntArray] = [corpus.motifs[corpus.words_of(taught.clip)]]
             if mirrored is not None:
                 sides.append(mirrored[taught.clip])
             windows[taught.clip] = [centred_signatures(side, corpus.idf, n_words) for side in sides]
@@ -183,7 +181,7 @@ def taught_windows(
     return Teaching(np.concatenate(signatures), np.array(labels), np.array(clips, dtype=np.int64), np.array(turned))
 
 
-def _words_in(centres: Float64Array, taught: TaughtRange) -> IntArray:
+def _words_in(centres: Float64Array, taught: TaughtRange) -> Int64Array:
     inside = np.flatnonzero((centres >= taught.start) & (centres < taught.stop))
     if not len(inside):
         inside = np.array([np.argmin(np.abs(centres - (taught.start + taught.stop - 1) / 2))])
@@ -193,7 +191,7 @@ def _words_in(centres: Float64Array, taught: TaughtRange) -> IntArray:
 class _Side:
     """Taught windows, equal ones kept once: those of the clips, or those of their mirror images."""
 
-    def __init__(self, teaching: Teaching, rows: IntArray, ground: Float64Array, factor: float) -> None:
+    def __init__(self, teaching: Teaching, rows: Int64Array, ground: Float64Array, factor: float) -> None:
         _, first, where = np.unique(teaching.signatures[rows], axis=0, return_index=True, return_inverse=True)
         rank = np.argsort(np.argsort(first))  # in the order taught, which settles ties
         kinds = rank[where.ravel()]
@@ -203,7 +201,7 @@ class _Side:
         self._index = SignatureIndex.build(unique, ground)
         self._factor = factor
 
-    def nearest(self, window: NDArray[np.float32], k: int, among: IntArray | None = None) -> list[tuple[float, int]]:
+    def nearest(self, window: Float32Array, k: int, among: Int64Array | None = None) -> list[tuple[float, int]]:
         """(distance, row of teaching) of at least the k nearest of the rows, equal windows all together."""
         found = self._index.nearest(window, k, among)
         return [
@@ -212,7 +210,7 @@ class _Side:
             for row in self._rows[self._bounds[kind] : self._bounds[kind + 1]].tolist()
         ]
 
-    def kinds(self, kept: NDArray[np.bool_]) -> IntArray:
+    def kinds(self, kept: BoolArray) -> Int64Array:
         """Which different windows a taught row that is kept ([m]) has."""
         kinds = np.repeat(np.arange(len(self._bounds) - 1), np.diff(self._bounds))
         return np.unique(kinds[kept[self._rows]])
@@ -229,15 +227,15 @@ class Segmenter:
         sides = ((~teaching.mirrored, 1.0), (teaching.mirrored, self.config.mirror_factor))
         self._sides = [_Side(teaching, np.flatnonzero(rows), ground, factor) for rows, factor in sides if rows.any()]
 
-    def label_words(self, motifs: NDArray[np.integer], idf: Float64Array) -> WordLabels:
+    def label_words(self, motifs: IntArray, idf: Float64Array) -> WordLabels:
         """The class of each of w words of a clip (`motifs` [w]), or "unknown"."""
         return self._label(motifs, idf, judging=self.config.unknown is not None)
 
-    def forced_words(self, motifs: NDArray[np.integer], idf: Float64Array) -> WordLabels:
+    def forced_words(self, motifs: IntArray, idf: Float64Array) -> WordLabels:
         """The same where every word gets a taught class."""
         return self._label(motifs, idf, judging=False)
 
-    def _label(self, motifs: NDArray[np.integer], idf: Float64Array, *, judging: bool) -> WordLabels:
+    def _label(self, motifs: IntArray, idf: Float64Array, *, judging: bool) -> WordLabels:
         votes, distances = self._votes(centred_signatures(motifs, idf, self.config.window))
         if judging:
             far = distances > self.thresholds[votes.argmax(axis=1)]
@@ -264,7 +262,7 @@ class Segmenter:
             thresholds[code] = np.quantile(distances[self._codes[taken] == code], quantile)
         return thresholds
 
-    def _calibrated(self) -> IntArray:
+    def _calibrated(self) -> Int64Array:
         """Rows of teaching whose class another clip teaches too, evenly drawn; no mirror images."""
         pairs = np.unique(np.column_stack([self._codes, self.teaching.clips]), axis=0)
         several = np.bincount(pairs[:, 0], minlength=len(self.classes)) > 1
@@ -283,7 +281,7 @@ class Segmenter:
             for distance, _ in side.nearest(window, 1, among)
         )
 
-    def _votes(self, windows: NDArray[np.float32]) -> tuple[Float64Array, Float64Array]:
+    def _votes(self, windows: Float32Array) -> tuple[Float64Array, Float64Array]:
         """[w, classes] shares of the votes of the k nearest taught windows, and [w] the nearest's distance.
 
         Where the k-th and others are at one distance, those taught first vote. A tie goes to the class that
@@ -327,7 +325,7 @@ def bands(found: WordLabels, centres: Float64Array, frames: int) -> list[Band]:
     ]
 
 
-def _span(w: int, n_words: int) -> tuple[IntArray, IntArray]:
+def _span(w: int, n_words: int) -> tuple[Int64Array, Int64Array]:
     """Half-open ranges of words, [w] each, that the window around each of w words holds."""
     middle = np.arange(w)
     first = middle - n_words // 2

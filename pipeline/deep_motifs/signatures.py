@@ -10,27 +10,25 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
-
-Float64Array = NDArray[np.float64]
+from motionlake.arrays import Float32Array, Float64Array, Int64Array, IntArray
 
 
-def motif_counts(motifs: NDArray[np.integer], k: int) -> NDArray[np.int64]:
+def motif_counts(motifs: IntArray, k: int) -> Int64Array:
     """[K] how many of a clip's words ([n] motif indices) belong to each of `k` motifs."""
     return np.asarray(np.bincount(motifs, minlength=k), dtype=np.int64)
 
 
-def document_frequency(counts: NDArray[np.integer]) -> NDArray[np.int64]:
+def document_frequency(counts: IntArray) -> Int64Array:
     """[K] number of clips that hold each motif; `counts` [clips, K]."""
     return np.asarray(np.count_nonzero(counts, axis=0), dtype=np.int64)
 
 
-def inverse_document_frequency(clips_with_motif: NDArray[np.integer], n_clips: int) -> Float64Array:
+def inverse_document_frequency(clips_with_motif: IntArray, n_clips: int) -> Float64Array:
     """[K] idf from how many of `n_clips` hold each motif."""
     return np.asarray(np.log((1 + n_clips) / (1 + clips_with_motif)) + 1, dtype=np.float64)
 
 
-def signature(counts: NDArray[np.integer], idf: Float64Array) -> NDArray[np.float32]:
+def signature(counts: IntArray, idf: Float64Array) -> Float32Array:
     """[K] signature of a clip with motif `counts` [K].
 
     Raises:
@@ -43,14 +41,14 @@ def signature(counts: NDArray[np.integer], idf: Float64Array) -> NDArray[np.floa
     return np.asarray(weights / total, dtype=np.float32)
 
 
-def signatures(clips: Sequence[NDArray[np.integer]], k: int) -> tuple[NDArray[np.float32], Float64Array]:
+def signatures(clips: Sequence[IntArray], k: int) -> tuple[Float32Array, Float64Array]:
     """Signatures [clips, K] of a corpus, and its idf [K], from the motif indices of each clip's words."""
     counts = np.stack([motif_counts(motifs, k) for motifs in clips])
     idf = inverse_document_frequency(document_frequency(counts), len(counts))
     return np.stack([signature(row, idf) for row in counts]), idf
 
 
-def window_signatures(motifs: NDArray[np.integer], idf: Float64Array, n_words: int) -> NDArray[np.float32]:
+def window_signatures(motifs: IntArray, idf: Float64Array, n_words: int) -> Float32Array:
     """Signatures of a window sliding over a clip word by word (sections 6.1 and 6.2).
 
     Args:

@@ -7,18 +7,16 @@ from dataclasses import dataclass
 from typing import Final, Protocol
 
 import numpy as np
+from motionlake.arrays import Float32Array, Float64Array, Int64Array
 from motionlake.errors import UserError
 from motionlake.evaluation.measures.dtw import baseline_features
-from motionlake.evaluation.measures.ranking import IntArray, others
+from motionlake.evaluation.measures.ranking import others
 from motionlake.evaluation.measures.split_retrieval import Questions
 from motionlake.lake import frames
 from motionlake.lake.layout import Lake
 from motionlake.motion.dtw import CELLS_PER_SECOND, dtw_matrix, frame_pairs
 from motionlake.retrieval.labelling.described import DescribedClip
-from numpy.typing import NDArray
 
-Float32Array = NDArray[np.float32]
-Float64Array = NDArray[np.float64]
 Notice = Callable[[str], None]
 
 # Whole-clip DTW is left out by default where it would take longer.
@@ -91,8 +89,8 @@ class Chosen:
         protocol: in words.
     """
 
-    queries: IntArray
-    repository: IntArray
+    queries: Int64Array
+    repository: Int64Array
     questions: Questions
     protocol: str
 
@@ -128,7 +126,7 @@ def choose(clips: list[DescribedClip], queries: str | None, repository: str | No
     return chosen
 
 
-def _chosen(clips: list[DescribedClip], asked: IntArray, found: IntArray, protocol: str, *, apart: bool) -> Chosen:
+def _chosen(clips: list[DescribedClip], asked: Int64Array, found: Int64Array, protocol: str, *, apart: bool) -> Chosen:
     labels = [clip.label for clip in clips]
     candidates = others(len(asked)) if apart else None
     questions = Questions.of([labels[i] for i in asked], [labels[i] for i in found], candidates)

@@ -8,16 +8,11 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
+from motionlake.arrays import Float32Array, FloatArray
 from motionlake.evaluation.clips import Chosen, Notice, choose, read_positions
 from motionlake.evaluation.measures.dtw import baseline_features, joint_error
 from motionlake.evaluation.measures.split_retrieval import first_hits, score_split
-from motionlake.evaluation.methods import (
-    Distances,
-    alignment_distances,
-    frame_distances,
-    fused_distances,
-    signature_distances,
-)
+from motionlake.evaluation.methods import alignment_distances, frame_distances, fused_distances, signature_distances
 from motionlake.lake.catalog import Connection
 from motionlake.lake.layout import Lake
 from motionlake.lake.models import Model
@@ -25,10 +20,7 @@ from motionlake.motion.features import body_length
 from motionlake.retrieval.labelling.described import DescribedClip, described_clips
 from motionlake.retrieval.methods import SINGLE
 from motionlake.stages.descriptors import served_network
-from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
-
-Float32Array = NDArray[np.float32]
 
 HITS: Final = 10  # that a look-up finds
 
@@ -143,9 +135,9 @@ class _Measured:
 
     def __init__(self, chosen: Chosen, features: list[Float32Array], body: float) -> None:
         self._chosen, self._features, self._body = chosen, features, body
-        self._distances: dict[str, Distances] = {}
+        self._distances: dict[str, FloatArray] = {}
 
-    def by(self, method: str, compute: Callable[[], Distances | None]) -> dict[str, Any] | None:
+    def by(self, method: str, compute: Callable[[], FloatArray | None]) -> dict[str, Any] | None:
         """Of one method; None where it computes nothing."""
         started = time.perf_counter()
         distances = compute()
@@ -159,11 +151,11 @@ class _Measured:
             "retrieval_ms": 1000 * seconds / len(distances),
         }
 
-    def among(self, methods: Sequence[str]) -> dict[str, Distances]:
+    def among(self, methods: Sequence[str]) -> dict[str, FloatArray]:
         """The distances of those of these methods that computed any."""
         return {name: self._distances[name] for name in methods if name in self._distances}
 
-    def _errors(self, distances: Distances) -> list[float]:
+    def _errors(self, distances: FloatArray) -> list[float]:
         asked, known = self._chosen.queries, self._chosen.repository
         return [
             joint_error(self._features[asked[query]], self._features[known[hit]])

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Final
 
 import numpy as np
+from motionlake.arrays import Float32Array, FloatArray
 from motionlake.deep_motifs.emd import emd_many, emd_matrix
 from motionlake.errors import UserError
 from motionlake.evaluation.clips import PATIENCE, Chosen, Notice, worth_waiting
@@ -14,7 +15,6 @@ from motionlake.lake.catalog import Connection
 from motionlake.lake.config import load_config
 from motionlake.lake.layout import Lake
 from motionlake.motion.dtw import dtw_cross, dtw_matrix, frame_pairs
-from motionlake.motion.features import Float32Array
 from motionlake.pesta.alignment.scan import pairwise
 from motionlake.pesta.alignment.strings import Repository
 from motionlake.retrieval.fused import FusedRetriever
@@ -23,14 +23,12 @@ from motionlake.retrieval.labelling.signed import lake_ground
 from motionlake.retrieval.lake_strings import read_strings
 from motionlake.retrieval.protocol import Query
 from motionlake.retrieval.search import Hit
-from numpy.typing import NDArray
 
-Distances = NDArray[np.floating]
 # Transports a second on one core, from timings.
 TRANSPORTS_PER_SECOND: Final = 8_000
 
 
-def signature_distances(con: Connection, clips: DescribedClips, chosen: Chosen, notice: Notice) -> Distances | None:
+def signature_distances(con: Connection, clips: DescribedClips, chosen: Chosen, notice: Notice) -> FloatArray | None:
     """[q, r] Earth Mover's Distances of signatures; None where a clip has none, or they would take minutes."""
     signatures = [signature for signature in clips.signatures if signature is not None]
     if not _all_have(len(signatures), clips, "signature", notice):
@@ -47,7 +45,7 @@ def signature_distances(con: Connection, clips: DescribedClips, chosen: Chosen, 
 
 def alignment_distances(
     con: Connection, lake: Lake, clips: DescribedClips, chosen: Chosen, notice: Notice
-) -> Distances | None:
+) -> FloatArray | None:
     """[q, r] costs of alignment of whole strings as config.toml has it, the greater of both ways.
 
     None where a clip has no string.
@@ -71,7 +69,7 @@ def alignment_distances(
 
 def frame_distances(
     features: Sequence[Float32Array], chosen: Chosen, wanted: bool | None, notice: Notice
-) -> Distances | None:
+) -> FloatArray | None:
     """[q, r] whole-clip DTW of `features`, of every clip; None where it is not wanted or would take minutes."""
     if wanted is False:
         return None
@@ -84,7 +82,7 @@ def frame_distances(
     return dtw_cross([features[i] for i in chosen.queries], [features[i] for i in chosen.repository])
 
 
-def fused_distances(methods: Mapping[str, Distances], clips: DescribedClips, chosen: Chosen) -> Distances | None:
+def fused_distances(methods: Mapping[str, FloatArray], clips: DescribedClips, chosen: Chosen) -> FloatArray | None:
     """[q, r] what `FusedRetriever` makes of the whole rankings of methods, each [q, r]; None of a single one."""
     if len(methods) < 2:
         return None
@@ -102,7 +100,7 @@ def fused_distances(methods: Mapping[str, Distances], clips: DescribedClips, cho
 class _Computed:
     """A `Retriever` whose distances are known."""
 
-    def __init__(self, method: str, distances: Distances, names: list[str], chosen: Chosen) -> None:
+    def __init__(self, method: str, distances: FloatArray, names: list[str], chosen: Chosen) -> None:
         self.method, self._distances, self._names, self._chosen = method, distances, names, chosen
         self._rows = {names[query]: row for row, query in enumerate(chosen.queries)}
         self._orders = ranked(distances, chosen.questions.candidates)

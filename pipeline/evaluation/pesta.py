@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, replace
 from typing import Any, Final
 
-import numpy as np
+from motionlake.arrays import FloatArray
 from motionlake.deep_motifs.emd import emd_matrix
 from motionlake.errors import UserError
 from motionlake.evaluation.clips import Notice, dtw_baseline
@@ -38,7 +38,6 @@ from motionlake.pesta.alignment.config import METHODS, AlignmentConfig
 from motionlake.pesta.alignment.scan import symmetric_costs
 from motionlake.retrieval.labelling.signed import SignedClips, lake_ground, signed_clips
 from motionlake.retrieval.lake_strings import LakeStrings, read_strings
-from numpy.typing import NDArray
 
 # The paper's strides: whole clips, sub-queries.
 WHOLE_STRIDE: Final = 3
@@ -125,7 +124,7 @@ def _whole(
     return result
 
 
-def _scores(distances: NDArray[np.floating], labels: Sequence[str]) -> dict[str, Any]:
+def _scores(distances: FloatArray, labels: Sequence[str]) -> dict[str, Any]:
     candidates = others(len(labels))
     rankings = ranked_relevance(distances, relatives(labels), candidates)
     return {

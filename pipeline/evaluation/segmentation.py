@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 from typing import Any
 
-import numpy as np
+from motionlake.arrays import Int32Array
 from motionlake.deep_motifs.corpus import Corpus
 from motionlake.deep_motifs.segmentation import (
     SegmentationConfig,
@@ -20,7 +20,6 @@ from motionlake.lake.catalog import Connection, fetch
 from motionlake.lake.corpus import read_corpus
 from motionlake.lake.layout import Lake
 from motionlake.retrieval.labelling.segments import mirrored_motifs
-from numpy.typing import NDArray
 
 
 @dataclass(frozen=True)
@@ -87,7 +86,7 @@ def segmentation_scores(
     taught: list[TaughtRange],
     truth: list[TaughtRange],
     config: SegmentationConfig | None = None,
-    mirrored: dict[int, NDArray[np.int32]] | None = None,
+    mirrored: dict[int, Int32Array] | None = None,
 ) -> SegmentationScores:
     """Segment one clip by what `taught` (and its mirror images) shows, and score it by `truth`."""
     chosen = config or SegmentationConfig()

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict
 from typing import Any, Final
 
-import numpy as np
+from motionlake.arrays import Float64Array
 from motionlake.deep_motifs.classification import classify_one_vs_all
 from motionlake.deep_motifs.emd import emd_matrix
 from motionlake.errors import UserError
@@ -15,9 +15,6 @@ from motionlake.evaluation.measures.retrieval import leave_one_out
 from motionlake.lake.catalog import Connection
 from motionlake.lake.layout import Lake
 from motionlake.retrieval.labelling.signed import SignedClips, lake_ground, signed_clips
-from numpy.typing import NDArray
-
-Float64Array = NDArray[np.float64]
 
 # Parts of the clips that are left out in turn where there are more clips than `LEAVE_ONE_OUT`.
 FOLDS: Final = 5

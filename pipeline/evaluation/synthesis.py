@@ -7,12 +7,12 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, Final
 
+from motionlake.arrays import StepProgress
 from motionlake.deephums.descriptors.sequence import clip_sequence
 from motionlake.errors import UserError
 from motionlake.evaluation.clips import Notice
 from motionlake.evaluation.synthesis_clips import RealMotion, real_clips
 from motionlake.evaluation.synthesis_generator import DEFAULT, Plan, SynthesisEvaluation, measure_generator
-from motionlake.evaluation.synthesis_trials import Progress
 from motionlake.lake.catalog import Connection
 from motionlake.lake.layout import Lake
 from motionlake.lake.models import Model, current_model
@@ -31,7 +31,7 @@ UNITS: Final = {
 def evaluate_synthesis(
     con: Connection, lake: Lake, plan: Plan = DEFAULT, *, dataset: str | None = None, split: str | None = None,
     repository: str | None = None, column: str = "label", notice: Notice = lambda line: None,
-    progress: Progress = lambda what, done, total: None,
+    progress: StepProgress = lambda what, done, total: None,
 ) -> SynthesisEvaluation:  # fmt: skip
     """Measure the lake's generator on test clips, by the descriptor network that the lake serves.
 

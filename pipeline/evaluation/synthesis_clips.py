@@ -7,14 +7,12 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
+from motionlake.arrays import Float64Array
 from motionlake.errors import UserError
 from motionlake.evaluation.clips import LEAVE_ONE_OUT, QUERIES, REPOSITORY, read_positions
 from motionlake.lake.catalog import Connection, fetch
 from motionlake.lake.layout import Lake
 from motionlake.retrieval.labelling.signed import check_column
-from numpy.typing import NDArray
-
-Float64Array = NDArray[np.float64]
 
 # Of more than these, clips are taken at even distances of their names.
 MOST_TEST: Final = 1000

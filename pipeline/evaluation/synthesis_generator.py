@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from itertools import chain
 from typing import Any, Final
 
-import numpy as np
+from motionlake.arrays import FloatArray, StepProgress
 from motionlake.evaluation.measures.synthesis_likeness import frechet_distance
 from motionlake.evaluation.measures.synthesis_movement import energy
 from motionlake.evaluation.synthesis_clips import RealMotion
@@ -16,7 +16,6 @@ from motionlake.evaluation.synthesis_measures import Aligned, copying, errors, m
 from motionlake.evaluation.synthesis_trials import (
     Begun,
     Generator,
-    Progress,
     Trial,
     begun,
     continued,
@@ -24,7 +23,6 @@ from motionlake.evaluation.synthesis_trials import (
     from_other_classes,
 )
 from motionlake.glogen.generator.embedding import EmbeddedMotions
-from numpy.typing import NDArray
 
 COUNT: Final = 10
 PIECE: Final = 10.0  # seconds
@@ -66,15 +64,15 @@ class SynthesisEvaluation:
     found: dict[str, Any]
     trials: list[Trial]
     own: int
-    real: NDArray[np.floating]
+    real: FloatArray
     real_classes: list[str]
-    made: NDArray[np.floating]
+    made: FloatArray
     embedded: EmbeddedMotions | None = None
 
 
 def measure_generator(
     generator: Generator, test: Sequence[RealMotion], training: Sequence[RealMotion], describe: Describe,
-    plan: Plan = DEFAULT, progress: Progress = lambda what, done, total: None,
+    plan: Plan = DEFAULT, progress: StepProgress = lambda what, done, total: None,
 ) -> SynthesisEvaluation:  # fmt: skip
     """Measure anything that generates.
 
@@ -148,7 +146,7 @@ def _followed(begins: Sequence[Begun]) -> list[Aligned]:
     return [to_align(each.after, each.fps, each.motion.clip) for each in begins]
 
 
-def _fid(real: NDArray[np.floating], made: NDArray[np.floating]) -> float | None:
+def _fid(real: FloatArray, made: FloatArray) -> float | None:
     return frechet_distance(real, made) if min(len(real), len(made)) > 1 else None
 
 

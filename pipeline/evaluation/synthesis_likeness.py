@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
-import numpy as np
+from motionlake.arrays import Float64Array, FloatArray
 from motionlake.evaluation.measures.synthesis_likeness import recognise, recognised
 from motionlake.evaluation.synthesis_trials import Begun, Trial
-from numpy.typing import NDArray
 
 # [n, d] descriptors of n motions, each positions [F, 21, 3] and frames a second.
-Describe = Callable[[Sequence[tuple[NDArray[np.float64], float]]], NDArray[np.floating]]
+Describe = Callable[[Sequence[tuple[Float64Array, float]]], FloatArray]
 
 
 class Likeness:

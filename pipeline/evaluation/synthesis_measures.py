@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any, Final
 
 import numpy as np
+from motionlake.arrays import Float32Array, Float64Array, StepProgress
 from motionlake.evaluation.measures.dtw import baseline_features
 from motionlake.evaluation.measures.synthesis_errors import (
     MILLISECONDS,
@@ -29,11 +30,6 @@ from motionlake.evaluation.measures.synthesis_movement import (
 )
 from motionlake.evaluation.synthesis_trials import Begun, Trial
 from motionlake.motion.dtw import nearest_stretch
-from motionlake.motion.features import Float32Array
-from numpy.typing import NDArray
-
-Float64Array = NDArray[np.float64]
-Progress = Callable[[str, int, int], None]
 
 MM: Final = 1000.0
 MOST_ALIGNED: Final = 200  # motions of a kind that are aligned with every training clip
@@ -155,7 +151,7 @@ def to_align(positions: Float64Array, fps: float, *clips: str) -> Aligned:
 
 def copying(
     made: Sequence[Aligned], test: Sequence[Aligned], followed: Sequence[Aligned], training: Sequence[Aligned],
-    progress: Progress,
+    progress: StepProgress,
 ) -> dict[str, Any]:  # fmt: skip
     """How near the nearest stretch of a training clip is, in body lengths (the frame distance of `baseline_features`).
 

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final, Protocol
 
 import numpy as np
+from motionlake.arrays import Float64Array, StepProgress
 from motionlake.errors import UserError
 from motionlake.evaluation.synthesis_clips import RealMotion
 from motionlake.glogen.generator.wishes import Seed, Synthesized, Wish
-from numpy.typing import NDArray
-
-Float64Array = NDArray[np.float64]
-Progress = Callable[[str, int, int], None]
 
 AT_ONCE: Final = 64  # motions that a generator makes in one go
 LEAST: Final = 0.3  # seconds of a real clip after the seed
@@ -73,7 +70,9 @@ class Trial:
     real: Begun
 
 
-def begun(generator: Generator, motions: Sequence[RealMotion], seed: int, what: str, progress: Progress) -> list[Begun]:
+def begun(
+    generator: Generator, motions: Sequence[RealMotion], seed: int, what: str, progress: StepProgress
+) -> list[Begun]:
     """The motions that are long enough to go on from, each with what follows its seed.
 
     Raises:
@@ -109,7 +108,7 @@ def following(motion: RealMotion, stop: int, fps: float) -> Float64Array:
 
 def continued(
     generator: Generator, begins: Sequence[Begun], *, temperature: float, seconds: float | None, what: str,
-    progress: Progress,
+    progress: StepProgress,
 ) -> list[Trial]:  # fmt: skip
     """Each clip gone on from in its own class, for `seconds`, or as long as it really goes on."""
     wishes = [
@@ -120,7 +119,7 @@ def continued(
 
 def from_other_classes(
     generator: Generator, begins: Sequence[Begun], count: int, *, seconds: float | None, seed: int, what: str,
-    progress: Progress,
+    progress: StepProgress,
 ) -> list[Trial]:  # fmt: skip
     """`count` motions of each class that has real clips, each from a clip of another class.
 
@@ -144,7 +143,11 @@ def from_other_classes(
 
 
 def _trials(
-    generator: Generator, wishes: Sequence[Wish], pairs: Sequence[tuple[Begun, Begun]], what: str, progress: Progress
+    generator: Generator,
+    wishes: Sequence[Wish],
+    pairs: Sequence[tuple[Begun, Begun]],
+    what: str,
+    progress: StepProgress,
 ) -> list[Trial]:
     found: list[Trial] = []
     for first in range(0, len(wishes), AT_ONCE):

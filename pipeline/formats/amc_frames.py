@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from motionlake.arrays import Float64Array, Int64Array, UInt8Array
 from motionlake.errors import ClipError
 from motionlake.formats.numbers import (
     BAD_NUMBER,
@@ -21,9 +22,7 @@ from motionlake.formats.numbers import (
     skip_blanks,
     token_at,
 )
-from motionlake.motion.clip import FloatArray
 from numba import njit, uint64
-from numpy.typing import NDArray
 
 _UNKNOWN_BONE: Final = 10
 _TWICE: Final = 11
@@ -137,9 +136,9 @@ class Layout:
     """
 
     widths: Mapping[str, int]
-    names: NDArray[np.uint8]
-    name_starts: NDArray[np.int64]
-    columns: NDArray[np.int64]
+    names: UInt8Array
+    name_starts: Int64Array
+    columns: Int64Array
     fewest: int
 
     @classmethod
@@ -155,7 +154,7 @@ class Layout:
         )
 
 
-def parse_frames(data: bytes, start: int, layout: Layout) -> FloatArray:
+def parse_frames(data: bytes, start: int, layout: Layout) -> Float64Array:
     """Every frame's values [F, sum of widths].
 
     Raises:

@@ -11,13 +11,14 @@ from pathlib import Path
 from typing import BinaryIO, Final, cast
 
 import numpy as np
+from motionlake.arrays import Float64Array
 from motionlake.errors import ClipError
 from motionlake.formats.amc_frames import parse_frames
 from motionlake.formats.asf import load_asf
 from motionlake.formats.asf_skeleton import ROOT, Skeleton
 from motionlake.formats.registry import COMPRESSED_SUFFIX
 from motionlake.formats.remembered import Remembered
-from motionlake.motion.clip import FloatArray, SourceClip
+from motionlake.motion.clip import SourceClip
 from motionlake.motion.rotations import rotate
 
 _ANCESTORS: Final = 3
@@ -127,10 +128,10 @@ class _Preamble:
             raise ClipError(f"{self.rate[:40]!r} is not a frame rate: say --fps") from None
 
 
-def _to_channels(raw: FloatArray, skeleton: Skeleton) -> tuple[FloatArray, list[str]]:
+def _to_channels(raw: Float64Array, skeleton: Skeleton) -> tuple[Float64Array, list[str]]:
     """The values of an AMC in the order and meaning of `Hierarchy`, and notes on what was changed."""
     notes: list[str] = []
-    parts: list[FloatArray] = []
+    parts: list[Float64Array] = []
     column = 0
     for bone in skeleton.bones.values():
         values = {dof: raw[:, column + i] for i, dof in enumerate(bone.dof)}

@@ -7,9 +7,10 @@ from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
+from motionlake.arrays import Float64Array
 from motionlake.errors import ClipError
 from motionlake.formats.amc_frames import Layout
-from motionlake.motion.clip import ChannelKind, FloatArray, Hierarchy
+from motionlake.motion.clip import ChannelKind, Hierarchy
 from motionlake.motion.rotations import from_euler
 
 ROOT: Final = "root"
@@ -41,13 +42,13 @@ class Bone:
     dof: tuple[str, ...] = ()
 
     @property
-    def vector(self) -> FloatArray:
+    def vector(self) -> Float64Array:
         """From the bone's start to its end at rest, file units [3]."""
         direction = np.array(self.direction)
         return direction * (self.length / (np.linalg.norm(direction) or 1.0))
 
     @property
-    def axis(self) -> FloatArray:
+    def axis(self) -> Float64Array:
         """The bone's own axes as a rotation [4]."""
         return from_euler(np.array(self.angles), self.order, fixed=True)
 

@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import Final, TextIO
 
 import numpy as np
-from motionlake.motion.clip import ChannelKind, FloatArray, Hierarchy, SourceClip
+from motionlake.arrays import Float64Array
+from motionlake.motion.clip import ChannelKind, Hierarchy, SourceClip
 from motionlake.motion.kinematics import channel_starts, solve
 from motionlake.motion.rotations import IDENTITY, to_euler
 
@@ -50,12 +51,12 @@ def write_bvh(clip: SourceClip, target: Path | TextIO, start: int = 0, stop: int
         target.writelines(_lines(hierarchy, channels, clip.fps))
 
 
-def to_bvh(clip: SourceClip) -> tuple[Hierarchy, FloatArray]:
+def to_bvh(clip: SourceClip) -> tuple[Hierarchy, Float64Array]:
     """The clip's joint tree, depth first, and channels [F, C] as BVH can hold them."""
     return _depth_first(*_convert(clip))
 
 
-def _convert(clip: SourceClip) -> tuple[Hierarchy, FloatArray]:
+def _convert(clip: SourceClip) -> tuple[Hierarchy, Float64Array]:
     hierarchy = clip.hierarchy
     if hierarchy.kind is ChannelKind.POSITIONS:
         return _positions_to_bvh(clip)
@@ -65,7 +66,7 @@ def _convert(clip: SourceClip) -> tuple[Hierarchy, FloatArray]:
     return _rotations_to_bvh(clip)
 
 
-def _depth_first(hierarchy: Hierarchy, channels: FloatArray) -> tuple[Hierarchy, FloatArray]:
+def _depth_first(hierarchy: Hierarchy, channels: Float64Array) -> tuple[Hierarchy, Float64Array]:
     """The same with joints in the only order that BVH's nested braces can have."""
     children: dict[int, list[int]] = {}
     for joint, parent in enumerate(hierarchy.parents):
@@ -91,7 +92,7 @@ def _depth_first(hierarchy: Hierarchy, channels: FloatArray) -> tuple[Hierarchy,
     ), channels[:, columns]
 
 
-def _rotations_to_bvh(clip: SourceClip) -> tuple[Hierarchy, FloatArray]:
+def _rotations_to_bvh(clip: SourceClip) -> tuple[Hierarchy, Float64Array]:
     hierarchy = clip.hierarchy
     local = solve(clip).local
     assert local is not None
@@ -105,7 +106,7 @@ def _rotations_to_bvh(clip: SourceClip) -> tuple[Hierarchy, FloatArray]:
     return _plain(hierarchy, hierarchy.offsets, tuple(layout)), _rounded(np.hstack(parts))
 
 
-def _positions_to_bvh(clip: SourceClip) -> tuple[Hierarchy, FloatArray]:
+def _positions_to_bvh(clip: SourceClip) -> tuple[Hierarchy, Float64Array]:
     hierarchy = clip.hierarchy
     positions = solve(clip).positions
     parents = np.array(hierarchy.parents)
@@ -118,12 +119,12 @@ def _positions_to_bvh(clip: SourceClip) -> tuple[Hierarchy, FloatArray]:
     return _plain(hierarchy, _rounded(offsets), layout), channels
 
 
-def _rounded(values: FloatArray) -> FloatArray:
-    result: FloatArray = np.round(values, _DECIMALS)
+def _rounded(values: Float64Array) -> Float64Array:
+    result: Float64Array = np.round(values, _DECIMALS)
     return result
 
 
-def _plain(hierarchy: Hierarchy, offsets: FloatArray, channels: tuple[tuple[str, ...], ...]) -> Hierarchy:
+def _plain(hierarchy: Hierarchy, offsets: Float64Array, channels: tuple[tuple[str, ...], ...]) -> Hierarchy:
     """The same tree with channels as BVH has them; every branch ends in an end site, as some readers want."""
     ended = {*hierarchy.parents, *(joint for joint, _ in hierarchy.end_sites)}
     open_ends = tuple((j, (0.0, 0.0, 0.0)) for j in range(len(hierarchy.joints)) if j not in ended)
@@ -138,12 +139,12 @@ def _plain(hierarchy: Hierarchy, offsets: FloatArray, channels: tuple[tuple[str,
     )
 
 
-def _numbers(values: FloatArray | tuple[float, ...]) -> str:
+def _numbers(values: Float64Array | tuple[float, ...]) -> str:
     """Numbers in the shortest form that reads back the same."""
     return " ".join(map(repr, np.asarray(values, float).tolist()))
 
 
-def _lines(hierarchy: Hierarchy, channels: FloatArray, fps: float) -> Iterator[str]:
+def _lines(hierarchy: Hierarchy, channels: Float64Array, fps: float) -> Iterator[str]:
     yield "HIERARCHY\n"
     yield from _tree_lines(hierarchy)
     yield f"MOTION\nFrames: {len(channels)}\nFrame Time: {1 / fps!r}\n"
@@ -174,7 +175,7 @@ def _tree_lines(hierarchy: Hierarchy) -> Iterator[str]:
         yield "\t" * len(open_joints) + "}\n"
 
 
-def _write_whole(hierarchy: Hierarchy, channels: FloatArray, fps: float, path: Path) -> None:
+def _write_whole(hierarchy: Hierarchy, channels: Float64Array, fps: float, path: Path) -> None:
     """Write beside the path first, so that no reader ever meets half a file."""
     temporary = path.with_name(f".{uuid.uuid4().hex}.tmp")
     try:

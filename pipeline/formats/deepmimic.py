@@ -14,10 +14,10 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
+from motionlake.arrays import Float64Array
 from motionlake.errors import ClipError
 from motionlake.formats.repair import FARTHEST
-from motionlake.motion.clip import ChannelKind, FloatArray, Hierarchy, SourceClip
-from numpy.typing import NDArray
+from motionlake.motion.clip import ChannelKind, Hierarchy, SourceClip
 from scipy.spatial.transform import Rotation, Slerp
 
 BALL: Final = 4
@@ -103,7 +103,7 @@ class DeepMimicReader:
         return [SourceClip(_HIERARCHY, channels, fps=_frame_rate(step), metres_per_unit=1.0, notes=notes)]
 
 
-def _frames(data: bytes) -> FloatArray:
+def _frames(data: bytes) -> Float64Array:
     """[F, 44] the file's numbers."""
     try:
         document = json.loads(data)
@@ -133,7 +133,7 @@ def _frames(data: bytes) -> FloatArray:
     return values
 
 
-def _channels(frames: FloatArray) -> FloatArray:
+def _channels(frames: Float64Array) -> Float64Array:
     """[F, C] the numbers after the duration, angles as quaternions about z, ball joints as they stand."""
     columns = [frames[:, 1:4]]
     start = 4
@@ -158,7 +158,7 @@ def _frame_rate(step: float) -> float:
     return float(whole) if abs(whole * step - 1.0) < ROUNDING else 1.0 / step
 
 
-def _resampled(channels: FloatArray, durations: NDArray[np.float64], step: float) -> FloatArray:
+def _resampled(channels: Float64Array, durations: Float64Array, step: float) -> Float64Array:
     """The same motion at a constant `step` in seconds: [F', C], from the first frame to the last."""
     shortest, longest = durations.min(), durations.max()
     if longest > MAX_STRETCH * step or shortest < step / MAX_STRETCH:

@@ -5,12 +5,11 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
+from motionlake.arrays import BoolArray, Float64Array, Int64Array
 from motionlake.errors import ClipError
 from motionlake.formats.numbers import BAD_NUMBER, OK, UNDECIDED, line_of, scan_number, settle, token_at
 from motionlake.formats.repair import missing_samples
-from motionlake.motion.clip import FloatArray
 from numba import njit
-from numpy.typing import NDArray
 
 JOINT_COUNT: Final = 25
 BODY_VALUES: Final = 10
@@ -35,7 +34,7 @@ _REASONS: Final = {
     TRAILING: "follows the last frame",
 }
 
-Observed = tuple[NDArray[np.int64], FloatArray, NDArray[np.bool_]]
+Observed = tuple[Int64Array, Float64Array, BoolArray]
 
 
 def parse_bodies(data: bytes) -> tuple[int, dict[str, Observed]]:

@@ -12,11 +12,11 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
+from motionlake.arrays import BoolArray, Float64Array, Int64Array
 from motionlake.errors import ClipError
 from motionlake.formats.ntu_bodies import parse_bodies
 from motionlake.formats.repair import carry, fill_missing, rarely_seen, repair_note
-from motionlake.motion.clip import ChannelKind, FloatArray, Hierarchy, SourceClip
-from numpy.typing import NDArray
+from motionlake.motion.clip import ChannelKind, Hierarchy, SourceClip
 
 FPS: Final = 30.0
 JOINTS: Final = (
@@ -83,12 +83,12 @@ class NtuSkeletonReader:
         return [replace(clip, fps=rate, notes=clip.notes + notes) for clip in clips]
 
 
-def _visible(missing: NDArray[np.bool_]) -> int:
+def _visible(missing: BoolArray) -> int:
     """Frames that show any joint."""
     return int((~missing).any(axis=1).sum())
 
 
-def _fill(positions: FloatArray, missing: NDArray[np.bool_]) -> tuple[FloatArray, list[str]]:
+def _fill(positions: Float64Array, missing: BoolArray) -> tuple[Float64Array, list[str]]:
     """The body [F, 25, 3] without gaps, and notes on what was hardly seen."""
     rare = rarely_seen(missing)
     carried = [(JOINTS.index(name), JOINTS.index(by)) for name, by in HANDS if rare[JOINTS.index(name)]]
@@ -107,9 +107,9 @@ def _clip(
     label: str,
     identity: str,
     frame_count: int,
-    frames: NDArray[np.int64],
-    positions: FloatArray,
-    missing: NDArray[np.bool_],
+    frames: Int64Array,
+    positions: Float64Array,
+    missing: BoolArray,
 ) -> SourceClip:
     visible = frames[~missing.all(axis=1)]
     if not len(visible):

@@ -11,12 +11,10 @@ import math
 from typing import Final
 
 import numpy as np
+from motionlake.arrays import Float64Array, Int64Array
 from motionlake.errors import ClipError
-from motionlake.motion.clip import FloatArray
 from numba import njit, uint64
 from numpy.typing import NDArray
-
-ByteArray = NDArray[np.uint8]
 
 OK: Final = 0
 BAD_NUMBER: Final = 1
@@ -239,7 +237,7 @@ def token_at(data: bytes, offset: int) -> str:
     return words[0].decode("latin-1") if words else ""
 
 
-def settle(data: bytes, values: FloatArray, undecided: NDArray[np.int64]) -> None:
+def settle(data: bytes, values: Float64Array, undecided: Int64Array) -> None:
     """Let Python's `float` read the numbers the kernel left undecided.
 
     Args:
@@ -258,7 +256,7 @@ def settle(data: bytes, values: FloatArray, undecided: NDArray[np.int64]) -> Non
         flat[index] = value
 
 
-def parse_table(data: bytes, start: int, rows: int, columns: int) -> FloatArray:
+def parse_table(data: bytes, start: int, rows: int, columns: int) -> Float64Array:
     """The `rows` x `columns` numbers that follow byte `start`, one row a line, blank lines aside.
 
     Raises:

@@ -15,9 +15,10 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+from motionlake.arrays import Float64Array
 from motionlake.errors import ClipError
 from motionlake.formats.repair import fill_missing, missing_samples, repair_note
-from motionlake.motion.clip import ChannelKind, FloatArray, Hierarchy, SourceClip
+from motionlake.motion.clip import ChannelKind, Hierarchy, SourceClip
 from numpy.typing import NDArray
 
 MEMBERS: Final = ("positions", "joints", "parents", "fps")
@@ -92,7 +93,7 @@ def parents_first(parents: list[int]) -> list[int]:
     return order
 
 
-def _clip(positions: FloatArray, names: list[str], parents: list[int], order: list[int], fps: float) -> SourceClip:
+def _clip(positions: Float64Array, names: list[str], parents: list[int], order: list[int], fps: float) -> SourceClip:
     reordered = order != list(range(len(order)))
     positions = positions[:, order]
     joints = tuple(names[joint] for joint in order)

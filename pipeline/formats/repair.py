@@ -6,9 +6,8 @@ from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
+from motionlake.arrays import BoolArray, Float64Array
 from motionlake.errors import ClipError
-from motionlake.motion.clip import FloatArray
-from numpy.typing import NDArray
 
 # No recording is this large; a value beyond it is a broken number, and its square must stay finite.
 FARTHEST: Final = 1e5
@@ -16,7 +15,7 @@ MAX_MISSING: Final = 0.5
 MIN_SEEN: Final = 2
 
 
-def missing_samples(positions: FloatArray) -> NDArray[np.bool_]:
+def missing_samples(positions: Float64Array) -> BoolArray:
     """[F, J] where a joint has no position: a coordinate is not finite or absurd, or all three are zero.
 
     A root at the origin in every frame that has it is a root-centred recording, not a missing joint.
@@ -29,11 +28,11 @@ def missing_samples(positions: FloatArray) -> NDArray[np.bool_]:
     at_origin = np.all(positions == 0.0, axis=2)
     if np.all(at_origin[:, 0] | ~sound[:, 0]):
         at_origin[:, 0] = at_origin.all(axis=1)
-    missing: NDArray[np.bool_] = at_origin | ~sound
+    missing: BoolArray = at_origin | ~sound
     return missing
 
 
-def fill_missing(positions: FloatArray, missing: NDArray[np.bool_], joints: Sequence[str]) -> tuple[FloatArray, int]:
+def fill_missing(positions: Float64Array, missing: BoolArray, joints: Sequence[str]) -> tuple[Float64Array, int]:
     """Interpolate every missing joint linearly between the frames that show it; hold it at both ends.
 
     Args:
@@ -62,14 +61,14 @@ def fill_missing(positions: FloatArray, missing: NDArray[np.bool_], joints: Sequ
     return filled, int(missing.any(axis=1).sum())
 
 
-def rarely_seen(missing: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def rarely_seen(missing: BoolArray) -> BoolArray:
     """[J] joints that `fill_missing` would refuse; `missing` is [F, J]."""
     seen = len(missing) - missing.sum(axis=0)
-    rare: NDArray[np.bool_] = (seen < MIN_SEEN) | (len(missing) - seen > MAX_MISSING * len(missing))
+    rare: BoolArray = (seen < MIN_SEEN) | (len(missing) - seen > MAX_MISSING * len(missing))
     return rare
 
 
-def carry(positions: FloatArray, missing: NDArray[np.bool_], joint: int, carrier: int) -> None:
+def carry(positions: Float64Array, missing: BoolArray, joint: int, carrier: int) -> None:
     """Place a joint where it is missing as it was seen from another that is known throughout, in place.
 
     Its offset is interpolated over time and held at both ends; zero where it was never seen.

@@ -6,8 +6,9 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
+from motionlake.arrays import Float64Array
 from motionlake.errors import ClipError
-from motionlake.motion.clip import FloatArray, Motion, SourceClip
+from motionlake.motion.clip import Motion, SourceClip
 from motionlake.motion.fill import Binding, bind, place, place_offsets
 from motionlake.motion.rest import to_canonical_rest, world_from_positions
 from motionlake.motion.rigs import Rest, RigMap
@@ -61,10 +62,10 @@ class CanonicalMotion:
     """
 
     fps: float
-    root: FloatArray
-    rotations: FloatArray
-    positions: FloatArray
-    rest_offsets: FloatArray
+    root: Float64Array
+    rotations: Float64Array
+    positions: Float64Array
+    rest_offsets: Float64Array
     body_height: float
     twist: bool
     filled: tuple[str, ...]
@@ -179,7 +180,7 @@ def canonicalise(
     )
 
 
-def _check_reach(positions: FloatArray, joints: tuple[str, ...], scale: float) -> None:
+def _check_reach(positions: Float64Array, joints: tuple[str, ...], scale: float) -> None:
     """`ClipError` where one of the file's joints [F, J, 3], of `scale` metres, goes absurdly far."""
     with np.errstate(over="ignore", invalid="ignore"):
         distance = np.linalg.norm(positions - positions[0, 0], axis=-1) * scale
@@ -192,12 +193,12 @@ def _check_reach(positions: FloatArray, joints: tuple[str, ...], scale: float) -
         )
 
 
-def _turn(up: str) -> FloatArray:
+def _turn(up: str) -> Float64Array:
     axis, degrees = _TURNS[up]
     return from_axis_angle(np.array(axis), degrees)
 
 
-def _world_rotations(binding: Binding, source_world: FloatArray, in_rest: FloatArray) -> FloatArray:
+def _world_rotations(binding: Binding, source_world: Float64Array, in_rest: Float64Array) -> Float64Array:
     world = np.empty((len(source_world), len(PARENTS), 4))
     for joint, parent in enumerate(PARENTS):
         if joint in binding.source:
@@ -208,7 +209,7 @@ def _world_rotations(binding: Binding, source_world: FloatArray, in_rest: FloatA
     return world
 
 
-def body_height(rest_offsets: FloatArray) -> float:
+def body_height(rest_offsets: Float64Array) -> float:
     """Height of the head joint over the ankles in the rest pose with these offsets."""
     heights = np.zeros(len(PARENTS))
     for joint, parent in enumerate(PARENTS):
@@ -218,7 +219,7 @@ def body_height(rest_offsets: FloatArray) -> float:
     return float(heights[INDEX["head"]] - ankles)
 
 
-def _orientation_notes(positions: FloatArray, up: str) -> list[str]:
+def _orientation_notes(positions: Float64Array, up: str) -> list[str]:
     """A note where the body is long along another axis than up in most frames: lying, or a wrong up axis."""
     ankles = (positions[:, INDEX["left_ankle"]] + positions[:, INDEX["right_ankle"]]) / 2
     body = positions[:, INDEX["head"]] - ankles

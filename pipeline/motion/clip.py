@@ -5,10 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import StrEnum
 
-import numpy as np
-from numpy.typing import NDArray
-
-FloatArray = NDArray[np.float64]
+from motionlake.arrays import Float64Array
 
 
 class ChannelKind(StrEnum):
@@ -44,10 +41,10 @@ class Hierarchy:
 
     joints: tuple[str, ...]
     parents: tuple[int, ...]
-    offsets: FloatArray
+    offsets: Float64Array
     channels: tuple[tuple[str, ...], ...]
     kind: ChannelKind
-    axes: FloatArray
+    axes: Float64Array
     fixed_axes: bool = False
     end_sites: tuple[tuple[int, tuple[float, float, float]], ...] = ()
 
@@ -72,7 +69,7 @@ class SourceClip:
     """
 
     hierarchy: Hierarchy
-    channels: FloatArray
+    channels: Float64Array
     fps: float
     body: str = ""
     metres_per_unit: float | None = None
@@ -91,6 +88,6 @@ class Motion:
             rotation is the identity.
     """
 
-    positions: FloatArray
-    local: FloatArray | None
-    world: FloatArray | None
+    positions: Float64Array
+    local: Float64Array | None
+    world: Float64Array | None

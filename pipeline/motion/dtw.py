@@ -6,9 +6,8 @@ from collections.abc import Callable, Sequence
 from typing import Any, Final, Literal, NamedTuple
 
 import numpy as np
-from motionlake.motion.features import Float32Array
+from motionlake.arrays import Float32Array, Float64Array, Int64Array
 from numba import njit
-from numpy.typing import NDArray
 
 Metric = Literal["euclidean", "geodesic"]
 
@@ -19,7 +18,7 @@ def _acos_squared_coefficients(degree: int = 7) -> tuple[float, ...]:
     acos(1 - x)^2 is analytic up to x = 2, so a Chebyshev fit converges fast and needs no square root.
     """
 
-    def target(x: NDArray[np.float64]) -> NDArray[np.float64]:
+    def target(x: Float64Array) -> Float64Array:
         return np.arccos(1 - x) ** 2 / x
 
     fit = np.polynomial.Chebyshev.interpolate(target, degree, domain=[0.0, 1.0])
@@ -87,8 +86,6 @@ def squared_geodesics(a: Float32Array, b: Float32Array, out: Float32Array) -> No
                     total[c] += gap * series
             out[r, first : first + width] = total[:width]
 
-
-Float64Array = NDArray[np.float64]
 
 # Frame pairs a second on one core, from timings.
 CELLS_PER_SECOND: Final = 1.2e8
@@ -181,8 +178,6 @@ def _aligned(squared: Float32Array) -> float:
     return float(before[m] / (n + m))
 
 
-IntArray = NDArray[np.int64]
-
 # Steps (query frames, sequence frames). Free: as in ordinary DTW. Limited: the tempo at most halves or doubles.
 STEPS: Final = {
     "free": np.array([(1, 1), (1, 0), (0, 1)], dtype=np.int64),
@@ -223,7 +218,7 @@ def nearest_stretch(query: Float32Array, sequence: Float32Array, edge: int = 0) 
 
 def alignment_ends(
     query: Float32Array, sequence: Float32Array, steps: str, *, squared: bool
-) -> tuple[Float64Array, IntArray]:
+) -> tuple[Float64Array, Int64Array]:
     """The cheapest alignment of the whole query that ends at each frame of a sequence.
 
     Args:
@@ -237,12 +232,12 @@ def alignment_ends(
         alignment starts at. Of all paths the one of least summed cost is taken.
     """
     costs = frame_distances(query, sequence)
-    found: tuple[Float64Array, IntArray] = _align(costs if squared else np.sqrt(costs), STEPS[steps])
+    found: tuple[Float64Array, Int64Array] = _align(costs if squared else np.sqrt(costs), STEPS[steps])
     return found
 
 
 @njit(cache=True)  # type: ignore[untyped-decorator]
-def _align(distances: Float32Array, steps: IntArray) -> tuple[Float64Array, IntArray]:
+def _align(distances: Float32Array, steps: Int64Array) -> tuple[Float64Array, Int64Array]:
     m, n = distances.shape
     held = steps[:, 0].max() + 1  # rows that a step reaches back to, and the one it makes
     cost = np.full((held, n), np.inf)

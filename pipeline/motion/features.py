@@ -12,14 +12,12 @@ from dataclasses import dataclass
 from typing import Final, Literal
 
 import numpy as np
+from motionlake.arrays import Float32Array, Float64Array
 from motionlake.motion.skeleton import COMMON, DEEP_MOTIFS, INDEX, facing
-from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
 Representation = Literal["positions", "rotations"]
 JointSet = Literal["common15", "deep_motifs16"]
-Float64Array = NDArray[np.float64]
-Float32Array = NDArray[np.float32]
 
 JOINT_SETS: Final[dict[str, tuple[str, ...]]] = {"common15": COMMON, "deep_motifs16": DEEP_MOTIFS}
 # A sampling instant this close (in frames) to the clip's last frame still counts as inside the clip.

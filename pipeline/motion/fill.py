@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from motionlake.arrays import Float64Array
 from motionlake.errors import ClipError
-from motionlake.motion.clip import FloatArray, Hierarchy
+from motionlake.motion.clip import Hierarchy
 from motionlake.motion.rigs import Fill, RigMap, bare_names
 from motionlake.motion.rotations import rotate
 from motionlake.motion.skeleton import INDEX, JOINTS, PARENTS
@@ -61,8 +62,8 @@ def _needs(joint: int, rule: Fill) -> set[int]:
 
 
 def place(
-    binding: Binding, hierarchy: Hierarchy, positions: FloatArray, world: FloatArray | None, scale: float
-) -> FloatArray:
+    binding: Binding, hierarchy: Hierarchy, positions: Float64Array, world: Float64Array | None, scale: float
+) -> Float64Array:
     """Canonical joints of measured ones and of the rules `between` and `end_site`.
 
     Args:
@@ -94,7 +95,7 @@ def place(
     return placed
 
 
-def place_offsets(binding: Binding, placed: FloatArray, world: FloatArray, height: float) -> None:
+def place_offsets(binding: Binding, placed: Float64Array, world: Float64Array, height: float) -> None:
     """Move the joints of the rule `offset` in place.
 
     Args:
@@ -110,7 +111,7 @@ def place_offsets(binding: Binding, placed: FloatArray, world: FloatArray, heigh
             placed[:, joint] = placed[:, parent] + rotate(np.ascontiguousarray(world[:, parent]), offset)
 
 
-def _end_site(binding: Binding, hierarchy: Hierarchy, name: str) -> tuple[int, FloatArray]:
+def _end_site(binding: Binding, hierarchy: Hierarchy, name: str) -> tuple[int, Float64Array]:
     index = binding.names.get(name.casefold())
     for joint, offset in hierarchy.end_sites:
         if joint == index:

@@ -6,13 +6,11 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from motionlake.motion.features import Float32Array, WordConfig
+from motionlake.arrays import Float32Array, Float64Array
+from motionlake.motion.features import WordConfig
 from motionlake.motion.rotations import to_matrix
 from motionlake.motion.skeleton import INDEX
 from numba import njit
-from numpy.typing import NDArray
-
-Float64Array = NDArray[np.float64]
 
 # Copies need not be cut on the words' frames: (part of a frame, whole frames) by which the best offset is refined.
 FRACTIONS: Final = (*((i / 8, 0) for i in range(1, 5)), *((i / 8, 1) for i in range(4, 8)))

@@ -6,11 +6,11 @@ import math
 from typing import Final
 
 import numpy as np
+from motionlake.arrays import Int64Array
 from motionlake.errors import ClipError
 from motionlake.motion.clip import ChannelKind, Hierarchy, Motion, SourceClip
 from motionlake.motion.rotations import multiply_into, rotate_into
 from numba import njit
-from numpy.typing import NDArray
 
 # A channel's code: 0-2 position, 3-5 rotation, 6-9 quaternion.
 _CODES: Final = {
@@ -113,7 +113,7 @@ def _solve(channels, starts, codes, parents, offsets, axes, turned, fixed, posit
     return -1, -1
 
 
-def channel_starts(hierarchy: Hierarchy) -> NDArray[np.int64]:
+def channel_starts(hierarchy: Hierarchy) -> Int64Array:
     """Column [J + 1] at which each joint's channels start."""
     return np.cumsum([0, *map(len, hierarchy.channels)])
 

@@ -11,9 +11,9 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from motionlake.motion.features import Float32Array, WordConfig
+from motionlake.arrays import Float32Array, FloatArray, Int64Array
+from motionlake.motion.features import WordConfig
 from motionlake.motion.skeleton import INDEX, JOINTS
-from numpy.typing import NDArray
 
 _ACROSS: Final = {"left_": "right_", "right_": "left_"}
 
@@ -45,17 +45,17 @@ def mirrored_features(features: Float32Array, config: WordConfig) -> Float32Arra
     return np.ascontiguousarray(features[:, columns] * signs)
 
 
-def mirrored_positions(positions: NDArray[np.floating]) -> NDArray[np.floating]:
+def mirrored_positions(positions: FloatArray) -> FloatArray:
     """Canonical joint positions [F, 21, 3] of the mirrored motion: reflected across x = 0, sides exchanged."""
     return positions[:, list(MIRRORED_JOINTS)] * np.array([-1.0, 1.0, 1.0], dtype=positions.dtype)
 
 
-def mirrored_rotations(rotations: NDArray[np.floating]) -> NDArray[np.floating]:
+def mirrored_rotations(rotations: FloatArray) -> FloatArray:
     """Canonical local rotations [F, 21, 4] of the mirrored motion."""
     return rotations[:, list(MIRRORED_JOINTS)] * np.array([1.0, 1.0, -1.0, -1.0], dtype=rotations.dtype)
 
 
-def _permutation(config: WordConfig) -> tuple[NDArray[np.int64], Float32Array]:
+def _permutation(config: WordConfig) -> tuple[Int64Array, Float32Array]:
     """For each number of a mirrored frame, the column it comes from and its sign."""
     joints = config.joint_indices
     across = np.array([joints.index(MIRRORED_JOINTS[joint]) for joint in joints])
@@ -71,5 +71,5 @@ def _permutation(config: WordConfig) -> tuple[NDArray[np.int64], Float32Array]:
     return np.concatenate(columns), np.concatenate(signs)
 
 
-def _per_joint(joints: NDArray[np.int64], width: int) -> NDArray[np.int64]:
+def _per_joint(joints: Int64Array, width: int) -> Int64Array:
     return (joints[:, None] * width + np.arange(width)).ravel()

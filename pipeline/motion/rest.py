@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from motionlake.motion.clip import FloatArray, Hierarchy, Motion
+from motionlake.arrays import Float64Array
+from motionlake.motion.clip import Hierarchy, Motion
 from motionlake.motion.fill import Binding, place
 from motionlake.motion.rigs import Rest, RigMap
 from motionlake.motion.rotations import conjugate, from_axis_angle, from_matrix, multiply, normalise, rotate, swing
@@ -22,7 +23,7 @@ MIN_LENGTH: Final = 1e-9
 
 def to_canonical_rest(
     rig: RigMap, binding: Binding, hierarchy: Hierarchy, motion: Motion, scale: float
-) -> FloatArray | None:
+) -> Float64Array | None:
     """Global orientation of each measured joint's source joint in the canonical rest pose.
 
     With it the canonical global rotation of a frame is `source rotation * result^-1`. The result is S A R: R
@@ -63,18 +64,18 @@ def to_canonical_rest(
     return result
 
 
-def _mean_offsets(hierarchy: Hierarchy, motion: Motion) -> FloatArray:
+def _mean_offsets(hierarchy: Hierarchy, motion: Motion) -> Float64Array:
     """[J, 3] offsets from the parent as the motion shows them: position channels replace rest offsets."""
     assert motion.world is not None
     frames = np.unique(np.linspace(0, len(motion.positions) - 1, SAMPLED_FRAMES).round().astype(int))
     parents = list(hierarchy.parents)
     positions, world = motion.positions[frames], motion.world[frames]
-    offsets: FloatArray = rotate(conjugate(world[:, parents]), positions - positions[:, parents]).mean(axis=0)
+    offsets: Float64Array = rotate(conjugate(world[:, parents]), positions - positions[:, parents]).mean(axis=0)
     offsets[0] = 0.0
     return offsets
 
 
-def _orientations(rig: RigMap, binding: Binding, hierarchy: Hierarchy) -> FloatArray:
+def _orientations(rig: RigMap, binding: Binding, hierarchy: Hierarchy) -> Float64Array:
     """[J, 4] global orientations in the source's rest pose."""
     given = {binding.names.get(name.casefold()): q for name, q in rig.rest_orientations.items()}
     orientations = np.tile(np.array(IDENTITY), (len(hierarchy.joints), 1))
@@ -86,7 +87,7 @@ def _orientations(rig: RigMap, binding: Binding, hierarchy: Hierarchy) -> FloatA
     return orientations
 
 
-def _posed(hierarchy: Hierarchy, orientations: FloatArray, offsets: FloatArray) -> FloatArray:
+def _posed(hierarchy: Hierarchy, orientations: Float64Array, offsets: Float64Array) -> Float64Array:
     positions = np.zeros_like(offsets)
     for joint, parent in enumerate(hierarchy.parents):
         if parent >= 0:
@@ -94,10 +95,10 @@ def _posed(hierarchy: Hierarchy, orientations: FloatArray, offsets: FloatArray) 
     return positions
 
 
-def _alignment(placed: FloatArray) -> FloatArray | None:
+def _alignment(placed: Float64Array) -> Float64Array | None:
     """Turn [4] that brings the rest body's up to +y and its left to +x; None where it has neither."""
 
-    def joints(part: str) -> FloatArray:
+    def joints(part: str) -> Float64Array:
         return placed[[INDEX[f"left_{part}"], INDEX[f"right_{part}"]]]
 
     up = joints("shoulder").mean(axis=0) - joints("ankle").mean(axis=0)
@@ -110,7 +111,7 @@ def _alignment(placed: FloatArray) -> FloatArray | None:
     return from_matrix(np.stack([left, up, np.cross(left, up)]))
 
 
-def _snapped(direction: FloatArray) -> FloatArray:
+def _snapped(direction: Float64Array) -> Float64Array:
     """The unit vector along `direction`, or along the file's axis that is near to it."""
     direction = direction / np.linalg.norm(direction)
     axis = np.zeros(3)
@@ -119,7 +120,7 @@ def _snapped(direction: FloatArray) -> FloatArray:
     return axis if axis @ direction > np.cos(np.deg2rad(SNAP_DEGREES)) else direction
 
 
-def _stands(placed: FloatArray) -> bool:
+def _stands(placed: Float64Array) -> bool:
     bones = [("hips", "neck", 1.0), ("left_hip", "left_ankle", -1.0), ("right_hip", "right_ankle", -1.0)]
     for start, end, sense in bones:
         bone = placed[INDEX[end]] - placed[INDEX[start]]
@@ -128,7 +129,7 @@ def _stands(placed: FloatArray) -> bool:
     return bool(placed[INDEX["left_hip"], 0] > placed[INDEX["right_hip"], 0])
 
 
-def _swings(placed: FloatArray, binding: Binding) -> FloatArray:
+def _swings(placed: Float64Array, binding: Binding) -> Float64Array:
     """[21, 4] swing of every joint's bone to its canonical direction; hands turn with their forearms."""
     swings = np.tile(np.array(IDENTITY), (len(JOINTS), 1))
     for name, (child, direction) in BONES.items():
@@ -140,7 +141,7 @@ def _swings(placed: FloatArray, binding: Binding) -> FloatArray:
     return swings
 
 
-def world_from_positions(positions: FloatArray) -> FloatArray:
+def world_from_positions(positions: Float64Array) -> Float64Array:
     """Global canonical rotations without twist.
 
     Hips and chest turn with the line across hips or shoulders and the line up to the neck. Any other joint
@@ -170,7 +171,7 @@ def world_from_positions(positions: FloatArray) -> FloatArray:
     return world
 
 
-def _body_frame(positions: FloatArray, across: str, below: str, otherwise: FloatArray) -> FloatArray:
+def _body_frame(positions: Float64Array, across: str, below: str, otherwise: Float64Array) -> Float64Array:
     """[F, 4] frame with x along right to left and y near to the line from joint `below` to the neck."""
     left = positions[:, INDEX[f"left_{across}"]] - positions[:, INDEX[f"right_{across}"]]
     up = positions[:, INDEX["neck"]] - positions[:, INDEX[below]]
@@ -184,7 +185,7 @@ def _body_frame(positions: FloatArray, across: str, below: str, otherwise: Float
     return frame
 
 
-def _swing(direction: FloatArray, bones: FloatArray) -> FloatArray:
+def _swing(direction: Float64Array, bones: Float64Array) -> Float64Array:
     rotations = np.tile(np.array([1.0, 0.0, 0.0, 0.0]), (len(bones), 1))
     valid = np.linalg.norm(bones, axis=-1) > MIN_LENGTH
     if valid.any():

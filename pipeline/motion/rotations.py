@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from motionlake.motion.clip import FloatArray
+from motionlake.arrays import Float64Array
 from numba import guvectorize, njit
 
 IDENTITY: Final = np.array([1.0, 0.0, 0.0, 0.0])
@@ -48,34 +48,34 @@ def _rotate(q, v, out):  # type: ignore[no-untyped-def]
     rotate_into(q, v, out)
 
 
-def multiply(a: FloatArray, b: FloatArray) -> FloatArray:
+def multiply(a: Float64Array, b: Float64Array) -> Float64Array:
     """Product a b of quaternions [..., 4], broadcast."""
-    product: FloatArray = _multiply(a, b)
+    product: Float64Array = _multiply(a, b)
     return product
 
 
-def rotate(q: FloatArray, v: FloatArray) -> FloatArray:
+def rotate(q: Float64Array, v: Float64Array) -> Float64Array:
     """Vectors v [..., 3] turned by q [..., 4], broadcast."""
-    turned: FloatArray = _rotate(q, v)
+    turned: Float64Array = _rotate(q, v)
     return turned
 
 
-def conjugate(q: FloatArray) -> FloatArray:
+def conjugate(q: Float64Array) -> Float64Array:
     """Inverse of unit quaternions [..., 4]."""
-    inverse: FloatArray = q * np.array([1.0, -1.0, -1.0, -1.0])
+    inverse: Float64Array = q * np.array([1.0, -1.0, -1.0, -1.0])
     return inverse
 
 
-def normalise(q: FloatArray) -> FloatArray:
+def normalise(q: Float64Array) -> Float64Array:
     """Quaternions or vectors [..., n] scaled to length 1; `ValueError` where one has no length."""
     length = np.linalg.norm(q, axis=-1, keepdims=True)
     if not (length > 0).all():
         raise ValueError("a vector of length zero has no direction")
-    unit: FloatArray = q / length
+    unit: Float64Array = q / length
     return unit
 
 
-def from_axis_angle(axis: FloatArray, degrees: FloatArray | float) -> FloatArray:
+def from_axis_angle(axis: Float64Array, degrees: Float64Array | float) -> Float64Array:
     """Rotation [..., 4] by `degrees` [...] about unit `axis` [..., 3]."""
     half = np.deg2rad(np.asarray(degrees, float)) / 2
     axis = np.asarray(axis, float)
@@ -83,7 +83,7 @@ def from_axis_angle(axis: FloatArray, degrees: FloatArray | float) -> FloatArray
     return np.concatenate([np.broadcast_to(np.cos(half)[..., None], (*vector.shape[:-1], 1)), vector], -1)
 
 
-def from_euler(degrees: FloatArray, order: str, fixed: bool = False) -> FloatArray:
+def from_euler(degrees: Float64Array, order: str, fixed: bool = False) -> Float64Array:
     """Rotations [..., 4] from Euler angles.
 
     Args:
@@ -100,7 +100,7 @@ def from_euler(degrees: FloatArray, order: str, fixed: bool = False) -> FloatArr
     return result
 
 
-def to_euler(q: FloatArray, order: str) -> FloatArray:
+def to_euler(q: Float64Array, order: str) -> Float64Array:
     """Euler angles in degrees [..., 3] of q [..., 4]: the inverse of `from_euler(..., order)`, not fixed.
 
     After E. Bernardes and S. Viollet, "Quaternion to Euler angles conversion" (2022). At the pole, where only
@@ -128,17 +128,17 @@ def to_euler(q: FloatArray, order: str) -> FloatArray:
         third, middle = sign * third, middle - np.pi / 2
     angles = np.stack([third, middle, first], -1)
     angles[..., ::2] = (angles[..., ::2] + np.pi) % (2 * np.pi) - np.pi
-    degrees: FloatArray = np.rad2deg(angles)
+    degrees: Float64Array = np.rad2deg(angles)
     return degrees
 
 
-def to_matrix(q: FloatArray) -> FloatArray:
+def to_matrix(q: Float64Array) -> Float64Array:
     """Rotation matrices [..., 3, 3] of q [..., 4]."""
     columns = [rotate(q, axis) for axis in np.eye(3)]
     return np.stack(columns, -1)
 
 
-def from_matrix(matrix: FloatArray) -> FloatArray:
+def from_matrix(matrix: Float64Array) -> Float64Array:
     """Rotations [..., 4], w >= 0, of proper rotation matrices [..., 3, 3]."""
     m = np.asarray(matrix, float)
     trace = m[..., 0, 0] + m[..., 1, 1] + m[..., 2, 2]
@@ -155,7 +155,7 @@ def from_matrix(matrix: FloatArray) -> FloatArray:
     return np.where(q[..., :1] < 0, -q, q)
 
 
-def swing(u: FloatArray, v: FloatArray) -> FloatArray:
+def swing(u: Float64Array, v: Float64Array) -> Float64Array:
     """The smallest rotation [..., 4] that turns direction u [..., 3] into direction v [..., 3].
 
     For opposite directions the axis is one perpendicular to u, always the same for the same u.
@@ -175,18 +175,18 @@ def swing(u: FloatArray, v: FloatArray) -> FloatArray:
     return np.concatenate([cosine, axis], -1)
 
 
-def angle(a: FloatArray, b: FloatArray) -> FloatArray:
+def angle(a: Float64Array, b: Float64Array) -> Float64Array:
     """Angle in degrees [...] of the rotation between a and b [..., 4], in [0, 180]."""
     relative = multiply(conjugate(a), b)
     half = np.arctan2(np.linalg.norm(relative[..., 1:], axis=-1), np.abs(relative[..., 0]))
-    degrees: FloatArray = np.rad2deg(2 * half)
+    degrees: Float64Array = np.rad2deg(2 * half)
     return degrees
 
 
-def continuous(q: FloatArray) -> FloatArray:
+def continuous(q: Float64Array) -> Float64Array:
     """q [F, ..., 4] with signs such that no frame is farther from the one before than its opposite is."""
     flips = np.sum(q[1:] * q[:-1], -1) < 0
     signs = np.where(np.cumsum(flips, axis=0) % 2 == 1, -1.0, 1.0)
-    result: FloatArray = q.copy()
+    result: Float64Array = q.copy()
     result[1:] *= signs[..., None]
     return result

@@ -5,9 +5,8 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from motionlake.motion.clip import FloatArray
+from motionlake.arrays import Float64Array, FloatArray
 from motionlake.motion.rotations import conjugate, multiply, rotate
-from numpy.typing import NDArray
 
 JOINTS: Final[tuple[str, ...]] = (
     "hips", "spine", "chest", "neck", "head",
@@ -60,7 +59,7 @@ PESTA: Final[tuple[str, ...]] = (
 )  # fmt: skip
 
 
-def world_rotations(local: FloatArray) -> FloatArray:
+def world_rotations(local: Float64Array) -> Float64Array:
     """Global rotations [..., 21, 4] of local ones."""
     world = np.array(local, float)
     for joint, parent in enumerate(PARENTS):
@@ -71,22 +70,22 @@ def world_rotations(local: FloatArray) -> FloatArray:
     return world
 
 
-def local_rotations(world: FloatArray) -> FloatArray:
+def local_rotations(world: Float64Array) -> Float64Array:
     """Local rotations [..., 21, 4] of global ones: parent^-1 * own."""
-    local: FloatArray = multiply(conjugate(world[..., list(PARENTS), :]), world)
+    local: Float64Array = multiply(conjugate(world[..., list(PARENTS), :]), world)
     local[..., 0, :] = world[..., 0, :]
     return local
 
 
-def bone_vectors(positions: FloatArray, world: FloatArray) -> FloatArray:
+def bone_vectors(positions: Float64Array, world: Float64Array) -> Float64Array:
     """Offsets [F, 21, 3] of joints from their parents, as the parents see them; zero at the hips."""
     parents = list(PARENTS)
-    vectors: FloatArray = rotate(conjugate(world[:, parents]), positions - positions[:, parents])
+    vectors: Float64Array = rotate(conjugate(world[:, parents]), positions - positions[:, parents])
     vectors[:, 0] = 0.0
     return vectors
 
 
-def forward_kinematics(root: FloatArray, rotations: FloatArray, rest_offsets: FloatArray) -> FloatArray:
+def forward_kinematics(root: Float64Array, rotations: Float64Array, rest_offsets: Float64Array) -> Float64Array:
     """Joint positions.
 
     Args:
@@ -106,12 +105,12 @@ def forward_kinematics(root: FloatArray, rotations: FloatArray, rest_offsets: Fl
     return positions
 
 
-def continuous_signs(q: FloatArray) -> FloatArray:
+def continuous_signs(q: Float64Array) -> Float64Array:
     """[F, J, 4] with the signs that keep neighbours in time on one hemisphere; the first has w >= 0."""
     signs = np.ones((*q.shape[:-1], 1))
     signs[0] = np.where(q[0, :, :1] < 0, -1.0, 1.0)
     signs[1:] = np.where(np.sum(q[1:] * q[:-1], axis=-1, keepdims=True) < 0, -1.0, 1.0)
-    continuous: FloatArray = q * np.cumprod(signs, axis=0)
+    continuous: Float64Array = q * np.cumprod(signs, axis=0)
     return continuous
 
 
@@ -119,7 +118,7 @@ def continuous_signs(q: FloatArray) -> FloatArray:
 MIN_HORIZONTAL: Final = 0.05
 
 
-def facing(positions: NDArray[np.floating]) -> NDArray[np.float64]:
+def facing(positions: FloatArray) -> Float64Array:
     """Heading of the body: the angle about +y that turns +z to where it faces.
 
     The left axis is the mean of the unit vectors right to left hip and right to left shoulder; the body faces

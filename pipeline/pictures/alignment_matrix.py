@@ -10,10 +10,10 @@ import numpy as np
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
+from motionlake.arrays import Float64Array, FloatArray, Int64Array, IntArray
 from motionlake.pictures.stick_figures import draw_bodies, postures_view
-from motionlake.pictures.style import FAINT, INK, TOP, Float64Array, Sheet, fitted, styled, width_of
+from motionlake.pictures.style import FAINT, INK, TOP, Sheet, fitted, styled, width_of
 from motionlake.pictures.symbol_strip import CHIP, chip
-from numpy.typing import NDArray
 
 PATH: Final = "#CC3311"
 OTHER: Final = "#0077BB"
@@ -39,8 +39,8 @@ class SymbolRow:
 
     name: str
     when: str
-    symbols: NDArray[np.integer]
-    bodies: NDArray[np.floating]
+    symbols: IntArray
+    bodies: FloatArray
     cuts: Sequence[int] = ()
 
 
@@ -54,9 +54,9 @@ class AlignedPath:
     """
 
     name: str
-    pairs: NDArray[np.integer]
+    pairs: IntArray
 
-    def strided(self, axis: int) -> NDArray[np.int64]:
+    def strided(self, axis: int) -> Int64Array:
         """Symbols of the query (axis 0) or the other string (1) between the path's ends that it leaves out."""
         own = self.pairs[:, axis]
         return np.setdiff1d(np.arange(own[0], own[-1] + 1), own)
@@ -64,7 +64,7 @@ class AlignedPath:
 
 @styled
 def alignment_matrix(
-    query: SymbolRow, found: SymbolRow, distances: NDArray[np.floating], paths: Sequence[AlignedPath],
+    query: SymbolRow, found: SymbolRow, distances: FloatArray, paths: Sequence[AlignedPath],
     colours: Float64Array, title: str, note: str = "",
 ) -> Figure:  # fmt: skip
     """The query down the left side, the other string along the bottom; the lighter a cell, the nearer two postures.
@@ -105,7 +105,7 @@ def _shade() -> LinearSegmentedColormap:
     return LinearSegmentedColormap.from_list("distance", ["#ffffff", "#d9dde3", "#9aa3b0", "#5a6370"])
 
 
-def _matrix(sheet: Sheet, distances: NDArray[np.floating], top: float, wide: float, tall: float) -> None:
+def _matrix(sheet: Sheet, distances: FloatArray, top: float, wide: float, tall: float) -> None:
     most = max(float(distances.max()), 1e-12)
     sheet.image(LEFT, top, wide, tall, np.asarray(_shade()(distances / most))[..., :3])
     sheet.canvas.add_patch(Rectangle((LEFT, top), wide, tall, fill=False, edgecolor=FAINT, linewidth=0.7, zorder=2))
@@ -125,7 +125,7 @@ def _every(cell: float) -> int:
 
 def _side(
     sheet: Sheet, row: SymbolRow, colours: Float64Array, top: float, cell: float, scale: float,
-    strided: NDArray[np.int64],
+    strided: Int64Array,
 ) -> None:  # fmt: skip
     step = max(_every(cell), int(np.ceil(scale * 0.9 / cell - 1e-9)))
     shown = np.arange(0, len(row.symbols), step)
@@ -146,7 +146,7 @@ def _side(
 
 def _bottom(
     sheet: Sheet, row: SymbolRow, colours: Float64Array, top: float, cell: float, scale: float,
-    strided: NDArray[np.int64],
+    strided: Int64Array,
 ) -> None:  # fmt: skip
     step = _every(cell)
     shown = np.arange(0, len(row.symbols), step)

@@ -8,6 +8,7 @@ from typing import Any, Final
 
 import numpy as np
 from matplotlib.figure import Figure
+from motionlake.arrays import Int64Array
 from motionlake.pesta.alignment.config import AlignmentConfig
 from motionlake.pesta.alignment.matches import Match, best_matches
 from motionlake.pesta.alignment.strings import Repository
@@ -18,12 +19,10 @@ from motionlake.pictures.output import write_hits
 from motionlake.pictures.symbol_material import SymbolMaterial
 from motionlake.retrieval.aligned import AlignedHit, StringQuery, WholeHit
 from motionlake.retrieval.lake_strings import LakeStrings
-from numpy.typing import NDArray
 
 CONTEXT: Final = 3  # symbols before and after a match
 MOST_WHOLE: Final = 30  # symbols of a clip that is shown whole
 MOST_MATRICES: Final = 10
-Indices = NDArray[np.int64]
 
 
 def save_alignments(
@@ -135,12 +134,12 @@ def best_match(strings: LakeStrings, query: StringQuery, clip: str, config: Alig
     return found[0] if found else None
 
 
-def _pairs(match: Match) -> Indices:
+def _pairs(match: Match) -> Int64Array:
     assert match.path is not None
     return match.path
 
 
-def path_indices(strings: LakeStrings, query: StringQuery, hit: AlignedHit) -> Indices:
+def path_indices(strings: LakeStrings, query: StringQuery, hit: AlignedHit) -> Int64Array:
     """[L, 2] (symbol of the query, symbol of all strings) of a hit's path, which is in frames.
 
     Raises:
@@ -156,7 +155,7 @@ def path_indices(strings: LakeStrings, query: StringQuery, hit: AlignedHit) -> I
     return np.stack([rows, columns + begin], axis=1)
 
 
-def _places(ranges: Indices, wanted: Sequence[tuple[int, int]]) -> Indices:
+def _places(ranges: Int64Array, wanted: Sequence[tuple[int, int]]) -> Int64Array:
     """Where ranges of frames stand, each not before the last: a path never goes back."""
     found, place = [], 0
     for pair in wanted:

@@ -10,13 +10,13 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
+from motionlake.arrays import Float64Array, FloatArray, IntArray
 from motionlake.pictures.style import (
     FAINT,
     TOP,
     UNKNOWN,
     UNLABELLED,
     ClassStyle,
-    Float64Array,
     Sheet,
     bare,
     class_styles,
@@ -26,7 +26,6 @@ from motionlake.pictures.style import (
     styled,
     width_of,
 )
-from numpy.typing import NDArray
 
 LEFT: Final = 2.8
 WIDE: Final = 7.8
@@ -46,9 +45,9 @@ class MotifBand:
     """
 
     name: str
-    motifs: NDArray[np.integer]
+    motifs: IntArray
     times: Float64Array
-    signature: NDArray[np.floating]
+    signature: FloatArray
 
 
 @dataclass(frozen=True)
@@ -68,14 +67,14 @@ class SegmentRow:
     segments: Sequence[Segment]
 
 
-def word_edges(starts: NDArray[np.integer], stops: NDArray[np.integer], fps: float) -> Float64Array:
+def word_edges(starts: IntArray, stops: IntArray, fps: float) -> Float64Array:
     """[w + 1] seconds that part a clip among its overlapping words, each around its own middle."""
     middles = (starts + stops) / 2
     return np.concatenate([starts[:1], (middles[1:] + middles[:-1]) / 2, stops[-1:]]) / fps
 
 
 @styled
-def motif_bands(bands: Sequence[MotifBand], order: NDArray[np.integer], title: str, note: str = "") -> Figure:
+def motif_bands(bands: Sequence[MotifBand], order: IntArray, title: str, note: str = "") -> Figure:
     """For each clip, its motifs in time, and below them its signature in the motifs' common order.
 
     Args:
@@ -123,7 +122,7 @@ def _runs(axes: Axes, band: MotifBand, colours: Float64Array, scale: float) -> N
     _numbers(axes, motifs, starts, widths, colours, scale)
 
 
-def _shares(axes: Axes, signature: NDArray[np.floating], colours: Float64Array, order: NDArray[np.integer]) -> None:
+def _shares(axes: Axes, signature: FloatArray, colours: Float64Array, order: IntArray) -> None:
     held = order[signature[order] > 0]
     widths = signature[held].astype(float)
     starts = np.cumsum(widths) - widths
@@ -134,7 +133,7 @@ def _shares(axes: Axes, signature: NDArray[np.floating], colours: Float64Array, 
 
 
 def _numbers(
-    axes: Axes, motifs: NDArray[np.integer], starts: Float64Array, widths: Float64Array, colours: Float64Array,
+    axes: Axes, motifs: IntArray, starts: Float64Array, widths: Float64Array, colours: Float64Array,
     scale: float,
 ) -> None:  # fmt: skip
     for motif, start, width in zip(motifs, starts, widths, strict=True):

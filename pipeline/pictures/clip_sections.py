@@ -8,6 +8,7 @@ from typing import Final
 
 import numpy as np
 from matplotlib.figure import Figure
+from motionlake.arrays import Float64Array
 from motionlake.deep_motifs.emd import emd_many, emd_matrix
 from motionlake.evaluation.measures.dtw import BASELINE, baseline_features
 from motionlake.lake.layout import Lake
@@ -30,7 +31,7 @@ from motionlake.pictures.selection import (
     shares,
 )
 from motionlake.pictures.signature_bars import BarGroup, signature_bars
-from motionlake.pictures.style import UNLABELLED, Float64Array
+from motionlake.pictures.style import UNLABELLED
 from threadpoolctl import threadpool_limits
 
 PER_CLASS: Final = 4

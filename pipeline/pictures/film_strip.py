@@ -8,6 +8,7 @@ from typing import Final
 
 import numpy as np
 from matplotlib.figure import Figure
+from motionlake.arrays import Float64Array, FloatArray
 from motionlake.motion.skeleton import INDEX
 from motionlake.pictures.bands import Segment, lanes_of, second_ticks
 from motionlake.pictures.player_material import PlayerClip
@@ -17,7 +18,6 @@ from motionlake.pictures.style import (
     INK,
     TOP,
     ClassStyle,
-    Float64Array,
     Sheet,
     bare,
     class_styles,
@@ -27,7 +27,6 @@ from motionlake.pictures.style import (
     styled,
     width_of,
 )
-from numpy.typing import NDArray
 
 MOMENTS: Final = 12
 MOST_LANES: Final = 6
@@ -145,7 +144,7 @@ class WordStrip:
 
     clip: str
     when: str
-    poses: NDArray[np.floating]
+    poses: FloatArray
 
 
 @dataclass(frozen=True)

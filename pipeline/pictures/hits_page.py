@@ -9,6 +9,7 @@ from typing import Any, Final
 
 import numpy as np
 from matplotlib.figure import Figure
+from motionlake.arrays import FloatArray
 from motionlake.errors import ClipError, UserError
 from motionlake.formats import is_clip
 from motionlake.lake.catalog import Connection, fetch
@@ -19,7 +20,6 @@ from motionlake.pictures.stick_figures import Poses, draw_strip, spread
 from motionlake.pictures.style import FAINT, TOP, Sheet, styled
 from motionlake.stages.frames import canonical_motions
 from motionlake.stages.sources import IngestOptions
-from numpy.typing import NDArray
 
 MOST_HITS: Final = 30
 MOMENTS: Final = 14
@@ -40,7 +40,7 @@ class HitStrip:
 
     head: str
     lines: Sequence[str]
-    poses: NDArray[np.floating]
+    poses: FloatArray
 
 
 @styled

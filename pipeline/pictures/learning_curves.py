@@ -10,8 +10,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+from motionlake.arrays import Float64Array
 from motionlake.pictures.style import TOP, Sheet, class_styles, plain, styled, width_of
-from numpy.typing import NDArray
 
 PANEL: Final = (3.7, 3.0)
 GAP: Final = 0.75
@@ -95,13 +95,13 @@ def _panel(sheet: Sheet, place: int, name: str, unit: str) -> Axes:
     return axes
 
 
-def _shares(losses: Sequence[float]) -> NDArray[np.float64]:
+def _shares(losses: Sequence[float]) -> Float64Array:
     """Of the first; a loss of zero, which has no place on the scale, is a gap."""
     values = np.asarray(losses, dtype=np.float64) / max(losses[0], 1e-12)
     return np.where(values > 0, values, np.nan)
 
 
-def _draw(axes: Axes, runs: Sequence[NDArray[np.float64]], colour: str) -> None:
+def _draw(axes: Axes, runs: Sequence[Float64Array], colour: str) -> None:
     """Runs of different lengths are drawn as far as all of them go."""
     if not runs:
         return

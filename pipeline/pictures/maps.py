@@ -9,9 +9,9 @@ from typing import Final
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from motionlake.arrays import Float64Array, FloatArray
 from motionlake.deep_motifs.clustering import places_of
-from motionlake.pictures.style import TOP, UNLABELLED, ClassStyle, Float64Array, Sheet, bare, class_styles, styled
-from numpy.typing import NDArray
+from motionlake.pictures.style import TOP, UNLABELLED, ClassStyle, Sheet, bare, class_styles, styled
 from threadpoolctl import threadpool_limits
 
 WIDE: Final = 6.7
@@ -97,7 +97,7 @@ PERPLEXITY: Final = 20.0
 SEED: Final = 0
 
 
-def tsne(descriptors: NDArray[np.floating]) -> NDArray[np.float64]:
+def tsne(descriptors: FloatArray) -> Float64Array:
     """[n, 2] places of n descriptors [n, d], the same for the same descriptors.
 
     Raises:
@@ -115,7 +115,7 @@ def tsne(descriptors: NDArray[np.floating]) -> NDArray[np.float64]:
     return np.asarray(found, dtype=np.float64)
 
 
-def descriptor_map(descriptors: NDArray[np.floating], classes: Sequence[str], title: str, note: str = "") -> Figure:
+def descriptor_map(descriptors: FloatArray, classes: Sequence[str], title: str, note: str = "") -> Figure:
     """Each clip a point in the colour and marker of its class; near points have near descriptors.
 
     Args:

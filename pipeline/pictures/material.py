@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from motionlake.arrays import Float32Array, Float64Array, Int64Array, IntArray
 from motionlake.deep_motifs.corpus import Corpus
 from motionlake.lake.catalog import Connection, fetch
 from motionlake.lake.corpus import read_corpus
@@ -14,8 +15,7 @@ from motionlake.lake.layout import Lake
 from motionlake.pictures.bands import MotifBand, Segment, word_edges
 from motionlake.pictures.signature_bars import motif_order
 from motionlake.pictures.stick_figures import Poses
-from motionlake.pictures.style import Float64Array, motif_colours
-from numpy.typing import NDArray
+from motionlake.pictures.style import motif_colours
 
 
 @dataclass(frozen=True)
@@ -40,12 +40,12 @@ class Material:
 
     con: Connection
     corpus: Corpus
-    signatures: NDArray[np.float32]
+    signatures: Float32Array
     segments: dict[str, list[Segment]]
     poses: Poses
 
     @cached_property
-    def order(self) -> NDArray[np.int64]:
+    def order(self) -> Int64Array:
         """[K] motifs, similar ones side by side: the same in every picture."""
         return motif_order(self.corpus.centroids)
 
@@ -57,7 +57,7 @@ class Material:
     def seconds(self, clip: int) -> float:
         return self.corpus.clips[clip].frames / self.corpus.clips[clip].fps
 
-    def counts(self, clips: NDArray[np.integer]) -> NDArray[np.int64]:
+    def counts(self, clips: IntArray) -> Int64Array:
         """[clips, K] how many words of each clip belong to each motif."""
         k = len(self.corpus.idf)
         return np.array([np.bincount(self.corpus.motifs[self.corpus.words_of(i)], minlength=k) for i in clips])

@@ -10,10 +10,11 @@ from typing import Final
 
 import numpy as np
 from matplotlib.font_manager import FontProperties, findfont
+from motionlake.arrays import Float64Array
 from motionlake.motion.skeleton import INDEX, JOINTS, PARENTS
 from motionlake.pictures.player_material import PlayerClip
 from motionlake.pictures.stick_figures import LEFT, RIGHT, TILT, TURN
-from motionlake.pictures.style import FAINT, INK, NONE, Float64Array, class_styles, fitted
+from motionlake.pictures.style import FAINT, INK, NONE, class_styles, fitted
 from PIL import Image, ImageDraw, ImageFont
 
 MOST_SECONDS: Final = 30.0

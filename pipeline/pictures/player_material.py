@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+from motionlake.arrays import Float64Array, FloatArray
 from motionlake.errors import UserError
 from motionlake.lake.catalog import Connection, fetch
 from motionlake.lake.frames import frame_range
@@ -17,12 +18,10 @@ from motionlake.lake.layout import Lake
 from motionlake.motion.skeleton import facing
 from motionlake.pictures.bands import Segment
 from motionlake.pictures.stick_figures import Poses, body_height
-from motionlake.pictures.style import Float64Array
 from motionlake.retrieval.encode import first_body
 from motionlake.retrieval.methods import ready_methods, retriever
 from motionlake.retrieval.protocol import Query
 from motionlake.retrieval.search import Hit
-from numpy.typing import NDArray
 
 MOST_FPS: Final = 30.0
 MOST_SECONDS: Final = 180.0
@@ -44,7 +43,7 @@ class PlayerClip:
     """
 
     name: str
-    positions: NDArray[np.floating]
+    positions: FloatArray
     fps: float
     frames: int
     first: int = 0
@@ -61,7 +60,7 @@ class PlayerClip:
         return self.fps / self.step
 
     @cached_property
-    def shown(self) -> NDArray[np.floating]:
+    def shown(self) -> FloatArray:
         """[n, 21, 3] positions at `shown_fps`, of the first three minutes."""
         most = round(MOST_SECONDS * self.shown_fps)
         return self.positions[:: self.step][:most]
@@ -97,7 +96,7 @@ class PlayerClip:
         return body_height(self.positions)
 
 
-def pack(positions: NDArray[np.floating]) -> str:
+def pack(positions: FloatArray) -> str:
     """Positions [n, 21, 3] in whole millimetres as base64: [n, 3] int32 roots, then [n, 20, 3] int16 joints off them.
 
     Numbers are little-endian. Joints are rounded off the rounded root, so that no coordinate is off by more than half

@@ -7,10 +7,10 @@ from typing import Final
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from motionlake.arrays import BoolArray, Float64Array, FloatArray, Int64Array, IntArray
 from motionlake.pictures.stick_figures import draw_bodies, postures_view
-from motionlake.pictures.style import TOP, Float64Array, Sheet, bare, styled
+from motionlake.pictures.style import TOP, Sheet, bare, styled
 from motionlake.pictures.symbol_strip import chip
-from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 WIDE: Final = 7.4
@@ -24,7 +24,7 @@ APART: Final = 0.78  # inches from figure to figure
 SCALE: Final = 0.5
 
 
-def plane(points: NDArray[np.floating], seed: int = 0) -> Float64Array:
+def plane(points: FloatArray, seed: int = 0) -> Float64Array:
     """[n, 2] t-SNE of points [n, d], begun from their principal components; the same for the same seed.
 
     Raises:
@@ -46,10 +46,10 @@ def plane(points: NDArray[np.floating], seed: int = 0) -> Float64Array:
 @styled
 def posture_map(
     heads: Float64Array,
-    share: NDArray[np.floating],
+    share: FloatArray,
     bodies: Float64Array,
     sample: Float64Array,
-    symbols: NDArray[np.integer],
+    symbols: IntArray,
     colours: Float64Array,
     title: str,
     note: str = "",
@@ -87,7 +87,7 @@ def _axes(sheet: Sheet, points: Float64Array, top: float, height: float) -> Axes
 
 
 def _heads(
-    sheet: Sheet, heads: Float64Array, share: NDArray[np.floating], bodies: Float64Array, colours: Float64Array,
+    sheet: Sheet, heads: Float64Array, share: FloatArray, bodies: Float64Array, colours: Float64Array,
     top: float,
 ) -> None:  # fmt: skip
     axes = _axes(sheet, heads, top, HEADS)
@@ -98,7 +98,7 @@ def _heads(
     sizes = 8 + 150 * share / max(float(np.max(share)), 1e-12)
     axes.scatter(heads[:, 0], heads[:, 1], sizes, color=colours, linewidths=0.4, edgecolors="white", alpha=0.85)
     axes.set_zorder(-1)
-    possible: NDArray[np.bool_] = np.asarray(np.isfinite(bodies).all(axis=(1, 2)))
+    possible: BoolArray = np.asarray(np.isfinite(bodies).all(axis=(1, 2)))
     chosen = spread_out(page, share, possible)
     view = postures_view(bodies[chosen])
     tall = view[..., 1].max(axis=1) * SCALE if len(chosen) else np.zeros(0)
@@ -107,7 +107,7 @@ def _heads(
         chip(sheet, float(page[symbol, 0]), float(page[symbol, 1] + tall[i] / 2) + 0.11, symbol, colours[symbol], 6)
 
 
-def spread_out(page: Float64Array, share: NDArray[np.floating], possible: NDArray[np.bool_]) -> NDArray[np.int64]:
+def spread_out(page: Float64Array, share: FloatArray, possible: BoolArray) -> Int64Array:
     """Symbols whose figures have room: the most frequent first, each a figure's width or more from those before."""
     chosen: list[int] = []
     for symbol in np.lexsort((np.arange(len(page)), -np.asarray(share))).tolist():

@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
+from motionlake.arrays import Float64Array
 from motionlake.pictures.style import (
     FAINT,
     INK,
@@ -22,7 +23,7 @@ from motionlake.pictures.style import (
     styled,
     width_of,
 )
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 PLOT: Final = 4.6
 LEGEND: Final = 3.4  # at most
@@ -83,7 +84,7 @@ def precision_recall_figure(
     return sheet.figure
 
 
-def _curve(name: str, recall: ArrayLike, precision: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _curve(name: str, recall: ArrayLike, precision: ArrayLike) -> tuple[Float64Array, Float64Array]:
     x, y = np.asarray(recall, dtype=np.float64), np.asarray(precision, dtype=np.float64)
     if x.ndim != 1 or x.shape != y.shape or not len(x):
         raise ValueError(f"{name}: recall {x.shape} and precision {y.shape} are not two rows of one length")

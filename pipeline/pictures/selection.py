@@ -10,11 +10,11 @@ from dataclasses import dataclass
 from typing import Final, TypeVar
 
 import numpy as np
+from motionlake.arrays import Float64Array, Int64Array
 from motionlake.deep_motifs.clustering import cluster_clips
 from motionlake.deep_motifs.emd import emd_matrix
 from motionlake.pictures.material import Material
-from motionlake.pictures.style import UNLABELLED, Float64Array
-from numpy.typing import NDArray
+from motionlake.pictures.style import UNLABELLED
 
 T = TypeVar("T", bound=Hashable)
 
@@ -42,10 +42,10 @@ class View:
 
     name: str
     total: int
-    clips: NDArray[np.int64]
+    clips: Int64Array
     classes: list[str]
     kind: str
-    shown: NDArray[np.int64]
+    shown: Int64Array
     distances: Float64Array
 
     @property
@@ -64,7 +64,7 @@ class View:
         return {name: groups[name] for name in sorted(groups, key=lambda n: (n == UNLABELLED, n))}
 
 
-def sampled(names: Sequence[str], count: int) -> NDArray[np.int64]:
+def sampled(names: Sequence[str], count: int) -> Int64Array:
     """At most `count` positions, ascending: those whose names hash lowest, so the same ones every time."""
     order = sorted(range(len(names)), key=lambda i: (hashlib.md5(names[i].encode()).hexdigest(), names[i]))
     return np.array(sorted(order[:count]), dtype=np.int64)

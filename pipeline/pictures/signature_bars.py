@@ -9,19 +9,8 @@ from typing import Final
 import numpy as np
 from matplotlib.colors import LogNorm, to_rgb
 from matplotlib.figure import Figure
-from motionlake.pictures.style import (
-    FAINT,
-    NONE,
-    TOP,
-    Float64Array,
-    Sheet,
-    frequency_map,
-    motif_colours,
-    plain,
-    styled,
-    width_of,
-)
-from numpy.typing import NDArray
+from motionlake.arrays import Float64Array, FloatArray, Int64Array, IntArray
+from motionlake.pictures.style import FAINT, NONE, TOP, Sheet, frequency_map, motif_colours, plain, styled, width_of
 from scipy.cluster.hierarchy import leaves_list, linkage
 
 # One scale for all pictures, so that they compare: shares outside it take the colour of its ends.
@@ -39,10 +28,10 @@ class BarGroup:
 
     name: str
     clips: Sequence[str]
-    signatures: NDArray[np.floating]
+    signatures: FloatArray
 
 
-def motif_order(centroids: NDArray[np.floating]) -> NDArray[np.int64]:
+def motif_order(centroids: FloatArray) -> Int64Array:
     """[K] motifs in an order that puts similar ones side by side.
 
     Average linkage of the centroids [K, d], its leaves ordered so that neighbours are close.
@@ -53,7 +42,7 @@ def motif_order(centroids: NDArray[np.floating]) -> NDArray[np.int64]:
     return np.asarray(leaves_list(tree), dtype=np.int64)
 
 
-def bar_colours(signatures: NDArray[np.floating]) -> Float64Array:
+def bar_colours(signatures: FloatArray) -> Float64Array:
     """[..., 3] colours of shares: grey where there is none, then from cold to hot."""
     scale = LogNorm(RAREST, MOST, clip=True)
     colours = frequency_map()(np.asarray(scale(np.maximum(signatures, RAREST))))[..., :3]
@@ -62,7 +51,7 @@ def bar_colours(signatures: NDArray[np.floating]) -> Float64Array:
 
 
 @styled
-def signature_bars(groups: Sequence[BarGroup], order: NDArray[np.integer], title: str, note: str = "") -> Figure:
+def signature_bars(groups: Sequence[BarGroup], order: IntArray, title: str, note: str = "") -> Figure:
     """Rows of bars, grouped by class, below a strip with the colours that bands give the motifs.
 
     Args:

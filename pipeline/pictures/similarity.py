@@ -9,10 +9,10 @@ from typing import Final
 import numpy as np
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
+from motionlake.arrays import Float64Array, FloatArray
 from motionlake.pictures.bands import Segment, class_legend, draw_segments, lanes_of, legend_height, second_ticks
 from motionlake.pictures.stick_figures import draw_strip
-from motionlake.pictures.style import FAINT, TOP, Float64Array, Sheet, bare, class_styles, styled
-from numpy.typing import NDArray
+from motionlake.pictures.style import FAINT, TOP, Sheet, bare, class_styles, styled
 
 COLOURS: Final = ("#AA3377", "#CC3311", "#0077BB")
 LEFT: Final = 3.1
@@ -32,7 +32,7 @@ class QueryCurve:
     """
 
     name: str
-    poses: NDArray[np.floating]
+    poses: FloatArray
     distances: Float64Array
     times: Float64Array
 

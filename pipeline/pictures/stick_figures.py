@@ -12,14 +12,13 @@ import pyarrow.parquet as pq
 from matplotlib.collections import LineCollection, PatchCollection
 from matplotlib.colors import to_rgb
 from matplotlib.patches import Circle
+from motionlake.arrays import Float32Array, Float64Array, FloatArray
 from motionlake.lake.catalog import Connection, fetch
 from motionlake.lake.frames import POSITION_CHANNELS, ROOT_CHANNELS, runs_of
 from motionlake.lake.layout import Lake
 from motionlake.motion.skeleton import INDEX, JOINTS, PARENTS, facing
-from motionlake.pictures.style import INK, Float64Array, Sheet
-from numpy.typing import NDArray
+from motionlake.pictures.style import INK, Sheet
 
-Float32Array = NDArray[np.float32]
 CACHED: Final = 64
 _CHANNELS: Final = (*ROOT_CHANNELS, *POSITION_CHANNELS)
 
@@ -74,7 +73,7 @@ MARGIN: Final = 0.45  # body heights before the first and after the last one
 _BONES: Final = [(i, p) for i, p in enumerate(PARENTS) if p >= 0]
 
 
-def three_quarter_view(positions: NDArray[np.floating]) -> Float64Array:
+def three_quarter_view(positions: FloatArray) -> Float64Array:
     """Bodies on the page: horizontal and vertical in metres, the ground at 0.
 
     The whole strip is turned as one so that its middle moment faces the same way in every picture; each moment
@@ -95,7 +94,7 @@ def three_quarter_view(positions: NDArray[np.floating]) -> Float64Array:
     return np.stack([x, y * np.cos(TILT) - z * np.sin(TILT), -z * np.cos(TILT) - y * np.sin(TILT)], axis=-1)
 
 
-def postures_view(positions: NDArray[np.floating]) -> Float64Array:
+def postures_view(positions: FloatArray) -> Float64Array:
     """Postures that are no moments of one motion: each faces the same way and stands on its own ground.
 
     Args:
@@ -117,7 +116,7 @@ def postures_view(positions: NDArray[np.floating]) -> Float64Array:
 
 
 def draw_strip(
-    sheet: Sheet, left: float, top: float, width: float, height: float, positions: NDArray[np.floating],
+    sheet: Sheet, left: float, top: float, width: float, height: float, positions: FloatArray,
     room: int | None = None,
 ) -> None:  # fmt: skip
     """Draw the moments of a motion from left to right, left limbs blue, right limbs orange.
@@ -160,7 +159,7 @@ def draw_bodies(sheet: Sheet, view: Float64Array, feet: Float64Array, scale: flo
     )
 
 
-def body_height(positions: NDArray[np.floating]) -> float:
+def body_height(positions: FloatArray) -> float:
     """About the height of a standing body: twice its leg and a bit, whatever its pose."""
     legs = [("hip", "knee"), ("knee", "ankle")]
     lengths = [

@@ -16,11 +16,10 @@ from matplotlib.colors import Colormap, LinearSegmentedColormap, to_rgb
 from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties, findfont, get_font
 from matplotlib.patches import Rectangle
-from numpy.typing import NDArray
+from motionlake.arrays import Float64Array, IntArray
 
 P = ParamSpec("P")
 R = TypeVar("R")
-Float64Array = NDArray[np.float64]
 
 DPI: Final = 150
 HINTED: Final = 1.05  # letters on whole pixels take a little more room than their outlines
@@ -202,7 +201,7 @@ def frequency_map() -> Colormap:
     return LinearSegmentedColormap.from_list("frequency", stops)
 
 
-def motif_colours(order: NDArray[np.integer]) -> Float64Array:
+def motif_colours(order: IntArray) -> Float64Array:
     """[K, 3] colour of each motif: a cubehelix (Green 2011), so neighbours in `order` look alike.
 
     Lightness rises all along it, which tells motifs apart for every colour vision and in grey print.

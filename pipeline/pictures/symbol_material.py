@@ -9,19 +9,19 @@ from functools import cached_property
 from typing import Final
 
 import numpy as np
+from motionlake.arrays import Float32Array, Float64Array, FloatArray, Int32Array, IntArray
 from motionlake.lake.catalog import Connection, fetch
 from motionlake.lake.layout import Lake
 from motionlake.lake.models import Model
-from motionlake.motion.features import Float32Array, WordConfig
+from motionlake.motion.features import WordConfig
 from motionlake.motion.skeleton import INDEX, JOINTS
 from motionlake.pesta.postures.config import PosturesConfig
 from motionlake.pesta.postures.dictionary import METADATA_KEY
 from motionlake.pictures.signature_bars import motif_order
 from motionlake.pictures.stick_figures import Poses
-from motionlake.pictures.style import Float64Array, motif_colours
+from motionlake.pictures.style import motif_colours
 from motionlake.retrieval.lake_strings import LakeStrings, read_strings
 from motionlake.stages import postures as coding
-from numpy.typing import NDArray
 from safetensors import safe_open
 
 # Joints that no dictionary over positions holds, as shares of two that it does; feet end at the ankles.
@@ -70,10 +70,10 @@ class SymbolMaterial:
         served = Model(self.strings.model, coding.DICTIONARY, "", file, {})
         return {part.part: coding.codes_file(part.key) for part in coding.keyed(self.con, self.lake, served)}
 
-    def codes_of(self, clips: Sequence[str]) -> dict[str, NDArray[np.int32]]:
+    def codes_of(self, clips: Sequence[str]) -> dict[str, Int32Array]:
         """[T] symbols of the postures of clips, parts read once; without clips that are being recoded."""
         parts = {row["clip"]: row["part"] for row in fetch(self.con, "parts_of", {"clips": list(clips)})}
-        found: dict[str, NDArray[np.int32]] = {}
+        found: dict[str, Int32Array] = {}
         for part in sorted(set(parts.values())):
             file = self.lake.path(self._codes_files[part])
             if file.exists():
@@ -85,7 +85,7 @@ class SymbolMaterial:
         """What the figures of symbols are, in a few words."""
         return "typical postures of the dictionary" if self._typical is not None else "moments of clips of that symbol"
 
-    def bodies(self, symbols: NDArray[np.integer]) -> Float64Array:
+    def bodies(self, symbols: IntArray) -> Float64Array:
         """[n, 21, 3] a body for each symbol; not finite where a symbol of a dictionary over rotations is nowhere.
 
         Over rotations: the first moment of the first clip whose string holds the symbol.
@@ -125,7 +125,7 @@ def read_symbols(con: Connection, lake: Lake, strings: LakeStrings | None = None
     return SymbolMaterial(con, lake, strings, codes, postures, share, config, Poses(con, lake))
 
 
-def posture_bodies(postures: NDArray[np.floating], config: WordConfig) -> Float64Array | None:
+def posture_bodies(postures: FloatArray, config: WordConfig) -> Float64Array | None:
     """Joint positions of postures that are kept as features of one frame.
 
     Args:

@@ -6,10 +6,11 @@ from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
+from motionlake.arrays import Float32Array, Int32Array
 from motionlake.lake.catalog import fetch
 from motionlake.lake.config import load_config
 from motionlake.lake.frames import read_clips
-from motionlake.motion.features import Float32Array, word_features
+from motionlake.motion.features import word_features
 from motionlake.pesta.alignment.config import AlignmentConfig
 from motionlake.pesta.alignment.scan import symmetric_costs
 from motionlake.pesta.alignment.strings import Repository
@@ -21,7 +22,6 @@ from motionlake.pictures.selection import display_names, sampled
 from motionlake.pictures.symbol_material import SymbolMaterial
 from motionlake.pictures.symbol_strip import MOMENTS, StripOfSymbols, folds, symbol_strip
 from motionlake.retrieval.aligned import WholeHit, string_query
-from numpy.typing import NDArray
 
 STRIPS: Final = 3
 MOST_PAIRED: Final = 80  # clips among which the nearest two are looked for
@@ -110,7 +110,7 @@ def dictionary_map(material: SymbolMaterial, clips: Sequence[int]) -> Picture | 
     return picture("dictionary", title, caption, figure)
 
 
-def posture_sample(material: SymbolMaterial, clips: Sequence[int]) -> tuple[Float32Array, NDArray[np.int32]]:
+def posture_sample(material: SymbolMaterial, clips: Sequence[int]) -> tuple[Float32Array, Int32Array]:
     """[n, D] postures spread over some clips, the same ones every time, and the [n] symbols they are coded as."""
     strings = material.strings
     names = [strings.clips[i].clip for i in clips]

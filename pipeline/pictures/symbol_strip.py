@@ -8,10 +8,10 @@ from typing import Final
 
 import numpy as np
 from matplotlib.figure import Figure
+from motionlake.arrays import Float64Array, FloatArray, IntArray
 from motionlake.pictures.bands import second_ticks
 from motionlake.pictures.stick_figures import body_height, draw_bodies, postures_view, three_quarter_view
-from motionlake.pictures.style import FAINT, INK, TOP, Float64Array, Sheet, bare, fitted, ink_on, styled, width_of
-from numpy.typing import NDArray
+from motionlake.pictures.style import FAINT, INK, TOP, Sheet, bare, fitted, ink_on, styled, width_of
 
 CHIP: Final = 0.15
 SIZE: Final = 6.5
@@ -25,7 +25,7 @@ def chip(sheet: Sheet, x: float, y: float, symbol: int, colour: Float64Array, si
 
 
 def symbol_band(
-    sheet: Sheet, top: float, height: float, symbols: NDArray[np.integer], starts: Float64Array, stops: Float64Array,
+    sheet: Sheet, top: float, height: float, symbols: IntArray, starts: Float64Array, stops: Float64Array,
     colours: Float64Array,
 ) -> None:  # fmt: skip
     """Boxes from `starts[i]` to `stops[i]` inches, with numbers where there is room."""
@@ -81,13 +81,13 @@ class StripOfSymbols:
 
     frames: int
     seconds: float
-    poses: NDArray[np.floating]
+    poses: FloatArray
     moments: Float64Array
-    runs: NDArray[np.integer]
+    runs: IntArray
     run_starts: Float64Array
-    symbols: NDArray[np.integer]
+    symbols: IntArray
     starts: Float64Array
-    bodies: NDArray[np.floating]
+    bodies: FloatArray
 
 
 def folds(clip: StripOfSymbols, sample: float) -> list[Fold]:

@@ -7,22 +7,22 @@ from typing import Final
 
 import numpy as np
 from matplotlib.figure import Figure
+from motionlake.arrays import FloatArray, Int64Array
 from motionlake.glogen.generator.embedding import EmbeddedMotions
 from motionlake.pictures.maps import tsne
 from motionlake.pictures.style import TOP, Sheet, bare, class_styles, styled
-from numpy.typing import NDArray
 
 MAPPED: Final = 12  # classes that a map shows
 SIDE: Final = 4.1
 LINE: Final = 0.19
 LEGEND: Final = 2.3
 # What a frame is called, its points in a plane [n, 2], and their classes.
-Frame = tuple[str, NDArray[np.floating], Sequence[str]]
+Frame = tuple[str, FloatArray, Sequence[str]]
 
 
 @styled
 def beside_map(
-    real: NDArray[np.floating], real_classes: Sequence[str], made: NDArray[np.floating], made_classes: Sequence[str],
+    real: FloatArray, real_classes: Sequence[str], made: FloatArray, made_classes: Sequence[str],
     title: str, note: str = "",
 ) -> Figure:  # fmt: skip
     """Vectors of real and of made motions in one plane, drawn in two frames of the same scale.
@@ -81,14 +81,14 @@ def _shown(classes: Sequence[str]) -> list[str]:
     return [names[i] for i in at.tolist()]
 
 
-def _of(classes: Sequence[str], shown: Sequence[str]) -> NDArray[np.int64]:
+def _of(classes: Sequence[str], shown: Sequence[str]) -> Int64Array:
     return np.array([i for i, name in enumerate(classes) if name in shown], dtype=np.int64)
 
 
-def _fitted(points: NDArray[np.floating]) -> NDArray[np.floating]:
+def _fitted(points: FloatArray) -> FloatArray:
     """Points [n, 2] moved and stretched into the unit square, with an edge."""
     low, high = points.min(axis=0), points.max(axis=0)
-    fitted: NDArray[np.floating] = 0.05 + 0.9 * (points - low) / np.maximum(high - low, 1e-9)
+    fitted: FloatArray = 0.05 + 0.9 * (points - low) / np.maximum(high - low, 1e-9)
     return fitted
 
 

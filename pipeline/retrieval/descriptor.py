@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pyarrow as pa
+from motionlake.arrays import Float32Array, Int64Array
 from motionlake.deephums.descriptors.config import DIMENSION
 from motionlake.deephums.descriptors.nearest import DescriptorScan
 from motionlake.deephums.descriptors.quick import QuickIndex
@@ -24,9 +25,6 @@ from numpy.typing import NDArray
 
 if TYPE_CHECKING:
     from motionlake.deephums.descriptors.trained import TrainedDescriptor
-
-Float32Array = NDArray[np.float32]
-Indices = NDArray[np.int64]
 
 
 class DescriptorRetriever:
@@ -59,7 +57,7 @@ class DescriptorRetriever:
         self._known = table.drop_columns(["descriptor", "synthetic"]).to_pylist()
         self.clips = [row["clip"] for row in self._known]
         self._rows = {clip: row for row, clip in enumerate(self.clips)}
-        self._scans: dict[str | None, tuple[Indices, DescriptorScan]] = {}
+        self._scans: dict[str | None, tuple[Int64Array, DescriptorScan]] = {}
         self._indices: dict[str | None, QuickIndex] = {}
 
     def search(self, queries: Sequence[Query], k: int, dataset: str | None = None) -> list[list[Hit]]:
@@ -111,7 +109,7 @@ class DescriptorRetriever:
             for rows, distances, own in zip(found.indices, found.distances, left_out, strict=True)
         ]
 
-    def _hits(self, rows: Indices, distances: NDArray[np.float64], k: int, own: str | None) -> list[Hit]:
+    def _hits(self, rows: Int64Array, distances: NDArray[np.float64], k: int, own: str | None) -> list[Hit]:
         others = [
             (self._known[row], distance)
             for row, distance in zip(rows.tolist(), distances.tolist(), strict=True)
@@ -119,7 +117,7 @@ class DescriptorRetriever:
         ]
         return [Hit(rank, distance=distance, **known) for rank, (known, distance) in enumerate(others[:k], start=1)]
 
-    def _among(self, dataset: str | None) -> tuple[Indices, DescriptorScan]:
+    def _among(self, dataset: str | None) -> tuple[Int64Array, DescriptorScan]:
         """The rows of a dataset, or all, that may be answers, and a scan of them."""
         if dataset not in self._scans:
             rows_of = zip(self._known, self._answers, strict=True)

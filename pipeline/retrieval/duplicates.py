@@ -7,13 +7,13 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
+from motionlake.arrays import Float32Array
 from motionlake.deep_motifs.duplicates import MAX_DISTANCE, Duplicate, SignedClips, find_duplicates
 from motionlake.deep_motifs.emd import ground_distances
 from motionlake.errors import UserError
 from motionlake.lake.catalog import Connection, fetch
 from motionlake.lake.config import load_config
 from motionlake.lake.layout import Lake
-from motionlake.motion.features import Float32Array
 from motionlake.stages import mirrored as mirrored_stage
 from motionlake.stages import words
 

@@ -8,13 +8,14 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
+from motionlake.arrays import Float32Array
 from motionlake.deep_motifs.motifs import Motifs, assign
 from motionlake.deep_motifs.words.windows import native_range, windows, word_windows
 from motionlake.errors import UserError
 from motionlake.lake.catalog import Connection, fetch
 from motionlake.lake.config import LakeConfig, load_config
 from motionlake.lake.layout import Lake
-from motionlake.motion.features import Float32Array, WordConfig, word_features
+from motionlake.motion.features import WordConfig, word_features
 from motionlake.motion.mirror import mirrored_features
 from motionlake.stages import embed, motifs, words
 from motionlake.stages.clip_files import first_body as first_body

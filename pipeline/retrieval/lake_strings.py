@@ -8,14 +8,13 @@ from functools import cached_property
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
+from motionlake.arrays import Int64Array
 from motionlake.errors import UserError
 from motionlake.lake.catalog import Connection, fetch, fetch_table
 from motionlake.pesta.alignment.strings import Repository, SymbolDistances
 from motionlake.pesta.symbols.strings import SymbolString
 from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
-
-IntArray = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -45,8 +44,8 @@ class LakeStrings:
 
     clips: list[StringClip]
     repository: Repository
-    starts: IntArray
-    stops: IntArray
+    starts: Int64Array
+    stops: Int64Array
     distances: SymbolDistances
     model: str
 

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
+from motionlake.arrays import Float32Array
 from motionlake.deephums.descriptors.sequence import FPS, clip_sequence
 from motionlake.deephums.submotions.config import SHORTEST
 from motionlake.deephums.submotions.pieces import frames_of
@@ -22,7 +23,7 @@ from motionlake.lake.config import load_config
 from motionlake.lake.frames import frame_range, read_clip
 from motionlake.lake.layout import Lake
 from motionlake.motion.dtw import Stretch, nearest_stretch
-from motionlake.motion.features import Float32Array, WordConfig, word_features
+from motionlake.motion.features import WordConfig, word_features
 from motionlake.retrieval.encode import features_of_clips, first_body
 from motionlake.stages.submotions import served_network
 from numpy.typing import NDArray

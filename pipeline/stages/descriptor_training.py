@@ -7,15 +7,14 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from motionlake.arrays import Float32Array, Progress
 from motionlake.deephums.descriptors.config import DescriptorsConfig
 from motionlake.deephums.descriptors.sequence import FPS
 from motionlake.deephums.descriptors.training import TrainingClip, train_descriptor
-from motionlake.epochs import Progress
 from motionlake.errors import UserError
 from motionlake.lake.catalog import Connection
 from motionlake.lake.layout import Lake
 from motionlake.lake.models import checkpoint_file, save_model
-from motionlake.motion.features import Float32Array
 from motionlake.stages.descriptors import sequence_of
 from motionlake.stages.frames import clips_key
 from motionlake.stages.training_clips import chosen_clips, drawn_clips, frames_of_clips

@@ -15,8 +15,8 @@ from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
+from motionlake.arrays import Float32Array, Int64Array
 from motionlake.deep_motifs.words.config import NeighboursConfig
-from motionlake.deep_motifs.words.dtw import Index
 from motionlake.deep_motifs.words.neighbours import Neighbours, Searched, load_searched, prepare, save_searched, search
 from motionlake.deep_motifs.words.windows import WordSet
 from motionlake.errors import UserError
@@ -26,7 +26,7 @@ from motionlake.lake.layout import Lake
 from motionlake.lake.models import Model, fitting_model
 from motionlake.lake.parts import replacing, write_part
 from motionlake.motion.dtw import Metric
-from motionlake.motion.features import Float32Array, WordConfig
+from motionlake.motion.features import WordConfig
 from motionlake.stages import words
 from motionlake.stages.derived import PART_KEYS, Part, derive, due
 from motionlake.stages.shard import Shard, ShardResult
@@ -128,7 +128,7 @@ def run(lake_root: Path, shard: Shard) -> ShardResult:
 
 
 def _rows(
-    shard: Shard, clips: list[str], owners: Index, found: Neighbours, corpus: Searched, names: Mapping[str, str]
+    shard: Shard, clips: list[str], owners: Int64Array, found: Neighbours, corpus: Searched, names: Mapping[str, str]
 ) -> pa.Table:
     queries, places = np.nonzero(found.indices >= 0)
     chosen = found.indices[queries, places]
@@ -147,7 +147,7 @@ def _rows(
     return pa.Table.from_arrays([pa.array(c, t) for c, t in zip(columns, ROWS.types, strict=True)], schema=ROWS)
 
 
-def _within(owners: Index) -> Index:
+def _within(owners: Int64Array) -> Int64Array:
     """[n] place of each word in its clip, for words clip by clip."""
     return np.arange(len(owners)) - np.searchsorted(owners, owners)
 

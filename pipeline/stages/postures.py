@@ -7,13 +7,14 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
+from motionlake.arrays import Float32Array, Progress
 from motionlake.errors import UserError
 from motionlake.lake import frames
 from motionlake.lake.catalog import Connection, fetch
@@ -21,7 +22,7 @@ from motionlake.lake.config import LakeConfig, config_hash
 from motionlake.lake.layout import Lake
 from motionlake.lake.models import Model, checkpoint_file, copy_weights, file_hash, fitting_model, save_model
 from motionlake.lake.parts import PartWriter, check_part, replacing
-from motionlake.motion.features import Float32Array, word_features
+from motionlake.motion.features import word_features
 from motionlake.pesta.postures import config as shipped
 from motionlake.pesta.postures.config import ENOUGH
 from motionlake.stages.derived import PART_KEYS, Part, clips_of, derive, due, frames_parts
@@ -37,7 +38,6 @@ VERSION = 1
 DICTIONARY = "postures"
 MOST_CLIPS = 2_000
 ROWS = pa.schema([*PART_KEYS, ("symbol", pa.int32())])
-Progress = Callable[[int, int, float], None]
 
 
 def dictionary_key(config: LakeConfig) -> str:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
+from motionlake.arrays import Progress
 from motionlake.deephums.descriptors.config import DescriptorsConfig
 from motionlake.deephums.submotions.config import SubmotionConfig
-from motionlake.deephums.submotions.encoder import Progress, train_submotion
+from motionlake.deephums.submotions.encoder import train_submotion
 from motionlake.deephums.submotions.trained import TrainedSubmotion
 from motionlake.errors import UserError
 from motionlake.lake.catalog import Connection

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
+from motionlake.arrays import Float32Array
 from motionlake.deephums.descriptors.config import DIMENSION
 from motionlake.deephums.descriptors.sequence import clip_sequence
 from motionlake.deephums.submotions import config as shipped_submotion
@@ -22,7 +23,6 @@ from motionlake.lake.config import LakeConfig, config_hash
 from motionlake.lake.layout import Lake
 from motionlake.lake.models import Model, copy_weights, file_hash, fitting_model, model_of
 from motionlake.lake.parts import write_part
-from motionlake.motion.features import Float32Array
 from motionlake.stages.derived import Part, clips_of, derive, due, frames_parts
 from motionlake.stages.shard import Shard, ShardResult
 

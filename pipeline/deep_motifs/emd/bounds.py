@@ -17,11 +17,8 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
+from motionlake.arrays import Float32Array, Float64Array, Int64Array
 from numba import njit
-from numpy.typing import NDArray
-
-Float64Array = NDArray[np.float64]
-IndexArray = NDArray[np.int32]
 
 # Some 1e5 times the rounding of a sum over a few hundred motifs, and far below what tells clips apart.
 SLACK: Final = 1e-9
@@ -30,7 +27,7 @@ FLOAT32_SLACK: Final = 1e-6
 
 
 def projection_bounds(
-    query: Float64Array, projected: NDArray[np.float32], candidates: NDArray[np.int64], diameter: float
+    query: Float64Array, projected: Float32Array, candidates: Int64Array, diameter: float
 ) -> Float64Array:
     """[c] projection bounds of a query from the signatures `candidates` [c].
 

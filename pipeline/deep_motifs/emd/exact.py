@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
+from motionlake.arrays import Float64Array, FloatArray
 
-Float64Array = NDArray[np.float64]
-Signature = NDArray[np.floating] | Sequence[float]
+Signature = FloatArray | Sequence[float]
 
 
-def ground_distances(centroids: NDArray[np.floating]) -> Float64Array:
+def ground_distances(centroids: FloatArray) -> Float64Array:
     """[K, K] L2 distances of motif `centroids` [K, d]: the ground distance, a metric."""
     from scipy.spatial.distance import cdist
 
@@ -36,13 +35,13 @@ def emd(p: Signature, q: Signature, ground: Float64Array) -> float:
     return transport(unit_mass(p, ground), unit_mass(q, ground), ground)
 
 
-def emd_many(query: Signature, signatures: NDArray[np.floating], ground: Float64Array) -> Float64Array:
+def emd_many(query: Signature, signatures: FloatArray, ground: Float64Array) -> Float64Array:
     """[n] distances of `query` [K] from each of `signatures` [n, K]; see `emd`."""
     p = unit_mass(query, ground)
     return np.array([transport(p, q, ground) for q in unit_masses(signatures, ground)], dtype=np.float64)
 
 
-def emd_matrix(signatures: NDArray[np.floating], ground: Float64Array) -> Float64Array:
+def emd_matrix(signatures: FloatArray, ground: Float64Array) -> Float64Array:
     """[n, n] distances between all of `signatures` [n, K]; see `emd`."""
     masses = unit_masses(signatures, ground)
     matrix = np.zeros((len(masses), len(masses)))
@@ -58,7 +57,7 @@ def unit_mass(weights: Signature, ground: Float64Array) -> Float64Array:
     return np.asarray(mass / mass.sum(), dtype=np.float64)
 
 
-def unit_masses(weights: NDArray[np.floating], ground: Float64Array) -> Float64Array:
+def unit_masses(weights: FloatArray, ground: Float64Array) -> Float64Array:
     """[n, K] signatures scaled to mass 1. Raises `ValueError` as `check_signatures` does."""
     mass = check_signatures(weights, len(ground))
     return np.asarray(mass / mass.sum(axis=1, keepdims=True), dtype=np.float64)
@@ -69,7 +68,7 @@ def check_signature(weights: Signature, k: int) -> Float64Array:
     return np.asarray(check_signatures(np.asarray(weights, dtype=np.float64)[None], k)[0], dtype=np.float64)
 
 
-def check_signatures(weights: NDArray[np.floating], k: int) -> Float64Array:
+def check_signatures(weights: FloatArray, k: int) -> Float64Array:
     """[n, K] float64 weights. Raises `ValueError` where a row is no signature over `k` motifs."""
     mass = np.ascontiguousarray(weights, dtype=np.float64)
     if mass.shape[1:] != (k,):
@@ -108,7 +107,7 @@ def cheapest_flow(sources: Float64Array, sinks: Float64Array, costs: Float64Arra
     return float(ot.emd2(sources, sinks, costs, check_marginals=False, center_dual=False))
 
 
-def emd_deep_motifs(p: Signature, q: Signature, strength: NDArray[np.floating], ground: Float64Array) -> float:
+def emd_deep_motifs(p: Signature, q: Signature, strength: FloatArray, ground: Float64Array) -> float:
     """Earth Mover's Distance of two signatures over dense weights, with partial flow.
 
     Args:

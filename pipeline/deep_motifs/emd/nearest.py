@@ -13,21 +13,20 @@ from functools import cached_property
 from typing import Final, NamedTuple
 
 import numpy as np
-from motionlake.deep_motifs.emd.bounds import IndexArray, projection_bounds, transfer_bounds
-from motionlake.deep_motifs.emd.exact import Float64Array, Signature, check_model, transport, unit_mass, unit_masses
+from motionlake.arrays import Float32Array, Float64Array, FloatArray, Int32Array, Int64Array, IntArray
+from motionlake.deep_motifs.emd.bounds import projection_bounds, transfer_bounds
+from motionlake.deep_motifs.emd.exact import Signature, check_model, transport, unit_mass, unit_masses
 from numpy.typing import NDArray
 
 # The threshold comes from the k tightest among so many times k signatures that the cheap bound puts first.
 PROBES: Final = 8
 ROWS: Final = 4096
 
-Indices = NDArray[np.int64]
-
 
 class Nearest(NamedTuple):
     """The nearest signatures, nearest first, ties by index; `solved` transports were solved for them."""
 
-    indices: Indices
+    indices: Int64Array
     distances: Float64Array
     solved: int
 
@@ -47,15 +46,15 @@ class SignatureIndex:
     """
 
     ground: Float64Array
-    offsets: Indices
-    motifs: IndexArray
+    offsets: Int64Array
+    motifs: Int32Array
     masses: Float64Array
-    projected: NDArray[np.float32]
-    neighbours: IndexArray
+    projected: Float32Array
+    neighbours: Int32Array
     model: str | None = None
 
     @classmethod
-    def build(cls, signatures: NDArray[np.floating], ground: Float64Array, model: str | None = None) -> SignatureIndex:
+    def build(cls, signatures: FloatArray, ground: Float64Array, model: str | None = None) -> SignatureIndex:
         """From `signatures` [n, K] over motifs at `ground` distances [K, K] of one another.
 
         Raises:
@@ -94,9 +93,7 @@ class SignatureIndex:
         dense[self.motifs[span]] = self.masses[span]
         return dense
 
-    def nearest(
-        self, query: Signature, k: int, among: NDArray[np.integer] | None = None, model: str | None = None
-    ) -> Nearest:
+    def nearest(self, query: Signature, k: int, among: IntArray | None = None, model: str | None = None) -> Nearest:
         """The k signatures nearest to a query by `emd`; all where there are fewer.
 
         Args:
@@ -122,19 +119,19 @@ class SignatureIndex:
             answers.solve(chosen[rest], self.tight_bounds(p, chosen[rest], answers.threshold))
         return answers.best()
 
-    def cheap_bounds(self, mass: Float64Array, candidates: Indices) -> Float64Array:
+    def cheap_bounds(self, mass: Float64Array, candidates: Int64Array) -> Float64Array:
         """[c] `projection_bounds` of a query of mass 1 [K] from signatures of the index."""
         return projection_bounds(mass @ self.ground, self.projected, candidates, self.diameter)
 
-    def tight_bounds(self, mass: Float64Array, candidates: Indices, enough: float = np.inf) -> Float64Array:
+    def tight_bounds(self, mass: Float64Array, candidates: Int64Array, enough: float = np.inf) -> Float64Array:
         """[c] `transfer_bounds` of a query of mass 1 [K] from signatures of the index."""
         parts = (self.offsets, self.motifs, self.masses, self.ground, self.neighbours)
         return np.asarray(transfer_bounds(mass, *parts, candidates, enough), dtype=np.float64)
 
 
 def nearest_signatures(
-    query: Signature, signatures: NDArray[np.floating] | SignatureIndex, ground: Float64Array, k: int
-) -> tuple[Indices, Float64Array]:
+    query: Signature, signatures: FloatArray | SignatureIndex, ground: Float64Array, k: int
+) -> tuple[Int64Array, Float64Array]:
     """The k signatures nearest to a query, and their distances; the same as sorting `emd_many`, ties by index.
 
     Args:
@@ -152,7 +149,7 @@ def nearest_signatures(
 
 
 def nearest_many(
-    queries: NDArray[np.floating],
+    queries: FloatArray,
     index: SignatureIndex,
     k: int,
     query_groups: NDArray[np.generic] | None = None,
@@ -195,7 +192,7 @@ class _Answers:
         """What is farther is no answer."""
         return -self.largest[0] if len(self.largest) == self.k else np.inf
 
-    def solve(self, candidates: Indices, bounds: Float64Array, at_most: int | None = None) -> None:
+    def solve(self, candidates: Int64Array, bounds: Float64Array, at_most: int | None = None) -> None:
         """Solve candidates in the order of their bounds until one exceeds the threshold."""
         for at in np.argsort(bounds, kind="stable")[:at_most].tolist():
             if bounds[at] > self.threshold:
@@ -217,7 +214,7 @@ class _Answers:
         return Nearest(indices[order], distances[order], len(indices))
 
 
-def _split(bounds: Float64Array, count: int) -> tuple[Indices, Indices]:
+def _split(bounds: Float64Array, count: int) -> tuple[Int64Array, Int64Array]:
     """Positions of the `count` smallest bounds, and all others."""
     if count >= len(bounds):
         return np.arange(len(bounds)), np.zeros(0, dtype=np.int64)

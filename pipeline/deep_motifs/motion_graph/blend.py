@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from motionlake.arrays import Float64Array
 from motionlake.errors import ClipError
-from motionlake.motion.clip import ChannelKind, FloatArray, Hierarchy, SourceClip
+from motionlake.motion.clip import ChannelKind, Hierarchy, SourceClip
 from motionlake.motion.kinematics import channel_starts, solve
 from motionlake.motion.rotations import IDENTITY, angle, from_axis_angle, multiply, rotate
 
@@ -32,9 +33,9 @@ class Poses:
     """
 
     hierarchy: Hierarchy
-    root: FloatArray
-    shifts: FloatArray
-    rotations: FloatArray
+    root: Float64Array
+    shifts: Float64Array
+    rotations: Float64Array
     fps: float
     metres_per_unit: float
     up: str
@@ -46,7 +47,7 @@ class Poses:
         rows = slice(start, stop)
         return self.of(self.root[rows], self.shifts[rows], self.rotations[rows])
 
-    def of(self, root: FloatArray, shifts: FloatArray, rotations: FloatArray) -> Poses:
+    def of(self, root: Float64Array, shifts: Float64Array, rotations: Float64Array) -> Poses:
         """Other poses of the same rig."""
         return Poses(self.hierarchy, root, shifts, rotations, self.fps, self.metres_per_unit, self.up)
 
@@ -63,7 +64,7 @@ class Poses:
             channels[:, starts[joint] + count : starts[joint + 1]] = self.rotations[:, joint]
         return SourceClip(self.hierarchy, channels, self.fps, metres_per_unit=self.metres_per_unit)
 
-    def positions(self) -> FloatArray:
+    def positions(self) -> Float64Array:
         """[F, J, 3] joints in the world, metres."""
         return solve(self.clip()).positions * self.metres_per_unit
 
@@ -170,7 +171,7 @@ def alignment(to: Poses, window: Poses) -> Placement:
     return Placement(degrees, (x, y, z))
 
 
-def _frame(up: str) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _frame(up: str) -> tuple[Float64Array, Float64Array, Float64Array]:
     """The up axis and two ground axes; a turn about the first leads from the second to the third."""
     axis = _AXES.index(up[-1])
     vectors = np.eye(3)
@@ -178,18 +179,18 @@ def _frame(up: str) -> tuple[FloatArray, FloatArray, FloatArray]:
     return sign * vectors[axis], vectors[(axis + 1) % 3], sign * vectors[(axis + 2) % 3]
 
 
-def _turn(up: str, degrees: float) -> FloatArray:
+def _turn(up: str, degrees: float) -> Float64Array:
     return from_axis_angle(_frame(up)[0], degrees)
 
 
-def ease(count: int) -> FloatArray:
+def ease(count: int) -> Float64Array:
     """[count] weight of what is entered, from nearly 0 to 1, without a jump in speed (Kovar et al. 2002)."""
     t = np.arange(1, count + 1) / count
-    weights: FloatArray = 3 * t**2 - 2 * t**3
+    weights: Float64Array = 3 * t**2 - 2 * t**3
     return weights
 
 
-def mixture(a: Poses, b: Poses, weight: FloatArray) -> Poses:
+def mixture(a: Poses, b: Poses, weight: Float64Array) -> Poses:
     """Poses between those of `a` (weight 0) and `b` (weight 1); `weight` [F]. Rotations go the shortest way."""
     line = weight[:, None]
     return a.of(
@@ -199,7 +200,7 @@ def mixture(a: Poses, b: Poses, weight: FloatArray) -> Poses:
     )
 
 
-def slerp(a: FloatArray, b: FloatArray, weight: FloatArray) -> FloatArray:
+def slerp(a: Float64Array, b: Float64Array, weight: Float64Array) -> Float64Array:
     """Unit quaternions [..., 4] on the shortest arc from a to b; `weight` [...] from 0 to 1, exact at both ends."""
     cosine = np.sum(a * b, axis=-1)
     b = np.where((cosine < 0)[..., None], -b, b)
@@ -210,7 +211,7 @@ def slerp(a: FloatArray, b: FloatArray, weight: FloatArray) -> FloatArray:
     left = np.where(near, 1 - weight, np.sin((1 - weight) * half) / safe)
     right = np.where(near, weight, np.sin(weight * half) / safe)
     mixed = left[..., None] * a + right[..., None] * b
-    result: FloatArray = mixed / np.linalg.norm(mixed, axis=-1, keepdims=True)
+    result: Float64Array = mixed / np.linalg.norm(mixed, axis=-1, keepdims=True)
     return result
 
 
@@ -218,8 +219,8 @@ def slerp(a: FloatArray, b: FloatArray, weight: FloatArray) -> FloatArray:
 class Steps:
     """The largest step of each joint from one frame to the next: [J] metres in the world, [J] degrees to its parent."""
 
-    metres: FloatArray
-    degrees: FloatArray
+    metres: Float64Array
+    degrees: Float64Array
 
     def with_(self, other: Steps) -> Steps:
         """The larger ones of both."""

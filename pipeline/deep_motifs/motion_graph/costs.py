@@ -7,12 +7,11 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from motionlake.arrays import Float32Array, Float64Array, Int64Array, IntArray
 from motionlake.deep_motifs.emd import emd
 from motionlake.deep_motifs.signatures import window_signatures
 from motionlake.motion.skeleton import COMMON, INDEX, facing
-from numpy.typing import NDArray
 
-Float64Array = NDArray[np.float64]
 JOINTS: Final = tuple(INDEX[name] for name in COMMON)
 
 
@@ -37,7 +36,7 @@ class Clouds:
     def points(self) -> int:
         return int(self.height.shape[1])
 
-    def at(self, rows: NDArray[np.integer] | slice) -> Clouds:
+    def at(self, rows: IntArray | slice) -> Clouds:
         return Clouds(self.ground[rows], self.height[rows], self.norm[rows])
 
 
@@ -90,7 +89,7 @@ def paired_distance(a: Clouds, b: Clouds) -> Float64Array:
     return np.asarray(np.sqrt(np.maximum(squares, 0.0) / a.points), dtype=np.float64)
 
 
-def squared_distances(a: Clouds, b: Clouds) -> NDArray[np.float32]:
+def squared_distances(a: Clouds, b: Clouds) -> Float32Array:
     """[n, m] squares of the distances of all windows of `a` from all of `b`, in single precision."""
     left, right = a.ground.astype(np.float32), b.ground.astype(np.float32)
     turned = quarter_turned(b.ground).astype(np.float32)
@@ -105,7 +104,6 @@ def squared_distances(a: Clouds, b: Clouds) -> NDArray[np.float32]:
     return along
 
 
-Int64Array = NDArray[np.int64]
 # Stored distances are rounded far below what differs, so that a transition and its reverse are equal.
 DECIMALS = 9
 
@@ -116,7 +114,7 @@ def context_start(word: Int64Array, words: Int64Array, context: int) -> Int64Arr
 
 
 def context_distances(
-    motifs: Sequence[NDArray[np.integer]],
+    motifs: Sequence[IntArray],
     ends: tuple[tuple[Int64Array, Int64Array], tuple[Int64Array, Int64Array]],
     idf: Float64Array,
     ground: Float64Array,
@@ -138,9 +136,9 @@ def context_distances(
     first = np.concatenate([[0], np.cumsum(np.maximum(lengths - context, 0) + 1)])
     keys = [first[clip] + context_start(word, lengths[clip], context) for clip, word in ends]
     pairs, place = np.unique(np.sort(np.stack(keys, axis=1), axis=1), axis=0, return_inverse=True)
-    signatures: dict[int, NDArray[np.float32]] = {}
+    signatures: dict[int, Float32Array] = {}
 
-    def signature(key: int) -> NDArray[np.float32]:
+    def signature(key: int) -> Float32Array:
         clip = int(np.searchsorted(first, key, side="right")) - 1
         if clip not in signatures:
             signatures[clip] = window_signatures(motifs[clip], idf, context)

@@ -7,8 +7,8 @@ from dataclasses import asdict, dataclass
 from typing import Final
 
 import numpy as np
+from motionlake.arrays import BoolArray, Float64Array, Int64Array, IntArray
 from motionlake.errors import UserError
-from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
@@ -17,8 +17,6 @@ class NoWalkError(UserError):
     """A graph holds no walk that starts with some clip."""
 
 
-Int64Array = NDArray[np.int64]
-Float64Array = NDArray[np.float64]
 # Of the transitions that a lake holds, those a graph takes by distance, and of these the constrained graph by context.
 DISTANCE_QUANTILE: Final = 0.5
 CONTEXT_QUANTILE: Final = 0.25
@@ -57,7 +55,7 @@ class Transitions:
     def __len__(self) -> int:
         return len(self.distance)
 
-    def at(self, rows: NDArray[np.integer] | NDArray[np.bool_]) -> Transitions:
+    def at(self, rows: IntArray | BoolArray) -> Transitions:
         return Transitions(
             self.from_clip[rows], self.from_frame[rows], self.to_clip[rows], self.to_frame[rows],
             self.distance[rows], self.context[rows],
@@ -74,7 +72,7 @@ def in_context(transitions: Transitions, quantile: float = CONTEXT_QUANTILE) -> 
     return transitions.at(_lowest(transitions.context, quantile))
 
 
-def _lowest(values: Float64Array, quantile: float) -> NDArray[np.bool_]:
+def _lowest(values: Float64Array, quantile: float) -> BoolArray:
     if not len(values):
         return np.zeros(0, dtype=bool)
     return np.asarray(values <= np.quantile(values, quantile, method="lower"))
@@ -101,7 +99,7 @@ class MotionGraph:
     component: Int64Array
 
     @property
-    def inner(self) -> NDArray[np.bool_]:
+    def inner(self) -> BoolArray:
         """[transitions] whether both ends lie in one component: only these lead nowhere that has no way back."""
         return np.asarray(self.component[self.leave] == self.component[self.enter])
 

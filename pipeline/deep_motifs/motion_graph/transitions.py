@@ -6,19 +6,11 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from motionlake.arrays import BoolArray, Float64Array, Int64Array, IntArray
 from motionlake.deep_motifs.motion_graph.config import TransitionsConfig
-from motionlake.deep_motifs.motion_graph.costs import (
-    Clouds,
-    Float64Array,
-    joined,
-    paired_distance,
-    squared_distances,
-    window_clouds,
-)
+from motionlake.deep_motifs.motion_graph.costs import Clouds, joined, paired_distance, squared_distances, window_clouds
 from numba import njit
-from numpy.typing import NDArray
 
-Int64Array = NDArray[np.int64]
 # Windows of one side of a tile: 2 MB of distances.
 TILE: Final = 720
 # Stored distances are multiples of a micrometre, so that equal windows tie.
@@ -55,7 +47,7 @@ class Candidates:
     def __len__(self) -> int:
         return len(self.distance)
 
-    def at(self, rows: NDArray[np.integer]) -> Candidates:
+    def at(self, rows: IntArray) -> Candidates:
         return Candidates(self.left[rows], self.right[rows], self.distance[rows])
 
 
@@ -80,7 +72,7 @@ def windowed(positions: list[Float64Array], words: list[int], stride: int, windo
 
 
 def candidates(
-    a: Windowed, b: Windowed, agree: NDArray[np.bool_], config: TransitionsConfig, *, same: bool = False
+    a: Windowed, b: Windowed, agree: BoolArray, config: TransitionsConfig, *, same: bool = False
 ) -> Candidates:
     """Local minima of the distance between the windows of two groups of clips.
 
@@ -193,7 +185,7 @@ def _ranked(clip: Int64Array, word: Int64Array, to: Int64Array, distance: Float6
     return order[rank < count]
 
 
-def _starts(*keys: Int64Array) -> NDArray[np.bool_]:
+def _starts(*keys: Int64Array) -> BoolArray:
     """[n] where a run of equal keys starts."""
     starts = np.ones(len(keys[0]), dtype=bool)
     if len(starts):

@@ -8,8 +8,9 @@ from itertools import pairwise
 from typing import Final
 
 import numpy as np
+from motionlake.arrays import Int64Array
 from motionlake.deep_motifs.motion_graph.blend import STAY, Placement, Poses, alignment, ease, mixture, placed
-from motionlake.deep_motifs.motion_graph.graph import Int64Array, MotionGraph, NoWalkError
+from motionlake.deep_motifs.motion_graph.graph import MotionGraph, NoWalkError
 from motionlake.errors import UserError
 
 # A piece of a walk lasts at least this long where the graph allows it, and a walk does not go straight back.

@@ -14,12 +14,9 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
+from motionlake.arrays import Float32Array, Int64Array
 from motionlake.motion.dtw import Metric, frame_distances, operands, product
-from motionlake.motion.features import Float32Array
 from numba import njit
-from numpy.typing import NDArray
-
-Index = NDArray[np.int64]
 
 LANES: Final = 32
 # Words of one matrix product: keeps frame distances of a chunk (words * length * length floats) in cache.
@@ -74,9 +71,9 @@ def word_distances(
 
 def clip_pair_dtw(
     features_a: Float32Array,
-    starts_a: Index,
+    starts_a: Int64Array,
     features_b: Float32Array,
-    starts_b: Index,
+    starts_b: Int64Array,
     length: int = 16,
     metric: Metric = "euclidean",
     *,
@@ -178,7 +175,7 @@ def _align(frames: Float32Array, n: int, m: int, average: bool, out: Float32Arra
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
 def _align_shared(
-    frames: Float32Array, starts_a: Index, starts_b: Index, length: int, average: bool, out: Float32Array
+    frames: Float32Array, starts_a: Int64Array, starts_b: Int64Array, length: int, average: bool, out: Float32Array
 ) -> None:
     """frames [Ta, Tb] -> out [n, m], lanes filled with consecutive words of b."""
     lanes = np.empty((frames.shape[0], length * LANES), dtype=np.float32)

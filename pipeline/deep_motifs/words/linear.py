@@ -11,10 +11,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from motionlake.motion.features import Float32Array
-from numpy.typing import NDArray
+from motionlake.arrays import Float32Array, Int64Array
 
-Indices = NDArray[np.int64]
 ROWS = 512
 
 
@@ -42,7 +40,7 @@ class LinearConfig:
 
 def linear_embedding(
     words: Float32Array,
-    clips: Indices,
+    clips: Int64Array,
     config: LinearConfig,
     seed: int,
     start: Float32Array | None = None,
@@ -81,7 +79,7 @@ def linear_embedding(
     return np.ascontiguousarray(projection.T / median, dtype=np.float32)
 
 
-def nearest_elsewhere(embedded: Float32Array, clips: Indices, anchors: Indices, count: int) -> Indices:
+def nearest_elsewhere(embedded: Float32Array, clips: Int64Array, anchors: Int64Array, count: int) -> Int64Array:
     """[A, count] nearest words of other clips of each anchor, by L2 between rows of `embedded` [n, d].
 
     Anchors whose clip leaves fewer than `count` others get themselves in their place.

@@ -6,18 +6,18 @@ The frames of `LANES` listed words are gathered for one matrix product, then ali
 from __future__ import annotations
 
 import numpy as np
-from motionlake.deep_motifs.words.dtw import LANES, Index, align_block
+from motionlake.arrays import Float32Array, Int64Array
+from motionlake.deep_motifs.words.dtw import LANES, align_block
 from motionlake.motion.dtw import Metric, squared_geodesics
-from motionlake.motion.features import Float32Array
 from numba import njit
 
 
 def listed_distances(
     frames_a: Float32Array,
-    starts_a: Index,
+    starts_a: Int64Array,
     frames_b: Float32Array,
-    starts_b: Index,
-    lists: Index,
+    starts_b: Int64Array,
+    lists: Int64Array,
     length: int = 16,
     metric: Metric = "euclidean",
     *,
@@ -50,10 +50,10 @@ def listed_distances(
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
 def _align_listed(
     frames_a: Float32Array,
-    starts_a: Index,
+    starts_a: Int64Array,
     frames_b: Float32Array,
-    starts_b: Index,
-    lists: Index,
+    starts_b: Int64Array,
+    lists: Int64Array,
     length: int,
     geodesic: bool,
     centre: Float32Array,
@@ -87,8 +87,8 @@ def lane_frames(
     left: Float32Array,
     norms_left: Float32Array,
     frames: Float32Array,
-    starts: Index,
-    words: Index,
+    starts: Int64Array,
+    words: Int64Array,
     centre: Float32Array,
     geodesic: bool,
     right: Float32Array,

@@ -27,11 +27,10 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from motionlake.deep_motifs.words.dtw import LANES, Index
+from motionlake.arrays import BoolArray, Float32Array, Int64Array
+from motionlake.deep_motifs.words.dtw import LANES
 from motionlake.deep_motifs.words.listed_dtw import centred, lane_frames
-from motionlake.motion.features import Float32Array
 from numba import njit
-from numpy.typing import NDArray
 
 COLUMN_WORDS: Final = 8192  # words that meet a block of queries at a time
 # Bounds and distances carry rounding errors of their own: what is within these of the threshold is not ruled out.
@@ -74,7 +73,7 @@ class WordBounds:
         return len(self.radii)
 
 
-def survivors(queries: WordBounds, words: WordBounds, thresholds: Float32Array) -> list[Index]:
+def survivors(queries: WordBounds, words: WordBounds, thresholds: Float32Array) -> list[Int64Array]:
     """For each query the words that may be as near as its threshold, ascending.
 
     Args:
@@ -83,7 +82,7 @@ def survivors(queries: WordBounds, words: WordBounds, thresholds: Float32Array) 
         thresholds: [n] word distances; infinite rules nothing out.
     """
     slack = (thresholds * np.float32(1 + RELATIVE_SLACK) + np.float32(ABSOLUTE_SLACK)).astype(np.float32)
-    found: list[list[Index]] = [[] for _ in range(len(queries))]
+    found: list[list[Int64Array]] = [[] for _ in range(len(queries))]
     for first in range(0, len(words), COLUMN_WORDS):
         some = slice(first, min(first + COLUMN_WORDS, len(words)))
         passed = np.empty((len(queries), some.stop - first), dtype=np.bool_)
@@ -100,8 +99,8 @@ def survivors(queries: WordBounds, words: WordBounds, thresholds: Float32Array) 
 
 
 def _paths_below(
-    queries: WordBounds, query: int, words: WordBounds, some: Index, threshold: np.float32
-) -> NDArray[np.bool_]:
+    queries: WordBounds, query: int, words: WordBounds, some: Int64Array, threshold: np.float32
+) -> BoolArray:
     """Which of some words have a path to a query whose costs less the threshold sum to zero or less."""
     below = np.ones(len(some), dtype=np.bool_)
     if np.isfinite(threshold):
@@ -133,7 +132,7 @@ def _test(
     high_b: Float32Array,
     length: int,
     thresholds: Float32Array,
-    out: NDArray[np.bool_],
+    out: BoolArray,
 ) -> None:
     """out[a, b]: word b may be as near to word a as the threshold; ends, centres [n, m] squared distances."""
     longest = 2 * length - 1
@@ -204,7 +203,7 @@ def _outside(frame: Float32Array, low: Float32Array, high: Float32Array) -> np.f
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
 def _test_paths(
-    query: Float32Array, frames: Float32Array, starts: Index, words: Index, threshold: float, out: NDArray[np.bool_]
+    query: Float32Array, frames: Float32Array, starts: Int64Array, words: Int64Array, threshold: float, out: BoolArray
 ) -> None:
     """out[w]: the cheapest path from the query [length, P] to word w costs no more than the threshold a cell."""
     length, width = query.shape

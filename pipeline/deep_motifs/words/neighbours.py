@@ -14,7 +14,8 @@ from pathlib import Path
 from typing import Final, Literal
 
 import numpy as np
-from motionlake.deep_motifs.words.dtw import Index, clip_pair_dtw
+from motionlake.arrays import Float32Array, Int64Array
+from motionlake.deep_motifs.words.dtw import clip_pair_dtw
 from motionlake.deep_motifs.words.listed_dtw import listed_distances
 from motionlake.deep_motifs.words.lower_bounds import WordBounds, survivors
 from motionlake.deep_motifs.words.windows import WordSet
@@ -27,13 +28,11 @@ from motionlake.deep_motifs.words.word_index import (
     nearest_positions,
 )
 from motionlake.motion.dtw import Metric
-from motionlake.motion.features import Float32Array
 from safetensors import safe_open
 from safetensors.numpy import save_file
 from threadpoolctl import threadpool_limits
 
 Method = Literal["exact", "approximate"]
-Progress = Callable[[int, int], None]
 
 QUERY_ROWS: Final = 256  # queries that meet their candidates in one matrix product
 COLUMN_WORDS: Final = 4096  # columns of one block of all pairs
@@ -65,7 +64,7 @@ class Neighbours:
         distances: [n, k] float32 (`dtw.word_distances`); infinite where there is no word.
     """
 
-    indices: Index
+    indices: Int64Array
     distances: Float32Array
 
 
@@ -80,7 +79,7 @@ class Searched:
     """
 
     words: WordSet
-    groups: Index
+    groups: Int64Array
     index: WordIndex
 
 
@@ -88,13 +87,13 @@ def nearest_words(
     words: WordSet | Float32Array,
     k: int,
     *,
-    groups: Index | None = None,
+    groups: Int64Array | None = None,
     apart: int = 1,
     method: Method = "exact",
     metric: Metric = "euclidean",
     config: SearchConfig | None = None,
     threads: int = 1,
-    progress: Progress | None = None,
+    progress: Callable[[int, int], None] | None = None,
 ) -> Neighbours:
     """The k nearest words of each word of a corpus under DTW.
 
@@ -123,7 +122,7 @@ def nearest_words(
     )  # fmt: skip
 
 
-def prepare(words: WordSet, groups: Index | None = None, config: SearchConfig | None = None) -> Searched:
+def prepare(words: WordSet, groups: Int64Array | None = None, config: SearchConfig | None = None) -> Searched:
     """Index a corpus, for searches with any queries."""
     numbers = np.arange(len(words)) if groups is None else np.asarray(groups)
     if numbers.shape != (len(words),):
@@ -134,7 +133,7 @@ def prepare(words: WordSet, groups: Index | None = None, config: SearchConfig | 
 def search(
     corpus: Searched,
     queries: WordSet,
-    groups: Index,
+    groups: Int64Array,
     k: int,
     *,
     apart: int = 1,
@@ -142,7 +141,7 @@ def search(
     metric: Metric = "euclidean",
     config: SearchConfig | None = None,
     threads: int = 1,
-    progress: Progress | None = None,
+    progress: Callable[[int, int], None] | None = None,
 ) -> Neighbours:
     """The k nearest words of a corpus for words that need not be of it; arguments as in `nearest_words`.
 
@@ -189,7 +188,7 @@ def all_pairs(words: WordSet, metric: Metric = "euclidean", rows: int = 512) -> 
         yield block, distances
 
 
-def _frames_of(words: WordSet, chosen: slice) -> tuple[Float32Array, Index]:
+def _frames_of(words: WordSet, chosen: slice) -> tuple[Float32Array, Int64Array]:
     """The stretch of frames that holds some words, and where they start in it."""
     starts = words.starts[chosen]
     low, high = int(starts.min()), int(starts.max()) + words.length
@@ -202,13 +201,13 @@ class _Search:
 
     corpus: Searched
     queries: WordSet
-    groups: Index
+    groups: Int64Array
     k: int
     apart: int
     metric: Metric
     config: SearchConfig
 
-    def blocks(self) -> Iterator[tuple[int, Index]]:
+    def blocks(self) -> Iterator[tuple[int, Int64Array]]:
         """(cell, queries of it), in the order of the cells."""
         cells = self._cells()
         order = np.argsort(cells, kind="stable")
@@ -217,7 +216,7 @@ class _Search:
             for first in range(low, high, QUERY_ROWS):
                 yield cell, order[first : min(first + QUERY_ROWS, high)]
 
-    def _cells(self) -> Index:
+    def _cells(self) -> Int64Array:
         index = self.corpus.index
         cells = np.empty(len(self.queries), dtype=np.int64)
         for first in range(0, len(cells), COLUMN_WORDS):
@@ -225,7 +224,9 @@ class _Search:
             cells[rows] = nearest_centroids(index.space.embed(index.space.project(self.queries, rows)), index.centroids)
         return cells
 
-    def answer(self, cell: int, rows: Index, method: Method, bounds: WordBounds | None) -> tuple[Index, Neighbours]:
+    def answer(
+        self, cell: int, rows: Int64Array, method: Method, bounds: WordBounds | None
+    ) -> tuple[Int64Array, Neighbours]:
         """The neighbours of some queries of one cell."""
         found = self._nearest(rows, self._candidates(cell, rows))
         if method == "approximate":
@@ -242,10 +243,10 @@ class _Search:
             np.concatenate([a.indices for a in answers]), np.concatenate([a.distances for a in answers])
         )
 
-    def _allowed(self, query: int, words: Index) -> Index:
+    def _allowed(self, query: int, words: Int64Array) -> Int64Array:
         return np.asarray(words[np.abs(self.corpus.groups[words] - self.groups[query]) >= self.apart])
 
-    def _candidates(self, cell: int, rows: Index) -> Index:
+    def _candidates(self, cell: int, rows: Int64Array) -> Int64Array:
         """[n, C] words worth aligning in full; -1 where there are fewer."""
         index, config = self.corpus.index, self.config
         wanted = max(config.aligned, 2 * self.k)
@@ -263,7 +264,7 @@ class _Search:
         near = np.take_along_axis(near, best, axis=1)
         return np.where(near >= 0, index.order[near], -1)
 
-    def _nearest(self, rows: Index, lists: Index) -> Neighbours:
+    def _nearest(self, rows: Int64Array, lists: Int64Array) -> Neighbours:
         """The k nearest of listed words [n, C]."""
         queries, words = self.queries, self.corpus.words
         distances = listed_distances(

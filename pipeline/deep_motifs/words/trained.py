@@ -10,8 +10,9 @@ from typing import Any, Final
 
 import numpy as np
 import torch
+from motionlake.arrays import Float32Array
 from motionlake.deep_motifs.words.network import WordNetwork, build
-from motionlake.motion.features import Float32Array, WordConfig
+from motionlake.motion.features import WordConfig
 from motionlake.threads import on_threads
 from safetensors import safe_open
 from safetensors.torch import save_file

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 import torch
+from motionlake.arrays import Float32Array, Progress
 from motionlake.checkpoint import Checkpoint
 from motionlake.deep_motifs.words.config import NetworkConfig
 from motionlake.deep_motifs.words.linear import LinearConfig, linear_embedding
@@ -22,11 +22,10 @@ from motionlake.deep_motifs.words.triplets import (
     time_warped,
     training_words,
 )
-from motionlake.motion.features import Float32Array, WordConfig
+from motionlake.motion.features import WordConfig
 from motionlake.threads import on_threads
 from torch import Tensor
 
-Progress = Callable[[int, int, float], None]
 REPORT_EVERY: Final = 50
 CHECKPOINT_EVERY: Final = 100
 

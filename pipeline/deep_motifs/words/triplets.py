@@ -11,14 +11,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from motionlake.arrays import BoolArray, Float32Array, Int64Array
 from motionlake.deep_motifs.words.dtw import word_distances
 from motionlake.deep_motifs.words.linear import LinearConfig, linear_embedding
 from motionlake.deep_motifs.words.windows import windows, word_windows
 from motionlake.motion.dtw import Metric, frame_distances
-from motionlake.motion.features import Float32Array, WordConfig
-from numpy.typing import NDArray
-
-Indices = NDArray[np.int64]
+from motionlake.motion.features import WordConfig
 
 
 @dataclass(frozen=True)
@@ -60,14 +58,14 @@ class TrainingWords:
     """
 
     words: Float32Array
-    clips: Indices
-    starts: Indices
-    anchors: Indices
+    clips: Int64Array
+    starts: Int64Array
+    anchors: Int64Array
     distances: Float32Array
     linear: Float32Array
-    temporal: Indices
-    nearest: Indices
-    neighbours: Indices
+    temporal: Int64Array
+    nearest: Int64Array
+    neighbours: Int64Array
 
 
 def training_words(
@@ -117,7 +115,7 @@ def training_words(
 
 def sample_words(
     features: list[Float32Array], words: WordConfig, max_words: int, seed: int
-) -> tuple[Float32Array, Indices, Indices]:
+) -> tuple[Float32Array, Int64Array, Int64Array]:
     """At most `max_words` words drawn at random from clips: [n, length, D] words, [n] clips, [n] first frames.
 
     Raises:
@@ -164,7 +162,7 @@ def time_reversed(words: Float32Array, config: WordConfig) -> Float32Array:
 
 
 def _distances(
-    words: Float32Array, anchors: Indices, projection: Float32Array, metric: Metric, elastic: float
+    words: Float32Array, anchors: Int64Array, projection: Float32Array, metric: Metric, elastic: float
 ) -> Float32Array:
     """[A, N] word distances of anchors from all words, over their median.
 
@@ -184,7 +182,7 @@ def _distances(
     return total / np.float32(float(np.median(total)) or 1.0)
 
 
-def _temporal(clips: Indices, starts: Indices, anchors: Indices, length: int, count: int) -> Indices:
+def _temporal(clips: Int64Array, starts: Int64Array, anchors: Int64Array, length: int, count: int) -> Int64Array:
     positives = np.repeat(anchors[:, None], count, axis=1)
     for row, anchor in enumerate(anchors):
         low, high = np.searchsorted(clips, [clips[anchor], clips[anchor] + 1])
@@ -197,7 +195,7 @@ def _temporal(clips: Indices, starts: Indices, anchors: Indices, length: int, co
     return positives
 
 
-def _nearest(distances: Float32Array, anchors: Indices, allowed: NDArray[np.bool_], count: int) -> Indices:
+def _nearest(distances: Float32Array, anchors: Int64Array, allowed: BoolArray, count: int) -> Int64Array:
     """[A, count] nearest allowed words of each anchor, nearest first; the anchor itself where too few."""
     count = min(count, distances.shape[1] - 1)
     masked = np.where(allowed, distances, np.inf)

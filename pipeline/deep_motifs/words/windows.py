@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
-from motionlake.motion.features import Float32Array, WordConfig
-from numpy.typing import NDArray
+from motionlake.arrays import Float32Array, Int64Array
+from motionlake.motion.features import WordConfig
 
 
-def windows(n_frames: int, config: WordConfig) -> NDArray[np.int64]:
+def windows(n_frames: int, config: WordConfig) -> Int64Array:
     """[n] first frames of the words of a clip of `n_frames` feature frames.
 
     Raises:
@@ -51,9 +51,6 @@ def native_range(start: int, fps: float, n_frames: int, config: WordConfig) -> t
     return first, max(first + 1, min(round((start + config.length) * ratio), n_frames))
 
 
-Index = NDArray[np.int64]
-
-
 @dataclass(frozen=True)
 class WordSet:
     """N words of `length` frames: word i is `frames[starts[i] : starts[i] + length]`.
@@ -70,7 +67,7 @@ class WordSet:
     """
 
     frames: Float32Array
-    starts: Index
+    starts: Int64Array
     length: int
 
     def __post_init__(self) -> None:
@@ -89,7 +86,7 @@ class WordSet:
         return cls(frames, np.arange(n, dtype=np.int64) * length, length)
 
     @classmethod
-    def of_clips(cls, features: Sequence[Float32Array], config: WordConfig) -> tuple[Self, Index]:
+    def of_clips(cls, features: Sequence[Float32Array], config: WordConfig) -> tuple[Self, Int64Array]:
         """The words of clips of [T, D] frames each, and [N] the index of the clip each word is of.
 
         Raises:
@@ -112,10 +109,10 @@ class WordSet:
         """D: numbers a frame."""
         return int(self.frames.shape[1])
 
-    def take(self, chosen: slice | Index) -> Float32Array:
+    def take(self, chosen: slice | Int64Array) -> Float32Array:
         """[n, length, D] copies of chosen words."""
         return np.asarray(self.frames[self.starts[chosen][:, None] + np.arange(self.length)])
 
-    def chosen(self, chosen: slice | Index) -> WordSet:
+    def chosen(self, chosen: slice | Int64Array) -> WordSet:
         """Some of the words, with the same frames."""
         return WordSet(self.frames, self.starts[chosen], self.length)

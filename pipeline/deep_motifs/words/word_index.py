@@ -13,11 +13,9 @@ from functools import cached_property
 from typing import Final, Self
 
 import numpy as np
-from motionlake.deep_motifs.words.dtw import Index
+from motionlake.arrays import Float32Array, Int64Array
 from motionlake.deep_motifs.words.windows import WordSet
-from motionlake.motion.features import Float32Array
 from numba import njit
-from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 POINTS: Final = 8  # of a path
@@ -61,7 +59,7 @@ class WordSpace:
     mean: Float32Array
     components: Float32Array
 
-    def project(self, words: WordSet, chosen: slice | Index) -> Float32Array:
+    def project(self, words: WordSet, chosen: slice | Int64Array) -> Float32Array:
         """[n, length, P] frames of words in the directions of largest variance."""
         taken = words.take(chosen)
         n, length, width = taken.shape
@@ -88,8 +86,8 @@ class WordIndex:
 
     space: WordSpace
     centroids: Float32Array
-    order: Index
-    offsets: Index
+    order: Int64Array
+    offsets: Int64Array
     embedded: Float32Array
     projected: Float32Array
     length: int
@@ -100,8 +98,8 @@ class WordIndex:
         space: WordSpace,
         words: WordSet,
         centroids: Float32Array,
-        order: Index,
-        offsets: Index,
+        order: Int64Array,
+        offsets: Int64Array,
         embedded: Float32Array,
     ) -> Self:
         """The index of words whose embedding is known."""
@@ -118,7 +116,7 @@ class WordIndex:
         return self.projected.reshape(len(self.order), self.length, -1)
 
     @cached_property
-    def starts(self) -> Index:
+    def starts(self) -> Int64Array:
         """[N] first row of each word in `projected`."""
         return np.arange(len(self.order), dtype=np.int64) * self.length
 
@@ -127,7 +125,7 @@ class WordIndex:
         """[N] squared norms of `embedded`."""
         return np.asarray(np.einsum("nd,nd->n", self.embedded, self.embedded))
 
-    def probed(self, cell: int, words: int) -> Index:
+    def probed(self, cell: int, words: int) -> Int64Array:
         """[M] positions of the words of the cells nearest to one, that cell first, at least `words` or all of them."""
         apart = np.sum((self.centroids - self.centroids[cell]) ** 2, axis=1)
         apart[cell] = -1
@@ -157,7 +155,7 @@ def fit_index(words: WordSet, config: IndexConfig) -> WordIndex:
         return WordIndex.of(space, words, centroids, order, offsets, embedded[order])
 
 
-def nearest_centroids(vectors: Float32Array, centroids: Float32Array) -> Index:
+def nearest_centroids(vectors: Float32Array, centroids: Float32Array) -> Int64Array:
     """[n] nearest of `centroids` [K, d] to each of `vectors` [n, d], the lowest index where two tie."""
     own = np.einsum("kd,kd->k", centroids, centroids)
     blocks = [vectors[i : i + CELL_ROWS] for i in range(0, len(vectors), CELL_ROWS)]
@@ -197,8 +195,8 @@ def along_path(words: Float32Array, points: int) -> Float32Array:
 
 
 def nearest_positions(
-    distances: Float32Array, groups: Index, others: Index, apart: int, count: int
-) -> NDArray[np.int64]:
+    distances: Float32Array, groups: Int64Array, others: Int64Array, apart: int, count: int
+) -> Int64Array:
     """[q, count] columns of the smallest of `distances` [q, M], in no order; -1 where there are fewer.
 
     Left out are columns whose group in `others` [M] is closer than `apart` to the row's in `groups` [q].
@@ -257,7 +255,7 @@ def _along_path(words: Float32Array, out: Float32Array) -> None:
 
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
-def _smallest(distances: Float32Array, groups: Index, others: Index, apart: int, out: Index) -> None:
+def _smallest(distances: Float32Array, groups: Int64Array, others: Int64Array, apart: int, out: Int64Array) -> None:
     """A buffer of twice the wanted size is cut to its smaller half whenever it is full."""
     count = out.shape[1]
     values = np.empty(2 * count, dtype=np.float32)
@@ -278,7 +276,7 @@ def _smallest(distances: Float32Array, groups: Index, others: Index, apart: int,
 
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
-def _keep(values: Float32Array, columns: Index, held: int, bound: float, count: int) -> int:
+def _keep(values: Float32Array, columns: Int64Array, held: int, bound: float, count: int) -> int:
     """Move what is below `bound`, then the first of what equals it, to the front; returns `count`."""
     kept = 0
     equal = count

@@ -8,9 +8,8 @@ from typing import Final
 
 import numpy as np
 import torch
-from motionlake.motion.features import Float32Array
+from motionlake.arrays import BoolArray, Float32Array, Float64Array, Int64Array
 from motionlake.motion.skeleton import COMMON
-from numpy.typing import NDArray
 from torch import Tensor
 
 LIMBS: Final = tuple(
@@ -83,7 +82,7 @@ class Augmentation:
         varied = varied + _normal(rng, (count, 1, len(COMMON), 3), self.offset)
         return varied + _normal(rng, tuple(varied.shape), self.noise)
 
-    def _instants(self, count: int, frames: int, rng: np.random.Generator) -> NDArray[np.float64]:
+    def _instants(self, count: int, frames: int, rng: np.random.Generator) -> Float64Array:
         """[B, T] where in a clip, from 0 to T - 1, each frame of its variant is taken."""
         start, stop = rng.random((2, count, 1)) * self.crop
         time = np.linspace(0, 1, frames)[None]
@@ -99,7 +98,7 @@ class Augmentation:
         return torch.where(torch.from_numpy(taken), partners, clips)
 
 
-def _tensor(values: NDArray[np.bool_]) -> Tensor:
+def _tensor(values: BoolArray) -> Tensor:
     return torch.from_numpy(values)
 
 
@@ -108,7 +107,7 @@ def _normal(rng: np.random.Generator, shape: tuple[int, ...], deviation: float, 
     return torch.from_numpy(drawn * np.float32(deviation) + np.float32(mean))
 
 
-def _turns(angles: NDArray[np.float64], axis: int) -> NDArray[np.float64]:
+def _turns(angles: Float64Array, axis: int) -> Float64Array:
     """[B, 3, 3] turns of row vectors about an axis."""
     cos, sin = np.cos(angles), np.sin(angles)
     turns = np.zeros((len(angles), 3, 3))
@@ -119,7 +118,7 @@ def _turns(angles: NDArray[np.float64], axis: int) -> NDArray[np.float64]:
     return turns
 
 
-def _interpolated(clips: Tensor, instants: NDArray[np.float64]) -> Tensor:
+def _interpolated(clips: Tensor, instants: Float64Array) -> Tensor:
     frames = clips.shape[1]
     before = np.minimum(instants.astype(np.int64), max(0, frames - 2))
     share = torch.from_numpy((instants - before).astype(np.float32))[..., None, None]
@@ -169,7 +168,7 @@ def _from_root(clip: Float32Array) -> Float32Array:
     return moved
 
 
-def order(count: int, batch: int, rng: np.random.Generator) -> list[NDArray[np.int64]]:
+def order(count: int, batch: int, rng: np.random.Generator) -> list[Int64Array]:
     """Indices of the batches of an epoch: all in random order, no batch smaller than half of `batch`."""
     shuffled = rng.permutation(count)
     return np.array_split(shuffled, max(1, round(count / batch)))

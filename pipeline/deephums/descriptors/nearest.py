@@ -12,11 +12,8 @@ from typing import Final, NamedTuple
 
 import numpy as np
 import torch
-from numpy.typing import ArrayLike, NDArray
-
-Float32Array = NDArray[np.float32]
-Float64Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
+from motionlake.arrays import Float32Array, Float64Array, Int64Array
+from numpy.typing import ArrayLike
 
 SPARE: Final = 32  # rows that a scan looks at beyond k, for those that rounding puts in the wrong order
 SCANNED: Final = 1 << 24  # values that a scan holds at a time
@@ -28,7 +25,7 @@ UNIT: Final = 2.0**-24  # rounding of float32
 class Neighbours(NamedTuple):
     """The nearest rows of m queries, nearest first, ties by index: `indices` [m, k] and `distances` [m, k]."""
 
-    indices: Indices
+    indices: Int64Array
     distances: Float64Array
 
 
@@ -75,7 +72,7 @@ class DescriptorScan:
                 indices[at], distances[at] = nearest_of(self._rows, candidates, query, k)
         return Neighbours(indices, distances)
 
-    def _candidates(self, queries: Float32Array, k: int) -> Iterator[Indices]:
+    def _candidates(self, queries: Float32Array, k: int) -> Iterator[Int64Array]:
         """For each query, rows that hold the k nearest whatever the scan's rounding."""
         width = min(k + SPARE, len(self))
         with _full_precision():
@@ -116,7 +113,9 @@ def squared_distances(rows: Float32Array, query: Float32Array) -> Float64Array:
     return found
 
 
-def nearest_of(rows: Float32Array, candidates: Indices, query: Float32Array, k: int) -> tuple[Indices, Float64Array]:
+def nearest_of(
+    rows: Float32Array, candidates: Int64Array, query: Float32Array, k: int
+) -> tuple[Int64Array, Float64Array]:
     """The k candidates [c] among `rows` nearest to a query, and their distances; ties by index."""
     squares = squared_distances(rows[candidates], query)
     order = np.lexsort((candidates, squares))[:k]

@@ -15,10 +15,8 @@ from typing import Final, Self
 
 import numpy as np
 import torch
+from motionlake.arrays import Float32Array, Float64Array, Int64Array
 from motionlake.deephums.descriptors.nearest import (
-    Float32Array,
-    Float64Array,
-    Indices,
     Neighbours,
     checked_queries,
     checked_rows,
@@ -116,7 +114,7 @@ class QuickIndex:
         found = nearest_of(self._rows, self._candidates(asked[0], k), asked[0], k)
         return Neighbours(found[0][None], found[1][None])
 
-    def _candidates(self, query: Float32Array, k: int) -> Indices:
+    def _candidates(self, query: Float32Array, k: int) -> Int64Array:
         """Rows that hold the k nearest."""
         if k == 0:
             return np.zeros(0, dtype=np.int64)
@@ -145,11 +143,11 @@ class QuickIndex:
         self,
         query: Float32Array,
         k: int,
-        rows: Indices,
+        rows: Int64Array,
         bounds: Float64Array,
-        best: tuple[Indices, Float64Array],
+        best: tuple[Int64Array, Float64Array],
         slack: float,
-    ) -> Indices:
+    ) -> Int64Array:
         """The k nearest among `rows` and the k `best` so far, exact distances computed in the order of the bounds."""
         fresh = ~np.isin(rows, best[0])
         rows, bounds = rows[fresh], bounds[fresh]
@@ -207,7 +205,7 @@ def _joined(parts: list[Block]) -> Block:
     return Block(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
 
 
-def _least(bounds: Float64Array, count: int) -> Indices:
+def _least(bounds: Float64Array, count: int) -> Int64Array:
     """The rows of so many smallest bounds, or all."""
     found = torch.topk(torch.from_numpy(bounds), min(count, len(bounds)), largest=False, sorted=False)
     return found.indices.numpy()
@@ -218,7 +216,7 @@ def _limit(squares: Float64Array, slack: float) -> float:
     return float(np.sqrt(squares[-1]) + slack) ** 2
 
 
-def _best(rows: Indices, squares: Float64Array, k: int) -> tuple[Indices, Float64Array]:
+def _best(rows: Int64Array, squares: Float64Array, k: int) -> tuple[Int64Array, Float64Array]:
     order = np.lexsort((rows, squares))[:k]
     return rows[order], squares[order]
 

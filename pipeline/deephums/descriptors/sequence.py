@@ -6,9 +6,8 @@ import math
 from typing import Final
 
 import numpy as np
-from motionlake.motion.features import Float32Array, Float64Array
+from motionlake.arrays import BoolArray, Float32Array, Float64Array
 from motionlake.motion.skeleton import COMMON, INDEX
-from numpy.typing import NDArray
 from scipy.signal import savgol_filter
 
 FPS: Final = 30.0
@@ -29,7 +28,7 @@ ROOTS: Final = (("hips",), ("left_hip", "right_hip"), ("neck",), ("left_shoulder
 MIN_HORIZONTAL: Final = 0.05
 
 
-def clip_sequence(positions: Float64Array, fps: float, missing: NDArray[np.bool_] | None = None) -> Float32Array:
+def clip_sequence(positions: Float64Array, fps: float, missing: BoolArray | None = None) -> Float32Array:
     """A clip's joints over time: divided by the body's size, centred at the root, turned by its median facing.
 
     Where the root stands is kept in the place of the hips: how far from where it was first, seen from the body. A
@@ -78,7 +77,7 @@ def _at(names: tuple[str, ...]) -> list[int]:
     return [COMMON.index(name) for name in names]
 
 
-def _root(joints: Float64Array, there: NDArray[np.bool_]) -> Float64Array:
+def _root(joints: Float64Array, there: BoolArray) -> Float64Array:
     """[T, 3] the hips, or the next best point of the trunk."""
     for names in ROOTS:
         at = _at(names)
@@ -87,7 +86,7 @@ def _root(joints: Float64Array, there: NDArray[np.bool_]) -> Float64Array:
     return np.asarray(joints[:, there].mean(axis=1))
 
 
-def _heading(joints: Float64Array, there: NDArray[np.bool_]) -> float:
+def _heading(joints: Float64Array, there: BoolArray) -> float:
     """Median facing of the clip in radians about +y from +z; 0 where no pair of joints tells."""
     axes = []
     for side in SIDES:
@@ -106,7 +105,7 @@ def _heading(joints: Float64Array, there: NDArray[np.bool_]) -> float:
     return float(np.median(np.unwrap(np.arctan2(-across[clear, 2], across[clear, 0]))))
 
 
-def _size(joints: Float64Array, there: NDArray[np.bool_]) -> float:
+def _size(joints: Float64Array, there: BoolArray) -> float:
     """Leg plus torso in metres, from the lengths of all bones that are there."""
     length = share = 0.0
     for (parent, child), part in BONES.items():

@@ -6,9 +6,8 @@ from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
+from motionlake.arrays import BoolArray, Float32Array, Float64Array
 from motionlake.motion.dtw import dtw_matrix
-from motionlake.motion.features import Float32Array, Float64Array
-from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 from scipy.spatial.distance import cdist
 
@@ -27,7 +26,7 @@ def motion_distance(clip: Float32Array) -> Float64Array:
     return np.asarray(np.linalg.norm(np.diff(clip, axis=0), axis=-1).sum(axis=0), dtype=np.float64)
 
 
-def similar_by_motion(clips: Sequence[Float32Array], share: float) -> NDArray[np.bool_]:
+def similar_by_motion(clips: Sequence[Float32Array], share: float) -> BoolArray:
     """[n, n] whether both the motion fields and the motion distances of two clips are alike.
 
     The thesis leaves open how near is alike: here each of the two distances is below its own quantile over all pairs,

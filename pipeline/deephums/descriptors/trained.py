@@ -9,11 +9,11 @@ from typing import Any, Final
 
 import numpy as np
 import torch
+from motionlake.arrays import Float32Array
 from motionlake.deephums.descriptors.batches import Augmentation, padded, resampled, windows
 from motionlake.deephums.descriptors.config import DIMENSION, DescriptorsConfig
 from motionlake.deephums.descriptors.network import DescriptorNetwork
 from motionlake.deephums.descriptors.recipe import DescriptorRecipe
-from motionlake.motion.features import Float32Array
 from motionlake.network_file import read_network, save_network
 from motionlake.threads import on_threads
 from torch.nn.functional import normalize

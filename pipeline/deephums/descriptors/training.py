@@ -10,6 +10,7 @@ from typing import Any, Final
 
 import numpy as np
 import torch
+from motionlake.arrays import Float32Array, Int64Array, Progress
 from motionlake.checkpoint import Checkpoint
 from motionlake.deephums.descriptors.batches import at_speeds, order, padded, resampled, windows
 from motionlake.deephums.descriptors.config import DescriptorsConfig
@@ -24,8 +25,7 @@ from motionlake.deephums.descriptors.recipe import DescriptorRecipe, recipe_of
 from motionlake.deephums.descriptors.sequence import one_cycle
 from motionlake.deephums.descriptors.similarity import alignment_distances, neighbourhoods, similar_by_motion
 from motionlake.deephums.descriptors.trained import TrainedDescriptor
-from motionlake.epochs import Progress, Training
-from motionlake.motion.features import Float32Array
+from motionlake.epochs import Training
 from motionlake.threads import on_threads
 from numpy.typing import NDArray
 from torch import Tensor
@@ -115,9 +115,9 @@ class _Material:
     """
 
     clips: list[Float32Array]
-    targets: NDArray[np.int64] | None
+    targets: Int64Array | None
     near: NDArray[np.generic] | None
-    source: NDArray[np.int64]
+    source: Int64Array
 
     @classmethod
     def of(cls, used: Sequence[TrainingClip], classes: list[str], recipe: DescriptorRecipe) -> _Material:
@@ -136,11 +136,11 @@ class _Material:
         labels = np.array([index[clip.label or ""] for clip in used], dtype=np.int64) if classes else None
         return cls(clips, labels[source] if labels is not None else None, near, source)
 
-    def batch(self, rows: NDArray[np.int64]) -> tuple[Tensor, Tensor]:
+    def batch(self, rows: Int64Array) -> tuple[Tensor, Tensor]:
         """Clips [B, T, 15, 3] and their lengths [B]."""
         return padded([self.clips[i] for i in rows])
 
-    def partners(self, rows: NDArray[np.int64], rng: np.random.Generator) -> Tensor | None:
+    def partners(self, rows: Int64Array, rng: np.random.Generator) -> Tensor | None:
         """A clip of the same class for each, itself at worst; None without classes."""
         if self.targets is None:
             return None
@@ -210,7 +210,7 @@ def _fit(
 def _loss(
     network: DescriptorNetwork,
     material: _Material,
-    rows: NDArray[np.int64],
+    rows: Int64Array,
     recipe: DescriptorRecipe,
     rng: np.random.Generator,
     device: str,

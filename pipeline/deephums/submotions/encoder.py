@@ -9,26 +9,24 @@ no other; descriptors trained to forget who moves, and when, do not.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 import torch
+from motionlake.arrays import Float32Array, Int64Array, Progress
 from motionlake.checkpoint import Checkpoint
 from motionlake.deephums.descriptors.batches import Augmentation, padded
 from motionlake.deephums.descriptors.config import DIMENSION
 from motionlake.deephums.descriptors.network import CHANNELS, positions_and_motion
 from motionlake.deephums.descriptors.sequence import BONES, one_cycle
 from motionlake.deephums.submotions.config import LONGEST, SHORTEST, SubmotionConfig
-from motionlake.motion.features import Float32Array
 from motionlake.motion.skeleton import COMMON
 from motionlake.threads import on_threads
-from numpy.typing import NDArray
 from torch import Tensor, nn
 from torch.nn.functional import cross_entropy, gelu, mse_loss, normalize
 
-Progress = Callable[[int, int, float], None]
 CHECKPOINT_EVERY: Final = 100
 MINE_EVERY: Final = 25
 NEAR: Final = 3
@@ -157,7 +155,7 @@ def train_submotion(
         data = np.concatenate([sequence.ravel() for sequence in sequences])
         kept = Checkpoint(checkpoint, data, config) if checkpoint else None
         losses = kept.resume(network, optimiser, rng) if kept else []
-        near: NDArray[np.int64] | None = None
+        near: Int64Array | None = None
         for step in range(len(losses), config.steps):
             if step and step % MINE_EVERY == 0:
                 near = _nearest(network, sequences, config, device)
@@ -182,7 +180,7 @@ def _loss(
     network: nn.Module,
     sequences: Sequence[Float32Array],
     targets: Float32Array | None,
-    rows: NDArray[np.int64],
+    rows: Int64Array,
     config: SubmotionConfig,
     rng: np.random.Generator,
     device: str,
@@ -203,7 +201,7 @@ def _loss(
 @torch.no_grad()
 def _nearest(
     network: nn.Module, sequences: Sequence[Float32Array], config: SubmotionConfig, device: str
-) -> NDArray[np.int64] | None:
+) -> Int64Array | None:
     """[n, 3] the clips that the network finds nearest to each so far: what a batch is hard with."""
     if config.recipe == "deephums" or len(sequences) <= NEAR:
         return None
@@ -216,9 +214,7 @@ def _nearest(
     return cosines.topk(NEAR, dim=1).indices.cpu().numpy()
 
 
-def _rows(
-    count: int, near: NDArray[np.int64] | None, config: SubmotionConfig, rng: np.random.Generator
-) -> NDArray[np.int64]:
+def _rows(count: int, near: Int64Array | None, config: SubmotionConfig, rng: np.random.Generator) -> Int64Array:
     """The clips of a batch: drawn at random, or some of them and those that are near to each."""
     if near is None:
         return rng.permutation(count)[: config.batch]
@@ -242,7 +238,7 @@ def _from(clip: Float32Array, start: int, count: int) -> Float32Array:
     return part
 
 
-def embed_pieces(network: nn.Module, sequences: Sequence[Float32Array]) -> NDArray[np.float32]:
+def embed_pieces(network: nn.Module, sequences: Sequence[Float32Array]) -> Float32Array:
     """[n, 512] what the network makes of pieces or clips (`clip_sequence`), of length one, each on its own."""
     found = np.empty((len(sequences), DIMENSION), dtype=np.float32)
     with on_threads(1), torch.inference_mode():

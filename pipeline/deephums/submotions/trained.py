@@ -7,9 +7,9 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Final
 
+from motionlake.arrays import Float32Array
 from motionlake.deephums.submotions.config import SubmotionConfig
 from motionlake.deephums.submotions.encoder import embed_pieces, network_of
-from motionlake.motion.features import Float32Array
 from motionlake.network_file import read_network, save_network
 from torch import nn
 

@@ -6,11 +6,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from motionlake.evaluation.measures.ranking import Distances, IntArray, ranked
-from motionlake.evaluation.measures.retrieval import BoolArray
-from numpy.typing import NDArray
+from motionlake.arrays import BoolArray, Float64Array, FloatArray, Int64Array
+from motionlake.evaluation.measures.ranking import ranked
 
-Float64Array = NDArray[np.float64]
 # Distances [q, n] of clips from n labelled ones, distances [n, n] of these, their labels [n] -> q classes.
 Classifier = Callable[[Float64Array, Float64Array, list[str]], list[str]]
 
@@ -53,14 +51,14 @@ class Confusion:
     """counts[a, b]: hits of class b among the first hits of the queries of class a; `classes` by name."""
 
     classes: tuple[str, ...]
-    counts: IntArray
+    counts: Int64Array
 
     def as_dict(self) -> dict[str, object]:
         return {"classes": list(self.classes), "counts": self.counts.tolist()}
 
 
 def confusion(
-    distances: Distances, queries: Sequence[str], clips: Sequence[str], candidates: BoolArray, top: int = 20
+    distances: FloatArray, queries: Sequence[str], clips: Sequence[str], candidates: BoolArray, top: int = 20
 ) -> Confusion:
     """Count the classes of the first hits.
 

@@ -9,10 +9,10 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
+from motionlake.arrays import Float32Array, Float64Array, Int64Array
 from motionlake.motion.dtw import squared_distances
-from motionlake.motion.features import Float32Array, Float64Array, WordConfig, word_features
+from motionlake.motion.features import WordConfig, word_features
 from numba import njit
-from numpy.typing import NDArray
 
 BASELINE: Final = WordConfig(root_weight=0.0, velocity_weight=0.0, smoothing=0.0)
 
@@ -25,10 +25,7 @@ def baseline_features(positions: Float64Array, fps: float) -> Float32Array:
     return word_features(positions, np.zeros((0, 0, 4)), fps, BASELINE)
 
 
-PathArray = NDArray[np.int64]
-
-
-def dtw_path(a: Float32Array, b: Float32Array) -> PathArray:
+def dtw_path(a: Float32Array, b: Float32Array) -> Int64Array:
     """[L, 2] frames of clips a [n, D] and b [m, D] along the cheapest path, from (0, 0) to (n - 1, m - 1).
 
     Steps (1, 1), (1, 0), (0, 1); of equal ones the first of these.
@@ -38,7 +35,7 @@ def dtw_path(a: Float32Array, b: Float32Array) -> PathArray:
     """
     if not (len(a) and len(b)):
         raise ValueError("a clip without frames cannot be aligned")
-    found: PathArray = _path(squared_distances(a, b))
+    found: Int64Array = _path(squared_distances(a, b))
     return found
 
 
@@ -54,7 +51,7 @@ def joint_error(a: Float32Array, b: Float32Array) -> float:
 
 
 @njit(cache=True)  # type: ignore[untyped-decorator]
-def _path(squared: Float32Array) -> PathArray:
+def _path(squared: Float32Array) -> Int64Array:
     """The cheapest path through the roots of `squared` [n, m]."""
     n, m = squared.shape
     steps = np.empty((n, m), dtype=np.uint8)

@@ -9,11 +9,8 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from motionlake.evaluation.measures.retrieval import BoolArray, average_precision
-from numpy.typing import NDArray
-
-Distances = NDArray[np.floating]
-IntArray = NDArray[np.int64]
+from motionlake.arrays import BoolArray, FloatArray, Int64Array
+from motionlake.evaluation.measures.retrieval import average_precision
 
 
 @dataclass(frozen=True)
@@ -62,7 +59,7 @@ def others(n: int) -> BoolArray:
     return ~np.eye(n, dtype=np.bool_)
 
 
-def ranked(distances: Distances, candidates: BoolArray) -> list[IntArray]:
+def ranked(distances: FloatArray, candidates: BoolArray) -> list[Int64Array]:
     """The hits of each query in ranked order.
 
     Args:
@@ -81,7 +78,7 @@ def ranked(distances: Distances, candidates: BoolArray) -> list[IntArray]:
     return found
 
 
-def ranked_relevance(distances: Distances, relevant: BoolArray, candidates: BoolArray) -> list[BoolArray]:
+def ranked_relevance(distances: FloatArray, relevant: BoolArray, candidates: BoolArray) -> list[BoolArray]:
     """Whether each hit of each query is relevant, in ranked order.
 
     Args:

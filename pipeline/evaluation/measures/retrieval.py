@@ -11,9 +11,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from motionlake.arrays import BoolArray, FloatArray
 from numpy.typing import NDArray
-
-BoolArray = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -41,7 +40,7 @@ class RetrievalScores:
 
 
 def leave_one_out(
-    distances: NDArray[np.floating], labels: Sequence[str], subjects: Sequence[str] | None = None
+    distances: FloatArray, labels: Sequence[str], subjects: Sequence[str] | None = None
 ) -> RetrievalScores:
     """Score a distance matrix.
 
@@ -72,7 +71,7 @@ def average_precision(relevant: BoolArray) -> float:
     return float(np.mean(np.arange(1, len(ranks) + 1) / ranks))
 
 
-def _relevance(distances: NDArray[np.floating], relative: BoolArray, ranked: BoolArray) -> BoolArray:
+def _relevance(distances: FloatArray, relative: BoolArray, ranked: BoolArray) -> BoolArray:
     """Whether each hit is a relative, in ranked order, of those that are `ranked` at all."""
     kept = np.flatnonzero(ranked)
     order = np.argsort(distances[kept], kind="stable")
@@ -90,9 +89,7 @@ def _scores(relevant: BoolArray) -> tuple[float, float, float, float, float]:
     )
 
 
-def _cross_subject_nn(
-    distances: NDArray[np.floating], classes: NDArray[np.str_], subjects: NDArray[np.str_]
-) -> float | None:
+def _cross_subject_nn(distances: FloatArray, classes: NDArray[np.str_], subjects: NDArray[np.str_]) -> float | None:
     hits = [
         _relevance(distances[i], classes == classes[i], subjects != subjects[i])
         for i in range(len(classes))

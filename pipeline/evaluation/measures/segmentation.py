@@ -6,7 +6,7 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from motionlake.arrays import FloatArray
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ class SegmentationScores:
     n_known: int
 
 
-def word_truth(centres: NDArray[np.floating], segments: Sequence[tuple[int, int, str]]) -> list[frozenset[str]]:
+def word_truth(centres: FloatArray, segments: Sequence[tuple[int, int, str]]) -> list[frozenset[str]]:
     """The classes of each of w words: those of the segments (start, stop, label) that hold its centre ([w])."""
     return [frozenset(label for start, stop, label in segments if start <= centre < stop) for centre in centres]
 

@@ -6,14 +6,14 @@ from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
+from motionlake.arrays import Int64Array
 
 PIECE: Final = 10  # frames
 
 
 def singular_pieces(
     lengths: Sequence[int], labels: Sequence[str], rate: float, seed: int, piece: int = PIECE
-) -> list[NDArray[np.int64]]:
+) -> list[Int64Array]:
     """Which pieces of clips are replaced, and by what.
 
     A clip is cut into pieces from its first frame on (what is left over at its end stays); the given share of them,

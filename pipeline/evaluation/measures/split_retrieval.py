@@ -10,15 +10,9 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
-from motionlake.evaluation.measures.ranking import (
-    Distances,
-    IntArray,
-    precision_recall,
-    ranked,
-    ranked_relevance,
-    share_label,
-)
-from motionlake.evaluation.measures.retrieval import BoolArray, average_precision
+from motionlake.arrays import BoolArray, FloatArray, Int64Array
+from motionlake.evaluation.measures.ranking import precision_recall, ranked, ranked_relevance, share_label
+from motionlake.evaluation.measures.retrieval import average_precision
 
 TOP: Final = 10
 
@@ -76,12 +70,12 @@ class Questions:
         return cls(relevant & may, may)
 
     @property
-    def scored(self) -> IntArray:
+    def scored(self) -> Int64Array:
         """The queries whose class the repository holds."""
         return np.flatnonzero(self.relevant.any(axis=1))
 
 
-def score_split(distances: Distances, questions: Questions) -> SplitScores:
+def score_split(distances: FloatArray, questions: Questions) -> SplitScores:
     """Score the distances [q, r] of queries from a repository.
 
     Raises:
@@ -108,7 +102,7 @@ def area(curve: dict[str, list[float]]) -> float:
     return float(np.trapezoid([precision[0], *precision], [0.0, *recall]))
 
 
-def first_hits(distances: Distances, questions: Questions) -> dict[int, int]:
+def first_hits(distances: FloatArray, questions: Questions) -> dict[int, int]:
     """The nearest clip of each query whose class the repository holds: {query: clip}."""
     orders = ranked(distances, questions.candidates)
     return {int(query): int(orders[query][0]) for query in questions.scored}

@@ -11,18 +11,16 @@ from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
+from motionlake.arrays import Float64Array, FloatArray
 from motionlake.glogen.trajectories.motion import body_motion, interpolated
 from motionlake.glogen.trajectories.sparse import uniform_places
 from motionlake.motion.skeleton import facing
-from numpy.typing import NDArray
-
-Float64Array = NDArray[np.float64]
 
 MILLISECONDS: Final = (80, 160, 240, 320, 400, 480, 560, 640)
 SPARSE: Final = 15  # poses that GloGen makes (section 4.3.5)
 
 
-def body_poses(positions: NDArray[np.floating]) -> Float64Array:
+def body_poses(positions: FloatArray) -> Float64Array:
     """[F, 21, 3] joints seen from the body: hips at the origin, every frame turned to face +z."""
     joints = positions.astype(np.float64) - positions[:, :1]
     yaw = facing(positions)[:, None]
@@ -98,7 +96,7 @@ def errors_at(
     return found
 
 
-def sparse_poses(positions: NDArray[np.floating], fps: float, count: int = SPARSE) -> Float64Array:
+def sparse_poses(positions: FloatArray, fps: float, count: int = SPARSE) -> Float64Array:
     """[count, 20, 3] joints of a motion [F, 21, 3] at equal moved distances, its last frame among them (section 4.3.2).
 
     Seen from the body, of the standard skeleton, in body lengths (`trajectories`): neither timing nor the size

@@ -5,17 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
+from motionlake.arrays import BoolArray, Float32Array, Float64Array, FloatArray
 from motionlake.motion.dtw import clip_dtw
-from motionlake.motion.features import Float32Array
 from numpy.typing import NDArray
 from scipy.linalg import cholesky, qr, solve_triangular
 from scipy.spatial.distance import cdist
 
-Float64Array = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
-
-def frechet_distance(real: NDArray[np.floating], made: NDArray[np.floating]) -> float:
+def frechet_distance(real: FloatArray, made: FloatArray) -> float:
     """Frechet distance of two sets of vectors, each taken for a normal distribution (FID in their space).
 
     |mean difference|^2 + tr S + tr T - 2 tr (S T)^(1/2) with the sample covariances S and T (divisor n - 1), as they
@@ -38,7 +35,7 @@ def frechet_distance(real: NDArray[np.floating], made: NDArray[np.floating]) -> 
     return max(0.0, float(apart + np.square(a).sum() + np.square(b).sum() - 2 * common))
 
 
-def _factor(vectors: NDArray[np.floating]) -> Float64Array:
+def _factor(vectors: FloatArray) -> Float64Array:
     """[min(n, d), d] R with R' R the covariance of vectors [n, d]."""
     centred = vectors.astype(np.float64)
     centred = (centred - centred.mean(axis=0)) / np.sqrt(len(vectors) - 1)
@@ -77,9 +74,9 @@ def nearest_real_distances(
 
 
 def recognise(
-    known: NDArray[np.floating],
+    known: FloatArray,
     labels: Sequence[str],
-    asked: NDArray[np.floating],
+    asked: FloatArray,
     left_out: Sequence[Sequence[int]] | None = None,
 ) -> list[str]:
     """The class of each of q vectors by linear discriminant analysis of n labelled ones.
@@ -112,9 +109,7 @@ def recognise(
     return [str(name) for name in found]
 
 
-def _nearest_means(
-    known: NDArray[np.floating], labels: NDArray[np.str_], asked: NDArray[np.floating]
-) -> NDArray[np.str_]:
+def _nearest_means(known: FloatArray, labels: NDArray[np.str_], asked: FloatArray) -> NDArray[np.str_]:
     from sklearn.covariance import ledoit_wolf
 
     classes, places = np.unique(labels, return_inverse=True)

@@ -11,12 +11,10 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from motionlake.arrays import FloatArray
 from motionlake.evaluation.measures.synthesis_errors import body_poses
 from motionlake.motion.features import body_length
 from motionlake.motion.skeleton import INDEX, PARENTS
-from numpy.typing import NDArray
-
-Float64Array = NDArray[np.float64]
 
 FEET: Final = (("left_ankle", "right_ankle"), ("left_toe", "right_toe"))
 # A joint of a foot lower than this above its ground may stand: 2.5 cm of a person whose leg and torso measure 1.35 m.
@@ -43,7 +41,7 @@ class FootSliding:
     standing_speed: float
 
 
-def foot_sliding(positions: NDArray[np.floating], fps: float) -> FootSliding:
+def foot_sliding(positions: FloatArray, fps: float) -> FootSliding:
     """Sliding of ankles and toes, as it is measured for neural motion synthesis: v (2 - 2^(h / H)), h from 0 to H.
 
     v is the horizontal speed of a joint from frame to frame, h its mean height above the ground over both frames, H
@@ -71,7 +69,7 @@ def foot_sliding(positions: NDArray[np.floating], fps: float) -> FootSliding:
     )  # fmt: skip
 
 
-def bone_length_drift(positions: NDArray[np.floating], rest_offsets: NDArray[np.floating] | None = None) -> float:
+def bone_length_drift(positions: FloatArray, rest_offsets: FloatArray | None = None) -> float:
     """The largest relative deviation of a bone's length over the frames, in per cent.
 
     From the length in `rest_offsets` [21, 3], or in the first frame. Bones below a centimetre are left out.
@@ -105,7 +103,7 @@ class Energy:
     high: float
 
 
-def energy(positions: NDArray[np.floating], fps: float, window: float = STEP) -> Energy:
+def energy(positions: FloatArray, fps: float, window: float = STEP) -> Energy:
     """How much the joints move, root and facing apart (`body_poses`).
 
     Speeds are taken over a tenth of a second. A motion shorter than `window` seconds is one window.
@@ -138,7 +136,7 @@ def within_range(made: Sequence[Energy], real: Sequence[Energy]) -> list[bool]:
     return [bool(low <= each.low and each.high <= high) for each in made]
 
 
-def travel_speed(positions: NDArray[np.floating], fps: float) -> float:
+def travel_speed(positions: FloatArray, fps: float) -> float:
     """Metres a second that the hips travel over the ground: distance of places one second apart, mean over time.
 
     A body that sways in place, or from side to side as it walks, does not travel by it. A shorter motion is taken from

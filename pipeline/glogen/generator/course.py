@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
+from motionlake.arrays import Float64Array
 from motionlake.glogen.glogen.follow import follow
 from motionlake.glogen.glogen.recipe import SEEDS
 from motionlake.glogen.glogen.training import ByClass
 from motionlake.glogen.trajectories.sparse import DURATION
-from motionlake.motion.clip import FloatArray
 
 # An action is slowed down or hurried at most so much to end with its time.
 SLOWEST: Final = 1.5
@@ -29,9 +29,9 @@ class Course:
 
     def __init__(
         self,
-        given: FloatArray,
+        given: Float64Array,
         targets: Sequence[int],
-        latent: FloatArray,
+        latent: Float64Array,
         seconds: float,
         pace: float,
         ending: Sequence[bool] = (),
@@ -50,7 +50,7 @@ class Course:
             taken: [K] of the poses that are made at a time, how many are kept before others are made from these; all
                 by default.
         """
-        self.rows: list[FloatArray] = [given[-1]]
+        self.rows: list[Float64Array] = [given[-1]]
         self.begins: list[float] = [0.0]
         self._last = given
         self._targets, self._latent = list(targets), latent
@@ -74,16 +74,16 @@ class Course:
         return self._anew
 
     @property
-    def given(self) -> FloatArray:
+    def given(self) -> Float64Array:
         """[5, 65] the last poses."""
         return self._last
 
     @property
-    def latent(self) -> FloatArray:
-        latent: FloatArray = self._latent[len(self.begins) - 1]
+    def latent(self) -> Float64Array:
+        latent: Float64Array = self._latent[len(self.begins) - 1]
         return latent
 
-    def take(self, made: FloatArray) -> None:
+    def take(self, made: Float64Array) -> None:
         """Go on by poses [n, 65], as far as the time of the class goes."""
         made = made[: self._taken[len(self.begins) - 1]]
         until = self._seconds * len(self.begins) / len(self._targets)
@@ -101,14 +101,14 @@ class Course:
             self.begins.append(self._time)
             self._anew = True
 
-    def _fitting(self, made: FloatArray, left: float) -> float:
+    def _fitting(self, made: Float64Array, left: float) -> float:
         """How much slower an action is to be, that whole ones fill the time that is left."""
         once = float(np.exp(made[:, DURATION]).sum()) / self._pace
         slower = left / (once * max(1, round(left / once)))
         # A hair more than asked for: rounding is not to begin another one.
         return float(np.clip(slower * (1 + 1e-6), FASTEST, SLOWEST))
 
-    def times(self) -> FloatArray:
+    def times(self) -> Float64Array:
         """[n] seconds of `rows`, from 0."""
         return np.concatenate([[0.0], np.cumsum(np.exp([row[DURATION] for row in self.rows[1:]]))])
 
@@ -129,7 +129,7 @@ def go_on(networks: ByClass, courses: Sequence[Course]) -> Sequence[Course]:
                     course.take(made)
 
 
-def _ahead(networks: ByClass, index: int, courses: Sequence[Course]) -> FloatArray:
+def _ahead(networks: ByClass, index: int, courses: Sequence[Course]) -> Float64Array:
     filled = [*courses, *[courses[0]] * (BATCH - len(courses))]
     targets = np.array([networks.place(course.target)[1] for course in filled])
     made = follow(

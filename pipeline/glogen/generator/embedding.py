@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
+from motionlake.arrays import Float32Array
 from motionlake.glogen.generator.generator import TrainedGenerator
 from motionlake.glogen.generator.training import TrainingMotion
 from motionlake.glogen.generator.wishes import SHORTEST
 from motionlake.glogen.trajectories.motion import FPS, body_motion
 from motionlake.glogen.trajectories.sparse import WIDTH, ranges, sparse_motion
-from motionlake.motion.features import Float32Array
 from motionlake.threads import on_threads
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+from motionlake.arrays import Float64Array
 from motionlake.glogen.generator.config import SynthesisConfig
 from motionlake.glogen.generator.course import Course, go_on
 from motionlake.glogen.generator.wishes import Start, Synthesized, Wish, start_of
@@ -17,7 +18,6 @@ from motionlake.glogen.locgen.dense import dense_motions
 from motionlake.glogen.locgen.lead_in import FEATURES, LeadIn, led_in
 from motionlake.glogen.locgen.network import Between, Frames, LocGenRecipe, locgen_network
 from motionlake.glogen.trajectories.motion import FPS, in_world
-from motionlake.motion.clip import FloatArray
 from motionlake.motion.skeleton import JOINTS
 from motionlake.network_file import read_network, save_network
 from motionlake.threads import on_threads
@@ -90,7 +90,7 @@ class TrainedGenerator:
         going = self.going[self.classes.index(wish.classes[0])]
         return start_of(wish.start, wish.seed, self.glogen.recipe.sparse, going)
 
-    def _ahead(self, wish: Wish, start: Start) -> FloatArray | None:
+    def _ahead(self, wish: Wish, start: Start) -> Float64Array | None:
         target = self.classes.index(wish.classes[0])
         return None if start.state is None else self.lead.ahead(start.state, target, wish.pace)
 
@@ -121,7 +121,7 @@ def _frames(wish: Wish) -> int:
     return max(2, round(wish.seconds * FPS))
 
 
-def _given(wish: Wish, start: Start, course: Course, positions: FloatArray, rotations: FloatArray) -> Synthesized:
+def _given(wish: Wish, start: Start, course: Course, positions: Float64Array, rotations: Float64Array) -> Synthesized:
     begins = tuple(min(len(positions) - 1, round(second * FPS)) for second in course.begins)
     return Synthesized(positions, rotations, wish.start.rest_offsets, FPS, begins, start.first, start.last)
 

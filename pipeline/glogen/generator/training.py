@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 import numpy as np
+from motionlake.arrays import Float32Array, Float64Array, Int64Array, Progress
 from motionlake.glogen.generator.config import SynthesisConfig
 from motionlake.glogen.generator.generator import TrainedGenerator
 from motionlake.glogen.glogen.recipe import SEEDS, GloGenRecipe, glogen_recipe
@@ -18,11 +19,7 @@ from motionlake.glogen.locgen.network import LocGenRecipe, locgen_recipe
 from motionlake.glogen.locgen.training import train_locgen
 from motionlake.glogen.trajectories.motion import BodyMotion, body_motion
 from motionlake.glogen.trajectories.sparse import PIECE, Piece, goes_on, pieces, reach
-from motionlake.motion.clip import FloatArray
-from motionlake.motion.features import Float32Array
-from numpy.typing import NDArray
 
-Progress = Callable[[int, int, float], None]
 STRIDE: Final = 25  # frames from piece to piece of a long clip, by the default recipe
 MOST: Final = 2000  # pieces that overlap, about
 
@@ -31,7 +28,7 @@ MOST: Final = 2000  # pieces that overlap, about
 class TrainingMotion:
     """A clip to train on: [F, 21, 3] canonical joints in metres, y up, its rate, its class."""
 
-    positions: FloatArray
+    positions: Float64Array
     fps: float
     label: str
 
@@ -142,7 +139,7 @@ class _Part:
 
     classes: list[int]
     rows: list[Float32Array]
-    targets: NDArray[np.int64]
+    targets: Int64Array
     going: list[bool]
     share: float
 

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from motionlake.arrays import Float64Array
 from motionlake.glogen.glogen.recipe import SEEDS
 from motionlake.glogen.locgen.lead_in import state_at
 from motionlake.glogen.trajectories.body import body_length, measured_length
 from motionlake.glogen.trajectories.motion import FPS, body_motion
 from motionlake.glogen.trajectories.sparse import even_motion, ranges, sparse_motion
-from motionlake.motion.clip import FloatArray
 from motionlake.motion.skeleton import JOINTS, facing
 
 SHORTEST: Final = 24  # frames at 30 a second that a seed clip has at least: five sparse poses of a motion that goes on
@@ -29,9 +29,9 @@ class Start:
         first, last: frames [first, last) of the clip, at its own rate, that the poses are from.
     """
 
-    rows: FloatArray
-    state: FloatArray | None
-    root: FloatArray
+    rows: Float64Array
+    state: Float64Array | None
+    root: Float64Array
     yaw: float
     first: int
     last: int
@@ -85,9 +85,9 @@ class Seed:
     """
 
     clip: str
-    positions: FloatArray
+    positions: Float64Array
     fps: float
-    rest_offsets: FloatArray
+    rest_offsets: Float64Array
 
 
 @dataclass(frozen=True)
@@ -124,9 +124,9 @@ class Synthesized:
         seed_start, seed_stop: frames of the seed clip, at its own rate, that it starts from.
     """
 
-    positions: FloatArray
-    rotations: FloatArray
-    rest_offsets: FloatArray
+    positions: Float64Array
+    rotations: Float64Array
+    rest_offsets: Float64Array
     fps: float
     class_starts: tuple[int, ...]
     seed_start: int

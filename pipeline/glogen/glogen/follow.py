@@ -6,10 +6,10 @@ from typing import Final
 
 import numpy as np
 import torch
+from motionlake.arrays import BoolArray, Float64Array, FloatArray, Int64Array
 from motionlake.glogen.glogen.network import Ahead, Blocks
 from motionlake.glogen.trajectories.motion import JOINTS_GIVEN
 from motionlake.glogen.trajectories.sparse import DURATION, JOINT_COLUMNS
-from numpy.typing import NDArray
 from torch import Tensor
 
 # Of the mean joint on the way from foreign poses to where a class begins, at most; body lengths a second.
@@ -18,11 +18,11 @@ SPEED: Final = 1.5
 
 def follow(
     network: Ahead | Blocks,
-    given: NDArray[np.floating],
-    targets: NDArray[np.int64],
-    latent: NDArray[np.floating],
-    anew: NDArray[np.bool_] | None = None,
-) -> NDArray[np.float64]:
+    given: FloatArray,
+    targets: Int64Array,
+    latent: FloatArray,
+    anew: BoolArray | None = None,
+) -> Float64Array:
     """Sparse poses that follow, within what the network has seen while training.
 
     Args:

@@ -9,14 +9,14 @@ from typing import Final
 
 import numpy as np
 import torch
+from motionlake.arrays import Float32Array, Int64Array, Progress
 from motionlake.checkpoint import Checkpoint
-from motionlake.epochs import Progress, Training, optimiser_of, rate_of
+from motionlake.epochs import Training, optimiser_of, rate_of
 from motionlake.glogen.glogen.network import Ahead, Blocks, glogen_network
 from motionlake.glogen.glogen.recipe import SEEDS, GloGenRecipe
 from motionlake.glogen.trajectories.motion import JOINTS_GIVEN
 from motionlake.glogen.trajectories.sparse import HEIGHT, JOINT_COLUMNS
 from motionlake.threads import on_threads
-from numpy.typing import NDArray
 from torch import Tensor, nn
 
 CHECKPOINT_EVERY: Final = 10
@@ -24,8 +24,8 @@ LEAST: Final = 3  # poses that a window of a motion holds after the given ones, 
 
 
 def train_glogen(
-    motions: Sequence[NDArray[np.float32]],
-    targets: NDArray[np.int64],
+    motions: Sequence[Float32Array],
+    targets: Int64Array,
     classes: int,
     recipe: GloGenRecipe,
     seed: int,
@@ -76,7 +76,7 @@ def epochs_of(
     return recipe.epochs_of(len(items) - drawn + round(share * drawn), any(going))
 
 
-def _items(lengths: Sequence[int], targets: Sequence[int], going: Sequence[bool]) -> NDArray[np.int64]:
+def _items(lengths: Sequence[int], targets: Sequence[int], going: Sequence[bool]) -> Int64Array:
     counts = [max(1, n // SEEDS - 1) if going[t] else 1 for n, t in zip(lengths, targets, strict=True)]
     return np.repeat(np.arange(len(lengths)), counts)
 
@@ -91,11 +91,11 @@ class _Motions:
     sparse: int
     share: float
 
-    def items(self) -> NDArray[np.int64]:
+    def items(self) -> Int64Array:
         """Motions as an epoch takes them: once; those of classes that go on as often as they hold five poses."""
         return _items([len(rows) for rows in self.rows], self.targets.tolist(), self.going)
 
-    def drawn(self, items: NDArray[np.int64], rng: np.random.Generator) -> NDArray[np.int64]:
+    def drawn(self, items: Int64Array, rng: np.random.Generator) -> Int64Array:
         """What one epoch takes of the items, in its order."""
         if self.share == 1.0:
             return rng.permutation(items)
@@ -103,7 +103,7 @@ class _Motions:
         some = rng.permutation(items[on])[: round(self.share * int(on.sum()))]
         return rng.permutation(np.concatenate([items[~on], some]))
 
-    def windows(self, chosen: NDArray[np.int64], rng: np.random.Generator) -> tuple[Tensor, Tensor]:
+    def windows(self, chosen: Int64Array, rng: np.random.Generator) -> tuple[Tensor, Tensor]:
         """[B, sparse, 65] poses and [B, sparse] which of them there are: a motion may end before its window does."""
         found, there = [], []
         for i in chosen.tolist():
@@ -129,7 +129,7 @@ def _fit(
     items = motions.items()
     count = len(motions.drawn(items, np.random.default_rng(0)))
 
-    def loss(chosen: NDArray[np.int64]) -> Tensor:
+    def loss(chosen: Int64Array) -> Tensor:
         rows, there = motions.windows(chosen, rng)
         return _loss(network, rows, there, motions.targets[chosen], recipe, rng)
 

@@ -7,18 +7,18 @@ from typing import Final
 
 import numpy as np
 import torch
+from motionlake.arrays import Float64Array
 from motionlake.glogen.locgen.interpolation import between, interpolated_motion
 from motionlake.glogen.locgen.network import MOVING, POSE, Between, Frames
 from motionlake.glogen.trajectories.motion import FPS, JOINTS_GIVEN, BodyMotion, interpolated
 from motionlake.glogen.trajectories.sparse import HEIGHT
-from motionlake.motion.clip import FloatArray
 
 # Batches of exactly this many, the last one filled up, so that a motion does not depend on those beside it.
 BATCH: Final = 16
 
 
 def dense_motions(
-    network: Frames | Between, rows: Sequence[FloatArray], times: Sequence[FloatArray], frames: int
+    network: Frames | Between, rows: Sequence[Float64Array], times: Sequence[Float64Array], frames: int
 ) -> list[BodyMotion]:
     """Motions of `frames` frames at 30 a second; the first is a thirtieth of a second after the first sparse pose.
 
@@ -45,12 +45,14 @@ def dense_motions(
     return made
 
 
-def _motion(moving: FloatArray, stands: FloatArray) -> BodyMotion:
+def _motion(moving: Float64Array, stands: Float64Array) -> BodyMotion:
     joints = moving[:, :HEIGHT].reshape(len(moving), JOINTS_GIVEN, 3)
     return BodyMotion(joints, moving[:, HEIGHT], moving[:, HEIGHT + 1 : HEIGHT + 3], moving[:, HEIGHT + 3], stands)
 
 
-def _between(network: Between, rows: FloatArray, times: FloatArray, given: FloatArray, at: FloatArray) -> BodyMotion:
+def _between(
+    network: Between, rows: Float64Array, times: Float64Array, given: Float64Array, at: Float64Array
+) -> BodyMotion:
     """The thesis's: M poses between each two sparse poses, evenly in time; ways and turning as interpolated."""
     count = network.recipe.between
     poses = np.stack([between(rows[i, :POSE], rows[i + 1, :POSE], count) for i in range(len(rows) - 1)])

@@ -9,26 +9,26 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
+from motionlake.arrays import Float64Array
 from motionlake.glogen.trajectories.sparse import DURATION, HEIGHT, STEP, TURN
-from motionlake.motion.clip import FloatArray
 from scipy.interpolate import PchipInterpolator
 
 WIDTH: Final = HEIGHT + 1 + 2 + 1 + 2  # joints, height, velocity, turning, where between two poses, seconds there
 
 
-def between(first: FloatArray, second: FloatArray, count: int) -> FloatArray:
+def between(first: Float64Array, second: Float64Array, count: int) -> Float64Array:
     """[M, d] M = `count` poses after the pose `first` [d], the last of them `second`: equation 4.3, forwards."""
     share = np.arange(1, count + 1)[:, None] / count
-    poses: FloatArray = (1 - share) * first + share * second
+    poses: Float64Array = (1 - share) * first + share * second
     return poses
 
 
-def times_of(rows: FloatArray) -> FloatArray:
+def times_of(rows: Float64Array) -> Float64Array:
     """[n] seconds of sparse poses [n, 65], the first at 0."""
     return np.concatenate([[0.0], np.cumsum(np.exp(rows[1:, DURATION]))])
 
 
-def interpolated_motion(rows: FloatArray, times: FloatArray, at: FloatArray) -> FloatArray:
+def interpolated_motion(rows: Float64Array, times: Float64Array, at: Float64Array) -> Float64Array:
     """Sparse poses at given times.
 
     Args:

@@ -12,11 +12,10 @@ from typing import Final
 
 import numpy as np
 import torch
+from motionlake.arrays import Float64Array
 from motionlake.glogen.trajectories.motion import FPS, BodyMotion, interpolated, mirrored
 from motionlake.glogen.trajectories.sparse import HEIGHT
-from motionlake.motion.clip import FloatArray
 from motionlake.threads import on_threads
-from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 from torch import Tensor, nn
 
@@ -38,13 +37,13 @@ FURTHEST: Final = 2.0  # widths from the nearest example; beyond, nothing is sai
 SCALES: Final = np.concatenate([np.full(HEIGHT, 0.2), [0.1], [0.6, 0.6], [2.0], np.full(FEATURES - ROOT, 0.6)])
 
 
-def rows_of(motion: BodyMotion) -> FloatArray:
+def rows_of(motion: BodyMotion) -> Float64Array:
     """[T, 64] joints, height, velocity and turning."""
     joints = motion.joints.reshape(len(motion), HEIGHT)
     return np.concatenate([joints, motion.height[:, None], motion.velocity, motion.turn[:, None]], axis=1)
 
 
-def state_at(motion: BodyMotion, places: FloatArray) -> FloatArray:
+def state_at(motion: BodyMotion, places: Float64Array) -> Float64Array:
     """[n, 244] how a body stands and moves at fractional frames, from these and those before alone."""
     rows = rows_of(motion)
     now = interpolated(rows, places)
@@ -86,7 +85,7 @@ class LeadIn(nn.Module):
         self.register_buffer("means", torch.zeros(classes, FUTURE))
         self.register_buffer("widths", torch.zeros(classes))
 
-    def ahead(self, state: FloatArray, target: int, pace: float = 1.0) -> FloatArray | None:
+    def ahead(self, state: Float64Array, target: int, pace: float = 1.0) -> Float64Array | None:
         """[45, 64] rows of the frames after a state [244], pose and root; None where no recorded body moved so.
 
         As many frames as these take at another pace.
@@ -104,7 +103,7 @@ class LeadIn(nn.Module):
         future = weights @ self.coefficients.numpy()[own].astype(float) + self.means[target].double().numpy()
         knots = np.concatenate([np.zeros((1, ROOT)), future.reshape(len(KNOTS), ROOT)])
         at = np.minimum(np.arange(1, max(1, round(FRAMES / pace)) + 1) * pace, FRAMES)
-        rows: FloatArray = state[:ROOT] + PchipInterpolator([0, *KNOTS], knots)(at)
+        rows: Float64Array = state[:ROOT] + PchipInterpolator([0, *KNOTS], knots)(at)
         rows[:, HEIGHT + 1 :] *= pace
         return rows
 
@@ -142,16 +141,16 @@ def _fitted(motions: Sequence[BodyMotion], targets: Sequence[int], going: Sequen
     return lead
 
 
-def _solved(kernel: NDArray[np.float64], wanted: NDArray[np.float64]) -> NDArray[np.float64]:
+def _solved(kernel: Float64Array, wanted: Float64Array) -> Float64Array:
     from sklearn.kernel_ridge import KernelRidge
 
-    coefficients: NDArray[np.float64] = KernelRidge(alpha=SOFT, kernel="precomputed").fit(kernel, wanted).dual_coef_
+    coefficients: Float64Array = KernelRidge(alpha=SOFT, kernel="precomputed").fit(kernel, wanted).dual_coef_
     return coefficients
 
 
 def _examples(
     motions: Sequence[BodyMotion], targets: Sequence[int], target: int, most: int
-) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+) -> tuple[Float64Array, Float64Array] | None:
     """Scaled states [n, 244] of frames that enough others follow, evenly chosen, and what follows them [n, 896]."""
     own = [
         each for motion, of in zip(motions, targets, strict=True) if of == target for each in (motion, mirrored(motion))
@@ -173,20 +172,20 @@ def _examples(
     return np.concatenate(states), np.concatenate(futures)
 
 
-def _kernel(some: FloatArray, others: FloatArray, width: float) -> NDArray[np.float64]:
+def _kernel(some: Float64Array, others: Float64Array, width: float) -> Float64Array:
     """[n, m] Matern's kernel (3/2) and a share of the linear one."""
     apart = np.sqrt(3 * _squares(some, others)) / width
-    kernel: FloatArray = (1 + apart) * np.exp(-apart) + LINEAR * (some @ others.T) / width**2
+    kernel: Float64Array = (1 + apart) * np.exp(-apart) + LINEAR * (some @ others.T) / width**2
     return kernel
 
 
-def _squares(some: FloatArray, others: FloatArray) -> NDArray[np.float64]:
+def _squares(some: Float64Array, others: Float64Array) -> Float64Array:
     """[n, m] squared distances."""
-    squares: FloatArray = (some**2).sum(axis=1)[:, None] + (others**2).sum(axis=1) - 2 * some @ others.T
+    squares: Float64Array = (some**2).sum(axis=1)[:, None] + (others**2).sum(axis=1) - 2 * some @ others.T
     return np.maximum(squares, 0)
 
 
-def led_in(motion: BodyMotion, ahead: FloatArray | None) -> BodyMotion:
+def led_in(motion: BodyMotion, ahead: Float64Array | None) -> BodyMotion:
     """A motion that is led over to from what follows recorded frames, [n, 64] of `LeadIn.ahead`."""
     if ahead is None:
         return motion

@@ -8,19 +8,18 @@ from typing import Final
 
 import numpy as np
 import torch
+from motionlake.arrays import Float64Array, FloatArray, Int64Array, Progress
 from motionlake.checkpoint import Checkpoint
-from motionlake.epochs import Progress, Training, optimiser_of, rate_of
+from motionlake.epochs import Training, optimiser_of, rate_of
 from motionlake.glogen.locgen.interpolation import between, interpolated_motion
 from motionlake.glogen.locgen.network import MOVING, POSE, Between, Frames, LocGenRecipe, locgen_network
 from motionlake.glogen.trajectories.motion import FPS, BodyMotion, interpolated
 from motionlake.glogen.trajectories.sparse import HEIGHT, Piece
-from motionlake.motion.clip import FloatArray
 from motionlake.threads import on_threads
-from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn.functional import binary_cross_entropy_with_logits
 
-Pair = tuple[FloatArray, FloatArray]
+Pair = tuple[Float64Array, Float64Array]
 WINDOW: Final = 64  # frames that "frames" sees at once while training
 CHECKPOINT_EVERY: Final = 5
 
@@ -68,7 +67,7 @@ def _fit(
     stays: bool,
     progress: Progress | None,
 ) -> list[float]:
-    def loss(chosen: NDArray[np.int64]) -> Tensor:
+    def loss(chosen: Int64Array) -> Tensor:
         some = [pieces[i] for i in chosen]
         return _frames_loss(network, some, rng) if isinstance(network, Frames) else _between_loss(network, some)
 
@@ -118,12 +117,12 @@ def poses_between(piece: Piece, count: int) -> list[Pair]:
     ]
 
 
-def _interpolated(piece: Piece, rows: FloatArray) -> FloatArray:
+def _interpolated(piece: Piece, rows: Float64Array) -> Float64Array:
     at = np.arange(len(piece.motion)) / FPS
     return interpolated_motion(rows, piece.sparse.places / FPS, at)
 
 
-def _true(motion: BodyMotion) -> FloatArray:
+def _true(motion: BodyMotion) -> Float64Array:
     """[T, 66] joints, height, velocity, turning, standing feet."""
     return np.concatenate(
         [
@@ -134,7 +133,7 @@ def _true(motion: BodyMotion) -> FloatArray:
     )  # fmt: skip
 
 
-def _window(rows: FloatArray, start: int) -> NDArray[np.floating]:
+def _window(rows: Float64Array, start: int) -> FloatArray:
     """`WINDOW` rows; a short motion stays in its last frame."""
     return rows[np.minimum(np.arange(start, start + WINDOW), len(rows) - 1)]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from motionlake.motion.clip import FloatArray
+from motionlake.arrays import Float64Array
 from motionlake.motion.rest import world_from_positions
 from motionlake.motion.skeleton import INDEX, JOINTS, forward_kinematics, local_rotations
 
@@ -24,19 +24,19 @@ def _mirrored(name: str) -> tuple[float, float, float]:
     return (-x, y, z)
 
 
-STANDARD: Final[FloatArray] = np.array(
+STANDARD: Final[Float64Array] = np.array(
     [(0, 0, 0), *(_OFFSETS.get(name) or _mirrored(name) for name in JOINTS[1:])], dtype=float
 )
 _LENGTH: Final = ("spine", "chest", "neck", "left_knee", "left_ankle", "right_knee", "right_ankle")
 _SHARES: Final = np.array([1.0, 1.0, 1.0, 0.5, 0.5, 0.5, 0.5])
 
 
-def body_length(rest_offsets: FloatArray) -> float:
+def body_length(rest_offsets: Float64Array) -> float:
     """Leg and torso of a body, in the unit of its rest offsets [21, 3]."""
     return float(np.linalg.norm(rest_offsets[[INDEX[name] for name in _LENGTH]], axis=1) @ _SHARES)
 
 
-def measured_length(positions: FloatArray) -> float:
+def measured_length(positions: Float64Array) -> float:
     """Leg and torso of a body as its joints [F, 21, 3] show them: medians over the frames."""
     parents = {"spine": "hips", "chest": "spine", "neck": "chest"}
     total = 0.0
@@ -48,7 +48,7 @@ def measured_length(positions: FloatArray) -> float:
     return total
 
 
-def standard_joints(positions: FloatArray) -> FloatArray:
+def standard_joints(positions: Float64Array) -> Float64Array:
     """[F, 21, 3] the same poses by the standard skeleton, root at the origin, in body lengths.
 
     Bones point where they do in `positions` [F, 21, 3]; their lengths, and the shape of pelvis and shoulders, are the
@@ -57,7 +57,7 @@ def standard_joints(positions: FloatArray) -> FloatArray:
     return posed(positions, STANDARD, np.zeros((len(positions), 3)))[0]
 
 
-def posed(positions: FloatArray, rest_offsets: FloatArray, root: FloatArray) -> tuple[FloatArray, FloatArray]:
+def posed(positions: Float64Array, rest_offsets: Float64Array, root: Float64Array) -> tuple[Float64Array, Float64Array]:
     """Poses by another body.
 
     Args:

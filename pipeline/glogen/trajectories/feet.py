@@ -9,9 +9,8 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from motionlake.motion.clip import FloatArray
+from motionlake.arrays import BoolArray, Float64Array
 from motionlake.motion.skeleton import INDEX
-from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d, label, maximum_filter1d
 
 SIDES: Final = ("left", "right")
@@ -34,7 +33,7 @@ UP: Final = np.array([0.0, 1.0, 0.0])
 SIDE: Final = np.array([1.0, 0.0, 0.0])
 
 
-def planted(joints: FloatArray, stands: FloatArray, size: float, fps: float) -> FloatArray:
+def planted(joints: Float64Array, stands: Float64Array, size: float, fps: float) -> Float64Array:
     """Joints of a body whose feet are planted.
 
     Args:
@@ -66,15 +65,15 @@ def planted(joints: FloatArray, stands: FloatArray, size: float, fps: float) -> 
     return done
 
 
-def _ahead(joints: FloatArray) -> FloatArray:
+def _ahead(joints: Float64Array) -> Float64Array:
     """[T, 3] where the body faces, level."""
     across = joints[:, INDEX["left_hip"]] - joints[:, INDEX["right_hip"]]
     ahead = np.cross(across, [0.0, 1.0, 0.0])
-    level: FloatArray = ahead / np.maximum(np.linalg.norm(ahead, axis=1, keepdims=True), 1e-9)
+    level: Float64Array = ahead / np.maximum(np.linalg.norm(ahead, axis=1, keepdims=True), 1e-9)
     return level
 
 
-def _staying(foot: FloatArray, standing: NDArray[np.bool_], far: float) -> FloatArray:
+def _staying(foot: Float64Array, standing: BoolArray, far: float) -> Float64Array:
     """[T, 3] by which a foot (ankle and toe, [T, 2, 3]) moves, level, to stay in place while it stands."""
     change, weights = np.zeros((len(foot), 3)), np.zeros(len(foot))
     runs, count = label(standing)
@@ -96,18 +95,18 @@ def _staying(foot: FloatArray, standing: NDArray[np.bool_], far: float) -> Float
     return change / np.maximum(weights, 1)[:, None]
 
 
-def _lift(foot: FloatArray, grounds: FloatArray, size: float, fps: float) -> FloatArray:
+def _lift(foot: Float64Array, grounds: Float64Array, size: float, fps: float) -> Float64Array:
     """[T] by which a foot [T, 2, 3] is too low for how fast it travels."""
     speed = np.linalg.norm(np.gradient(foot[..., [0, 2]], axis=0), axis=2) * fps / size
     wanted = CLEAR * size * np.clip((speed - SLOW) / (FAST - SLOW), 0, 1)
     missing = np.maximum(wanted - (foot[..., 1] - grounds), 0).max(axis=1)
-    lift: FloatArray = gaussian_filter1d(maximum_filter1d(missing, 3), SMOOTH)
+    lift: Float64Array = gaussian_filter1d(maximum_filter1d(missing, 3), SMOOTH)
     return lift
 
 
 def bent(
-    hip: FloatArray, knee: FloatArray, ankle: FloatArray, wanted: FloatArray, ahead: FloatArray
-) -> tuple[FloatArray, FloatArray]:
+    hip: Float64Array, knee: Float64Array, ankle: Float64Array, wanted: Float64Array, ahead: Float64Array
+) -> tuple[Float64Array, Float64Array]:
     """Knees and ankles [T, 3] of legs whose ankles come to `wanted`, or as near to it as the legs are long.
 
     A knee stays on the side of the leg where it is; that of a straight leg bends towards `ahead`.
@@ -130,7 +129,7 @@ def bent(
     return hip + share[:, None] * along + height[:, None] * out, hip + length[:, None] * along
 
 
-def _across(vectors: FloatArray, along: FloatArray) -> FloatArray:
+def _across(vectors: Float64Array, along: Float64Array) -> Float64Array:
     """[T, 3] what of vectors is at right angles to directions."""
-    rest: FloatArray = vectors - (vectors * along).sum(axis=1, keepdims=True) * along
+    rest: Float64Array = vectors - (vectors * along).sum(axis=1, keepdims=True) * along
     return rest

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from motionlake.arrays import Float64Array
 from motionlake.glogen.trajectories.body import body_length, measured_length, posed, standard_joints
 from motionlake.glogen.trajectories.feet import planted
-from motionlake.motion.clip import FloatArray
 from motionlake.motion.mirror import MIRRORED_JOINTS
 from motionlake.motion.skeleton import INDEX, JOINTS, facing
 from scipy.ndimage import gaussian_filter1d
@@ -48,11 +48,11 @@ class BodyMotion:
         stands: [T, 2] how surely the left and the right foot stands, 0 to 1.
     """
 
-    joints: FloatArray
-    height: FloatArray
-    velocity: FloatArray
-    turn: FloatArray
-    stands: FloatArray
+    joints: Float64Array
+    height: Float64Array
+    velocity: Float64Array
+    turn: Float64Array
+    stands: Float64Array
 
     def __len__(self) -> int:
         return len(self.joints)
@@ -62,7 +62,7 @@ class BodyMotion:
         return BodyMotion(self.joints[rows], self.height[rows], self.velocity[rows], self.turn[rows], self.stands[rows])
 
 
-def body_motion(positions: FloatArray, fps: float) -> BodyMotion:
+def body_motion(positions: Float64Array, fps: float) -> BodyMotion:
     """A clip as generators read it.
 
     Args:
@@ -95,18 +95,18 @@ def body_motion(positions: FloatArray, fps: float) -> BodyMotion:
     )
 
 
-def resampled(rows: FloatArray, fps: float, wanted: float) -> FloatArray:
+def resampled(rows: Float64Array, fps: float, wanted: float) -> Float64Array:
     """[T, d] rows [F, d] at another rate, by linear interpolation; first and last stay."""
     count = max(2, round((len(rows) - 1) / fps * wanted) + 1)
     return interpolated(rows, np.linspace(0, len(rows) - 1, count))
 
 
-def interpolated(rows: FloatArray, at: FloatArray) -> FloatArray:
+def interpolated(rows: Float64Array, at: Float64Array) -> Float64Array:
     """[T, d] rows [F, d] at fractional places [T]."""
     before = np.clip(at.astype(int), 0, max(0, len(rows) - 2))
     after = np.minimum(before + 1, len(rows) - 1)
     share = (at - before)[:, None]
-    mixed: FloatArray = rows[before] * (1 - share) + rows[after] * share
+    mixed: Float64Array = rows[before] * (1 - share) + rows[after] * share
     return mixed
 
 
@@ -120,8 +120,8 @@ def mirrored(motion: BodyMotion) -> BodyMotion:
 
 
 def in_world(
-    motion: BodyMotion, rest_offsets: FloatArray, root: FloatArray, yaw: float
-) -> tuple[FloatArray, FloatArray]:
+    motion: BodyMotion, rest_offsets: Float64Array, root: Float64Array, yaw: float
+) -> tuple[Float64Array, Float64Array]:
     """A motion in the world, by a body.
 
     Where a foot stands, the root moves so that the foot stays, on the ground, and legs bend for what is left (`feet`):
@@ -147,7 +147,7 @@ def in_world(
     return posed(planted(seen + path[:, None], motion.stands, size, FPS), rest_offsets, path)
 
 
-def _held(steps: FloatArray, seen: FloatArray, stands: FloatArray) -> FloatArray:
+def _held(steps: Float64Array, seen: Float64Array, stands: Float64Array) -> Float64Array:
     """Steps of the root [T, 3] that keep standing feet in place; `seen` [T, 21, 3] joints from the root."""
     feet = seen[:, [INDEX[name] for name in FEET]].reshape(len(seen), 2, 2, 3)
     back = -_forward(feet)
@@ -157,11 +157,11 @@ def _held(steps: FloatArray, seen: FloatArray, stands: FloatArray) -> FloatArray
     wanted = (bearing * weights[..., None]).sum(axis=1)
     change = (wanted - steps) * stands.max(axis=1)[:, None]
     change[:, 1] = 0
-    held: FloatArray = steps + gaussian_filter1d(change, SMOOTH, axis=0) if len(steps) > 1 else steps
+    held: Float64Array = steps + gaussian_filter1d(change, SMOOTH, axis=0) if len(steps) > 1 else steps
     return held
 
 
-def _grounded(heights: FloatArray, seen: FloatArray, stands: FloatArray, size: float) -> FloatArray:
+def _grounded(heights: Float64Array, seen: Float64Array, stands: Float64Array, size: float) -> Float64Array:
     """Heights of the root [T] by which the body neither floats nor sinks while a foot stands.
 
     The lowest joint of the feet is on the ground then in the mean of about a second, not frame by frame: steps and hops
@@ -176,13 +176,13 @@ def _grounded(heights: FloatArray, seen: FloatArray, stands: FloatArray, size: f
     return settled + _spread(beyond, np.clip((weights - UNSURE) / (SURE - UNSURE), 0, 1), SMOOTH)
 
 
-def _spread(apart: FloatArray, weights: FloatArray, frames: float) -> FloatArray:
+def _spread(apart: Float64Array, weights: Float64Array, frames: float) -> Float64Array:
     """Mean of `apart` [T] over the frames about each, by weights [T]; towards nothing where there are none."""
-    spread: FloatArray = gaussian_filter1d(apart * weights, frames) / (gaussian_filter1d(weights, frames) + 0.1)
+    spread: Float64Array = gaussian_filter1d(apart * weights, frames) / (gaussian_filter1d(weights, frames) + 0.1)
     return spread
 
 
-def _standing(feet: FloatArray) -> FloatArray:
+def _standing(feet: Float64Array) -> Float64Array:
     """[T, 2] of feet [T, 4, 3]: ankle and toe of the left foot, then of the right."""
     speed = np.linalg.norm(_forward(feet), axis=-1) * FPS
     low = feet[..., 1] - np.quantile(feet[..., 1], 0.05, axis=0) < LOW
@@ -190,14 +190,14 @@ def _standing(feet: FloatArray) -> FloatArray:
     return np.asarray(stands, dtype=np.float64)
 
 
-def _forward(rows: FloatArray) -> FloatArray:
+def _forward(rows: Float64Array) -> Float64Array:
     """[T, ...] differences to the next row; the last repeats."""
     steps = np.diff(rows, axis=0)
-    repeated: FloatArray = np.concatenate([steps, steps[-1:]])
+    repeated: Float64Array = np.concatenate([steps, steps[-1:]])
     return repeated
 
 
-def _turned(vectors: FloatArray, yaw: FloatArray) -> FloatArray:
+def _turned(vectors: Float64Array, yaw: Float64Array) -> Float64Array:
     """[T, J, 3] vectors turned about +y by yaw [T]."""
     cosine, sine = np.cos(yaw)[:, None], np.sin(yaw)[:, None]
     x, z = vectors[..., 0], vectors[..., 2]

@@ -7,9 +7,8 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from motionlake.arrays import Float32Array, Float64Array, Int64Array
 from motionlake.glogen.trajectories.motion import FPS, JOINTS_GIVEN, BodyMotion, interpolated, mirrored
-from motionlake.motion.clip import FloatArray
-from numpy.typing import NDArray
 
 POSES: Final = 500  # that a motion is brought to, at equal moved distances
 SPARSE: Final = 20  # of them that stand for it
@@ -38,16 +37,16 @@ class SparseMotion:
         places: [n] frames of the motion, fractional.
     """
 
-    rows: FloatArray
-    places: FloatArray
+    rows: Float64Array
+    places: Float64Array
 
 
-def uniform_places(motion: BodyMotion, count: int = POSES) -> FloatArray:
+def uniform_places(motion: BodyMotion, count: int = POSES) -> Float64Array:
     """[count] fractional frames between which the joints move equally far, seen from the body."""
     moved = np.linalg.norm(np.diff(motion.joints, axis=0), axis=2).mean(axis=1)
     moved = moved + STILL * moved.mean() + LEAST
     distance = np.concatenate([[0.0], np.cumsum(moved)])
-    places: FloatArray = np.interp(np.linspace(0, distance[-1], count), distance, np.arange(len(distance)))
+    places: Float64Array = np.interp(np.linspace(0, distance[-1], count), distance, np.arange(len(distance)))
     return places
 
 
@@ -67,7 +66,7 @@ def even_poses(frames: int) -> int:
     return max(2, 1 + round((frames - 1) * (SPARSE - 1) / (PIECE - 1)))
 
 
-def poses_at(motion: BodyMotion, places: FloatArray) -> SparseMotion:
+def poses_at(motion: BodyMotion, places: Float64Array) -> SparseMotion:
     """Sparse poses at given frames, ascending; two at least."""
     joints = interpolated(motion.joints.reshape(len(motion), -1), places)
     height = interpolated(motion.height[:, None], places)
@@ -81,7 +80,7 @@ def poses_at(motion: BodyMotion, places: FloatArray) -> SparseMotion:
     return SparseMotion(rows, places)
 
 
-def _rotated(steps: FloatArray, yaw: FloatArray) -> FloatArray:
+def _rotated(steps: Float64Array, yaw: Float64Array) -> Float64Array:
     """[n, 2] steps (left, forward) turned by yaw [n]."""
     cosine, sine = np.cos(yaw), np.sin(yaw)
     left, forward = steps[:, 0], steps[:, 1]
@@ -180,6 +179,6 @@ def ranges(frames: int, stride: int = PIECE) -> list[tuple[int, int]]:
     return [(start, start + PIECE) for start in starts]
 
 
-def rows_of(made: list[Piece]) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
+def rows_of(made: list[Piece]) -> tuple[Float32Array, Int64Array]:
     """Sparse poses [n, count, 65] and classes [n]."""
     return np.stack([piece.sparse.rows for piece in made]).astype(np.float32), np.array([p.target for p in made])

@@ -15,7 +15,7 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from motionlake.pesta.alignment.strings import Float32Array, IntArray, Symbols
+from motionlake.arrays import Float32Array, Int32Array, Int64Array
 from motionlake.pesta.alignment.vectors import (
     LANES,
     MAX_UNROLLED,
@@ -36,7 +36,7 @@ INFINITY = np.float32(np.inf)
 
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
-def query_profile(query: Symbols, distances: Float32Array) -> Float32Array:
+def query_profile(query: Int32Array, distances: Float32Array) -> Float32Array:
     """[m * width] flat: the distances of each symbol from the query's, one after another, filled up with zeros.
 
     width: the query's length, rounded up to a multiple of `ROWS`.
@@ -52,7 +52,7 @@ def query_profile(query: Symbols, distances: Float32Array) -> Float32Array:
 
 
 @njit(nogil=True)  # type: ignore[untyped-decorator]
-def _wide_window(ring: Float32Array, columns: IntArray, row: int, above: Any, distance: Any, stride: int) -> Any:
+def _wide_window(ring: Float32Array, columns: Int64Array, row: int, above: Any, distance: Any, stride: int) -> Any:
     """`vectors.window` for any stride."""
     best = plus(above, distance)
     for p in range(stride, 0, -1):
@@ -79,8 +79,8 @@ def scanner(stride: int) -> Callable[..., None]:
         local: bool,
         threshold: np.float32,
         gap: np.float32,
-        symbols: Symbols,
-        pieces: IntArray,
+        symbols: Int32Array,
+        pieces: Int64Array,
         warm: int,
         full: int,
         initial: Float32Array,

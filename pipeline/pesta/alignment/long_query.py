@@ -23,8 +23,9 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
+from motionlake.arrays import BoolArray, Float32Array, Int32Array, Int64Array
 from motionlake.pesta.alignment.config import AlignmentConfig
-from motionlake.pesta.alignment.matches import Mask, Match, ascending_blocks, next_column, taken_symbols
+from motionlake.pesta.alignment.matches import Match, ascending_blocks, next_column, taken_symbols
 from motionlake.pesta.alignment.scan import Boundaries
 from motionlake.pesta.alignment.segment_kernels import (
     Columns,
@@ -33,15 +34,7 @@ from motionlake.pesta.alignment.segment_kernels import (
     segment_profile,
     segment_scanner,
 )
-from motionlake.pesta.alignment.strings import (
-    Distances,
-    Float32Array,
-    IntArray,
-    Repository,
-    SymbolDistances,
-    Symbols,
-    checked,
-)
+from motionlake.pesta.alignment.strings import Distances, Repository, SymbolDistances, checked
 from motionlake.pesta.alignment.trace import strided_path, strided_weights
 from motionlake.pesta.alignment.vectors import LANES
 from numba import njit
@@ -106,7 +99,7 @@ class LongQuery:
         stop: int,
         k: int,
         *,
-        barred: Mask | None = None,
+        barred: BoolArray | None = None,
         below: float = np.inf,
         paths: bool = False,
     ) -> list[Match]:
@@ -159,7 +152,7 @@ class LongQuery:
             )  # fmt: skip
             self._known[block] = True
 
-    def _path(self, cover: slice, end: int, start: int, stop: int) -> IntArray:
+    def _path(self, cover: slice, end: int, start: int, stop: int) -> Int64Array:
         """[L, 2] (query index, symbol of the repository) of the sub-query's own rows."""
         offsets = self._strings.offsets
         begin = offsets[np.searchsorted(offsets, end, side="right") - 1]
@@ -182,12 +175,12 @@ class LongQuery:
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
 def _segment_path(
-    segment: Symbols, symbols: Symbols, starts: Columns, end: int, distances: Float32Array, stride: int
-) -> IntArray:
+    segment: Int32Array, symbols: Int32Array, starts: Columns, end: int, distances: Float32Array, stride: int
+) -> Int64Array:
     """[L, 2] path of one segment that ends in column `end`, by local rows."""
     low = starts[end]
     weights = strided_weights(segment, symbols, low, end, distances, stride, np.float32(np.inf))
-    path: IntArray = strided_path(segment, symbols, low, end, distances, stride, weights)[0]
+    path: Int64Array = strided_path(segment, symbols, low, end, distances, stride, weights)[0]
     return path
 
 
@@ -195,8 +188,8 @@ def _segment_path(
 def _portion(
     ends: Float32Array,
     starts: Columns,
-    segments: Symbols,
-    symbols: Symbols,
+    segments: Int32Array,
+    symbols: Int32Array,
     begin: int,
     end: int,
     first: int,
@@ -235,18 +228,18 @@ def _portion(
 def _select(
     ends: Float32Array,
     starts: Columns,
-    segments: Symbols,
-    symbols: Symbols,
-    offsets: IntArray,
-    inside: IntArray,
-    taken: Mask,
+    segments: Int32Array,
+    symbols: Int32Array,
+    offsets: Int64Array,
+    inside: Int64Array,
+    taken: BoolArray,
     k: int,
     limit: np.float32,
     distances: Float32Array,
     stride: int,
     first_row: int,
     last_row: int,
-) -> tuple[IntArray, Float32Array]:
+) -> tuple[Int64Array, Float32Array]:
     """[h, 3] start, stop and end column of the best matches, and their costs [h]."""
     costs, tops = joined_paths(ends, starts, offsets, stride)
     found = np.empty((min(k, len(costs)), 3), dtype=np.int64)

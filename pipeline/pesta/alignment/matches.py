@@ -7,21 +7,14 @@ from heapq import heapify, heappop, heappush
 from typing import Final
 
 import numpy as np
+from motionlake.arrays import BoolArray, Float32Array, Int32Array, Int64Array
 from motionlake.pesta.alignment.config import AlignmentConfig
 from motionlake.pesta.alignment.scan import Boundaries, scan_ends
-from motionlake.pesta.alignment.strings import (
-    Distances,
-    Float32Array,
-    IntArray,
-    Repository,
-    SymbolDistances,
-    Symbols,
-    checked,
-)
+from motionlake.pesta.alignment.strings import Distances, Repository, SymbolDistances, checked
 from motionlake.pesta.alignment.trace import strided_weights, trace
 from motionlake.pesta.alignment.vectors import LANES, least, load, store
 from numba import njit
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 BLOCK: Final = 128
 Heap = list[tuple[np.float32, np.int64, np.int64]]
@@ -55,7 +48,7 @@ def ascending_blocks(costs: Float32Array) -> Heap:
 def next_column(
     heap: Heap,
     costs: Float32Array,
-    taken: NDArray[np.bool_],
+    taken: BoolArray,
 ) -> np.int64:
     """The column of the least cost not drawn yet and not `taken` (by column where costs are equal); -1 for none."""
     while True:
@@ -74,7 +67,7 @@ def next_column(
 def _push_next(
     heap: Heap,
     costs: Float32Array,
-    taken: NDArray[np.bool_],
+    taken: BoolArray,
     first: int,
     stop: int,
     cost: np.float32,
@@ -88,9 +81,6 @@ def _push_next(
             low, column = here, y
     if column >= 0:
         heappush(heap, (low, np.int64(column), np.int64(1)))
-
-
-Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -110,7 +100,7 @@ class Match:
     start: int
     stop: int
     cost: float
-    path: IntArray | None = None
+    path: Int64Array | None = None
 
 
 def best_matches(
@@ -121,7 +111,7 @@ def best_matches(
     config: AlignmentConfig | None = None,
     *,
     boundaries: Boundaries = "kept",
-    barred: Mask | None = None,
+    barred: BoolArray | None = None,
     below: float = np.inf,
     paths: bool = False,
     threads: int = 1,
@@ -181,7 +171,7 @@ def best_matches(
     return matches
 
 
-def taken_symbols(barred: Mask | None, n_symbols: int) -> Mask:
+def taken_symbols(barred: BoolArray | None, n_symbols: int) -> BoolArray:
     """[Y] a fresh mask of the symbols that no match may cover.
 
     Raises:
@@ -198,11 +188,11 @@ def taken_symbols(barred: Mask | None, n_symbols: int) -> Mask:
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
 def _select(
     ends: Float32Array,
-    query: Symbols,
-    symbols: Symbols,
-    offsets: IntArray,
-    inside: IntArray,
-    taken: Mask,
+    query: Int32Array,
+    symbols: Int32Array,
+    offsets: Int64Array,
+    inside: Int64Array,
+    taken: BoolArray,
     k: int,
     limit: np.float32,
     distances: Float32Array,
@@ -210,7 +200,7 @@ def _select(
     local: bool,
     threshold: np.float32,
     gap: np.float32,
-) -> IntArray:
+) -> Int64Array:
     """[h, 3] start, stop and end column of the best matches.
 
     offsets: of the strings that were aligned; inside: those that a match must not cross.
@@ -237,9 +227,9 @@ def _select(
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
 def _runs_into(
-    taken: Mask,
-    query: Symbols,
-    symbols: Symbols,
+    taken: BoolArray,
+    query: Int32Array,
+    symbols: Int32Array,
     begin: int,
     end: int,
     distances: Float32Array,

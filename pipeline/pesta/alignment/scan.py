@@ -15,19 +15,12 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import Final, Literal
 
 import numpy as np
+from motionlake.arrays import Float32Array, Int32Array, Int64Array
 from motionlake.pesta.alignment.config import AlignmentConfig
 from motionlake.pesta.alignment.kernels import query_profile, scanner
-from motionlake.pesta.alignment.strings import (
-    Distances,
-    Float32Array,
-    IntArray,
-    Repository,
-    SymbolDistances,
-    Symbols,
-    checked,
-)
+from motionlake.pesta.alignment.strings import Distances, Repository, SymbolDistances, checked
 from motionlake.pesta.alignment.vectors import LANES
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 Boundaries = Literal["kept", "crossed", "dropped"]
 Both = Literal["max", "mean", "query"]
@@ -172,7 +165,7 @@ def symmetric_costs(
 
 
 def scan_ends(
-    query: Symbols, repository: Repository, ground: SymbolDistances, config: AlignmentConfig, threads: int
+    query: Int32Array, repository: Repository, ground: SymbolDistances, config: AlignmentConfig, threads: int
 ) -> Float32Array:
     """[Y] end costs, clip by clip; all checked before."""
     ends = np.empty(len(repository.symbols), dtype=np.float32)
@@ -187,7 +180,7 @@ def scan_ends(
     return ends
 
 
-def _whole(repository: Repository, most: int | None = None) -> IntArray:
+def _whole(repository: Repository, most: int | None = None) -> Int64Array:
     """[p, 4] pieces of `kernels.scanner`: the clips of at least one and at most `most` symbols, longest first."""
     clips = repository.by_length
     if most is not None:
@@ -196,7 +189,7 @@ def _whole(repository: Repository, most: int | None = None) -> IntArray:
     return np.column_stack([starts, starts, repository.offsets[clips + 1], clips]).astype(np.int64)
 
 
-def _cut(start: int, stop: int, warm: int, longest: int) -> IntArray:
+def _cut(start: int, stop: int, warm: int, longest: int) -> Int64Array:
     """[p, 4] pieces of one clip, one after another: the first of warm + longest columns, all others of `longest`."""
     kept = np.concatenate([[start], np.arange(start + warm + longest, stop, longest)])
     first = np.concatenate([[start], kept[1:] - warm])
@@ -208,8 +201,8 @@ class _Scan:
 
     def __init__(
         self,
-        query: Symbols,
-        symbols: Symbols,
+        query: Int32Array,
+        symbols: Int32Array,
         ground: SymbolDistances,
         config: AlignmentConfig,
         ends: Float32Array,
@@ -220,7 +213,7 @@ class _Scan:
         self._symbols, self._ends, self._threads = symbols, ends, threads
         self._state = config.reach, len(query)
 
-    def whole(self, pieces: IntArray) -> None:
+    def whole(self, pieces: Int64Array) -> None:
         """Scan clips that are one piece each."""
 
         def work(part: slice) -> None:
@@ -228,7 +221,7 @@ class _Scan:
 
         _share(work, _shares(pieces, self._threads))
 
-    def cut(self, clips: list[IntArray], warm: int, longest: int) -> None:
+    def cut(self, clips: list[Int64Array], warm: int, longest: int) -> None:
         """Scan clips that are several pieces each."""
         pieces = np.concatenate(clips)
         order = np.argsort(pieces[:, 0] - pieces[:, 2], kind="stable")
@@ -243,7 +236,7 @@ class _Scan:
         place[order] = np.arange(len(pieces))
         self._mend(pieces, entries[place], exits[place])
 
-    def _mend(self, pieces: IntArray, entries: Float32Array, exits: Float32Array) -> None:
+    def _mend(self, pieces: Int64Array, entries: Float32Array, exits: Float32Array) -> None:
         """Scan those pieces again that do not go on from where the piece before them ended."""
         for piece in range(1, len(pieces)):
             first, kept, stop, _ = pieces[piece].tolist()
@@ -255,20 +248,20 @@ class _Scan:
 
     def _run(
         self,
-        pieces: IntArray,
+        pieces: Int64Array,
         warm: int,
         full: int,
         *,
-        initial: NDArray[np.float32] = _NO_STATES,
-        entries: NDArray[np.float32] = _NO_STATES,
-        exits: NDArray[np.float32] = _NO_STATES,
+        initial: Float32Array = _NO_STATES,
+        entries: Float32Array = _NO_STATES,
+        exits: Float32Array = _NO_STATES,
     ) -> None:
         self._kernel(
             *self._query, self._symbols, pieces, warm, full, initial, entries, exits, self._ends, _NO_COSTS
         )  # fmt: skip
 
 
-def _shares(pieces: IntArray, threads: int) -> list[slice]:
+def _shares(pieces: Int64Array, threads: int) -> list[slice]:
     """Consecutive pieces for each thread, whole groups of lanes with about as many columns each."""
     if threads <= 1:
         return [slice(0, len(pieces))]

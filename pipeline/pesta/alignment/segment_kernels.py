@@ -7,7 +7,7 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from motionlake.pesta.alignment.strings import Float32Array, IntArray, Symbols
+from motionlake.arrays import Float32Array, Int32Array, Int64Array
 from motionlake.pesta.alignment.vectors import (
     LANES,
     MAX_UNROLLED,
@@ -23,13 +23,13 @@ from motionlake.pesta.alignment.vectors import (
 )
 from numba import njit
 
-Columns = Symbols  # int32 indices of columns
+Columns = Int32Array  # int32 indices of columns
 
 _INFINITY = np.float32(np.inf)
 
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
-def segment_profile(segments: Symbols, distances: Float32Array) -> Float32Array:
+def segment_profile(segments: Int32Array, distances: Float32Array) -> Float32Array:
     """[m * rows * LANES] flat: distances of each symbol from each row of [n <= LANES, rows] segments, one in a lane."""
     m, n_rows = len(distances), segments.shape[1]
     profile = np.zeros((m, n_rows, LANES), dtype=np.float32)
@@ -43,7 +43,7 @@ def segment_profile(segments: Symbols, distances: Float32Array) -> Float32Array:
 
 @njit(nogil=True)  # type: ignore[untyped-decorator]
 def _wide_window_from(
-    ring: Float32Array, origins: Columns, columns: IntArray, row: int, distance: Any, stride: int
+    ring: Float32Array, origins: Columns, columns: Int64Array, row: int, distance: Any, stride: int
 ) -> tuple[Any, Any]:
     """`vectors.window_from` for any stride."""
     best, origin = spread(_INFINITY), spread(np.int32(0))
@@ -71,8 +71,8 @@ def segment_scanner(stride: int) -> Callable[..., None]:
     def scan(
         profile: Float32Array,
         n_rows: int,
-        symbols: Symbols,
-        offsets: IntArray,
+        symbols: Int32Array,
+        offsets: Int64Array,
         ends: Float32Array,
         starts: Columns,
     ) -> None:
@@ -154,7 +154,7 @@ def join_column(ends: Float32Array, top: int, begin: int, stride: int) -> np.uin
 
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
-def joined_paths(ends: Float32Array, starts: Columns, offsets: IntArray, stride: int) -> tuple[Float32Array, Columns]:
+def joined_paths(ends: Float32Array, starts: Columns, offsets: Int64Array, stride: int) -> tuple[Float32Array, Columns]:
     """Costs and first columns [Y] of the paths that end at each column of the last of some segments.
 
     ends, starts: [s, Y] of those segments, in order.

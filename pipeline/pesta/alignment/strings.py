@@ -8,12 +8,9 @@ from functools import cached_property
 from typing import Final
 
 import numpy as np
+from motionlake.arrays import Float32Array, Int32Array, Int64Array
 from motionlake.pesta.alignment.config import AlignmentConfig
-from numpy.typing import ArrayLike, NDArray
-
-Symbols = NDArray[np.int32]
-Float32Array = NDArray[np.float32]
-IntArray = NDArray[np.int64]
+from numpy.typing import ArrayLike
 
 MAX_SYMBOLS: Final = 2**31 - 1
 
@@ -30,8 +27,8 @@ class Repository:
         ValueError: offsets that do not rise from 0 to Y, a negative symbol.
     """
 
-    symbols: Symbols
-    offsets: IntArray
+    symbols: Int32Array
+    offsets: Int64Array
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "symbols", np.ascontiguousarray(self.symbols, dtype=np.int32))
@@ -57,12 +54,12 @@ class Repository:
     def __len__(self) -> int:
         return len(self.offsets) - 1
 
-    def string(self, clip: int) -> Symbols:
+    def string(self, clip: int) -> Int32Array:
         """[c] the string of one clip."""
         return self.symbols[self.offsets[clip] : self.offsets[clip + 1]]
 
     @cached_property
-    def lengths(self) -> IntArray:
+    def lengths(self) -> Int64Array:
         """[n] symbols of each clip."""
         return np.diff(self.offsets)
 
@@ -72,7 +69,7 @@ class Repository:
         return Repository(self.symbols, np.array([0, len(self.symbols)], dtype=np.int64))
 
     @cached_property
-    def by_length(self) -> IntArray:
+    def by_length(self) -> Int64Array:
         """The clips that hold symbols, longest first, by index where lengths are equal."""
         order = np.argsort(-self.lengths, kind="stable")
         return order[: np.count_nonzero(self.lengths)]
@@ -133,7 +130,7 @@ class SymbolDistances:
 Distances = ArrayLike | SymbolDistances
 
 
-def checked(query: ArrayLike, repository: Repository, distances: SymbolDistances) -> Symbols:
+def checked(query: ArrayLike, repository: Repository, distances: SymbolDistances) -> Int32Array:
     """The query as [X] int32, after comparing all symbols with the dictionary.
 
     Raises:
@@ -145,7 +142,7 @@ def checked(query: ArrayLike, repository: Repository, distances: SymbolDistances
     return symbols
 
 
-def query_string(query: ArrayLike) -> Symbols:
+def query_string(query: ArrayLike) -> Int32Array:
     """[X] int32, C-contiguous.
 
     Raises:

@@ -11,7 +11,7 @@ those as many rows back by falling column, then those as many columns back by fa
 from __future__ import annotations
 
 import numpy as np
-from motionlake.pesta.alignment.strings import Float32Array, IntArray, Symbols
+from motionlake.arrays import Float32Array, Int32Array, Int64Array
 from numba import njit
 
 _ZERO = np.float32(0)
@@ -20,8 +20,8 @@ _INFINITY = np.float32(np.inf)
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
 def trace(
-    query: Symbols,
-    symbols: Symbols,
+    query: Int32Array,
+    symbols: Int32Array,
     begin: int,
     end: int,
     distances: Float32Array,
@@ -29,7 +29,7 @@ def trace(
     local: bool,
     threshold: np.float32,
     gap: np.float32,
-) -> IntArray:
+) -> Int64Array:
     """[L, 2] path (query index, string index) of the best match that ends with symbol `end` of a string from `begin`.
 
     Of a local alignment, the pairs that are matched; none where it matches nothing.
@@ -52,8 +52,8 @@ def trace(
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
 def strided_weights(
-    query: Symbols,
-    symbols: Symbols,
+    query: Int32Array,
+    symbols: Int32Array,
     low: int,
     end: int,
     distances: Float32Array,
@@ -86,14 +86,14 @@ def strided_weights(
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
 def strided_path(
-    query: Symbols,
-    symbols: Symbols,
+    query: Int32Array,
+    symbols: Int32Array,
     low: int,
     end: int,
     distances: Float32Array,
     stride: int,
     weights: Float32Array,
-) -> tuple[IntArray, bool]:
+) -> tuple[Int64Array, bool]:
     """The path back from the last row in column `end`, and whether it stays in the columns from `low`."""
     reverse = np.empty((len(query) + end + 1 - low, 2), dtype=np.int64)
     x, y, n = len(query) - 1, end, 1
@@ -126,8 +126,8 @@ def _step(weights: Float32Array, x: int, c: int, distance: np.float32, stride: i
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
 def _local_weights(
-    query: Symbols,
-    symbols: Symbols,
+    query: Int32Array,
+    symbols: Int32Array,
     low: int,
     end: int,
     distances: Float32Array,
@@ -155,8 +155,8 @@ def _local_weights(
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
 def _local_path(
-    query: Symbols,
-    symbols: Symbols,
+    query: Int32Array,
+    symbols: Int32Array,
     low: int,
     end: int,
     distances: Float32Array,
@@ -164,7 +164,7 @@ def _local_path(
     gap: np.float32,
     left: bool,
     weights: Float32Array,
-) -> tuple[IntArray, bool]:
+) -> tuple[Int64Array, bool]:
     """The matched pairs back from the least cost of column `end`, and whether all lie in the columns from `low`."""
     reverse = np.empty((len(query), 2), dtype=np.int64)
     c, n = end + 1 - low, 0

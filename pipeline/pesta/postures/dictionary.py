@@ -11,12 +11,11 @@ from typing import Any, Final, Protocol
 
 import numpy as np
 import torch
-from motionlake.motion.features import Float32Array
+from motionlake.arrays import Float32Array, Int32Array
 from motionlake.pesta.postures.config import PosturesConfig
 from motionlake.pesta.postures.network import PostureAutoencoder
 from motionlake.pesta.postures.recipe import HeadForm
 from motionlake.threads import on_threads
-from numpy.typing import NDArray
 from safetensors import safe_open
 from safetensors.numpy import save_file
 
@@ -31,7 +30,7 @@ class AutoencoderEncoder:
 
     network: PostureAutoencoder
 
-    def symbols(self, features: Float32Array) -> NDArray[np.int32]:
+    def symbols(self, features: Float32Array) -> Int32Array:
         """[T] symbols of postures [T, D], on one thread."""
         coded = np.empty(len(features), dtype=np.int32)
         batch = np.zeros((BATCH, features.shape[1]), dtype=np.float32)
@@ -58,13 +57,12 @@ def load_encoder(tensors: dict[str, Float32Array]) -> AutoencoderEncoder:
 
 METADATA_KEY: Final = "posture_dictionary"
 ROWS: Final = 4096
-Symbols = NDArray[np.int32]
 
 
 class Encoder(Protocol):
     """Gives postures their symbols; what kinds of dictionary differ in."""
 
-    def symbols(self, features: Float32Array) -> Symbols:
+    def symbols(self, features: Float32Array) -> Int32Array:
         """[T] symbols of postures [T, D]."""
 
     def tensors(self) -> dict[str, Float32Array]:
@@ -101,7 +99,7 @@ class PostureDictionary:
         points = self.codes.astype(np.float64)
         return np.asarray(cdist(points, points), dtype=np.float32)
 
-    def encode(self, features: Float32Array) -> Symbols:
+    def encode(self, features: Float32Array) -> Int32Array:
         """[T] symbols of postures [T, D], each independent of the others.
 
         Raises:
@@ -131,7 +129,7 @@ class NearestCode:
 
     codes: Float32Array
 
-    def symbols(self, features: Float32Array) -> Symbols:
+    def symbols(self, features: Float32Array) -> Int32Array:
         codes = self.codes.astype(np.float64)
         half = np.einsum("md,md->m", codes, codes) / 2
         batches = [

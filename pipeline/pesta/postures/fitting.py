@@ -7,11 +7,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from motionlake.arrays import Float32Array, Int64Array
 from motionlake.deep_motifs.motifs import Motifs, assign, fit_motifs
-from motionlake.motion.features import Float32Array
 from motionlake.pesta.postures.config import PosturesConfig
 from motionlake.pesta.postures.dictionary import NearestCode, PostureDictionary
-from numpy.typing import NDArray
 
 SOM_EPOCHS = 30
 
@@ -74,7 +73,7 @@ def _dictionary(postures: Float32Array, codes: Float32Array, config: PosturesCon
     return PostureDictionary(config, encoder, encoder.codes, encoder.codes, figures)
 
 
-def sample_postures(features: list[Float32Array], config: PosturesConfig) -> tuple[Float32Array, NDArray[np.int64]]:
+def sample_postures(features: list[Float32Array], config: PosturesConfig) -> tuple[Float32Array, Int64Array]:
     """Postures [n, D] of clips, drawn at random up to `max_postures`, and the clip of each, in order."""
     stacked = np.concatenate(features)
     clips = np.repeat(np.arange(len(features)), [len(rows) for rows in features])

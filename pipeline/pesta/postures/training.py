@@ -2,27 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 import torch
+from motionlake.arrays import Float32Array, Int64Array, Progress
 from motionlake.checkpoint import Checkpoint
 from motionlake.deep_motifs.motifs import fit_motifs
 from motionlake.deep_motifs.words.linear import linear_embedding
-from motionlake.motion.features import Float32Array
 from motionlake.pesta.postures.config import PosturesConfig
 from motionlake.pesta.postures.dictionary import AutoencoderEncoder, PostureDictionary
 from motionlake.pesta.postures.network import PostureAutoencoder
 from motionlake.pesta.postures.recipe import AutoencoderRecipe, recipe_of
 from motionlake.threads import on_threads
-from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn.functional import binary_cross_entropy_with_logits, one_hot
 
-Progress = Callable[[int, int, float], None]
-Indices = NDArray[np.int64]
 REPORT_EVERY: Final = 50
 CHECKPOINT_EVERY: Final = 100
 REVIVE_EVERY: Final = 100
@@ -31,7 +27,7 @@ SETTLE_ROWS: Final = 4096
 
 def train_autoencoder(
     postures: Float32Array,
-    clips: Indices,
+    clips: Int64Array,
     config: PosturesConfig,
     *,
     recipe: AutoencoderRecipe | None = None,
@@ -83,7 +79,7 @@ def train_autoencoder(
 def _start(
     network: PostureAutoencoder,
     postures: Float32Array,
-    clips: Indices,
+    clips: Int64Array,
     config: PosturesConfig,
     recipe: AutoencoderRecipe,
 ) -> None:
@@ -225,7 +221,7 @@ def _typical(network: PostureAutoencoder, postures: Float32Array) -> Float32Arra
 
 @torch.no_grad()
 def _figures(
-    network: PostureAutoencoder, postures: Float32Array, outside: Indices, losses: list[float]
+    network: PostureAutoencoder, postures: Float32Array, outside: Int64Array, losses: list[float]
 ) -> dict[str, Any]:
     symbols = AutoencoderEncoder(network).symbols(postures)
     share = np.bincount(symbols, minlength=len(network.heads)) / len(symbols)

@@ -5,10 +5,8 @@ from __future__ import annotations
 from typing import Any, Final
 
 import numpy as np
+from motionlake.arrays import Int32Array, Int64Array
 from numpy.typing import NDArray
-
-Int32Array = NDArray[np.int32]
-Int64Array = NDArray[np.int64]
 
 LARGEST_TABLE: Final = 1 << 16
 

@@ -14,7 +14,8 @@ from __future__ import annotations
 from typing import Any, Final, NamedTuple
 
 import numpy as np
-from motionlake.pesta.symbols.alphabet import Int32Array, ranks
+from motionlake.arrays import Int32Array, UInt8Array
+from motionlake.pesta.symbols.alphabet import ranks
 from numba import njit
 from numpy.typing import NDArray
 from pydivsufsort import divsufsort
@@ -68,7 +69,7 @@ def suffix_order(text: Int32Array, alphabet: int) -> Int32Array:
 
 
 @njit(cache=True)  # type: ignore[untyped-decorator]
-def _in_bytes(text: Int32Array, names: Int32Array, singles: int) -> tuple[NDArray[np.uint8], Int32Array]:
+def _in_bytes(text: Int32Array, names: Int32Array, singles: int) -> tuple[UInt8Array, Int32Array]:
     """The codes one after another, and for each byte the place of the symbol that begins there, or -1."""
     coded, begins = np.empty(2 * len(text), np.uint8), np.empty(2 * len(text), np.int32)
     size = 0

@@ -19,9 +19,8 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from motionlake.pesta.symbols.alphabet import Int32Array
+from motionlake.arrays import Int32Array, UInt32Array
 from numba import njit
-from numpy.typing import NDArray
 
 MASKS: Final = 5
 FIRST_PERIOD: Final = 1 << MASKS
@@ -32,9 +31,6 @@ BASE: Final = np.uint64(1_103_515_245)
 KEY_FACTOR: Final = np.uint64(0x9E3779B97F4A7C15)
 POWERS: Final = np.array([pow(int(BASE), BLOCK << level, int(MODULUS)) for level in range(28)], dtype=np.uint64)
 PERIODS: Final = np.array((0x2, 0xC, 0xF0, 0xFF00, 0xFFFF0000), dtype=np.uint32)
-
-Masks = NDArray[np.uint32]
-Sums = NDArray[np.uint32]
 
 
 @njit(cache=True)  # type: ignore[untyped-decorator]
@@ -142,7 +138,7 @@ def square_free(text: Int32Array, alphabet: int) -> tuple[Int32Array, int]:
 
 
 @njit(cache=True)  # type: ignore[untyped-decorator]
-def _short_square(masks: Masks, at: int, distance: int) -> int:
+def _short_square(masks: UInt32Array, at: int, distance: int) -> int:
     """The period below 32 of the square that ends with the symbol `at`, or 0.
 
     Sets the masks of that symbol, whose last place lies `distance` before it.
@@ -175,13 +171,13 @@ def _modulo(number: np.uint64) -> np.uint64:
 
 
 @njit(cache=True)  # type: ignore[untyped-decorator]
-def _fingerprint(sums: Sums, start: int, level: int) -> np.uint64:
+def _fingerprint(sums: UInt32Array, start: int, level: int) -> np.uint64:
     """Of the block of a level that starts there: equal blocks have the same."""
     left_out = np.uint64(sums[start]) * POWERS[level]
     return np.uint64(_modulo(np.uint64(sums[start + (BLOCK << level)]) + (MODULUS << np.uint64(31)) - left_out))
 
 
 @njit(cache=True)  # type: ignore[untyped-decorator]
-def _key(sums: Sums, start: int) -> np.int64:
+def _key(sums: UInt32Array, start: int) -> np.int64:
     """The bucket of the eight symbols from `start` on."""
     return np.int64((_fingerprint(sums, start, 0) * KEY_FACTOR) >> np.uint64(64 - KEY_BITS))

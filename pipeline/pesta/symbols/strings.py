@@ -11,7 +11,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from motionlake.pesta.symbols.alphabet import Int32Array, Int64Array, reduce_runs
+from motionlake.arrays import Int32Array, Int64Array
+from motionlake.pesta.symbols.alphabet import reduce_runs
 from motionlake.pesta.symbols.config import SymbolsConfig
 from motionlake.pesta.symbols.tandem import reduce_repeats
 

@@ -25,7 +25,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from motionlake.pesta.symbols.alphabet import Int32Array, Int64Array, ranks
+from motionlake.arrays import Int32Array, Int64Array
+from motionlake.pesta.symbols.alphabet import ranks
 from motionlake.pesta.symbols.repetitions import SHORT, by_period, by_suffixes, suffix_order
 from motionlake.pesta.symbols.squares import square_free
 from numba import njit

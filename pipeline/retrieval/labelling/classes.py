@@ -7,16 +7,14 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
+from motionlake.arrays import Float32Array, Float64Array
 from motionlake.deep_motifs.classification import Method, classify_knn, classify_one_vs_all
 from motionlake.deep_motifs.emd import emd_many, emd_matrix
 from motionlake.errors import UserError
 from motionlake.lake.catalog import Connection
 from motionlake.lake.layout import Lake
 from motionlake.retrieval.encode import serving_models, signature_of_motifs, words_of_file
-from motionlake.retrieval.labelling.signed import Signatures, lake_ground, signed_clips
-from numpy.typing import NDArray
-
-Float64Array = NDArray[np.float64]
+from motionlake.retrieval.labelling.signed import lake_ground, signed_clips
 
 
 @dataclass(frozen=True)
@@ -89,7 +87,7 @@ class LakeClassifier:
         signature = signature_of_motifs(self._con, models.motifs_of(file.features))
         return self._verdict(str(path), signature)
 
-    def _verdict(self, name: str, signature: Signatures) -> ClassifiedClip:
+    def _verdict(self, name: str, signature: Float32Array) -> ClassifiedClip:
         others = np.array([i for i, clip in enumerate(self.known.clips) if clip.clip != name], dtype=np.int64)
         if not len(others):
             raise UserError(f"{name}: is the only labelled clip: there is nothing to learn from")

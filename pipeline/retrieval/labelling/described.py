@@ -5,12 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from motionlake.arrays import Float32Array
 from motionlake.errors import UserError
 from motionlake.lake.catalog import Connection, fetch
 from motionlake.retrieval.labelling.signed import check_column
-from numpy.typing import NDArray
-
-Float32Array = NDArray[np.float32]
 
 
 @dataclass(frozen=True)

@@ -5,13 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from motionlake.arrays import Float32Array, Float64Array
 from motionlake.deep_motifs.emd import ground_distances
 from motionlake.errors import UserError
 from motionlake.lake.catalog import Connection, fetch
-from numpy.typing import NDArray
-
-Float64Array = NDArray[np.float64]
-Signatures = NDArray[np.float32]
 
 
 @dataclass(frozen=True)
@@ -32,7 +29,7 @@ class SignedClips:
     """n clips, and their signatures [n, K]."""
 
     clips: list[SignedClip]
-    signatures: Signatures
+    signatures: Float32Array
 
     def labelled(self) -> SignedClips:
         """Those with a label."""

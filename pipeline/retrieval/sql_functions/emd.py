@@ -16,12 +16,11 @@ import numpy as np
 import pyarrow as pa
 from duckdb.func import ARROW, SPECIAL
 from duckdb.sqltypes import BIGINT, BOOLEAN, DOUBLE, FLOAT, VARCHAR
+from motionlake.arrays import Float64Array
 from motionlake.deep_motifs.emd import SignatureIndex, emd, emd_deep_motifs, ground_distances
 from motionlake.lake.catalog import Connection, fetch, fetch_table, reading
 from motionlake.lake.layout import Lake
 from numpy.typing import NDArray
-
-Float64Array = NDArray[np.float64]
 
 HITS = pa.list_(pa.struct([("clip", pa.string()), ("distance", pa.float64())]))
 
