@@ -10,6 +10,7 @@ import tomllib
 from pathlib import Path
 
 import pytest
+from motionlake.cli.common import frame_or_seconds
 from motionlake.cli.main import COMMANDS
 from motionlake.jobs.run import BY_NAME, STAGES
 from motionlake.motion import rigs
@@ -233,3 +234,34 @@ def test_a_folder_without_clips(tmp_path: Path, scheduler: str) -> None:
     run = motionlake("ingest", tmp_path / "empty", "--lake", tmp_path / "lake", "--scheduler", scheduler)
     assert run.status == 0
     assert "no clip files; motionlake reads .amc, .bvh" in run.err
+
+
+@pytest.mark.parametrize(
+    ("text", "frame"), [("0", 0), ("120", 120), ("0s", 0), ("3s", 360), ("1.5 s", 180), (".25s", 30), ("1.004s", 120)]
+)
+def test_a_place_in_a_clip_is_a_frame_or_a_time(text: str, frame: int) -> None:
+    assert frame_or_seconds(text).frame(120.0) == frame
+
+
+@pytest.mark.parametrize("text", ["", "s", "-1", "-1s", "1.5", "3sec", "1e3s", "nan s", "0:03"])
+def test_what_is_neither_a_frame_nor_a_time(built_lake: Path, text: str) -> None:
+    run = motionlake("export", "a0", f"--from={text}", "--lake", built_lake)
+    assert run.status == 2
+    assert "is neither a frame, such as 120, nor seconds" in " ".join(re.sub("[│╭╮╰╯─]", "", run.err).split())
+
+
+def test_frames_and_seconds_mean_the_same_range(built_lake: Path, tmp_path: Path) -> None:
+    clip, fps = query(built_lake, "SELECT clip, fps FROM clips ORDER BY clip LIMIT 1")[0]
+    for words in (["export"], ["view", "--beside", "none"]):
+        found = []
+        for first, last in ((6, 21), (f"{6 / fps:.5f}s", f"{21 / fps:.5f}s")):
+            out = tmp_path / f"{words[0]}.{'bvh' if words == ['export'] else 'html'}"
+            run = motionlake(*words, clip, "--from", first, "--to", last, "--out", out, "--lake", built_lake, "--json")
+            assert run.status == 0, run.err
+            found.append((run.json, out.read_bytes()))
+        assert found[0] == found[1]
+    ranges = [
+        motionlake("find", clip, "--from", 0, "--to", stop, "--lake", built_lake, "--json").json
+        for stop in (40, f"{40 / fps:.5f}s")
+    ]
+    assert ranges[0] == ranges[1] != []

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from motionlake.cli.common import JsonOption, LakeOption, RealOption, print_rows
+from motionlake.cli.common import JsonOption, LakeOption, RealOption, StartOption, StopOption, frames_of, print_rows
 from motionlake.cli.pictures import PictureOption, check_picture, save_alignment
 from motionlake.errors import UserError
 from motionlake.formats import is_clip
@@ -24,8 +24,8 @@ def add_to(app: typer.Typer) -> None:
 def align(
     lake: LakeOption,
     query: Annotated[str, typer.Argument(help="A clip of the lake, or a clip file.", show_default=False)],
-    start: Annotated[int | None, typer.Option("--from", min=0, help="First frame of the query.")] = None,
-    stop: Annotated[int | None, typer.Option("--to", min=1, help="Frame after its last.")] = None,
+    start: StartOption = None,
+    stop: StopOption = None,
     k: Annotated[int, typer.Option("-k", min=1, help="How many answers.")] = 10,
     dataset: Annotated[
         str | None, typer.Option("--in", help="Answer from this dataset only.", show_default=False)
@@ -49,7 +49,7 @@ def align(
 
     Frames are the clip's own, from 0.
 
-    Example: motionlake align 13_29 --from 480 --to 720 -k 5 --lake mylake
+    Example: motionlake align 13_29 --from 4s --to 6s -k 5 --lake mylake
 
     Whole clips: motionlake align walk_01 --whole --lake mylake
 
@@ -76,16 +76,17 @@ def align(
             save_alignment(con, target, picture, aligner, asked, ranked, dataset=dataset, method=method, stride=stride)
             print_rows([hit.as_row() for hit in ranked], as_json=as_json)
             return
+        first, last = frames_of(con, target, asked, start, stop)
         wanted: Wanted = {
             "dataset": dataset, "method": method, "stride": stride, "crossing": crossing,
             "paths": path or picture is not None,
         }  # fmt: skip
         if isinstance(asked, Path):
-            hits = aligner.in_file(asked, start, stop, k, **wanted)
+            hits = aligner.in_file(asked, first, last, k, **wanted)
         else:
-            hits = aligner.in_clip(asked, start, stop, k, **wanted)
+            hits = aligner.in_clip(asked, first, last, k, **wanted)
         save_alignment(
-            con, target, picture, aligner, asked, hits, start, stop, dataset=dataset, method=method, stride=stride
+            con, target, picture, aligner, asked, hits, first, last, dataset=dataset, method=method, stride=stride
         )
     rows = [(hit if path else replace(hit, path=None)).as_row() for hit in hits]
     print_rows(rows, as_json=as_json)

@@ -3,17 +3,23 @@
 from __future__ import annotations
 
 import json
+import re
 import sys
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
+
+if TYPE_CHECKING:
+    from motionlake.lake.catalog import Connection
+    from motionlake.lake.layout import Lake
 
 LakeArgument = Annotated[Path, typer.Argument(help="Folder of the lake.", show_default=False)]
 LakeOption = Annotated[
@@ -31,6 +37,63 @@ SchedulerOption = Annotated[
         "--scheduler", help="Address of a running Dask scheduler, such as tcp://host:8786.", show_default=False
     ),
 ]
+
+
+@dataclass(frozen=True)
+class FrameOrSeconds:
+    """A place in a clip as a person names it: a frame, from 0, or seconds from the clip's beginning."""
+
+    value: float
+    in_seconds: bool
+
+    def frame(self, fps: float) -> int:
+        """The frame it names in a clip of `fps` frames a second: the nearest one to a time."""
+        return round(self.value * fps) if self.in_seconds else int(self.value)
+
+
+def frame_or_seconds(text: str) -> FrameOrSeconds:
+    """Read "120" (a frame) or "3s", "1.5s" (seconds).
+
+    Raises:
+        typer.BadParameter: it is neither.
+    """
+    found = re.fullmatch(r"(\d+)|(\d+\.?\d*|\.\d+) ?s", text.strip())
+    if found is None:
+        raise typer.BadParameter(f"'{text}' is neither a frame, such as 120, nor seconds, such as 3s or 1.5s.")
+    return FrameOrSeconds(float(found[1] or found[2]), found[1] is None)
+
+
+StartOption = Annotated[
+    FrameOrSeconds | None,
+    typer.Option(
+        "--from", parser=frame_or_seconds, metavar="FRAME|SECONDS", show_default=False,
+        help="Where to begin: a frame, as in 120, or seconds, as in 1.5s (default: the beginning).",
+    ),
+]  # fmt: skip
+StopOption = Annotated[
+    FrameOrSeconds | None,
+    typer.Option(
+        "--to", parser=frame_or_seconds, metavar="FRAME|SECONDS", show_default=False,
+        help="Where to stop: the first frame left out, or its time, as in 3s (default: the end).",
+    ),
+]  # fmt: skip
+
+
+def frames_of(
+    con: Connection, lake: Lake, clip: str | Path, start: FrameOrSeconds | None, stop: FrameOrSeconds | None
+) -> tuple[int | None, int | None]:
+    """`--from` and `--to` as frames of a clip of the lake (its full name) or of a clip file; None stays None."""
+    fps = 0.0
+    if any(edge is not None and edge.in_seconds for edge in (start, stop)):
+        if isinstance(clip, Path):
+            from motionlake.retrieval.encode import first_body
+
+            fps = first_body(lake, clip)[0].fps
+        else:
+            from motionlake.lake.catalog import fetch
+
+            fps = fetch(con, "clip", {"clip": clip})[0]["fps"]
+    return None if start is None else start.frame(fps), None if stop is None else stop.frame(fps)
 
 
 def notice(line: str) -> None:

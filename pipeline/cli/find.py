@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
-from motionlake.cli.common import JsonOption, LakeOption, RealOption, print_rows
+from motionlake.cli.common import JsonOption, LakeOption, RealOption, StartOption, StopOption, frames_of, print_rows
 from motionlake.cli.pictures import PictureOption, check_picture, save_picture
 from motionlake.errors import UserError
 from motionlake.formats import is_clip
@@ -16,8 +16,8 @@ from motionlake.lake.layout import Lake, check_dataset, open_lake
 from motionlake.lake.resolve import resolve_clip
 
 if TYPE_CHECKING:
-    from motionlake.retrieval.query_by_example import Found
-    from motionlake.retrieval.submotion_search import FoundPiece
+    from motionlake.retrieval.query_by_example import Finder, Found
+    from motionlake.retrieval.submotion_search import FoundPiece, SubmotionFinder
 
 METHODS: Final = ("words", "submotion")
 
@@ -29,8 +29,8 @@ def add_to(app: typer.Typer) -> None:
 def find(
     lake: LakeOption,
     query: Annotated[str, typer.Argument(help="A clip of the lake, or a clip file.", show_default=False)],
-    start: Annotated[int | None, typer.Option("--from", min=0, help="First frame of the query.")] = None,
-    stop: Annotated[int | None, typer.Option("--to", min=1, help="Frame after its last.")] = None,
+    start: StartOption = None,
+    stop: StopOption = None,
     k: Annotated[int, typer.Option("-k", min=1, help="How many answers.")] = 10,
     dataset: Annotated[
         str | None, typer.Option("--in", help="Answer from this dataset only.", show_default=False)
@@ -48,7 +48,7 @@ def find(
     default), and a clip may have several answers. "submotion" asks a network which clips hold the motion, and answers
     with one range of each; the query needs at least 8 frames of 30 a second.
 
-    Example: motionlake find 13_29 --from 480 --to 720 -k 5 --lake mylake
+    Example: motionlake find 13_29 --from 4s --to 6s -k 5 --lake mylake
 
     Of a file that is not in the lake: motionlake find shots/new_take.bvh --from 0 --to 120 --lake mylake
 
@@ -63,53 +63,28 @@ def find(
         raise UserError(f"--mirrored: looks by words, not by {method}; leave one of the two out")
     check_picture(picture, 1)
     with reading(target) as con:
+        finder = _finder(con, target, method, real)
+        asked = _asked(con, query)
+        first, last = frames_of(con, target, asked, start, stop)
+        turned = {"mirrored": True} if mirrored else {}
         hits: Sequence[Found | FoundPiece]
-        if method == "words":
-            hits = _by_words(con, target, query, start, stop, k, dataset, mirrored, real, own)
+        if isinstance(asked, Path):
+            hits = finder.in_file(asked, first, last, k, dataset=dataset, **turned)
         else:
-            hits = _by_submotion(con, target, query, start, stop, k, dataset, real, own)
+            hits = finder.in_clip(asked, first, last, k, dataset=dataset, own=own, **turned)
         rows = [hit.as_row() for hit in hits]
-        save_picture(con, target, picture, [(query, rows)], start, stop)
+        save_picture(con, target, picture, [(query, rows)], first, last)
     print_rows(rows, as_json=as_json)
 
 
-def _by_words(
-    con: Connection,
-    lake: Lake,
-    query: str,
-    start: int | None,
-    stop: int | None,
-    k: int,
-    dataset: str | None,
-    mirrored: bool,
-    real: bool,
-    own: bool,
-) -> list[Found]:
-    from motionlake.retrieval.query_by_example import Finder
+def _finder(con: Connection, lake: Lake, method: str, real: bool) -> Finder | SubmotionFinder:
+    if method == "words":
+        from motionlake.retrieval.query_by_example import Finder
 
-    finder, asked = Finder(con, lake, real=real), _asked(con, query)
-    if isinstance(asked, Path):
-        return finder.in_file(asked, start, stop, k, dataset=dataset, mirrored=mirrored)
-    return finder.in_clip(asked, start, stop, k, dataset=dataset, mirrored=mirrored, own=own)
-
-
-def _by_submotion(
-    con: Connection,
-    lake: Lake,
-    query: str,
-    start: int | None,
-    stop: int | None,
-    k: int,
-    dataset: str | None,
-    real: bool,
-    own: bool,
-) -> list[FoundPiece]:
+        return Finder(con, lake, real=real)
     from motionlake.retrieval.submotion_search import SubmotionFinder
 
-    finder, asked = SubmotionFinder(con, lake, real=real), _asked(con, query)
-    if isinstance(asked, Path):
-        return finder.in_file(asked, start, stop, k, dataset=dataset)
-    return finder.in_clip(asked, start, stop, k, dataset=dataset, own=own)
+    return SubmotionFinder(con, lake, real=real)
 
 
 def _asked(con: Connection, query: str) -> str | Path:

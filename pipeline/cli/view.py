@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
-from motionlake.cli.common import JsonOption, LakeOption, notice, print_json
+from motionlake.cli.common import JsonOption, LakeOption, StartOption, StopOption, frames_of, notice, print_json
 from motionlake.errors import UserError
 from motionlake.formats import is_clip
 from motionlake.lake.catalog import Connection
@@ -32,8 +32,8 @@ def view(
         str,
         typer.Option(help="What is shown beside it: a clip, a clip file, nearest (the nearest recorded clip), none."),
     ] = "nearest",
-    start: Annotated[int | None, typer.Option("--from", min=0, help="First frame to show.")] = None,
-    stop: Annotated[int | None, typer.Option("--to", min=1, help="Frame after the last.")] = None,
+    start: StartOption = None,
+    stop: StopOption = None,
     out: Annotated[
         Path | None,
         typer.Option("--out", "-o", help="A .html, .gif or .png file (default: CLIP.html here).", show_default=False),
@@ -48,8 +48,8 @@ def view(
 
     Beside another one: motionlake view walk_01 --beside walk_02 --out two_walks.html --lake mylake
 
-    Some frames of a file that is not in the lake: motionlake view shots/new_take.bvh --from 0 --to 240 --out take.gif
-    --beside none --lake mylake
+    Some seconds of a file that is not in the lake: motionlake view shots/new_take.bvh --from 1.5s --to 4s --out
+    take.gif --beside none --lake mylake
     """
     target = open_lake(lake)
     from motionlake.pictures.output import write_file
@@ -60,7 +60,7 @@ def view(
     con = connect(target.root)
     try:
         asked = _query(con, clip)
-        shown = [player_clip(con, target, asked, start, stop)]
+        shown = [player_clip(con, target, asked, *frames_of(con, target, asked, start, stop))]
         path = out or Path(f"{safe_name(shown[0].name)}.html")
         other = _beside(con, target, asked, beside)
         if other is not None:
