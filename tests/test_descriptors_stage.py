@@ -158,10 +158,10 @@ def test_a_network_enters_with_all_of_its_descriptors(
     assert at_once == [False, True]
 
 
-def test_a_lake_made_before_there_were_descriptors_gets_them(lake: Path, scheduler: str) -> None:
+def test_a_lake_without_descriptors_gets_them(lake: Path, scheduler: str) -> None:
     _, before = served(lake)
     con = duckdb.connect(str(lake / "catalog.duckdb"))
-    con.execute("DROP MACRO TABLE nearest_clips; DROP MACRO TABLE clips_near; DROP TABLE descriptors")
+    con.execute("DELETE FROM descriptors")
     con.execute("DELETE FROM manifest WHERE stage = 'descriptors'; DELETE FROM models WHERE kind = 'descriptors'")
     con.close()
     with reading(open_lake(lake)) as old:

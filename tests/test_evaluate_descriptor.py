@@ -158,7 +158,7 @@ def test_what_descriptors_cannot_be_measured_by(built_lake: Path, words: list[st
 
 
 def test_a_lake_without_descriptors_is_told_so(lake: Path) -> None:
-    change(lake, "DROP TABLE descriptors")
+    change(lake, "DELETE FROM descriptors")
     run = motionlake("evaluate", "descriptor", "--lake", lake)
     assert run.status == 2
     assert "has no descriptors yet" in run.err

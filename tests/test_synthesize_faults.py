@@ -167,31 +167,6 @@ def test_recorded_clips_do_not_join_synthetic_ones(
     assert_same(before, tables(own))
 
 
-def test_a_lake_of_before_there_were_synthetic_clips(own: Path, name: str, scheduler: str) -> None:
-    con = duckdb.connect(str(own / "catalog.duckdb"))
-    con.execute("DROP TABLE synthetic")
-    con.execute("DROP MACRO TABLE clips_holding")
-    con.execute(
-        "CREATE MACRO clips_holding(query_descriptor, k := 10, within := NULL, without := NULL, first := NULL, "
-        "last := NULL) AS TABLE SELECT 1 AS rank, clip, 0::BIGINT AS start, 1::BIGINT AS stop, 0.0 AS distance, label, "
-        "dataset, seconds FROM clips WHERE clip IS DISTINCT FROM without ORDER BY clip LIMIT 1"
-    )
-    con.close()
-    clip = query(own, "SELECT clip FROM clips ORDER BY seconds DESC, clip LIMIT 1")[0][0]
-    for words in (
-        ("status",),
-        ("search", clip, "--real"),
-        ("search", clip, "--method", "descriptor", "--real"),
-        ("find", clip, "--method", "submotion", "--real"),
-    ):
-        run = motionlake(*words, "--json", "--lake", own)
-        assert run.status == 0, run.err
-        assert run.json
-    run = motionlake("synthesize", "--class", name, "--seconds", "1", "--json", "--lake", own, "--scheduler", scheduler)
-    assert (run.status, run.json["made"]) == (0, 1)
-    assert query(own, "SELECT count(*) FROM synthetic") == [(1,)]
-
-
 def test_motion_in_sql_is_the_first_of_the_command(own: Path, name: str, scheduler: str) -> None:
     other = query(own, "SELECT label FROM clips WHERE label <> $name ORDER BY seconds DESC, clip LIMIT 1", name=name)[
         0
@@ -203,7 +178,7 @@ def test_motion_in_sql_is_the_first_of_the_command(own: Path, name: str, schedul
     text = (
         "SELECT count(*) AS frames, (SELECT count(*) FROM frames WHERE dataset = 'synthetic') AS stored, "
         f"(SELECT count(*) FROM (SELECT * EXCLUDE (time, class, seed_clip) FROM {wanted} INTERSECT "
-        "SELECT * EXCLUDE (clip, dataset) FROM frames WHERE dataset = 'synthetic')) AS same, "
+        "SELECT * EXCLUDE (clip, dataset, fps) FROM frames WHERE dataset = 'synthetic')) AS same, "
         f"list(DISTINCT class ORDER BY class) AS classes, max(time) AS last FROM {wanted}"
     )
     row = motionlake("sql", text, "--json", "--lake", own).json[0]

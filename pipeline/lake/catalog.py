@@ -10,7 +10,7 @@ from __future__ import annotations
 import shutil
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
 import pyarrow as pa
 from motionlake import sql
@@ -23,19 +23,12 @@ if TYPE_CHECKING:
 
 # DuckDB is imported where a connection is used: workers import this module and never open the catalog.
 Connection: TypeAlias = "duckdb.DuckDBPyConnection"
-# Tables and their macros that lakes of earlier versions lack; the next to write makes them.
-ADDED = (
-    "schema/50_mirrored.sql",
-    "schema/55_transitions.sql",
-    "macros/transitions_from.sql",
-    "schema/60_symbols.sql",
-    "macros/clip_symbols.sql",
-    "schema/65_descriptors.sql",
-    "macros/nearest_clips.sql",
-    "schema/66_submotions.sql",
-    "macros/clips_holding.sql",
-    "schema/67_synthetic.sql",
-)
+SCHEMA_VERSION: Final = 1  # of the catalog's tables, and of the macros and views over them that this program calls
+# What mends an error of DuckDB with such words.
+_TO_DO: Final = {
+    "set lock": "close the program that has it open for writing",
+    "version number": "update DuckDB to the version that wrote it",
+}
 
 
 def run_sql(con: Connection, name: str, parameters: Mapping[str, Any] | None = None) -> Connection:
@@ -89,10 +82,30 @@ def create_catalog(lake: Lake) -> None:
         try:
             for name in sql.names("schema"):
                 run_sql(con, name)
-            for name in sql.names("macros"):
-                run_sql(con, name)
+            refresh_macros(con)
+            run_sql(con, "set_schema_version", {"version": SCHEMA_VERSION})
         finally:
             con.close()
+
+
+def version_of(con: Connection) -> int:
+    """The version of a catalog; 0 for those written before catalogs had one."""
+    import duckdb
+
+    try:
+        return int(fetch(con, "schema_version")[0]["version"])
+    except duckdb.CatalogException:
+        return 0
+
+
+def check_version(con: Connection, lake: Lake) -> None:
+    """Raises `UserError` where a lake is of another version than this program reads."""
+    version = version_of(con)
+    if version != SCHEMA_VERSION:
+        todo = "take its folders in to a new lake" if version < SCHEMA_VERSION else "update motionlake"
+        raise UserError(
+            f"{lake.root}: is a lake of version {version}, and this motionlake reads version {SCHEMA_VERSION}; {todo}"
+        )
 
 
 @contextmanager
@@ -106,18 +119,32 @@ def reading(lake: Lake) -> Iterator[Connection]:
 
 
 def connect_read_only(lake: Lake) -> Connection:
-    """Open the catalog for reading. Raises `UserError` if somebody has it open for writing."""
+    """Open the catalog for reading.
+
+    Raises:
+        UserError: the lake is of another version, somebody has the catalog open for writing, or it is damaged.
+    """
+    con = open_catalog(lake)
+    try:
+        check_version(con, lake)
+    except BaseException:
+        con.close()
+        raise
+    return con
+
+
+def open_catalog(lake: Lake) -> Connection:
+    """Open the catalog of a lake of any version for reading. Raises `UserError` where that cannot be done."""
     import duckdb
 
     con = duckdb.connect(":memory:")
     try:
         run_sql(con, "open_catalog", {"catalog": str(lake.catalog)})
-    except duckdb.IOException as error:
+    except duckdb.Error as error:
         con.close()
-        raise UserError(
-            f"{lake.catalog}: cannot be opened for reading ({str(error).splitlines()[0]}); "
-            "close the program that has it open for writing"
-        ) from error
+        reason = str(error).splitlines()[0]
+        todo = next((todo for word, todo in _TO_DO.items() if word in reason), "put back a copy, or make a new lake")
+        raise UserError(f"{lake.catalog}: cannot be opened for reading ({reason}); {todo}") from error
     use_lake_paths(con, lake)
     return con
 
@@ -135,11 +162,11 @@ def writing(lake: Lake) -> Iterator[Connection]:
         shutil.copyfile(lake.catalog, temporary)
         con = duckdb.connect(str(temporary))
         try:
+            check_version(con, lake)
             use_lake_paths(con, lake)
             run_sql(con, "one_thread")
-            for name in ADDED:
-                run_sql(con, name)
             con.begin()
+            refresh_macros(con)
             yield con
             refresh_views(con, lake)
             con.commit()
@@ -147,6 +174,12 @@ def writing(lake: Lake) -> Iterator[Connection]:
         finally:
             con.close()
             temporary.with_name(temporary.name + ".wal").unlink(missing_ok=True)
+
+
+def refresh_macros(con: Connection) -> None:
+    """Macros as this program has them: they hold no data."""
+    for name in sql.names("macros"):
+        run_sql(con, name)
 
 
 def refresh_views(con: Connection, lake: Lake) -> None:

@@ -196,8 +196,6 @@ def nearest_real_clip(con: Connection, lake: Lake, query: Query) -> tuple[str, H
 
 def _lineage(con: Connection, clip: str) -> Mapping[str, Any] | None:
     """How a synthetic clip was made; None for a recorded one."""
-    if not fetch(con, "has_synthetic_table"):
-        return None
     return next(iter(fetch(con, "synthetic_clip", {"clip": clip})), None)
 
 

@@ -107,7 +107,7 @@ class SymbolMaterial:
 
 def has_strings(con: Connection) -> bool:
     """Whether the lake serves symbol strings."""
-    return bool(fetch(con, "has_symbol_tables")) and bool(fetch(con, "served_postures"))
+    return bool(fetch(con, "served_postures"))
 
 
 def read_symbols(con: Connection, lake: Lake, strings: LakeStrings | None = None) -> SymbolMaterial:

@@ -125,9 +125,8 @@ def read_graph(
     """
     config = load_config(lake.config_file)
     rows = fetch(con, "graph_clips", {"dataset": dataset})
-    has_table = fetch(con, "has_transitions")
-    table = fetch_table(con, "transitions", {"dataset": dataset}) if has_table else None
-    if not rows or table is None or not table.num_rows:
+    table = fetch_table(con, "transitions", {"dataset": dataset})
+    if not rows or not table.num_rows:
         raise UserError(
             f"{dataset}: has no transitions yet, or none of its clips come near one another; make them with "
             f"`motionlake run transitions --dataset {dataset} --lake {lake.root}`"

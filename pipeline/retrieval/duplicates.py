@@ -14,7 +14,6 @@ from motionlake.errors import UserError
 from motionlake.lake.catalog import Connection, fetch
 from motionlake.lake.config import load_config
 from motionlake.lake.layout import Lake
-from motionlake.stages import mirrored as mirrored_stage
 from motionlake.stages import words
 
 HELD_PARTS = 64  # of features, a few MB each
@@ -49,7 +48,6 @@ def near_duplicates(
     if within is not None and across:
         raise UserError("within one dataset and across datasets at once: choose one")
     centroids = [row["centroid"] for row in fetch(con, "corpus_motifs")]
-    mirrored_stage.see_table(con)
     rows = fetch(con, "signed_clips", {"real": real})
     if not rows:
         raise UserError(f"{lake.root}: has no signatures yet; make them with `motionlake run all`")

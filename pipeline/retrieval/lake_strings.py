@@ -98,8 +98,7 @@ def read_strings(con: Connection) -> LakeStrings:
     Raises:
         UserError: the lake has none yet.
     """
-    there = fetch(con, "has_symbol_tables")  # not in lakes made before there were any
-    codes = fetch(con, "posture_codes") if there else []
+    codes = fetch(con, "posture_codes")
     if not codes:
         raise UserError("the lake has no symbol strings yet; make them with `motionlake run all`")
     rows = fetch_table(con, "symbol_strings")

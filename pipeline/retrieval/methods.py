@@ -60,10 +60,9 @@ def ready_methods(con: Connection) -> list[str]:
     """Those of `SINGLE` whose tables the lake has."""
     from motionlake.stages.descriptors import served_network
 
-    strings = fetch(con, "has_symbol_tables")  # not in lakes made before there were any
     ready = {
         "signature": bool(fetch(con, "corpus_motifs")),
-        "alignment": bool(strings and fetch(con, "posture_codes")),
+        "alignment": bool(fetch(con, "posture_codes")),
         "descriptor": served_network(con) is not None,
     }
     return [name for name in SINGLE if ready[name]]

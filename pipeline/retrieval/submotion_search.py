@@ -90,9 +90,7 @@ class SubmotionFinder:
             raise UserError(f"{lake.root}: has no windows to find pieces in yet; make them with `motionlake run all`")
         self._con, self._lake, self._file = con, lake, served.file
         self._words = load_config(lake.config_file).words
-        # A lake made before there were synthetic clips has a macro that does not know of them.
-        known = real and fetch(con, "has_synthetic_table")
-        self._query = "recorded_clips_holding" if known else "clips_holding"
+        self._query = "recorded_clips_holding" if real else "clips_holding"
 
     def in_clip(
         self,

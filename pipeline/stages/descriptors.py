@@ -112,8 +112,6 @@ def _rows(names: list[str], vectors: Float32Array, part: str) -> pa.Table:
 
 def served_network(con: Connection) -> Model | None:
     """The network whose descriptors the lake serves: those of another do not compare with them."""
-    if not fetch(con, "has_descriptors_table"):
-        return None  # a lake made before there were descriptors
     rows = fetch(con, "served_descriptors")
     return model_of(rows[0]) if rows else None
 

@@ -15,7 +15,7 @@ import numpy as np
 import pyarrow as pa
 from motionlake.deep_motifs.motifs import assign
 from motionlake.deep_motifs.words.windows import word_windows
-from motionlake.lake.catalog import Connection, fetch, run_sql
+from motionlake.lake.catalog import Connection, run_sql
 from motionlake.lake.config import LakeConfig
 from motionlake.lake.layout import Lake
 from motionlake.lake.models import Model
@@ -77,12 +77,6 @@ def run(lake_root: Path, shard: Shard) -> ShardResult:
 def _rows(clip: str, shard: Shard, found: np.ndarray) -> pa.Table:
     keys = [pa.repeat(pa.scalar(value), len(found)) for value in (clip, shard.part)]
     return pa.Table.from_arrays([*keys, pa.array(found, pa.int32())], schema=ROWS)
-
-
-def see_table(con: Connection) -> None:
-    """Let a connection see an empty table of mirrored signatures in a lake made before there was one."""
-    if not fetch(con, "has_mirrored_table"):
-        run_sql(con, "no_mirrored_table")
 
 
 def load(con: Connection, root: Path, results: Sequence[ShardResult]) -> None:

@@ -125,8 +125,6 @@ def _rows(names: list[str], windows: list[Window], vectors: Float32Array, part: 
 
 def served_network(con: Connection) -> Model | None:
     """The network whose windows the lake serves: those of another do not compare with them."""
-    if not fetch(con, "has_submotions_table"):
-        return None  # a lake made before there were any
     rows = fetch(con, "served_submotions")
     return model_of(rows[0]) if rows else None
 

@@ -96,12 +96,6 @@ def served_model(con: Connection) -> str | None:
     return str(rows[0]["model"]) if rows else None
 
 
-def see_tables(con: Connection) -> None:
-    """Let a connection see empty tables in a lake made before there were strings."""
-    if not fetch(con, "has_symbol_tables"):
-        run_sql(con, "no_symbol_tables")
-
-
 def load(con: Connection, root: Path, results: Sequence[ShardResult]) -> None:
     """Replace the strings of the parts in the results; a new dictionary replaces the old, with all of its strings.
 

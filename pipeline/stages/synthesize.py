@@ -112,8 +112,6 @@ def _identity(request: Request, starts: Sequence[Start], motion: Motion) -> list
 
 def _there(con: Connection, dataset: str) -> dict[str, str]:
     """Key of every synthetic clip of a dataset."""
-    if not fetch(con, "has_synthetic_table"):
-        return {}  # a lake made before there were any
     return {r["clip"]: r["key"] for r in fetch(con, "synthetic_keys", {"dataset": dataset})}
 
 

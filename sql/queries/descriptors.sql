@@ -30,9 +30,3 @@ ORDER BY rank;
 SELECT d.clip, c.label, c.dataset, c.seconds, c.format = 'synthetic' AS synthetic, d.descriptor
 FROM descriptors d JOIN clips c USING (clip)
 ORDER BY clip;
-
--- name: has_descriptors_table
-SELECT 1 AS there FROM duckdb_tables() WHERE table_name = 'descriptors';
-
--- name: has_submotions_table
-SELECT 1 AS there FROM duckdb_tables() WHERE table_name = 'submotions';

@@ -21,14 +21,6 @@ ORDER BY clip;
 DELETE FROM postures;
 DELETE FROM symbol_strings;
 
--- name: has_symbol_tables
-SELECT 1 AS there FROM duckdb_tables() WHERE table_name = 'symbol_strings';
-
--- name: no_symbol_tables
--- For a connection to a lake made before there were such tables: macros bind what they name when they are made.
-CREATE TEMP TABLE postures (symbol INTEGER, model VARCHAR, code FLOAT[]);
-CREATE TEMP TABLE symbol_strings (clip VARCHAR, symbols INTEGER[], starts BIGINT[], part VARCHAR);
-
 -- name: posture_codes
 SELECT model, code FROM postures ORDER BY symbol;
 

@@ -9,3 +9,9 @@ SET file_search_path = $root;
 -- A database instance of its own: others in this process may have an earlier catalog open, or functions of these names.
 ATTACH $catalog AS lake (READ_ONLY);
 USE lake;
+
+-- name: schema_version
+SELECT coalesce(max(version), 0) AS version FROM schema_version;
+
+-- name: set_schema_version
+INSERT INTO schema_version VALUES ($version);

@@ -66,13 +66,6 @@ SELECT clip,
     list_transform(range((SELECT count(*) FROM motifs)), lambda m: coalesce(mass[m::INTEGER], 0) / total)::FLOAT[] AS signature
 FROM weights ORDER BY clip;
 
--- name: no_mirrored_table
--- For a connection to a lake made before there was such a table: macros bind what they name when they are made.
-CREATE TEMP TABLE mirrored_signatures (clip VARCHAR, signature FLOAT[]);
-
--- name: has_mirrored_table
-SELECT 1 AS there FROM duckdb_tables() WHERE table_name = 'mirrored_signatures';
-
 -- name: has_signature
 SELECT clip FROM signatures WHERE clip = $clip;
 

@@ -53,6 +53,3 @@ SELECT s.clip, s.key FROM synthetic s JOIN clips c USING (clip) WHERE c.dataset 
 
 -- name: synthetic_paths
 SELECT dataset, path FROM clips WHERE dataset = $dataset AND format = 'synthetic' ORDER BY path;
-
--- name: has_synthetic_table
-SELECT 1 AS there FROM duckdb_tables() WHERE table_name = 'synthetic';

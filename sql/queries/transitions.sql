@@ -1,7 +1,3 @@
--- name: has_transitions
--- Lakes made before there was such a table have none.
-SELECT table_name FROM duckdb_tables() WHERE table_name = 'transitions';
-
 -- name: load_transitions
 DELETE FROM transitions WHERE from_clip IN (SELECT clip FROM clips WHERE dataset = $dataset);
 INSERT INTO transitions BY NAME

@@ -1,5 +1,5 @@
 -- Signatures of the clips mirrored left to right, over the same motifs and with the same idf.
-CREATE TABLE IF NOT EXISTS mirrored_signatures (
+CREATE TABLE mirrored_signatures (
     clip VARCHAR PRIMARY KEY,
     signature FLOAT[] NOT NULL
 );

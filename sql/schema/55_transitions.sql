@@ -1,5 +1,5 @@
 -- Transitions of motion graphs, both ways; frames at the clip's own rate (Deep Motifs, section 6.4).
-CREATE TABLE IF NOT EXISTS transitions (
+CREATE TABLE transitions (
     from_clip VARCHAR NOT NULL,
     from_frame BIGINT NOT NULL,      -- the clip is left here
     from_word INTEGER NOT NULL,

@@ -1,5 +1,5 @@
 -- Windows of clips as the second network sees them (DeepHuMS, section 3.3.5); frames are the clip's own.
-CREATE TABLE IF NOT EXISTS submotions (
+CREATE TABLE submotions (
     clip VARCHAR NOT NULL,
     start BIGINT NOT NULL,
     stop BIGINT NOT NULL,

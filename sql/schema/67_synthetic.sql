@@ -1,5 +1,5 @@
 -- Lineage of the clips that a generator made (`motionlake synthesize`).
-CREATE TABLE IF NOT EXISTS synthetic (
+CREATE TABLE synthetic (
     clip VARCHAR PRIMARY KEY,
     model VARCHAR NOT NULL,          -- the generator
     config VARCHAR NOT NULL,         -- its configuration, JSON

@@ -50,7 +50,7 @@ def described_clips(con: Connection, dataset: str | None = None, column: str = "
         UserError: no such column, no descriptors, or no labelled clip that has one.
     """
     check_column(con, column)
-    if not fetch(con, "has_descriptors_table"):  # not in lakes made before there were any
+    if not fetch(con, "served_descriptors"):
         raise UserError("the lake has no descriptors yet; make them with `motionlake run all`")
     rows = fetch(con, "described_clips", {"dataset": dataset, "column": column})
     if not rows:

@@ -16,7 +16,6 @@ from duckdb.func import ARROW, SPECIAL
 from duckdb.sqltypes import BIGINT, BOOLEAN, DOUBLE, INTEGER, VARCHAR
 from motionlake.lake.catalog import Connection, reading
 from motionlake.lake.layout import Lake
-from motionlake.stages import symbols
 
 if TYPE_CHECKING:
     from motionlake.retrieval.aligner import Aligner
@@ -43,7 +42,6 @@ def register(con: Connection, lake: Lake) -> None:
     - `align_wholes(clip VARCHAR, k BIGINT, within VARCHAR, stride BIGINT, method VARCHAR, real BOOLEAN)
       -> STRUCT(rank, clip, cost, label, dataset, seconds)[]`: see `Aligner.whole`.
     """
-    symbols.see_tables(con)
     served = _Served(lake)
 
     def ranges(  # DuckDB counts the parameters

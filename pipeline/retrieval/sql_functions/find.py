@@ -14,7 +14,6 @@ from duckdb.func import ARROW, SPECIAL
 from duckdb.sqltypes import BIGINT, BOOLEAN, DOUBLE, VARCHAR
 from motionlake.lake.catalog import Connection, reading
 from motionlake.lake.layout import Lake
-from motionlake.stages import mirrored
 
 if TYPE_CHECKING:
     from motionlake.deep_motifs.corpus import Corpus
@@ -41,7 +40,6 @@ def register(con: Connection, lake: Lake) -> None:
     STRUCT(rank, clip, start, stop, distance, mirrored, label, dataset, start_seconds, seconds)[]`: see
     `motionlake.retrieval.query_by_example.Finder.in_clip`. NULL for `start`, `stop` or `within` leaves them open.
     """
-    mirrored.see_table(con)
     served = _Served(lake)
 
     def found(  # DuckDB counts the parameters
