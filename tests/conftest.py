@@ -1,16 +1,21 @@
-"""Fixtures shared by all tests, and the count of the tests that ran without real recordings."""
+"""Fixtures shared by all tests, the order of test files, and what was skipped for want of real recordings."""
 
 from __future__ import annotations
 
 import os
 import shutil
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from distributed import LocalCluster
 
-from tests.lakes import made_clips, motionlake, quick_lake, real_clips
+from tests.lakes import made_clips, made_once, motionlake, quick_lake, real_clips
+
+# The longest files first: where processes share the files out, no long one is left for the end.
+LONGEST = ("test_readme", "test_lake_faults", "test_training", "test_lake_cluster", "test_lake_updates",
+           "test_motion_graph", "test_synthesize_faults", "test_align", "test_alignment")  # fmt: skip
 
 
 @pytest.fixture(scope="session")
@@ -23,32 +28,39 @@ def recordings() -> Path:
 
 
 @pytest.fixture(scope="session")
-def clips_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def shared(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder of this run, which the processes of pytest-xdist have in common: for what `made_once` makes."""
+    folder = tmp_path_factory.getbasetemp()
+    return (folder.parent if "PYTEST_XDIST_WORKER" in os.environ else folder) / "shared"
+
+
+@pytest.fixture(scope="session")
+def clips_folder(shared: Path) -> Path:
     """A folder of small clips of three rigs with labels: real ones where they are at hand, else made ones."""
-    folder = tmp_path_factory.mktemp("source") / "clips"
     data = os.environ.get("MOTIONLAKE_DATA")
-    if data:
-        real_clips(Path(data), folder, 5)
-    else:
-        made_clips(folder, 5)
-    return folder
+    return made_once(
+        shared / "clips", lambda folder: real_clips(Path(data), folder, 5) if data else made_clips(folder, 5)
+    )
 
 
 @pytest.fixture(scope="session")
 def scheduler() -> Iterator[str]:
-    """The address of a Dask cluster that all tests share."""
-    with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address="127.0.0.1:0") as cluster:
+    """The address of a Dask cluster that all tests of a process share."""
+    with LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address="127.0.0.1:0") as cluster:
         yield cluster.scheduler_address
 
 
 @pytest.fixture(scope="session")
-def built_lake(tmp_path_factory: pytest.TempPathFactory, clips_folder: Path, scheduler: str) -> Path:
+def built_lake(shared: Path, clips_folder: Path, request: pytest.FixtureRequest) -> Path:
     """A lake of `clips_folder` with every stage made; tests read it, and copy it to change it (`lake`)."""
-    lake = quick_lake(tmp_path_factory.mktemp("lakes") / "built")
-    for words in (["ingest", clips_folder], ["run", "all"]):
-        run = motionlake(*words, "--lake", lake, "--scheduler", scheduler)
-        assert run.status == 0, run.err
-    return lake
+
+    def build(lake: Path) -> None:
+        quick_lake(lake)
+        for words in (["ingest", clips_folder], ["run", "all"]):
+            run = motionlake(*words, "--lake", lake, "--scheduler", request.getfixturevalue("scheduler"))
+            assert run.status == 0, run.err
+
+    return made_once(shared / "lakes" / "built", build)
 
 
 @pytest.fixture
@@ -57,14 +69,22 @@ def lake(tmp_path: Path, built_lake: Path) -> Path:
     return Path(shutil.copytree(built_lake, tmp_path / "lake"))
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    places = {name: place for place, name in enumerate(LONGEST)}
+    items.sort(key=lambda item: places.get(item.path.stem, len(LONGEST)))
+
+
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
-    """Name what was skipped, and say how many tests ran without real recordings."""
+    """Say in one line how many tests ran without real recordings, and which were skipped for want of them."""
     if os.environ.get("MOTIONLAKE_DATA"):
         return
     ran = len(terminalreporter.stats.get("passed", [])) + len(terminalreporter.stats.get("failed", []))
-    skipped = len(terminalreporter.stats.get("skipped", []))
-    if not ran + skipped:
+    reports = terminalreporter.stats.get("skipped", [])
+    files = Counter(Path(report.fspath).stem for report in reports if "MOTIONLAKE_DATA" in str(report.longrepr))
+    if not ran + len(reports):
         return
+    skipped = ", ".join(f"{name} {count}" for name, count in sorted(files.items()))
     terminalreporter.write_line(
-        f"without real recordings: {ran} tests ran (made clips stand in where they can), {skipped} need MOTIONLAKE_DATA"
+        f"without real recordings: {ran} tests ran (made clips stand in where they can), "
+        f"{files.total()} need MOTIONLAKE_DATA{': ' * bool(skipped)}{skipped}"
     )

@@ -23,20 +23,31 @@ def run_all(lake: Path, scheduler: str, *more: str) -> dict[str, int]:
     return {row["stage"]: row["shards"] for row in run.json}
 
 
-@pytest.fixture
-def source(tmp_path: Path, clips_folder: Path) -> Path:
-    """A copy of the clips under their own name, so that a test may change them."""
-    return Path(shutil.copytree(clips_folder, tmp_path / "mine" / "clips"))
-
-
-@pytest.fixture
-def own_lake(tmp_path: Path, lake: Path, source: Path, scheduler: str) -> Path:
-    """A copy of the built lake that has taken in `source` in place of the shared folder."""
+@pytest.fixture(scope="module")
+def taken_in(tmp_path_factory: pytest.TempPathFactory, built_lake: Path, clips_folder: Path, scheduler: str) -> Path:
+    """A folder with a copy of the clips under their own name, and a lake that has taken in these and no others."""
+    folder = tmp_path_factory.mktemp("mine")
+    lake = Path(shutil.copytree(built_lake, folder / "lake"))
+    source = Path(shutil.copytree(clips_folder, folder / "clips"))
     motionlake("remove", "--dataset", "clips", "--lake", lake)
     run = ingest(source, lake, scheduler)
     assert run.status == 0, run.err
     run_all(lake, scheduler)
-    return lake
+    shutil.copytree(source, folder / "untouched")
+    return folder
+
+
+@pytest.fixture
+def source(taken_in: Path) -> Path:
+    """The copy of the clips as it was taken in, so that a test may change it."""
+    shutil.rmtree(taken_in / "clips")
+    return Path(shutil.copytree(taken_in / "untouched", taken_in / "clips"))
+
+
+@pytest.fixture
+def own_lake(tmp_path: Path, taken_in: Path) -> Path:
+    """A copy of the lake that has taken in `source`."""
+    return Path(shutil.copytree(taken_in / "lake", tmp_path / "lake"))
 
 
 def clip_files(source: Path) -> list[Path]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import shlex
 import shutil
 import subprocess
 import sys
@@ -12,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.lakes import QUICK, query
+from tests.lakes import QUICK, Run, motionlake, query, quick_lake
 from tests.samples import deepmimic_frames, deepmimic_text
 
 ROOT = Path(__file__).parents[1]
@@ -46,19 +47,27 @@ def motions(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_readme_s_commands_run(motions: Path) -> None:
+def run_line(line: str, scheduler: str) -> Run:
+    """Run a line of shell that calls motionlake, within this process and on the cluster that tests share."""
+    name, command, *words = shlex.split(line)
+    assert Path(name).name == "motionlake", line
+    distributed = ["--scheduler", scheduler] if command in {"ingest", "run", "synthesize"} else []
+    return motionlake(command, *words, *distributed)
+
+
+def test_readme_s_commands_run(motions: Path, scheduler: str, monkeypatch: pytest.MonkeyPatch) -> None:
     base = motions.parents[1]
+    monkeypatch.chdir(base)
     commands = [
         line for block in re.findall(r"```sh\n(.*?)```", README, re.DOTALL) for line in block.strip().splitlines()
     ]
     assert len(commands) > 10
-    assert shell("motionlake init mylake", base).returncode == 0
-    (base / "mylake" / "config.toml").write_text(QUICK, encoding="utf-8")
+    quick_lake(base / "mylake")
     for command in commands:
-        run = shell(command, base)
+        run = run_line(command, scheduler)
         # 1: the robot dog among the fetched motions is rejected
-        assert run.returncode in (0, 1), f"{command}: {run.stderr}"
-        assert run.stdout.strip() or "rejects" in command, command
+        assert run.status in (0, 1), f"{command}: {run.err}"
+        assert run.out.strip() or "rejects" in command, command
     assert (base / "walk.bvh").is_file()
 
 
@@ -81,16 +90,21 @@ def test_the_demo_with_a_folder_of_one_s_own(motions: Path, tmp_path: Path) -> N
     assert query(tmp_path / "lake", "SELECT count(*) > 5 FROM signatures") == [(True,)]
 
 
-def test_stages_are_targets(motions: Path, tmp_path: Path) -> None:
-    lake = tmp_path / "lake"
-    assert shell(f"motionlake init {lake}", tmp_path).returncode == 0
-    (lake / "config.toml").write_text(QUICK, encoding="utf-8")
+def test_stages_are_targets(motions: Path, tmp_path: Path, scheduler: str) -> None:
+    lake = quick_lake(tmp_path / "lake")
     source = tmp_path / "clips"
     source.mkdir()
     for path in sorted(motions.glob("humanoid3d_*.txt"))[:5]:
         shutil.copyfile(path, source / path.name)
-    run = shell(f"make ingest frames words embed motifs signatures status SRC={source} LAKE={lake}", ROOT)
-    assert run.returncode == 0, run.stderr
+    targets = "ingest frames words embed motifs signatures status"
+    printed = shell(f"make --dry-run {targets} SRC={source} LAKE={lake}", ROOT)
+    assert printed.returncode == 0, printed.stderr
+    lines = [line for line in printed.stdout.splitlines() if "bin/motionlake" in line]
+    assert len(lines) == len(targets.split())
+    for line in lines:
+        run = run_line(line, scheduler)
+        assert run.status == 0, f"{line}: {run.err}"
+        assert run.out.strip(), line
     assert query(lake, "SELECT count(*) FROM signatures") == [(5,)]
 
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import torch
 from motionlake.arrays import Float32Array, Float64Array
+from motionlake.deep_motifs.words import training
 from motionlake.deep_motifs.words.config import NetworkConfig
 from motionlake.deep_motifs.words.dtw import word_distances
 from motionlake.deep_motifs.words.linear import LinearConfig, linear_embedding, nearest_elsewhere
@@ -203,14 +204,19 @@ class KilledError(Exception):
     """Stands for a kill between two steps."""
 
 
-@pytest.mark.parametrize("architecture", ["conv", "inception736"])
-def test_training_resumed_from_a_checkpoint_gives_the_same_weights(architecture: str, tmp_path: Path) -> None:
-    config = NetworkConfig(architecture, steps=130 if architecture == "conv" else 104, max_words=150)
+# Steps of a whole training, and those after which a checkpoint is made and the training is killed.
+@pytest.mark.parametrize(("architecture", "steps", "every"), [("conv", 130, 100), ("inception736", 7, 4)])
+def test_training_resumed_from_a_checkpoint_gives_the_same_weights(
+    architecture: str, steps: int, every: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(training, "CHECKPOINT_EVERY", every)
+    monkeypatch.setattr(training, "REPORT_EVERY", every)
+    config = NetworkConfig(architecture, steps=steps, max_words=150)
     recipe = Recipe(TripletConfig(anchors=60), batch=8, pool=16)
     whole = train_words(clips(12), CONFIG, config, recipe=recipe)
 
     def killed(step: int, steps: int, loss: float) -> None:
-        if step == 100:
+        if step == every:
             raise KilledError
 
     kept = tmp_path / "checkpoint"
@@ -221,7 +227,7 @@ def test_training_resumed_from_a_checkpoint_gives_the_same_weights(architecture:
     resumed = train_words(
         clips(12), CONFIG, config, recipe=recipe, checkpoint=kept, progress=lambda step, steps, loss: seen.append(step)
     )
-    assert seen[0] > 100
+    assert seen[0] > every
     assert not kept.exists()
     resumed.save(tmp_path / "resumed")
     whole.save(tmp_path / "whole")
@@ -264,7 +270,8 @@ def test_a_word_is_embedded_alike_in_any_company(trained: TrainedNetwork) -> Non
 
 @pytest.mark.parametrize("architecture", ["linear", "conv", "inception736"])
 def test_a_saved_network_is_the_same_network(architecture: str, tmp_path: Path) -> None:
-    network = train_words(clips(6), CONFIG, NetworkConfig(architecture, steps=1, max_words=70))
+    recipe = Recipe(batch=8, pool=16)
+    network = train_words(clips(6), CONFIG, NetworkConfig(architecture, steps=1, max_words=70), recipe=recipe)
     network.save(tmp_path / "network")
     again = load_network(tmp_path / "network")
     words = word_windows(clips(6)[2], CONFIG)
