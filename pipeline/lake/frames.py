@@ -12,6 +12,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 from motionlake.errors import UserError
+from motionlake.lake.motion_footer import open_frames
 from motionlake.motion.skeleton import JOINTS
 from numpy.typing import NDArray
 
@@ -96,9 +97,9 @@ def read_part(path: Path, clips: Collection[str] | None = None) -> Iterator[Fram
     wanted = None if clips is None else frozenset(clips)
     pending: list[pa.Table] = []
     current: str | None = None
-    for batch in pq.ParquetFile(path).iter_batches(batch_size=65_536):
+    for batch in open_frames(path).iter_batches(batch_size=65_536):
         table = pa.Table.from_batches([batch])
-        for clip, rows in _runs(table):
+        for clip, rows in runs(table):
             if wanted is not None and clip not in wanted:
                 continue
             if clip != current and current is not None:
@@ -110,7 +111,8 @@ def read_part(path: Path, clips: Collection[str] | None = None) -> Iterator[Fram
         yield from_table(current, pa.concat_tables(pending))
 
 
-def _runs(table: pa.Table) -> Iterator[tuple[str, pa.Table]]:
+def runs(table: pa.Table) -> Iterator[tuple[str, pa.Table]]:
+    """(clip, its rows) for rows clip by clip."""
     start = 0
     for clip, stop in runs_of(table.column("clip")):
         yield clip, table.slice(start, stop - start)
@@ -125,22 +127,26 @@ def runs_of(column: pa.ChunkedArray) -> Iterator[tuple[str, int]]:
 
 def lengths(path: Path) -> dict[str, tuple[float, int]]:
     """(frames a second, number of frames) of every clip of a frames part."""
-    table = pq.read_table(path, columns=["clip", "fps"])
-    found: dict[str, tuple[float, int]] = {}
-    start = 0
-    for clip, stop in runs_of(table.column("clip")):
-        found[clip] = (table.column("fps")[start].as_py(), stop - start)
-        start = stop
-    return found
+    table = open_frames(path).read(columns=["clip", "fps"])
+    return {clip: (rows.column("fps")[0].as_py(), rows.num_rows) for clip, rows in runs(table)}
 
 
 def read_clips(path: Path, clips: Sequence[str]) -> Iterator[Frames]:
-    """Some clips of a frames part, in its order."""
-    table = pq.read_table(path, columns=["clip", "frame", "fps", *CHANNELS], filters=[("clip", "in", list(clips))])
-    yield from (from_table(clip, rows) for clip, rows in _runs(table))
+    """Some clips of a frames part, in its order; row groups without them are not read."""
+    part = open_frames(path)
+    groups = [i for i in range(part.num_row_groups) if _may_hold(part.metadata.row_group(i).column(0), clips)]
+    table = part.read_row_groups(groups, columns=["clip", "frame", "fps", *CHANNELS])
+    yield from (from_table(clip, rows) for clip, rows in runs(table.filter(pc.field("clip").isin(list(clips)))))
+
+
+def _may_hold(column: pq.ColumnChunkMetaData, clips: Sequence[str]) -> bool:
+    bounds = column.statistics
+    return bounds is None or not bounds.has_min_max or any(bounds.min <= clip <= bounds.max for clip in clips)
 
 
 def read_clip(path: Path, clip: str) -> Frames:
-    """One clip of a frames part."""
-    table = pq.read_table(path, columns=["frame", "fps", *CHANNELS], filters=[("clip", "==", clip)])
-    return from_table(clip, table.sort_by("frame"))
+    """One clip of a frames part. Raises `UserError` where the part does not hold it."""
+    found = next(read_clips(path, [clip]), None)
+    if found is None:
+        raise UserError(f"{path}: does not hold {clip}; the catalog and its parts do not belong together")
+    return found

@@ -72,8 +72,10 @@ class PartWriter:
             self._writer.write_table(pa.concat_tables(self._pending), row_group_size=ROW_GROUP)
             self._pending, self._pending_rows = [], 0
 
-    def close(self) -> None:
+    def close(self, metadata: Mapping[str, str] | None = None) -> None:
+        """Write what is left, and more keys of the footer."""
         self._flush()
+        self._writer.add_key_value_metadata(dict(metadata or {}))
         self._writer.close()
 
 
