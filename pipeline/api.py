@@ -403,7 +403,7 @@ class Lake:
         found = self._lake.catalog.stat()
         if self._connection is None or self._served != (found.st_ino, found.st_mtime_ns):
             self.close()
-            self._connection, self._served = connect(self._lake.root), (found.st_ino, found.st_mtime_ns)
+            self._connection, self._served = connect(self._lake.root, apart=True), (found.st_ino, found.st_mtime_ns)
         return self._connection
 
     def _keep(self, key: tuple[object, ...], make: Callable[[], T]) -> T:

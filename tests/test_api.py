@@ -168,6 +168,20 @@ def test_what_runs_add_is_seen(folder: Path, tmp_path: Path, scheduler: str) -> 
             assert len(second.clips()) == len(lake.clips()) == 2
 
 
+def test_two_connections_of_a_process_have_the_functions(lake: motionlake.Lake) -> None:
+    text = "SELECT count(*) FROM similar_clips($clip, 2)"
+    first = motionlake.connect("mylake")
+    second = motionlake.connect("mylake")
+    try:
+        assert (
+            first.execute(text, {"clip": WALK}).fetchall() == second.execute(text, {"clip": WALK}).fetchall() == [(2,)]
+        )
+        assert second.cursor().execute("SELECT count(*) FROM clips").fetchall() == [(6,)]
+    finally:
+        first.close()
+        second.close()
+
+
 def test_synthesized_motion_is_that_of_sql(lake: motionlake.Lake) -> None:
     motion = lake.synthesize(["walk", "salsa"], 2.0, seed=3, start=WALK)
     text = "SELECT root_x, head_y FROM synthesize(['walk', 'salsa'], 2.0, seed := 3, start := $start) ORDER BY frame"

@@ -118,13 +118,17 @@ def reading(lake: Lake) -> Iterator[Connection]:
         con.close()
 
 
-def connect_read_only(lake: Lake) -> Connection:
+def connect_read_only(lake: Lake, *, apart: bool = False) -> Connection:
     """Open the catalog for reading.
+
+    Args:
+        apart: the catalog of now. Otherwise a process that has it open already sees that, perhaps older, one; but
+            cursors of the connection see the lake's tables without `USE lake`.
 
     Raises:
         UserError: the lake is of another version, somebody has the catalog open for writing, or it is damaged.
     """
-    con = open_catalog(lake)
+    con = open_catalog(lake, apart=apart)
     try:
         check_version(con, lake)
     except BaseException:
@@ -133,15 +137,15 @@ def connect_read_only(lake: Lake) -> Connection:
     return con
 
 
-def open_catalog(lake: Lake) -> Connection:
+def open_catalog(lake: Lake, *, apart: bool = False) -> Connection:
     """Open the catalog of a lake of any version for reading. Raises `UserError` where that cannot be done."""
     import duckdb
 
-    con = duckdb.connect(":memory:")
     try:
-        run_sql(con, "open_catalog", {"catalog": str(lake.catalog)})
+        con = duckdb.connect() if apart else duckdb.connect(str(lake.catalog), read_only=True)
+        if apart:
+            run_sql(con, "open_catalog", {"catalog": str(lake.catalog)})
     except duckdb.Error as error:
-        con.close()
         reason = str(error).splitlines()[0]
         todo = next((todo for word, todo in _TO_DO.items() if word in reason), "put back a copy, or make a new lake")
         raise UserError(f"{lake.catalog}: cannot be opened for reading ({reason}); {todo}") from error

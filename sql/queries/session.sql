@@ -6,7 +6,7 @@ SET threads = 1;
 SET file_search_path = $root;
 
 -- name: open_catalog
--- A database instance of its own: others in this process may have an earlier catalog open, or functions of these names.
+-- In a database instance of its own: others in this process may have an earlier catalog open.
 ATTACH $catalog AS lake (READ_ONLY);
 USE lake;
 
@@ -15,3 +15,7 @@ SELECT coalesce(max(version), 0) AS version FROM schema_version;
 
 -- name: set_schema_version
 INSERT INTO schema_version VALUES ($version);
+
+-- name: has_functions
+-- Connections of a process to one catalog share the functions that the first of them made.
+SELECT 1 FROM duckdb_functions() WHERE function_name = 'emd' LIMIT 1;
