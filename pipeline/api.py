@@ -139,7 +139,8 @@ class Lake:
 
         Args:
             clip: the frames of one clip.
-            where, equal: the frames of the clips that `clips` gives for them.
+            where: the frames of the clips that `clips` gives for this condition.
+            equal: and for these values.
             columns: these alone.
 
         Raises:
@@ -216,11 +217,13 @@ class Lake:
 
         Args:
             query: a clip of the lake, or a clip file.
-            start, stop: frames [start, stop) of it, at its own rate; None for its first and its last.
+            start: its first frame that is asked for, at its own rate; by default 0.
+            stop: the frame after the last; by default that after its last.
             k: how many at most.
             method: "words" (histograms of motion words; Deep Motifs, section 6.1) or "submotion" (a network that says
                 which clips hold the motion; DeepHuMS, section 3.3.5).
-            dataset, recorded_only: as in `search`.
+            dataset: from its clips only.
+            recorded_only: synthetic clips are no answers.
             mirrored: look for the mirrored query too ("words" only).
             own: ranges that overlap the query in its own clip may be answers.
 
@@ -262,7 +265,12 @@ class Lake:
             ['clip', 'query']
 
         Args:
-            query, start, stop, k, dataset, recorded_only: as in `find`.
+            query: a clip of the lake, or a clip file.
+            start: its first frame that is asked for, at its own rate; by default 0.
+            stop: the frame after the last; by default that after its last.
+            k: how many at most.
+            dataset: from its clips only.
+            recorded_only: synthetic clips are no answers.
             method: "sta" (strided temporal alignment), "dtw" or "sw" (Smith-Waterman); by default that of config.toml.
             stride: how many symbols "sta" may skip at a time, plus one; by default that of config.toml.
             crossing: a match may begin in one clip and end in a later one.
