@@ -6,10 +6,14 @@ import json
 import os
 import re
 import shutil
+import subprocess
+import sys
 import tomllib
+from importlib.metadata import version
 from pathlib import Path
 
 import pytest
+from motionlake import cli
 from motionlake.cli.common import frame_or_seconds
 from motionlake.cli.main import COMMANDS
 from motionlake.jobs.run import BY_NAME, STAGES
@@ -18,6 +22,10 @@ from motionlake.motion import rigs
 from tests.lakes import QUICK, Run, assert_same, finish, motionlake, query, quick_lake, start, tables
 from tests.samples import BVH, KINECT_1, KINECT_1_PARENTS, npz_bytes, swinging_body
 
+NAMES = [name for commands in COMMANDS.values() for name in commands]
+# What computes, and takes long to import.
+HEAVY = {"torch", "numba", "ot", "dask", "distributed", "sklearn", "matplotlib"}
+LIBRARIES = {"scipy", "duckdb", "pyarrow", "pandas"}
 CREATES = ("init", "ingest")
 COMMAND_LINES = {
     "ingest": ["ingest", "{source}"],
@@ -40,10 +48,84 @@ def assert_clear(run: Run, *parts: str) -> None:
         assert part in line, line
 
 
-@pytest.mark.parametrize("command", COMMANDS)
+def imported_by(*words: str | Path) -> set[str]:
+    """The modules that a run of the command line imports in a process of its own."""
+    code = (
+        "import sys; from motionlake.cli.main import main\ntry: main()\nfinally: print(*sys.modules, file=sys.stderr)"
+    )
+    run = subprocess.run([sys.executable, "-c", code, *map(str, words)], capture_output=True, text=True, check=False)
+    assert run.returncode == 0, run.stderr
+    return set(run.stderr.splitlines()[-1].split())
+
+
+def test_help_imports_no_command_and_no_library_but_typer() -> None:
+    modules = imported_by("--help")
+    assert {m for m in modules if m.startswith("motionlake")} == {
+        "motionlake", "motionlake.errors", "motionlake.cli", "motionlake.cli.main", "motionlake.cli.common",
+    }  # fmt: skip
+    assert not modules & {*HEAVY, *LIBRARIES, "numpy", "rich"}
+
+
+def test_the_package_alone_imports_nothing() -> None:
+    code = "import sys; before = set(sys.modules); import motionlake; print(*set(sys.modules) - before)"
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert {m.partition(".")[0] for m in run.stdout.split()} - sys.stdlib_module_names == {"motionlake"}
+
+
+def test_help_lists_every_command_by_what_it_is_for() -> None:
+    run = motionlake("--help")
+    words = " ".join(run.out.split())
+    for title, commands in COMMANDS.items():
+        assert f"{title}:" in words
+        for name, line in commands.items():
+            assert f"{name} {line}" in words
+    modules = {p.stem for p in Path(cli.__file__).parent.iterdir() if not p.name.startswith("_")}
+    assert set(NAMES) <= modules
+    assert motionlake("-h").out == run.out
+
+
+def test_the_version() -> None:
+    assert motionlake("--version").out == f"motionlake {version('motionlake')}\n"
+
+
+def test_a_command_that_is_not_there() -> None:
+    run = motionlake("serch", "x")
+    assert run.status == 2
+    assert "Did you mean 'search'?" in run.err
+
+
+@pytest.mark.parametrize("words", [["{lake}"], ["--lake", "{lake}"], ["{lake}", "--lake", "{lake}"]])
+def test_init_takes_the_folder_either_way(tmp_path: Path, words: list[str]) -> None:
+    lake = tmp_path / "lake"
+    run = motionlake("init", *(word.format(lake=lake) for word in words))
+    assert run.status == 0, run.err
+    assert (lake / "config.toml").is_file()
+
+
+def test_init_needs_one_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert_clear(motionlake("init"), "name the folder")
+    assert_clear(motionlake("init", tmp_path / "a", "--lake", tmp_path / "b"), "two folders")
+    monkeypatch.setenv("MOTIONLAKE_LAKE", str(tmp_path / "c"))
+    assert motionlake("init", tmp_path / "a").status == 0
+    assert motionlake("init").status == 0
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["a", "c"]
+
+
+def test_ctrl_c_says_how_to_go_on(built_lake: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupt(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("motionlake.cli.export.own_rig", interrupt)
+    clip = query(built_lake, "SELECT clip FROM clips LIMIT 1")[0][0]
+    assert_clear(motionlake("export", clip, "--lake", built_lake), "interrupted", "the same command goes on")
+
+
+@pytest.mark.parametrize("command", NAMES)
 def test_every_command_has_an_example(command: str) -> None:
     run = motionlake(command, "--help")
     assert run.status == 0
+    listed = next(commands[command] for commands in COMMANDS.values() if command in commands)
+    assert " ".join(run.out.split("\n\n")[1].split()) == listed
     assert re.search(rf"Example: motionlake\s+{command}", run.out)
     assert "--json" in run.out
 

@@ -17,10 +17,6 @@ from motionlake.lake.layout import check_dataset, open_lake
 from motionlake.lake.resolve import resolve_clip
 
 
-def add_to(app: typer.Typer) -> None:
-    app.command()(align)
-
-
 def align(
     lake: LakeOption,
     query: Annotated[str, typer.Argument(help="A clip of the lake, or a clip file.", show_default=False)],
@@ -45,9 +41,9 @@ def align(
     picture: PictureOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Where a motion occurs inside the clips, by alignment of strings of postures: ranges of frames, cheapest first.
+    """Where a piece of motion occurs inside other clips, pose by pose, and which poses match.
 
-    Frames are the clip's own, from 0.
+    The answers are ranges of frames (the clip's own, from 0), those whose postures align at the lowest cost first.
 
     Example: motionlake align 13_29 --from 4s --to 6s -k 5 --lake mylake
 

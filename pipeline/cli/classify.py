@@ -24,10 +24,6 @@ if TYPE_CHECKING:
 METHODS: dict[str, Method] = {"knn": "knn", "one-vs-all": "one_vs_all"}
 
 
-def add_to(app: typer.Typer) -> None:
-    app.command()(classify)
-
-
 def classify(
     lake: LakeOption,
     clips: Annotated[

@@ -12,10 +12,6 @@ from motionlake.lake.catalog import reading
 from motionlake.lake.layout import check_dataset, open_lake
 
 
-def add_to(app: typer.Typer) -> None:
-    app.command()(cluster)
-
-
 def cluster(
     lake: LakeOption,
     k: Annotated[str, typer.Option("--k", "-k", help="How many clusters, or auto.")] = "auto",
@@ -23,7 +19,9 @@ def cluster(
     real: RealOption = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Groups of similar clips; no labels are used. Clusters are numbered from 0, the largest first.
+    """Groups of similar clips; no labels are used.
+
+    Clusters are numbered from 0, the largest first.
 
     Example: motionlake cluster --k 12 --in bandai1 --lake mylake
     """

@@ -24,10 +24,6 @@ if TYPE_CHECKING:
 TRIES: Final = 10
 
 
-def add_to(app: typer.Typer) -> None:
-    app.command()(compose)
-
-
 def compose(
     lake: LakeOption,
     out: Annotated[Path, typer.Option("--out", "-o", help="BVH file to write.", show_default=False)],
@@ -52,7 +48,9 @@ def compose(
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Compose a new motion out of a dataset's clips, as BVH: a walk through their motion graph.
+    """A new motion cut together from a dataset's clips, as BVH.
+
+    It jumps from clip to clip where their poses and what happens around them are alike (a walk in a motion graph).
 
     Example: motionlake compose salsa/01 --seconds 60 --seed 1 -o new.bvh --lineage new.csv --lake mylake
 

@@ -11,10 +11,6 @@ from motionlake.lake.catalog import reading
 from motionlake.lake.layout import check_dataset, open_lake
 
 
-def add_to(app: typer.Typer) -> None:
-    app.command()(duplicates)
-
-
 def duplicates(
     lake: LakeOption,
     within: Annotated[

@@ -16,10 +16,6 @@ from motionlake.lake.layout import open_lake
 from motionlake.lake.resolve import resolve_clip
 
 
-def add_to(app: typer.Typer) -> None:
-    app.command()(export)
-
-
 def export(
     clip: Annotated[str, typer.Argument(help="A clip of the lake.", show_default=False)],
     lake: LakeOption,
@@ -29,7 +25,7 @@ def export(
     stop: StopOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Write a clip, or a range of its frames, as BVH.
+    """Write a clip, or a range of it, as BVH.
 
     Example: motionlake export walk_01 --lake mylake --rig canonical --from 0s --to 4s -o walk.bvh
     """

@@ -22,10 +22,6 @@ if TYPE_CHECKING:
 METHODS: Final = ("words", "submotion")
 
 
-def add_to(app: typer.Typer) -> None:
-    app.command()(find)
-
-
 def find(
     lake: LakeOption,
     query: Annotated[str, typer.Argument(help="A clip of the lake, or a clip file.", show_default=False)],
@@ -42,11 +38,11 @@ def find(
     picture: PictureOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Where a motion occurs inside the clips: ranges of frames, nearest first.
+    """Where a piece of motion occurs inside other clips, nearest first.
 
-    Frames are the clip's own, from 0. By "words" the query needs at least two (14 frames of 24 a second, 0.6 s, by
-    default), and a clip may have several answers. "submotion" asks a network which clips hold the motion, and answers
-    with one range of each; the query needs at least 8 frames of 30 a second.
+    The answers are ranges of frames (the clip's own, from 0). By "words" the query needs at least two (14 frames of 24
+    a second, 0.6 s, by default), and a clip may have several answers. "submotion" asks a network which clips hold the
+    motion, and answers with one range of each; the query needs at least 8 frames of 30 a second.
 
     Example: motionlake find 13_29 --from 4s --to 6s -k 5 --lake mylake
 

@@ -26,10 +26,6 @@ from motionlake.motion.rigs import load_rigs
 from motionlake.stages.sources import IngestOptions, Root, check_options, known_roots
 
 
-def add_to(app: typer.Typer) -> None:
-    app.command()(ingest)
-
-
 def ingest(
     sources: Annotated[list[Path], typer.Argument(help="Folders of clips, or single clip files.", show_default=False)],
     lake: LakeOption,
@@ -51,7 +47,9 @@ def ingest(
     scheduler: SchedulerOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Take clips into a lake (created if it is not there). Only new and changed files are read.
+    """Take clips into a lake, which is created if it is not there.
+
+    Only new and changed files are read.
 
     Example: motionlake ingest recordings/hdm05 --lake mylake --licence CC-BY-SA-3.0
 

@@ -1,63 +1,117 @@
-"""The command line: `motionlake`, one module a command."""
+"""The command line: `motionlake`, one module a command, imported when the command is called."""
 
 from __future__ import annotations
 
 import importlib
 import os
 import sys
-from typing import Annotated
+from typing import Annotated, Any, Final
 
 import typer
+from motionlake.cli.common import SETTINGS
 from motionlake.errors import UserError
+from typer.core import TyperGroup
 
-COMMANDS = (
-    "init",
-    "ingest",
-    "run",
-    "train",
-    "status",
-    "search",
-    "sql",
-    "export",
-    "compose",
-    "synthesize",
-    "segment",
-    "classify",
-    "cluster",
-    "evaluate",
-    "remove",
-    "rig",
-    "find",
-    "align",
-    "duplicates",
-    "report",
-    "view",
-)
+# What each command does, by what people come for. The first line of its own help is the same (a test compares them).
+COMMANDS: Final = {
+    "Fill a lake": {
+        "init": "Create an empty lake, the folder that holds clips and all that is computed of them.",
+        "ingest": "Take clips into a lake, which is created if it is not there.",
+        "run": "Bring a lake up to date: only what is missing is computed.",
+        "status": "What a lake holds, what is made, what is missing, what was rejected and what failed.",
+        "remove": "Take clips out of a lake, with all that was computed of them.",
+        "rig": "Which rig a clip file has, and a rig map to edit for a rig that is not known.",
+    },
+    "Search it": {
+        "search": "The clips most like one, nearest first.",
+        "find": "Where a piece of motion occurs inside other clips, nearest first.",
+        "align": "Where a piece of motion occurs inside other clips, pose by pose, and which poses match.",
+        "duplicates": "Clips that are one recording: exported again, resampled, cut, or mirrored.",
+        "sql": "Run SQL on a lake (read-only), with the lake's functions and macros.",
+    },
+    "Look at it": {
+        "view": "Play a clip beside the recorded one most like it: an HTML page, a GIF or a PNG.",
+        "report": "One HTML page that shows what a lake holds: signatures, maps, motifs, sequences, a search.",
+        "export": "Write a clip, or a range of it, as BVH.",
+    },
+    "Sort it": {
+        "classify": "The class of clips, learned from the labelled clips of the lake.",
+        "segment": "Which class each part of a clip shows, learned from labelled clips.",
+        "cluster": "Groups of similar clips; no labels are used.",
+    },
+    "Make new motion": {
+        "compose": "A new motion cut together from a dataset's clips, as BVH.",
+        "synthesize": "New motion of classes that you name, made by a trained generator.",
+    },
+    "Train and measure": {
+        "train": "Train a model on a lake's own clips.",
+        "evaluate": "How well search, classes and made motion do on the labelled clips of a lake.",
+    },
+}
+
+
+class InterruptError(Exception):
+    """Ctrl-C, as an exception that typer does not turn into an exit without a word."""
+
+
+class Commands(TyperGroup):
+    """The commands, whose modules stay unread until they are called."""
+
+    def __init__(self, **settings: Any) -> None:
+        super().__init__(**settings)
+        names = [name for commands in COMMANDS.values() for name in commands]
+        self.commands = dict.fromkeys(names, self)  # for typer to see what there is; `get_command` reads the modules
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        if cmd_name not in self.commands:
+            return None
+        found = getattr(importlib.import_module(f"motionlake.cli.{cmd_name}"), cmd_name)
+        if not isinstance(found, typer.Typer):
+            app = typer.Typer(**SETTINGS)
+            app.command(cmd_name)(found)
+            found = app
+        return typer.main.get_command(found)
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        for title, commands in COMMANDS.items():
+            with formatter.section(title):
+                formatter.write_dl(list(commands.items()))
+
+    def invoke(self, ctx: Any) -> Any:
+        try:
+            return super().invoke(ctx)
+        except KeyboardInterrupt as error:
+            raise InterruptError from error
+
 
 app = typer.Typer(
     name="motionlake",
     help="Find, organise and reuse motion capture: clips in, Parquet and DuckDB out, answers to searches.",
+    epilog="Results go to stdout, progress and notices to stderr. Exit status: 0 done, 1 done but for some files,"
+    " 2 failed.",
+    cls=Commands,
     no_args_is_help=True,
-    add_completion=False,
-    rich_markup_mode=None,
-    pretty_exceptions_enable=False,
+    **SETTINGS,
 )
+
+
+def _version(asked: bool) -> None:
+    if asked:
+        from importlib.metadata import version
+
+        print(f"motionlake {version('motionlake')}")
+        raise typer.Exit
 
 
 @app.callback()
 def options(
-    debug: Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")] = False,
+    debug: Annotated[bool, typer.Option("--debug", help="Show where in the code an error arose.")] = False,
+    version: Annotated[
+        bool, typer.Option("--version", help="Show the version and exit.", callback=_version, is_eager=True)
+    ] = False,
 ) -> None:
-    """Results go to stdout, progress and notices to stderr.
-
-    Exit status: 0 done, 1 done with rejects or failures, 2 failed.
-    """
     if debug:
         os.environ["MOTIONLAKE_DEBUG"] = "1"
-
-
-for _name in COMMANDS:
-    importlib.import_module(f"motionlake.cli.{_name}").add_to(app)
 
 
 def main() -> None:
@@ -67,7 +121,7 @@ def main() -> None:
         app(standalone_mode=True)
     except UserError as error:
         _fail(str(error), error)
-    except KeyboardInterrupt as error:
+    except (KeyboardInterrupt, InterruptError) as error:
         _fail("interrupted; the same command goes on where this one stopped", error)
     except Exception as error:
         _fail(f"{type(error).__name__}: {error} (--debug before the command shows where)", error)

@@ -13,10 +13,6 @@ from motionlake.lake.layout import check_dataset, open_lake
 from motionlake.stages.removal import Removal, gone_sources, remove_dataset, remove_sources, sources_of
 
 
-def add_to(app: typer.Typer) -> None:
-    app.command()(remove)
-
-
 def remove(
     lake: LakeOption,
     clips: Annotated[list[str] | None, typer.Argument(help="Clips, by name.", show_default=False)] = None,
@@ -24,9 +20,9 @@ def remove(
     gone: Annotated[bool, typer.Option("--gone", help="Remove every clip whose source file is gone.")] = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Take clips out of a lake, with all that was derived from them. Source files are not touched.
+    """Take clips out of a lake, with all that was computed of them.
 
-    A removed clip comes back when its folder is ingested again.
+    Source files are not touched. A removed clip comes back when its folder is ingested again.
 
     Example: motionlake remove walk_01 --lake mylake
 

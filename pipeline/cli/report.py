@@ -12,10 +12,6 @@ from motionlake.lake.catalog import reading
 from motionlake.lake.layout import check_dataset, open_lake
 
 
-def add_to(app: typer.Typer) -> None:
-    app.command()(report)
-
-
 def report(
     lake: LakeOption,
     out: Annotated[Path, typer.Option("--out", "-o", help="The page to write.")] = Path("report.html"),

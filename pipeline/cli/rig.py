@@ -12,17 +12,15 @@ from motionlake.formats import read_clips
 from motionlake.motion.rigs import identify, load_rigs, starter_map
 
 
-def add_to(app: typer.Typer) -> None:
-    app.command()(rig)
-
-
 def rig(
     clip: Annotated[Path | None, typer.Argument(help="A clip file; without one, the known rigs.")] = None,
     lake: Annotated[Path | None, typer.Option("--lake", "-l", help="Also the rig maps of this lake.")] = None,
     starter: Annotated[bool, typer.Option("--starter", help="Print a starter map even for a known rig.")] = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Which rig a clip has; for an unknown one, a starter map to edit and put into LAKE/rigs/.
+    """Which rig a clip file has, and a rig map to edit for a rig that is not known.
+
+    A rig map says which of the file's joints are hips, knees and so on; put it into the folder rigs/ of the lake.
 
     Example: motionlake rig shots/take.bvh > mylake/rigs/studio.toml
 

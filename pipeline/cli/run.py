@@ -17,7 +17,8 @@ from motionlake.cli.common import (
     stage_progress,
 )
 from motionlake.errors import UserError
-from motionlake.jobs.run import BY_NAME, STAGES, run
+from motionlake.jobs.run import BY_NAME, STAGES
+from motionlake.jobs.run import run as run_stages
 from motionlake.jobs.session import session
 from motionlake.lake.catalog import reading
 from motionlake.lake.config import load_config
@@ -26,11 +27,7 @@ from motionlake.stages.outlook import outlook
 from motionlake.stages.sources import known_roots
 
 
-def add_to(app: typer.Typer) -> None:
-    app.command(name="run")(run_command)
-
-
-def run_command(
+def run(
     lake: LakeOption,
     stage: Annotated[str, typer.Argument(help=f"all, or one of {', '.join(STAGES + BY_NAME)}.")] = "all",
     refit: Annotated[bool, typer.Option("--refit", help="Fit the models of the stage anew.")] = False,
@@ -40,7 +37,7 @@ def run_command(
     scheduler: SchedulerOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Bring a lake up to date: only what is missing is made.
+    """Bring a lake up to date: only what is missing is computed.
 
     Example: motionlake run all --lake mylake
 
@@ -58,7 +55,7 @@ def run_command(
     stages = STAGES if stage == "all" else (stage,)
     _announce(target, stages, refit)
     with stage_progress() as progress, session(target, f"run {stage}", progress, notice, workers, scheduler) as job:
-        report = run(job, stages, refit=refit, retry_failed=retry_failed, dataset=dataset)
+        report = run_stages(job, stages, refit=refit, retry_failed=retry_failed, dataset=dataset)
         close_run(job)
     rows = [
         {"stage": name, "shards": o.ok, "failed": o.failed, "rows": o.rows, "bytes": o.bytes}

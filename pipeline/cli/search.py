@@ -15,10 +15,6 @@ from motionlake.lake.layout import check_dataset, open_lake
 from motionlake.lake.resolve import resolve_clip
 
 
-def add_to(app: typer.Typer) -> None:
-    app.command()(search)
-
-
 def search(
     lake: LakeOption,
     clips: Annotated[

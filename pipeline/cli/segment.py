@@ -15,10 +15,6 @@ from motionlake.lake.resolve import resolve_clip
 LabelColumn = Annotated[str, typer.Option("--label-column", help="Column of labels.csv that holds the classes.")]
 
 
-def add_to(app: typer.Typer) -> None:
-    app.command()(segment)
-
-
 def segment(
     lake: LakeOption,
     query: Annotated[str, typer.Argument(help="A clip of the lake, or a clip file.", show_default=False)],
@@ -36,10 +32,10 @@ def segment(
     unknown: Annotated[bool, typer.Option(help="Say unknown where nothing like it was taught.")] = True,
     as_json: JsonOption = False,
 ) -> None:
-    """Which class each part of a clip shows, learned from labelled clips: bands of frames.
+    """Which class each part of a clip shows, learned from labelled clips.
 
-    Classes come from the segments (segments.csv) of clips; a clip without them teaches its label as a whole,
-    where its dataset or itself is named, or where the lake has no segments.
+    The answers are ranges of frames. Classes come from the segments (segments.csv) of clips; a clip without them
+    teaches its label as a whole, where its dataset or itself is named, or where the lake has no segments.
 
     Example: motionlake segment 14_20 --teach cmu_exercises --lake mylake
 

@@ -11,11 +11,7 @@ from motionlake.cli.common import JsonOption, LakeOption, print_rows
 from motionlake.errors import UserError
 
 
-def add_to(app: typer.Typer) -> None:
-    app.command(name="sql")(sql_command)
-
-
-def sql_command(
+def sql(
     lake: LakeOption,
     query: Annotated[str, typer.Argument(help="A query, or - to read it from stdin.", show_default=False)],
     as_json: JsonOption = False,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import typer
 from motionlake.cli.common import JsonOption, LakeOption, print_json, print_rows
 from motionlake.jobs.run import BY_NAME, STAGES
 from motionlake.lake.catalog import fetch, reading
@@ -10,10 +9,6 @@ from motionlake.lake.config import load_config
 from motionlake.lake.layout import open_lake
 from motionlake.stages import synthesis, synthesize
 from motionlake.stages.outlook import pending
-
-
-def add_to(app: typer.Typer) -> None:
-    app.command()(status)
 
 
 def status(lake: LakeOption, as_json: JsonOption = False) -> None:

@@ -29,10 +29,6 @@ from motionlake.stages.synthesis import class_names, served_generator
 from motionlake.stages.synthesis_wishes import Request, check_request
 
 
-def add_to(app: typer.Typer) -> None:
-    app.command()(synthesize)
-
-
 def synthesize(
     lake: LakeOption,
     wanted: Annotated[
@@ -58,11 +54,12 @@ def synthesize(
     scheduler: SchedulerOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Make new motion of known classes, as clips of a dataset of their own.
+    """New motion of classes that you name, made by a trained generator.
 
-    A generator comes first: motionlake run synth. Each motion goes on from the first poses of a recorded clip of the
-    first class (of any clip, in a lake that knows of no clip's class), one drawn by the seed. The same command makes
-    the same clips; what is there already is left as it is. Where every clip comes from stands in the table "synthetic".
+    The motions become clips of the lake, in a dataset of their own. A generator comes first: motionlake run synth. Each
+    motion goes on from the first poses of a recorded clip of the first class (of any clip, where the lake has no
+    labels), drawn by --seed. The same command makes the same clips; what is there already is left as it is. The table
+    "synthetic" says where every clip comes from.
 
     Example: motionlake synthesize --class walk --class kick --seconds 8 --count 100 --seed 7 --lake mylake
 

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Annotated
 
 import typer
-from motionlake.cli.common import JsonOption, LakeOption, notice, print_json, stage_progress
+from motionlake.cli.common import SETTINGS, JsonOption, LakeOption, notice, print_json, stage_progress
 from motionlake.deephums.descriptors.config import SUPERVISIONS
 from motionlake.errors import UserError
 from motionlake.jobs import descriptors, embed, submotions, synth
@@ -24,21 +24,16 @@ DatasetOption = Annotated[
 ]
 
 
-def add_to(app: typer.Typer) -> None:
-    about = (
-        "Train a model on a lake's own clips, without labels but for descriptors and synthesis.\n\n"
-        "Example: motionlake train words --json --lake mylake"
-    )
-    train = typer.Typer(name="train", help=about, no_args_is_help=True)
-    train.callback()(lambda: None)
-    train.command()(words)
-    train.command()(postures)
-    train.command()(descriptor)
-    train.command()(submotion)
-    train.command()(synthesis)
-    app.add_typer(train)
+train = typer.Typer(
+    help="Train a model on a lake's own clips.\n\n"
+    "No labels are needed but for descriptors by labels and for synthesis.\n\n"
+    "Example: motionlake train words --json --lake mylake",
+    no_args_is_help=True,
+    **SETTINGS,
+)
 
 
+@train.command()
 def words(
     lake: LakeOption,
     fine_tune: Annotated[
@@ -62,6 +57,7 @@ def words(
     _tell(model, f"trained on {model.figures['words']} words; embed with it: motionlake run all --lake {lake}", as_json)
 
 
+@train.command()
 def postures(lake: LakeOption, as_json: JsonOption = False) -> None:
     """Train the posture dictionary that config.toml names; `motionlake run all` then codes with it.
 
@@ -77,6 +73,7 @@ def postures(lake: LakeOption, as_json: JsonOption = False) -> None:
     _tell(model, f"{model.figures['occupied']} symbols in use; code with it: motionlake run all --lake {lake}", as_json)
 
 
+@train.command()
 def descriptor(
     lake: LakeOption,
     split: SplitOption = None,
@@ -107,6 +104,7 @@ def descriptor(
     _tell(model, f"{about}; describe clips with it: motionlake run all --lake {lake}", as_json)
 
 
+@train.command()
 def submotion(
     lake: LakeOption,
     split: SplitOption = None,
@@ -127,6 +125,7 @@ def submotion(
     _tell(model, f"trained on {model.figures['clips']} clips; read with it: motionlake run all --lake {lake}", as_json)
 
 
+@train.command()
 def synthesis(
     lake: LakeOption,
     split: SplitOption = None,

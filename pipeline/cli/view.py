@@ -21,10 +21,6 @@ SUFFIXES: Final = (".html", ".gif", ".png")
 LONGEST_NAME: Final = 100
 
 
-def add_to(app: typer.Typer) -> None:
-    app.command()(view)
-
-
 def view(
     lake: LakeOption,
     clip: Annotated[str, typer.Argument(help="A clip of the lake, or a clip file.", show_default=False)],
@@ -40,7 +36,7 @@ def view(
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Look at a clip: an HTML page that plays it beside the nearest recorded one, an animated GIF, a PNG strip.
+    """Play a clip beside the recorded one most like it: an HTML page, a GIF or a PNG.
 
     The page needs no other file and no network. Frames are the clip's own, from 0.
 
