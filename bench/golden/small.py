@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bench.golden import commands, lakes
 from bench.golden.comparing import differences
@@ -16,7 +17,6 @@ from bench.golden.serve import Said, say
 from tests.samples import (
     KINECT_1,
     KINECT_1_PARENTS,
-    FloatArray,
     deepmimic_frames,
     deepmimic_text,
     kinect_2_from_1,
@@ -80,7 +80,7 @@ def make_clips(folder: Path) -> None:
     (folder / "labels.csv").write_text("\n".join(labels) + "\n", encoding="utf-8")
 
 
-def _body(count: int, number: int) -> FloatArray:
+def _body(count: int, number: int) -> NDArray[np.float64]:
     """A body that swings its limbs at a pace and in a direction of its own: no two clips are alike, and none ties."""
     body = swinging_body(count)
     times = np.arange(count) / 30.0
