@@ -21,12 +21,11 @@ import numpy as np
 import pyarrow as pa
 from motionlake import sql
 from motionlake.arrays import Float32Array, Int64Array
-from motionlake.deephums.descriptors import config as shipped
-from motionlake.deephums.descriptors.config import DIMENSION
-from motionlake.deephums.descriptors.nearest import DescriptorScan
-from motionlake.deephums.descriptors.quick import QuickIndex
-from motionlake.deephums.descriptors.sequence import clip_sequence
-from motionlake.deephums.descriptors.trained import load_descriptor
+from motionlake.deephums.config import DIMENSION, PRETRAINED_DESCRIPTORS
+from motionlake.deephums.nearest import DescriptorScan
+from motionlake.deephums.quick import QuickIndex
+from motionlake.deephums.sequence import clip_sequence
+from motionlake.deephums.trained import load_descriptor
 from motionlake.threads import on_threads
 from numpy.typing import NDArray
 from sklearn.neighbors import NearestNeighbors
@@ -169,7 +168,9 @@ def by_duckdb(con: duckdb.DuckDBPyConnection, query: Float32Array) -> Int64Array
 def of_recordings() -> Callable[[int, np.random.Generator], Float32Array]:
     """Descriptors of the sets, repeated with noise."""
     clips = [clip for name in SETS for clip in load(name)]
-    real = load_descriptor(shipped.FILE).embed([clip_sequence(clip.positions, clip.fps) for clip in clips])
+    real = load_descriptor(PRETRAINED_DESCRIPTORS.file).embed(
+        [clip_sequence(clip.positions, clip.fps) for clip in clips]
+    )
     apart = np.median(DescriptorScan(real).nearest(real, 2).distances[:, 1])
     print(f"{len(real)} recordings, median distance of a clip from its nearest {apart:.3f}")
 

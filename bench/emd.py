@@ -23,7 +23,8 @@ from typing import Any, Final
 import numpy as np
 import ot
 from motionlake.arrays import Float32Array, Float64Array, Int32Array
-from motionlake.deep_motifs.emd import SignatureIndex, emd_many, ground_distances
+from motionlake.deep_motifs.emd import emd_many, ground_distances
+from motionlake.deep_motifs.emd_search import SignatureIndex
 from motionlake.deep_motifs.motifs import assign, fit_motifs
 from motionlake.deep_motifs.signatures import document_frequency, inverse_document_frequency, motif_counts, signature
 from motionlake.motion.features import WordConfig

@@ -24,10 +24,10 @@ from typing import Any, Final
 
 import numpy as np
 from motionlake.arrays import Float32Array, Float64Array
+from motionlake.deep_motifs.config import NetworkConfig
 from motionlake.deep_motifs.emd import emd_matrix, ground_distances
 from motionlake.deep_motifs.motifs import Motifs, assign, fit_motifs
 from motionlake.deep_motifs.signatures import signatures
-from motionlake.deep_motifs.words.config import NetworkConfig
 from motionlake.deep_motifs.words.dtw import word_distances
 from motionlake.deep_motifs.words.linear import LinearConfig
 from motionlake.deep_motifs.words.windows import word_windows
@@ -152,14 +152,16 @@ def medoids_of(words: Float32Array, k: int, seed: int) -> Float32Array:
 
 def ready_made(name: str) -> Grouping:
     """The network that comes with the package; for a set of CMU the same training without it."""
-    from motionlake.deep_motifs.words import config as shipped
-    from motionlake.deep_motifs.words.trained import load_network
+    from motionlake.deep_motifs.config import PRETRAINED_WORDS
+    from motionlake.deep_motifs.words.network import load_network
 
     from bench.shipped_words import SETS as CMU
     from bench.shipped_words import train
 
     folder = SETS[name].folder
-    network = train(tuple(each for each in CMU if each != folder)) if folder in CMU else load_network(shipped.FILE)
+    network = (
+        train(tuple(each for each in CMU if each != folder)) if folder in CMU else load_network(PRETRAINED_WORDS.file)
+    )
     return by_l2(lambda clips, config, seed: [network.embed(word_windows(clip, config)) for clip in clips])
 
 

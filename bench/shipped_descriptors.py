@@ -13,16 +13,12 @@ from pathlib import Path
 from typing import Any, Final
 
 from motionlake.arrays import Float32Array
-from motionlake.deephums.descriptors import config as shipped
-from motionlake.deephums.descriptors.batches import windows
-from motionlake.deephums.descriptors.config import DescriptorsConfig
-from motionlake.deephums.descriptors.sequence import clip_sequence
-from motionlake.deephums.descriptors.trained import TrainedDescriptor
-from motionlake.deephums.descriptors.training import TrainingClip, train_descriptor
-from motionlake.deephums.submotions import config as shipped_submotion
-from motionlake.deephums.submotions.config import SubmotionConfig
-from motionlake.deephums.submotions.encoder import train_submotion
-from motionlake.deephums.submotions.trained import TrainedSubmotion
+from motionlake.deephums.batches import windows
+from motionlake.deephums.config import PRETRAINED_DESCRIPTORS, PRETRAINED_SUBMOTION, DescriptorsConfig, SubmotionConfig
+from motionlake.deephums.sequence import clip_sequence
+from motionlake.deephums.submotions import TrainedSubmotion, train_submotion
+from motionlake.deephums.trained import TrainedDescriptor
+from motionlake.deephums.training import TrainingClip, train_descriptor
 from motionlake.formats import read_clips
 from motionlake.motion.canonicalise import canonicalise
 from motionlake.motion.kinematics import solve
@@ -32,7 +28,7 @@ from bench.record import hash_files, recordings, revision
 from bench.shipped_words import SETS, SOURCE, clips_of
 
 WINDOW: Final = 150
-FILES: Final = {"descriptors": shipped.FILE, "submotion": shipped_submotion.FILE}
+FILES: Final = {"descriptors": PRETRAINED_DESCRIPTORS.file, "submotion": PRETRAINED_SUBMOTION.file}
 
 
 def sequences_of(paths: Sequence[Path]) -> list[Float32Array]:

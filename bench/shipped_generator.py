@@ -14,10 +14,9 @@ from pathlib import Path
 from typing import Final
 
 from motionlake.formats import read_clips
-from motionlake.glogen.generator import config as shipped
-from motionlake.glogen.generator.config import SynthesisConfig
-from motionlake.glogen.generator.generator import TrainedGenerator
-from motionlake.glogen.generator.training import TrainingMotion, train_generator
+from motionlake.glogen.config import PRETRAINED_GENERATOR, SynthesisConfig
+from motionlake.glogen.generator import TrainedGenerator, TrainingMotion
+from motionlake.glogen.generator_training import train_generator
 from motionlake.motion.canonicalise import CanonicalMotion, canonicalise
 from motionlake.motion.kinematics import solve
 from motionlake.motion.rigs import identify, load_rigs
@@ -81,7 +80,7 @@ def _tell(done: int, steps: int, loss: float) -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description="Train the generator of motion that comes with the package.")
-    parser.add_argument("--out", type=Path, default=shipped.FILE)
+    parser.add_argument("--out", type=Path, default=PRETRAINED_GENERATOR.file)
     parser.add_argument("--seed", type=int, default=0)
     given = parser.parse_args()
     made = train(classes(), given.seed)

@@ -10,11 +10,10 @@ import json
 from dataclasses import asdict, replace
 from pathlib import Path
 
-from motionlake.pesta.postures import config as shipped
-from motionlake.pesta.postures.config import PosturesConfig
-from motionlake.pesta.postures.dictionary import PostureDictionary
-from motionlake.pesta.postures.fitting import fit_dictionary
-from motionlake.pesta.postures.recipe import recipe_of
+from motionlake.pesta.config import PRETRAINED_POSTURES, PosturesConfig
+from motionlake.pesta.dictionary import PostureDictionary
+from motionlake.pesta.posture_network import recipe_of
+from motionlake.pesta.posture_training import fit_dictionary
 
 from bench.record import hash_files, recordings, revision
 from bench.shipped_words import SETS, SOURCE, clips_of, features_of
@@ -41,7 +40,7 @@ def train(sets: tuple[str, ...], seed: int = 0) -> PostureDictionary:
 def main() -> None:
     parser = argparse.ArgumentParser(description="Train the posture dictionary that comes with the package.")
     parser.add_argument("--without", choices=SETS)
-    parser.add_argument("--out", type=Path, default=shipped.FILE)
+    parser.add_argument("--out", type=Path, default=PRETRAINED_POSTURES.file)
     parser.add_argument("--seed", type=int, default=0)
     given = parser.parse_args()
     dictionary = train(tuple(name for name in SETS if name != given.without), given.seed)

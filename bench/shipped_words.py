@@ -12,9 +12,8 @@ from pathlib import Path
 from typing import Final
 
 from motionlake.arrays import Float32Array
-from motionlake.deep_motifs.words import config as shipped
-from motionlake.deep_motifs.words.config import NetworkConfig
-from motionlake.deep_motifs.words.trained import TrainedNetwork
+from motionlake.deep_motifs.config import PRETRAINED_WORDS, NetworkConfig
+from motionlake.deep_motifs.words.network import TrainedNetwork
 from motionlake.deep_motifs.words.training import Recipe, train_words
 from motionlake.formats import is_clip, read_clips
 from motionlake.motion.canonicalise import canonicalise
@@ -67,7 +66,7 @@ def train(sets: tuple[str, ...], seed: int = 0) -> TrainedNetwork:
 def ready_made_for(name: str, folder: Path) -> Path:
     """The ready-made weights; for a set that they are trained on, such as have been trained without it, in a folder."""
     if name not in SETS:
-        return shipped.FILE
+        return PRETRAINED_WORDS.file
     path = folder / f"without_{name}.safetensors"
     if not path.exists():
         train(tuple(each for each in SETS if each != name)).save(path)
@@ -77,7 +76,7 @@ def ready_made_for(name: str, folder: Path) -> Path:
 def main() -> None:
     parser = argparse.ArgumentParser(description="Train the word network that comes with the package.")
     parser.add_argument("--without", choices=SETS)
-    parser.add_argument("--out", type=Path, default=shipped.FILE)
+    parser.add_argument("--out", type=Path, default=PRETRAINED_WORDS.file)
     parser.add_argument("--seed", type=int, default=0)
     given = parser.parse_args()
     network = train(tuple(name for name in SETS if name != given.without), given.seed)

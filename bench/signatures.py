@@ -17,7 +17,7 @@ from typing import Any, Final
 
 import numpy as np
 from motionlake.arrays import Float64Array
-from motionlake.deep_motifs.clustering import cluster_clips
+from motionlake.deep_motifs.classification import cluster_clips
 from motionlake.deep_motifs.emd import emd_matrix
 from motionlake.evaluation.clips import dtw_distances
 from motionlake.evaluation.measures.classification import adjusted_rand_index

@@ -20,10 +20,10 @@ from typing import Any, Final
 
 import numpy as np
 import torch
-from motionlake.glogen.generator.generator import TrainedGenerator, load_generator
-from motionlake.glogen.generator.wishes import Seed, Wish
-from motionlake.glogen.trajectories.motion import FPS
-from motionlake.glogen.trajectories.sparse import HEIGHT
+from motionlake.glogen.generator import TrainedGenerator, load_generator
+from motionlake.glogen.sparse import HEIGHT
+from motionlake.glogen.trajectories import FPS
+from motionlake.glogen.wishes import Seed, Wish
 from motionlake.threads import on_threads
 
 from bench.canonical_sets import LabelledClip

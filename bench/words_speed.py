@@ -20,11 +20,10 @@ from typing import Any, Final
 
 import numpy as np
 from motionlake.arrays import Float32Array
+from motionlake.deep_motifs.config import PRETRAINED_WORDS, NetworkConfig
 from motionlake.deep_motifs.motifs import assign, fit_motifs
-from motionlake.deep_motifs.words import config as shipped
-from motionlake.deep_motifs.words.config import NetworkConfig
 from motionlake.deep_motifs.words.dtw import word_distances
-from motionlake.deep_motifs.words.trained import TrainedNetwork, load_network
+from motionlake.deep_motifs.words.network import TrainedNetwork, load_network
 from motionlake.deep_motifs.words.training import train_words
 from motionlake.deep_motifs.words.windows import word_windows
 from motionlake.motion.features import WordConfig
@@ -64,7 +63,7 @@ def assignment(clips: list[Float32Array]) -> dict[str, Any]:
     words = np.concatenate([word_windows(clip, WordConfig()) for clip in clips])
     medoids = medoids_of(words, K, 0)
     conv = train_words(clips, WordConfig(), NetworkConfig("conv", weights="own", steps=CONV_STEPS), device="cpu")
-    networks = {"linear": load_network(shipped.FILE), "conv": conv}
+    networks = {"linear": load_network(PRETRAINED_WORDS.file), "conv": conv}
     motifs = {name: fit_motifs(network.embed(words), len(medoids), 0) for name, network in networks.items()}
 
     def by_network(name: str) -> None:
@@ -109,7 +108,7 @@ def throughput(clips: list[Float32Array], folder: Path) -> dict[str, float]:
 
 
 def _embed_in_process(file: Path, gate: Any) -> float:
-    words, network = np.load(file), load_network(shipped.FILE)
+    words, network = np.load(file), load_network(PRETRAINED_WORDS.file)
     gate.wait()
     return embedded_a_second(network, words, EMBED_SECONDS)
 
@@ -117,7 +116,7 @@ def _embed_in_process(file: Path, gate: Any) -> float:
 def cold_query(folder: Path) -> dict[str, Any]:
     """Seconds of a fresh process with one query, its parts, and the same of one that only imports DuckDB."""
     lake = make_lake(folder, [recordings() / SETS[SET].folder])
-    run_all(lake, 0, shipped.FILE)
+    run_all(lake, 0, PRETRAINED_WORDS.file)
     con = connect(lake.root)
     clips = [str(row[0]) for row in con.execute("SELECT clip FROM clips ORDER BY clip").fetchall()]
     con.close()

@@ -6,7 +6,7 @@ from dataclasses import asdict, replace
 from typing import Any
 
 from motionlake.arrays import Progress
-from motionlake.deephums.descriptors import config as shipped
+from motionlake.deephums.config import PRETRAINED_DESCRIPTORS
 from motionlake.jobs import modelling
 from motionlake.jobs.execute import Outcome, StageJob
 from motionlake.jobs.session import Session
@@ -22,7 +22,7 @@ NETWORK = modelling.Network(
     key=descriptors.network_key,
     settings=lambda config: asdict(config.descriptors),
     takes_ready_made=descriptors.takes_ready_made,
-    ready_made=lambda: shipped.FILE,
+    ready_made=lambda: PRETRAINED_DESCRIPTORS.file,
     take_weights=descriptors.take_weights,
 )
 

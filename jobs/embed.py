@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from motionlake.arrays import Progress
-from motionlake.deep_motifs.words import config as shipped
+from motionlake.deep_motifs.config import PRETRAINED_WORDS
 from motionlake.jobs import modelling
 from motionlake.jobs.execute import Outcome, StageJob
 from motionlake.jobs.session import Session
@@ -23,8 +23,8 @@ NETWORK = modelling.Network(
     command="words",
     key=embed.network_key,
     settings=lambda config: {"words": asdict(config.words), "network": asdict(config.network)},
-    takes_ready_made=lambda _con, config: shipped.fits(config.words, config.network),
-    ready_made=lambda: shipped.FILE,
+    takes_ready_made=lambda _con, config: PRETRAINED_WORDS.fits(config.words, config.network),
+    ready_made=lambda: PRETRAINED_WORDS.file,
     take_weights=embed.take_weights,
 )
 
@@ -64,8 +64,8 @@ def train(session: Session, *, fine_tune: bool = False) -> Model | None:
 def _start(session: Session) -> Model | None:
     with reading(session.lake) as con:
         before = embed.fitting_network(con, session.config)
-    if before is None and shipped.fits(session.config.words, session.config.network):
-        return take(session, shipped.FILE)
+    if before is None and PRETRAINED_WORDS.fits(session.config.words, session.config.network):
+        return take(session, PRETRAINED_WORDS.file)
     return before
 
 

@@ -11,7 +11,7 @@ from motionlake.jobs.execute import Outcome, StageJob
 from motionlake.jobs.session import Session
 from motionlake.lake.catalog import reading
 from motionlake.lake.models import Model
-from motionlake.pesta.postures import config as shipped
+from motionlake.pesta.config import PRETRAINED_POSTURES
 from motionlake.stages import postures
 
 JOB = StageJob(postures.NAME, postures.run, postures.load)
@@ -23,7 +23,7 @@ DICTIONARY = modelling.Network(
     key=postures.dictionary_key,
     settings=lambda config: asdict(config.postures),
     takes_ready_made=postures.takes_ready_made,
-    ready_made=lambda: shipped.FILE,
+    ready_made=lambda: PRETRAINED_POSTURES.file,
     take_weights=postures.take_weights,
 )
 

@@ -6,7 +6,7 @@ from dataclasses import asdict
 from typing import Any
 
 from motionlake.arrays import Progress
-from motionlake.deephums.submotions import config as shipped_submotion
+from motionlake.deephums.config import PRETRAINED_SUBMOTION
 from motionlake.jobs import modelling
 from motionlake.jobs.execute import Outcome, StageJob
 from motionlake.jobs.session import Session
@@ -22,7 +22,7 @@ NETWORK = modelling.Network(
     key=submotions.network_key,
     settings=lambda config: asdict(config.submotion),
     takes_ready_made=submotions.takes_ready_made,
-    ready_made=lambda: shipped_submotion.FILE,
+    ready_made=lambda: PRETRAINED_SUBMOTION.file,
     take_weights=submotions.take_weights,
 )
 

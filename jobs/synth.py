@@ -6,7 +6,7 @@ from dataclasses import asdict
 from typing import Any
 
 from motionlake.arrays import Progress
-from motionlake.glogen.generator import config as shipped
+from motionlake.glogen.config import PRETRAINED_GENERATOR
 from motionlake.jobs import modelling
 from motionlake.jobs.execute import Outcome
 from motionlake.jobs.session import Session
@@ -22,7 +22,7 @@ GENERATOR = modelling.Network(
     key=synthesis.generator_key,
     settings=lambda config: asdict(config.synthesis),
     takes_ready_made=synthesis.takes_ready_made,
-    ready_made=lambda: shipped.FILE,
+    ready_made=lambda: PRETRAINED_GENERATOR.file,
     take_weights=synthesis.take_weights,
 )
 

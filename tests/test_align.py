@@ -14,11 +14,11 @@ from motionlake.errors import UserError
 from motionlake.lake.catalog import reading
 from motionlake.lake.config import load_config
 from motionlake.lake.layout import open_lake
-from motionlake.pesta.alignment import whole
-from motionlake.pesta.alignment.config import AlignmentConfig
+from motionlake.pesta.alignment import matches as whole
 from motionlake.pesta.alignment.matches import best_matches
 from motionlake.pesta.alignment.scan import symmetric_costs
 from motionlake.pesta.alignment.strings import Repository
+from motionlake.pesta.config import AlignmentConfig
 from motionlake.retrieval.aligner import Aligner
 
 from tests.lakes import QUICK, motionlake, query

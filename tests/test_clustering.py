@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from motionlake.deep_motifs.clustering import cluster_clips, places_of
+from motionlake.deep_motifs.classification import cluster_clips, places_of
 from motionlake.errors import UserError
 from motionlake.evaluation.measures.classification import adjusted_rand_index
 from motionlake.retrieval.connection import connect

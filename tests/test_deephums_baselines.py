@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 import torch
-from motionlake.deephums.descriptors.batches import resampled
+from motionlake.deephums.batches import resampled
 from torch import nn
 
 from bench.deephums.autoencoder import DeepAutoencoder

@@ -12,20 +12,26 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from motionlake.arrays import Float32Array, Float64Array
-from motionlake.deephums.descriptors.batches import Augmentation, at_speeds, resampled, windows
-from motionlake.deephums.descriptors.config import DIMENSION, DescriptorsConfig
-from motionlake.deephums.descriptors.network import MissingJoints, class_contrast, contrastive_loss
-from motionlake.deephums.descriptors.recipe import NO_AUGMENTATION, DescriptorRecipe, recipe_of
-from motionlake.deephums.descriptors.sequence import clip_sequence
-from motionlake.deephums.descriptors.similarity import (
+from motionlake.deephums.batches import Augmentation, at_speeds, resampled, windows
+from motionlake.deephums.config import DIMENSION, DescriptorsConfig
+from motionlake.deephums.network import (
+    NO_AUGMENTATION,
+    DescriptorRecipe,
+    MissingJoints,
+    class_contrast,
+    contrastive_loss,
+    recipe_of,
+)
+from motionlake.deephums.sequence import (
     alignment_distances,
+    clip_sequence,
     motion_distance,
     motion_field,
     neighbourhoods,
     similar_by_motion,
 )
-from motionlake.deephums.descriptors.trained import load_descriptor
-from motionlake.deephums.descriptors.training import TrainingClip, train_descriptor
+from motionlake.deephums.trained import load_descriptor
+from motionlake.deephums.training import TrainingClip, train_descriptor
 from motionlake.motion.skeleton import COMMON, INDEX, JOINTS
 
 TINY = replace(recipe_of(DescriptorsConfig()), hidden=16, epochs=6, batch=8)

@@ -12,9 +12,9 @@ import duckdb
 import numpy as np
 import pyarrow as pa
 import pytest
-from motionlake.deephums.descriptors.config import DIMENSION, DescriptorsConfig
-from motionlake.deephums.descriptors.sequence import clip_sequence
-from motionlake.deephums.descriptors.trained import load_descriptor
+from motionlake.deephums.config import DIMENSION, DescriptorsConfig
+from motionlake.deephums.sequence import clip_sequence
+from motionlake.deephums.trained import load_descriptor
 from motionlake.jobs import descriptors as job
 from motionlake.jobs.execute import StageJob
 from motionlake.lake.catalog import reading, writing

@@ -32,9 +32,9 @@ from motionlake.evaluation.measures.sub_queries import (
     shared_search,
     sub_queries,
 )
-from motionlake.pesta.alignment.config import AlignmentConfig, Method
 from motionlake.pesta.alignment.scan import symmetric_costs
-from motionlake.pesta.symbols.strings import SymbolString
+from motionlake.pesta.config import AlignmentConfig, Method
+from motionlake.pesta.symbols import SymbolString
 
 from tests.lakes import motionlake, query
 from tests.test_evaluate import taught_lake

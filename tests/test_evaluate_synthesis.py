@@ -16,10 +16,10 @@ from motionlake.evaluation.measures.synthesis_errors import MILLISECONDS, body_p
 from motionlake.evaluation.synthesis_clips import RealMotion
 from motionlake.evaluation.synthesis_generator import Plan, SynthesisEvaluation, measure_generator
 from motionlake.evaluation.synthesis_trials import following
-from motionlake.glogen.generator.config import SynthesisConfig
-from motionlake.glogen.generator.embedding import EmbeddedMotions, embed_motions
-from motionlake.glogen.generator.training import TrainingMotion, train_generator
-from motionlake.glogen.generator.wishes import Synthesized, Wish
+from motionlake.glogen.config import SynthesisConfig
+from motionlake.glogen.generator import EmbeddedMotions, TrainingMotion, embed_motions
+from motionlake.glogen.generator_training import train_generator
+from motionlake.glogen.wishes import Synthesized, Wish
 from motionlake.lake.catalog import writing
 from motionlake.lake.layout import open_lake
 from motionlake.lake.models import add_model, next_file, save_model

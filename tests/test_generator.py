@@ -9,17 +9,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-from motionlake.glogen.generator.config import SynthesisConfig
-from motionlake.glogen.generator.course import FASTEST, Course
-from motionlake.glogen.generator.generator import METADATA_KEY, TrainedGenerator, load_generator
-from motionlake.glogen.generator.training import TrainingMotion, fit_generator, train_generator
-from motionlake.glogen.generator.wishes import Seed, Synthesized, Wish
-from motionlake.glogen.glogen.recipe import GloGenRecipe
-from motionlake.glogen.glogen.training import groups
-from motionlake.glogen.locgen.network import LocGenRecipe
-from motionlake.glogen.trajectories.body import STANDARD
-from motionlake.glogen.trajectories.motion import body_motion
-from motionlake.glogen.trajectories.sparse import DURATION, WIDTH
+from motionlake.glogen.config import GloGenRecipe, SynthesisConfig
+from motionlake.glogen.course import FASTEST, Course
+from motionlake.glogen.generator import METADATA_KEY, TrainedGenerator, TrainingMotion, load_generator
+from motionlake.glogen.generator_training import fit_generator, train_generator
+from motionlake.glogen.inbetweening import LocGenRecipe
+from motionlake.glogen.sparse import DURATION, WIDTH
+from motionlake.glogen.training import groups
+from motionlake.glogen.trajectories import STANDARD, body_motion
+from motionlake.glogen.wishes import Seed, Synthesized, Wish
 from motionlake.motion.skeleton import JOINTS, forward_kinematics
 from motionlake.network_file import save_network
 
@@ -155,14 +153,14 @@ def test_a_generator_is_kept_in_one_file(generator: TrainedGenerator, tmp_path: 
 
 
 def test_other_files_are_refused(generator: TrainedGenerator, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from motionlake.deephums.descriptors.config import FILE
+    from motionlake.deephums.config import PRETRAINED_DESCRIPTORS
 
     with pytest.raises(ValueError, match="holds no motion generator"):
-        load_generator(FILE)
-    (tmp_path / "damaged.safetensors").write_bytes(FILE.read_bytes()[:5000])
+        load_generator(PRETRAINED_DESCRIPTORS.file)
+    (tmp_path / "damaged.safetensors").write_bytes(PRETRAINED_DESCRIPTORS.file.read_bytes()[:5000])
     with pytest.raises(ValueError, match=r"damaged.safetensors is damaged"):
         load_generator(tmp_path / "damaged.safetensors")
-    monkeypatch.setattr("motionlake.glogen.generator.generator.JOINTS", ("hips", "tail"))
+    monkeypatch.setattr("motionlake.glogen.generator.JOINTS", ("hips", "tail"))
     generator.save(tmp_path / "other.safetensors")
     monkeypatch.undo()
     with pytest.raises(ValueError, match="another skeleton: hips, tail"):

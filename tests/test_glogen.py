@@ -10,12 +10,12 @@ from typing import Literal
 import numpy as np
 import pytest
 import torch
-from motionlake.glogen.glogen.beginnings import Beginnings
-from motionlake.glogen.glogen.follow import SPEED, follow, led_over
-from motionlake.glogen.glogen.network import Ahead, Blocks, glogen_network
-from motionlake.glogen.glogen.recipe import SEEDS, GloGenRecipe, glogen_recipe
-from motionlake.glogen.glogen.training import epochs_of, train_glogen, unseen
-from motionlake.glogen.trajectories.sparse import DURATION, HEIGHT, JOINT_COLUMNS, WIDTH
+from motionlake.glogen.config import SEEDS, GloGenRecipe, glogen_recipe
+from motionlake.glogen.course import SPEED, follow, led_over
+from motionlake.glogen.network import Ahead, Blocks, glogen_network
+from motionlake.glogen.sparse import DURATION, HEIGHT, JOINT_COLUMNS, WIDTH
+from motionlake.glogen.start_poses import Beginnings
+from motionlake.glogen.training import epochs_of, train_glogen, unseen
 
 SMALL = GloGenRecipe(
     embedding=16, state=32, layers=1, latent=4, dropout=0.0, epochs=30, batch=16, steps=0, going_steps=0

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from motionlake.arrays import Float32Array
 from motionlake.evaluation.measures.synthesis_errors import MILLISECONDS
-from motionlake.glogen.trajectories.motion import FPS, BodyMotion, body_motion, interpolated
-from motionlake.glogen.trajectories.sparse import JOINT_COLUMNS
+from motionlake.glogen.sparse import JOINT_COLUMNS
+from motionlake.glogen.trajectories import FPS, BodyMotion, body_motion, interpolated
 from motionlake.motion.skeleton import INDEX
 from numpy.typing import NDArray
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from motionlake.glogen.locgen.lead_in import (
+from motionlake.glogen.lead_in import (
     FEATURES,
     FRAMES,
     KNOTS,
@@ -21,7 +21,7 @@ from motionlake.glogen.locgen.lead_in import (
     rows_of,
     state_at,
 )
-from motionlake.glogen.trajectories.motion import BodyMotion, body_motion, mirrored
+from motionlake.glogen.trajectories import BodyMotion, body_motion, mirrored
 
 from tests.test_trajectories import swinging
 

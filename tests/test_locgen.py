@@ -9,12 +9,20 @@ import pytest
 import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from motionlake.glogen.locgen.dense import dense_motions
-from motionlake.glogen.locgen.interpolation import between, interpolated_motion, times_of
-from motionlake.glogen.locgen.network import Between, Frames, LocGenRecipe, locgen_network, locgen_recipe
-from motionlake.glogen.locgen.training import poses_between, train_locgen
-from motionlake.glogen.trajectories.motion import FPS, body_motion
-from motionlake.glogen.trajectories.sparse import HEIGHT, STEP, TURN, Piece, pieces
+from motionlake.glogen.inbetween_training import poses_between, train_locgen
+from motionlake.glogen.inbetweening import (
+    Between,
+    Frames,
+    LocGenRecipe,
+    between,
+    dense_motions,
+    interpolated_motion,
+    locgen_network,
+    locgen_recipe,
+    times_of,
+)
+from motionlake.glogen.sparse import HEIGHT, STEP, TURN, Piece, pieces
+from motionlake.glogen.trajectories import FPS, body_motion
 
 from tests.test_trajectories import swinging
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from motionlake.deep_motifs.motifs import assign
 from motionlake.deep_motifs.signatures import motif_counts, signature
-from motionlake.deep_motifs.words.trained import load_network
+from motionlake.deep_motifs.words.network import load_network
 from motionlake.deep_motifs.words.windows import word_windows
 from motionlake.lake.catalog import reading
 from motionlake.lake.config import load_config

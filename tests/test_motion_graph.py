@@ -16,6 +16,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from motionlake.arrays import Float64Array
+from motionlake.deep_motifs.config import TransitionsConfig
 from motionlake.deep_motifs.emd import emd, ground_distances
 from motionlake.deep_motifs.motion_graph import transitions as kernels
 from motionlake.deep_motifs.motion_graph.blend import (
@@ -30,7 +31,6 @@ from motionlake.deep_motifs.motion_graph.blend import (
     slerp,
     steps,
 )
-from motionlake.deep_motifs.motion_graph.config import TransitionsConfig
 from motionlake.deep_motifs.motion_graph.costs import (
     JOINTS,
     context_distances,

@@ -12,8 +12,8 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from motionlake.arrays import Float32Array
-from motionlake.deephums.descriptors.nearest import DescriptorScan, Neighbours, nearest
-from motionlake.deephums.descriptors.quick import QuickIndex
+from motionlake.deephums.nearest import DescriptorScan, Neighbours, nearest
+from motionlake.deephums.quick import QuickIndex
 
 Search = Callable[[Float32Array, Float32Array, int], Neighbours]
 
@@ -113,7 +113,7 @@ def test_batches_larger_than_a_scan_holds(monkeypatch: pytest.MonkeyPatch) -> No
     rng = np.random.default_rng(3)
     rows = clustered(300, rng, 0.3)
     whole = nearest(rows, rows, 4)
-    monkeypatch.setattr("motionlake.deephums.descriptors.nearest.SCANNED", 2000)
+    monkeypatch.setattr("motionlake.deephums.nearest.SCANNED", 2000)
     for mine, other in zip(whole, nearest(rows, rows, 4), strict=True):
         np.testing.assert_array_equal(mine, other)
     assert whole.indices[:, 0].tolist() == list(range(300))

@@ -10,15 +10,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from motionlake.arrays import Float64Array
-from motionlake.deep_motifs.emd import (
-    SignatureIndex,
-    emd,
-    emd_many,
-    ground_distances,
-    nearest_many,
-    nearest_signatures,
-)
-from motionlake.deep_motifs.emd import nearest as nearest_module
+from motionlake.deep_motifs import emd_search as nearest_module
+from motionlake.deep_motifs.emd import emd, emd_many, ground_distances
+from motionlake.deep_motifs.emd_search import SignatureIndex, nearest_many, nearest_signatures
 from motionlake.errors import UserError
 from motionlake.retrieval.connection import connect
 from motionlake.retrieval.search import similar_to_signature

@@ -9,8 +9,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from motionlake.arrays import Float32Array, Int64Array
-from motionlake.deep_motifs.words.dtw import LANES, word_distances
-from motionlake.deep_motifs.words.listed_dtw import listed_distances
+from motionlake.deep_motifs.words.dtw import LANES, listed_distances, word_distances
 from motionlake.deep_motifs.words.lower_bounds import WordBounds, survivors
 from motionlake.deep_motifs.words.neighbours import (
     Method,

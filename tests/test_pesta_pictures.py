@@ -16,7 +16,7 @@ from motionlake.lake.layout import open_lake
 from motionlake.motion.features import body_length, word_features
 from motionlake.motion.rotations import from_axis_angle, rotate
 from motionlake.motion.skeleton import COMMON, INDEX
-from motionlake.pesta.postures.config import PosturesConfig
+from motionlake.pesta.config import PosturesConfig
 from motionlake.pictures.alignment_matrix import AlignedPath, SymbolRow, alignment_matrix
 from motionlake.pictures.alignment_page import path_indices
 from motionlake.pictures.posture_map import plane, posture_map
@@ -202,7 +202,7 @@ def test_a_strip_shows_the_clip_s_own_string(material: SymbolMaterial) -> None:
 
 
 def test_the_sample_on_the_map_is_coded_as_the_lake_is(material: SymbolMaterial) -> None:
-    from motionlake.pesta.postures.dictionary import load_dictionary
+    from motionlake.pesta.dictionary import load_dictionary
 
     features, symbols = posture_sample(material, range(len(material.strings.clips)))
     assert len(features) == len(symbols) > 100

@@ -10,12 +10,17 @@ from typing import Any
 import numpy as np
 import pytest
 from motionlake.arrays import Float32Array
-from motionlake.pesta.postures.config import KINDS, DictionaryKind, PosturesConfig
-from motionlake.pesta.postures.dictionary import PostureDictionary, load_dictionary
-from motionlake.pesta.postures.fitting import fit_dictionary, grid, sample_postures, self_organising_map
-from motionlake.pesta.postures.network import PostureAutoencoder
-from motionlake.pesta.postures.recipe import AutoencoderRecipe, recipe_of
-from motionlake.pesta.postures.training import _revive, train_autoencoder
+from motionlake.pesta.config import KINDS, DictionaryKind, PosturesConfig
+from motionlake.pesta.dictionary import PostureDictionary, load_dictionary
+from motionlake.pesta.posture_network import AutoencoderRecipe, PostureAutoencoder, recipe_of
+from motionlake.pesta.posture_training import (
+    _revive,
+    fit_dictionary,
+    grid,
+    sample_postures,
+    self_organising_map,
+    train_autoencoder,
+)
 from safetensors.numpy import save_file
 
 M = 12
@@ -92,8 +97,8 @@ def test_training_repeats_and_resumes_to_the_same_bytes(tmp_path: Path, monkeypa
     np.testing.assert_array_equal(autoencoder().codes, whole.codes)
     assert not np.array_equal(autoencoder(seed=1).codes, whole.codes)
 
-    monkeypatch.setattr("motionlake.pesta.postures.training.CHECKPOINT_EVERY", 10)
-    monkeypatch.setattr("motionlake.pesta.postures.training.REPORT_EVERY", 5)
+    monkeypatch.setattr("motionlake.pesta.posture_training.CHECKPOINT_EVERY", 10)
+    monkeypatch.setattr("motionlake.pesta.posture_training.REPORT_EVERY", 5)
     checkpoint = tmp_path / "training.safetensors"
 
     class KilledError(Exception):

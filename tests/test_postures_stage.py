@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Iterator
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -18,12 +17,9 @@ from motionlake.lake.config import LakeConfig, load_config
 from motionlake.lake.frames import read_part
 from motionlake.lake.layout import open_lake
 from motionlake.motion.features import word_features
-from motionlake.pesta.postures import config as shipped
-from motionlake.pesta.postures.config import PosturesConfig
-from motionlake.pesta.postures.dictionary import PostureDictionary, load_dictionary
-from motionlake.pesta.symbols.config import SymbolsConfig
-from motionlake.pesta.symbols.strings import symbolise
-from motionlake.ready_made import described
+from motionlake.pesta.config import PRETRAINED_POSTURES, PosturesConfig, SymbolsConfig
+from motionlake.pesta.dictionary import PostureDictionary, load_dictionary
+from motionlake.pesta.symbols import symbolise
 from motionlake.stages import postures
 
 from tests.lakes import QUICK, files, motionlake, query, quick_lake
@@ -140,25 +136,23 @@ def test_too_few_postures_are_one_clear_line(lake: Path, scheduler: str) -> None
 
 
 @pytest.fixture
-def ready_made(tmp_path: Path, built_lake: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[PosturesConfig]:
+def ready_made(tmp_path: Path, built_lake: Path, monkeypatch: pytest.MonkeyPatch) -> PosturesConfig:
     """A ready-made dictionary: that of `built_lake`, as if it came with the package."""
     file = tmp_path / "weights" / "postures.safetensors"
     file.parent.mkdir()
     config = PosturesConfig(dictionary="kmeans", m=40)
     current(built_lake)[1].save(file)
     file.with_suffix(".json").write_text(json.dumps({"postures": asdict(config)}), encoding="utf-8")
-    monkeypatch.setattr(shipped, "FILE", file)
-    described.cache_clear()
-    yield config
-    described.cache_clear()
+    monkeypatch.setattr(PRETRAINED_POSTURES, "file", file)
+    return config
 
 
 def test_the_ready_made_dictionary_is_taken_where_it_fits(
     ready_made: PosturesConfig, built_lake: Path, clips_folder: Path, tmp_path: Path, scheduler: str
 ) -> None:
-    assert shipped.fits(replace(ready_made, seed=3, max_postures=99))
+    assert PRETRAINED_POSTURES.fits(replace(ready_made, seed=3, max_postures=99))
     for other in ({"weights": "own"}, {"m": 41}, {"smoothing": 0.0}, {"dictionary": "som"}):
-        assert not shipped.fits(replace(ready_made, **other))
+        assert not PRETRAINED_POSTURES.fits(replace(ready_made, **other))
     lake = quick_lake(tmp_path / "lake", QUICK.replace("[postures]", '[postures]\nweights = "shipped"'))
     assert motionlake("ingest", clips_folder, "--lake", lake, "--scheduler", scheduler).status == 0
     done = motionlake("run", "postures", "--lake", lake, "--scheduler", scheduler)

@@ -6,9 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from motionlake.deep_motifs.words import config as shipped
-from motionlake.deep_motifs.words.config import NetworkConfig
-from motionlake.deep_motifs.words.trained import load_network
+from motionlake.deep_motifs.config import PRETRAINED_WORDS, NetworkConfig
+from motionlake.deep_motifs.words.network import load_network
 from motionlake.lake.catalog import fetch, reading
 from motionlake.lake.config import LakeConfig
 from motionlake.lake.layout import Lake
@@ -23,16 +22,16 @@ def current_network(lake: Path) -> dict[str, object]:
 
 
 def test_the_ready_made_network_is_the_one_its_description_names() -> None:
-    network = load_network(shipped.FILE)
-    about = shipped.about()
-    assert shipped.fits(WordConfig(), NetworkConfig())
-    assert not shipped.fits(WordConfig(length=16), NetworkConfig())
-    assert not shipped.fits(WordConfig(), NetworkConfig(weights="own"))
-    assert not shipped.fits(WordConfig(), NetworkConfig("conv"))
+    network = load_network(PRETRAINED_WORDS.file)
+    about = PRETRAINED_WORDS.about()
+    assert PRETRAINED_WORDS.fits(WordConfig(), NetworkConfig())
+    assert not PRETRAINED_WORDS.fits(WordConfig(length=16), NetworkConfig())
+    assert not PRETRAINED_WORDS.fits(WordConfig(), NetworkConfig(weights="own"))
+    assert not PRETRAINED_WORDS.fits(WordConfig(), NetworkConfig("conv"))
     assert network.words == WordConfig()
     assert network.figures["data_sha256"] == about["data_sha256"]
     assert set(about["sets"]) == {"cmu_dance", "cmu_bvh", "cmu_exercises", "cmu_86"}
-    assert shipped.FILE.stat().st_size < 20_000_000
+    assert PRETRAINED_WORDS.file.stat().st_size < 20_000_000
     words = np.random.default_rng(0).standard_normal((3, 12, 88)).astype(np.float32)
     assert np.linalg.norm(network.embed(words), axis=1).min() > 0
 
@@ -52,7 +51,7 @@ def test_a_lake_is_embedded_ready_made_then_fine_tuned_then_afresh(
     taken = current_network(lake)
     assert motionlake("report", "--out", tmp_path / "report.html", "--lake", lake).status == 0
     assert "ready made, from cmu_dance" in (tmp_path / "report.html").read_text(encoding="utf-8")
-    assert (lake / str(taken["file"])).read_bytes() == shipped.FILE.read_bytes()
+    assert (lake / str(taken["file"])).read_bytes() == PRETRAINED_WORDS.file.read_bytes()
     signatures = motionlake("sql", "SELECT signature FROM signatures ORDER BY clip", "--json", "--lake", lake).json
     for words in (["--fine-tune"], []):
         trained = motionlake("train", "words", *words, "--json", "--lake", lake)

@@ -7,10 +7,9 @@ from pathlib import Path
 import duckdb
 import numpy as np
 import pytest
-from motionlake.glogen.generator import config as shipped
-from motionlake.glogen.generator.config import SynthesisConfig
-from motionlake.glogen.generator.generator import load_generator
-from motionlake.glogen.generator.wishes import Seed, Wish
+from motionlake.glogen.config import PRETRAINED_GENERATOR, SynthesisConfig
+from motionlake.glogen.generator import load_generator
+from motionlake.glogen.wishes import Seed, Wish
 from motionlake.motion.skeleton import JOINTS, PARENTS
 
 from tests.lakes import motionlake, query
@@ -28,21 +27,21 @@ def bare(lake: Path) -> Path:
 
 
 def test_the_ready_made_generator_is_the_one_its_description_names() -> None:
-    generator, about = load_generator(shipped.FILE), shipped.about()
+    generator, about = load_generator(PRETRAINED_GENERATOR.file), PRETRAINED_GENERATOR.about()
     assert generator.classes == about["class_names"] == sorted(about["class_names"])
     assert generator.config.recipe == about["recipe"] == "default"
     assert generator.figures["data_sha256"] == about["data_sha256"]
     assert set(about["sets"]) <= {"cmu_dance", "cmu_bvh", "cmu_exercises", "cmu_86"}
     assert set(about["filled"]) <= set(JOINTS)
-    assert shipped.FILE.stat().st_size < 20_000_000
-    assert shipped.fits(SynthesisConfig())
-    assert shipped.fits(SynthesisConfig(weights="shipped", seed=3))
+    assert PRETRAINED_GENERATOR.file.stat().st_size < 20_000_000
+    assert PRETRAINED_GENERATOR.fits(SynthesisConfig())
+    assert PRETRAINED_GENERATOR.fits(SynthesisConfig(weights="shipped", seed=3))
     for other in ({"weights": "own"}, {"recipe": "glogen"}, {"epochs": 2}):
-        assert not shipped.fits(SynthesisConfig(**other))
+        assert not PRETRAINED_GENERATOR.fits(SynthesisConfig(**other))
 
 
 def test_every_class_of_it_makes_motion_from_a_body_that_stands() -> None:
-    generator = load_generator(shipped.FILE)
+    generator = load_generator(PRETRAINED_GENERATOR.file)
     body = standing(60)
     offsets = body[0] - body[0, np.maximum(PARENTS, 0)]
     seed = Seed("stands", body, 30.0, offsets)
@@ -59,7 +58,7 @@ def test_a_lake_without_labels_makes_motion_ready_made(bare: Path, scheduler: st
     run = motionlake("run", "synth", *common)
     assert run.status == 0, run.err
     assert "synth: takes the ready-made generator; `motionlake train synthesis` trains one on this lake" in run.err
-    about = shipped.about()
+    about = PRETRAINED_GENERATOR.about()
     assert motionlake("synthesize", "--classes", "--json", "--lake", bare).json == {
         "model": "synthesis-1",
         "classes": about["class_names"],

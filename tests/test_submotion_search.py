@@ -11,14 +11,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from motionlake.deephums.descriptors import config as shipped
-from motionlake.deephums.descriptors.sequence import clip_sequence
-from motionlake.deephums.submotions import config as shipped_submotion
-from motionlake.deephums.submotions import pieces
-from motionlake.deephums.submotions.config import LONGEST, SHORT, SubmotionConfig
-from motionlake.deephums.submotions.encoder import train_submotion
-from motionlake.deephums.submotions.pieces import frames_of, piece_windows
-from motionlake.deephums.submotions.trained import TrainedSubmotion, load_submotion
+from motionlake.deephums import submotions as pieces
+from motionlake.deephums.config import LONGEST, PRETRAINED_DESCRIPTORS, PRETRAINED_SUBMOTION, SHORT, SubmotionConfig
+from motionlake.deephums.sequence import clip_sequence
+from motionlake.deephums.submotions import TrainedSubmotion, frames_of, load_submotion, piece_windows, train_submotion
 from motionlake.lake.catalog import reading, writing
 from motionlake.lake.frames import Frames, read_part
 from motionlake.lake.layout import open_lake
@@ -109,16 +105,16 @@ def test_a_network_is_the_same_after_reading_it_back(tmp_path: Path, recipe: str
     np.testing.assert_array_equal(read.embed(clips), made.embed(clips))
     np.testing.assert_allclose(np.linalg.norm(read.embed(clips), axis=1), 1, atol=1e-5)
     with pytest.raises(ValueError, match="holds no submotion network"):
-        load_submotion(shipped.FILE)
+        load_submotion(PRETRAINED_DESCRIPTORS.file)
 
 
 def test_the_ready_made_network_is_the_one_its_description_names() -> None:
-    network, about = load_submotion(shipped_submotion.FILE), shipped_submotion.about()
+    network, about = load_submotion(PRETRAINED_SUBMOTION.file), PRETRAINED_SUBMOTION.about()
     assert set(about["sets"]) == {"cmu_dance", "cmu_bvh", "cmu_exercises", "cmu_86"}
     assert network.figures["data_sha256"] == about["data_sha256"]
-    assert shipped_submotion.fits(SubmotionConfig(seed=4, steps=7))
+    assert PRETRAINED_SUBMOTION.fits(SubmotionConfig(seed=4, steps=7))
     for other in (SubmotionConfig(weights="own"), SubmotionConfig(recipe="deephums"), SubmotionConfig(hidden=99)):
-        assert not shipped_submotion.fits(other)
+        assert not PRETRAINED_SUBMOTION.fits(other)
 
 
 @pytest.mark.parametrize("fps", [12.0, 24.0, 30.0, 120.0])

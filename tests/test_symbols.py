@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from motionlake.pesta.symbols.alphabet import reduce_runs
-from motionlake.pesta.symbols.config import SymbolsConfig
-from motionlake.pesta.symbols.strings import SymbolString, symbolise
-from motionlake.pesta.symbols.tandem import reduce_repeats
+from motionlake.pesta.config import SymbolsConfig
+from motionlake.pesta.repetitions import reduce_repeats, reduce_runs
+from motionlake.pesta.symbols import SymbolString, symbolise
 
 BOTH = SymbolsConfig()
 CONFIGS = [SymbolsConfig(runs, repeats) for runs in (True, False) for repeats in (True, False)]

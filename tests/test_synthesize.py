@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from motionlake.deephums.descriptors.config import DescriptorsConfig
+from motionlake.deephums.config import DescriptorsConfig
 from motionlake.formats import read_clips
 from motionlake.lake.catalog import fetch, reading
 from motionlake.lake.config import load_config

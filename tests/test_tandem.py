@@ -10,10 +10,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from motionlake.arrays import Int32Array
-from motionlake.pesta.symbols.alphabet import ranks
-from motionlake.pesta.symbols.repetitions import by_period, by_suffixes, maximal_repetitions, suffix_order
-from motionlake.pesta.symbols.squares import square_free
-from motionlake.pesta.symbols.tandem import reduce_repeats, without_repetitions
+from motionlake.pesta.repetitions import (
+    by_period,
+    by_suffixes,
+    maximal_repetitions,
+    ranks,
+    reduce_repeats,
+    suffix_order,
+    without_repetitions,
+)
+from motionlake.pesta.squares import square_free
 from numpy.typing import NDArray
 
 words = st.integers(2, 4).flatmap(lambda m: st.lists(st.integers(0, m - 1), max_size=60))

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 import torch
 from motionlake.arrays import Float32Array, Float64Array
+from motionlake.deep_motifs.config import NetworkConfig
 from motionlake.deep_motifs.words import training
-from motionlake.deep_motifs.words.config import NetworkConfig
 from motionlake.deep_motifs.words.dtw import word_distances
 from motionlake.deep_motifs.words.linear import LinearConfig, linear_embedding, nearest_elsewhere
-from motionlake.deep_motifs.words.trained import TrainedNetwork, load_network
+from motionlake.deep_motifs.words.network import TrainedNetwork, load_network
 from motionlake.deep_motifs.words.training import Recipe, train_words
 from motionlake.deep_motifs.words.triplets import TripletConfig, time_reversed, time_warped, training_words
 from motionlake.deep_motifs.words.windows import word_windows

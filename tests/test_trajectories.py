@@ -9,9 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from motionlake.glogen.trajectories.body import STANDARD, body_length, measured_length, standard_joints
-from motionlake.glogen.trajectories.motion import FEET, FPS, BodyMotion, body_motion, in_world, mirrored, resampled
-from motionlake.glogen.trajectories.sparse import (
+from motionlake.glogen.sparse import (
     DURATION,
     LONGEST,
     PIECE,
@@ -26,6 +24,19 @@ from motionlake.glogen.trajectories.sparse import (
     reach,
     sparse_motion,
     uniform_places,
+)
+from motionlake.glogen.trajectories import (
+    FEET,
+    FPS,
+    STANDARD,
+    BodyMotion,
+    body_length,
+    body_motion,
+    in_world,
+    measured_length,
+    mirrored,
+    resampled,
+    standard_joints,
 )
 from motionlake.motion.mirror import mirrored_positions
 from motionlake.motion.skeleton import INDEX, PARENTS, facing

@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
-from motionlake.deephums.descriptors.config import DescriptorsConfig
-from motionlake.deephums.descriptors.recipe import DescriptorRecipe, recipe_of
-from motionlake.deephums.descriptors.training import train_descriptor
+from motionlake.deephums.config import DescriptorsConfig
+from motionlake.deephums.network import DescriptorRecipe, recipe_of
+from motionlake.deephums.training import train_descriptor
 from motionlake.evaluation.measures.split_retrieval import Questions, score_split
 
 from bench.deephums.retrieval import euclidean, training_clips

@@ -6,10 +6,10 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from motionlake.deephums.descriptors.batches import resampled
-from motionlake.deephums.descriptors.config import DescriptorsConfig
-from motionlake.deephums.descriptors.recipe import recipe_of
-from motionlake.deephums.descriptors.training import train_descriptor
+from motionlake.deephums.batches import resampled
+from motionlake.deephums.config import DescriptorsConfig
+from motionlake.deephums.network import recipe_of
+from motionlake.deephums.training import train_descriptor
 
 from bench.deephums.choices import left_out
 from bench.deephums.fit import Clips, fit

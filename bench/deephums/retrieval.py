@@ -11,12 +11,12 @@ from typing import Final
 import numpy as np
 import torch
 from motionlake.arrays import Float32Array, FloatArray
-from motionlake.deephums.descriptors.batches import Augmentation, resampled
-from motionlake.deephums.descriptors.config import DescriptorsConfig
-from motionlake.deephums.descriptors.recipe import recipe_of
-from motionlake.deephums.descriptors.similarity import alignment_distances, motion_distance, motion_field
-from motionlake.deephums.descriptors.trained import TrainedDescriptor
-from motionlake.deephums.descriptors.training import TrainingClip, train_descriptor
+from motionlake.deephums.batches import Augmentation, resampled
+from motionlake.deephums.config import DescriptorsConfig
+from motionlake.deephums.network import recipe_of
+from motionlake.deephums.sequence import alignment_distances, motion_distance, motion_field
+from motionlake.deephums.trained import TrainedDescriptor
+from motionlake.deephums.training import TrainingClip, train_descriptor
 from motionlake.evaluation.measures.dtw import baseline_features, joint_error
 from motionlake.evaluation.measures.split_retrieval import Questions, first_hits, score_split
 from motionlake.motion.dtw import dtw_cross

@@ -7,8 +7,8 @@ from typing import Final
 import numpy as np
 import torch
 from motionlake.arrays import Float32Array
-from motionlake.deephums.descriptors.batches import resampled
-from motionlake.deephums.descriptors.trained import TrainedDescriptor
+from motionlake.deephums.batches import resampled
+from motionlake.deephums.trained import TrainedDescriptor
 from motionlake.evaluation.measures.split_retrieval import Questions, score_split
 from motionlake.motion.skeleton import COMMON, INDEX
 from numpy.typing import NDArray

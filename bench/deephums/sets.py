@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 from motionlake.arrays import Float32Array
-from motionlake.deephums.descriptors.sequence import clip_sequence
+from motionlake.deephums.sequence import clip_sequence
 from numpy.typing import NDArray
 
 from bench.canonical_sets import LabelledClip, load

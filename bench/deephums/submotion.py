@@ -15,13 +15,10 @@ from typing import Any, Final
 
 import numpy as np
 from motionlake.arrays import Float32Array, Int64Array
-from motionlake.deephums.descriptors.config import DescriptorsConfig
-from motionlake.deephums.descriptors.sequence import clip_sequence
-from motionlake.deephums.descriptors.training import TrainingClip, train_descriptor
-from motionlake.deephums.submotions.config import SubmotionConfig
-from motionlake.deephums.submotions.encoder import train_submotion
-from motionlake.deephums.submotions.pieces import piece_windows
-from motionlake.deephums.submotions.trained import TrainedSubmotion
+from motionlake.deephums.config import DescriptorsConfig, SubmotionConfig
+from motionlake.deephums.sequence import clip_sequence
+from motionlake.deephums.submotions import TrainedSubmotion, piece_windows, train_submotion
+from motionlake.deephums.training import TrainingClip, train_descriptor
 from motionlake.motion.features import WordConfig, word_features
 from motionlake.retrieval.submotion_search import Piece, piece_of, place
 from numpy.typing import NDArray

@@ -7,11 +7,10 @@ from typing import Final
 
 import numpy as np
 from motionlake.arrays import Float64Array
-from motionlake.glogen.generator.generator import TrainedGenerator
-from motionlake.glogen.locgen.dense import dense_motions
-from motionlake.glogen.locgen.interpolation import interpolated_motion
-from motionlake.glogen.trajectories.motion import FPS, interpolated
-from motionlake.glogen.trajectories.sparse import HEIGHT, JOINT_COLUMNS, Piece
+from motionlake.glogen.generator import TrainedGenerator
+from motionlake.glogen.inbetweening import dense_motions, interpolated_motion
+from motionlake.glogen.sparse import HEIGHT, JOINT_COLUMNS, Piece
+from motionlake.glogen.trajectories import FPS, interpolated
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 

@@ -10,14 +10,13 @@ from typing import Any, Final
 import numpy as np
 from motionlake.arrays import Float32Array, Float64Array
 from motionlake.evaluation.measures.synthesis_errors import MILLISECONDS
-from motionlake.glogen.generator.config import SynthesisConfig
-from motionlake.glogen.generator.course import Course, go_on
-from motionlake.glogen.generator.generator import TrainedGenerator
-from motionlake.glogen.glogen.recipe import SEEDS
-from motionlake.glogen.locgen.dense import dense_motions
-from motionlake.glogen.locgen.lead_in import led_in, state_at
-from motionlake.glogen.trajectories.motion import FPS, BodyMotion, interpolated
-from motionlake.glogen.trajectories.sparse import PIECE, SPARSE, Piece, even_motion, ranges
+from motionlake.glogen.config import SEEDS, SPARSE, SynthesisConfig
+from motionlake.glogen.course import Course, go_on
+from motionlake.glogen.generator import TrainedGenerator
+from motionlake.glogen.inbetweening import dense_motions
+from motionlake.glogen.lead_in import led_in, state_at
+from motionlake.glogen.sparse import PIECE, Piece, even_motion, ranges
+from motionlake.glogen.trajectories import FPS, BodyMotion, interpolated
 from numpy.typing import NDArray
 
 from bench.glogen.folds import generator_without, parted

@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-from motionlake.glogen.generator.config import SynthesisConfig
-from motionlake.glogen.generator.generator import TrainedGenerator, load_generator
-from motionlake.glogen.generator.training import fit_generator
+from motionlake.glogen.config import SynthesisConfig
+from motionlake.glogen.generator import TrainedGenerator, load_generator
+from motionlake.glogen.generator_training import fit_generator
 from motionlake.lake.parts import replacing
 
 from bench.glogen.material import Material, material

@@ -13,8 +13,8 @@ from motionlake.evaluation.measures.synthesis_movement import (
     travel_speed,
     within_range,
 )
-from motionlake.glogen.generator.wishes import Seed, Wish
-from motionlake.glogen.trajectories.motion import FPS, resampled
+from motionlake.glogen.trajectories import FPS, resampled
+from motionlake.glogen.wishes import Seed, Wish
 
 from bench.glogen.folds import Measures, Unit, folds, generator_of, parted
 from bench.glogen.material import Material, material

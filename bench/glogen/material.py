@@ -8,8 +8,8 @@ from typing import Final
 
 import numpy as np
 from motionlake.arrays import Float32Array
-from motionlake.glogen.trajectories.motion import BodyMotion, body_motion
-from motionlake.glogen.trajectories.sparse import HEIGHT, JOINT_COLUMNS, Piece, pieces, rows_of
+from motionlake.glogen.sparse import HEIGHT, JOINT_COLUMNS, Piece, pieces, rows_of
+from motionlake.glogen.trajectories import BodyMotion, body_motion
 from motionlake.motion.skeleton import PARENTS
 from numpy.typing import NDArray
 

@@ -11,15 +11,15 @@ from typing import Final
 import numpy as np
 import torch
 from motionlake.arrays import Float32Array
-from motionlake.deephums.descriptors.config import DescriptorsConfig
-from motionlake.deephums.descriptors.trained import TrainedDescriptor
-from motionlake.deephums.descriptors.training import TrainingClip, train_descriptor
+from motionlake.deephums.config import DescriptorsConfig
+from motionlake.deephums.trained import TrainedDescriptor
+from motionlake.deephums.training import TrainingClip, train_descriptor
 from motionlake.evaluation.measures.synthesis_likeness import frechet_distance
-from motionlake.glogen.glogen.follow import follow
-from motionlake.glogen.glogen.recipe import SEEDS, GloGenRecipe, glogen_recipe
-from motionlake.glogen.glogen.training import train_glogen, unseen
-from motionlake.glogen.trajectories.sparse import JOINT_COLUMNS, PIECE
-from motionlake.glogen.trajectories.sparse import SPARSE as POSES
+from motionlake.glogen.config import SEEDS, GloGenRecipe, glogen_recipe
+from motionlake.glogen.config import SPARSE as POSES
+from motionlake.glogen.course import follow
+from motionlake.glogen.sparse import JOINT_COLUMNS, PIECE
+from motionlake.glogen.training import train_glogen, unseen
 from motionlake.motion.skeleton import COMMON, INDEX
 from numpy.typing import NDArray
 

@@ -13,18 +13,17 @@ from typing import Final
 
 import numpy as np
 from motionlake.arrays import Float32Array
-from motionlake.deephums.descriptors.config import DescriptorsConfig
-from motionlake.deephums.descriptors.trained import TrainedDescriptor
-from motionlake.deephums.descriptors.training import TrainingClip, train_descriptor
+from motionlake.deephums.config import DescriptorsConfig
+from motionlake.deephums.trained import TrainedDescriptor
+from motionlake.deephums.training import TrainingClip, train_descriptor
 from motionlake.evaluation.measures.synthesis_likeness import frechet_distance
-from motionlake.glogen.generator.config import SynthesisConfig
-from motionlake.glogen.generator.generator import TrainedGenerator
-from motionlake.glogen.generator.training import fit_generator
-from motionlake.glogen.glogen.follow import follow
-from motionlake.glogen.glogen.recipe import SEEDS
-from motionlake.glogen.locgen.dense import dense_motions
-from motionlake.glogen.trajectories.motion import interpolated
-from motionlake.glogen.trajectories.sparse import DURATION, PIECE, SPARSE
+from motionlake.glogen.config import SEEDS, SPARSE, SynthesisConfig
+from motionlake.glogen.course import follow
+from motionlake.glogen.generator import TrainedGenerator
+from motionlake.glogen.generator_training import fit_generator
+from motionlake.glogen.inbetweening import dense_motions
+from motionlake.glogen.sparse import DURATION, PIECE
+from motionlake.glogen.trajectories import interpolated
 from numpy.typing import NDArray
 
 from bench.glogen.baseline import Baseline

@@ -6,10 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
-from motionlake.pesta.alignment.config import AlignmentConfig
 from motionlake.pesta.alignment.scan import Both
-from motionlake.pesta.postures.recipe import AutoencoderRecipe
-from motionlake.pesta.symbols.config import SymbolsConfig
+from motionlake.pesta.config import AlignmentConfig, SymbolsConfig
+from motionlake.pesta.posture_network import AutoencoderRecipe
 
 from bench.pesta.dictionaries import Spec, fitted, strings_of
 from bench.pesta.measuring import STA3, whole_scores

@@ -9,13 +9,11 @@ from typing import Any
 import numpy as np
 from motionlake.arrays import Float32Array
 from motionlake.deep_motifs.words.linear import linear_embedding
-from motionlake.pesta.postures import config as shipped
-from motionlake.pesta.postures.config import PosturesConfig
-from motionlake.pesta.postures.dictionary import PostureDictionary, load_dictionary
-from motionlake.pesta.postures.fitting import fit_dictionary, sample_postures
-from motionlake.pesta.postures.recipe import AutoencoderRecipe, recipe_of
-from motionlake.pesta.symbols.config import SymbolsConfig
-from motionlake.pesta.symbols.strings import SymbolString, symbolise
+from motionlake.pesta.config import PRETRAINED_POSTURES, PosturesConfig, SymbolsConfig
+from motionlake.pesta.dictionary import PostureDictionary, load_dictionary
+from motionlake.pesta.posture_network import AutoencoderRecipe, recipe_of
+from motionlake.pesta.posture_training import fit_dictionary, sample_postures
+from motionlake.pesta.symbols import SymbolString, symbolise
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
@@ -60,7 +58,7 @@ class Unit:
 
 def ready_made() -> Spec | None:
     """The dictionary that comes with the package, if there is one."""
-    return Spec(load_dictionary(shipped.FILE).config, ready=True) if shipped.about() else None
+    return Spec(load_dictionary(PRETRAINED_POSTURES.file).config, ready=True) if PRETRAINED_POSTURES.about() else None
 
 
 @dataclass(frozen=True)
@@ -87,7 +85,7 @@ class Fitted:
 def fitted(name: str, spec: Spec) -> Fitted:
     """The dictionary of a set."""
     if spec.ready:
-        return Fitted(load_dictionary(shipped.FILE))
+        return Fitted(load_dictionary(PRETRAINED_POSTURES.file))
     postures = postures_of(name, spec.config.frames)
     with threadpool_limits(limits=1):
         if spec.started:
@@ -96,7 +94,7 @@ def fitted(name: str, spec: Spec) -> Fitted:
             start = linear_embedding(sample[:, None], clips, linear, spec.config.seed)
             return Fitted(fit_dictionary([rows @ start.T for rows in postures], spec.config), start)
         if spec.config.dictionary == "aae" and spec.recipe is not None:
-            from motionlake.pesta.postures.training import train_autoencoder
+            from motionlake.pesta.posture_training import train_autoencoder
 
             return Fitted(train_autoencoder(*sample_postures(postures, spec.config), spec.config, recipe=spec.recipe))
         return Fitted(fit_dictionary(postures, spec.config))

@@ -17,10 +17,10 @@ from motionlake.evaluation.measures.ranking import (
     score_classes,
     score_rankings,
 )
-from motionlake.pesta.alignment.config import AlignmentConfig
 from motionlake.pesta.alignment.scan import Both, symmetric_costs
 from motionlake.pesta.alignment.strings import Distances
-from motionlake.pesta.symbols.strings import SymbolString
+from motionlake.pesta.config import AlignmentConfig
+from motionlake.pesta.symbols import SymbolString
 
 from bench import units
 from bench.units import Found

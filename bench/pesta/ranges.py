@@ -13,10 +13,10 @@ from typing import Final
 
 import numpy as np
 from motionlake.evaluation.measures.ranking import ranked_relevance, score_classes, score_rankings, share_label
-from motionlake.pesta.alignment.config import AlignmentConfig
 from motionlake.pesta.alignment.scan import pairwise
 from motionlake.pesta.alignment.strings import Repository
-from motionlake.pesta.symbols.strings import SymbolString
+from motionlake.pesta.config import AlignmentConfig
+from motionlake.pesta.symbols import SymbolString
 
 from bench.pesta.dictionaries import Spec, Unit, fitted, strings_of
 from bench.pesta.measuring import STA3

@@ -15,8 +15,8 @@ from typing import Final
 import numpy as np
 from motionlake.evaluation.measures.singularity import PIECE, singular_pieces
 from motionlake.motion.skeleton import INDEX, facing
-from motionlake.pesta.alignment.config import AlignmentConfig
 from motionlake.pesta.alignment.scan import Both
+from motionlake.pesta.config import AlignmentConfig
 
 from bench.canonical_sets import LabelledClip, features
 from bench.pesta.dictionaries import Spec, Unit, fitted, string

@@ -19,7 +19,7 @@ from motionlake.evaluation.measures.sub_queries import (
     score_sub_queries,
     shared_search,
 )
-from motionlake.pesta.alignment.config import AlignmentConfig
+from motionlake.pesta.config import AlignmentConfig
 
 from bench.pesta.dictionaries import Spec, Unit, fitted, ready_made, strings_of
 from bench.pesta.measuring import STA2

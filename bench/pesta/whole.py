@@ -12,9 +12,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
-from motionlake.pesta.alignment.config import AlignmentConfig
 from motionlake.pesta.alignment.scan import Both
-from motionlake.pesta.symbols.config import SymbolsConfig
+from motionlake.pesta.config import AlignmentConfig, SymbolsConfig
 
 from bench.canonical_sets import features
 from bench.pesta.dictionaries import OWN, Spec, fitted, ready_made, strings_of

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 from motionlake.cli.common import SETTINGS, JsonOption, LakeOption, notice, print_json, stage_progress
-from motionlake.deephums.descriptors.config import SUPERVISIONS
+from motionlake.deephums.config import SUPERVISIONS
 from motionlake.errors import UserError
 from motionlake.jobs import descriptors, embed, submotions, synth
 from motionlake.jobs import postures as postures_job

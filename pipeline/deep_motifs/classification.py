@@ -1,19 +1,24 @@
-"""Classification of whole clips by their signatures (Deep Motifs, sections 4.3 and 5.3).
+"""Classification of clips by labelled clips, and clustering of unlabelled ones (Deep Motifs, sections 4.3 and 5.3).
 
 "knn": the k labelled clips nearest by the Earth Mover's Distance vote. "one_vs_all": one classifier a class,
 that class against all others (section 5.3), a support vector machine on the kernel exp(-(distance / s)^2), s
 the median distance of the labelled clips; the class whose classifier is surest wins.
+
+Clusters: Metric MDS places the clips in a space of n dimensions so that their distances there are those of their
+signatures; it starts from the classical solution, hence no random starts. K-means groups the places.
 """
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final, Literal
 
 import numpy as np
-from motionlake.arrays import Float64Array
+from motionlake.arrays import Float64Array, Int64Array
 from motionlake.errors import UserError
+from threadpoolctl import threadpool_limits
 
 Method = Literal["knn", "one_vs_all"]
 
@@ -110,3 +115,93 @@ def _kernel(distances: Float64Array, scale: float) -> Float64Array:
 def _check(distances: Float64Array, labels: Sequence[str]) -> None:
     if distances.ndim != 2 or distances.shape[1] != len(labels) or not len(labels):
         raise ValueError(f"distances of shape {distances.shape} do not fit {len(labels)} labels")
+
+
+DIMENSIONS: Final = 10
+# The largest number of clusters that "auto" looks at.
+MOST: Final = 40
+
+
+@dataclass(frozen=True)
+class Clustering:
+    """n clips in groups.
+
+    Attributes:
+        clusters: [n] from 0, the largest first.
+        places: [n, dimensions] of the clips.
+        silhouette: mean silhouette of the places, from -1 to 1: how well the clusters are apart.
+    """
+
+    clusters: Int64Array
+    places: Float64Array
+    silhouette: float
+
+
+def places_of(distances: Float64Array, dimensions: int = DIMENSIONS) -> Float64Array:
+    """[n, d] points whose distances follow `distances` [n, n], d at most n - 1 (multi-dimensional scaling)."""
+    from sklearn.manifold import smacof
+
+    start = _classical(distances, min(dimensions, len(distances) - 1))
+    with threadpool_limits(limits=1):
+        places, _ = smacof(
+            distances, metric=True, n_components=start.shape[1], init=start, n_init=1, normalized_stress=False
+        )
+    return np.asarray(places, dtype=np.float64)
+
+
+def cluster_clips(distances: Float64Array, k: int | None, *, seed: int = 0, dimensions: int = DIMENSIONS) -> Clustering:
+    """Group n clips.
+
+    Args:
+        distances: [n, n], symmetric, zero on the diagonal.
+        k: how many clusters; None takes the number, from 2 up, with the best silhouette.
+        seed: of k-means.
+        dimensions: of the space.
+
+    Raises:
+        UserError: k below 2, or not below the number of clips.
+    """
+    n = len(distances)
+    if n < 3:
+        raise UserError(f"{n} clips: clusters need at least 3")
+    if k is not None and not 2 <= k < n:
+        raise UserError(f"{k} clusters of {n} clips: ask for 2 to {n - 1}")
+    places = places_of(distances, dimensions)
+    wanted = [k] if k is not None else list(range(2, min(MOST, n - 1) + 1))
+    found = [_kmeans(places, count, seed) for count in wanted]
+    clusters, silhouette = max(found, key=lambda each: each[1])
+    return Clustering(_by_size(clusters), places, silhouette)
+
+
+def _kmeans(places: Float64Array, k: int, seed: int) -> tuple[Int64Array, float]:
+    from sklearn.cluster import KMeans
+    from sklearn.exceptions import ConvergenceWarning
+    from sklearn.metrics import silhouette_score
+
+    with threadpool_limits(limits=1), warnings.catch_warnings():
+        warnings.simplefilter("ignore", ConvergenceWarning)  # clips that coincide: fewer distinct places than clusters
+        clusters = KMeans(n_clusters=k, n_init=10, random_state=seed).fit_predict(places)
+        distinct = len(np.unique(clusters))
+        silhouette = float(silhouette_score(places, clusters)) if 1 < distinct < len(places) else -1.0
+    return np.asarray(clusters, dtype=np.int64), silhouette
+
+
+def _classical(distances: Float64Array, dimensions: int) -> Float64Array:
+    """[n, dimensions] principal coordinates: exact where the distances are Euclidean."""
+    squared = distances**2
+    centred = -0.5 * (squared - squared.mean(0) - squared.mean(1)[:, None] + squared.mean())
+    with threadpool_limits(limits=1):
+        values, vectors = np.linalg.eigh(centred)
+    chosen = np.argsort(-values, kind="stable")[:dimensions]
+    vectors = vectors[:, chosen]
+    signs = np.sign(vectors[np.abs(vectors).argmax(axis=0), np.arange(len(chosen))])  # one of both solutions
+    return np.asarray(vectors * signs * np.sqrt(np.maximum(values[chosen], 0)), dtype=np.float64)
+
+
+def _by_size(clusters: Int64Array) -> Int64Array:
+    """Numbers by size, the largest first, equal sizes by their first clip."""
+    names, first, counts = np.unique(clusters, return_index=True, return_counts=True)
+    order = np.lexsort((first, -counts))
+    rank = np.empty(len(names), dtype=np.int64)
+    rank[order] = np.arange(len(names))
+    return np.asarray(rank[np.searchsorted(names, clusters)], dtype=np.int64)

@@ -17,7 +17,8 @@ from typing import Final
 
 import numpy as np
 from motionlake.arrays import Float32Array, Float64Array, Int64Array
-from motionlake.deep_motifs.emd import SignatureIndex, emd
+from motionlake.deep_motifs.emd import emd
+from motionlake.deep_motifs.emd_search import SignatureIndex
 from motionlake.motion.features import WordConfig
 from motionlake.motion.frame_overlap import Track, align, poses
 from motionlake.motion.mirror import mirrored_features

@@ -18,7 +18,8 @@ from typing import Final
 import numpy as np
 from motionlake.arrays import Float32Array, Float64Array, Int32Array, Int64Array
 from motionlake.deep_motifs.corpus import Corpus
-from motionlake.deep_motifs.emd import SignatureIndex, emd_many
+from motionlake.deep_motifs.emd import emd_many
+from motionlake.deep_motifs.emd_search import SignatureIndex
 from motionlake.deep_motifs.signatures import window_signatures
 from motionlake.errors import UserError
 

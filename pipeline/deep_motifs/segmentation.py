@@ -22,7 +22,7 @@ from typing import Final
 import numpy as np
 from motionlake.arrays import BoolArray, Float32Array, Float64Array, Int64Array, IntArray
 from motionlake.deep_motifs.corpus import Corpus
-from motionlake.deep_motifs.emd import SignatureIndex
+from motionlake.deep_motifs.emd_search import SignatureIndex
 from motionlake.errors import UserError
 from numpy.typing import NDArray
 

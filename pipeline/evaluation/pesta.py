@@ -34,8 +34,8 @@ from motionlake.evaluation.measures.sub_queries import (
 from motionlake.lake.catalog import Connection, fetch
 from motionlake.lake.config import load_config
 from motionlake.lake.layout import Lake
-from motionlake.pesta.alignment.config import METHODS, AlignmentConfig
 from motionlake.pesta.alignment.scan import symmetric_costs
+from motionlake.pesta.config import METHODS, AlignmentConfig
 from motionlake.retrieval.labelling.signed import SignedClips, lake_ground, signed_clips
 from motionlake.retrieval.lake_strings import LakeStrings, read_strings
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import Any, Final
 
 from motionlake.arrays import StepProgress
-from motionlake.deephums.descriptors.sequence import clip_sequence
+from motionlake.deephums.sequence import clip_sequence
 from motionlake.errors import UserError
 from motionlake.evaluation.clips import Notice
 from motionlake.evaluation.synthesis_clips import RealMotion, real_clips
@@ -54,9 +54,8 @@ def evaluate_synthesis(
     Raises:
         UserError: no generator, no descriptors, no such split or column, or no clip to measure by.
     """
-    from motionlake.deephums.descriptors.trained import load_descriptor
-    from motionlake.glogen.generator.embedding import embed_motions
-    from motionlake.glogen.generator.training import TrainingMotion
+    from motionlake.deephums.trained import load_descriptor
+    from motionlake.glogen.generator import TrainingMotion, embed_motions
 
     model = current_model(con, KIND)
     if model is None:

@@ -22,7 +22,7 @@ from motionlake.evaluation.synthesis_trials import (
     following,
     from_other_classes,
 )
-from motionlake.glogen.generator.embedding import EmbeddedMotions
+from motionlake.glogen.generator import EmbeddedMotions
 
 COUNT: Final = 10
 PIECE: Final = 10.0  # seconds

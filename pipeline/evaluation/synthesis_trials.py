@@ -10,14 +10,14 @@ import numpy as np
 from motionlake.arrays import Float64Array, StepProgress
 from motionlake.errors import UserError
 from motionlake.evaluation.synthesis_clips import RealMotion
-from motionlake.glogen.generator.wishes import Seed, Synthesized, Wish
+from motionlake.glogen.wishes import Seed, Synthesized, Wish
 
 AT_ONCE: Final = 64  # motions that a generator makes in one go
 LEAST: Final = 0.3  # seconds of a real clip after the seed
 
 
 class Generator(Protocol):
-    """What makes motion; `motionlake.glogen.generator.generator.TrainedGenerator` is one, and so is any baseline."""
+    """What makes motion; `motionlake.glogen.generator.TrainedGenerator` is one, and so is any baseline."""
 
     @property
     def classes(self) -> list[str]: ...

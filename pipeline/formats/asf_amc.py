@@ -14,10 +14,8 @@ import numpy as np
 from motionlake.arrays import Float64Array
 from motionlake.errors import ClipError
 from motionlake.formats.amc_frames import parse_frames
-from motionlake.formats.asf import load_asf
-from motionlake.formats.asf_skeleton import ROOT, Skeleton
-from motionlake.formats.registry import COMPRESSED_SUFFIX
-from motionlake.formats.remembered import Remembered
+from motionlake.formats.asf import ROOT, Skeleton, load_asf
+from motionlake.formats.registry import COMPRESSED_SUFFIX, Remembered
 from motionlake.motion.clip import SourceClip
 from motionlake.motion.rotations import rotate
 

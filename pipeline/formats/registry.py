@@ -7,15 +7,52 @@ import functools
 import importlib
 import pkgutil
 import stat
+import time
 import zlib
+from collections.abc import Callable
 from gzip import BadGzipFile, GzipFile
 from pathlib import Path
 from types import ModuleType
-from typing import BinaryIO, Final, Protocol, runtime_checkable
+from typing import BinaryIO, Final, Generic, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 from motionlake.errors import ClipError
 from motionlake.motion.clip import SourceClip
+
+T = TypeVar("T")
+# File systems stamp changes by a clock that may tick as slowly as this: what changed just now could change
+# again under the same stamp.
+SETTLED_NS: Final = 2_000_000_000
+
+State = tuple[int, int, int, int, int]
+
+
+class Remembered(Generic[T]):
+    """A function of a path that is called again only when the file or folder there has changed.
+
+    A change shows in device, inode, size, and times of modification and status change. An answer for what
+    changed less than 2 s ago is not kept.
+
+    Args:
+        function: what to remember. Its exceptions are not remembered.
+        size: how many answers are kept, those used last.
+    """
+
+    def __init__(self, function: Callable[[Path], T], size: int) -> None:
+        self._function = function
+        self._cached = functools.lru_cache(maxsize=size)(self._call)
+
+    def __call__(self, path: Path) -> T:
+        """The function's answer; `OSError` where there is nothing at the path."""
+        stat = path.stat()
+        if time.time_ns() - max(stat.st_mtime_ns, stat.st_ctime_ns) < SETTLED_NS:
+            return self._function(path)
+        return self._cached(path, (stat.st_dev, stat.st_ino, stat.st_size, stat.st_mtime_ns, stat.st_ctime_ns))
+
+    def _call(self, path: Path, state: State) -> T:
+        del state
+        return self._function(path)
+
 
 MAX_PLAIN_BYTES: Final = 2 * 1024**3
 MIN_FPS: Final = 1.0

@@ -9,16 +9,12 @@ from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
-from motionlake.deep_motifs.motion_graph.config import TransitionsConfig
-from motionlake.deep_motifs.words.config import NeighboursConfig, NetworkConfig
-from motionlake.deephums.descriptors.config import DescriptorsConfig
-from motionlake.deephums.submotions.config import SubmotionConfig
+from motionlake.deep_motifs.config import NeighboursConfig, NetworkConfig, TransitionsConfig
+from motionlake.deephums.config import DescriptorsConfig, SubmotionConfig
 from motionlake.errors import UserError
-from motionlake.glogen.generator.config import SynthesisConfig
+from motionlake.glogen.config import SynthesisConfig
 from motionlake.motion.features import WordConfig
-from motionlake.pesta.alignment.config import AlignmentConfig
-from motionlake.pesta.postures.config import PosturesConfig
-from motionlake.pesta.symbols.config import SymbolsConfig
+from motionlake.pesta.config import AlignmentConfig, PosturesConfig, SymbolsConfig
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from motionlake.arrays import Float64Array, FloatArray
-from motionlake.deep_motifs.clustering import places_of
+from motionlake.deep_motifs.classification import places_of
 from motionlake.pictures.style import TOP, UNLABELLED, ClassStyle, Sheet, bare, class_styles, styled
 from threadpoolctl import threadpool_limits
 

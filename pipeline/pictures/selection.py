@@ -11,7 +11,7 @@ from typing import Final, TypeVar
 
 import numpy as np
 from motionlake.arrays import Float64Array, Int64Array
-from motionlake.deep_motifs.clustering import cluster_clips
+from motionlake.deep_motifs.classification import cluster_clips
 from motionlake.deep_motifs.emd import emd_matrix
 from motionlake.pictures.material import Material
 from motionlake.pictures.style import UNLABELLED

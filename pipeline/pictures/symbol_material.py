@@ -15,8 +15,8 @@ from motionlake.lake.layout import Lake
 from motionlake.lake.models import Model
 from motionlake.motion.features import WordConfig
 from motionlake.motion.skeleton import INDEX, JOINTS
-from motionlake.pesta.postures.config import PosturesConfig
-from motionlake.pesta.postures.dictionary import METADATA_KEY
+from motionlake.pesta.config import PosturesConfig
+from motionlake.pesta.dictionary import METADATA_KEY
 from motionlake.pictures.signature_bars import motif_order
 from motionlake.pictures.stick_figures import Poses
 from motionlake.pictures.style import motif_colours

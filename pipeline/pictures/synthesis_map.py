@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from matplotlib.figure import Figure
 from motionlake.arrays import FloatArray, Int64Array
-from motionlake.glogen.generator.embedding import EmbeddedMotions
+from motionlake.glogen.generator import EmbeddedMotions
 from motionlake.pictures.maps import tsne
 from motionlake.pictures.style import TOP, Sheet, bare, class_styles, styled
 

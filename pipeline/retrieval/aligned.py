@@ -10,7 +10,7 @@ import numpy as np
 from motionlake.errors import UserError
 from motionlake.lake.frames import frame_range
 from motionlake.pesta.alignment.matches import Match
-from motionlake.pesta.symbols.strings import SymbolString
+from motionlake.pesta.symbols import SymbolString
 from motionlake.retrieval.lake_strings import LakeStrings
 from numpy.typing import NDArray
 

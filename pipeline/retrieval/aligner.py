@@ -13,12 +13,11 @@ from motionlake.lake.catalog import Connection, fetch
 from motionlake.lake.config import load_config
 from motionlake.lake.layout import Lake
 from motionlake.motion.features import word_features
-from motionlake.pesta.alignment.config import AlignmentConfig
 from motionlake.pesta.alignment.long_query import LongQuery
-from motionlake.pesta.alignment.matches import best_matches
+from motionlake.pesta.alignment.matches import best_matches, nearest_strings
 from motionlake.pesta.alignment.scan import Both
-from motionlake.pesta.alignment.whole import nearest_strings
-from motionlake.pesta.symbols.strings import symbolise
+from motionlake.pesta.config import AlignmentConfig
+from motionlake.pesta.symbols import symbolise
 from motionlake.retrieval.aligned import (
     AlignedHit,
     StringQuery,
@@ -34,7 +33,7 @@ from motionlake.retrieval.lake_strings import LakeStrings, read_strings
 from numpy.typing import ArrayLike
 
 if TYPE_CHECKING:
-    from motionlake.pesta.postures.dictionary import PostureDictionary
+    from motionlake.pesta.dictionary import PostureDictionary
 
 
 class Wanted(TypedDict, total=False):
@@ -177,7 +176,7 @@ class Aligner:
 
     @cached_property
     def _dictionary(self) -> PostureDictionary:
-        from motionlake.pesta.postures.dictionary import load_dictionary
+        from motionlake.pesta.dictionary import load_dictionary
 
         rows = fetch(self._con, "model_file", {"model": self.strings.model})
         return load_dictionary(self._lake.path(rows[0]["file"]))

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pyarrow as pa
 from motionlake.arrays import Float32Array, Int64Array
-from motionlake.deephums.descriptors.config import DIMENSION
-from motionlake.deephums.descriptors.nearest import DescriptorScan
-from motionlake.deephums.descriptors.quick import QuickIndex
-from motionlake.deephums.descriptors.sequence import clip_sequence
+from motionlake.deephums.config import DIMENSION
+from motionlake.deephums.nearest import DescriptorScan
+from motionlake.deephums.quick import QuickIndex
+from motionlake.deephums.sequence import clip_sequence
 from motionlake.errors import UserError
 from motionlake.lake.catalog import Connection, fetch_table
 from motionlake.lake.layout import Lake
@@ -24,7 +24,7 @@ from motionlake.stages.descriptors import served_network
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
-    from motionlake.deephums.descriptors.trained import TrainedDescriptor
+    from motionlake.deephums.trained import TrainedDescriptor
 
 
 class DescriptorRetriever:
@@ -133,7 +133,7 @@ class DescriptorRetriever:
 
     @cached_property
     def _network(self) -> TrainedDescriptor:
-        from motionlake.deephums.descriptors.trained import load_descriptor
+        from motionlake.deephums.trained import load_descriptor
 
         return load_descriptor(self._lake.path(self._file))
 

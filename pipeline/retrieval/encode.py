@@ -38,7 +38,7 @@ class Models:
 
     def motifs_of(self, features: Float32Array) -> NDArray[np.int32]:
         """[n] motif of each word of a clip's features [T, D]."""
-        from motionlake.deep_motifs.words.trained import load_network
+        from motionlake.deep_motifs.words.network import load_network
 
         network = load_network(self.lake.path(self.network_file))
         return assign(network.embed(word_windows(features, self.config.words)), self.vocabulary)

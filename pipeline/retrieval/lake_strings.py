@@ -12,7 +12,7 @@ from motionlake.arrays import Int64Array
 from motionlake.errors import UserError
 from motionlake.lake.catalog import Connection, fetch, fetch_table
 from motionlake.pesta.alignment.strings import Repository, SymbolDistances
-from motionlake.pesta.symbols.strings import SymbolString
+from motionlake.pesta.symbols import SymbolString
 from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
 

@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from motionlake.arrays import Float32Array
-from motionlake.deephums.descriptors.sequence import FPS, clip_sequence
-from motionlake.deephums.submotions.config import SHORTEST
-from motionlake.deephums.submotions.pieces import frames_of
+from motionlake.deephums.config import SHORTEST
+from motionlake.deephums.sequence import FPS, clip_sequence
+from motionlake.deephums.submotions import frames_of
 from motionlake.errors import UserError
 from motionlake.lake.catalog import Connection, fetch
 from motionlake.lake.config import load_config
@@ -29,7 +29,7 @@ from motionlake.stages.submotions import served_network
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
-    from motionlake.deephums.submotions.trained import TrainedSubmotion
+    from motionlake.deephums.submotions import TrainedSubmotion
 
 
 # Frames of words at the ends of a piece that smoothing and differences make unlike those of the uncut motion.
@@ -140,7 +140,7 @@ class SubmotionFinder:
 
     @cached_property
     def _network(self) -> TrainedSubmotion:
-        from motionlake.deephums.submotions.trained import load_submotion
+        from motionlake.deephums.submotions import load_submotion
 
         return load_submotion(self._lake.path(self._file))
 

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 from motionlake.arrays import Float32Array, Progress
-from motionlake.deephums.descriptors.config import DescriptorsConfig
-from motionlake.deephums.descriptors.sequence import FPS
-from motionlake.deephums.descriptors.training import TrainingClip, train_descriptor
+from motionlake.deephums.config import DescriptorsConfig
+from motionlake.deephums.sequence import FPS
+from motionlake.deephums.training import TrainingClip, train_descriptor
 from motionlake.errors import UserError
 from motionlake.lake.catalog import Connection
 from motionlake.lake.layout import Lake

@@ -13,9 +13,8 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 from motionlake.arrays import Float32Array
-from motionlake.deephums.descriptors import config as shipped
-from motionlake.deephums.descriptors.config import DIMENSION
-from motionlake.deephums.descriptors.sequence import clip_sequence
+from motionlake.deephums.config import DIMENSION, PRETRAINED_DESCRIPTORS
+from motionlake.deephums.sequence import clip_sequence
 from motionlake.lake import frames
 from motionlake.lake.catalog import Connection, fetch, run_sql
 from motionlake.lake.config import LakeConfig, config_hash
@@ -44,12 +43,12 @@ def fitting_network(con: Connection, config: LakeConfig) -> Model | None:
 
 def takes_ready_made(_con: Connection, config: LakeConfig) -> bool:
     """Whether the lake starts with the ready-made network, and does not train one."""
-    return shipped.fits(config.descriptors)
+    return PRETRAINED_DESCRIPTORS.fits(config.descriptors)
 
 
 def take_weights(lake: Lake, _config: LakeConfig, weights: Path, file: str) -> dict[str, Any]:
     """Copy a ready-made network into the lake as `file`; returns its figures."""
-    from motionlake.deephums.descriptors.trained import load_descriptor
+    from motionlake.deephums.trained import load_descriptor
 
     return copy_weights(lake, weights, file, load_descriptor(weights).figures, "clips", "classes", "supervision")
 
@@ -72,7 +71,7 @@ def rows_file(key: str) -> str:
 
 def run(lake_root: Path, shard: Shard) -> ShardResult:
     """The descriptor of every clip of one frames part."""
-    from motionlake.deephums.descriptors.trained import load_descriptor
+    from motionlake.deephums.trained import load_descriptor
 
     started = time.perf_counter()
     lake = Lake(lake_root)

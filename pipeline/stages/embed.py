@@ -76,7 +76,7 @@ def train(
 
     A training that was interrupted goes on from its checkpoint in the lake.
     """
-    from motionlake.deep_motifs.words.trained import load_network
+    from motionlake.deep_motifs.words.network import load_network
     from motionlake.deep_motifs.words.training import train_words
 
     checkpoint = checkpoint_file(lake, "words")
@@ -94,7 +94,7 @@ def take_weights(lake: Lake, config: LakeConfig, weights: Path, file: str) -> di
     Raises:
         ValueError: they are of other words or of another architecture than the configuration's.
     """
-    from motionlake.deep_motifs.words.trained import load_network
+    from motionlake.deep_motifs.words.network import load_network
 
     network = load_network(weights)
     if (network.words, network.architecture) != (config.words, config.network.architecture):
@@ -121,7 +121,7 @@ def embeddings_file(key: str) -> str:
 
 def run(lake_root: Path, shard: Shard) -> ShardResult:
     """Embed every word of one features part."""
-    from motionlake.deep_motifs.words.trained import load_network
+    from motionlake.deep_motifs.words.network import load_network
 
     started = time.perf_counter()
     lake = Lake(lake_root)

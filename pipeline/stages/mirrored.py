@@ -58,7 +58,7 @@ def rows_file(key: str) -> str:
 
 def run(lake_root: Path, shard: Shard) -> ShardResult:
     """The motif of every mirrored word of one features part."""
-    from motionlake.deep_motifs.words.trained import load_network
+    from motionlake.deep_motifs.words.network import load_network
 
     started = time.perf_counter()
     lake = Lake(lake_root)

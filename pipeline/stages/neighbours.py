@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 from motionlake.arrays import Float32Array, Int64Array
-from motionlake.deep_motifs.words.config import NeighboursConfig
+from motionlake.deep_motifs.config import NeighboursConfig
 from motionlake.deep_motifs.words.neighbours import Neighbours, Searched, load_searched, prepare, save_searched, search
 from motionlake.deep_motifs.words.windows import WordSet
 from motionlake.errors import UserError

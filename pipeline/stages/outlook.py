@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from motionlake.deep_motifs.words import config as shipped
+from motionlake.deep_motifs.config import PRETRAINED_WORDS
 from motionlake.lake.catalog import Connection, fetch
 from motionlake.lake.config import LakeConfig
 from motionlake.lake.layout import Lake
-from motionlake.pesta.postures.recipe import training_seconds
+from motionlake.pesta.posture_network import training_seconds
 from motionlake.stages import (
     descriptors,
     embed,
@@ -32,7 +32,7 @@ def outlook(con: Connection, config: LakeConfig, stages: Sequence[str], *, refit
     lines = []
     network = embed.fitting_network(con, config)
     if "embed" in stages:
-        if network is None and not refit and shipped.fits(config.words, config.network):
+        if network is None and not refit and PRETRAINED_WORDS.fits(config.words, config.network):
             lines.append("embed: will not train; the ready-made network embeds the words")
         elif network is None or refit:
             minutes = config.network.seconds(_words(con, config)) / 60

@@ -23,15 +23,14 @@ from motionlake.lake.layout import Lake
 from motionlake.lake.models import Model, checkpoint_file, copy_weights, file_hash, fitting_model, save_model
 from motionlake.lake.parts import PartWriter, check_part, replacing
 from motionlake.motion.features import word_features
-from motionlake.pesta.postures import config as shipped
-from motionlake.pesta.postures.config import ENOUGH
+from motionlake.pesta.config import ENOUGH, PRETRAINED_POSTURES
 from motionlake.stages.derived import PART_KEYS, Part, clips_of, derive, due, frames_parts
 from motionlake.stages.shard import Shard, ShardResult
 from numpy.typing import NDArray
 from safetensors import safe_open
 
 if TYPE_CHECKING:
-    from motionlake.pesta.postures.dictionary import PostureDictionary
+    from motionlake.pesta.dictionary import PostureDictionary
 
 NAME = "postures"
 VERSION = 1
@@ -53,7 +52,7 @@ def fitting_dictionary(con: Connection, config: LakeConfig) -> Model | None:
 def takes_ready_made(con: Connection, config: LakeConfig) -> bool:
     """Whether the lake starts with the ready-made dictionary, and does not train one."""
     wanted = config.postures
-    if not shipped.fits(wanted):
+    if not PRETRAINED_POSTURES.fits(wanted):
         return False
     return wanted.weights == "shipped" or count(con, config) < ENOUGH * wanted.m
 
@@ -99,7 +98,7 @@ def train(
     Raises:
         UserError: the lake holds fewer postures than symbols are asked for.
     """
-    from motionlake.pesta.postures.fitting import fit_dictionary
+    from motionlake.pesta.posture_training import fit_dictionary
 
     checkpoint = checkpoint_file(lake, "postures")
     count = sum(map(len, features))
@@ -116,7 +115,7 @@ def train(
 
 def take_weights(lake: Lake, _config: LakeConfig, weights: Path, file: str) -> dict[str, Any]:
     """Copy a ready-made dictionary into the lake as `file`; returns its figures."""
-    from motionlake.pesta.postures.dictionary import METADATA_KEY
+    from motionlake.pesta.dictionary import METADATA_KEY
 
     with safe_open(weights, framework="numpy") as tensors:
         figures = json.loads(tensors.metadata()[METADATA_KEY])["figures"]
@@ -141,7 +140,7 @@ def codes_file(key: str) -> str:
 
 def run(lake_root: Path, shard: Shard) -> ShardResult:
     """The symbol of every posture of every clip of one frames part."""
-    from motionlake.pesta.postures.dictionary import load_dictionary
+    from motionlake.pesta.dictionary import load_dictionary
 
     started = time.perf_counter()
     lake = Lake(lake_root)

@@ -5,10 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from motionlake.arrays import Progress
-from motionlake.deephums.descriptors.config import DescriptorsConfig
-from motionlake.deephums.submotions.config import SubmotionConfig
-from motionlake.deephums.submotions.encoder import train_submotion
-from motionlake.deephums.submotions.trained import TrainedSubmotion
+from motionlake.deephums.config import DescriptorsConfig, SubmotionConfig
+from motionlake.deephums.submotions import TrainedSubmotion, train_submotion
 from motionlake.errors import UserError
 from motionlake.lake.catalog import Connection
 from motionlake.lake.layout import Lake
@@ -63,7 +61,7 @@ def train(
     sequences = [clip.sequence for clip in material.clips]
     targets = None
     if first is not None:
-        from motionlake.deephums.descriptors.trained import load_descriptor
+        from motionlake.deephums.trained import load_descriptor
 
         targets = load_descriptor(lake.path(first.file)).embed(sequences)
     checkpoint = checkpoint_file(lake, "submotion")

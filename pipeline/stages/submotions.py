@@ -13,10 +13,9 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 from motionlake.arrays import Float32Array
-from motionlake.deephums.descriptors.config import DIMENSION
-from motionlake.deephums.descriptors.sequence import clip_sequence
-from motionlake.deephums.submotions import config as shipped_submotion
-from motionlake.deephums.submotions.pieces import piece_windows
+from motionlake.deephums.config import DIMENSION, PRETRAINED_SUBMOTION
+from motionlake.deephums.sequence import clip_sequence
+from motionlake.deephums.submotions import piece_windows
 from motionlake.lake import frames
 from motionlake.lake.catalog import Connection, fetch, run_sql
 from motionlake.lake.config import LakeConfig, config_hash
@@ -54,12 +53,12 @@ def fitting_network(con: Connection, config: LakeConfig) -> Model | None:
 
 def takes_ready_made(_con: Connection, config: LakeConfig) -> bool:
     """Whether the lake starts with the ready-made network, and does not train one."""
-    return shipped_submotion.fits(config.submotion)
+    return PRETRAINED_SUBMOTION.fits(config.submotion)
 
 
 def take_weights(lake: Lake, _config: LakeConfig, weights: Path, file: str) -> dict[str, Any]:
     """Copy a ready-made network into the lake as `file`; returns its figures."""
-    from motionlake.deephums.submotions.trained import load_submotion
+    from motionlake.deephums.submotions import load_submotion
 
     return copy_weights(lake, weights, file, load_submotion(weights).figures, "clips", "loss")
 
@@ -108,10 +107,10 @@ def _reader(lake: Lake, spec: Mapping[str, Any]) -> tuple[Embed, Callable[[int, 
     Recipe "deephums" compares pieces with the descriptors that the first network gives to whole clips.
     """
     if spec["descriptors"] is None:
-        from motionlake.deephums.submotions.trained import load_submotion
+        from motionlake.deephums.submotions import load_submotion
 
         return load_submotion(lake.path(spec["network"])).embed, piece_windows
-    from motionlake.deephums.descriptors.trained import load_descriptor
+    from motionlake.deephums.trained import load_descriptor
 
     return load_descriptor(lake.path(spec["descriptors"])).embed, lambda n_frames, _fps: [(0, n_frames)]
 

@@ -16,14 +16,14 @@ from motionlake.lake.config import LakeConfig
 from motionlake.lake.layout import Lake
 from motionlake.lake.models import Model
 from motionlake.lake.parts import write_part
-from motionlake.pesta.symbols.config import SymbolsConfig
+from motionlake.pesta.config import SymbolsConfig
 from motionlake.stages import postures
 from motionlake.stages.derived import Part, clips_of, derive, due
 from motionlake.stages.shard import Shard, ShardResult
 from safetensors import safe_open
 
 if TYPE_CHECKING:
-    from motionlake.pesta.symbols.strings import SymbolString
+    from motionlake.pesta.symbols import SymbolString
 
 NAME = "symbols"
 VERSION = 1
@@ -63,7 +63,7 @@ def rows_file(key: str) -> str:
 
 def run(lake_root: Path, shard: Shard) -> ShardResult:
     """The string of every clip of one part of coded postures."""
-    from motionlake.pesta.symbols.strings import symbolise
+    from motionlake.pesta.symbols import symbolise
 
     started = time.perf_counter()
     lake = Lake(lake_root)

@@ -8,14 +8,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from motionlake.errors import UserError
-from motionlake.glogen.generator import config as shipped
+from motionlake.glogen.config import PRETRAINED_GENERATOR
 from motionlake.lake.catalog import Connection, fetch
 from motionlake.lake.config import LakeConfig, config_hash
 from motionlake.lake.layout import Lake
 from motionlake.lake.models import Model, copy_weights, current_model, fitting_model
 
 if TYPE_CHECKING:
-    from motionlake.glogen.generator.generator import TrainedGenerator
+    from motionlake.glogen.generator import TrainedGenerator
 
 NAME = "synth"
 VERSION = 4
@@ -35,7 +35,7 @@ def fitting_generator(con: Connection, config: LakeConfig) -> Model | None:
 
 def takes_ready_made(con: Connection, config: LakeConfig) -> bool:
     """Whether the lake starts with the ready-made generator, and does not train one."""
-    if not shipped.fits(config.synthesis):
+    if not PRETRAINED_GENERATOR.fits(config.synthesis):
         return False
     return config.synthesis.weights == "shipped" or not classed_motions(con)
 
@@ -47,7 +47,7 @@ def classed_motions(con: Connection, split: str | None = None, label: str | None
 
 def take_weights(lake: Lake, _config: LakeConfig, weights: Path, file: str) -> dict[str, Any]:
     """Copy a ready-made generator into the lake as `file`; returns its figures."""
-    from motionlake.glogen.generator.generator import load_generator
+    from motionlake.glogen.generator import load_generator
 
     kept = ("clips", "class_names", "datasets", "licences", "filled", "split", "dataset")
     return copy_weights(lake, weights, file, load_generator(weights).figures, *kept)
@@ -85,7 +85,7 @@ def open_generator(lake: Lake, model: Model) -> TrainedGenerator:
     Raises:
         UserError: its file holds something else, or a generator of another skeleton.
     """
-    from motionlake.glogen.generator.generator import load_generator
+    from motionlake.glogen.generator import load_generator
 
     try:
         return load_generator(lake.path(model.file))
@@ -113,8 +113,8 @@ def check_classes(model: Model, classes: tuple[str, ...]) -> None:
 
 def long_enough(row: Mapping[str, Any]) -> bool:
     """Whether frames [start, stop) of a clip are enough to start from, and to learn from."""
-    from motionlake.glogen.generator.wishes import SHORTEST
-    from motionlake.glogen.trajectories.motion import FPS
+    from motionlake.glogen.trajectories import FPS
+    from motionlake.glogen.wishes import SHORTEST
 
     return bool(round((row["stop"] - row["start"] - 1) / row["fps"] * FPS) + 1 >= SHORTEST)
 

@@ -8,8 +8,9 @@ from typing import Any
 
 from motionlake.arrays import Progress
 from motionlake.errors import UserError
-from motionlake.glogen.generator.config import SynthesisConfig
-from motionlake.glogen.generator.training import TrainingMotion, train_generator
+from motionlake.glogen.config import SynthesisConfig
+from motionlake.glogen.generator import TrainingMotion
+from motionlake.glogen.generator_training import train_generator
 from motionlake.lake.catalog import Connection, fetch
 from motionlake.lake.layout import Lake
 from motionlake.lake.models import checkpoint_file, save_model

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from motionlake.errors import UserError
-from motionlake.glogen.generator.wishes import Seed, Synthesized, Wish
+from motionlake.glogen.wishes import Seed, Synthesized, Wish
 from motionlake.lake.catalog import Connection, fetch
 from motionlake.lake.layout import Lake
 from motionlake.stages.clip_files import first_body
@@ -19,7 +19,7 @@ from motionlake.stages.synthesis import classed_motions, long_enough
 from motionlake.stages.training_clips import check_chosen, frames_of_clips
 
 if TYPE_CHECKING:
-    from motionlake.glogen.generator.generator import TrainedGenerator
+    from motionlake.glogen.generator import TrainedGenerator
 
 LONGEST: Final = 3600.0  # seconds of one motion
 

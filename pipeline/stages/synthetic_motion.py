@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from motionlake.glogen.generator.wishes import Synthesized
+from motionlake.glogen.wishes import Synthesized
 from motionlake.motion.canonicalise import CanonicalMotion, body_height
 from motionlake.motion.retarget import METRES_PER_UNIT
 from motionlake.motion.skeleton import continuous_signs, forward_kinematics

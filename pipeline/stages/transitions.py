@@ -15,8 +15,8 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
+from motionlake.deep_motifs.config import TransitionsConfig
 from motionlake.deep_motifs.corpus import Corpus
-from motionlake.deep_motifs.motion_graph.config import TransitionsConfig
 from motionlake.deep_motifs.motion_graph.costs import context_distances
 from motionlake.deep_motifs.motion_graph.transitions import Windowed, candidates, nearest_per_word, windowed
 from motionlake.deep_motifs.words.windows import windows

@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 from motionlake.arrays import BoolArray, Float64Array, Int64Array, IntArray
-from motionlake.deep_motifs.motion_graph.config import TransitionsConfig
+from motionlake.deep_motifs.config import TransitionsConfig
 from motionlake.deep_motifs.motion_graph.costs import Clouds, joined, paired_distance, squared_distances, window_clouds
 from numba import njit
 

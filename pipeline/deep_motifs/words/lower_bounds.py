@@ -28,8 +28,7 @@ from typing import Final
 
 import numpy as np
 from motionlake.arrays import BoolArray, Float32Array, Int64Array
-from motionlake.deep_motifs.words.dtw import LANES
-from motionlake.deep_motifs.words.listed_dtw import centred, lane_frames
+from motionlake.deep_motifs.words.dtw import LANES, centred, lane_frames
 from numba import njit
 
 COLUMN_WORDS: Final = 8192  # words that meet a block of queries at a time

@@ -15,8 +15,7 @@ from typing import Final, Literal
 
 import numpy as np
 from motionlake.arrays import Float32Array, Int64Array
-from motionlake.deep_motifs.words.dtw import clip_pair_dtw
-from motionlake.deep_motifs.words.listed_dtw import listed_distances
+from motionlake.deep_motifs.words.dtw import clip_pair_dtw, listed_distances
 from motionlake.deep_motifs.words.lower_bounds import WordBounds, survivors
 from motionlake.deep_motifs.words.windows import WordSet
 from motionlake.deep_motifs.words.word_index import (

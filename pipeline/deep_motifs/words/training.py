@@ -10,10 +10,9 @@ import numpy as np
 import torch
 from motionlake.arrays import Float32Array, Progress
 from motionlake.checkpoint import Checkpoint
-from motionlake.deep_motifs.words.config import NetworkConfig
+from motionlake.deep_motifs.config import NetworkConfig
 from motionlake.deep_motifs.words.linear import LinearConfig, linear_embedding
-from motionlake.deep_motifs.words.network import LinearBody, WordNetwork, build
-from motionlake.deep_motifs.words.trained import TrainedNetwork
+from motionlake.deep_motifs.words.network import LinearBody, TrainedNetwork, WordNetwork, build
 from motionlake.deep_motifs.words.triplets import (
     TrainingWords,
     TripletConfig,

@@ -12,11 +12,11 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from motionlake.pesta.alignment.config import AlignmentConfig
 from motionlake.pesta.alignment.long_query import LongQuery
 from motionlake.pesta.alignment.matches import Match, best_matches
 from motionlake.pesta.alignment.strings import Distances, Repository, SymbolDistances
-from motionlake.pesta.symbols.strings import SymbolString
+from motionlake.pesta.config import AlignmentConfig
+from motionlake.pesta.symbols import SymbolString
 
 SLIDE: Final = 4  # s
 SHARE: Final = 0.6

@@ -12,8 +12,8 @@ from typing import Final
 
 import numpy as np
 from motionlake.arrays import Float64Array, FloatArray
-from motionlake.glogen.trajectories.motion import body_motion, interpolated
-from motionlake.glogen.trajectories.sparse import uniform_places
+from motionlake.glogen.sparse import uniform_places
+from motionlake.glogen.trajectories import body_motion, interpolated
 from motionlake.motion.skeleton import facing
 
 MILLISECONDS: Final = (80, 160, 240, 320, 400, 480, 560, 640)

@@ -24,19 +24,19 @@ from typing import Final
 
 import numpy as np
 from motionlake.arrays import BoolArray, Float32Array, Int32Array, Int64Array
-from motionlake.pesta.alignment.config import AlignmentConfig
-from motionlake.pesta.alignment.matches import Match, ascending_blocks, next_column, taken_symbols
-from motionlake.pesta.alignment.scan import Boundaries
-from motionlake.pesta.alignment.segment_kernels import (
+from motionlake.pesta.alignment.kernels import (
     Columns,
     join_column,
     joined_paths,
     segment_profile,
     segment_scanner,
 )
+from motionlake.pesta.alignment.matches import Match, ascending_blocks, next_column, taken_symbols
+from motionlake.pesta.alignment.scan import Boundaries
 from motionlake.pesta.alignment.strings import Distances, Repository, SymbolDistances, checked
 from motionlake.pesta.alignment.trace import strided_path, strided_weights
 from motionlake.pesta.alignment.vectors import LANES
+from motionlake.pesta.config import AlignmentConfig
 from numba import njit
 from numpy.typing import ArrayLike
 

@@ -16,10 +16,10 @@ from typing import Final, Literal
 
 import numpy as np
 from motionlake.arrays import Float32Array, Int32Array, Int64Array
-from motionlake.pesta.alignment.config import AlignmentConfig
 from motionlake.pesta.alignment.kernels import query_profile, scanner
 from motionlake.pesta.alignment.strings import Distances, Repository, SymbolDistances, checked
 from motionlake.pesta.alignment.vectors import LANES
+from motionlake.pesta.config import AlignmentConfig
 from numpy.typing import ArrayLike
 
 Boundaries = Literal["kept", "crossed", "dropped"]

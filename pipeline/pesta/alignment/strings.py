@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 from motionlake.arrays import Float32Array, Int32Array, Int64Array
-from motionlake.pesta.alignment.config import AlignmentConfig
+from motionlake.pesta.config import AlignmentConfig
 from numpy.typing import ArrayLike
 
 MAX_SYMBOLS: Final = 2**31 - 1

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass
 
-from motionlake.deep_motifs.clustering import cluster_clips
+from motionlake.deep_motifs.classification import cluster_clips
 from motionlake.deep_motifs.emd import emd_matrix
 from motionlake.lake.catalog import Connection
 from motionlake.retrieval.labelling.signed import lake_ground, signed_clips

@@ -17,7 +17,8 @@ import pyarrow as pa
 from duckdb.func import ARROW, SPECIAL
 from duckdb.sqltypes import BIGINT, BOOLEAN, DOUBLE, FLOAT, VARCHAR
 from motionlake.arrays import Float64Array
-from motionlake.deep_motifs.emd import SignatureIndex, emd, emd_deep_motifs, ground_distances
+from motionlake.deep_motifs.emd import emd, emd_deep_motifs, ground_distances
+from motionlake.deep_motifs.emd_search import SignatureIndex
 from motionlake.lake.catalog import Connection, fetch, fetch_table, reading
 from motionlake.lake.layout import Lake
 from numpy.typing import NDArray
@@ -29,7 +30,7 @@ def register(con: Connection, lake: Lake) -> None:
     """Make `emd`, `emd_deep_motifs` and `nearest_signatures` known to a connection.
 
     - `emd(FLOAT[], FLOAT[]) -> DOUBLE`
-    - `emd_deep_motifs(FLOAT[], FLOAT[]) -> DOUBLE`, the variant of `motionlake.deep_motifs.emd.exact`
+    - `emd_deep_motifs(FLOAT[], FLOAT[]) -> DOUBLE`, the variant of `motionlake.deep_motifs.emd`
     - `nearest_signatures(signature FLOAT[], k BIGINT, within VARCHAR, without VARCHAR, model VARCHAR, real BOOLEAN) ->
       STRUCT(clip VARCHAR, distance DOUBLE)[]`: the k clips nearest to a signature, ties by name; all where k is
       NULL, none where the signature is. `within` is a dataset, `without` a clip that is no answer, `model` the

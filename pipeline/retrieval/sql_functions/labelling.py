@@ -34,7 +34,7 @@ def register(con: Connection, lake: Lake) -> None:
     - `segment_bands(clip VARCHAR, datasets VARCHAR[], clips VARCHAR[], mirrored BOOLEAN) -> STRUCT(start, stop,
       label, distance, confidence, start_seconds, seconds)[]`: see `motionlake.retrieval.labelling.LakeSegmenter`
     - `cluster_signatures(signatures FLOAT[][], k BIGINT) -> INTEGER[]`: see
-      `motionlake.deep_motifs.clustering.cluster_clips`; NULL for k takes the best number
+      `motionlake.deep_motifs.classification.cluster_clips`; NULL for k takes the best number
     """
 
     def segmented(
@@ -55,7 +55,7 @@ def register(con: Connection, lake: Lake) -> None:
 
     def clustered(signatures: pa.ChunkedArray, k: pa.ChunkedArray) -> pa.Array:
         import numpy as np
-        from motionlake.deep_motifs.clustering import cluster_clips
+        from motionlake.deep_motifs.classification import cluster_clips
         from motionlake.deep_motifs.emd import emd_matrix
         from motionlake.retrieval.labelling.signed import lake_ground
 

@@ -18,7 +18,7 @@ from motionlake.lake.frames import CHANNELS, Frames, to_table
 from motionlake.lake.layout import Lake
 
 if TYPE_CHECKING:
-    from motionlake.glogen.generator.generator import TrainedGenerator
+    from motionlake.glogen.generator import TrainedGenerator
     from motionlake.lake.config import LakeConfig
     from motionlake.lake.models import Model
     from motionlake.stages.synthesis_wishes import Made, Request

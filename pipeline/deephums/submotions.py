@@ -1,0 +1,313 @@
+"""The sub-motion encoder: it maps a piece of a motion near the clip that the piece is part of (DeepHuMS, 3.3.5).
+
+Two recipes. "deephums" is the thesis's: a recurrent network is trained so that what it makes of a piece equals (L2)
+the descriptor of the whole clip, made by the first network, which stays as it is. "default" reads pieces and whole
+clips with one network, which takes the maximum over frames of what it sees around each, and learns by contrast: of all
+clips of a batch, the one that a piece was cut from should be the nearest. A piece then keeps what its clip shares with
+no other; descriptors trained to forget who moves, and when, do not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import torch
+from motionlake.arrays import Float32Array, Int64Array, Progress
+from motionlake.checkpoint import Checkpoint
+from motionlake.deephums.batches import Augmentation, padded
+from motionlake.deephums.config import DIMENSION, LONGEST, SHORT, SHORTEST, SubmotionConfig
+from motionlake.deephums.network import CHANNELS, positions_and_motion
+from motionlake.deephums.sequence import BONES, FPS, one_cycle
+from motionlake.motion.skeleton import COMMON
+from motionlake.network_file import read_network, save_network
+from motionlake.threads import on_threads
+from torch import Tensor, nn
+from torch.nn.functional import cross_entropy, gelu, mse_loss, normalize
+
+
+def frames_of(n_frames: int, fps: float) -> int:
+    """How many frames `clip_sequence` makes of so many at a rate."""
+    return max(1, round((n_frames - 1) / fps * FPS) + 1)
+
+
+def piece_windows(n_frames: int, fps: float) -> list[tuple[int, int]]:
+    """Windows [start, stop) of a clip of so many frames at its own rate, in order: long ones, and short ones inside.
+
+    Both reach from its first frame to its last; each starts at most half a window after the one before. Long ones have
+    at most `LONGEST` frames at 30 a second, short ones `SHORT`. A clip that is no longer is one window.
+    """
+    found = {*_covering(n_frames, fps, LONGEST), *_covering(n_frames, fps, SHORT)}
+    return sorted(found)
+
+
+def _covering(n_frames: int, fps: float, longest: int) -> list[tuple[int, int]]:
+    width = int((longest - 1) / FPS * fps) + 1
+    if frames_of(n_frames, fps) <= longest or n_frames <= width:
+        return [(0, n_frames)]
+    count = int(np.ceil((n_frames - width) / (width / 2))) + 1
+    starts = np.linspace(0, n_frames - width, count).round().astype(int).tolist()
+    return [(start, start + width) for start in starts]
+
+
+CHECKPOINT_EVERY: Final = 100
+MINE_EVERY: Final = 25
+NEAR: Final = 3
+REPORT_EVERY: Final = 10
+# Brings joints (body lengths) near the range where weights start.
+SCALE: Final = 4.0
+# Body and stance vary between the clips of a batch, so that people are told apart who were never seen.
+BODIES: Final = Augmentation(
+    crop=0, warp=0, yaw=0.15, tilt=0.05, scale=0.05, offset=0.02, noise=0, missing=0, limbs=0, mirror=0
+)
+# The filter makes the ends of a piece a little other than the same frames inside its clip.
+VIEWS: Final = Augmentation(crop=0, warp=0, yaw=0, tilt=0, scale=0, offset=0, noise=0.002, missing=0, limbs=0, mirror=0)
+
+
+class FramePooling(nn.Module):
+    """What is seen around each frame, its maximum over frames: what a piece holds, its clip holds too."""
+
+    def __init__(self, hidden: int) -> None:
+        super().__init__()
+        self.around = nn.Conv1d(CHANNELS, hidden, 5, padding=2)
+        self.first, self.second = nn.LayerNorm(hidden), nn.LayerNorm(2 * hidden)
+        self.widen = nn.Linear(hidden, 2 * hidden)
+        self.project = nn.Linear(2 * hidden, DIMENSION, bias=False)
+
+    def forward(self, clips: Tensor, lengths: Tensor) -> Tensor:
+        """[B, 512] of clips [B, T, 15, 3], of which the first `lengths` [B] frames count."""
+        counts = torch.arange(clips.shape[1], device=clips.device)[None] < lengths[:, None]
+        seen = frame_by_frame(clips) * counts[..., None]
+        frames = gelu(self.first(self.around(seen.transpose(1, 2)).transpose(1, 2)))
+        frames = gelu(self.second(self.widen(frames)))
+        return self.project(frames.masked_fill(~counts[..., None], -torch.inf).amax(dim=1))  # type: ignore[no-any-return]
+
+
+def frame_by_frame(clips: Tensor) -> Tensor:
+    """[B, T, 90] joints by facing and size of each frame, and their motion to the next, of clips [B, T, 15, 3].
+
+    So a frame looks the same in a piece and in its clip, of which facing and size as a whole differ. Of the root only
+    its motion is kept.
+    """
+    clips = clips / _sizes(clips)
+    left, right = ([COMMON.index(f"{side}_{joint}") for joint in ("hip", "shoulder")] for side in ("left", "right"))
+    across = normalize(clips[:, :, left] - clips[:, :, right], dim=3).sum(dim=2)
+    flat = normalize(across[..., [0, 2]] + 1e-6, dim=2)
+    cos, sin = flat[..., :1], -flat[..., 1:]
+
+    def turned(values: Tensor) -> Tensor:
+        x, y, z = values.unbind(dim=-1)
+        return torch.stack([x * cos - z * sin, y, x * sin + z * cos], dim=-1)
+
+    body = torch.cat([torch.zeros_like(clips[:, :, :1]), turned(clips[:, :, 1:])], dim=2)
+    motion = torch.zeros_like(body)
+    motion[:, :-1, 1:] = body[:, 1:, 1:] - body[:, :-1, 1:]
+    motion[:, :, :1] = turned(_root_motion(clips))
+    return torch.cat([body.flatten(2), motion.flatten(2)], dim=2) * SCALE
+
+
+def _sizes(clips: Tensor) -> Tensor:
+    """[B, T, 1, 1] lengths of all bones of a frame, over what they are in an average body."""
+    ends = [[COMMON.index(name) for name in bone] for bone in BONES]
+    at_root = torch.cat([torch.zeros_like(clips[:, :, :1]), clips[:, :, 1:]], dim=2)
+    bones = at_root[:, :, [a for a, _ in ends]] - at_root[:, :, [b for _, b in ends]]
+    return (bones.norm(dim=3).sum(dim=2) / sum(BONES.values())).clamp(min=1e-3)[..., None, None]  # type: ignore[no-any-return]
+
+
+def _root_motion(clips: Tensor) -> Tensor:
+    motion = torch.zeros_like(clips[:, :, :1])
+    motion[:, :-1] = clips[:, 1:, :1] - clips[:, :-1, :1]
+    return motion
+
+
+class PieceLstm(nn.Module):
+    """The thesis's: an LSTM over the frames of a piece; its last state is mapped to a descriptor."""
+
+    def __init__(self, hidden: int) -> None:
+        super().__init__()
+        self.recurrent = nn.LSTM(CHANNELS, hidden, batch_first=True)
+        self.project = nn.Linear(hidden, DIMENSION)
+
+    def forward(self, clips: Tensor, lengths: Tensor) -> Tensor:
+        """[B, 512] of pieces [B, T, 15, 3], of which the first `lengths` [B] frames count."""
+        states, _ = self.recurrent(positions_and_motion(clips))
+        return self.project(states[torch.arange(len(clips)), lengths - 1])  # type: ignore[no-any-return]
+
+
+def network_of(config: SubmotionConfig) -> nn.Module:
+    """An untrained network."""
+    return FramePooling(config.hidden) if config.recipe == "default" else PieceLstm(config.hidden)
+
+
+def train_submotion(
+    sequences: Sequence[Float32Array],
+    config: SubmotionConfig,
+    *,
+    targets: Float32Array | None = None,
+    checkpoint: Path | None = None,
+    device: str | None = None,
+    progress: Progress | None = None,
+) -> tuple[nn.Module, list[float]]:
+    """Train the second network on pieces of clips.
+
+    Args:
+        sequences: n clips (`clip_sequence`), two at least.
+        config: recipe, sizes and seed.
+        targets: [n, 512] descriptors of the clips by the first network; for recipe "deephums".
+        checkpoint: a file to save training to and to go on from; deleted at the end.
+        device: of the computation; CUDA where there is one, else the CPU.
+        progress: called with (steps done, steps, loss) every so often.
+
+    Returns:
+        The network in evaluation mode on the CPU, and the loss of each step; the same for the same input,
+        configuration and seed (on CUDA: up to rounding).
+
+    Raises:
+        ValueError: fewer than two clips, or recipe "deephums" without targets.
+    """
+    if len(sequences) < 2:
+        raise ValueError(f"{len(sequences)} clips are too few to train on")
+    if (config.recipe == "deephums") != (targets is not None):
+        raise ValueError('recipe "deephums", and no other, needs the descriptors of the clips')
+    device = device or ("cuda" if torch.cuda.is_available() else "cpu")
+    rng = np.random.default_rng(config.seed)
+    with on_threads(1), torch.random.fork_rng(devices=[]):
+        torch.manual_seed(config.seed)
+        network = network_of(config).to(device).train()
+        optimiser = torch.optim.AdamW(network.parameters(), lr=config.learning_rate, weight_decay=0.01)
+        data = np.concatenate([sequence.ravel() for sequence in sequences])
+        kept = Checkpoint(checkpoint, data, config) if checkpoint else None
+        losses = kept.resume(network, optimiser, rng) if kept else []
+        near: Int64Array | None = None
+        for step in range(len(losses), config.steps):
+            if step and step % MINE_EVERY == 0:
+                near = _nearest(network, sequences, config, device)
+            for group in optimiser.param_groups:
+                group["lr"] = config.learning_rate * one_cycle(step / config.steps)
+            optimiser.zero_grad(set_to_none=True)
+            loss = _loss(network, sequences, targets, _rows(len(sequences), near, config, rng), config, rng, device)
+            loss.backward()  # type: ignore[no-untyped-call]
+            nn.utils.clip_grad_norm_(network.parameters(), 1.0)
+            optimiser.step()
+            losses.append(float(loss.detach()))
+            if kept and (step + 1) % CHECKPOINT_EVERY == 0:
+                kept.save(network, optimiser, rng, losses)
+            if progress is not None and ((step + 1) % REPORT_EVERY == 0 or step + 1 == config.steps):
+                progress(step + 1, config.steps, losses[-1])
+        if kept:
+            kept.remove()
+    return network.cpu().eval(), losses
+
+
+def _loss(
+    network: nn.Module,
+    sequences: Sequence[Float32Array],
+    targets: Float32Array | None,
+    rows: Int64Array,
+    config: SubmotionConfig,
+    rng: np.random.Generator,
+    device: str,
+) -> Tensor:
+    wholes = [_window(sequences[i], rng) for i in rows]
+    if targets is not None:
+        pieces, lengths = padded([_piece(whole, config, rng) for whole in wholes])
+        return mse_loss(network(pieces.to(device), lengths.to(device)), torch.from_numpy(targets[rows]).to(device))
+    clips, lengths = padded([whole for whole in wholes for _ in range(config.variants)])
+    bodies = BODIES(clips, rng)
+    cut = [_piece(body[:n].numpy(), config, rng) for body, n in zip(bodies, lengths.tolist(), strict=True)]
+    pieces, shorter = padded(cut)
+    found = normalize(network(VIEWS(pieces, rng).to(device), shorter.to(device)), dim=1)
+    whole = normalize(network(bodies.to(device), lengths.to(device)), dim=1)
+    return cross_entropy(found @ whole.T / config.temperature, torch.arange(len(whole), device=device))
+
+
+@torch.no_grad()
+def _nearest(
+    network: nn.Module, sequences: Sequence[Float32Array], config: SubmotionConfig, device: str
+) -> Int64Array | None:
+    """[n, 3] the clips that the network finds nearest to each so far: what a batch is hard with."""
+    if config.recipe == "deephums" or len(sequences) <= NEAR:
+        return None
+    found = []
+    for start in range(0, len(sequences), config.batch):
+        clips, lengths = padded([clip[:LONGEST] for clip in sequences[start : start + config.batch]])
+        found.append(normalize(network(clips.to(device), lengths.to(device)), dim=1))
+    cosines = torch.cat(found) @ torch.cat(found).T
+    cosines.fill_diagonal_(-1)
+    return cosines.topk(NEAR, dim=1).indices.cpu().numpy()
+
+
+def _rows(count: int, near: Int64Array | None, config: SubmotionConfig, rng: np.random.Generator) -> Int64Array:
+    """The clips of a batch: drawn at random, or some of them and those that are near to each."""
+    if near is None:
+        return rng.permutation(count)[: config.batch]
+    some = rng.permutation(count)[: max(1, config.batch // (NEAR + 1))]
+    return np.unique(np.concatenate([some, near[some].ravel()]))
+
+
+def _window(clip: Float32Array, rng: np.random.Generator) -> Float32Array:
+    return _from(clip, int(rng.integers(0, max(1, len(clip) - LONGEST + 1))), LONGEST)
+
+
+def _piece(clip: Float32Array, config: SubmotionConfig, rng: np.random.Generator) -> Float32Array:
+    count = max(SHORTEST, round(len(clip) * rng.uniform(config.shortest, config.longest)))
+    return _from(clip, int(rng.integers(0, max(1, len(clip) - count + 1))), count)
+
+
+def _from(clip: Float32Array, start: int, count: int) -> Float32Array:
+    """`count` frames from one on, the root's path starting there."""
+    part = clip[start : start + count].copy()
+    part[:, 0] -= part[0, 0].copy()
+    return part
+
+
+def embed_pieces(network: nn.Module, sequences: Sequence[Float32Array]) -> Float32Array:
+    """[n, 512] what the network makes of pieces or clips (`clip_sequence`), of length one, each on its own."""
+    found = np.empty((len(sequences), DIMENSION), dtype=np.float32)
+    with on_threads(1), torch.inference_mode():
+        for row, sequence in zip(found, sequences, strict=True):
+            row[:] = normalize(network(*padded([sequence])), dim=1)[0].numpy()
+    return found
+
+
+METADATA_KEY: Final = "submotion_network"
+
+
+@dataclass(frozen=True)
+class TrainedSubmotion:
+    """A frozen network.
+
+    Attributes:
+        config: how it was trained.
+        network: in evaluation mode, on the CPU.
+        figures: of its training.
+    """
+
+    config: SubmotionConfig
+    network: nn.Module
+    figures: Mapping[str, Any]
+
+    def embed(self, sequences: Sequence[Float32Array]) -> Float32Array:
+        """[n, 512] vectors, of length one, of n pieces or windows (`clip_sequence`), each independent of the others."""
+        return embed_pieces(self.network, sequences)
+
+    def save(self, path: Path) -> None:
+        """Write it as one safetensors file."""
+        kept = {"config": asdict(self.config), "figures": dict(self.figures)}
+        save_network(path, self.network, METADATA_KEY, kept)
+
+
+def load_submotion(path: Path) -> TrainedSubmotion:
+    """Read what `TrainedSubmotion.save` wrote.
+
+    Raises:
+        ValueError: the file holds something else.
+    """
+    tensors, kept = read_network(path, METADATA_KEY)
+    config = SubmotionConfig(**kept["config"])
+    network = network_of(config)
+    network.load_state_dict(tensors)
+    return TrainedSubmotion(config, network.eval(), kept["figures"])

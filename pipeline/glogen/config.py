@@ -1,0 +1,128 @@
+"""Configuration of synthesis, and how GloGen is built and trained, by name."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Final, Literal
+
+from motionlake.pretrained import Pretrained
+
+RECIPES: Final = ("default", "glogen")
+WEIGHTS: Final = ("auto", "shipped", "own")
+
+
+@dataclass(frozen=True)
+class SynthesisConfig:
+    """Which generator makes new motion.
+
+    Attributes:
+        recipe: "default", or "glogen", the thesis's (sections 4.2 and 4.3).
+        seed: of training.
+        epochs: of training; 0 takes the recipe's.
+        weights: what a lake without a generator starts with: "own" trains one on clips of known class, "shipped" takes
+            the ready-made one where it fits this configuration, "auto" does so where no clip's class is known.
+
+    Raises:
+        ValueError: an unknown name, or a value out of range.
+    """
+
+    recipe: str = "default"
+    seed: int = 0
+    epochs: int = 0
+    weights: str = "auto"
+
+    def __post_init__(self) -> None:
+        if self.recipe not in RECIPES:
+            raise ValueError(f"recipe is {self.recipe!r}, not one of {', '.join(RECIPES)}")
+        if self.weights not in WEIGHTS:
+            raise ValueError(f"weights is {self.weights!r}, not one of {', '.join(WEIGHTS)}")
+        if self.epochs < 0:
+            raise ValueError(f"epochs = {self.epochs}: cannot be negative")
+
+
+def _same_generator(about: Mapping[str, Any], config: SynthesisConfig) -> bool:
+    return config.weights != "own" and not config.epochs and about["recipe"] == config.recipe
+
+
+PRETRAINED_GENERATOR: Final = Pretrained(Path(__file__).parent / "weights" / "generator.safetensors", _same_generator)
+
+
+SPARSE: Final = 20  # sparse poses that stand for a motion
+SEEDS: Final = 5  # t: sparse poses that are given
+Architecture = Literal["ahead", "blocks"]
+
+
+@dataclass(frozen=True)
+class GloGenRecipe:
+    """Sizes and training of GloGen.
+
+    Attributes:
+        architecture: "ahead": all poses that follow the given ones at once; "blocks": the thesis's encoder and
+            decoder, five poses from five, again and again (equations 4.1 and 4.2).
+        sparse: poses that stand for a motion.
+        embedding, state: widths of what is made of a pose, and of the recurrent layers, both directions together.
+        layers, bidirectional, cell: of the recurrent layers ("LSTM" or "GRU"); the ablations of table 4.4.
+        latent: numbers that say what class and given poses leave open; 0: none.
+        divergence: weight of the latent numbers' distance from what they are drawn from.
+        smooth: weight of the error of differences from pose to pose.
+        noise: of the given poses while training, body lengths.
+        epochs, steps: of training: so many epochs, more where these have fewer steps than `steps`.
+        going_steps: the same where a class goes on: it follows on its own poses again and again, and a network that has
+            learned it less well ends up standing still.
+        going_dropout: instead of `dropout` where a class goes on.
+        again: frames from piece to piece in which clips of classes that go on are read.
+        missing: share of the joints of given poses that are not seen while training: they stand at their mean.
+    """
+
+    architecture: Architecture = "ahead"
+    sparse: int = SPARSE
+    embedding: int = 128
+    state: int = 256
+    layers: int = 2
+    bidirectional: bool = True
+    cell: Literal["LSTM", "GRU"] = "GRU"
+    latent: int = 16
+    divergence: float = 0.0001
+    smooth: float = 1.0
+    dropout: float = 0.2
+    going_dropout: float = 0.0
+    again: int = 10
+    noise: float = 0.02
+    missing: float = 0.0
+    mirror: bool = False
+    optimiser: Literal["adam", "sgd"] = "adam"
+    learning_rate: float = 2e-3
+    weight_decay: float = 0.01
+    batch: int = 64
+    epochs: int = 40
+    steps: int = 250
+    going_steps: int = 1000
+
+    def batches(self, count: int) -> int:
+        """How many batches `count` motions make."""
+        return max(1, round(count / self.batch))
+
+    def epochs_of(self, count: int, going: bool) -> int:
+        """How many epochs are trained on `count` motions, of which some may be of classes that go on."""
+        steps = max(self.steps, self.going_steps * going)
+        return max(self.epochs, -(-steps // self.batches(count)))
+
+
+_RECIPES: Final = {
+    "default": GloGenRecipe(),
+    # Sections 4.2 and 4.3: pose embedding 200, state 1000, SGD at 0.1, batches of 64, mean squared error. For how many
+    # epochs is not said.
+    "glogen": GloGenRecipe(
+        architecture="blocks", embedding=200, state=1000, layers=1, cell="LSTM", latent=0, divergence=0.0, smooth=0.0,
+        dropout=0.0, again=0, noise=0.0, optimiser="sgd", learning_rate=0.1, weight_decay=0.0, epochs=40, steps=0,
+        going_steps=0,
+    ),
+}  # fmt: skip
+
+
+def glogen_recipe(name: str, epochs: int = 0) -> GloGenRecipe:
+    """The recipe of a name; `epochs` other than 0 replaces its own."""
+    recipe = _RECIPES[name]
+    return replace(recipe, epochs=epochs, steps=0, going_steps=0) if epochs else recipe

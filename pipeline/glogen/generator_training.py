@@ -1,0 +1,178 @@
+"""Training a generator: GloGen, then LocGen, on clips of known class."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from motionlake.arrays import Float32Array, Int64Array, Progress
+from motionlake.glogen.config import SEEDS, GloGenRecipe, SynthesisConfig, glogen_recipe
+from motionlake.glogen.generator import TrainedGenerator, TrainingMotion
+from motionlake.glogen.inbetween_training import train_locgen
+from motionlake.glogen.inbetweening import LocGenRecipe, locgen_recipe
+from motionlake.glogen.lead_in import MOST as EXAMPLES
+from motionlake.glogen.lead_in import fit_lead_in
+from motionlake.glogen.sparse import PIECE, Piece, goes_on, pieces, reach
+from motionlake.glogen.training import ByClass, epochs_of, groups, train_glogen
+from motionlake.glogen.trajectories import BodyMotion, body_motion
+
+STRIDE: Final = 25  # frames from piece to piece of a long clip, by the default recipe
+MOST: Final = 2000  # pieces that overlap, about
+
+
+def train_generator(
+    motions: Sequence[TrainingMotion],
+    config: SynthesisConfig,
+    *,
+    examples: int = EXAMPLES,
+    checkpoint: Path | None = None,
+    progress: Progress | None = None,
+) -> TrainedGenerator:
+    """Train a generator.
+
+    Args:
+        motions: clips of known class.
+        config: recipe, seed, epochs (of either network).
+        examples: of how recorded motion goes on, that it keeps at most.
+        checkpoint: a file to save training to and to go on from; deleted at the end.
+        progress: called with (epochs done, epochs, mean loss) after each epoch of either network.
+
+    Returns:
+        The generator; the same for the same input, configuration and seed, interrupted or not. Its figures: `clips`,
+        `classes`, `loss` of each epoch of GloGen, `locgen_loss`.
+
+    Raises:
+        ValueError: no clips, or one that cannot be read.
+    """
+    if not motions:
+        raise ValueError("there are no clips to train on")
+    read = [body_motion(motion.positions, motion.fps) for motion in motions]
+    labels = [motion.label for motion in motions]
+    return fit_generator(read, labels, config, examples=examples, checkpoint=checkpoint, progress=progress)
+
+
+def fit_generator(
+    motions: Sequence[BodyMotion],
+    labels: Sequence[str],
+    config: SynthesisConfig,
+    *,
+    glogen: GloGenRecipe | None = None,
+    locgen: LocGenRecipe | None = None,
+    examples: int = EXAMPLES,
+    checkpoint: Path | None = None,
+    progress: Progress | None = None,
+) -> TrainedGenerator:
+    """`train_generator` of motions that are read already, by recipes other than the configuration's if given."""
+    first = glogen or glogen_recipe(config.recipe, config.epochs)
+    second = locgen or locgen_recipe(config.recipe, config.epochs)
+    classes = sorted(set(labels))
+    targets = [classes.index(label) for label in labels]
+    going = goes_on(motions, targets, len(classes)) if first.architecture == "ahead" else [False] * len(classes)
+    whole = _cut(motions, targets, going, first)
+    if not whole:
+        raise ValueError("all clips are too short to train on")
+    known = {piece.target for piece in whole}
+    parts = [
+        _Part.of(motions, targets, going, own, first)
+        for own in groups(going, [target in known for target in range(len(classes))])
+    ]
+    epochs = sum(part.epochs(first) for part in parts) + second.epochs_of(len(whole))
+    done_before = 0
+
+    def beside(name: str) -> Path | None:
+        return checkpoint.with_name(f"{checkpoint.stem}-{name}{checkpoint.suffix}") if checkpoint else None
+
+    def tell() -> Progress | None:
+        before = done_before
+        return None if progress is None else lambda done, _, loss: progress(before + done, epochs, loss)
+
+    networks, losses = [], []
+    for i, part in enumerate(parts):
+        network, found = train_glogen(
+            part.rows, part.targets, len(part.classes), first, config.seed, going=part.going, share=part.share,
+            checkpoint=beside(f"glogen-{i}"), stays=True, progress=tell(),
+        )  # fmt: skip
+        networks.append(network)
+        losses += found
+        done_before += part.epochs(first)
+    locgen_network, dense_losses = train_locgen(
+        whole, second, config.seed, checkpoint=beside("locgen"), stays=True, progress=tell()
+    )
+    for file in (*(beside(f"glogen-{i}") for i in range(len(parts))), beside("locgen")):
+        if file is not None:
+            file.unlink(missing_ok=True)
+    figures = {
+        "clips": len(motions), "classes": len(classes), "loss": [round(loss, 5) for loss in losses],
+        "locgen_loss": [round(loss, 5) for loss in dense_losses],
+    }  # fmt: skip
+    return TrainedGenerator(
+        config, classes, going, reach(motions, targets, going, SEEDS, first.sparse),
+        ByClass(first, networks, [part.classes for part in parts]), locgen_network,
+        fit_lead_in(motions, targets, going, examples), figures,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class _Part:
+    """What one network of GloGen is trained on.
+
+    Attributes:
+        classes: that it knows.
+        rows: sparse poses of each piece.
+        targets: class of each, one of its own.
+        going: whether each of its classes goes on.
+        share: of the pieces of these that an epoch takes, which overlap.
+    """
+
+    classes: list[int]
+    rows: list[Float32Array]
+    targets: Int64Array
+    going: list[bool]
+    share: float
+
+    @classmethod
+    def of(
+        cls,
+        motions: Sequence[BodyMotion],
+        targets: Sequence[int],
+        going: Sequence[bool],
+        classes: list[int],
+        recipe: GloGenRecipe,
+    ) -> _Part:
+        some = [motion for motion, target in zip(motions, targets, strict=True) if target in classes]
+        own = [classes.index(target) for target in targets if target in classes]
+        on = [going[target] for target in classes]
+        again = _again(some, [on[target] for target in own], recipe.again)
+        whole, made = (_cut(some, own, on, recipe, each) for each in (0, again))
+        share = _frames(whole, on) / max(1, _frames(made, on)) if again else 1.0
+        rows = [piece.sparse.rows.astype(np.float32) for piece in made]
+        return cls(classes, rows, np.array([piece.target for piece in made], dtype=np.int64), on, share)
+
+    def epochs(self, recipe: GloGenRecipe) -> int:
+        """How many its network is trained for."""
+        return epochs_of([len(rows) for rows in self.rows], self.targets.tolist(), self.going, recipe, self.share)
+
+
+def _cut(
+    motions: Sequence[BodyMotion], targets: Sequence[int], going: Sequence[bool], recipe: GloGenRecipe, again: int = 0
+) -> list[Piece]:
+    """Pieces with more sparse poses than are given."""
+    stride = STRIDE if recipe.architecture == "ahead" else PIECE
+    made = pieces(
+        motions, targets, count=recipe.sparse, stride=stride, mirror=recipe.mirror, going=going, again=again
+    )  # fmt: skip
+    return [piece for piece in made if len(piece.sparse.rows) > SEEDS]
+
+
+def _again(motions: Sequence[BodyMotion], going: Sequence[bool], least: int) -> int:
+    """Frames from piece to piece of clips that go on: more where there are so many that pieces need not overlap."""
+    frames = sum(len(motion) for motion, on in zip(motions, going, strict=True) if on)
+    return min(max(least, -(-frames // MOST)), PIECE) if least and frames else 0
+
+
+def _frames(made: Sequence[Piece], going: Sequence[bool]) -> int:
+    """How many frames pieces of classes that go on hold."""
+    return sum(len(piece.motion) for piece in made if going[piece.target])

@@ -1,1 +1,0 @@
-"""LocGen: natural dense motion from interpolated sparse poses (chapter 4, second stage)."""

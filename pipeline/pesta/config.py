@@ -1,0 +1,159 @@
+"""Configuration of posture dictionaries, symbol strings and their alignment."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, Final, Literal, get_args
+
+from motionlake.motion.features import Representation, WordConfig
+from motionlake.pretrained import Pretrained
+
+Method = Literal["sta", "dtw", "sw"]
+
+METHODS: Final[tuple[Method, ...]] = get_args(Method)
+
+
+@dataclass(frozen=True)
+class AlignmentConfig:
+    """Which alignment, and its constants.
+
+    Attributes:
+        method: "sta", strided temporal alignment (section 6); "dtw", sub-sequence dynamic time warping, which is the
+            same recurrence with its three direct neighbours, stride 1; "sw", Smith-Waterman local alignment as Wu et
+            al. apply it to strings of postures.
+        stride: w of section 6, at least 1; "dtw" and "sw" do not look at it. The paper takes 3 for whole sequences
+            and for sub-sequences by whole queries, 2 for sub-queries.
+        threshold: "sw" alone: two symbols are alike by (threshold - distance), in units of the mean distance of two
+            different symbols of the dictionary.
+        gap: "sw" alone: what a symbol that is left out of either string costs, in the same unit.
+
+    Raises:
+        ValueError: a method that does not exist, a stride below 1, a threshold or gap that is not above zero.
+    """
+
+    method: Method = "sta"
+    stride: int = 2
+    threshold: float = 0.7
+    gap: float = 0.1
+
+    def __post_init__(self) -> None:
+        if self.method not in METHODS:
+            raise ValueError(f"method is {self.method!r}, not one of {', '.join(METHODS)}")
+        if isinstance(self.stride, bool) or not isinstance(self.stride, int) or self.stride < 1:
+            raise ValueError(f"stride is {self.stride}: it is a whole number of at least 1")
+        for name, value in (("threshold", self.threshold), ("gap", self.gap)):
+            if not 0 < value < float("inf"):
+                raise ValueError(f"{name} is {value}: it must be above zero")
+
+    @property
+    def reach(self) -> int:
+        """How many columns back a cell looks: the stride, or 1."""
+        return self.stride if self.method == "sta" else 1
+
+    @property
+    def local(self) -> bool:
+        """Whether a match may cover a part of the query only."""
+        return self.method == "sw"
+
+
+DictionaryKind = Literal["aae", "kmeans", "som"]
+RecipeName = Literal["default", "pesta"]
+KINDS: Final = ("aae", "kmeans", "som")
+ENOUGH: Final = 25
+RECIPES: Final = ("default", "pesta")
+
+
+@dataclass(frozen=True)
+class PosturesConfig:
+    """What a posture is, and which dictionary turns it into a symbol.
+
+    Attributes:
+        dictionary: "aae" (clustering adversarial autoencoder), "kmeans" or "som" (self-organising map).
+        m: number of symbols.
+        seed: of training.
+        weights: what a lake without a dictionary starts with: "shipped" takes the ready-made one where it fits this
+            configuration, "own" trains on the lake's clips, "auto" (default) does so where they hold enough postures,
+            `ENOUGH` for each symbol, since a dictionary of the clips' own retrieves much better (`docs/postures.md`).
+        recipe: of the autoencoder: "default", or "pesta", the paper's (5,000 epochs).
+        max_postures: size of the sample of postures that a dictionary is trained on.
+        representation: "positions" of joints seen from the body, or "rotations" (the paper's quaternions).
+        fps: postures a second: a quarter of 120.
+        root_weight: "positions" only: weight of the root's velocity and yaw rate in a posture; 0 leaves them out.
+        velocity_weight: "positions" only: weight of the joints' velocities; 0 leaves them out.
+        smoothing: "positions" only: standard deviation, in postures, of the Gaussian that smooths them in time.
+
+    Raises:
+        ValueError: an unknown name, or a value out of range.
+    """
+
+    dictionary: DictionaryKind = "aae"
+    m: int = 400
+    seed: int = 0
+    weights: str = "auto"
+    recipe: RecipeName = "default"
+    max_postures: int = 30_000
+    representation: Representation = "positions"
+    fps: float = 30.0
+    root_weight: float = 10.0
+    velocity_weight: float = 8.0
+    smoothing: float = 1.0
+
+    def __post_init__(self) -> None:
+        if self.dictionary not in KINDS:
+            raise ValueError(f"dictionary is {self.dictionary!r}, not one of {', '.join(KINDS)}")
+        if self.recipe not in RECIPES:
+            raise ValueError(f"recipe is {self.recipe!r}, not one of {', '.join(RECIPES)}")
+        if self.weights not in ("auto", "shipped", "own"):
+            raise ValueError(f"weights is {self.weights!r}, not auto, shipped or own")
+        if self.m < 2 or self.max_postures < self.m:
+            raise ValueError(
+                f"m = {self.m} symbols of {self.max_postures} postures: at least 2, and no more than those"
+            )
+        _ = self.frames
+
+    @classmethod
+    def pesta(cls) -> PosturesConfig:
+        """The paper's: quaternions of single frames, the autoencoder trained for 5,000 epochs (section 5.2)."""
+        return cls(
+            weights="own", recipe="pesta", representation="rotations",
+            root_weight=0.0, velocity_weight=0.0, smoothing=0.0,
+        )  # fmt: skip
+
+    @property
+    def frames(self) -> WordConfig:
+        """How a clip becomes rows of features: a posture is a word of one frame."""
+        joints: Literal["common15", "deep_motifs16"] = (
+            "common15" if self.representation == "positions" else "deep_motifs16"
+        )
+        return WordConfig(
+            self.representation, self.fps, 1, 1, joints, self.root_weight, self.velocity_weight, self.smoothing
+        )
+
+
+def _same_postures(about: Mapping[str, Any], config: PosturesConfig) -> bool:
+    """Whether frames are coded alike; seed, weights and max_postures shape a training alone."""
+
+    def coding(settings: Mapping[str, Any]) -> dict[str, Any]:
+        return {name: value for name, value in settings.items() if name not in ("seed", "weights", "max_postures")}
+
+    return config.weights != "own" and coding(asdict(config)) == coding(about["postures"])
+
+
+PRETRAINED_POSTURES: Final = Pretrained(Path(__file__).parent / "weights" / "postures-aae.safetensors", _same_postures)
+
+
+@dataclass(frozen=True)
+class SymbolsConfig:
+    """What is reduced (PESTA, section 5.3); both off keeps speed and cycle counts (section 8.5.2).
+
+    Attributes:
+        runs: of a run of one symbol one is kept. Off: how long a posture is held stays in the string.
+        repeats: of a tandem repeat one instance is kept. Off: how often a pattern is repeated stays. On with
+            runs off, a pattern counts as repeated where its runs are, lengths included (aabaab becomes aab,
+            aabaaab stays, and so does aaaa).
+    """
+
+    runs: bool = True
+    repeats: bool = True

@@ -1,0 +1,89 @@
+"""The symbol string of a clip, and which of the clip's frames each symbol stands for (PESTA, section 5).
+
+Sample k of a clip stands at k / codes_fps seconds. Each source frame belongs to the sample nearest to it in time (of
+two equally near to the later), and thereby to a symbol: the first sample is nearest from frame 0 on, the last one to
+the clip's end. The frames of samples that a reduction removes belong to the last symbol kept before them: those of a
+run to its symbol, those of the further instances of a tandem repeat to the last symbol of the first instance.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from motionlake.arrays import Int32Array, Int64Array
+from motionlake.pesta.config import SymbolsConfig
+from motionlake.pesta.repetitions import reduce_repeats, reduce_runs
+
+INSTANT_TOLERANCE = 1e-6
+
+
+@dataclass(frozen=True)
+class SymbolString:
+    """A clip's string; symbol i covers the source frames [starts[i], stops[i]).
+
+    The ranges follow each other without gaps from frame 0 to the clip's last. At a clip rate below that of the codes
+    a symbol may cover no frame (starts[i] == stops[i]).
+
+    Attributes:
+        symbols: int32 [n], n >= 1.
+        starts: int64 [n], at the clip's own rate.
+        stops: int64 [n].
+    """
+
+    symbols: Int32Array
+    starts: Int64Array
+    stops: Int64Array
+
+    def __len__(self) -> int:
+        return len(self.symbols)
+
+
+def symbolise(codes: Int32Array, *, codes_fps: float, fps: float, n_frames: int, config: SymbolsConfig) -> SymbolString:
+    """The symbol string of a clip from the codes of its samples.
+
+    Args:
+        codes: int32 [T] dictionary symbols at `codes_fps`, T = floor((n_frames - 1) / fps * codes_fps) + 1.
+        codes_fps: samples a second.
+        fps: the clip's own rate.
+        n_frames: F, the clip's frames at its own rate.
+        config: which redundancy is taken out.
+
+    Returns:
+        The string, with the correspondence to the clip's frames.
+
+    Raises:
+        ValueError: no codes, negative codes, a rate that is not positive, or codes that do not fit the clip's length.
+    """
+    if codes.ndim != 1 or not np.issubdtype(codes.dtype, np.integer):
+        raise ValueError(f"codes are whole numbers in a row, not {codes.dtype} {list(codes.shape)}")
+    if len(codes) == 0:
+        raise ValueError("a clip without codes has no symbol string")
+    if codes.min() < 0:
+        raise ValueError(f"symbol {int(codes.min())} is negative")
+    if not (fps > 0 and codes_fps > 0):
+        raise ValueError(f"the rates are {fps} and {codes_fps} a second, not positive")
+    expected = int(np.floor((n_frames - 1) / fps * codes_fps + INSTANT_TOLERANCE)) + 1
+    if n_frames < 1 or len(codes) != expected:
+        raise ValueError(f"{len(codes)} codes for {n_frames} frames at {fps} a second, not {max(expected, 0)}")
+    kept = _kept(codes, config)
+    starts = np.ceil((kept - 0.5) * (fps / codes_fps) - INSTANT_TOLERANCE).astype(np.int64)
+    starts[0] = 0
+    return SymbolString(codes[kept].astype(np.int32), starts, np.append(starts[1:], n_frames))
+
+
+def _kept(codes: Int32Array, config: SymbolsConfig) -> Int64Array:
+    """[k] places of the samples that stay, the first of them 0."""
+    if config.runs:
+        runs = reduce_runs(codes)
+        return runs[reduce_repeats(codes[runs])] if config.repeats else runs
+    if not config.repeats:
+        return np.arange(len(codes))
+    runs = reduce_runs(codes)
+    lengths = np.diff(runs, append=len(codes))
+    kept = reduce_repeats(codes[runs] * (lengths.max() + 1) + lengths)
+    places = np.zeros(len(codes), dtype=np.bool_)
+    stays = np.zeros(len(runs), dtype=np.bool_)
+    stays[kept] = True
+    places[:] = np.repeat(stays, lengths)
+    return np.flatnonzero(places)
