@@ -335,8 +335,6 @@ def fit_dictionary(
     if len(postures) < config.m:
         raise ValueError(f"{len(postures)} postures are too few for {config.m} symbols")
     if config.dictionary == "aae":
-        from motionlake.pesta.posture_training import train_autoencoder
-
         return train_autoencoder(postures, clips, config, checkpoint=checkpoint, progress=progress)
 
     return kmeans_dictionary(postures, config) if config.dictionary == "kmeans" else som_dictionary(postures, config)
