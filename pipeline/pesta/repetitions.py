@@ -5,7 +5,7 @@
    those of one period from left to right. One that overlaps none taken before is reduced: of a repetition of length L
    and period p its first p symbols and its last L mod p stay.
 3. What is left, or brought together by step 2, is read from left to right: whenever the string kept so far ends in a
-   square xx, its second half goes (`motionlake.pesta.symbols.squares`).
+   square xx, its second half goes (`motionlake.pesta.squares`).
 
 The result holds no square. It is canonical: it depends on which symbols are equal, not on what they are called, and
 reducing it again changes nothing.
