@@ -14,9 +14,10 @@ from typing import Final
 import numpy as np
 from motionlake.arrays import Float64Array
 from motionlake.motion.features import WordConfig
+from motionlake.motion.kinematics import local_rotations
 from motionlake.motion.rest import world_from_positions
 from motionlake.motion.rotations import rotate, swing
-from motionlake.motion.skeleton import INDEX, TWIST_AXES, local_rotations
+from motionlake.motion.skeleton import INDEX, TWIST_AXES
 
 from bench.canonical_sets import LabelledClip, features, load
 from bench.record import record

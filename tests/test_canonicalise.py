@@ -17,20 +17,11 @@ from motionlake.formats.bvh_writer import write_bvh
 from motionlake.formats.deepmimic import READER
 from motionlake.motion.canonicalise import CanonicalMotion, canonicalise
 from motionlake.motion.clip import ChannelKind, Hierarchy, Motion, SourceClip
-from motionlake.motion.kinematics import solve
+from motionlake.motion.kinematics import forward_kinematics, local_rotations, solve, world_rotations
 from motionlake.motion.retarget import to_source_clip
 from motionlake.motion.rigs import Rest, identify, load_rigs
 from motionlake.motion.rotations import angle, conjugate, from_axis_angle, multiply, rotate
-from motionlake.motion.skeleton import (
-    BONES,
-    INDEX,
-    JOINTS,
-    PARENTS,
-    facing,
-    forward_kinematics,
-    local_rotations,
-    world_rotations,
-)
+from motionlake.motion.skeleton import BONES, INDEX, JOINTS, PARENTS, facing
 from scipy.spatial.transform import Rotation
 
 from tests.rig_samples import SETS, sample

@@ -66,6 +66,13 @@ def test_help_imports_no_command_and_no_library_but_typer() -> None:
     assert not modules & {*HEAVY, *LIBRARIES, "numpy", "rich"}
 
 
+@pytest.mark.parametrize("module", ["lake.config", "lake.catalog", "lake.frames", "formats"])
+def test_what_opens_a_lake_imports_no_library_that_computes(module: str) -> None:
+    code = f"import sys, motionlake.{module}; print(*sys.modules)"
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert not set(run.stdout.split()) & {*HEAVY, "scipy"}
+
+
 def test_the_package_alone_imports_nothing() -> None:
     code = "import sys; before = set(sys.modules); import motionlake; print(*set(sys.modules) - before)"
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

@@ -18,7 +18,8 @@ from motionlake.glogen.sparse import DURATION, WIDTH
 from motionlake.glogen.training import groups
 from motionlake.glogen.trajectories import STANDARD, body_motion
 from motionlake.glogen.wishes import Seed, Synthesized, Wish
-from motionlake.motion.skeleton import JOINTS, forward_kinematics
+from motionlake.motion.kinematics import forward_kinematics
+from motionlake.motion.skeleton import JOINTS
 from motionlake.network_file import save_network
 
 from tests.test_trajectories import swinging

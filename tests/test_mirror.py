@@ -14,8 +14,9 @@ from motionlake.lake.catalog import reading
 from motionlake.lake.config import load_config
 from motionlake.lake.layout import open_lake
 from motionlake.motion.features import WordConfig, word_features
+from motionlake.motion.kinematics import forward_kinematics
 from motionlake.motion.mirror import mirrored_features, mirrored_positions, mirrored_rotations
-from motionlake.motion.skeleton import INDEX, forward_kinematics
+from motionlake.motion.skeleton import INDEX
 from motionlake.stages import embed, motifs
 
 from tests.lakes import QUICK, canonical_clips, motionlake, query

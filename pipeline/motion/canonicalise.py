@@ -10,18 +10,11 @@ from motionlake.arrays import Float64Array
 from motionlake.errors import ClipError
 from motionlake.motion.clip import Motion, SourceClip
 from motionlake.motion.fill import Binding, bind, place, place_offsets
+from motionlake.motion.kinematics import bone_vectors, continuous_signs, forward_kinematics, local_rotations
 from motionlake.motion.rest import to_canonical_rest, world_from_positions
 from motionlake.motion.rigs import Rest, RigMap
 from motionlake.motion.rotations import conjugate, from_axis_angle, multiply, normalise, rotate
-from motionlake.motion.skeleton import (
-    INDEX,
-    JOINTS,
-    PARENTS,
-    bone_vectors,
-    continuous_signs,
-    forward_kinematics,
-    local_rotations,
-)
+from motionlake.motion.skeleton import INDEX, JOINTS, PARENTS
 
 MIN_HEIGHT: Final = 0.4
 MAX_HEIGHT: Final = 3.0

@@ -14,7 +14,6 @@ from typing import Final, Literal
 import numpy as np
 from motionlake.arrays import Float32Array, Float64Array
 from motionlake.motion.skeleton import COMMON, DEEP_MOTIFS, INDEX, facing
-from scipy.ndimage import gaussian_filter1d
 
 Representation = Literal["positions", "rotations"]
 JointSet = Literal["common15", "deep_motifs16"]
@@ -127,6 +126,8 @@ def word_features(positions: Float64Array, rotations: Float64Array, fps: float, 
         return np.ascontiguousarray(quaternions.reshape(len(quaternions), -1), dtype=np.float32)
     sampled = resample(positions, fps, config)
     if config.smoothing:
+        from scipy.ndimage import gaussian_filter1d
+
         sampled = gaussian_filter1d(sampled, config.smoothing, axis=0, mode="nearest")
     return _position_features(sampled, body_length(positions), config)
 

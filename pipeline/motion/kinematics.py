@@ -1,4 +1,4 @@
-"""Forward kinematics: a file's raw channels to local and global rotations and global positions."""
+"""Forward kinematics: of a file's raw channels, and of the canonical skeleton."""
 
 from __future__ import annotations
 
@@ -6,10 +6,11 @@ import math
 from typing import Final
 
 import numpy as np
-from motionlake.arrays import Int64Array
+from motionlake.arrays import Float64Array, Int64Array
 from motionlake.errors import ClipError
 from motionlake.motion.clip import ChannelKind, Hierarchy, Motion, SourceClip
-from motionlake.motion.rotations import multiply_into, rotate_into
+from motionlake.motion.rotations import conjugate, multiply, multiply_into, rotate, rotate_into
+from motionlake.motion.skeleton import PARENTS
 from numba import njit
 
 # A channel's code: 0-2 position, 3-5 rotation, 6-9 quaternion.
@@ -164,3 +165,58 @@ def solve(clip: SourceClip) -> Motion:
     if frame >= 0:
         raise ClipError(f"frame {frame + 1}: the quaternion of joint {hierarchy.joints[joint]!r} has length zero")
     return Motion(positions, local, world)
+
+
+def world_rotations(local: Float64Array) -> Float64Array:
+    """Global rotations [..., 21, 4] of local ones."""
+    world = np.array(local, float)
+    for joint, parent in enumerate(PARENTS):
+        if parent >= 0:
+            world[..., joint, :] = multiply(
+                np.ascontiguousarray(world[..., parent, :]), np.ascontiguousarray(local[..., joint, :])
+            )
+    return world
+
+
+def local_rotations(world: Float64Array) -> Float64Array:
+    """Local rotations [..., 21, 4] of global ones: parent^-1 * own."""
+    local: Float64Array = multiply(conjugate(world[..., list(PARENTS), :]), world)
+    local[..., 0, :] = world[..., 0, :]
+    return local
+
+
+def bone_vectors(positions: Float64Array, world: Float64Array) -> Float64Array:
+    """Offsets [F, 21, 3] of joints from their parents, as the parents see them; zero at the hips."""
+    parents = list(PARENTS)
+    vectors: Float64Array = rotate(conjugate(world[:, parents]), positions - positions[:, parents])
+    vectors[:, 0] = 0.0
+    return vectors
+
+
+def forward_kinematics(root: Float64Array, rotations: Float64Array, rest_offsets: Float64Array) -> Float64Array:
+    """Joint positions.
+
+    Args:
+        root: [F, 3] position of the hips.
+        rotations: [F, 21, 4] local rotations (w, x, y, z).
+        rest_offsets: [21, 3] offset of every joint from its parent in the canonical rest pose.
+
+    Returns:
+        [F, 21, 3] in the units of `root`.
+    """
+    bones = rotate(world_rotations(rotations)[:, list(PARENTS)], rest_offsets)
+    positions = np.empty_like(bones)
+    positions[:, 0] = root
+    for joint, parent in enumerate(PARENTS):
+        if parent >= 0:
+            positions[:, joint] = positions[:, parent] + bones[:, joint]
+    return positions
+
+
+def continuous_signs(q: Float64Array) -> Float64Array:
+    """[F, J, 4] with the signs that keep neighbours in time on one hemisphere; the first has w >= 0."""
+    signs = np.ones((*q.shape[:-1], 1))
+    signs[0] = np.where(q[0, :, :1] < 0, -1.0, 1.0)
+    signs[1:] = np.where(np.sum(q[1:] * q[:-1], axis=-1, keepdims=True) < 0, -1.0, 1.0)
+    continuous: Float64Array = q * np.cumprod(signs, axis=0)
+    return continuous

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from motionlake.glogen.wishes import Synthesized
 from motionlake.motion.canonicalise import CanonicalMotion, body_height
+from motionlake.motion.kinematics import continuous_signs, forward_kinematics
 from motionlake.motion.retarget import METRES_PER_UNIT
-from motionlake.motion.skeleton import continuous_signs, forward_kinematics
 
 
 def canonical_motion(made: Synthesized, filled: Sequence[str] = ()) -> CanonicalMotion:

@@ -27,7 +27,7 @@ from motionlake.lake.corpus import read_corpus
 from motionlake.lake.layout import Lake
 from motionlake.lake.parts import write_part
 from motionlake.motion.features import WordConfig, body_length, resample
-from motionlake.motion.skeleton import bone_vectors, world_rotations
+from motionlake.motion.kinematics import bone_vectors, world_rotations
 from motionlake.stages import embed, motifs, signatures
 from motionlake.stages.derived import Part, clips_of, frames_parts
 from motionlake.stages.shard import Shard, ShardResult
