@@ -31,7 +31,7 @@ from motionlake.deep_motifs.signatures import signatures
 from motionlake.deep_motifs.words.dtw import word_distances
 from motionlake.deep_motifs.words.linear import LinearConfig
 from motionlake.deep_motifs.words.windows import word_windows
-from motionlake.evaluation.measures.retrieval import RetrievalScores, leave_one_out
+from motionlake.evaluation.ranking import RetrievalScores, leave_one_out
 from motionlake.motion.features import WordConfig
 from numpy.typing import NDArray
 from sklearn.decomposition import PCA

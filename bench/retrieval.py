@@ -20,7 +20,7 @@ from typing import Final
 
 import numpy as np
 from motionlake.deep_motifs.emd import emd_many, emd_matrix
-from motionlake.evaluation.measures.retrieval import leave_one_out
+from motionlake.evaluation.ranking import leave_one_out
 from motionlake.lake.layout import Lake
 from motionlake.retrieval.connection import connect
 from motionlake.retrieval.search import similar_to_clip

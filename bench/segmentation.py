@@ -21,8 +21,7 @@ from typing import Any, Final
 
 import numpy as np
 from motionlake.deep_motifs.segmentation import SegmentationConfig, TaughtRange
-from motionlake.evaluation.measures.segmentation import SegmentationScores
-from motionlake.evaluation.segmentation import segmentation_scores, segments_of
+from motionlake.evaluation.segmentation import SegmentationScores, segmentation_scores, segments_of
 from motionlake.lake.catalog import reading
 from motionlake.lake.corpus import read_corpus
 from motionlake.lake.layout import Lake

@@ -19,8 +19,8 @@ import numpy as np
 from motionlake.arrays import Float64Array
 from motionlake.deep_motifs.classification import cluster_clips
 from motionlake.deep_motifs.emd import emd_matrix
+from motionlake.evaluation.classification import adjusted_rand_index
 from motionlake.evaluation.clips import dtw_distances
-from motionlake.evaluation.measures.classification import adjusted_rand_index
 from motionlake.evaluation.signatures import evaluate_signatures
 from motionlake.lake.layout import Lake
 from motionlake.retrieval.connection import connect

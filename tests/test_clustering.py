@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from motionlake.deep_motifs.classification import cluster_clips, places_of
 from motionlake.errors import UserError
-from motionlake.evaluation.measures.classification import adjusted_rand_index
+from motionlake.evaluation.classification import adjusted_rand_index
 from motionlake.retrieval.connection import connect
 from scipy.spatial.distance import cdist
 

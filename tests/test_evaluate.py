@@ -11,10 +11,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from motionlake.deep_motifs.emd import emd_matrix, ground_distances
-from motionlake.evaluation.measures.classification import folded_accuracy
-from motionlake.evaluation.measures.dtw import baseline_features
-from motionlake.evaluation.measures.retrieval import leave_one_out
-from motionlake.evaluation.measures.segmentation import mean_scores, score_words, word_truth
+from motionlake.evaluation.classification import folded_accuracy
+from motionlake.evaluation.dtw import baseline_features
+from motionlake.evaluation.ranking import leave_one_out
+from motionlake.evaluation.segmentation import mean_scores, score_words, word_truth
 from motionlake.motion.dtw import clip_dtw, dtw_matrix, frame_pairs
 
 from tests.lakes import motionlake, query

@@ -9,12 +9,12 @@ from typing import Any
 import duckdb
 import numpy as np
 import pytest
-from motionlake.evaluation.measures.dtw import baseline_features, joint_error
-from motionlake.evaluation.measures.retrieval import leave_one_out
+from motionlake.evaluation.dtw import baseline_features, joint_error
+from motionlake.evaluation.ranking import leave_one_out
 from motionlake.lake.frames import read_part
 from motionlake.motion.dtw import clip_dtw
 from motionlake.motion.features import body_length
-from motionlake.pictures.learning_curves import LearningCurve, learning_curves_figure
+from motionlake.pictures.evaluation import LearningCurve, learning_curves_figure
 from motionlake.pictures.maps import tsne
 
 from tests.lakes import motionlake, query

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from motionlake.evaluation.measures.classification import confusion
-from motionlake.evaluation.measures.ranking import (
+from motionlake.evaluation.classification import confusion, singular_pieces
+from motionlake.evaluation.ranking import (
+    leave_one_out,
     others,
     precision_recall,
     precision_recall_classes,
@@ -19,9 +20,7 @@ from motionlake.evaluation.measures.ranking import (
     score_rankings,
     share_label,
 )
-from motionlake.evaluation.measures.retrieval import leave_one_out
-from motionlake.evaluation.measures.singularity import singular_pieces
-from motionlake.evaluation.measures.sub_queries import (
+from motionlake.evaluation.sub_queries import (
     SubQuery,
     Take,
     ask_all,

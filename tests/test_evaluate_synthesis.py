@@ -12,9 +12,9 @@ import duckdb
 import numpy as np
 import pytest
 from motionlake.arrays import Float64Array
-from motionlake.evaluation.measures.synthesis_errors import MILLISECONDS, body_poses, errors_at
+from motionlake.evaluation.synthesis import Plan, SynthesisEvaluation, measure_generator
 from motionlake.evaluation.synthesis_clips import RealMotion
-from motionlake.evaluation.synthesis_generator import Plan, SynthesisEvaluation, measure_generator
+from motionlake.evaluation.synthesis_metrics import MILLISECONDS, body_poses, errors_at
 from motionlake.evaluation.synthesis_trials import following
 from motionlake.glogen.config import SynthesisConfig
 from motionlake.glogen.generator import EmbeddedMotions, TrainingMotion, embed_motions
@@ -24,8 +24,7 @@ from motionlake.lake.catalog import writing
 from motionlake.lake.layout import open_lake
 from motionlake.lake.models import add_model, next_file, save_model
 from motionlake.motion.skeleton import INDEX, JOINTS, PARENTS
-from motionlake.pictures.synthesis_evaluation import recognised_figure, synthesis_pictures
-from motionlake.pictures.synthesis_map import beside_map, generator_map
+from motionlake.pictures.synthesis import beside_map, generator_map, recognised_figure, synthesis_pictures
 
 from tests.lakes import motionlake, query
 from tests.test_pictures import NASTY, assert_readable, standing

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 from motionlake.arrays import Float32Array
-from motionlake.evaluation.measures.synthesis_errors import MILLISECONDS
+from motionlake.evaluation.synthesis_metrics import MILLISECONDS
 from motionlake.glogen.sparse import JOINT_COLUMNS
 from motionlake.glogen.trajectories import FPS, BodyMotion, body_motion, interpolated
 from motionlake.motion.skeleton import INDEX

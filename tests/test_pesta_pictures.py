@@ -19,7 +19,7 @@ from motionlake.motion.skeleton import COMMON, INDEX
 from motionlake.pesta.config import PosturesConfig
 from motionlake.pictures.alignment_matrix import AlignedPath, SymbolRow, alignment_matrix
 from motionlake.pictures.alignment_page import path_indices
-from motionlake.pictures.posture_map import plane, posture_map
+from motionlake.pictures.maps import plane, posture_map
 from motionlake.pictures.retrieval_figures import confusion_figure, precision_recall_figure, robustness_figure
 from motionlake.pictures.stick_figures import postures_view
 from motionlake.pictures.style import motif_colours

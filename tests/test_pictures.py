@@ -27,12 +27,17 @@ from motionlake.pictures.film_strip import MotifRow, WordStrip, contact_sheet
 from motionlake.pictures.hits_page import HitStrip, draw_hits, hits_page
 from motionlake.pictures.html import Chapter, page, picture
 from motionlake.pictures.maps import clip_map, plane_of
-from motionlake.pictures.material import read_material
+from motionlake.pictures.material import dataset_view, discriminative, read_material, sampled, shares
 from motionlake.pictures.report import make_report
-from motionlake.pictures.selection import dataset_view, discriminative, sampled, shares
 from motionlake.pictures.sequence_sections import agreement
-from motionlake.pictures.signature_bars import BarGroup, bar_colours, motif_order, signature_bars
-from motionlake.pictures.similarity import QueryCurve, similarity_along
+from motionlake.pictures.signatures import (
+    BarGroup,
+    QueryCurve,
+    bar_colours,
+    motif_order,
+    signature_bars,
+    similarity_along,
+)
 from motionlake.pictures.stick_figures import three_quarter_view
 from motionlake.pictures.style import DPI, NONE, class_styles, fitted, plain, png, width_of
 from numpy.typing import NDArray

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from motionlake.arrays import Float64Array
-from motionlake.evaluation.measures.retrieval import average_precision, leave_one_out
+from motionlake.evaluation.ranking import average_precision, leave_one_out
 
 
 def on_a_line(places: list[float]) -> np.ndarray:

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from motionlake.evaluation.measures.dtw import dtw_path, joint_error
-from motionlake.evaluation.measures.ranking import others
-from motionlake.evaluation.measures.retrieval import leave_one_out
-from motionlake.evaluation.measures.split_retrieval import Questions, area, first_hits, score_split
+from motionlake.evaluation.clips import Questions, area, first_hits, score_split
+from motionlake.evaluation.dtw import dtw_path, joint_error
+from motionlake.evaluation.ranking import leave_one_out, others
 from motionlake.motion.dtw import clip_dtw, dtw_cross, dtw_matrix, squared_distances
 
 

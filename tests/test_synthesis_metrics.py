@@ -9,26 +9,24 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from motionlake.arrays import Float64Array
-from motionlake.evaluation.measures.synthesis_errors import (
-    body_poses,
-    errors_at,
-    euclidean_error,
-    joint_error,
-    poses_at,
-    sparse_poses,
-)
-from motionlake.evaluation.measures.synthesis_likeness import (
+from motionlake.evaluation.synthesis_likeness import (
     frechet_distance,
     nearest_real_distances,
     recognise,
     recognised,
 )
-from motionlake.evaluation.measures.synthesis_movement import (
+from motionlake.evaluation.synthesis_metrics import (
     LOW,
     Energy,
+    body_poses,
     bone_length_drift,
     energy,
+    errors_at,
+    euclidean_error,
     foot_sliding,
+    joint_error,
+    poses_at,
+    sparse_poses,
     travel_speed,
     within_range,
 )

@@ -9,7 +9,7 @@ import numpy as np
 from motionlake.deephums.config import DescriptorsConfig
 from motionlake.deephums.network import DescriptorRecipe, recipe_of
 from motionlake.deephums.training import train_descriptor
-from motionlake.evaluation.measures.split_retrieval import Questions, score_split
+from motionlake.evaluation.clips import Questions, score_split
 
 from bench.deephums.retrieval import euclidean, training_clips
 from bench.deephums.sets import Split, split_of

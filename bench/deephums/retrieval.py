@@ -17,8 +17,8 @@ from motionlake.deephums.network import recipe_of
 from motionlake.deephums.sequence import alignment_distances, motion_distance, motion_field
 from motionlake.deephums.trained import TrainedDescriptor
 from motionlake.deephums.training import TrainingClip, train_descriptor
-from motionlake.evaluation.measures.dtw import baseline_features, joint_error
-from motionlake.evaluation.measures.split_retrieval import Questions, first_hits, score_split
+from motionlake.evaluation.clips import Questions, first_hits, score_split
+from motionlake.evaluation.dtw import baseline_features, joint_error
 from motionlake.motion.dtw import dtw_cross
 from motionlake.motion.features import body_length
 from numpy.typing import NDArray

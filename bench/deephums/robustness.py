@@ -9,7 +9,7 @@ import torch
 from motionlake.arrays import Float32Array
 from motionlake.deephums.batches import resampled
 from motionlake.deephums.trained import TrainedDescriptor
-from motionlake.evaluation.measures.split_retrieval import Questions, score_split
+from motionlake.evaluation.clips import Questions, score_split
 from motionlake.motion.skeleton import COMMON, INDEX
 from numpy.typing import NDArray
 

@@ -14,7 +14,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, Final
 
-from motionlake.evaluation.measures.synthesis_errors import MILLISECONDS
+from motionlake.evaluation.synthesis_metrics import MILLISECONDS
 
 from bench.glogen import between, dense, folds, long, search, sparse, whole
 from bench.glogen.sets import SETS

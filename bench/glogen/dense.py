@@ -9,7 +9,7 @@ from typing import Any, Final
 
 import numpy as np
 from motionlake.arrays import Float32Array, Float64Array
-from motionlake.evaluation.measures.synthesis_errors import MILLISECONDS
+from motionlake.evaluation.synthesis_metrics import MILLISECONDS
 from motionlake.glogen.config import SEEDS, SPARSE, SynthesisConfig
 from motionlake.glogen.course import Course, go_on
 from motionlake.glogen.generator import TrainedGenerator

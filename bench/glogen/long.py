@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Final
 
 from motionlake.arrays import Float64Array
-from motionlake.evaluation.measures.synthesis_movement import (
+from motionlake.evaluation.synthesis_metrics import (
     bone_length_drift,
     energy,
     foot_sliding,

@@ -7,8 +7,8 @@ from dataclasses import asdict
 from typing import Final
 
 import numpy as np
-from motionlake.evaluation.measures.classification import confusion
-from motionlake.evaluation.measures.ranking import (
+from motionlake.evaluation.classification import confusion
+from motionlake.evaluation.ranking import (
     others,
     precision_recall,
     precision_recall_classes,

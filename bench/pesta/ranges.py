@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
-from motionlake.evaluation.measures.ranking import ranked_relevance, score_classes, score_rankings, share_label
+from motionlake.evaluation.ranking import ranked_relevance, score_classes, score_rankings, share_label
 from motionlake.pesta.alignment.scan import pairwise
 from motionlake.pesta.alignment.strings import Repository
 from motionlake.pesta.config import AlignmentConfig

@@ -13,7 +13,7 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
-from motionlake.evaluation.measures.singularity import PIECE, singular_pieces
+from motionlake.evaluation.classification import PIECE, singular_pieces
 from motionlake.motion.skeleton import INDEX, facing
 from motionlake.pesta.alignment.scan import Both
 from motionlake.pesta.config import AlignmentConfig

@@ -11,7 +11,7 @@ from dataclasses import asdict
 from functools import partial
 from typing import Final
 
-from motionlake.evaluation.measures.sub_queries import (
+from motionlake.evaluation.sub_queries import (
     Take,
     ask_all,
     fresh_search,

@@ -94,7 +94,7 @@ def references(set_name: str, seed: int) -> dict[str, Found]:
     """Signatures of learned words, and whole-clip DTW on frames (seed 0 alone: it has none)."""
     from motionlake.deep_motifs.emd import emd_matrix
     from motionlake.deep_motifs.signatures import signatures
-    from motionlake.evaluation.measures.dtw import BASELINE
+    from motionlake.evaluation.dtw import BASELINE
     from motionlake.motion.dtw import dtw_matrix
     from motionlake.motion.features import WordConfig
 

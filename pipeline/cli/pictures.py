@@ -24,7 +24,7 @@ PictureOption = Annotated[
 def check_picture(path: Path | None, queries: int) -> None:
     """Before the search is made: can so many answers be drawn there? Raises `UserError` if not."""
     if path is not None:
-        from motionlake.pictures.output import check_hits_file
+        from motionlake.pictures.html import check_hits_file
 
         check_hits_file(path, queries)
 
@@ -41,8 +41,7 @@ def save_picture(
     if path is None:
         return
     from motionlake.pictures.hits_page import hits_page
-    from motionlake.pictures.html import picture
-    from motionlake.pictures.output import write_hits
+    from motionlake.pictures.html import picture, write_hits
 
     pages = [
         picture(f"hits-{i}", f"hits for {query}", "", hits_page(con, lake, query, rows, start, stop))

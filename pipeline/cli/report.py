@@ -29,7 +29,7 @@ def report(
 
     One dataset, and its pictures as files: motionlake report --in hdm05 --pictures figures --lake mylake
     """
-    from motionlake.pictures.output import write_file, write_pictures
+    from motionlake.pictures.html import write_file, write_pictures
     from motionlake.pictures.report import make_report
 
     target = open_lake(lake)

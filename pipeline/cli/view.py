@@ -48,7 +48,7 @@ def view(
     take.gif --beside none --lake mylake
     """
     target = open_lake(lake)
-    from motionlake.pictures.output import write_file
+    from motionlake.pictures.html import write_file
     from motionlake.pictures.player_material import player_clip
     from motionlake.retrieval.connection import connect
 

@@ -9,9 +9,8 @@ from typing import Any, Final
 
 import numpy as np
 from motionlake.arrays import Float32Array, FloatArray
-from motionlake.evaluation.clips import Chosen, Notice, choose, read_positions
-from motionlake.evaluation.measures.dtw import baseline_features, joint_error
-from motionlake.evaluation.measures.split_retrieval import first_hits, score_split
+from motionlake.evaluation.clips import Chosen, Notice, choose, first_hits, read_positions, score_split
+from motionlake.evaluation.dtw import baseline_features, joint_error
 from motionlake.evaluation.methods import alignment_distances, frame_distances, fused_distances, signature_distances
 from motionlake.lake.catalog import Connection
 from motionlake.lake.layout import Lake

@@ -10,7 +10,7 @@ from motionlake.arrays import Float32Array, FloatArray
 from motionlake.deep_motifs.emd import emd_many, emd_matrix
 from motionlake.errors import UserError
 from motionlake.evaluation.clips import PATIENCE, Chosen, Notice, worth_waiting
-from motionlake.evaluation.measures.ranking import ranked
+from motionlake.evaluation.ranking import ranked
 from motionlake.lake.catalog import Connection
 from motionlake.lake.config import load_config
 from motionlake.lake.layout import Lake

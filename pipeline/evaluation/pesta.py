@@ -11,9 +11,9 @@ from typing import Any, Final
 from motionlake.arrays import FloatArray
 from motionlake.deep_motifs.emd import emd_matrix
 from motionlake.errors import UserError
+from motionlake.evaluation.classification import confusion
 from motionlake.evaluation.clips import Notice, dtw_baseline
-from motionlake.evaluation.measures.classification import confusion
-from motionlake.evaluation.measures.ranking import (
+from motionlake.evaluation.ranking import (
     others,
     precision_recall,
     precision_recall_classes,
@@ -21,7 +21,7 @@ from motionlake.evaluation.measures.ranking import (
     relatives,
     score_rankings,
 )
-from motionlake.evaluation.measures.sub_queries import (
+from motionlake.evaluation.sub_queries import (
     LongQuestion,
     SearchOf,
     Take,

@@ -9,9 +9,9 @@ from motionlake.arrays import Float64Array
 from motionlake.deep_motifs.classification import classify_one_vs_all
 from motionlake.deep_motifs.emd import emd_matrix
 from motionlake.errors import UserError
+from motionlake.evaluation.classification import folded_accuracy
 from motionlake.evaluation.clips import Notice, dtw_baseline
-from motionlake.evaluation.measures.classification import folded_accuracy
-from motionlake.evaluation.measures.retrieval import leave_one_out
+from motionlake.evaluation.ranking import leave_one_out
 from motionlake.lake.catalog import Connection
 from motionlake.lake.layout import Lake
 from motionlake.retrieval.labelling.signed import SignedClips, lake_ground, signed_clips

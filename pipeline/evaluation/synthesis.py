@@ -1,23 +1,187 @@
-"""Synthesis measured on a labelled lake (section 4.3 of the thesis)."""
+"""A generator measured on a labelled lake: errors, movement, likeness, copying (section 4.3 of the thesis)."""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from itertools import chain
 from typing import Any, Final
 
-from motionlake.arrays import StepProgress
+from motionlake.arrays import FloatArray, StepProgress
 from motionlake.deephums.sequence import clip_sequence
 from motionlake.errors import UserError
 from motionlake.evaluation.clips import Notice
 from motionlake.evaluation.synthesis_clips import RealMotion, real_clips
-from motionlake.evaluation.synthesis_generator import DEFAULT, Plan, SynthesisEvaluation, measure_generator
+from motionlake.evaluation.synthesis_likeness import Describe, Likeness, frechet_distance
+from motionlake.evaluation.synthesis_measures import Aligned, copying, errors, movement, of_made, of_real, to_align
+from motionlake.evaluation.synthesis_metrics import energy
+from motionlake.evaluation.synthesis_trials import (
+    Begun,
+    Generator,
+    Trial,
+    begun,
+    continued,
+    following,
+    from_other_classes,
+)
+from motionlake.glogen.generator import EmbeddedMotions
 from motionlake.lake.catalog import Connection
 from motionlake.lake.layout import Lake
 from motionlake.lake.models import Model, current_model
 from motionlake.stages.descriptors import served_network
 from motionlake.stages.synthesis import open_generator
+
+COUNT: Final = 10
+PIECE: Final = 10.0  # seconds
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What is made to be measured.
+
+    Attributes:
+        count: motions of each class that start from clips of other classes.
+        seed: the first of the motions' seeds.
+        seconds: of motions; None: as long as the real clips beside them go on. Errors are always taken as long.
+        piece: seconds; longer clips are cut into pieces as long, each a clip to go on from.
+    """
+
+    count: int = COUNT
+    seed: int = 0
+    seconds: float | None = None
+    piece: float = PIECE
+
+
+DEFAULT: Final = Plan()
+
+
+@dataclass(frozen=True)
+class SynthesisEvaluation:
+    """What was measured, and what pictures of it need.
+
+    Attributes:
+        found: what `evaluate_synthesis` tells of.
+        trials: made motions, those of own seeds before those of other classes' seeds.
+        own: how many go on from a clip of their own class.
+        real: [r, d] descriptors of what really follows in test clips, their classes [r] in `real_classes`.
+        made: [m, d] descriptors of the trials.
+        embedded: test clips as the generator itself reads them; None where it tells nothing of that.
+    """
+
+    found: dict[str, Any]
+    trials: list[Trial]
+    own: int
+    real: FloatArray
+    real_classes: list[str]
+    made: FloatArray
+    embedded: EmbeddedMotions | None = None
+
+
+def measure_generator(
+    generator: Generator, test: Sequence[RealMotion], training: Sequence[RealMotion], describe: Describe,
+    plan: Plan = DEFAULT, progress: StepProgress = lambda what, done, total: None,
+) -> SynthesisEvaluation:  # fmt: skip
+    """Measure anything that generates.
+
+    Test clips are gone on from in their own class, at temperature 0 for errors and at 1 for all else; and `plan.count`
+    motions of each class are made from clips of other classes. Real motion is always what follows a seed, never a whole
+    clip: that is all that a made motion could be. Nothing is compared with a clip that it starts from or stands beside.
+
+    Args:
+        generator: makes motion.
+        test: clips of its classes to go on from, and to compare with.
+        training: clips of its classes to learn classes from, and that might be copied.
+        describe: descriptors that know nothing of the generator.
+        plan: what is made.
+        progress: hears what is done, and how much of it.
+
+    Returns:
+        mean_per_joint_error, euclidean, sparse (the same over 15 sparse poses), errors_ms and euclidean_ms by
+        milliseconds with n_ms (clips that go on so long), zero_velocity (all of these of the last pose held);
+        fid (motions that go on in their own class, against what follows), fid_other_seeds, fid_real (training clips
+        against test clips), None of fewer than two; foot_sliding, energy, travel_speed (made, real, ratio; see
+        `movement`), bone_length_drift; recognised (of motions with other seeds: made, real, ratio; own_seeds; None
+        without other classes); nearest_real (`copying`); by_class; n.
+
+    Raises:
+        UserError: no clip is long enough to go on from.
+    """
+    pieces = [list(chain.from_iterable(motion.pieces(plan.piece) for motion in some)) for some in (test, training)]
+    begins = begun(generator, pieces[0], plan.seed, "test seeds", progress)
+    known = begun(generator, pieces[1], plan.seed, "training seeds", progress)
+    likely = continued(generator, begins, temperature=0.0, seconds=None, what="likely", progress=progress)
+    own = continued(generator, begins, temperature=1.0, seconds=plan.seconds, what="own seeds", progress=progress)
+    other = from_other_classes(
+        generator, begins, plan.count, seconds=plan.seconds, seed=plan.seed + len(pieces[0]), what="other seeds",
+        progress=progress,
+    )  # fmt: skip
+    trials = [*own, *other]
+    measure = Likeness(trials, begins, known, describe)
+    found = {
+        **errors(likely),
+        "fid": _fid(measure.real, measure.made[: len(own)]),
+        "fid_other_seeds": _fid(measure.real, measure.made[len(own) :]),
+        "fid_real": _fid(measure.real, measure.known),
+    }
+    moving = _Moving(trials, [*test, *training])
+    found |= moving.of(range(len(trials)))
+    found["recognised"] = measure.recognised(range(len(own), len(trials)), range(len(own)))
+    found["nearest_real"] = copying(
+        [to_align(t.made.positions, t.made.fps, t.seed.motion.clip, t.real.motion.clip) for t in trials],
+        _followed(begins), _followed(known), [to_align(m.positions, m.fps, m.clip) for m in training], progress,
+    )  # fmt: skip
+    found["by_class"] = {
+        name: {
+            "n": len(rows),
+            **errors([t for t in likely if t.wanted == name]),
+            **moving.of(rows),
+            "recognised": measure.recognised([i for i in rows if i >= len(own)], [i for i in rows if i < len(own)]),
+        }
+        for name in sorted({trial.wanted for trial in trials})
+        for rows in [[i for i, trial in enumerate(trials) if trial.wanted == name]]
+    }
+    found["n"] = {
+        "test": len(begins), "training": len(known), "own_seeds": len(own), "other_seeds": len(other),
+        "classes": len(found["by_class"]), "test_clips": len(test),
+    }  # fmt: skip
+    return SynthesisEvaluation(
+        found, trials, len(own), measure.real, [each.motion.label for each in begins], measure.made
+    )
+
+
+def _followed(begins: Sequence[Begun]) -> list[Aligned]:
+    return [to_align(each.after, each.fps, each.motion.clip) for each in begins]
+
+
+def _fid(real: FloatArray, made: FloatArray) -> float | None:
+    return frechet_distance(real, made) if min(len(real), len(made)) > 1 else None
+
+
+class _Moving:
+    """How motions and the real clips beside them move."""
+
+    def __init__(self, trials: Sequence[Trial], clips: Sequence[RealMotion]) -> None:
+        self._classes = [trial.wanted for trial in trials]
+        self._made = [of_made(trial) for trial in trials]
+        real = {id(trial.real): trial.real for trial in trials}
+        measured = {key: of_real(each) for key, each in real.items()}
+        self._real = [measured[id(trial.real)] for trial in trials]
+        fps = trials[0].made.fps
+        self._ranges = {
+            name: [
+                energy(following(m, 1, fps), fps)
+                for m in clips
+                if m.label == name and len(m.positions) > 3 * m.fps / fps
+            ]
+            for name in set(self._classes)
+        }
+
+    def of(self, rows: Sequence[int]) -> dict[str, Any]:
+        return movement(
+            [self._made[i] for i in rows], [self._real[i] for i in rows], [self._classes[i] for i in rows], self._ranges
+        )
+
 
 KIND: Final = "synthesis"
 UNITS: Final = {

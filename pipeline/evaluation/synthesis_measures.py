@@ -9,22 +9,20 @@ from typing import Any, Final
 
 import numpy as np
 from motionlake.arrays import Float32Array, Float64Array, StepProgress
-from motionlake.evaluation.measures.dtw import baseline_features
-from motionlake.evaluation.measures.synthesis_errors import (
+from motionlake.evaluation.dtw import baseline_features
+from motionlake.evaluation.synthesis_likeness import nearest_real_distances
+from motionlake.evaluation.synthesis_metrics import (
     MILLISECONDS,
-    body_poses,
-    errors_at,
-    euclidean_error,
-    joint_error,
-    sparse_poses,
-)
-from motionlake.evaluation.measures.synthesis_likeness import nearest_real_distances
-from motionlake.evaluation.measures.synthesis_movement import (
     Energy,
     FootSliding,
+    body_poses,
     bone_length_drift,
     energy,
+    errors_at,
+    euclidean_error,
     foot_sliding,
+    joint_error,
+    sparse_poses,
     travel_speed,
     within_range,
 )

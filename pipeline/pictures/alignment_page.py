@@ -14,8 +14,7 @@ from motionlake.pesta.alignment.strings import Repository
 from motionlake.pesta.config import AlignmentConfig
 from motionlake.pictures.alignment_matrix import AlignedPath, SymbolRow, alignment_matrix
 from motionlake.pictures.hits_page import hits_page
-from motionlake.pictures.html import Picture, picture
-from motionlake.pictures.output import write_hits
+from motionlake.pictures.html import Picture, picture, write_hits
 from motionlake.pictures.symbol_material import SymbolMaterial
 from motionlake.retrieval.aligned import AlignedHit, StringQuery, WholeHit
 from motionlake.retrieval.lake_strings import LakeStrings

@@ -10,19 +10,18 @@ import numpy as np
 from matplotlib.figure import Figure
 from motionlake.arrays import Float64Array
 from motionlake.deep_motifs.emd import emd_many, emd_matrix
-from motionlake.evaluation.measures.dtw import BASELINE, baseline_features
+from motionlake.evaluation.dtw import BASELINE, baseline_features
 from motionlake.lake.layout import Lake
 from motionlake.motion.dtw import dtw_matrix, frame_pairs
 from motionlake.pictures.bands import motif_bands
 from motionlake.pictures.film_strip import MotifRow, WordStrip, contact_sheet
 from motionlake.pictures.hits_page import hits_page
-from motionlake.pictures.html import Picture, picture
+from motionlake.pictures.html import Picture, about_clusters, count, count_of, model, picture, short_names, source
 from motionlake.pictures.maps import clip_map, plane_of
-from motionlake.pictures.material import Material
-from motionlake.pictures.output import about_clusters, count, count_of, model, short_names, source
-from motionlake.pictures.selection import (
+from motionlake.pictures.material import (
     ALL,
     MOST_CLASSES,
+    Material,
     View,
     closest_pair,
     discriminative,
@@ -30,7 +29,7 @@ from motionlake.pictures.selection import (
     sampled,
     shares,
 )
-from motionlake.pictures.signature_bars import BarGroup, signature_bars
+from motionlake.pictures.signatures import BarGroup, signature_bars
 from motionlake.pictures.style import UNLABELLED
 from threadpoolctl import threadpool_limits
 

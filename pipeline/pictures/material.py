@@ -1,21 +1,27 @@
-"""What the pictures of a lake are made from, read once."""
+"""What the pictures of a lake are made from, read once, and what is shown where not all can be."""
 
 from __future__ import annotations
 
+import hashlib
+import os
 from collections import defaultdict
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Final, TypeVar
 
 import numpy as np
 from motionlake.arrays import Float32Array, Float64Array, Int64Array, IntArray
+from motionlake.deep_motifs.classification import cluster_clips
 from motionlake.deep_motifs.corpus import Corpus
+from motionlake.deep_motifs.emd import emd_matrix
 from motionlake.lake.catalog import Connection, fetch
 from motionlake.lake.corpus import read_corpus
 from motionlake.lake.layout import Lake
 from motionlake.pictures.bands import MotifBand, Segment, word_edges
-from motionlake.pictures.signature_bars import motif_order
+from motionlake.pictures.signatures import motif_order
 from motionlake.pictures.stick_figures import Poses
-from motionlake.pictures.style import motif_colours
+from motionlake.pictures.style import UNLABELLED, motif_colours
 
 
 @dataclass(frozen=True)
@@ -90,3 +96,172 @@ def read_material(con: Connection, lake: Lake, dataset: str | None = None) -> Ma
             fps = corpus.clips[corpus.positions[row["clip"]]].fps
             segments[row["clip"]].append(Segment(row["start"] / fps, row["stop"] / fps, row["label"]))
     return Material(con, corpus, signatures, dict(segments), Poses(con, lake))
+
+
+T = TypeVar("T", bound=Hashable)
+
+MOST_ON_MAP: Final = 180
+MOST_CLASSES: Final = 30
+CLUSTERS: Final = 6
+LONGEST: Final = 40
+ENOUGH_MOTIFS: Final = 4
+ALL: Final = "all clips"
+
+
+@dataclass(frozen=True)
+class View:
+    """The clips of a lake or dataset that one part of the report speaks of.
+
+    Attributes:
+        name: of the dataset, or "all datasets".
+        total: how many clips there are in all.
+        clips: [n] indices of those that classes are known of, by name.
+        classes: [n] label or cluster of each.
+        kind: "class", "cluster" or "dataset".
+        shown: [s] positions in `clips` of those on the map.
+        distances: [s, s] of their signatures.
+    """
+
+    name: str
+    total: int
+    clips: Int64Array
+    classes: list[str]
+    kind: str
+    shown: Int64Array
+    distances: Float64Array
+
+    @property
+    def plural(self) -> str:
+        return "classes" if self.kind == "class" else f"{self.kind}s"
+
+    @property
+    def shown_classes(self) -> list[str]:
+        return [self.classes[i] for i in self.shown]
+
+    def by_class(self) -> dict[str, list[int]]:
+        """Clips (corpus indices) of each class, classes by name, unlabelled ones last."""
+        groups: dict[str, list[int]] = defaultdict(list)
+        for clip, name in zip(self.clips.tolist(), self.classes, strict=True):
+            groups[name].append(clip)
+        return {name: groups[name] for name in sorted(groups, key=lambda n: (n == UNLABELLED, n))}
+
+
+def sampled(names: Sequence[str], count: int) -> Int64Array:
+    """At most `count` positions, ascending: those whose names hash lowest, so the same ones every time."""
+    order = sorted(range(len(names)), key=lambda i: (hashlib.md5(names[i].encode()).hexdigest(), names[i]))
+    return np.array(sorted(order[:count]), dtype=np.int64)
+
+
+def dataset_view(material: Material, dataset: str) -> View:
+    """The clips of a dataset by their labels; where none has a label, a sample of them by clusters."""
+    corpus = material.corpus
+    clips = np.array([i for i, c in enumerate(corpus.clips) if c.dataset == dataset], dtype=np.int64)
+    shown = sampled([corpus.clips[i].clip for i in clips], MOST_ON_MAP)
+    distances = emd_matrix(material.signatures[clips[shown]], corpus.ground)
+    if any(corpus.clips[i].label for i in clips):
+        classes = [corpus.clips[i].label or UNLABELLED for i in clips]
+        return View(dataset, len(clips), clips, classes, "class", shown, distances)
+    clusters = clustered(distances)
+    return View(dataset, len(clips), clips[shown], clusters, "cluster", np.arange(len(shown)), distances)
+
+
+def lake_view(material: Material) -> View:
+    """All clips by their dataset; each dataset has its part of the sample on the map."""
+    corpus = material.corpus
+    datasets = [c.dataset for c in corpus.clips]
+    members_of = {d: [i for i, other in enumerate(datasets) if other == d] for d in sorted(set(datasets))}
+    each = _fair_share([len(members) for members in members_of.values()], MOST_ON_MAP)
+    chosen = []
+    for members in members_of.values():
+        chosen += [members[j] for j in sampled([corpus.clips[i].clip for i in members], each)]
+    shown = np.array(sorted(chosen), dtype=np.int64)
+    distances = emd_matrix(material.signatures[shown], corpus.ground)
+    return View("all datasets", len(datasets), np.arange(len(datasets)), datasets, "dataset", shown, distances)
+
+
+def _fair_share(sizes: Sequence[int], total: int) -> int:
+    """How many each may have at most so that all have about `total`: those of fewer leave theirs to others."""
+    for i, size in enumerate(sorted(sizes)):
+        each = total // (len(sizes) - i)
+        if size > each:
+            return max(each, 1)
+        total -= size
+    return max(sizes)
+
+
+def clustered(distances: Float64Array) -> list[str]:
+    """[n] clusters of clips without labels (section 4.3), the largest first."""
+    k = min(CLUSTERS, len(distances) // 4, len(np.unique(distances, axis=0)) - 1)
+    if k < 2:
+        return [ALL] * len(distances)
+    return [f"cluster {i + 1}" for i in cluster_clips(distances, k).clusters.tolist()]
+
+
+def largest(groups: dict[T, list[int]], count: int) -> dict[T, list[int]]:
+    """The `count` groups with most members, in the order they had."""
+    kept = set(sorted(groups, key=lambda name: -len(groups[name]))[:count])
+    return {name: members for name, members in groups.items() if name in kept}
+
+
+def closest_pair(material: Material, view: View) -> tuple[int, int] | None:
+    """The two clips (corpus indices) of one class with the nearest signatures, among the longest on the map.
+
+    Pairs of several motifs come first, then pairs of one class, then of two subjects.
+    """
+    corpus = material.corpus
+    clips = view.clips[view.shown]
+    if len(clips) < 2:
+        return None
+    long = np.argsort([-material.seconds(i) for i in clips], kind="stable")[:LONGEST]
+    kinds = np.count_nonzero(material.signatures[clips], axis=1)
+    best: tuple[tuple[int, bool, bool, float], int, int] | None = None
+    for n, i in enumerate(long):
+        for j in long[:n]:
+            a, b = sorted((int(i), int(j)))
+            other_class = view.shown_classes[a] != view.shown_classes[b]
+            one_subject = corpus.clips[clips[a]].subject == corpus.clips[clips[b]].subject
+            held = int(min(kinds[a], kinds[b], ENOUGH_MOTIFS))
+            key = (-held, other_class, one_subject, float(view.distances[a, b]))
+            if best is None or (key, a, b) < best:
+                best = key, a, b
+    assert best is not None
+    return int(clips[best[1]]), int(clips[best[2]])
+
+
+def most_cut(material: Material, view: View, count: int) -> list[int]:
+    """At most `count` clips (corpus indices) with labelled segments: those of most labels, then most segments."""
+
+    def key(clip: int) -> tuple[int, int, int]:
+        segments = material.segments[material.corpus.clips[clip].clip]
+        return -len({s.label for s in segments}), -len(segments), clip
+
+    labelled = [i for i in view.clips.tolist() if material.corpus.clips[i].clip in material.segments]
+    return sorted(labelled, key=key)[:count]
+
+
+def shares(material: Material, view: View) -> dict[str, Float64Array]:
+    """[K] share of the words of each class that belong to each motif (section 5.2, figure 5)."""
+    found = {}
+    for name, clips in view.by_class().items():
+        counts = material.counts(np.array(clips)).sum(axis=0)
+        found[name] = counts / counts.sum()
+    return found
+
+
+def discriminative(by_class: dict[str, Float64Array]) -> list[tuple[str, int]]:
+    """For each class the motif that stands for it: common in the class, and in few others.
+
+    A motif's score is its share in the class times that share over the sum of its shares in all classes.
+    """
+    names = list(by_class)
+    table = np.stack([by_class[name] for name in names])
+    score = table**2 / np.maximum(table.sum(axis=0), 1e-300)
+    return [(name, int(motif)) for name, motif in zip(names, score.argmax(axis=1), strict=True)]
+
+
+def display_names(clips: Sequence[str]) -> list[str]:
+    """Names without the folders that all of them share."""
+    if len(clips) < 2:
+        return [clip.rpartition("/")[2] or clip for clip in clips]
+    shared = os.path.commonpath([clip.rpartition("/")[0] for clip in clips])
+    return [clip[len(shared) + 1 :] if shared else clip for clip in clips]

@@ -11,10 +11,8 @@ from typing import Any, Final
 from motionlake.lake.catalog import Connection, fetch
 from motionlake.lake.layout import Lake
 from motionlake.pictures import clip_sections, sequence_sections
-from motionlake.pictures import clip_sections as motif_sections
 from motionlake.pictures.html import Chapter, Picture, page
-from motionlake.pictures.material import Material, read_material
-from motionlake.pictures.selection import View, dataset_view, lake_view, most_cut
+from motionlake.pictures.material import Material, View, dataset_view, lake_view, most_cut, read_material
 from motionlake.pictures.symbol_material import has_strings, read_symbols
 from motionlake.pictures.symbol_sections import string_pictures
 
@@ -78,7 +76,7 @@ def _named_apart(chapters: list[Chapter]) -> list[Chapter]:
 
 def _of_lake(lake: Lake, material: Material, view: View, datasets: int) -> list[Picture]:
     found = [clip_sections.clips_map(material, view)] if datasets > 1 else []
-    found += [motif_sections.strongest_motifs(material, view), clip_sections.hits_of_one(lake, material)]
+    found += [clip_sections.strongest_motifs(material, view), clip_sections.hits_of_one(lake, material)]
     return [p for p in found if p is not None]
 
 
@@ -87,7 +85,7 @@ def _of_dataset(material: Material, view: View) -> list[Picture]:
         clip_sections.bars(material, view),
         clip_sections.clips_map(material, view),
         clip_sections.subjects_map(material, view),
-        *motif_sections.class_motifs(material, view),
+        *clip_sections.class_motifs(material, view),
         clip_sections.two_bands(material, view),
         sequence_sections.along(material, view),
     ]

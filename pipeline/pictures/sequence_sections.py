@@ -16,11 +16,9 @@ from motionlake.deep_motifs.segmentation import (
     word_centres,
 )
 from motionlake.pictures.bands import Segment, SegmentRow, segment_bands
-from motionlake.pictures.html import Picture, picture
-from motionlake.pictures.material import Material, Word
-from motionlake.pictures.output import model, source
-from motionlake.pictures.selection import View, display_names, sampled
-from motionlake.pictures.similarity import QueryCurve, similarity_along
+from motionlake.pictures.html import Picture, model, picture, source
+from motionlake.pictures.material import Material, View, Word, display_names, sampled
+from motionlake.pictures.signatures import QueryCurve, similarity_along
 
 QUERY_WORDS: Final = 5
 QUERIES: Final = 3

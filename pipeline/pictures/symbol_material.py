@@ -17,7 +17,7 @@ from motionlake.motion.features import WordConfig
 from motionlake.motion.skeleton import INDEX, JOINTS
 from motionlake.pesta.config import PosturesConfig
 from motionlake.pesta.dictionary import METADATA_KEY
-from motionlake.pictures.signature_bars import motif_order
+from motionlake.pictures.signatures import motif_order
 from motionlake.pictures.stick_figures import Poses
 from motionlake.pictures.style import motif_colours
 from motionlake.retrieval.lake_strings import LakeStrings, read_strings

@@ -17,8 +17,8 @@ from motionlake.pesta.config import AlignmentConfig
 from motionlake.pesta.repetitions import reduce_runs
 from motionlake.pictures.alignment_page import about_dictionary, about_matrix, whole_picture
 from motionlake.pictures.html import Picture, picture
-from motionlake.pictures.posture_map import LEAST, plane, posture_map
-from motionlake.pictures.selection import display_names, sampled
+from motionlake.pictures.maps import LEAST, plane, posture_map
+from motionlake.pictures.material import display_names, sampled
 from motionlake.pictures.symbol_material import SymbolMaterial
 from motionlake.pictures.symbol_strip import MOMENTS, StripOfSymbols, folds, symbol_strip
 from motionlake.retrieval.aligned import WholeHit, string_query

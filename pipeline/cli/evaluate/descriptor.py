@@ -51,7 +51,7 @@ def descriptor(
         )  # fmt: skip
     if pictures is not None:
         from motionlake.pictures.evaluation import descriptor_pictures
-        from motionlake.pictures.output import write_pictures
+        from motionlake.pictures.html import write_pictures
 
         for path in write_pictures(descriptor_pictures(measured), pictures):
             notice(f"wrote {path}")

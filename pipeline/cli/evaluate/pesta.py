@@ -47,7 +47,7 @@ def pesta(
         )  # fmt: skip
     if pictures is not None:
         from motionlake.pictures.evaluation import evaluation_pictures
-        from motionlake.pictures.output import write_pictures
+        from motionlake.pictures.html import write_pictures
 
         for path in write_pictures(evaluation_pictures(found), pictures):
             notice(f"wrote {path}")

@@ -50,8 +50,7 @@ def synthesis(
     Drawn: motionlake evaluate synthesis --dataset utd_mhad --pictures figures --lake mylake
     """
     from motionlake.errors import UserError
-    from motionlake.evaluation.synthesis import evaluate_synthesis
-    from motionlake.evaluation.synthesis_generator import Plan
+    from motionlake.evaluation.synthesis import Plan, evaluate_synthesis
 
     for name, value in (("--seconds", seconds), ("--piece", piece)):
         if value is not None and not value > 0:
@@ -63,8 +62,8 @@ def synthesis(
             column=column, notice=notice, progress=progress,
         )  # fmt: skip
     if pictures is not None:
-        from motionlake.pictures.output import write_pictures
-        from motionlake.pictures.synthesis_evaluation import synthesis_pictures
+        from motionlake.pictures.html import write_pictures
+        from motionlake.pictures.synthesis import synthesis_pictures
 
         for path in write_pictures(synthesis_pictures(measured), pictures):
             notice(f"wrote {path}")

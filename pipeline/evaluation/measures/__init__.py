@@ -1,1 +1,0 @@
-"""Measures of how well a method retrieves, labels and segments."""
