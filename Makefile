@@ -11,6 +11,7 @@ DEMO_LAKE = demo/$(notdir $(abspath $(DATA)))-lake
 # New motion of the ready-made generator, in a lake that has no labels to train one on.
 DEMO_SYNTHESIS = $(if $(filter demo/deepmimic,$(DATA)),$(BIN)/motionlake run synth --lake "$(DEMO_LAKE)" && \
 	$(BIN)/motionlake synthesize --class walk --class salsa --from humanoid3d_walk --lake "$(DEMO_LAKE)" && \
+	$(BIN)/motionlake run descriptors --lake "$(DEMO_LAKE)" && \
 	$(BIN)/motionlake view synthetic/walk+salsa-s0-0001 --out demo/made.html --lake "$(DEMO_LAKE)")
 DEMO_QUERIES = $(if $(filter demo/deepmimic,$(DATA)),humanoid3d_walk humanoid3d_kick humanoid3d_dance_a,--sample 3)
 

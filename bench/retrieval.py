@@ -5,7 +5,7 @@ them stand the same measures for the shallow embedding (principal components of 
 3 seeds.
 
 "hdm05": leave-one-out over its clips. "cross-rig": kicks and jogs of hdm05 (ASF/AMC) query bandai1 (BVH)
-alone, as `motionlake search --in bandai1` does, and with `--mirrored` (hdm05's kicks are left, bandai1's right).
+alone, as `motionlake search --dataset bandai1` does, and with `--mirrored` (hdm05's kicks are left, bandai1's right).
 """
 
 from __future__ import annotations

@@ -57,7 +57,7 @@ OPTIONS: tuple[dict[str, Any], ...] = (
 @pytest.mark.parametrize("wanted", OPTIONS, ids=lambda w: "-".join(map(str, w.values())) or "default")
 def test_every_way_to_ask_gives_the_same_answer(built_lake: Path, aligner: Aligner, wanted: dict[str, Any]) -> None:
     clip, frames = longest(built_lake)
-    names = {"dataset": ("--in", "within"), "method": ("--method", "method"), "stride": ("--stride", "stride")}
+    names = {"dataset": ("--dataset", "within"), "method": ("--method", "method"), "stride": ("--stride", "stride")}
     flags = [word for name, value in wanted.items() for word in (names[name][0], value)]
     arguments = "".join(f", {names[name][1]} := {value!r}" for name, value in wanted.items())
     ask = ["align", clip, *flags, "-k", 4, "--lake", built_lake, "--json"]
@@ -238,4 +238,4 @@ def test_mistakes_are_met_with_one_clear_line(built_lake: Path, tmp_path: Path, 
     empty = tmp_path / "empty"
     assert motionlake("init", empty).status == 0
     assert "motionlake run all" in motionlake("align", clip, "--lake", empty).err
-    assert motionlake("align", clip, "--in", "elsewhere", "--lake", built_lake, "--json").json == []
+    assert motionlake("align", clip, "--dataset", "elsewhere", "--lake", built_lake, "--json").json == []

@@ -73,7 +73,7 @@ def test_every_method_has_an_example() -> None:
     [
         ("search", {"k": 3}, ["search", WALK, "-k", "3"]),
         ("search", {"method": "alignment"}, ["search", WALK, "--method", "alignment"]),
-        ("search", {"mirrored": True, "dataset": "clips"}, ["search", WALK, "--mirrored", "--in", "clips"]),
+        ("search", {"mirrored": True, "dataset": "clips"}, ["search", WALK, "--mirrored", "--dataset", "clips"]),
         ("find", {"start": 5, "stop": 40, "own": True}, ["find", WALK, "--from", "5", "--to", "40", "--own"]),
         ("find", {"method": "submotion", "stop": 30}, ["find", WALK, "--method", "submotion", "--to", "30"]),
         ("align", {"stop": 40, "path": True}, ["align", WALK, "--to", "40", "--path"]),

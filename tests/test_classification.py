@@ -84,7 +84,7 @@ def test_a_file_gets_the_class_of_the_clip_it_is(built_lake: Path, clips_folder:
         ([], "name a clip"),
         (["nothing_like_it"], "no such clip"),
         (["--unlabelled", "--label-column", "shoes"], "no such column"),
-        (["--unlabelled", "--in", "elsewhere"], "no clip of dataset elsewhere"),
+        (["--unlabelled", "--dataset", "elsewhere"], "no clip of dataset elsewhere"),
         (["--unlabelled", "--method", "guess"], "knn, one-vs-all"),
     ],
 )

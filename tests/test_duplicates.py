@@ -81,9 +81,9 @@ def test_every_copy_is_found_and_no_other_take(copied: Copied) -> None:
     assert found(copied.lake, "--mirrored") == copied.pairs(mirrored=True)
     assert found(copied.lake) == copied.pairs(mirrored=False)
     assert found(copied.lake, "--mirrored", "--across") == copied.pairs(mirrored=True)
-    assert found(copied.lake, "--mirrored", "--within", "clips") == set()
+    assert found(copied.lake, "--mirrored", "--dataset", "clips") == set()
     # The limit is what keeps takes apart: without it they would be pairs.
-    assert len(found(copied.lake, "--within", "clips", "--max-distance", 0.9)) > 0
+    assert len(found(copied.lake, "--dataset", "clips", "--max-distance", 0.9)) > 0
 
 
 @pytest.mark.recordings
@@ -110,7 +110,7 @@ def test_sql_gives_the_same_pairs(copied: Copied) -> None:
 def test_mistakes_are_met_with_one_clear_line(lake: Path, tmp_path: Path) -> None:
     for words, said in (
         (["--max-distance", 1.5], "between 0 and 1"),
-        (["--within", "clips", "--across"], "choose one"),
+        (["--dataset", "clips", "--across"], "choose one"),
     ):
         run = motionlake("duplicates", *words, "--lake", lake)
         assert (run.status, run.err.count("\n")) == (2, 1)

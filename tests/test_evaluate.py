@@ -141,12 +141,12 @@ def test_segmentation_is_measured_and_asked_for_in_every_way(lake: Path, clips_f
     assert {b["label"] for b in found} <= {"begin", "end", "unknown"}
     sql = motionlake("sql", f"FROM segment_clip('{clip}')", "--lake", lake, "--json").json
     assert sql == found
-    named = motionlake("segment", clip, "--teach-clips", clips[0][0], "--no-mirrored", "--lake", lake, "--json")
+    named = motionlake("segment", clip, "--labelled-clip", clips[0][0], "--no-mirrored", "--lake", lake, "--json")
     assert {b["label"] for b in named.json} <= {"begin", "end", "unknown"}
     by_file = motionlake("segment", clips_folder / clips[0][1], "--no-unknown", "--lake", lake, "--json").json
     assert by_file[-1]["stop"] == clips[0][2]
     assert {b["label"] for b in by_file} <= {"begin", "end"}
-    whole = motionlake("segment", clip, "--teach", "clips", "--label-column", "note", "--lake", lake)
+    whole = motionlake("segment", clip, "--dataset", "clips", "--label-column", "note", "--lake", lake)
     assert whole.status == 0, whole.err
 
 

@@ -187,7 +187,7 @@ def test_hits_lie_in_their_clips_and_may_be_kept_to_a_dataset(built_lake: Path) 
     assert found
     for row in found:
         assert 0 <= row["start"] < row["stop"] <= lengths[row["clip"]]
-    assert motionlake("find", clip, "--in", "elsewhere", "--lake", built_lake, "--json").json == []
+    assert motionlake("find", clip, "--dataset", "elsewhere", "--lake", built_lake, "--json").json == []
 
 
 def test_mistakes_are_met_with_one_clear_line(built_lake: Path, tmp_path: Path) -> None:
@@ -220,7 +220,7 @@ def test_a_motion_is_found_where_it_was_put_in(lake: Path, recordings: Path, sch
     begin = 0
     for path, part in zip(paths, parts, strict=True):
         frames = len(part.channels)
-        words = ["--from", round(0.1 * frames), "--to", round(0.9 * frames), "--in", "joined", "-k", 1]
+        words = ["--from", round(0.1 * frames), "--to", round(0.9 * frames), "--dataset", "joined", "-k", 1]
         (hit,) = motionlake("find", path, *words, "--lake", lake, "--json").json
         assert hit["clip"] == "joined/long.bvh"
         overlap = min(hit["stop"], begin + frames) - max(hit["start"], begin)

@@ -136,11 +136,11 @@ def test_the_second_of_two_runs_says_so_and_exits(tmp_path: Path, many: Path) ->
 
 def test_searches_work_while_a_run_writes(lake: Path, many: Path) -> None:
     name = query(lake, "SELECT min(clip) FROM clips")[0][0]
-    expected = motionlake("search", name, "--in", "clips", "-k", "3", "--json", "--lake", lake).json
+    expected = motionlake("search", name, "--dataset", "clips", "-k", "3", "--json", "--lake", lake).json
     answered = 0
     writer = start("ingest", many, "--lake", lake)
     while writer.poll() is None:
-        run = motionlake("search", name, "--in", "clips", "-k", "3", "--json", "--lake", lake)
+        run = motionlake("search", name, "--dataset", "clips", "-k", "3", "--json", "--lake", lake)
         assert run.status == 0, run.err
         assert run.json == expected
         answered += 1

@@ -508,7 +508,7 @@ def test_mistakes_get_one_clear_line(graph_lake: Path, built_lake: Path, tmp_pat
         ((other,), built_lake, "motionlake run transitions --dataset"),
         ((), graph_lake, "name one clip to start with, or give --sample"),
         ((clip, "--lineage", tmp_path / "x.txt"), graph_lake, "ends in .csv or .json"),
-        (("--sample", "--in", "nowhere"), graph_lake, "nowhere: no such dataset"),
+        (("--sample", "--dataset", "nowhere"), graph_lake, "nowhere: no such dataset"),
     ):
         run = motionlake("compose", *words, "-o", out, "--lake", lake)
         assert run.status == 2, words

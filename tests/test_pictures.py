@@ -390,7 +390,7 @@ def test_hits_of_a_search_and_of_a_file(built_lake: Path, clips_folder: Path, tm
     ("words", "complaint"),
     [
         (["report", "--out", "report.pdf"], "written as .html"),
-        (["report", "--in", "elsewhere"], "no clip with a signature"),
+        (["report", "--dataset", "elsewhere"], "no clip with a signature"),
         (["report", "--out", "folder.html"], "cannot be written"),
         (["search", "--sample", "2", "--picture", "x.png"], "one query"),
         (["search", "--sample", "1", "--picture", "x.gif"], ".png or .html"),

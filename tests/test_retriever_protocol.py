@@ -130,7 +130,9 @@ def test_the_command_line_gives_the_same_answers(
     file = source(clips_folder, clip)
     expected = retriever(method, con, open_lake(two_sets)).search([clip, file], 3, OTHER)
     con.close()  # a process that opens a catalog twice shares its functions
-    run = motionlake("search", clip, file, "-k", 3, "--in", OTHER, "--method", method, "--lake", two_sets, "--json")
+    run = motionlake(
+        "search", clip, file, "-k", 3, "--dataset", OTHER, "--method", method, "--lake", two_sets, "--json"
+    )
     rows = run.json
     assert [row.pop("query") for row in rows] == [clip] * 3 + [str(file)] * 3
     assert rows == [hit.as_row() for hits in expected for hit in hits]

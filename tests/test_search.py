@@ -110,8 +110,8 @@ def test_signatures_are_histograms(built_lake: Path) -> None:
 
 def test_answers_may_be_kept_to_a_dataset(built_lake: Path) -> None:
     clip = query(built_lake, "SELECT min(clip) FROM clips")[0][0]
-    assert motionlake("search", clip, "--in", "clips", "-k", 3, "--lake", built_lake, "--json").json
-    assert motionlake("search", clip, "--in", "elsewhere", "--lake", built_lake, "--json").json == []
+    assert motionlake("search", clip, "--dataset", "clips", "-k", 3, "--lake", built_lake, "--json").json
+    assert motionlake("search", clip, "--dataset", "elsewhere", "--lake", built_lake, "--json").json == []
 
 
 def test_several_queries_at_once(built_lake: Path) -> None:

@@ -264,7 +264,7 @@ def test_every_way_to_ask_gives_the_same_answer(built_lake: Path, clips_folder: 
     picture = tmp_path / "hits.png"
     assert find(built_lake, clip, start, frames, "-k", 2, "--picture", str(picture)).status == 0
     assert picture.stat().st_size > 1000
-    assert find(built_lake, clip, start, frames, "--in", "elsewhere").json == []
+    assert find(built_lake, clip, start, frames, "--dataset", "elsewhere").json == []
 
 
 def test_clips_are_ranked_by_their_nearest_window_in_plain_duckdb(lake: Path) -> None:

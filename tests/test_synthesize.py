@@ -196,13 +196,13 @@ def test_search_finds_synthetic_clips_and_leaves_them_out(made: Path) -> None:
     for words in commands:
         found, recorded = (
             {row["clip"] for row in motionlake(*words, *more, "--json", "--lake", made).json}
-            for more in ((), ("--real",))
+            for more in ((), ("--recorded-only",))
         )
         assert found & synthetic - {clip}, words
         assert found & real, words
         assert recorded, words
         assert recorded <= real, words
-    pairs = motionlake("duplicates", "--max-distance", "0.9", "--real", "--json", "--lake", made).json
+    pairs = motionlake("duplicates", "--max-distance", "0.9", "--recorded-only", "--json", "--lake", made).json
     assert {name for pair in pairs for name in (pair["clip"], pair["other"])} <= real
     with connect(made) as con:
         for macro in ("nearest_clips", "similar_clips", "similar_or_mirrored_clips"):

@@ -8,7 +8,17 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from motionlake.cli.common import JsonOption, LakeOption, RealOption, StartOption, StopOption, frames_of, print_rows
+from motionlake.cli.common import (
+    DatasetOption,
+    JsonOption,
+    KOption,
+    LakeOption,
+    RecordedOnlyOption,
+    StartOption,
+    StopOption,
+    frames_of,
+    print_rows,
+)
 from motionlake.cli.pictures import PictureOption, check_picture, save_alignment
 from motionlake.errors import UserError
 from motionlake.formats import is_clip
@@ -22,11 +32,9 @@ def align(
     query: Annotated[str, typer.Argument(help="A clip of the lake, or a clip file.", show_default=False)],
     start: StartOption = None,
     stop: StopOption = None,
-    k: Annotated[int, typer.Option("-k", min=1, help="How many answers.")] = 10,
-    dataset: Annotated[
-        str | None, typer.Option("--in", help="Answer from this dataset only.", show_default=False)
-    ] = None,
-    real: RealOption = False,
+    k: KOption = 10,
+    dataset: DatasetOption = None,
+    real: RecordedOnlyOption = False,
     whole: Annotated[bool, typer.Option("--whole", help="Rank clips by the whole of both.")] = False,
     method: Annotated[
         str | None,

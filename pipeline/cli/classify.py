@@ -8,8 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from motionlake.cli.common import JsonOption, LakeOption, notice, print_rows
-from motionlake.cli.segment import LabelColumn
+from motionlake.cli.common import DatasetOption, JsonOption, LabelColumn, LakeOption, notice, print_rows
 from motionlake.errors import UserError
 from motionlake.formats import is_clip
 from motionlake.lake.catalog import reading
@@ -32,9 +31,7 @@ def classify(
     unlabelled: Annotated[bool, typer.Option("--unlabelled", help="Also every clip without a label.")] = False,
     method: Annotated[str, typer.Option(help="knn, or one-vs-all (a classifier for each class).")] = "knn",
     k: Annotated[int, typer.Option("-k", min=1, help="knn: nearest clips that vote.")] = 5,
-    dataset: Annotated[
-        str | None, typer.Option("--in", help="Learn from this dataset only.", show_default=False)
-    ] = None,
+    dataset: DatasetOption = None,
     column: LabelColumn = "label",
     write_labels: Annotated[
         Path | None, typer.Option("--write-labels", help="Write a labels.csv of the answers.", show_default=False)

@@ -6,7 +6,15 @@ from dataclasses import asdict
 from typing import Annotated
 
 import typer
-from motionlake.cli.common import JsonOption, LakeOption, RealOption, notice, print_json, print_rows
+from motionlake.cli.common import (
+    DatasetOption,
+    JsonOption,
+    LakeOption,
+    RecordedOnlyOption,
+    notice,
+    print_json,
+    print_rows,
+)
 from motionlake.errors import UserError
 from motionlake.lake.catalog import reading
 from motionlake.lake.layout import check_dataset, open_lake
@@ -15,15 +23,15 @@ from motionlake.lake.layout import check_dataset, open_lake
 def cluster(
     lake: LakeOption,
     k: Annotated[str, typer.Option("--k", "-k", help="How many clusters, or auto.")] = "auto",
-    dataset: Annotated[str | None, typer.Option("--in", help="Clips of this dataset only.", show_default=False)] = None,
-    real: RealOption = False,
+    dataset: DatasetOption = None,
+    real: RecordedOnlyOption = False,
     as_json: JsonOption = False,
 ) -> None:
     """Groups of similar clips; no labels are used.
 
     Clusters are numbered from 0, the largest first.
 
-    Example: motionlake cluster --k 12 --in bandai1 --lake mylake
+    Example: motionlake cluster --k 12 --dataset bandai1 --lake mylake
     """
     from motionlake.retrieval.labelling.clusters import clusters_of_lake
 

@@ -30,7 +30,14 @@ LakeOption = Annotated[
     Path, typer.Option("--lake", "-l", envvar="MOTIONLAKE_LAKE", help="Folder of the lake.", show_default=False)
 ]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON, for machines.")]
-RealOption = Annotated[bool, typer.Option("--real", help="Leave synthetic clips out.")]
+KOption = Annotated[int, typer.Option("-k", min=1, help="How many answers.")]
+DatasetOption = Annotated[
+    str | None, typer.Option("--dataset", help="Only clips of this dataset (default: of all).", show_default=False)
+]
+RecordedOnlyOption = Annotated[
+    bool, typer.Option("--recorded-only", help="Only recorded clips, none that a generator made.")
+]
+LabelColumn = Annotated[str, typer.Option("--label-column", help="Column of labels.csv that holds the classes.")]
 WorkersOption = Annotated[
     int | None,
     typer.Option("--workers", min=1, help="Local worker processes (default: one a core).", show_default=False),

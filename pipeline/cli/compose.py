@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
-from motionlake.cli.common import JsonOption, LakeOption, notice, print_json, print_rows
+from motionlake.cli.common import DatasetOption, JsonOption, LakeOption, notice, print_json, print_rows
 from motionlake.deep_motifs.motion_graph.graph import NoWalkError
 from motionlake.errors import UserError
 from motionlake.lake.catalog import Connection, fetch, reading
@@ -29,9 +29,7 @@ def compose(
     out: Annotated[Path, typer.Option("--out", "-o", help="BVH file to write.", show_default=False)],
     clip: Annotated[str | None, typer.Argument(help="Clip of the lake to start with.", show_default=False)] = None,
     sample: Annotated[bool, typer.Option("--sample", help="Draw the clip to start with.")] = False,
-    dataset: Annotated[
-        str | None, typer.Option("--in", help="With --sample: from this dataset.", show_default=False)
-    ] = None,
+    dataset: DatasetOption = None,
     seconds: Annotated[float, typer.Option(help="Length of the motion.")] = 60.0,
     seed: Annotated[int, typer.Option(min=0, help="Another seed, another walk.")] = 0,
     constraint: Annotated[
@@ -109,7 +107,7 @@ def _dataset(con: Connection, wanted: str | None) -> str:
     if wanted is not None and wanted not in found:
         raise UserError(f"{wanted}: no such dataset; the lake holds {', '.join(found) or 'none'}")
     if wanted is None and len(found) != 1:
-        raise UserError(f"--sample: say from which dataset with --in; the lake holds {', '.join(found) or 'none'}")
+        raise UserError(f"--sample: say from which dataset with --dataset; the lake holds {', '.join(found) or 'none'}")
     return wanted or str(found[0])
 
 

@@ -6,19 +6,17 @@ from dataclasses import asdict
 from typing import Annotated
 
 import typer
-from motionlake.cli.common import JsonOption, LakeOption, RealOption, print_rows
+from motionlake.cli.common import DatasetOption, JsonOption, LakeOption, RecordedOnlyOption, print_rows
 from motionlake.lake.catalog import reading
 from motionlake.lake.layout import check_dataset, open_lake
 
 
 def duplicates(
     lake: LakeOption,
-    within: Annotated[
-        str | None, typer.Option("--within", help="Compare the clips of this dataset only.", show_default=False)
-    ] = None,
+    within: DatasetOption = None,
     across: Annotated[bool, typer.Option("--across", help="Only pairs of clips of two datasets.")] = False,
     mirrored: Annotated[bool, typer.Option("--mirrored", help="Mirror images too.")] = False,
-    real: RealOption = False,
+    real: RecordedOnlyOption = False,
     max_distance: Annotated[
         float | None,
         typer.Option(

@@ -7,7 +7,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
-from motionlake.cli.common import JsonOption, LakeOption, RealOption, StartOption, StopOption, frames_of, print_rows
+from motionlake.cli.common import (
+    DatasetOption,
+    JsonOption,
+    KOption,
+    LakeOption,
+    RecordedOnlyOption,
+    StartOption,
+    StopOption,
+    frames_of,
+    print_rows,
+)
 from motionlake.cli.pictures import PictureOption, check_picture, save_picture
 from motionlake.errors import UserError
 from motionlake.formats import is_clip
@@ -27,13 +37,11 @@ def find(
     query: Annotated[str, typer.Argument(help="A clip of the lake, or a clip file.", show_default=False)],
     start: StartOption = None,
     stop: StopOption = None,
-    k: Annotated[int, typer.Option("-k", min=1, help="How many answers.")] = 10,
-    dataset: Annotated[
-        str | None, typer.Option("--in", help="Answer from this dataset only.", show_default=False)
-    ] = None,
+    k: KOption = 10,
+    dataset: DatasetOption = None,
     method: Annotated[str, typer.Option(help="words or submotion.")] = "words",
     mirrored: Annotated[bool, typer.Option("--mirrored", help="Look for the mirrored query too (words).")] = False,
-    real: RealOption = False,
+    real: RecordedOnlyOption = False,
     own: Annotated[bool, typer.Option("--own", help="The frames asked for may be an answer themselves.")] = False,
     picture: PictureOption = None,
     as_json: JsonOption = False,

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from motionlake.cli.common import JsonOption, LakeOption, notice, print_json
+from motionlake.cli.common import DatasetOption, JsonOption, LakeOption, notice, print_json
 from motionlake.errors import UserError
 from motionlake.lake.catalog import reading
 from motionlake.lake.layout import check_dataset, open_lake
@@ -15,9 +15,7 @@ from motionlake.lake.layout import check_dataset, open_lake
 def report(
     lake: LakeOption,
     out: Annotated[Path, typer.Option("--out", "-o", help="The page to write.")] = Path("report.html"),
-    dataset: Annotated[
-        str | None, typer.Option("--in", help="Report on this dataset only.", show_default=False)
-    ] = None,
+    dataset: DatasetOption = None,
     pictures: Annotated[
         Path | None, typer.Option("--pictures", help="Also write each picture as PNG into this folder.")
     ] = None,
@@ -27,7 +25,7 @@ def report(
 
     Example: motionlake report --lake mylake --out report.html
 
-    One dataset, and its pictures as files: motionlake report --in hdm05 --pictures figures --lake mylake
+    One dataset, and its pictures as files: motionlake report --dataset hdm05 --pictures figures --lake mylake
     """
     from motionlake.pictures.html import write_file, write_pictures
     from motionlake.pictures.report import make_report

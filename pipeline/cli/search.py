@@ -6,7 +6,15 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from motionlake.cli.common import JsonOption, LakeOption, RealOption, print_json, print_rows
+from motionlake.cli.common import (
+    DatasetOption,
+    JsonOption,
+    KOption,
+    LakeOption,
+    RecordedOnlyOption,
+    print_json,
+    print_rows,
+)
 from motionlake.cli.pictures import PictureOption, check_picture, save_picture
 from motionlake.errors import UserError
 from motionlake.formats import is_clip
@@ -20,13 +28,11 @@ def search(
     clips: Annotated[
         list[str] | None, typer.Argument(help="Clips of the lake, or clip files.", show_default=False)
     ] = None,
-    k: Annotated[int, typer.Option("-k", min=1, help="How many answers.")] = 10,
-    dataset: Annotated[
-        str | None, typer.Option("--in", help="Answer from this dataset only.", show_default=False)
-    ] = None,
+    k: KOption = 10,
+    dataset: DatasetOption = None,
     method: Annotated[str, typer.Option(help="signature, alignment, descriptor or fused.")] = "signature",
     mirrored: Annotated[bool, typer.Option("--mirrored", help="Search for the mirrored motion too.")] = False,
-    real: RealOption = False,
+    real: RecordedOnlyOption = False,
     sample: Annotated[int, typer.Option(min=0, help="Also ask for so many clips of the lake, to try it out.")] = 0,
     picture: PictureOption = None,
     as_json: JsonOption = False,

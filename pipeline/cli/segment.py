@@ -6,23 +6,21 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from motionlake.cli.common import JsonOption, LakeOption, print_rows
+from motionlake.cli.common import JsonOption, LabelColumn, LakeOption, print_rows
 from motionlake.formats import is_clip
 from motionlake.lake.catalog import reading
 from motionlake.lake.layout import check_dataset, open_lake
 from motionlake.lake.resolve import resolve_clip
-
-LabelColumn = Annotated[str, typer.Option("--label-column", help="Column of labels.csv that holds the classes.")]
 
 
 def segment(
     lake: LakeOption,
     query: Annotated[str, typer.Argument(help="A clip of the lake, or a clip file.", show_default=False)],
     teach: Annotated[
-        list[str] | None, typer.Option("--teach", help="Learn from this dataset (repeat it for more).")
+        list[str] | None, typer.Option("--dataset", help="Learn from this dataset (repeat it for more).")
     ] = None,
     teach_clips: Annotated[
-        list[str] | None, typer.Option("--teach-clips", help="Learn from this clip (repeat it for more).")
+        list[str] | None, typer.Option("--labelled-clip", help="Learn from this clip (repeat it for more).")
     ] = None,
     column: LabelColumn = "label",
     mirrored: Annotated[bool, typer.Option(help="Learn from the mirrored clips too.")] = True,
@@ -37,9 +35,9 @@ def segment(
     The answers are ranges of frames. Classes come from the segments (segments.csv) of clips; a clip without them
     teaches its label as a whole, where its dataset or itself is named, or where the lake has no segments.
 
-    Example: motionlake segment 14_20 --teach cmu_exercises --lake mylake
+    Example: motionlake segment 14_20 --dataset cmu_exercises --lake mylake
 
-    Of a file that is not in the lake: motionlake segment shots/new_take.bvh --teach hdm05 --lake mylake
+    Of a file that is not in the lake: motionlake segment shots/new_take.bvh --dataset hdm05 --lake mylake
     """
     from motionlake.deep_motifs.segmentation import SegmentationConfig
     from motionlake.retrieval.labelling.segments import LakeSegmenter, Lessons

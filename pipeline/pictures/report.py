@@ -104,7 +104,7 @@ def _lead(material: Material, datasets: int) -> list[str]:
     line = f"{len(corpus.clips)} clips, {len(corpus.motifs)} motion words, {len(corpus.idf)} motifs ({corpus.model})."
     lines = [f"{line} Where not all clips fit, the same sample is shown every time."]
     if datasets > MOST_DATASETS:
-        lines.append(f"Chapters on the first {MOST_DATASETS} of {datasets} datasets; --in gives one on any other.")
+        lines.append(f"Chapters on the first {MOST_DATASETS} of {datasets} datasets; --dataset gives one on any other.")
     return lines
 
 

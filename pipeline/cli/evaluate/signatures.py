@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from motionlake.cli.common import JsonOption, LakeOption, notice, print_json, print_rows
+from motionlake.cli.common import JsonOption, LabelColumn, LakeOption, notice, print_json, print_rows
 from motionlake.cli.evaluate.options import BASELINES, BaselineOption, DatasetOption, OnlyOption, criterion, target_of
-from motionlake.cli.segment import LabelColumn
 from motionlake.lake.catalog import reading
 
 

@@ -6,9 +6,8 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from motionlake.cli.common import JsonOption, LakeOption, notice, print_json, print_rows, stage_progress
+from motionlake.cli.common import JsonOption, LabelColumn, LakeOption, notice, print_json, print_rows, stage_progress
 from motionlake.cli.evaluate.options import DatasetOption, target_of
-from motionlake.cli.segment import LabelColumn
 from motionlake.lake.catalog import reading
 
 
