@@ -17,7 +17,7 @@ from typing import Final
 
 import numpy as np
 from motionlake.deep_motifs.duplicates import MAX_DISTANCE
-from motionlake.jobs import frames
+from motionlake.jobs.run import ingest
 from motionlake.jobs.session import session
 from motionlake.lake.catalog import reading
 from motionlake.lake.layout import Lake
@@ -45,7 +45,7 @@ def copy_some(lake: Lake, folder: Path) -> dict[tuple[str, str], str]:
         chosen = np.random.default_rng(SEED).choice(len(clips), COPIED, replace=False)
         made = write_copies(con, lake, [clips[i] for i in chosen], folder / "copies", list(COPIES))
     with session(lake, "bench", lambda stage, done, total: None, lambda line: None) as job:
-        frames.run(job, [Root("copies", str(folder / "copies"), IngestOptions())])
+        ingest(job, [Root("copies", str(folder / "copies"), IngestOptions())])
     run_all(lake, 0)
     pairs = {name: tuple(sorted((source, f"copies/{name}"))) for name, source in made.items()}
     return {(a, b): name.partition("_")[0] for name, (a, b) in pairs.items()}

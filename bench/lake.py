@@ -22,7 +22,7 @@ from typing import Any, Final
 
 import pyarrow.parquet as pq
 from motionlake.formats import is_clip
-from motionlake.jobs import frames
+from motionlake.jobs import run as jobs
 from motionlake.jobs.session import Session, session
 from motionlake.lake.catalog import create_catalog, fetch, reading
 from motionlake.lake.layout import Lake
@@ -96,7 +96,7 @@ def _load_code(paths: Sequence[str]) -> None:
 def _measure(job: Session, source: Path, folder: Path, workers: int) -> Ingest:
     root = Root(source.name, str(source.resolve()), IngestOptions())
     before, started = processor_seconds(), time.perf_counter()
-    outcome = frames.run(job, [root]).outcome
+    outcome = jobs.ingest(job, [root]).outcome
     seconds, spent = time.perf_counter() - started, processor_seconds() - before
     used = watch(command(source, folder / f"{source.name}-lake", source.name, workers), CHECKOUT)
     parts = sorted((job.lake.root / "frames" / f"dataset={source.name}").glob("*.parquet"))

@@ -26,7 +26,7 @@ from motionlake.deep_motifs.motion_graph.graph import (
     in_context,
     summarise,
 )
-from motionlake.jobs import transitions
+from motionlake.jobs.run import run
 from motionlake.jobs.session import session
 from motionlake.lake.catalog import reading
 from motionlake.lake.layout import Lake
@@ -170,7 +170,8 @@ def main() -> None:
             run_all(lake, seed)
             began = time.perf_counter()
             with session(lake, "bench", lambda stage, done, total: None, lambda line: None) as job:
-                outcome = transitions.run(job, DATASET)
+                run(job, ["transitions"], dataset=DATASET)
+                outcome = job.outcomes["transitions"]
             if outcome.failed:
                 raise RuntimeError(outcome.reason)
             costs.setdefault("stage_seconds" if seed == SEEDS[0] else "new_motifs_seconds", time.perf_counter() - began)

@@ -25,7 +25,7 @@ from motionlake.deep_motifs.words.neighbours import Neighbours, SearchConfig, pr
 from motionlake.deep_motifs.words.triplets import time_warped
 from motionlake.deep_motifs.words.windows import WordSet, padded
 from motionlake.formats import is_clip
-from motionlake.jobs import words as words_job
+from motionlake.jobs.run import run
 from motionlake.jobs.session import session
 from motionlake.lake.catalog import reading
 from motionlake.lake.config import LakeConfig
@@ -53,16 +53,16 @@ def all_features(folder: Path) -> list[Float32Array]:
     sets = sorted(p for p in recordings().iterdir() if p.is_dir() and any(map(is_clip, p.rglob("*"))))
     lake = make_lake(folder, sets)
     with session(lake, "bench", lambda stage, done, total: None, lambda line: None) as job:
-        words_job.run(job)
+        run(job, ["words"])
     return features_of(lake)
 
 
 def features_of(lake: Lake) -> list[Float32Array]:
     with reading(lake) as con:
-        parts = words.keyed(con, LakeConfig().words)
+        files = words.features_files(con, LakeConfig().words)
     found: dict[str, Float32Array] = {}
-    for part in parts:
-        found.update(words.read_features(lake.path(words.features_file(part.key))))
+    for file in files.values():
+        found.update(words.read_features(lake.path(file)))
     return [found[clip] for clip in sorted(found)]
 
 

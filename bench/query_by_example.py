@@ -72,7 +72,7 @@ def takes_of(lake: Lake, segments: Path) -> Takes:
     config = load_config(lake.config_file).words
     with reading(lake) as con:
         corpus = read_corpus(con)
-        files = [lake.path(words.features_file(part.key)) for part in words.keyed(con, config)]
+        files = [lake.path(file) for file in words.features_files(con, config).values()]
     features = {clip: rows for file in files for clip, rows in words.read_features(file)}
     with segments.open(newline="", encoding="utf-8") as handle:
         rows = list(csv.DictReader(handle))

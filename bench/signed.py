@@ -11,20 +11,22 @@ from motionlake.arrays import Float32Array, Float64Array
 from motionlake.deep_motifs.emd import ground_distances
 from motionlake.deep_motifs.motifs import assign, fit_motifs
 from motionlake.deep_motifs.signatures import signatures
-from motionlake.jobs import embed, frames
-from motionlake.jobs.run import STAGES, run
+from motionlake.jobs.models import take
+from motionlake.jobs.run import ingest, run
 from motionlake.jobs.session import session
 from motionlake.lake.catalog import create_catalog, reading
 from motionlake.lake.config import load_config
 from motionlake.lake.layout import Lake
 from motionlake.stages import words
+from motionlake.stages.registry import ALL
 from motionlake.stages.sources import IngestOptions, Root
+from motionlake.stages.word_network import WORD_NETWORK
 from numpy.typing import NDArray
 
 from bench.representation import K, shallow
 
 # Those that hang on words; strings of postures have a bench of their own.
-WORD_STAGES = tuple(stage for stage in STAGES if stage not in ("postures", "symbols", "descriptors", "submotions"))
+WORD_STAGES = tuple(stage for stage in ALL if stage not in ("postures", "symbols", "descriptors", "submotions"))
 CLIPS = "SELECT clip, dataset, label, coalesce(subject, '') FROM clips ORDER BY clip"
 SIGNATURES = "SELECT signature FROM signatures JOIN clips USING (clip) ORDER BY clip"
 CENTROIDS = "SELECT centroid FROM motifs ORDER BY motif"
@@ -47,7 +49,7 @@ def make_lake(folder: Path, sources: Sequence[Path]) -> Lake:
     create_catalog(lake)
     roots = [Root(source.name, str(source.resolve()), IngestOptions()) for source in sources]
     with session(lake, "bench", lambda stage, done, total: None, lambda line: None) as job:
-        frames.run(job, roots)
+        ingest(job, roots)
     return lake
 
 
@@ -65,7 +67,7 @@ def run_all(lake: Lake, seed: int, weights: Path | None = None, k: int = K) -> N
     lake.config_file.write_text(text, encoding="utf-8")
     with session(lake, "bench", lambda stage, done, total: None, lambda line: None) as job:
         if weights is not None:
-            embed.take(job, weights)
+            take(job, WORD_NETWORK, weights)
         run(job, WORD_STAGES)
         failed = [f"{stage}: {outcome.reason}" for stage, outcome in job.outcomes.items() if outcome.failed]
     if failed:
@@ -84,7 +86,7 @@ def shallow_signatures(lake: Lake, seed: int) -> SignedClips:
     """The same words embedded by their principal components, all else as in the lake."""
     config = load_config(lake.config_file)
     with reading(lake) as con:
-        files = [lake.path(words.features_file(part.key)) for part in words.keyed(con, config.words)]
+        files = [lake.path(file) for file in words.features_files(con, config.words).values()]
     features: dict[str, Float32Array] = {clip: rows for file in files for clip, rows in words.read_features(file)}
     embedded = shallow([features[clip] for clip in sorted(features)], config.words, seed)
     motifs = fit_motifs(np.concatenate(embedded), K, seed)

@@ -1,1 +1,1 @@
-"""Dask jobs: one thin job a stage over the pure functions of `motionlake.stages`."""
+"""Running stages: a session on one lake, shards on a Dask cluster, models trained when a stage needs them."""

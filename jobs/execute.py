@@ -4,18 +4,21 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import pyarrow as pa
-from distributed import Client, Future, as_completed
 from motionlake.lake.catalog import load_rows, table_of, writing
 from motionlake.lake.layout import Lake
-from motionlake.stages.shard import Load, RunShard, Shard, ShardResult
+from motionlake.stages.shard import Shard, ShardResult
+from motionlake.stages.stage import Stage
 from threadpoolctl import threadpool_limits
+
+if TYPE_CHECKING:
+    from distributed import Client, Future
 
 _S, _I = pa.string(), pa.int64()
 PLAN_ROWS = pa.schema({"stage": _S, "key": _S, "part": _S, "dataset": _S, "spec": _S})
@@ -35,20 +38,6 @@ class Progress(Protocol):
     def __call__(self, stage: str, done: int, total: int) -> None: ...
 
 
-@dataclass(frozen=True)
-class StageJob:
-    """One stage as a job: how a shard runs, and how finished shards are loaded.
-
-    Attributes:
-        one_load: load all shards in one transaction, because they are of use only together.
-    """
-
-    name: str
-    run: RunShard
-    load: Load
-    one_load: bool = False
-
-
 @dataclass
 class Outcome:
     """What came of a stage: shards done and failed, clips in them, source files rejected."""
@@ -61,9 +50,23 @@ class Outcome:
     bytes: int = 0
     reason: str = ""  # of the last failure
 
+    def __iadd__(self, other: Outcome) -> Outcome:
+        for name in ("ok", "failed", "clips", "rejected", "rows", "bytes"):
+            setattr(self, name, getattr(self, name) + getattr(other, name))
+        self.reason = other.reason or self.reason
+        return self
 
-def execute(lake: Lake, job: StageJob, shards: Sequence[Shard], client: Client | None, progress: Progress) -> Outcome:
-    """Run shards, load results every few seconds in one transaction, record failures with their reason.
+
+def execute(
+    lake: Lake,
+    stage: Stage,
+    shards: Sequence[Shard],
+    client: Client | None,
+    progress: Progress,
+    *,
+    at_once: bool = False,
+) -> Outcome:
+    """Run shards, load results every few seconds in one transaction, or `at_once`; record failures with their reason.
 
     Without a client they run in this process, one after the other: a few seconds less for work that is soon done.
     """
@@ -72,39 +75,41 @@ def execute(lake: Lake, job: StageJob, shards: Sequence[Shard], client: Client |
         return outcome
     save_plan(lake, shards)
     total = sum(s.items for s in shards)
-    progress(job.name, 0, total)
+    progress(stage.name, 0, total)
     waiting: list[ShardResult] = []
     failures: list[tuple[Shard, str]] = []
     loaded_at, done, patience = time.monotonic(), 0, LOAD_EVERY
-    for shard, found in _here(lake, job, shards) if client is None else _finishing(lake, job, shards, client):
+    for shard, found in _here(lake, stage, shards) if client is None else _finishing(lake, stage, shards, client):
         if isinstance(found, ShardResult):
             waiting.append(found)
         else:
             failures.append((shard, f"{type(found).__name__}: {found}".splitlines()[0][:500]))
         done += shard.items
-        progress(job.name, done, total)
-        if waiting and not job.one_load and time.monotonic() - loaded_at > patience:
+        progress(stage.name, done, total)
+        if waiting and not at_once and time.monotonic() - loaded_at > patience:
             started = time.monotonic()
-            _load(lake, job, waiting, outcome)
+            _load(lake, stage, waiting, outcome)
             waiting = []
             loaded_at = time.monotonic()
             patience = max(LOAD_EVERY, 10 * (loaded_at - started))
-    _load(lake, job, waiting, outcome, failures)
+    _load(lake, stage, waiting, outcome, failures)
     return outcome
 
 
-def _here(lake: Lake, job: StageJob, shards: Sequence[Shard]) -> Iterator[tuple[Shard, ShardResult | Exception]]:
+def _here(lake: Lake, stage: Stage, shards: Sequence[Shard]) -> Iterator[tuple[Shard, ShardResult | Exception]]:
     for shard in shards:
         try:
-            yield shard, _run_limited(job.run, lake.root, shard)
+            yield shard, _run_limited(stage.run, lake.root, shard)
         except Exception as error:
             yield shard, error
 
 
 def _finishing(
-    lake: Lake, job: StageJob, shards: Sequence[Shard], client: Client
+    lake: Lake, stage: Stage, shards: Sequence[Shard], client: Client
 ) -> Iterator[tuple[Shard, ShardResult | BaseException]]:
     """Shards as they finish, with a few a worker thread in the cluster's hands: its memory must not grow with them."""
+    from distributed import as_completed
+
     running: dict[Future, Shard] = {}
     pool = as_completed()
     left = iter(shards)
@@ -112,8 +117,8 @@ def _finishing(
     def submit() -> None:
         wanted = AHEAD * max(1, sum(client.nthreads().values()))
         for shard in islice(left, max(0, wanted - len(running))):
-            key = f"{job.name}-{shard.key}"
-            future = client.submit(_run_limited, job.run, lake.root, shard, key=key, pure=False)
+            key = f"{stage.name}-{shard.key}"
+            future = client.submit(_run_limited, stage.run, lake.root, shard, key=key, pure=False)
             running[future] = shard
             pool.add(future)
 
@@ -125,7 +130,7 @@ def _finishing(
         submit()
 
 
-def _run_limited(run: RunShard, root: Path, shard: Shard) -> ShardResult:
+def _run_limited(run: Callable[[Path, Shard], ShardResult], root: Path, shard: Shard) -> ShardResult:
     """Within one worker thread: BLAS and OpenMP on that thread, so that results do not depend on the machine."""
     with threadpool_limits(1):
         return run(root, shard)
@@ -143,7 +148,7 @@ def save_plan(lake: Lake, shards: Sequence[Shard]) -> None:
 
 def _load(
     lake: Lake,
-    job: StageJob,
+    stage: Stage,
     results: Sequence[ShardResult],
     outcome: Outcome,
     failures: Sequence[tuple[Shard, str]] = (),
@@ -154,7 +159,7 @@ def _load(
     rows = [_finished(r) for r in ordered] + [_failed(shard, reason) for shard, reason in failures]
     with writing(lake) as con:
         if ordered:
-            job.load(con, lake.root, ordered)
+            stage.load(con, lake.root, ordered)
         load_rows(con, "finish_shards", table_of(rows, FINISH_ROWS))
     outcome.ok += len(ordered)
     outcome.failed += len(failures)

@@ -1,72 +1,165 @@
-"""Run one stage or all of them, in the order in which they hang on one another."""
+"""Bring stages up to date, take source folders in, and make motion to order."""
 
 from __future__ import annotations
 
-from motionlake.jobs import (
-    descriptors,
-    embed,
-    frames,
-    mirrored,
-    motifs,
-    neighbours,
-    postures,
-    signatures,
-    submotions,
-    symbols,
-    synth,
-    transitions,
-    words,
-)
-from motionlake.jobs.execute import Outcome
-from motionlake.jobs.frames import IngestReport
-from motionlake.jobs.session import Session
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
 
-STAGES = (
-    "frames", "words", "embed", "motifs", "signatures", "mirrored", "postures", "symbols", "descriptors", "submotions",
-)  # fmt: skip
-# Made when asked for by name: two compare all clips with one another, "synth" may train for minutes.
-BY_NAME = ("neighbours", "transitions", "synth")
+from motionlake.errors import UserError
+from motionlake.jobs.execute import Outcome
+from motionlake.jobs.models import obtain
+from motionlake.jobs.session import Session
+from motionlake.lake.catalog import fetch, reading, run_sql, writing
+from motionlake.stages import ingest as sources
+from motionlake.stages.frames import FRAMES
+from motionlake.stages.labels import LabelReport
+from motionlake.stages.reader import lake_reader
+from motionlake.stages.registry import ALL, STAGES
+from motionlake.stages.shard import Shard
+from motionlake.stages.sources import Root
+from motionlake.stages.stage import Stage
+from motionlake.stages.synthesis_wishes import Request
+from motionlake.stages.synthesize import SYNTHESIZE, planned
+
+
+@dataclass(frozen=True)
+class IngestReport:
+    """What taking in a set of roots came to.
+
+    Attributes:
+        unchanged: files that were as the lake knows them.
+        gone: clips' paths, with their dataset, that have no file any more.
+        labels: what the label files said, where they were entered.
+        rejects: source files of these roots that stand rejected.
+    """
+
+    outcome: Outcome
+    unchanged: int
+    gone: list[str]
+    labels: list[LabelReport]
+    rejects: int
 
 
 def run(
     session: Session,
-    stages: tuple[str, ...],
+    stages: Sequence[str] = ALL,
     *,
     refit: bool = False,
     retry_failed: bool = False,
     dataset: str | None = None,
 ) -> IngestReport | None:
-    """Bring stages up to date; `refit` fits the models of those stages anew, `dataset` is for transitions."""
+    """Bring stages up to date; `refit` makes the models of those stages anew, `dataset` is for transitions."""
     report = None
-    for stage in stages:
-        if stage == "frames":
-            report = frames.run(session, retry_failed=retry_failed)
-        elif stage == "transitions":
-            session.outcomes[stage] = transitions.run(session, dataset)
+    for name in stages:
+        if name == FRAMES.name:
+            report = ingest(session, retry_failed=retry_failed)
         else:
-            session.outcomes[stage] = _derived(session, stage, refit)
+            session.outcomes[name] = update(session, STAGES[name], refit=refit, dataset=dataset)
     return report
 
 
-def _derived(session: Session, stage: str, refit: bool) -> Outcome:
-    if stage == "words":
-        return words.run(session)
-    if stage == "embed":
-        return embed.run(session, refit=refit)
-    if stage == "motifs":
-        return motifs.run(session, refit=refit)
-    if stage == "neighbours":
-        return neighbours.run(session, refit=refit)
-    if stage == "mirrored":
-        return mirrored.run(session)
-    if stage == "postures":
-        return postures.run(session, refit=refit)
-    if stage == "symbols":
-        return symbols.run(session)
-    if stage == "descriptors":
-        return descriptors.run(session, refit=refit)
-    if stage == "submotions":
-        return submotions.run(session, refit=refit)
-    if stage == "synth":
-        return synth.run(session, refit=refit)
-    return signatures.run(session)
+def update(session: Session, stage: Stage, *, refit: bool = False, dataset: str | None = None) -> Outcome:
+    """Bring one stage up to date, for one dataset or all.
+
+    Raises:
+        UserError: no such dataset.
+    """
+    outcome = Outcome()
+    if dataset is not None:
+        _check_dataset(session, dataset)
+    if stage.model is not None and obtain(session, stage.model, stage=stage.name, refit=refit) is None:
+        return outcome
+    tried: set[str] = set()
+    while True:
+        with lake_reader(session.lake, session.config) as at:
+            lacking = stage.lacking(at)
+            if lacking is not None:
+                session.notice(f"{stage.name}: there is no {lacking} yet; `motionlake run all` makes every stage")
+                return outcome
+            planned = [s for s in stage.plan(at) if s.key not in tried and dataset in (None, s.dataset)]
+            at_once = bool(planned) and stage.at_once(at)
+        if not planned:
+            return outcome
+        # What a stage loads may make more of it due.
+        tried |= {shard.key for shard in planned}
+        outcome += session.execute(stage, planned, at_once=at_once)
+
+
+def _check_dataset(session: Session, dataset: str) -> None:
+    with reading(session.lake) as con:
+        known = sorted({row["dataset"] for row in fetch(con, "frames_parts")})
+    if dataset not in known:
+        raise UserError(f"{dataset}: no such dataset in {session.lake.root}; it holds {', '.join(known) or 'none'}")
+
+
+def ingest(
+    session: Session, roots: Sequence[Root] | None = None, *, checksum: bool = False, retry_failed: bool = False
+) -> IngestReport:
+    """Bring the lake up to date with source folders (default: all it knows)."""
+    intake = sources.prepare(
+        session.lake, session.config, roots, checksum=checksum, retry_failed=retry_failed,
+        progress=lambda done, total: session.progress("hash", done, total),
+    )  # fmt: skip
+    for line in intake.notices:
+        session.notice(line)
+    outcome = session.outcomes[FRAMES.name] = session.execute(FRAMES, intake.shards)
+    labels, rejects = sources.finish(session.lake, intake)
+    gone = [f"{root.dataset}/{path}" for root, difference in intake.roots for path in difference.gone]
+    return IngestReport(outcome, sum(d.unchanged for _, d in intake.roots), gone, labels, rejects)
+
+
+@dataclass(frozen=True)
+class Synthesis:
+    """What a request came to.
+
+    Attributes:
+        model: the generator.
+        clips: of the request, in the order of their numbers.
+        made: how many were made now; the others were there already, or failed.
+        there: how many were there.
+        seconds: of motion, of all clips of the request that are in the lake.
+        wall_seconds: that making them took.
+    """
+
+    model: str
+    clips: list[str]
+    made: int
+    there: int
+    seconds: float
+    wall_seconds: float
+
+
+def synthesize(session: Session, request: Request, dataset: str, count: int) -> Synthesis:
+    """Make motions 1 to `count` of a request, as clips of a dataset; those that are there are left as they are.
+
+    Raises:
+        UserError: as `motionlake.stages.synthesize.planned`.
+    """
+    started = time.perf_counter()
+    with lake_reader(session.lake, session.config) as at:
+        plan = planned(at, request, dataset, count)
+    _forget_unfinished(session, plan.shards)
+    # One shard alone is made in this process, which has the generator in memory already.
+    outcome = session.execute(SYNTHESIZE, plan.shards, here=len(plan.shards) == 1 and session.scheduler is None)
+    session.outcomes[SYNTHESIZE.name] = outcome
+    with reading(session.lake) as con:
+        lengths = fetch(con, "seconds_of_clips", {"clips": plan.clips})
+    return Synthesis(
+        plan.model.model,
+        [row["clip"] for row in lengths],
+        outcome.clips,
+        plan.there,
+        sum(row["seconds"] for row in lengths),
+        time.perf_counter() - started,
+    )
+
+
+def _forget_unfinished(session: Session, shards: Sequence[Shard]) -> None:
+    """Shards of another request that was cut short are not planned any more."""
+    keys = [shard.key for shard in shards]
+    with reading(session.lake) as con:
+        left = fetch(con, "unfinished_of_stage", {"stage": SYNTHESIZE.name})
+    if any(row["key"] not in keys for row in left):
+        with writing(session.lake) as con:
+            run_sql(con, "forget_unfinished", {"stage": SYNTHESIZE.name, "keys": keys})

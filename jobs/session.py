@@ -6,15 +6,19 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from datetime import datetime
+from typing import TYPE_CHECKING
 
-from distributed import Client
-from motionlake.jobs.cluster import cluster
-from motionlake.jobs.execute import Outcome, Progress, StageJob, execute
+from motionlake.jobs.execute import Outcome, Progress, execute
 from motionlake.lake.config import LakeConfig, load_config
 from motionlake.lake.garbage import collect_garbage
 from motionlake.lake.layout import Lake
 from motionlake.lake.lock import locked
+from motionlake.stages.registry import FOLDERS
 from motionlake.stages.shard import Shard
+from motionlake.stages.stage import Stage
+
+if TYPE_CHECKING:
+    from distributed import Client
 
 
 @dataclass
@@ -41,13 +45,15 @@ class Session:
     @property
     def client(self) -> Client:
         if self._client is None:
+            from motionlake.jobs.cluster import cluster  # Dask takes half a second to import
+
             self._client = self._stack.enter_context(cluster(self.lake, self.workers, self.scheduler))
         return self._client
 
-    def execute(self, job: StageJob, shards: Sequence[Shard], *, here: bool = False) -> Outcome:
+    def execute(self, stage: Stage, shards: Sequence[Shard], *, here: bool = False, at_once: bool = False) -> Outcome:
         """Run shards on the cluster, which starts if there are any; `here`: in this process."""
         client = None if here or not shards else self.client
-        return execute(self.lake, job, shards, client, self.progress)
+        return execute(self.lake, stage, shards, client, self.progress, at_once=at_once)
 
 
 @contextmanager
@@ -66,6 +72,6 @@ def session(
     """
     config = load_config(lake.config_file)
     with locked(lake, command), ExitStack() as stack:
-        collect_garbage(lake)
+        collect_garbage(lake, FOLDERS)
         yield Session(lake, config, progress, notice, workers, scheduler, _stack=stack)
-        collect_garbage(lake)
+        collect_garbage(lake, FOLDERS)

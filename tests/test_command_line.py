@@ -16,8 +16,8 @@ import pytest
 from motionlake import cli
 from motionlake.cli.common import frame_or_seconds
 from motionlake.cli.main import COMMANDS
-from motionlake.jobs.run import BY_NAME, STAGES
 from motionlake.motion import rigs
+from motionlake.stages.registry import ALL, BY_NAME
 
 from tests.lakes import QUICK, Run, assert_same, finish, motionlake, query, quick_lake, start, tables
 from tests.samples import BVH, KINECT_1, KINECT_1_PARENTS, npz_bytes, swinging_body
@@ -258,7 +258,7 @@ def test_a_run_says_before_it_starts_whether_it_will_train(lake: Path, tmp_path:
 def test_status_counts_what_is_due(lake: Path) -> None:
     before = motionlake("status", "--lake", lake, "--json").json
     due = {stage["stage"]: stage["due"] for stage in before["stages"]}
-    assert due == dict.fromkeys(STAGES, 0) | dict.fromkeys(BY_NAME)
+    assert due == dict.fromkeys(ALL, 0) | dict.fromkeys(BY_NAME)
     (lake / "config.toml").write_text("[motifs]\nk = 5\n", encoding="utf-8")
     after = {s["stage"]: s["due"] for s in motionlake("status", "--lake", lake, "--json").json["stages"]}
     assert after["frames"] == after["words"] == 0

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import shutil
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -15,14 +14,16 @@ import pytest
 from motionlake.deephums.config import DIMENSION, DescriptorsConfig
 from motionlake.deephums.sequence import clip_sequence
 from motionlake.deephums.trained import load_descriptor
-from motionlake.jobs import descriptors as job
-from motionlake.jobs.execute import StageJob
+from motionlake.jobs.session import Session
 from motionlake.lake.catalog import reading, writing
 from motionlake.lake.config import LakeConfig
 from motionlake.lake.frames import read_part
 from motionlake.lake.layout import open_lake
 from motionlake.lake.parts import write_part
-from motionlake.stages import descriptor_training, descriptors
+from motionlake.stages import descriptor_network as descriptor_training
+from motionlake.stages import descriptors
+from motionlake.stages.descriptor_network import DESCRIPTOR_NETWORK
+from motionlake.stages.reader import LakeReader
 from motionlake.stages.shard import Shard, ShardResult
 
 from tests.lakes import QUICK, Run, catalog, motionlake, query, quick_lake
@@ -135,27 +136,29 @@ def test_descriptors_of_two_networks_never_stand_together(lake: Path) -> None:
     shard = Shard("descriptors", "0" * 64, part, "clips", {"model": "descriptors-9"}, 1)
     target = open_lake(lake)
     rows = pa.Table.from_pydict({"clip": [clip], "descriptor": [before[clip]], "part": [part]}, descriptors.ROWS)
-    write_part(target.path(descriptors.rows_file(shard.key)), rows, {})
+    write_part(target.path(descriptors.DESCRIPTORS.file(shard.key)), rows, {})
     with writing(target) as con:
-        descriptors.load(con, target.root, [ShardResult(shard, 1, 0, (), 0.0)])
+        descriptors.DESCRIPTORS.load(con, target.root, [ShardResult(shard, 1, 0, (), 0.0)])
     assert query(lake, "SELECT clip, model FROM descriptors") == [(clip, "descriptors-9")]
 
 
 def test_a_network_enters_with_all_of_its_descriptors(
     lake: Path, scheduler: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    at_once = []
-    stage_job: Callable[..., StageJob] = StageJob
+    loads = []
+    execute = Session.execute
 
-    def noted(*words: Any, one_load: bool) -> StageJob:
-        at_once.append(one_load)
-        return stage_job(*words, one_load=one_load)
+    def noted(*words: Any, **options: Any) -> Any:
+        loads.append(options["at_once"])
+        return execute(*words, **options)
 
-    monkeypatch.setattr(job, "StageJob", noted)
+    monkeypatch.setattr(Session, "execute", noted)
+    with duckdb.connect(str(lake / "catalog.duckdb")) as con:
+        con.execute("DELETE FROM manifest WHERE stage = 'descriptors'")
     run(lake, scheduler, "descriptors")
     (lake / "config.toml").write_text(QUICK + "[descriptors]\nseed = 1\n", encoding="utf-8")
     run(lake, scheduler, "descriptors")
-    assert at_once == [False, True]
+    assert loads == [False, True]
 
 
 def test_a_lake_without_descriptors_gets_them(lake: Path, scheduler: str) -> None:
@@ -236,7 +239,8 @@ def test_a_network_of_a_split_becomes_the_current_one(split_lake: Path) -> None:
     assert (figures["split"], figures["data_sha256"], figures["supervision"]) == ("train", data, "none")
     assert load_descriptor(split_lake / file).figures == figures
     with reading(open_lake(split_lake)) as con:
-        fitting = descriptors.fitting_network(con, LakeConfig(descriptors=DescriptorsConfig(epochs=1, seed=3)))
+        config = LakeConfig(descriptors=DescriptorsConfig(epochs=1, seed=3))
+        fitting = DESCRIPTOR_NETWORK.fitting(LakeReader(con, open_lake(split_lake), config))
     assert fitting is not None
     assert fitting.model == model
 

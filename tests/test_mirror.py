@@ -17,7 +17,9 @@ from motionlake.motion.features import WordConfig, word_features
 from motionlake.motion.kinematics import forward_kinematics
 from motionlake.motion.mirror import mirrored_features, mirrored_positions, mirrored_rotations
 from motionlake.motion.skeleton import INDEX
-from motionlake.stages import embed, motifs
+from motionlake.stages.motif_model import MOTIF_MODEL, read_motifs
+from motionlake.stages.reader import LakeReader
+from motionlake.stages.word_network import WORD_NETWORK
 
 from tests.lakes import QUICK, canonical_clips, motionlake, query
 
@@ -70,12 +72,10 @@ def test_the_stage_signs_the_mirrored_clips(built_lake: Path) -> None:
     lake = open_lake(built_lake)
     config = load_config(lake.config_file)
     with reading(lake) as con:
-        network = embed.fitting_network(con, config)
-        model = motifs.fitting_motifs(con, config, network) if network else None
+        at = LakeReader(con, lake, config)
+        network, model = WORD_NETWORK.serving(at), MOTIF_MODEL.serving(at)
         idf = np.array([row[0] for row in con.execute("SELECT idf FROM motifs ORDER BY motif").fetchall()])
-    assert network is not None
-    assert model is not None
-    embedder, vocabulary = load_network(lake.path(network.file)), motifs.read_motifs(lake.path(model.file))
+    embedder, vocabulary = load_network(lake.path(network.file)), read_motifs(lake.path(model.file))
     served = dict(query(built_lake, "SELECT clip, signature FROM mirrored_signatures"))
     own = dict(query(built_lake, "SELECT clip, signature FROM signatures"))
     assert served.keys() == own.keys()

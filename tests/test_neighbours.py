@@ -201,8 +201,8 @@ def lake_words(lake: Path) -> tuple[WordSet, Int64Array, list[str]]:
     root = Lake(lake)
     config = load_config(root.config_file).words
     with reading(root) as con:
-        parts = words_stage.keyed(con, config)
-    features = dict(f for p in parts for f in words_stage.read_features(root.path(words_stage.features_file(p.key))))
+        files = words_stage.features_files(con, config).values()
+    features = dict(f for file in files for f in words_stage.read_features(root.path(file)))
     clips = sorted(features)
     words, owners = WordSet.of_clips([features[c] for c in clips], config)
     return words, owners, clips

@@ -11,16 +11,21 @@ from typing import Any
 import duckdb
 import numpy as np
 import pytest
-from motionlake.jobs.run import STAGES
 from motionlake.lake.catalog import reading
 from motionlake.lake.config import LakeConfig, load_config
 from motionlake.lake.frames import read_part
 from motionlake.lake.layout import open_lake
 from motionlake.motion.features import word_features
+from motionlake.pesta import config as postures_config
 from motionlake.pesta.config import PRETRAINED_POSTURES, PosturesConfig, SymbolsConfig
 from motionlake.pesta.dictionary import PostureDictionary, load_dictionary
 from motionlake.pesta.symbols import symbolise
-from motionlake.stages import postures
+from motionlake.stages import posture_dictionary
+from motionlake.stages.model_kind import Selection
+from motionlake.stages.posture_dictionary import POSTURE_DICTIONARY, PostureDictionaryKind
+from motionlake.stages.postures import read_codes
+from motionlake.stages.reader import LakeReader
+from motionlake.stages.registry import ALL
 
 from tests.lakes import QUICK, files, motionlake, query, quick_lake
 
@@ -69,7 +74,7 @@ def test_the_dictionary_is_served_with_its_strings(built_lake: Path) -> None:
     assert [(r[0], r[1]) for r in rows] == [(i, model) for i in range(40)]
     np.testing.assert_array_equal(np.array([r[2] for r in rows], dtype=np.float32), dictionary.codes)
     np.testing.assert_array_equal(np.array([r[3] for r in rows], dtype=np.float32), dictionary.postures)
-    codes = np.concatenate([c for f in built_lake.glob("postures/*.parquet") for _, c in postures.read_codes(f)])
+    codes = np.concatenate([c for f in built_lake.glob("postures/*.parquet") for _, c in read_codes(f)])
     assert [r[4] for r in rows] == np.bincount(codes, minlength=40).tolist()
     assert sum(r[5] for r in rows) == pytest.approx(1)
     distances = query(built_lake, "SELECT distance FROM posture_distances ORDER BY a, b")
@@ -102,7 +107,7 @@ def test_training_on_request_makes_a_new_version(lake: Path, scheduler: str) -> 
     assert said.status == 0, said.err
     assert said.json["model"] == "postures-2" == current(lake)[0]
     assert said.json["figures"]["occupied"] <= 40
-    assert run(lake, scheduler, "all") | {"postures": 0, "symbols": 0} == dict.fromkeys(STAGES, 0)
+    assert run(lake, scheduler, "all") | {"postures": 0, "symbols": 0} == dict.fromkeys(ALL, 0)
 
 
 def test_a_new_clip_is_coded_with_the_dictionary_there_is(lake: Path, clips_folder: Path, scheduler: str) -> None:
@@ -156,7 +161,7 @@ def test_the_ready_made_dictionary_is_taken_where_it_fits(
     lake = quick_lake(tmp_path / "lake", QUICK.replace("[postures]", '[postures]\nweights = "shipped"'))
     assert motionlake("ingest", clips_folder, "--lake", lake, "--scheduler", scheduler).status == 0
     done = motionlake("run", "postures", "--lake", lake, "--scheduler", scheduler)
-    assert "takes the ready-made dictionary" in done.err
+    assert "takes the pretrained dictionary" in done.err
     assert "will not train" in done.err
     run(lake, scheduler, "symbols")
     ((figures,),) = query(lake, "SELECT figures FROM models WHERE kind = 'postures'")
@@ -169,14 +174,15 @@ def test_a_lake_with_postures_enough_trains_a_dictionary_of_its_own(
 ) -> None:
     config = replace(load_config(built_lake / "config.toml"), postures=ready_made)
     assert ready_made.weights == "auto"
-    with reading(open_lake(built_lake)) as con:
+    target = open_lake(built_lake)
+    with reading(target) as con:
         ((seconds,),) = con.execute("SELECT sum(frames / fps) FROM clips").fetchall()
         enough = seconds * ready_made.fps / ready_made.m  # postures of the lake for each symbol
         for asked, taken in ((enough * 1.01, True), (enough * 0.99, False)):
-            monkeypatch.setattr(postures, "ENOUGH", asked)
-            assert postures.takes_ready_made(con, config) is taken
+            monkeypatch.setattr(postures_config, "ENOUGH", asked)
+            assert POSTURE_DICTIONARY.takes_pretrained(LakeReader(con, target, config)) is taken
             wanted = replace(config, postures=replace(ready_made, weights="shipped"))
-            assert postures.takes_ready_made(con, wanted)
+            assert POSTURE_DICTIONARY.takes_pretrained(LakeReader(con, target, wanted))
 
 
 def test_a_sample_takes_the_same_share_of_every_clip(built_lake: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -186,7 +192,7 @@ def test_a_sample_takes_the_same_share_of_every_clip(built_lake: Path, monkeypat
     def sample(**changed: Any) -> list[np.ndarray]:
         config: LakeConfig = replace(base, postures=replace(base.postures, **changed))
         with reading(target) as con:
-            return postures.training_sample(con, target, config)
+            return POSTURE_DICTIONARY.data(LakeReader(con, target, config), Selection()) or []
 
     everything = sample()
     assert sum(map(len, everything)) == query(built_lake, "SELECT sum(frames) FROM postures")[0][0]
@@ -196,15 +202,15 @@ def test_a_sample_takes_the_same_share_of_every_clip(built_lake: Path, monkeypat
         assert {row.tobytes() for row in rows} <= {row.tobytes() for row in all_rows}
     for first, again in zip(some, sample(max_postures=100), strict=True):
         np.testing.assert_array_equal(first, again)
-    monkeypatch.setattr(postures, "MOST_CLIPS", 3)
+    monkeypatch.setattr(posture_dictionary, "MOST_CLIPS", 3)
     assert len(sample(max_postures=100)) == 3
 
 
 def test_a_dictionary_that_is_hardly_used_is_told_of(
     lake: Path, scheduler: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    train = postures.train
-    monkeypatch.setattr(postures, "train", lambda *words: {**train(*words), "occupied": 19})
+    train = PostureDictionaryKind.train
+    monkeypatch.setattr(PostureDictionaryKind, "train", lambda *words: {**train(*words), "occupied": 19})
     done = motionlake("run", "postures", "--refit", "--lake", lake, "--scheduler", scheduler)
     assert done.status == 0
     assert "only 19 of 40 symbols are used" in done.err

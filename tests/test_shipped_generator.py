@@ -57,7 +57,7 @@ def test_a_lake_without_labels_makes_motion_ready_made(bare: Path, scheduler: st
     common = ("--lake", bare, "--scheduler", scheduler)
     run = motionlake("run", "synth", *common)
     assert run.status == 0, run.err
-    assert "synth: takes the ready-made generator; `motionlake train synthesis` trains one on this lake" in run.err
+    assert "synth: takes the pretrained generator; `motionlake train synthesis` trains one on this lake" in run.err
     about = PRETRAINED_GENERATOR.about()
     assert motionlake("synthesize", "--classes", "--json", "--lake", bare).json == {
         "model": "synthesis-1",

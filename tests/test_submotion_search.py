@@ -15,7 +15,8 @@ from motionlake.deephums import submotions as pieces
 from motionlake.deephums.config import LONGEST, PRETRAINED_DESCRIPTORS, PRETRAINED_SUBMOTION, SHORT, SubmotionConfig
 from motionlake.deephums.sequence import clip_sequence
 from motionlake.deephums.submotions import TrainedSubmotion, frames_of, load_submotion, piece_windows, train_submotion
-from motionlake.lake.catalog import reading, writing
+from motionlake.lake.catalog import writing
+from motionlake.lake.config import load_config
 from motionlake.lake.frames import Frames, read_part
 from motionlake.lake.layout import open_lake
 from motionlake.lake.parts import write_part
@@ -23,7 +24,9 @@ from motionlake.motion.features import WordConfig
 from motionlake.retrieval.connection import connect
 from motionlake.retrieval.submotion_search import Piece, place
 from motionlake.stages import submotions
+from motionlake.stages.reader import lake_reader
 from motionlake.stages.shard import Shard, ShardResult
+from motionlake.stages.submotions import SUBMOTIONS
 
 from tests.lakes import QUICK, Run, catalog, motionlake, query
 
@@ -145,13 +148,11 @@ def test_a_long_clip_has_many_windows(lake: Path, monkeypatch: pytest.MonkeyPatc
     con.close()
     monkeypatch.setattr(pieces, "LONGEST", 16)
     target = open_lake(lake)
-    with reading(target) as reader:
-        network = submotions.served_network(reader)
-        assert network is not None
-        shards = submotions.plan(reader, target, network)
-    results = [submotions.run(target.root, shard) for shard in shards]
+    with lake_reader(target, load_config(target.config_file)) as at:
+        shards = SUBMOTIONS.plan(at)
+    results = [SUBMOTIONS.run(target.root, shard) for shard in shards]
     with writing(target) as writer:
-        submotions.load(writer, target.root, results)
+        SUBMOTIONS.load(writer, target.root, results)
     model, rows = served(lake)
     clips = [clip for clip, _, _ in rows]
     assert len(clips) > 2 * len(set(clips))
@@ -213,9 +214,9 @@ def test_a_network_trained_anew_replaces_all_windows(lake: Path, scheduler: str)
 def test_windows_of_two_networks_never_stand_together(lake: Path) -> None:
     shard = Shard("submotions", "0" * 64, "another part", "clips", {"model": "submotion-9"}, 1)
     target = open_lake(lake)
-    write_part(target.path(submotions.rows_file(shard.key)), submotions.ROWS.empty_table(), {})
+    write_part(target.path(SUBMOTIONS.file(shard.key)), submotions.ROWS.empty_table(), {})
     with writing(target) as con:
-        submotions.load(con, target.root, [ShardResult(shard, 0, 0, (), 0.0)])
+        SUBMOTIONS.load(con, target.root, [ShardResult(shard, 0, 0, (), 0.0)])
     assert query(lake, "FROM submotions") == []
 
 

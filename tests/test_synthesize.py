@@ -15,9 +15,12 @@ from motionlake.lake.frames import read_clip
 from motionlake.lake.layout import open_lake
 from motionlake.motion.kinematics import solve
 from motionlake.retrieval.connection import connect
-from motionlake.stages import embed, postures
-from motionlake.stages.descriptor_training import training_set
-from motionlake.stages.synthesis_training import motion_set
+from motionlake.stages.descriptor_network import training_set
+from motionlake.stages.generator_model import motion_set
+from motionlake.stages.model_kind import Selection
+from motionlake.stages.posture_dictionary import POSTURE_DICTIONARY
+from motionlake.stages.reader import LakeReader
+from motionlake.stages.word_network import training_sample
 
 from tests.lakes import Run, assert_same, files, motionlake, query, tables
 
@@ -235,7 +238,8 @@ def test_models_are_not_fitted_to_synthetic_clips(made: Path, trained: Path, tmp
                 fetch(con, f"taught_{kind}", {"datasets": None, "clips": None, "column": "label"})
                 for kind in ("clips", "segments")
             ]
-            drawn = [sample(con, lake, config) for sample in (embed.training_sample, postures.training_sample)]
+            at = LakeReader(con, lake, config)
+            drawn = [training_sample(at), POSTURE_DICTIONARY.data(at, Selection()) or []]
         assert described is not None
         assert classed is not None
         sums = [[float(np.abs(features).sum()) for features in sample] for sample in drawn]

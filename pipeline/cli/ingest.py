@@ -18,11 +18,12 @@ from motionlake.cli.common import (
 )
 from motionlake.errors import UserError
 from motionlake.formats import readers
-from motionlake.jobs import frames
+from motionlake.jobs import run as jobs
 from motionlake.jobs.session import session
 from motionlake.lake.catalog import create_catalog, reading
 from motionlake.lake.layout import Lake, check_dataset
 from motionlake.motion.rigs import load_rigs
+from motionlake.stages.ingest import with_options
 from motionlake.stages.sources import IngestOptions, Root, check_options, known_roots
 
 
@@ -71,7 +72,7 @@ def ingest(
         with reading(target) as con:
             known = {(r.dataset, r.root): r for r in known_roots(con)}
         roots = [_merged(root, known.get((root.dataset, root.root))) for root in roots]
-        report = frames.run(job, roots, checksum=checksum, retry_failed=retry_failed)
+        report = jobs.ingest(job, roots, checksum=checksum, retry_failed=retry_failed)
         close_run(job)
     for label in report.labels:
         if label.unmatched:
@@ -114,4 +115,4 @@ def _merged(root: Root, known: Root | None) -> Root:
     """Options not given again stay as they were when the folder was first taken in."""
     if known is None:
         return root
-    return frames.with_options(known, **{k: v for k, v in vars(root.options).items() if v is not None})
+    return with_options(known, **{k: v for k, v in vars(root.options).items() if v is not None})

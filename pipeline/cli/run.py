@@ -17,19 +17,19 @@ from motionlake.cli.common import (
     stage_progress,
 )
 from motionlake.errors import UserError
-from motionlake.jobs.run import BY_NAME, STAGES
 from motionlake.jobs.run import run as run_stages
 from motionlake.jobs.session import session
-from motionlake.lake.catalog import reading
 from motionlake.lake.config import load_config
 from motionlake.lake.layout import Lake, open_lake
-from motionlake.stages.outlook import outlook
+from motionlake.stages.dry_run import dry_run
+from motionlake.stages.reader import lake_reader
+from motionlake.stages.registry import ALL, BY_NAME
 from motionlake.stages.sources import known_roots
 
 
 def run(
     lake: LakeOption,
-    stage: Annotated[str, typer.Argument(help=f"all, or one of {', '.join(STAGES + BY_NAME)}.")] = "all",
+    stage: Annotated[str, typer.Argument(help=f"all, or one of {', '.join(ALL + BY_NAME)}.")] = "all",
     refit: Annotated[bool, typer.Option("--refit", help="Fit the models of the stage anew.")] = False,
     retry_failed: Annotated[bool, typer.Option("--retry-failed", help="Take up what failed before.")] = False,
     dataset: Annotated[str | None, typer.Option(help="Transitions of this dataset only.", show_default=False)] = None,
@@ -47,12 +47,12 @@ def run(
 
     A generator of new motion: motionlake run synth --lake mylake
     """
-    if stage != "all" and stage not in STAGES + BY_NAME:
-        raise UserError(f"{stage}: no such stage; use all, or one of {', '.join(STAGES + BY_NAME)}")
+    if stage != "all" and stage not in ALL + BY_NAME:
+        raise UserError(f"{stage}: no such stage; use all, or one of {', '.join(ALL + BY_NAME)}")
     if dataset is not None and stage != "transitions":
         raise UserError(f"--dataset {dataset}: only transitions are made for one dataset; leave it out")
     target = open_lake(lake)
-    stages = STAGES if stage == "all" else (stage,)
+    stages = ALL if stage == "all" else (stage,)
     _announce(target, stages, refit)
     with stage_progress() as progress, session(target, f"run {stage}", progress, notice, workers, scheduler) as job:
         report = run_stages(job, stages, refit=refit, retry_failed=retry_failed, dataset=dataset)
@@ -70,10 +70,9 @@ def run(
 
 
 def _announce(lake: Lake, stages: tuple[str, ...], refit: bool) -> None:
-    config = load_config(lake.config_file)
-    with reading(lake) as con:
-        if not known_roots(con):
+    with lake_reader(lake, load_config(lake.config_file)) as at:
+        if not known_roots(at.con):
             notice(f"{lake.root}: holds no clips yet; take some in with `motionlake ingest FOLDER --lake {lake.root}`")
             return
-        for line in outlook(con, config, stages, refit=refit):
+        for line in dry_run(at, stages, refit=refit):
             notice(line)

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from motionlake.cli.common import JsonOption, LakeOption, print_json, print_rows
-from motionlake.jobs.run import BY_NAME, STAGES
-from motionlake.lake.catalog import fetch, reading
+from motionlake.lake.catalog import fetch
 from motionlake.lake.config import load_config
 from motionlake.lake.layout import open_lake
-from motionlake.stages import synthesis, synthesize
-from motionlake.stages.outlook import pending
+from motionlake.stages.dry_run import pending
+from motionlake.stages.generator_model import GENERATOR
+from motionlake.stages.reader import lake_reader
+from motionlake.stages.registry import ALL, BY_NAME, ON_REQUEST
+from motionlake.stages.synthesis import SYNTH
 
 
 def status(lake: LakeOption, as_json: JsonOption = False) -> None:
@@ -17,19 +19,19 @@ def status(lake: LakeOption, as_json: JsonOption = False) -> None:
     Example: motionlake status --lake mylake
     """
     target = open_lake(lake)
-    config = load_config(target.config_file)
-    with reading(target) as con:
+    with lake_reader(target, load_config(target.config_file)) as at:
+        con = at.con
         datasets = fetch(con, "status_datasets")
         done = {row["stage"]: row for row in fetch(con, "status_stages")}
-        due = pending(con, target, config)
+        due = pending(at)
         models = fetch(con, "status_models")
         failed = fetch(con, "failed_shards")
     nothing = {"shards": 0, "rows": 0, "bytes": 0, "failed": 0}
     # A stage that is made when asked for by name is not due before it was.
-    known = {*STAGES, *done, *(synthesis.NAME for m in models if m["model"].startswith(synthesis.GENERATOR))}
-    wanted = {s: due[s] if s in known else None for s in STAGES + BY_NAME}
-    if synthesize.NAME in done:  # made to order, never due
-        wanted[synthesize.NAME] = None
+    known = {*ALL, *done, *(SYNTH.name for m in models if m["model"].startswith(GENERATOR.name))}
+    wanted = {s: due[s] if s in known else None for s in ALL + BY_NAME}
+    if ON_REQUEST.name in done:  # made to order, never due
+        wanted[ON_REQUEST.name] = None
     stages = [{"stage": s, **nothing, **done.get(s, {}), "due": wanted[s]} for s in wanted]
     if as_json:
         print_json({"datasets": datasets, "stages": stages, "models": models, "failed": failed})

@@ -19,7 +19,7 @@ from motionlake.cli.common import (
 )
 from motionlake.errors import UserError
 from motionlake.formats import is_clip
-from motionlake.jobs import synthesize as synthesize_job
+from motionlake.jobs import run as jobs
 from motionlake.jobs.session import Session, session
 from motionlake.lake.catalog import reading
 from motionlake.lake.config import load_config
@@ -78,7 +78,7 @@ def synthesize(
     if bvh is not None:
         _check_folder(bvh)
     with stage_progress() as progress, session(target, "synthesize", progress, notice, workers, scheduler) as job:
-        made = synthesize_job.run(job, request, dataset, count)
+        made = jobs.synthesize(job, request, dataset, count)
         files = _write_bvh(job, made.clips, bvh) if bvh is not None else 0
         close_run(job)
     if as_json:
@@ -134,7 +134,7 @@ def _write_bvh(job: Session, clips: list[str], folder: Path) -> int:
     return len(clips)
 
 
-def _say(made: synthesize_job.Synthesis, dataset: str, count: int, lake: Path) -> None:
+def _say(made: jobs.Synthesis, dataset: str, count: int, lake: Path) -> None:
     there = f" ({made.there} were there already)" if made.there else ""
     first = f", {made.clips[0]} the first" if made.clips else ""
     print(

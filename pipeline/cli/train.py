@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Annotated
+from dataclasses import replace
+from typing import Annotated, Any
 
 import typer
 from motionlake.cli.common import SETTINGS, JsonOption, LakeOption, notice, print_json, stage_progress
 from motionlake.deephums.config import SUPERVISIONS
 from motionlake.errors import UserError
-from motionlake.jobs import descriptors, embed, submotions, synth
-from motionlake.jobs import postures as postures_job
-from motionlake.jobs.session import Session, session
+from motionlake.jobs import models
+from motionlake.jobs.session import session
 from motionlake.lake.layout import Lake, open_lake
 from motionlake.lake.models import Model
+from motionlake.stages.descriptor_network import DESCRIPTOR_NETWORK
+from motionlake.stages.generator_model import GENERATOR
+from motionlake.stages.model_kind import ModelKind, Selection
+from motionlake.stages.posture_dictionary import POSTURE_DICTIONARY
+from motionlake.stages.submotion_encoder import SUBMOTION_ENCODER
+from motionlake.stages.word_network import WORD_NETWORK
 
 SplitOption = Annotated[
     str | None,
@@ -51,7 +56,7 @@ def words(
     Example: motionlake train words --fine-tune --lake mylake
     """
     target = open_lake(lake)
-    model = _train(target, "words", lambda job: embed.train(job, fine_tune=fine_tune))
+    model = _train(target, WORD_NETWORK, Selection(fine_tune=fine_tune))
     if model is None:
         raise UserError(f"{target.root}: has no words to train on yet; make them with `motionlake run words`")
     _tell(model, f"trained on {model.figures['words']} words; embed with it: motionlake run all --lake {lake}", as_json)
@@ -67,7 +72,7 @@ def postures(lake: LakeOption, as_json: JsonOption = False) -> None:
     Example: motionlake train postures --lake mylake
     """
     target = open_lake(lake)
-    model = _train(target, "postures", postures_job.train)
+    model = _train(target, POSTURE_DICTIONARY, Selection())
     if model is None:
         raise _no_frames(target)
     _tell(model, f"{model.figures['occupied']} symbols in use; code with it: motionlake run all --lake {lake}", as_json)
@@ -97,7 +102,7 @@ def descriptor(
     if supervision is not None and supervision not in SUPERVISIONS:
         raise UserError(f"--supervision {supervision}: is none of {', '.join(SUPERVISIONS)}")
     target = open_lake(lake)
-    model = _train(target, "descriptor", lambda job: descriptors.train(job, split, dataset, supervision))
+    model = _train(target, DESCRIPTOR_NETWORK, Selection(split, dataset), supervision)
     if model is None:
         raise _no_frames(target)
     about = f"trained on {model.figures['clips']} clips, supervision {model.figures['supervision']}"
@@ -119,7 +124,7 @@ def submotion(
     Example: motionlake train submotion --split train --lake mylake
     """
     target = open_lake(lake)
-    model = _train(target, "submotion", lambda job: submotions.train(job, split, dataset))
+    model = _train(target, SUBMOTION_ENCODER, Selection(split, dataset))
     if model is None:
         raise _no_frames(target)
     _tell(model, f"trained on {model.figures['clips']} clips; read with it: motionlake run all --lake {lake}", as_json)
@@ -140,7 +145,7 @@ def synthesis(
     Example: motionlake train synthesis --split train --lake mylake
     """
     target = open_lake(lake)
-    model = _train(target, "synthesis", lambda job: synth.train(job, split, dataset))
+    model = _train(target, GENERATOR, Selection(split, dataset))
     if model is None:
         raise _no_frames(target)
     figures = model.figures
@@ -148,10 +153,13 @@ def synthesis(
     _tell(model, f"{about}; make motion with it: motionlake synthesize --class NAME --lake {lake}", as_json)
 
 
-def _train(lake: Lake, name: str, train: Callable[[Session], Model | None]) -> Model | None:
-    with stage_progress() as progress, session(lake, f"train {name}", progress, notice) as job:
+def _train(lake: Lake, kind: ModelKind[Any], where: Selection, supervision: str | None = None) -> Model | None:
+    with stage_progress() as progress, session(lake, f"train {kind.command}", progress, notice) as job:
+        config = job.config
+        if supervision is not None:
+            config = replace(config, descriptors=replace(config.descriptors, supervision=supervision))
         try:
-            return train(job)
+            return models.train(job, kind, where, stage=kind.command, config=config)
         except ValueError as error:
             raise UserError(f"{lake.root}: {error}") from error
 

@@ -12,7 +12,6 @@ import numpy as np
 from motionlake.arrays import Float32Array, Float64Array, FloatArray, Int32Array, IntArray
 from motionlake.lake.catalog import Connection, fetch
 from motionlake.lake.layout import Lake
-from motionlake.lake.models import Model
 from motionlake.motion.features import WordConfig
 from motionlake.motion.skeleton import INDEX, JOINTS
 from motionlake.pesta.config import PosturesConfig
@@ -21,7 +20,7 @@ from motionlake.pictures.signatures import motif_order
 from motionlake.pictures.stick_figures import Poses
 from motionlake.pictures.style import motif_colours
 from motionlake.retrieval.lake_strings import LakeStrings, read_strings
-from motionlake.stages import postures as coding
+from motionlake.stages.postures import codes_files, read_codes
 from safetensors import safe_open
 
 # Joints that no dictionary over positions holds, as shares of two that it does; feet end at the ankles.
@@ -67,8 +66,7 @@ class SymbolMaterial:
     def _codes_files(self) -> dict[str, str]:
         """Coded postures of each part."""
         file = fetch(self.con, "model_file", {"model": self.strings.model})[0]["file"]
-        served = Model(self.strings.model, coding.DICTIONARY, "", file, {})
-        return {part.part: coding.codes_file(part.key) for part in coding.keyed(self.con, self.lake, served)}
+        return codes_files(self.con, self.lake.path(file))
 
     def codes_of(self, clips: Sequence[str]) -> dict[str, Int32Array]:
         """[T] symbols of the postures of clips, parts read once; without clips that are being recoded."""
@@ -77,7 +75,7 @@ class SymbolMaterial:
         for part in sorted(set(parts.values())):
             file = self.lake.path(self._codes_files[part])
             if file.exists():
-                found |= {clip: codes for clip, codes in coding.read_codes(file) if parts.get(clip) == part}
+                found |= {clip: codes for clip, codes in read_codes(file) if parts.get(clip) == part}
         return found
 
     @property

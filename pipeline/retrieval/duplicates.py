@@ -63,7 +63,7 @@ def near_duplicates(
         ground_distances(np.array(centroids, dtype=np.float32)),
     )
     config = load_config(lake.config_file).words
-    files = {part.part: lake.path(words.features_file(part.key)) for part in words.keyed(con, config)}
+    files = {part: lake.path(file) for part, file in words.features_files(con, config).items()}
     features = _Features({row["clip"]: files[row["part"]] for row in rows})
     return find_duplicates(clips, features, config, max_distance=max_distance, within=within, across=across)
 

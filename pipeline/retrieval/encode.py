@@ -17,9 +17,12 @@ from motionlake.lake.config import LakeConfig, load_config
 from motionlake.lake.layout import Lake
 from motionlake.motion.features import WordConfig, word_features
 from motionlake.motion.mirror import mirrored_features
-from motionlake.stages import embed, motifs, words
 from motionlake.stages.clip_files import first_body as first_body
+from motionlake.stages.motif_model import MOTIF_MODEL, read_motifs
+from motionlake.stages.reader import LakeReader
 from motionlake.stages.sources import IngestOptions
+from motionlake.stages.word_network import WORD_NETWORK
+from motionlake.stages.words import features_files, read_features
 from numpy.typing import NDArray
 
 
@@ -34,7 +37,7 @@ class Models:
 
     @cached_property
     def vocabulary(self) -> Motifs:
-        return motifs.read_motifs(self.lake.path(self.motifs_file))
+        return read_motifs(self.lake.path(self.motifs_file))
 
     def motifs_of(self, features: Float32Array) -> NDArray[np.int32]:
         """[n] motif of each word of a clip's features [T, D]."""
@@ -65,8 +68,8 @@ def serving_models(con: Connection, lake: Lake) -> Models:
         UserError: the lake has no motifs yet.
     """
     config = load_config(lake.config_file)
-    network = embed.fitting_network(con, config)
-    model = motifs.fitting_motifs(con, config, network) if network else None
+    at = LakeReader(con, lake, config)
+    network, model = WORD_NETWORK.fitting(at), MOTIF_MODEL.fitting(at)
     if network is None or model is None:
         raise UserError(f"{lake.root}: has no motifs yet; make them with `motionlake run all`")
     return Models(lake, config, network.file, model.file)
@@ -88,12 +91,12 @@ def features_of_clips(con: Connection, lake: Lake, config: WordConfig, clips: Se
         UserError: the lake has no words of one of them yet.
     """
     parts = {clip: fetch(con, "clip", {"clip": clip})[0]["part"] for clip in clips}
-    keys = {part.part: part.key for part in words.keyed(con, config)}
+    files = features_files(con, config)
     found: dict[str, Float32Array] = {}
     for part in sorted(set(parts.values())):
-        file = lake.path(words.features_file(keys[part]))
+        file = lake.path(files[part])
         if file.exists():
-            found |= {clip: features for clip, features in words.read_features(file) if clip in parts}
+            found |= {clip: features for clip, features in read_features(file) if clip in parts}
     for clip in clips:
         if clip not in found:
             raise UserError(f"{clip}: has no words yet; make them with `motionlake run all`")

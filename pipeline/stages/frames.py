@@ -7,16 +7,16 @@ import json
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 import pyarrow as pa
 from motionlake.errors import ClipError, UserError
 from motionlake.formats import read_clips, reader_for
 from motionlake.lake import raw
-from motionlake.lake.catalog import Connection, load_rows, run_sql, table_of
+from motionlake.lake.catalog import Connection, fetch, load_rows, run_sql, table_of
 from motionlake.lake.config import FramesConfig, config_hash
 from motionlake.lake.layout import Lake
 from motionlake.lake.parts import check_part
@@ -25,8 +25,10 @@ from motionlake.motion.clip import SourceClip
 from motionlake.motion.kinematics import solve
 from motionlake.motion.rigs import RigMap, identify, load_rigs
 from motionlake.stages.frame_parts import FrameParts
+from motionlake.stages.orphans import forget_orphans
+from motionlake.stages.reader import LakeReader
 from motionlake.stages.shard import Shard, ShardResult, tables_of
-from motionlake.stages.sources import IngestOptions, Root, SourceFile
+from motionlake.stages.sources import FRAMES_VERSION, Difference, IngestOptions, Root, SourceFile, compare, known_roots
 
 NAME = "frames"
 SHARD_BYTES = 8 << 20  # of source files; a worker's memory grows with it
@@ -56,7 +58,88 @@ LAYOUT_ROWS = pa.schema(
 )  # fmt: skip
 
 
-def plan(root: Root, changed: Sequence[SourceFile], config: FramesConfig, shaping_hash: str) -> list[Shard]:
+class FramesStage:
+    """Canonical frames and raw channels of source files; `motionlake ingest` names the folders, `run` looks again."""
+
+    name = NAME
+    version = FRAMES_VERSION
+    upstream = ()
+    about = "source files to canonical frames in Parquet"
+    model = None
+    tables = ("sources", "rejects", "clips", "layouts", "skeletons", "segments")
+    folders = ("frames", "raw")
+    by_name = False
+
+    def plan(self, at: LakeReader) -> list[Shard]:
+        cuts = []
+        for root in known_roots(at.con):
+            shaping = root.shaping_hash(at.config.frames, at.lake)
+            cuts.append(cut(at, root, compare(at.con, at.lake, root, shaping), shaping))
+        return [shard for found in cuts for shard in found.shards]
+
+    def due(self, at: LakeReader) -> int:
+        """Planned shards that have not run; folders are not searched."""
+        return sum(r["state"] == "planned" for r in fetch(at.con, "shards", {"stage": NAME}))
+
+    def lacking(self, at: LakeReader) -> str | None:
+        return None
+
+    def at_once(self, at: LakeReader) -> bool:
+        return False
+
+    def run(self, root: Path, shard: Shard, /) -> ShardResult:
+        """Read, solve and canonicalise every file of a shard; write one frames part and a raw part a layout."""
+        return _run(root, shard)
+
+    def load(self, con: Connection, root: Path, results: Sequence[ShardResult], /) -> None:
+        """Replace the rows of every source file in the results; what was derived from them goes too."""
+        sources = tables_of(results, "sources")
+        load_rows(con, "forget_sources", sources)
+        for table in ("sources", "clips", "rejects", "layouts", "skeletons"):
+            load_rows(con, f"load_{table}", tables_of(results, table))
+        forget_orphans(con)
+
+
+FRAMES: Final = FramesStage()
+
+
+@dataclass(frozen=True)
+class Cut:
+    """The shards of a root: those that a run which was cut short left, then new ones.
+
+    Attributes:
+        dropped: keys of planned shards whose files have changed since.
+        failed: (files, reason) of shards that failed before and are left alone.
+    """
+
+    shards: list[Shard]
+    dropped: list[str]
+    failed: list[tuple[int, str]]
+
+
+def cut(at: LakeReader, root: Root, difference: Difference, shaping: str, *, retry_failed: bool = False) -> Cut:
+    """What of a root is to be read, in the shards in which it was planned before, where it was."""
+    rest = {(f.path, f.content_hash): f for f in difference.changed}
+    found = Cut([], [], [])
+    for row in fetch(at.con, "unfinished_shards", {"dataset": root.dataset}):
+        shard = _shard_from(row)
+        if shard.spec["base"] != str(root.base):
+            continue
+        wanted = [(f["path"], f["content_hash"]) for f in shard.spec["files"]]
+        if shard.spec["shaping_hash"] != shaping or not all(w in rest for w in wanted):
+            found.dropped.append(shard.key)
+            continue
+        for file in wanted:
+            del rest[file]
+        if row["state"] == "planned" or retry_failed:
+            found.shards.append(shard)
+        else:
+            found.failed.append((shard.items, row["reason"]))
+    found.shards.extend(_new_shards(root, list(rest.values()), at.config.frames, shaping))
+    return found
+
+
+def _new_shards(root: Root, changed: Sequence[SourceFile], config: FramesConfig, shaping_hash: str) -> list[Shard]:
     """Cut new and changed files, by path, into shards of some MB of source each.
 
     The cut depends on the files alone, so any number of workers makes the same parts.
@@ -87,14 +170,13 @@ def _shard(root: Root, files: Sequence[SourceFile], config: FramesConfig, shapin
     return Shard(NAME, key, key[:16], root.dataset, spec, len(files))
 
 
-def shard_from(row: Mapping[str, Any]) -> Shard:
+def _shard_from(row: Mapping[str, Any]) -> Shard:
     """A shard again from its row in the manifest."""
     spec = json.loads(row["spec"])
     return Shard(NAME, row["key"], row["part"], row["dataset"], spec, len(spec["files"]))
 
 
-def run(lake_root: Path, shard: Shard) -> ShardResult:
-    """Read, solve and canonicalise every file of a shard; write one frames part and a raw part a layout."""
+def _run(lake_root: Path, shard: Shard) -> ShardResult:
     started = time.perf_counter()
     lake = Lake(lake_root)
     options = IngestOptions(**shard.spec["options"])
@@ -225,18 +307,6 @@ def _source_row(shard: Shard, file: Mapping[str, Any]) -> dict[str, Any]:
         "part": shard.part,
         **file,
     }
-
-
-def load(con: Connection, _root: Path, results: Sequence[ShardResult]) -> None:
-    """Replace the rows of every source file in the results; what was derived from them goes too."""
-    sources = tables_of(results, "sources")
-    load_rows(con, "forget_sources", sources)
-    load_rows(con, "load_sources", sources)
-    load_rows(con, "load_clips", tables_of(results, "clips"))
-    load_rows(con, "load_rejects", tables_of(results, "rejects"))
-    load_rows(con, "load_layouts", tables_of(results, "layouts"))
-    load_rows(con, "load_skeletons", tables_of(results, "skeletons"))
-    run_sql(con, "forget_orphans")
 
 
 def content_key(con: Connection) -> str:

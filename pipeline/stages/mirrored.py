@@ -6,83 +6,56 @@ with the frozen idf, as the clip's own words are.
 
 from __future__ import annotations
 
-import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
-from pathlib import Path
+from typing import Any, Final
 
-import numpy as np
 import pyarrow as pa
 from motionlake.deep_motifs.motifs import assign
 from motionlake.deep_motifs.words.windows import word_windows
-from motionlake.lake.catalog import Connection, run_sql
-from motionlake.lake.config import LakeConfig
 from motionlake.lake.layout import Lake
-from motionlake.lake.models import Model
-from motionlake.lake.parts import write_part
 from motionlake.motion.features import WordConfig
 from motionlake.motion.mirror import mirrored_features
-from motionlake.stages import motifs, signatures, words
-from motionlake.stages.derived import Part, derive, due
-from motionlake.stages.shard import Shard, ShardResult
+from motionlake.stages.motif_model import MOTIF_MODEL, read_motifs
+from motionlake.stages.reader import LakeReader
+from motionlake.stages.shard import Shard
+from motionlake.stages.signatures import SIGNATURES
+from motionlake.stages.stage import Part, PartStage
+from motionlake.stages.word_network import WORD_NETWORK
+from motionlake.stages.words import WORDS, read_features
 
-NAME = "mirrored"
-VERSION = 1
 ROWS = pa.schema([("clip", pa.string()), ("part", pa.string()), ("motif", pa.int32())])
 
 
-def keyed(signed: list[Part]) -> list[Part]:
-    """Parts of the stage "signatures" with the key their mirrored signatures must have."""
-    return derive(signed, NAME, VERSION)
+class Mirrored(PartStage):
+    """Mirrored signatures of the parts whose signatures are served: they must be of the same motifs."""
+
+    name = "mirrored"
+    about = "the signature of every clip mirrored left to right"
+    source = SIGNATURES
+    tables = ("mirrored_signatures",)
+    schema = ROWS
+    statement = "load_mirrored"
+
+    def shaping(self, at: LakeReader) -> Sequence[Any]:
+        return ()
+
+    def spec(self, at: LakeReader, part: Part) -> Mapping[str, Any]:
+        network, motifs = WORD_NETWORK.serving(at), MOTIF_MODEL.serving(at)
+        features = WORDS.files(at)[part.part]
+        words = asdict(at.config.words)
+        return {"features": features, "network": network.file, "motifs": motifs.file, "words": words}
+
+    def rows(self, lake: Lake, shard: Shard) -> Iterator[pa.Table]:
+        from motionlake.deep_motifs.words.network import load_network
+
+        config = WordConfig(**shard.spec["words"])
+        network = load_network(lake.path(shard.spec["network"]))
+        vocabulary = read_motifs(lake.path(shard.spec["motifs"]))
+        for clip, features in read_features(lake.path(shard.spec["features"])):
+            found = assign(network.embed(word_windows(mirrored_features(features, config), config)), vocabulary)
+            keys = [pa.repeat(pa.scalar(value), len(found)) for value in (clip, shard.part)]
+            yield pa.Table.from_arrays([*keys, pa.array(found, pa.int32())], schema=ROWS)
 
 
-def plan(con: Connection, lake: Lake, config: LakeConfig, network: Model, model: Model) -> list[Shard]:
-    """A shard for every part whose signatures are served: mirrored ones must be of the same motifs."""
-    features = {p.part: words.features_file(p.key) for p in words.keyed(con, config.words)}
-
-    def spec(part: Part) -> dict[str, object]:
-        return {
-            "features": features[part.part],
-            "network": network.file,
-            "motifs": model.file,
-            "words": asdict(config.words),
-        }
-
-    parts = keyed(signatures.keyed(motifs.keyed(con, lake, config, network, model), model))
-    return due(con, NAME, signatures.NAME, parts, spec)
-
-
-def rows_file(key: str) -> str:
-    return f"staging/mirrored-{key[:16]}.parquet"
-
-
-def run(lake_root: Path, shard: Shard) -> ShardResult:
-    """The motif of every mirrored word of one features part."""
-    from motionlake.deep_motifs.words.network import load_network
-
-    started = time.perf_counter()
-    lake = Lake(lake_root)
-    config = WordConfig(**shard.spec["words"])
-    network = load_network(lake.path(shard.spec["network"]))
-    vocabulary = motifs.read_motifs(lake.path(shard.spec["motifs"]))
-    rows = []
-    for clip, features in words.read_features(lake.path(shard.spec["features"])):
-        found = assign(network.embed(word_windows(mirrored_features(features, config), config)), vocabulary)
-        rows.append(_rows(clip, shard, found))
-    table = pa.concat_tables(rows)
-    size = write_part(lake.path(rows_file(shard.key)), table, {})
-    return ShardResult(shard, table.num_rows, size, (), time.perf_counter() - started)
-
-
-def _rows(clip: str, shard: Shard, found: np.ndarray) -> pa.Table:
-    keys = [pa.repeat(pa.scalar(value), len(found)) for value in (clip, shard.part)]
-    return pa.Table.from_arrays([*keys, pa.array(found, pa.int32())], schema=ROWS)
-
-
-def load(con: Connection, root: Path, results: Sequence[ShardResult]) -> None:
-    """Replace the mirrored signatures of the parts in the results."""
-    parameters = {
-        "parts": [r.shard.part for r in results],
-        "files": [str(root / rows_file(r.shard.key)) for r in results],
-    }
-    run_sql(con, "load_mirrored", parameters)
+MIRRORED: Final = Mirrored()

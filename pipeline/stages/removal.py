@@ -11,6 +11,7 @@ from motionlake.lake.catalog import Connection, fetch, load_rows, reading, run_s
 from motionlake.lake.layout import Lake
 from motionlake.lake.resolve import resolve_clip
 from motionlake.stages.frames import SOURCE_ROWS
+from motionlake.stages.orphans import forget_orphans
 
 
 @dataclass(frozen=True)
@@ -78,7 +79,7 @@ def remove_sources(lake: Lake, sources: Sequence[Source]) -> Removal:
     with writing(lake) as con:
         clips, files = _clips(con), _files(con)
         load_rows(con, "forget_sources", table_of(sources, SOURCE_ROWS))
-        run_sql(con, "forget_orphans")
+        forget_orphans(con)
         return Removal(clips - _clips(con), files - _files(con))
 
 

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import pyarrow as pa
-from motionlake.lake.catalog import Connection
 
 
 @dataclass(frozen=True)
@@ -52,15 +50,6 @@ class ShardResult:
     seconds: float
     rejected: int = 0
     tables: Mapping[str, pa.Table] = field(default_factory=dict)
-
-
-RunShard = Callable[[Path, Shard], ShardResult]
-
-
-class Load(Protocol):
-    """Enter finished shards into the catalog, within the caller's transaction."""
-
-    def __call__(self, con: Connection, root: Path, results: Sequence[ShardResult], /) -> None: ...
 
 
 def tables_of(results: Iterable[ShardResult], name: str) -> pa.Table:

@@ -2,62 +2,67 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Any, Final
 
+import pyarrow as pa
 from motionlake.lake.catalog import Connection, fetch, run_sql
-from motionlake.lake.config import LakeConfig
 from motionlake.lake.layout import Lake
-from motionlake.lake.models import Model
-from motionlake.stages import motifs
-from motionlake.stages.derived import Part, derive, due
+from motionlake.stages.motif_model import MOTIF_MODEL
+from motionlake.stages.motifs import MOTIFS
+from motionlake.stages.reader import LakeReader
 from motionlake.stages.shard import Shard, ShardResult
-
-NAME = "signatures"
-VERSION = 1
+from motionlake.stages.stage import Part, PartStage
 
 
-def keyed(assigned: list[Part], model: Model) -> list[Part]:
-    """Parts of the stage "motifs" with the key their signatures must have.
+class Signatures(PartStage):
+    """A histogram of motifs a clip. All its work is done when it is loaded."""
 
-    It covers the name of the motifs: refitted ones may be the same, and yet all signatures must then follow.
-    """
-    return derive(assigned, NAME, VERSION, model.model)
+    name = "signatures"
+    about = "tf-idf signatures of clips, ready for search"
+    source = MOTIFS
+    tables = ("word_motifs", "motifs", "signatures")
+
+    def shaping(self, at: LakeReader) -> Sequence[Any] | None:
+        # The name of the motifs: refitted ones may be the same, and yet all signatures must then follow.
+        motifs = MOTIF_MODEL.fitting(at)
+        return None if motifs is None else (motifs.model,)
+
+    def spec(self, at: LakeReader, part: Part) -> Mapping[str, Any]:
+        motifs = MOTIF_MODEL.serving(at)
+        return {"assigned": MOTIFS.file(part.upstream), "motifs": motifs.file, "model": motifs.model}
+
+    def at_once(self, at: LakeReader) -> bool:
+        return True
+
+    def rows(self, lake: Lake, shard: Shard) -> Iterator[pa.Table]:
+        yield from ()
+
+    def run(self, root: Path, shard: Shard, /) -> ShardResult:
+        return ShardResult(shard, 0, 0, (), 0.0)
+
+    def load(self, con: Connection, root: Path, results: Sequence[ShardResult], /) -> None:
+        """Enter assigned words; new motifs replace the old with their idf, which then stays frozen.
+
+        When the motifs are new, `results` must hold every part of the lake: signatures of two sets of motifs do
+        not compare.
+        """
+        spec = results[0].shard.spec
+        served = fetch(con, "served_motifs")
+        parameters = {
+            "parts": [r.shard.part for r in results],
+            "files": [str(root / r.shard.spec["assigned"]) for r in results],
+            "motifs": str(root / spec["motifs"]),
+            "model": spec["model"],
+        }
+        new_motifs = not served or served[0]["model"] != spec["model"]
+        if new_motifs:
+            run_sql(con, "clear_motifs")
+        run_sql(con, "load_word_motifs", parameters)
+        if new_motifs:
+            run_sql(con, "load_motifs", parameters)
+        run_sql(con, "make_signatures", parameters)
 
 
-def plan(con: Connection, lake: Lake, config: LakeConfig, network: Model, model: Model) -> list[Shard]:
-    """One shard a part; its work is done when it is loaded."""
-
-    def spec(part: Part) -> dict[str, object]:
-        return {"assigned": motifs.assigned_file(part.upstream), "motifs": model.file, "model": model.model}
-
-    parts = keyed(motifs.keyed(con, lake, config, network, model), model)
-    return due(con, NAME, motifs.NAME, parts, spec)
-
-
-def run(_lake_root: Path, shard: Shard) -> ShardResult:
-    """Nothing is left for a worker to do."""
-    return ShardResult(shard, 0, 0, (), 0.0)
-
-
-def load(con: Connection, root: Path, results: Sequence[ShardResult]) -> None:
-    """Enter assigned words; new motifs replace the old with their idf, which then stays frozen.
-
-    When the motifs are new, `results` must hold every part of the lake: signatures of two sets of motifs do
-    not compare.
-    """
-    spec = results[0].shard.spec
-    served = fetch(con, "served_motifs")
-    parameters = {
-        "parts": [r.shard.part for r in results],
-        "files": [str(root / r.shard.spec["assigned"]) for r in results],
-        "motifs": str(root / spec["motifs"]),
-        "model": spec["model"],
-    }
-    new_motifs = not served or served[0]["model"] != spec["model"]
-    if new_motifs:
-        run_sql(con, "clear_motifs")
-    run_sql(con, "load_word_motifs", parameters)
-    if new_motifs:
-        run_sql(con, "load_motifs", parameters)
-    run_sql(con, "make_signatures", parameters)
+SIGNATURES: Final = Signatures()

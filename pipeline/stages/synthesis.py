@@ -1,61 +1,60 @@
-"""Stage "synth": a generator of new motion, ready-made or trained on clips of known class (GloGen and LocGen)."""
+"""Stage "synth": a generator of new motion, pretrained or trained on clips of known class (GloGen and LocGen)."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 from difflib import get_close_matches
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Final
 
 from motionlake.errors import UserError
-from motionlake.glogen.config import PRETRAINED_GENERATOR
-from motionlake.lake.catalog import Connection, fetch
-from motionlake.lake.config import LakeConfig, config_hash
+from motionlake.lake.catalog import Connection
+from motionlake.lake.config import LakeConfig
 from motionlake.lake.layout import Lake
-from motionlake.lake.models import Model, copy_weights, current_model, fitting_model
+from motionlake.lake.models import Model, current_model
+from motionlake.stages.generator_model import GENERATOR
+from motionlake.stages.reader import LakeReader
+from motionlake.stages.shard import Shard, ShardResult
 
 if TYPE_CHECKING:
     from motionlake.glogen.generator import TrainedGenerator
 
-NAME = "synth"
-VERSION = 4
-GENERATOR = "synthesis"
 SHOWN = 3  # classes offered in place of an unknown one
 
 
-def generator_key(config: LakeConfig) -> str:
-    """Covers all that shapes a generator but the clips it is trained on."""
-    return config_hash(GENERATOR, VERSION, config.synthesis)
+class Synth:
+    """The generator of a lake; it makes no parts, so there are no shards."""
 
+    name = "synth"
+    version = 1
+    upstream = ("frames",)
+    about = "a generator of motion, trained on labelled clips or pretrained (then motionlake synthesize)"
+    model = GENERATOR
+    tables = ()
+    folders = ()
+    by_name = True
 
-def fitting_generator(con: Connection, config: LakeConfig) -> Model | None:
-    """The current generator if it was made for this configuration."""
-    return fitting_model(con, GENERATOR, generator_key(config))
+    def plan(self, at: LakeReader) -> list[Shard]:
+        return []
 
+    def due(self, at: LakeReader) -> int:
+        """1 where the lake has a generator, but none for this configuration."""
+        return int(current_model(at.con, GENERATOR.name) is not None and GENERATOR.fitting(at) is None)
 
-def takes_ready_made(con: Connection, config: LakeConfig) -> bool:
-    """Whether the lake starts with the ready-made generator, and does not train one."""
-    if not PRETRAINED_GENERATOR.fits(config.synthesis):
+    def lacking(self, at: LakeReader) -> str | None:
+        return None
+
+    def at_once(self, at: LakeReader) -> bool:
         return False
-    return config.synthesis.weights == "shipped" or not classed_motions(con)
+
+    def run(self, root: Path, shard: Shard, /) -> ShardResult:
+        raise NotImplementedError
+
+    def load(self, con: Connection, root: Path, results: Sequence[ShardResult], /) -> None:
+        raise NotImplementedError
 
 
-def classed_motions(con: Connection, split: str | None = None, label: str | None = None) -> list[dict[str, Any]]:
-    """Recorded motion of known class: of a split, of a class; of any where these are None."""
-    return fetch(con, "classed_motions", {"dataset": None, "split": split, "label": label})
-
-
-def take_weights(lake: Lake, _config: LakeConfig, weights: Path, file: str) -> dict[str, Any]:
-    """Copy a ready-made generator into the lake as `file`; returns its figures."""
-    from motionlake.glogen.generator import load_generator
-
-    kept = ("clips", "class_names", "datasets", "licences", "filled", "split", "dataset")
-    return copy_weights(lake, weights, file, load_generator(weights).figures, *kept)
-
-
-def outdated(con: Connection, config: LakeConfig) -> bool:
-    """Whether the lake has a generator, but none for this configuration."""
-    return current_model(con, GENERATOR) is not None and fitting_generator(con, config) is None
+SYNTH: Final = Synth()
 
 
 def served_generator(con: Connection, lake: Lake, config: LakeConfig) -> Model:
@@ -64,10 +63,10 @@ def served_generator(con: Connection, lake: Lake, config: LakeConfig) -> Model:
     Raises:
         UserError: the lake has none, or one that was made for another configuration.
     """
-    fitting = fitting_generator(con, config)
+    fitting = GENERATOR.fitting(LakeReader(con, lake, config))
     if fitting is not None:
         return fitting
-    other = current_model(con, GENERATOR)
+    other = current_model(con, GENERATOR.name)
     if other is not None:
         raise UserError(
             f"{lake.root}: {other.model} was trained for other values of [synthesis] than config.toml has now, or by "
@@ -109,14 +108,6 @@ def check_classes(model: Model, classes: tuple[str, ...]) -> None:
                 f"{name}: {model.model} knows no such class; {_nearest(name, known)}all {len(known)} are listed by "
                 "`motionlake synthesize --classes`"
             )
-
-
-def long_enough(row: Mapping[str, Any]) -> bool:
-    """Whether frames [start, stop) of a clip are enough to start from, and to learn from."""
-    from motionlake.glogen.trajectories import FPS
-    from motionlake.glogen.wishes import SHORTEST
-
-    return bool(round((row["stop"] - row["start"] - 1) / row["fps"] * FPS) + 1 >= SHORTEST)
 
 
 def _nearest(name: str, known: list[str]) -> str:

@@ -14,8 +14,8 @@ from motionlake.glogen.wishes import Seed, Synthesized, Wish
 from motionlake.lake.catalog import Connection, fetch
 from motionlake.lake.layout import Lake
 from motionlake.stages.clip_files import first_body
+from motionlake.stages.generator_model import classed_motions, long_enough
 from motionlake.stages.sources import content_hash
-from motionlake.stages.synthesis import classed_motions, long_enough
 from motionlake.stages.training_clips import check_chosen, frames_of_clips
 
 if TYPE_CHECKING:

@@ -6,7 +6,7 @@ import hashlib
 import time
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from itertools import groupby
 from pathlib import Path
 from typing import Any, Final
@@ -14,7 +14,7 @@ from typing import Any, Final
 import pyarrow as pa
 from motionlake.errors import UserError
 from motionlake.lake import raw
-from motionlake.lake.catalog import Connection, fetch, load_rows, run_sql, table_of
+from motionlake.lake.catalog import Connection, fetch, load_rows, table_of
 from motionlake.lake.config import FramesConfig, LakeConfig, canonical_json, config_hash
 from motionlake.lake.layout import Lake
 from motionlake.lake.models import Model, file_hash
@@ -23,12 +23,24 @@ from motionlake.motion.canonicalise import CanonicalMotion
 from motionlake.motion.retarget import to_source_clip
 from motionlake.stages.frame_parts import FrameParts
 from motionlake.stages.frames import CLIP_ROWS, LAYOUT_ROWS, SKELETON_ROWS
+from motionlake.stages.orphans import forget_orphans
+from motionlake.stages.reader import LakeReader
 from motionlake.stages.shard import Shard, ShardResult, tables_of
-from motionlake.stages.synthesis import open_generator
-from motionlake.stages.synthesis_wishes import Made, Motion, Request, Start, make, motions_of
+from motionlake.stages.synthesis import check_classes, open_generator, served_generator
+from motionlake.stages.synthesis_wishes import (
+    Made,
+    Motion,
+    Request,
+    Start,
+    check_request,
+    find_starts,
+    make,
+    motions_of,
+)
 from motionlake.stages.synthetic_motion import canonical_motion
 
 NAME: Final = "synthesize"
+TRIAL: Final = 1.0  # seconds of a first motion, by which it shows whether there is anything to start from
 VERSION: Final = 2
 FORMAT: Final = "synthetic"
 TOGETHER: Final = 32  # motions a shard
@@ -46,19 +58,83 @@ LINEAGE_ROWS = pa.schema(
 PATH_ROWS = pa.schema({"dataset": _S, "path": _S})
 
 
+class Synthesize:
+    """Motions made to order: shards are planned by `planned`, for a request."""
+
+    name = NAME
+    version = VERSION
+    upstream = ("synth", "frames")
+    about = "motions that a generator makes, as clips of a dataset of their own"
+    model = None
+    tables = ("synthetic", "clips", "segments", "layouts", "skeletons")
+    folders = ("frames", "raw")
+    by_name = True
+
+    def plan(self, at: LakeReader) -> list[Shard]:
+        return []
+
+    def due(self, at: LakeReader) -> int:
+        return 0
+
+    def lacking(self, at: LakeReader) -> str | None:
+        return None
+
+    def at_once(self, at: LakeReader) -> bool:
+        return False
+
+    def run(self, root: Path, shard: Shard, /) -> ShardResult:
+        """Make the motions of a shard; write one frames part and one part of BVH channels."""
+        return _run(root, shard)
+
+    def load(self, con: Connection, root: Path, results: Sequence[ShardResult], /) -> None:
+        """Replace clips of these names, with their segments and lineage; what was derived from them goes too."""
+        clips = tables_of(results, "clips")
+        load_rows(con, "forget_sources", clips.select(PATH_ROWS.names))
+        load_rows(con, "load_clips", clips)
+        load_rows(con, "load_synthetic_segments", tables_of(results, "segments"), {"clips": clips["clip"].to_pylist()})
+        for table in ("synthetic", "layouts", "skeletons"):
+            load_rows(con, f"load_{table}", tables_of(results, table))
+        forget_orphans(con)
+
+
+SYNTHESIZE: Final = Synthesize()
+
+
 @dataclass(frozen=True)
 class Plan:
     """What a request comes to.
 
     Attributes:
+        model: the generator.
         clips: of the request, in the order of their numbers.
         shards: that make those which are not there yet.
         there: how many are.
     """
 
+    model: Model
     clips: list[str]
     shards: list[Shard]
     there: int
+
+
+def planned(at: LakeReader, request: Request, dataset: str, count: int) -> Plan:
+    """What motions 1 to `count` of a request come to, as clips of a dataset; those that are there are left as they are.
+
+    Raises:
+        UserError: there is no generator, it does not know a class, a number is no good, there is nothing to start from,
+            or the dataset holds recorded clips.
+    """
+    check_request(request)
+    model = served_generator(at.con, at.lake, at.config)
+    check_classes(model, request.classes)
+    check_own_dataset(at.con, dataset)
+    starts = find_starts(at.con, at.lake, request)
+    found = plan(at.con, at.lake, at.config, model, request, starts, dataset, count)
+    if found.shards:
+        # The beginning of the first motion: what is wrong with every motion is said before any work is handed out.
+        short = replace(request, seconds=min(request.seconds, TRIAL))
+        make(open_generator(at.lake, model), at.lake, short, starts, motions_of(request, starts, [1]))
+    return found
 
 
 def motion_path(request: Request, number: int) -> str:
@@ -100,7 +176,7 @@ def plan(
         spec = _spec(config, model, request, starts, block, keys)
         key = config_hash(NAME, dataset, [keys[m.number] for m in block])
         shards.append(Shard(NAME, key, key[:16], dataset, spec, len(block)))
-    return Plan(list(names.values()), shards, len(motions) - len(lacking))
+    return Plan(model, list(names.values()), shards, len(motions) - len(lacking))
 
 
 def _identity(request: Request, starts: Sequence[Start], motion: Motion) -> list[Any]:
@@ -135,8 +211,7 @@ def _spec(
     }
 
 
-def run(lake_root: Path, shard: Shard) -> ShardResult:
-    """Make the motions of a shard; write one frames part and one part of BVH channels."""
+def _run(lake_root: Path, shard: Shard) -> ShardResult:
     started = time.perf_counter()
     lake, spec = Lake(lake_root), shard.spec
     model, request = Model(**spec["generator"]), _request(spec["request"])
@@ -250,15 +325,3 @@ def _lineage(
         "licences": _licences(model, made),
         "key": key,
     }
-
-
-def load(con: Connection, _root: Path, results: Sequence[ShardResult]) -> None:
-    """Replace clips of these names, with their segments and lineage; what was derived from them goes too."""
-    clips = tables_of(results, "clips")
-    load_rows(con, "forget_sources", clips.select(PATH_ROWS.names))
-    load_rows(con, "load_clips", clips)
-    load_rows(con, "load_synthetic_segments", tables_of(results, "segments"), {"clips": clips["clip"].to_pylist()})
-    load_rows(con, "load_synthetic", tables_of(results, "synthetic"))
-    load_rows(con, "load_layouts", tables_of(results, "layouts"))
-    load_rows(con, "load_skeletons", tables_of(results, "skeletons"))
-    run_sql(con, "forget_orphans")

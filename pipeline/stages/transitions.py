@@ -1,7 +1,7 @@
 """Stage "transitions": candidate transitions between the clips of a dataset, and how far their contexts are apart.
 
 A shard compares the clips of two frames parts. It depends on the frames alone, so new motifs cost no
-comparison again. One more shard a dataset, stage "contexts", picks the nearest candidates of each word, compares
+comparison again. One more shard a dataset, kept as "contexts", picks the nearest candidates of each word, compares
 the signatures around their ends and replaces the dataset's rows of the table `transitions`.
 """
 
@@ -11,7 +11,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 import pyarrow as pa
@@ -28,9 +28,11 @@ from motionlake.lake.layout import Lake
 from motionlake.lake.parts import write_part
 from motionlake.motion.features import WordConfig, body_length, resample
 from motionlake.motion.kinematics import bone_vectors, world_rotations
-from motionlake.stages import embed, motifs, signatures
-from motionlake.stages.derived import Part, clips_of, frames_parts
+from motionlake.stages.motif_model import MOTIF_MODEL
+from motionlake.stages.reader import LakeReader
 from motionlake.stages.shard import Shard, ShardResult
+from motionlake.stages.signatures import SIGNATURES
+from motionlake.stages.stage import Part, clips_of, frames_parts
 from numpy.typing import NDArray
 
 NAME = "transitions"
@@ -78,34 +80,68 @@ def pair_shards(con: Connection, parts: Sequence[Part], config: LakeConfig) -> l
     ]
 
 
-def plan(con: Connection, config: LakeConfig, dataset: str | None = None) -> list[Shard]:
-    """The pairs of parts that are not compared yet."""
-    done = _done(con, NAME)
-    every = [s for parts in parts_of(con, dataset).values() for s in pair_shards(con, parts, config)]
-    return [s for s in every if s.key not in done]
+class Transitions:
+    """Where clips of one dataset can be joined into motion graphs.
 
+    The table `transitions` is filled by the shards of contexts, which are planned once all pairs of a dataset's parts
+    are compared.
+    """
 
-def plan_contexts(con: Connection, lake: Lake, config: LakeConfig, dataset: str | None = None) -> list[Shard]:
-    """A shard for each dataset whose table is not what its candidates and signatures make."""
-    network = embed.fitting_network(con, config)
-    model = motifs.fitting_motifs(con, config, network) if network else None
-    if network is None or model is None:
-        return []
-    signed = {p.part: p.key for p in signatures.keyed(motifs.keyed(con, lake, config, network, model), model)}
-    compared, served, done = _done(con, NAME), _done(con, signatures.NAME), _done(con, CONTEXTS)
-    shards = []
-    for name, parts in parts_of(con, dataset).items():
-        pairs = [s.key for s in pair_shards(con, parts, config)]
+    name = NAME
+    version = VERSION
+    upstream = ("frames", "signatures")
+    about = "where clips of DATASET=name (all datasets) can be joined into motion graphs"
+    model = None
+    tables = ("transitions",)
+    folders = ("transitions",)
+    by_name = True
+
+    def plan(self, at: LakeReader) -> list[Shard]:
+        return [shard for dataset in parts_of(at.con) for shard in self.plan_dataset(at, dataset)]
+
+    def plan_dataset(self, at: LakeReader, dataset: str) -> list[Shard]:
+        """The pairs of parts of a dataset that are not compared yet, or else the contexts of what was found."""
+        parts = parts_of(at.con, dataset)[dataset]
+        every = pair_shards(at.con, parts, at.config)
+        pairs = [s for s in every if s.key not in at.done(NAME)]
+        return pairs or self._contexts(at, dataset, parts, every)
+
+    def _contexts(self, at: LakeReader, dataset: str, parts: Sequence[Part], pairs: Sequence[Shard]) -> list[Shard]:
+        signed = {p.part: p.key for p in SIGNATURES.parts(at) or []}
+        if not signed:
+            return []
         keys = [signed[p.part] for p in parts]
-        key = config_hash(CONTEXTS, VERSION, pairs, keys, config.transitions)
-        if key not in done and compared.issuperset(pairs) and served.issuperset(keys):
-            spec = {"files": [candidates_file(p) for p in pairs], "transitions": asdict(config.transitions)}
-            shards.append(Shard(CONTEXTS, key, name, name, spec, sum(p.clips for p in parts)))
-    return shards
+        key = config_hash(CONTEXTS, VERSION, [s.key for s in pairs], keys, at.config.transitions)
+        if key in at.done(CONTEXTS) or not at.done(SIGNATURES.name).issuperset(keys):
+            return []
+        spec = {"files": [candidates_file(s.key) for s in pairs], "transitions": asdict(at.config.transitions)}
+        return [Shard(CONTEXTS, key, dataset, dataset, spec, sum(p.clips for p in parts))]
+
+    def due(self, at: LakeReader) -> int:
+        """Shards due in the datasets whose transitions were ever asked for; contexts only where no pair is."""
+        asked = {r["dataset"] for r in fetch(at.con, "shards", {"stage": NAME})}
+        return sum(len(self.plan_dataset(at, name)) for name in parts_of(at.con) if name in asked)
+
+    def lacking(self, at: LakeReader) -> str | None:
+        return "motifs" if MOTIF_MODEL.fitting(at) is None else None
+
+    def at_once(self, at: LakeReader) -> bool:
+        return False
+
+    def run(self, root: Path, shard: Shard, /) -> ShardResult:
+        """The nearest transitions between the clips of two frames parts; contexts need no worker."""
+        if shard.stage == CONTEXTS:
+            return ShardResult(shard, 0, 0, (), 0.0)
+        return _compare(root, shard)
+
+    def load(self, con: Connection, root: Path, results: Sequence[ShardResult], /) -> None:
+        """Replace the transitions of the datasets whose contexts are in the results; candidates stay in their parts."""
+        for result in results:
+            if result.shard.stage == CONTEXTS:
+                _load_contexts(con, root, result.shard)
 
 
-def _done(con: Connection, stage: str) -> set[str]:
-    return {r["key"] for r in fetch(con, "shards", {"stage": stage}) if r["state"] == "ok"}
+TRANSITIONS: Final = Transitions()
 
 
 def candidates_file(key: str) -> str:
@@ -123,8 +159,7 @@ class _Group:
     windows: Windowed
 
 
-def run(lake_root: Path, shard: Shard) -> ShardResult:
-    """The nearest transitions between the clips of two frames parts."""
+def _compare(lake_root: Path, shard: Shard) -> ShardResult:
     started = time.perf_counter()
     lake = Lake(lake_root)
     config = TransitionsConfig(**shard.spec["transitions"])
@@ -187,25 +222,13 @@ def _end(group: _Group, rows: NDArray[np.int64], rate: float) -> list[pa.Array]:
     return [names, pa.array(native), pa.array(group.windows.word[rows].astype(np.int32))]
 
 
-def load(_con: Connection, _root: Path, _results: Sequence[ShardResult]) -> None:
-    """Candidates stay in their parts until the contexts of all are compared."""
-
-
-def run_contexts(_lake_root: Path, shard: Shard) -> ShardResult:
-    """Nothing is left for a worker to do: what it takes is in the catalog."""
-    return ShardResult(shard, 0, 0, (), 0.0)
-
-
-def load_contexts(con: Connection, root: Path, results: Sequence[ShardResult]) -> None:
-    """Replace the transitions of the datasets in the results."""
-    for result in results:
-        spec, dataset = result.shard.spec, result.shard.dataset
-        config = TransitionsConfig(**spec["transitions"])
-        parameters = {"files": [str(root / f) for f in spec["files"]], "per_word": config.per_word}
-        found = fetch_table(con, "transition_candidates", parameters)
-        distances = contexts(found, read_corpus(con, dataset), config.context)
-        rows = found.append_column("context_distance", pa.array(distances, pa.float64()))
-        load_rows(con, "load_transitions", rows, {"dataset": dataset})
+def _load_contexts(con: Connection, root: Path, shard: Shard) -> None:
+    config = TransitionsConfig(**shard.spec["transitions"])
+    parameters = {"files": [str(root / f) for f in shard.spec["files"]], "per_word": config.per_word}
+    found = fetch_table(con, "transition_candidates", parameters)
+    distances = contexts(found, read_corpus(con, shard.dataset), config.context)
+    rows = found.append_column("context_distance", pa.array(distances, pa.float64()))
+    load_rows(con, "load_transitions", rows, {"dataset": shard.dataset})
 
 
 def contexts(found: pa.Table, corpus: Corpus, context: int) -> NDArray[np.float64]:
@@ -217,12 +240,3 @@ def contexts(found: pa.Table, corpus: Corpus, context: int) -> NDArray[np.float6
 
     words: list[NDArray[np.integer[Any]]] = [corpus.motifs[corpus.words_of(i)] for i in range(len(corpus.clips))]
     return context_distances(words, (end("from"), end("to")), corpus.idf, corpus.ground, context)
-
-
-def pending(con: Connection, lake: Lake, config: LakeConfig) -> int:
-    """How many shards are due in the datasets whose transitions were ever asked for.
-
-    Where pairs are due, the contexts that hang on them are not counted.
-    """
-    asked = sorted({r["dataset"] for r in fetch(con, "shards", {"stage": NAME})})
-    return sum(len(plan(con, config, name)) + len(plan_contexts(con, lake, config, name)) for name in asked)

@@ -2,75 +2,71 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 from motionlake.deep_motifs.words.windows import native_range, windows
 from motionlake.lake import frames
-from motionlake.lake.catalog import Connection, run_sql
+from motionlake.lake.catalog import Connection
+from motionlake.lake.config import config_hash
 from motionlake.lake.layout import Lake
-from motionlake.lake.parts import PartWriter, check_part, replacing, write_part
+from motionlake.lake.parts import write_part
 from motionlake.motion.features import WordConfig, word_features
-from motionlake.stages.derived import PART_KEYS, Part, clips_of, derive, due, frames_parts
-from motionlake.stages.shard import Shard, ShardResult
+from motionlake.stages.reader import LakeReader
+from motionlake.stages.shard import Shard
+from motionlake.stages.stage import PART_KEYS, STAGING, Part, PartStage, clips_of, frames_parts
 from numpy.typing import NDArray
 
-NAME = "words"
-VERSION = 1
 WORD_ROWS = pa.schema(
     [("clip", pa.string()), ("word", pa.int32()), ("start", pa.int64()), ("stop", pa.int64()), ("part", pa.string())]
 )
 
 
-def keyed(con: Connection, config: WordConfig) -> list[Part]:
-    """Every live part with the key its words must have."""
-    return derive(frames_parts(con), NAME, VERSION, config)
+class Words(PartStage):
+    """Features of frames, and the ranges of words."""
 
+    name = "words"
+    about = "frames to the features and ranges of motion words"
+    tables = ("words",)
+    folder = "features"
+    statement = "load_words"
 
-def plan(con: Connection, config: WordConfig) -> list[Shard]:
-    def spec(part: Part) -> dict[str, Any]:
-        return {"config": asdict(config), "clips": clips_of(con, part.part)}
+    def shaping(self, at: LakeReader) -> Sequence[Any]:
+        return (at.config.words,)
 
-    return due(con, NAME, "frames", keyed(con, config), spec)
+    def spec(self, at: LakeReader, part: Part) -> Mapping[str, Any]:
+        return {"config": asdict(at.config.words), "clips": clips_of(at.con, part.part)}
 
-
-def features_file(key: str) -> str:
-    return f"features/{key[:16]}.parquet"
-
-
-def rows_file(key: str) -> str:
-    return f"staging/words-{key[:16]}.parquet"
-
-
-def run(lake_root: Path, shard: Shard) -> ShardResult:
-    """Features and word ranges of every clip of one frames part."""
-    started = time.perf_counter()
-    lake = Lake(lake_root)
-    config = WordConfig(**shard.spec["config"])
-    file, staged = features_file(shard.key), rows_file(shard.key)
-    ranges: list[pa.Table] = []
-    source = lake.path(lake.frames_part(shard.dataset, shard.part))
-    with replacing(lake.path(file)) as temporary:
-        writer: PartWriter | None = None
+    def rows(self, lake: Lake, shard: Shard) -> Iterator[pa.Table]:
+        config = WordConfig(**shard.spec["config"])
+        source = lake.path(lake.frames_part(shard.dataset, shard.part))
+        ranges: list[pa.Table] = []
         for clip in frames.read_part(source, shard.spec["clips"]):
             features = word_features(clip.positions.astype(float), clip.rotations.astype(float), clip.fps, config)
             ranges.append(_ranges(clip.clip, shard.part, len(features), clip.fps, len(clip.positions), config))
-            table = features_table(clip.clip, shard, features)
-            writer = writer or PartWriter(temporary, table.schema, {"key": shard.key})
-            writer.append(table)
-        if writer is None:
-            raise ValueError(f"part {shard.part} holds no clip of the lake")
-        writer.close()
-    words = pa.concat_tables(ranges)
-    write_part(lake.path(staged), words, {})
-    size = check_part(lake.path(file), writer.rows)
-    return ShardResult(shard, words.num_rows, size, (file,), time.perf_counter() - started)
+            yield features_table(clip.clip, shard, features)
+        if ranges:
+            write_part(lake.path(self.entered(shard.key)), pa.concat_tables(ranges), {})
+
+    def count(self, table: pa.Table, shard: Shard) -> int:
+        return len(windows(table.num_rows, WordConfig(**shard.spec["config"])))
+
+    def entered(self, key: str) -> str:
+        return f"{STAGING}/{self.name}-{key[:16]}.parquet"
+
+
+WORDS: Final = Words()
+
+
+def features_files(con: Connection, config: WordConfig) -> dict[str, str]:
+    """Of every live frames part the part of its features, relative to the lake, whether it is there yet or not."""
+    keys = {p.part: config_hash(WORDS.name, WORDS.version, p.key, config) for p in frames_parts(con)}
+    return {part: WORDS.file(key) for part, key in keys.items()}
 
 
 def _ranges(clip: str, part: str, count: int, fps: float, n_frames: int, config: WordConfig) -> pa.Table:
@@ -98,12 +94,3 @@ def read_features(path: Path) -> Iterator[tuple[str, NDArray[np.float32]]]:
     for clip, stop in frames.runs_of(table.column("clip")):
         yield clip, matrix[start:stop]
         start = stop
-
-
-def load(con: Connection, root: Path, results: Sequence[ShardResult]) -> None:
-    """Replace the words of the parts in the results."""
-    parameters: dict[str, Any] = {
-        "parts": [r.shard.part for r in results],
-        "files": [str(root / rows_file(r.shard.key)) for r in results],
-    }
-    run_sql(con, "load_words", parameters)

@@ -69,3 +69,9 @@ SELECT clip, dataset, part, fps, frames, label, subject
 FROM clips
 WHERE (dataset = $dataset::VARCHAR OR $dataset IS NULL AND format <> 'synthetic') AND ($split::VARCHAR IS NULL OR split = $split)
 ORDER BY clip;
+
+-- name: forget_orphans_of_layouts
+DELETE FROM layouts WHERE layout NOT IN (SELECT layout FROM clips);
+
+-- name: forget_orphans_of_skeletons
+DELETE FROM skeletons WHERE skeleton NOT IN (SELECT skeleton FROM clips);

@@ -30,3 +30,9 @@ ORDER BY rank;
 SELECT d.clip, c.label, c.dataset, c.seconds, c.format = 'synthetic' AS synthetic, d.descriptor
 FROM descriptors d JOIN clips c USING (clip)
 ORDER BY clip;
+
+-- name: forget_orphans_of_descriptors
+DELETE FROM descriptors WHERE NOT EXISTS (FROM clips c WHERE c.clip = descriptors.clip AND c.part = descriptors.part);
+
+-- name: forget_orphans_of_submotions
+DELETE FROM submotions WHERE NOT EXISTS (FROM clips c WHERE c.clip = submotions.clip AND c.part = submotions.part);

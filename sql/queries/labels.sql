@@ -93,3 +93,6 @@ WHERE clip IN (SELECT clip FROM signatures)
     AND (($datasets::VARCHAR[] IS NULL AND $clips::VARCHAR[] IS NULL AND c.format <> 'synthetic')
         OR list_contains($datasets::VARCHAR[], dataset) OR list_contains($clips::VARCHAR[], clip))
 ORDER BY ALL;
+
+-- name: forget_orphans_of_segments
+DELETE FROM segments WHERE clip NOT IN (SELECT clip FROM clips);

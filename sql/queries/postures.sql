@@ -31,3 +31,7 @@ SELECT share FROM postures ORDER BY symbol;
 SELECT s.clip, c.dataset, c.label, c.fps, c.frames, c.format = 'synthetic' AS synthetic, s.symbols, s.starts
 FROM symbol_strings s JOIN clips c USING (clip)
 ORDER BY clip;
+
+-- name: forget_orphans_of_symbol_strings
+DELETE FROM symbol_strings
+WHERE NOT EXISTS (FROM clips c WHERE c.clip = symbol_strings.clip AND c.part = symbol_strings.part);

@@ -110,3 +110,9 @@ FROM clips_like($signature, $k, within := $dataset, real := $real);
 
 -- name: search_signature_or_mirrored
 FROM clips_like_either($signature, $mirrored, $k, within := $dataset, real := $real);
+
+-- name: forget_orphans_of_signatures
+DELETE FROM signatures WHERE clip NOT IN (SELECT clip FROM words w SEMI JOIN clips c ON c.clip = w.clip AND c.part = w.part);
+
+-- name: forget_orphans_of_mirrored_signatures
+DELETE FROM mirrored_signatures WHERE clip NOT IN (SELECT clip FROM words w SEMI JOIN clips c ON c.clip = w.clip AND c.part = w.part);

@@ -53,3 +53,6 @@ SELECT s.clip, s.key FROM synthetic s JOIN clips c USING (clip) WHERE c.dataset 
 
 -- name: synthetic_paths
 SELECT dataset, path FROM clips WHERE dataset = $dataset AND format = 'synthetic' ORDER BY path;
+
+-- name: forget_orphans_of_synthetic
+DELETE FROM synthetic WHERE clip NOT IN (SELECT clip FROM clips WHERE format = 'synthetic');

@@ -36,3 +36,8 @@ ORDER BY t.from_clip, t.from_frame, t.to_clip, t.to_frame;
 SELECT clip, dataset, label, licence, fps, frames, layout, skeleton, up, metres_per_unit FROM clips
 WHERE dataset = $dataset AND clip IN (SELECT clip FROM signatures)
 ORDER BY clip;
+
+-- name: forget_orphans_of_transitions
+DELETE FROM transitions
+WHERE from_clip NOT IN (SELECT clip FROM words w SEMI JOIN clips c ON c.clip = w.clip AND c.part = w.part)
+    OR to_clip NOT IN (SELECT clip FROM words w SEMI JOIN clips c ON c.clip = w.clip AND c.part = w.part);

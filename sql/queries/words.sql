@@ -30,3 +30,9 @@ JOIN embeddings e USING (clip, word)
 WHERE w.motif IN (SELECT unnest($motifs::INTEGER[]))
 QUALIFY row_number() OVER (PARTITION BY w.motif, w.clip ORDER BY list_distance(e.embedding, m.centroid), w.word) = 1
 ORDER BY w.motif, list_distance(e.embedding, m.centroid), w.clip;
+
+-- name: forget_orphans_of_words
+DELETE FROM words WHERE NOT EXISTS (FROM clips c WHERE c.clip = words.clip AND c.part = words.part);
+
+-- name: forget_orphans_of_word_motifs
+DELETE FROM word_motifs WHERE NOT EXISTS (FROM clips c WHERE c.clip = word_motifs.clip AND c.part = word_motifs.part);

@@ -127,9 +127,9 @@ def mirrored_motifs(con: Connection, lake: Lake, corpus: Corpus, clips: Iterable
     wanted = {corpus.clips[clip].clip: clip for clip in clips}
     parts = {row["part"] for row in fetch(con, "words_per_clip") if row["clip"] in wanted}
     found = {}
-    for part in words.keyed(con, models.config.words):
-        if part.part in parts:
-            for name, features in words.read_features(lake.path(words.features_file(part.key))):
+    for part, file in words.features_files(con, models.config.words).items():
+        if part in parts:
+            for name, features in words.read_features(lake.path(file)):
                 if name in wanted:
                     found[wanted[name]] = models.mirrored_motifs_of(features)
     return found

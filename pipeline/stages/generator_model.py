@@ -1,22 +1,25 @@
-"""Training a generator of motion on the clips of known class of a lake, all or those of a dataset or of a split."""
+"""The generator of motion (GloGen and LocGen), trained on the clips of known class of a lake or taken pretrained."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
 
-from motionlake.arrays import Progress
 from motionlake.errors import UserError
-from motionlake.glogen.config import SynthesisConfig
-from motionlake.glogen.generator import TrainingMotion
-from motionlake.glogen.generator_training import train_generator
+from motionlake.glogen.config import PRETRAINED_GENERATOR, SynthesisConfig
 from motionlake.lake.catalog import Connection, fetch
+from motionlake.lake.config import LakeConfig
 from motionlake.lake.layout import Lake
 from motionlake.lake.models import checkpoint_file, save_model
 from motionlake.stages.frames import clips_key
-from motionlake.stages.synthesis import long_enough
+from motionlake.stages.model_kind import ModelKind, Selection, Steps
+from motionlake.stages.reader import LakeReader
 from motionlake.stages.training_clips import chosen_clips, drawn_clips, frames_of_clips
+
+if TYPE_CHECKING:
+    from motionlake.glogen.generator import TrainingMotion
 
 # Of more frames than these, motions are drawn at random: a GiB of positions.
 MOST_FRAMES = 2_000_000
@@ -80,6 +83,8 @@ def _name(row: Mapping[str, Any]) -> str:
 
 
 def _motions(lake: Lake, rows: Sequence[Mapping[str, Any]]) -> list[TrainingMotion]:
+    from motionlake.glogen.generator import TrainingMotion
+
     wanted: dict[str, list[int]] = {}
     for index, row in enumerate(rows):
         wanted.setdefault(row["clip"], []).append(index)
@@ -92,21 +97,58 @@ def _motions(lake: Lake, rows: Sequence[Mapping[str, Any]]) -> list[TrainingMoti
     return [found[index] for index in range(len(rows))]
 
 
-def train(
-    lake: Lake, material: MotionSet, config: SynthesisConfig, file: str, progress: Progress | None = None
-) -> dict[str, Any]:
-    """Train a generator, save it as `file`; returns its figures.
+def classed_motions(con: Connection, split: str | None = None, label: str | None = None) -> list[dict[str, Any]]:
+    """Recorded motion of known class: of a split, of a class; of any where these are None."""
+    return fetch(con, "classed_motions", {"dataset": None, "split": split, "label": label})
 
-    A training that was interrupted goes on from its checkpoint in the lake.
 
-    Raises:
-        UserError: the motions are too few or too short.
-    """
-    checkpoint = checkpoint_file(lake, "synthesis")
-    try:
-        trained = train_generator(material.motions, config, checkpoint=checkpoint, progress=progress)
-    except ValueError as error:
-        raise UserError(f"{lake.root}: no generator can be trained: {error}") from error
-    figures = {**material.figures, **trained.figures, "class_names": sorted(trained.classes)}
-    save_model(lake, file, replace(trained, figures=figures).save)
-    return figures
+def long_enough(row: Mapping[str, Any]) -> bool:
+    """Whether frames [start, stop) of a clip are enough to start from, and to learn from."""
+    from motionlake.glogen.trajectories import FPS
+    from motionlake.glogen.wishes import SHORTEST
+
+    return bool(round((row["stop"] - row["start"] - 1) / row["fps"] * FPS) + 1 >= SHORTEST)
+
+
+class GeneratorModel(ModelKind[MotionSet]):
+    """What makes motion of known classes."""
+
+    name = "synthesis"
+    version = 4
+    table = "synthesis"
+    title = "generator"
+    command = "synthesis"
+    use = "makes motion"
+    pretrained = PRETRAINED_GENERATOR
+    kept = ("clips", "class_names", "datasets", "licences", "filled", "split", "dataset")
+
+    def takes_pretrained(self, at: LakeReader) -> bool:
+        if not self.fits(at.config):
+            return False
+        return at.config.synthesis.weights == "shipped" or not classed_motions(at.con)
+
+    def announce(self, at: LakeReader) -> str:
+        return f"will train a generator of motion ({at.config.synthesis.recipe})"
+
+    def data(self, at: LakeReader, where: Selection) -> MotionSet | None:
+        return motion_set(at.con, at.lake, at.config.synthesis, where.split, where.dataset)
+
+    def train(self, lake: Lake, config: LakeConfig, data: MotionSet, file: str, progress: Steps) -> Mapping[str, Any]:
+        from motionlake.glogen.generator_training import train_generator
+
+        checkpoint = checkpoint_file(lake, "synthesis")
+        try:
+            trained = train_generator(data.motions, config.synthesis, checkpoint=checkpoint, progress=progress)
+        except ValueError as error:
+            raise UserError(f"{lake.root}: no generator can be trained: {error}") from error
+        figures = {**data.figures, **trained.figures, "class_names": sorted(trained.classes)}
+        save_model(lake, file, replace(trained, figures=figures).save)
+        return figures
+
+    def metrics_of(self, weights: Path) -> Mapping[str, Any]:
+        from motionlake.glogen.generator import load_generator
+
+        return load_generator(weights).figures
+
+
+GENERATOR: Final = GeneratorModel()

@@ -1,23 +1,29 @@
-"""Training a descriptor network on clips of a lake, all or those of a dataset or of a split."""
+"""The descriptor network (DeepHuMS, section 3.2), trained on clips of a lake or taken pretrained."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from motionlake.arrays import Float32Array, Progress
-from motionlake.deephums.config import DescriptorsConfig
-from motionlake.deephums.sequence import FPS
-from motionlake.deephums.training import TrainingClip, train_descriptor
+from motionlake.arrays import Float32Array
+from motionlake.deephums.config import PRETRAINED_DESCRIPTORS, DescriptorsConfig
+from motionlake.deephums.sequence import FPS, clip_sequence
 from motionlake.errors import UserError
+from motionlake.lake import frames
 from motionlake.lake.catalog import Connection
+from motionlake.lake.config import LakeConfig
 from motionlake.lake.layout import Lake
 from motionlake.lake.models import checkpoint_file, save_model
-from motionlake.stages.descriptors import sequence_of
 from motionlake.stages.frames import clips_key
+from motionlake.stages.model_kind import ModelKind, Selection, Steps
+from motionlake.stages.reader import LakeReader
 from motionlake.stages.training_clips import chosen_clips, drawn_clips, frames_of_clips
+
+if TYPE_CHECKING:
+    from motionlake.deephums.training import TrainingClip
 
 # Of more than these, clips are drawn at random.
 MOST_FRAMES = 10_000_000  # at 30 a second: 93 hours
@@ -47,6 +53,8 @@ def training_set(
     Raises:
         UserError: there is no such dataset or split, or labels are asked for and no clip has any.
     """
+    from motionlake.deephums.training import TrainingClip
+
     rows = chosen_clips(con, lake, split, dataset)
     if not rows:
         return None
@@ -57,7 +65,7 @@ def training_set(
         )
     labelled = config.supervision != "none" and any(row["label"] for row in rows)
     drawn = _drawn(rows, config.seed, len(rows) if labelled else MOST_UNLABELLED)
-    sequences = _sequences(lake, drawn)
+    sequences = {clip.clip: sequence_of(clip) for clip in frames_of_clips(lake, drawn)}
     figures = {
         "split": split,
         "dataset": dataset,
@@ -72,25 +80,44 @@ def _drawn(rows: list[dict[str, Any]], seed: int, most: int) -> list[dict[str, A
     return drawn_clips(rows, lengths, seed, MOST_FRAMES, most)
 
 
-def _sequences(lake: Lake, rows: Sequence[Mapping[str, Any]]) -> dict[str, Float32Array]:
-    return {clip.clip: sequence_of(clip) for clip in frames_of_clips(lake, rows)}
+def sequence_of(clip: frames.Frames) -> Float32Array:
+    """[T, J, 3] a clip of the lake as the network reads it."""
+    return clip_sequence(clip.positions.astype(float), clip.fps)
 
 
-def train(
-    lake: Lake, material: TrainingSet, config: DescriptorsConfig, file: str, progress: Progress | None = None
-) -> dict[str, Any]:
-    """Train a network, save it as `file`; returns its figures.
+class DescriptorNetwork(ModelKind[TrainingSet]):
+    """What turns a clip into a vector."""
 
-    A training that was interrupted goes on from its checkpoint in the lake.
+    name = "descriptors"
+    table = "descriptors"
+    title = "descriptor network"
+    command = "descriptor"
+    use = "describes the clips"
+    pretrained = PRETRAINED_DESCRIPTORS
+    kept = ("clips", "classes", "supervision")
 
-    Raises:
-        UserError: the clips are too few, or labels are asked for and too few clips have one.
-    """
-    checkpoint = checkpoint_file(lake, "descriptors")
-    try:
-        trained = train_descriptor(material.clips, config, checkpoint=checkpoint, progress=progress)
-    except ValueError as error:
-        raise UserError(f"{lake.root}: no descriptor network can be trained: {error}") from error
-    trained = replace(trained, figures={**material.figures, **trained.figures})
-    save_model(lake, file, trained.save)
-    return dict(trained.figures)
+    def announce(self, at: LakeReader) -> str:
+        return f"will train a descriptor network ({at.config.descriptors.recipe})"
+
+    def data(self, at: LakeReader, where: Selection) -> TrainingSet | None:
+        return training_set(at.con, at.lake, at.config.descriptors, where.split, where.dataset)
+
+    def train(self, lake: Lake, config: LakeConfig, data: TrainingSet, file: str, progress: Steps) -> Mapping[str, Any]:
+        from motionlake.deephums.training import train_descriptor
+
+        checkpoint = checkpoint_file(lake, "descriptors")
+        try:
+            trained = train_descriptor(data.clips, config.descriptors, checkpoint=checkpoint, progress=progress)
+        except ValueError as error:
+            raise UserError(f"{lake.root}: no descriptor network can be trained: {error}") from error
+        trained = replace(trained, figures={**data.figures, **trained.figures})
+        save_model(lake, file, trained.save)
+        return dict(trained.figures)
+
+    def metrics_of(self, weights: Path) -> Mapping[str, Any]:
+        from motionlake.deephums.trained import load_descriptor
+
+        return load_descriptor(weights).figures
+
+
+DESCRIPTOR_NETWORK: Final = DescriptorNetwork()

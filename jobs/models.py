@@ -1,0 +1,107 @@
+"""Getting a stage its model: the current one, else the pretrained one, else one trained on the lake."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+from motionlake.jobs.session import Session
+from motionlake.lake.catalog import reading, writing
+from motionlake.lake.config import LakeConfig
+from motionlake.lake.models import Model, add_model, current_model, next_file
+from motionlake.stages.frames import content_key
+from motionlake.stages.model_kind import ModelKind, Selection
+from motionlake.stages.reader import lake_reader
+
+Kind = ModelKind[Any]
+
+
+def obtain(session: Session, kind: Kind, *, stage: str, refit: bool = False) -> Model | None:
+    """The current model if it fits the configuration, else the pretrained one where the lake takes it, else one that is
+    trained. `refit` trains in any case. None where there is nothing to train on."""
+    with lake_reader(session.lake, session.config) as at:
+        model = None if refit else kind.fitting(at)
+        pretrained = model is None and not refit and kind.takes_pretrained(at)
+    if not pretrained:
+        return model or train(session, kind, stage=stage)
+    session.notice(
+        f"{stage}: takes the pretrained {kind.title}; `motionlake train {kind.command}` trains one on this lake"
+    )
+    return take(session, kind)
+
+
+def take(session: Session, kind: Kind, weights: Path | None = None) -> Model:
+    """Make pretrained weights (default: those of the package) the lake's current model of a kind.
+
+    Raises:
+        ValueError: they do not fit the configuration.
+    """
+    file = weights or (kind.pretrained.file if kind.pretrained else None)
+    assert file is not None, f"there is no pretrained {kind.title}"
+    config = session.config
+    return _make(
+        session, kind, config, lambda name: {"data_sha256": ""} | dict(kind.take(session.lake, config, file, name))
+    )
+
+
+def train(
+    session: Session,
+    kind: Kind,
+    where: Selection | None = None,
+    *,
+    stage: str,
+    config: LakeConfig | None = None,
+) -> Model | None:
+    """Train a model on the lake and make it current; None where there is nothing to train on.
+
+    Args:
+        session: of the lake.
+        kind: of model.
+        where: which clips; None: all.
+        stage: that needs it, for people.
+        config: what to train for, where that is not what config.toml says; the model fits config.toml all the same.
+
+    Raises:
+        UserError: what was selected is not there, or is too little to train on.
+    """
+    where, config = where or Selection(), config or session.config
+    if where.fine_tune:
+        with lake_reader(session.lake, session.config) as at:
+            fresh = kind.fitting(at) is None and kind.fits(session.config)
+        if fresh:
+            take(session, kind)
+    with lake_reader(session.lake, config) as at:
+        data = kind.data(at, where)
+    if data is None:
+        session.notice(f"{stage}: there are no {kind.lacks}")
+        return None
+
+    def progress(step: int, steps: int, loss: float) -> None:
+        session.progress("train", step, steps)
+        session.notice(f"train: step {step} of {steps}, loss {loss:.4f}")
+
+    model = _make(session, kind, config, lambda file: kind.train(session.lake, config, data, file, progress))
+    for line in kind.hints(config, model.figures):
+        session.notice(f"{stage}: {line}")
+    return model
+
+
+def _make(session: Session, kind: Kind, config: LakeConfig, fit: Callable[[str], Mapping[str, Any]]) -> Model:
+    """Have a model written as a file of the lake, and make it the current version of its kind."""
+    started = time.perf_counter()
+    with lake_reader(session.lake, session.config) as at:
+        file = next_file(at.con, kind.name, kind.suffix)
+        key, whole = kind.key(at), content_key(at.con)
+    assert key is not None
+    figures = fit(file)
+    with writing(session.lake) as con:
+        add_model(
+            con, kind.name, key=key, data_hash=figures.get("data_sha256", whole), config=kind.settings(config),
+            figures=figures, file=file, seconds=time.perf_counter() - started,
+        )  # fmt: skip
+    with reading(session.lake) as con:
+        model = current_model(con, kind.name)
+    assert model is not None
+    return model

@@ -1,0 +1,97 @@
+"""Motifs (Deep Motifs, section 4.1): clusters of the embedded words of a lake, fitted once and frozen."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+from motionlake.arrays import Float32Array
+from motionlake.deep_motifs.motifs import Motifs, fit_motifs
+from motionlake.errors import UserError
+from motionlake.lake.config import LakeConfig, config_hash
+from motionlake.lake.layout import Lake
+from motionlake.lake.parts import write_part
+from motionlake.stages.embed import EMBED, read_embeddings
+from motionlake.stages.model_kind import ModelKind, Selection, Steps
+from motionlake.stages.reader import LakeReader
+from motionlake.stages.word_network import WORD_NETWORK
+
+SAMPLE = 200_000
+FILE_ROWS = pa.schema([("motif", pa.int32()), ("centroid", pa.list_(pa.float32())), ("strength", pa.float64())])
+
+
+class MotifModel(ModelKind[Float32Array]):
+    """The motifs of a lake, in the space of one word network."""
+
+    name = "motifs"
+    table = "motifs"
+    title = "motifs"
+    use = "assigns the words"
+    lacks = "embeddings yet; `motionlake run all` makes every stage"
+    suffix = ".parquet"
+
+    def key(self, at: LakeReader) -> str | None:
+        network = WORD_NETWORK.fitting(at)
+        if network is None:
+            return None
+        return config_hash(self.name, self.version, at.config.motifs, network.model, network.key)
+
+    def announce(self, at: LakeReader) -> str:
+        return f"will fit {at.config.motifs.k} motifs"
+
+    def data(self, at: LakeReader, where: Selection) -> Float32Array | None:
+        """[n, d] embedded words of the lake, a random sample where there are many."""
+        config = at.config.motifs
+        parts = EMBED.parts(at)
+        if parts is None:
+            return None
+        files = [at.lake.path(EMBED.file(p.key)) for p in parts if not p.synthetic]
+        vectors = _sample(files, config.seed) if files else np.zeros((0, 0), dtype=np.float32)
+        if len(vectors) < config.k:
+            raise UserError(
+                f"{at.lake.root}: holds {len(vectors)} words, too few for {config.k} motifs; "
+                f"take in more clips, or set k below [motifs] in {at.lake.config_file} to {len(vectors)} or less"
+            )
+        return vectors
+
+    def train(
+        self, lake: Lake, config: LakeConfig, data: Float32Array, file: str, progress: Steps
+    ) -> Mapping[str, Any]:
+        motifs = fit_motifs(data, config.motifs.k, config.motifs.seed)
+        centroids = [row.tolist() for row in motifs.centroids]
+        rows = pa.Table.from_arrays(
+            [
+                pa.array(np.arange(len(centroids), dtype=np.int32)),
+                pa.array(centroids, FILE_ROWS.field("centroid").type),
+                pa.array(motifs.strength, pa.float64()),
+            ],
+            schema=FILE_ROWS,
+        )
+        write_part(lake.path(file), rows, {})
+        return {"k": float(len(centroids)), "words": float(len(data))}
+
+
+MOTIF_MODEL: Final = MotifModel()
+
+
+def _sample(files: Sequence[Path], seed: int) -> Float32Array:
+    share = max(1, SAMPLE // len(files))
+    random = np.random.default_rng(seed)
+    chosen = []
+    for file in files:
+        vectors = read_embeddings(file)[1]
+        if len(vectors) > share:
+            vectors = vectors[np.sort(random.choice(len(vectors), share, replace=False))]
+        chosen.append(vectors)
+    return np.concatenate(chosen)
+
+
+def read_motifs(path: Path) -> Motifs:
+    """The motifs of a model file."""
+    table = pq.read_table(path)
+    centroids = np.array(table.column("centroid").to_pylist(), dtype=np.float32)
+    return Motifs(centroids, table.column("strength").to_numpy())

@@ -1,0 +1,109 @@
+"""The posture dictionary (PESTA, section 5.2), trained on the clips of a lake or taken pretrained."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from motionlake.arrays import Float32Array
+from motionlake.errors import UserError
+from motionlake.lake import frames
+from motionlake.lake.catalog import fetch
+from motionlake.lake.config import LakeConfig
+from motionlake.lake.layout import Lake
+from motionlake.lake.models import checkpoint_file, save_model
+from motionlake.motion.features import word_features
+from motionlake.pesta import config as postures_config
+from motionlake.pesta.posture_network import training_seconds
+from motionlake.stages.model_kind import ModelKind, Selection, Steps
+from motionlake.stages.reader import LakeReader
+from safetensors import safe_open
+
+MOST_CLIPS = 2_000
+
+
+class PostureDictionaryKind(ModelKind[list[Float32Array]]):
+    """What turns a posture into a symbol. Once trained it is frozen: new clips are coded with it (section 8.5.1)."""
+
+    name = "postures"
+    table = "postures"
+    title = "dictionary"
+    command = "postures"
+    use = "codes the frames"
+    pretrained = postures_config.PRETRAINED_POSTURES
+    kept = ("clips", "postures", "occupied", "perplexity")
+
+    def takes_pretrained(self, at: LakeReader) -> bool:
+        wanted = at.config.postures
+        if not self.fits(at.config):
+            return False
+        return wanted.weights == "shipped" or _count(at) < postures_config.ENOUGH * wanted.m
+
+    def announce(self, at: LakeReader) -> str:
+        config = at.config.postures
+        minutes = training_seconds(config, _count(at)) / 60
+        return f"will train a dictionary of {config.m} symbols ({config.dictionary}), about {minutes:.1f} minutes"
+
+    def data(self, at: LakeReader, where: Selection) -> list[Float32Array] | None:
+        """[T, D] postures of clips drawn at random, the same share of each, up to `max_postures`; in order of the
+        clips."""
+        rows, config = fetch(at.con, "clip_lengths"), at.config.postures
+        random = np.random.default_rng(config.seed)
+        chosen = sorted(random.permutation(len(rows))[:MOST_CLIPS].tolist())
+        clips = {rows[i]["clip"]: rows[i] for i in chosen}
+        seconds = sum(row["frames"] / row["fps"] for row in clips.values())
+        share = min(1.0, config.max_postures / max(1.0, seconds * config.fps))
+        found: dict[str, Float32Array] = {}
+        for dataset, part in sorted({(row["dataset"], row["part"]) for row in clips.values()}):
+            path = at.lake.path(at.lake.frames_part(dataset, part))
+            for clip in frames.read_clips(path, [name for name, row in clips.items() if row["part"] == part]):
+                positions, rotations = clip.positions.astype(float), clip.rotations.astype(float)
+                found[clip.clip] = word_features(positions, rotations, clip.fps, config.frames)
+        return [_some(found[name], share, random) for name in clips] or None
+
+    def train(
+        self, lake: Lake, config: LakeConfig, data: list[Float32Array], file: str, progress: Steps
+    ) -> Mapping[str, Any]:
+        from motionlake.pesta.posture_training import fit_dictionary
+
+        count = sum(map(len, data))
+        try:
+            checkpoint = checkpoint_file(lake, "postures")
+            dictionary = fit_dictionary(data, config.postures, checkpoint=checkpoint, progress=progress)
+        except ValueError as error:
+            raise UserError(
+                f"{lake.root}: holds {count} postures to train on: {error}; take in more clips, or set m below "
+                f"[postures] in {lake.config_file} to {count // 2} or less"
+            ) from error
+        save_model(lake, file, dictionary.save)
+        return dict(dictionary.figures)
+
+    def metrics_of(self, weights: Path) -> Mapping[str, Any]:
+        from motionlake.pesta.dictionary import METADATA_KEY
+
+        with safe_open(weights, framework="numpy") as tensors:
+            found: dict[str, Any] = json.loads(tensors.metadata()[METADATA_KEY])["figures"]
+        return found
+
+    def hints(self, config: LakeConfig, metrics: Mapping[str, Any]) -> list[str]:
+        occupied, m = metrics["occupied"], config.postures.m
+        if 2 * occupied >= m:
+            return []
+        return [f"only {occupied} of {m} symbols are used; a smaller m, or another seed, may serve better"]
+
+
+POSTURE_DICTIONARY: Final = PostureDictionaryKind()
+
+
+def _count(at: LakeReader) -> float:
+    """About how many postures the lake holds."""
+    seconds = sum(row["frames"] / row["fps"] for row in fetch(at.con, "clip_lengths"))
+    return float(at.config.postures.fps * seconds)
+
+
+def _some(features: Float32Array, share: float, random: np.random.Generator) -> Float32Array:
+    count = int(np.ceil(share * len(features)))
+    return features[np.sort(random.choice(len(features), count, replace=False))]

@@ -1,0 +1,54 @@
+"""A lake as stages and models plan on it: what it holds, where its files lie, and what its config.toml asks for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import Any, TypeVar
+
+from motionlake.lake.catalog import Connection, fetch, reading
+from motionlake.lake.config import LakeConfig
+from motionlake.lake.layout import Lake
+from motionlake.lake.models import file_hash
+
+Value = TypeVar("Value")
+
+
+@dataclass(frozen=True)
+class LakeReader:
+    """A lake, open for reading.
+
+    Attributes:
+        con: to its catalog.
+        lake: its folder.
+        config: what its models and stages are to be made by.
+    """
+
+    con: Connection
+    lake: Lake
+    config: LakeConfig
+    _found: dict[tuple[str, str], Any] = field(default_factory=dict)
+
+    def once(self, what: str, of: str, find: Callable[[], Value]) -> Value:
+        """What `find` gives, found once: the catalog does not change while it is open."""
+        if (what, of) not in self._found:
+            self._found[what, of] = find()
+        found: Value = self._found[what, of]
+        return found
+
+    def done(self, stage: str) -> set[str]:
+        """Keys of the shards of a stage that ended well."""
+        rows = self.once("shards", stage, lambda: fetch(self.con, "shards", {"stage": stage}))
+        return {r["key"] for r in rows if r["state"] == "ok"}
+
+    def file_hash(self, file: str) -> str:
+        """sha256 of a file of the lake."""
+        return self.once("sha256", file, lambda: file_hash(self.lake.path(file)))
+
+
+@contextmanager
+def lake_reader(lake: Lake, config: LakeConfig) -> Iterator[LakeReader]:
+    """Open a lake to plan on it."""
+    with reading(lake) as con:
+        yield LakeReader(con, lake, config)

@@ -1,0 +1,225 @@
+"""What every stage has, and the base of stages that follow the frames part by part.
+
+A stage plans shards, runs each of them in a worker, and loads what came of them into the catalog. The key of a shard
+covers stage, version, configuration and input; what is not recorded under its key is due.
+"""
+
+from __future__ import annotations
+
+import time
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, ClassVar, Protocol
+
+import pyarrow as pa
+from motionlake.lake.catalog import Connection, fetch, run_sql
+from motionlake.lake.config import config_hash
+from motionlake.lake.layout import Lake
+from motionlake.lake.parts import PartWriter, check_part, replacing
+from motionlake.stages.model_kind import ModelKind
+from motionlake.stages.reader import LakeReader
+from motionlake.stages.shard import Shard, ShardResult
+
+PART_KEYS = [("clip", pa.string()), ("part", pa.string()), ("key", pa.string())]
+STAGING = "staging"  # parts that are of no use once they are loaded
+
+
+class Stage(Protocol):
+    """One stage; `motionlake.stages.registry` lists them all.
+
+    Attributes:
+        name: of its shards; keys cover it.
+        version: of its results; keys cover it.
+        upstream: the stages whose results it reads.
+        about: what it does, for people.
+        model: kind of model that it needs, and that is made for it; None: none.
+        tables: of the catalog that it fills.
+        folders: of the lake that it writes to.
+        by_name: made when it is asked for by name, not by `run all`.
+    """
+
+    @property
+    def name(self) -> str: ...
+    @property
+    def version(self) -> int: ...
+    @property
+    def upstream(self) -> tuple[str, ...]: ...
+    @property
+    def about(self) -> str: ...
+    @property
+    def model(self) -> ModelKind[Any] | None: ...
+    @property
+    def tables(self) -> tuple[str, ...]: ...
+    @property
+    def folders(self) -> tuple[str, ...]: ...
+    @property
+    def by_name(self) -> bool: ...
+
+    def plan(self, at: LakeReader) -> list[Shard]:
+        """Shards for what is due and whose input is there."""
+
+    def due(self, at: LakeReader) -> int:
+        """How many parts it still lacks, whether their input is there or not."""
+
+    def lacking(self, at: LakeReader) -> str | None:
+        """What must be made before it can plan, for people; None where nothing is missing."""
+
+    def at_once(self, at: LakeReader) -> bool:
+        """Whether all shards must be loaded in one transaction, because they are of use only together."""
+
+    def run(self, root: Path, shard: Shard, /) -> ShardResult:
+        """Make one shard of the lake in the folder `root`; it writes files and changes no catalog."""
+
+    def load(self, con: Connection, root: Path, results: Sequence[ShardResult], /) -> None:
+        """Enter finished shards into the catalog, within the caller's transaction."""
+
+
+@dataclass(frozen=True)
+class Part:
+    """One live frames part and the key that a stage's result for it must have.
+
+    Attributes:
+        upstream: key of what the stage reads.
+        key: key of what the stage makes.
+        synthetic: its clips were made by a generator; models are not fitted to them.
+    """
+
+    part: str
+    dataset: str
+    clips: int
+    upstream: str
+    key: str
+    synthetic: bool = False
+
+
+def frames_parts(con: Connection) -> list[Part]:
+    """Every frames part that holds a clip of the lake."""
+    rows = fetch(con, "frames_parts")
+    return [Part(r["part"], r["dataset"], r["clips"], "", r["key"], r["synthetic"]) for r in rows]
+
+
+def clips_of(con: Connection, part: str) -> list[str]:
+    """The clips of the lake in a frames part; the part may hold more that left since it was written."""
+    return [r["clip"] for r in fetch(con, "part_clips", {"part": part})]
+
+
+class PartStage(ABC):
+    """A stage derived part by part from the frames: one shard a frames part, one Parquet part of its own a shard.
+
+    Attributes:
+        source: the stage whose results it reads; None: the frames.
+        folder: of its parts.
+        schema: of their rows; None: as the first table has it.
+        statement: of SQL that loads staged parts, given `parts`, `files` and what the shards' specs hold of `model`;
+            "" where the manifest's row is all that is entered.
+    """
+
+    name: ClassVar[str]
+    version: ClassVar[int] = 1
+    about: ClassVar[str]
+    source: ClassVar[PartStage | None] = None
+    model: ClassVar[ModelKind[Any] | None] = None
+    tables: ClassVar[tuple[str, ...]] = ()
+    folder: ClassVar[str] = STAGING
+    schema: ClassVar[pa.Schema | None] = None
+    statement: ClassVar[str] = ""
+    by_name: ClassVar[bool] = False
+
+    @property
+    def upstream(self) -> tuple[str, ...]:
+        return ("frames",) if self.source is None else (self.source.name,)
+
+    @property
+    def folders(self) -> tuple[str, ...]:
+        return (self.folder,)
+
+    @abstractmethod
+    def shaping(self, at: LakeReader) -> Sequence[Any] | None:
+        """What keys cover beside stage, version and input; None where a model that it needs is not made yet."""
+
+    @abstractmethod
+    def spec(self, at: LakeReader, part: Part) -> Mapping[str, Any]:
+        """What the shard of a part needs, JSON-able."""
+
+    @abstractmethod
+    def rows(self, lake: Lake, shard: Shard) -> Iterator[pa.Table]:
+        """What the shard makes, a few clips at a time."""
+
+    def count(self, table: pa.Table, shard: Shard) -> int:
+        """Rows that a table counts for in `status`."""
+        return int(table.num_rows)
+
+    def parts(self, at: LakeReader) -> list[Part] | None:
+        """Every live part with the key its result must have; None where a model is not made yet."""
+        return at.once("parts", self.name, lambda: self._parts(at))
+
+    def _parts(self, at: LakeReader) -> list[Part] | None:
+        above = frames_parts(at.con) if self.source is None else self.source.parts(at)
+        shaping = None if above is None else self.shaping(at)
+        if above is None or shaping is None:
+            return None
+        keys = (config_hash(self.name, self.version, p.key, *shaping) for p in above)
+        return [replace(p, upstream=p.key, key=key) for p, key in zip(above, keys, strict=True)]
+
+    def plan(self, at: LakeReader) -> list[Shard]:
+        done = at.done(self.name)
+        ready = {r["key"] for r in fetch(at.con, "ready_keys", {"stage": self.upstream[0]})}
+        return [
+            Shard(self.name, p.key, p.part, p.dataset, self.spec(at, p), p.clips)
+            for p in self.parts(at) or []
+            if p.key not in done and p.upstream in ready
+        ]
+
+    def due(self, at: LakeReader) -> int:
+        parts, done = self.parts(at), at.done(self.name)
+        return len(frames_parts(at.con)) if parts is None else sum(p.key not in done for p in parts)
+
+    def lacking(self, at: LakeReader) -> str | None:
+        return f"what `run {self.upstream[0]}` makes" if self.parts(at) is None else None
+
+    def at_once(self, at: LakeReader) -> bool:
+        return False
+
+    def file(self, key: str) -> str:
+        """The part that a shard writes, relative to the lake."""
+        return (
+            f"{STAGING}/{self.name}-{key[:16]}.parquet"
+            if self.folder == STAGING
+            else f"{self.folder}/{key[:16]}.parquet"
+        )
+
+    def entered(self, key: str) -> str:
+        """The part whose rows enter the catalog."""
+        return self.file(key)
+
+    def files(self, at: LakeReader) -> dict[str, str]:
+        """Of every live frames part the part that the stage made of it, whether it is there yet or not."""
+        return at.once("files", self.name, lambda: {p.part: self.file(p.key) for p in self.parts(at) or []})
+
+    def run(self, root: Path, shard: Shard, /) -> ShardResult:
+        started = time.perf_counter()
+        lake, file = Lake(root), self.file(shard.key)
+        rows = 0
+        with replacing(lake.path(file)) as temporary:
+            writer: PartWriter | None = None
+            metadata = {} if self.folder == STAGING else {"key": shard.key}
+            if self.schema is not None:
+                writer = PartWriter(temporary, self.schema, metadata)
+            for table in self.rows(lake, shard):
+                writer = writer or PartWriter(temporary, table.schema, metadata)
+                writer.append(table)
+                rows += self.count(table, shard)
+            if writer is None:
+                raise ValueError(f"part {shard.part} holds no clip of the lake")
+            writer.close()
+        size = check_part(lake.path(file), writer.rows)
+        files = () if self.folder == STAGING else (file,)
+        return ShardResult(shard, rows, size, files, time.perf_counter() - started)
+
+    def load(self, con: Connection, root: Path, results: Sequence[ShardResult], /) -> None:
+        if self.statement:
+            files = [str(root / self.entered(r.shard.key)) for r in results]
+            parameters = {"parts": [r.shard.part for r in results], "files": files}
+            run_sql(con, self.statement, {"model": results[0].shard.spec.get("model"), **parameters})
