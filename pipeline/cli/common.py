@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
+from motionlake.errors import UserError
 
 if TYPE_CHECKING:
     from motionlake.lake.catalog import Connection
@@ -28,6 +29,12 @@ SETTINGS: Final[dict[str, Any]] = {
 }
 LakeOption = Annotated[
     Path, typer.Option("--lake", "-l", envvar="MOTIONLAKE_LAKE", help="Folder of the lake.", show_default=False)
+]
+# For commands on a lake alone, which name its folder as the argument or as elsewhere.
+FolderArgument = Annotated[Path | None, typer.Argument(help="Folder of the lake.", show_default=False)]
+FolderOption = Annotated[
+    Path | None,
+    typer.Option("--lake", "-l", envvar="MOTIONLAKE_LAKE", help="The same, as elsewhere.", show_default=False),
 ]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON, for machines.")]
 KOption = Annotated[int, typer.Option("-k", min=1, help="How many answers.")]
@@ -105,6 +112,18 @@ def frames_of(
 
             fps = fetch(con, "clip", {"clip": clip})[0]["fps"]
     return None if start is None else start.frame(fps), None if stop is None else stop.frame(fps)
+
+
+def named_folder(context: typer.Context, folder: Path | None, lake: Path | None) -> Path:
+    """The folder that a command names one way or the other. Raises `UserError` where it names none or two."""
+    if folder and lake and folder != lake and str(context.get_parameter_source("lake")).endswith("COMMANDLINE"):
+        raise UserError(f"{context.info_name}: {folder} and --lake {lake} are two folders; name one")
+    chosen = folder or lake
+    if chosen is None:
+        raise UserError(
+            f"{context.info_name}: name the folder of the lake, as in `motionlake {context.info_name} mylake`"
+        )
+    return chosen
 
 
 def notice(line: str) -> None:

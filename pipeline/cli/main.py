@@ -20,6 +20,7 @@ COMMANDS: Final = {
         "run": "Bring a lake up to date: only what is missing is computed.",
         "status": "What a lake holds, what is made, what is missing, what was rejected and what failed.",
         "remove": "Take clips out of a lake, with all that was computed of them.",
+        "migrate": "Bring a lake that an earlier motionlake wrote up to date; clips and all made of them stay.",
         "rig": "Which rig a clip file has, and a rig map to edit for a rig that is not known.",
     },
     "Search it": {

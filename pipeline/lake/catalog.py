@@ -102,7 +102,8 @@ def check_version(con: Connection, lake: Lake) -> None:
     """Raises `UserError` where a lake is of another version than this program reads."""
     version = version_of(con)
     if version != SCHEMA_VERSION:
-        todo = "take its folders in to a new lake" if version < SCHEMA_VERSION else "update motionlake"
+        migrate = f"bring it up to date with `motionlake migrate {lake.root}`"
+        todo = migrate if version < SCHEMA_VERSION else "update motionlake"
         raise UserError(
             f"{lake.root}: is a lake of version {version}, and this motionlake reads version {SCHEMA_VERSION}; {todo}"
         )
@@ -160,19 +161,26 @@ def use_lake_paths(con: Connection, lake: Lake) -> None:
 @contextmanager
 def writing(lake: Lake) -> Iterator[Connection]:
     """A transaction over the whole catalog: all of it is served when the block ends well, else nothing."""
+    with changing(lake) as con:
+        check_version(con, lake)
+        refresh_macros(con)
+        yield con
+        refresh_views(con, lake)
+
+
+@contextmanager
+def changing(lake: Lake) -> Iterator[Connection]:
+    """The same for a lake of any version; macros and views stay as they are."""
     import duckdb
 
     with replacing(lake.catalog) as temporary:
         shutil.copyfile(lake.catalog, temporary)
         con = duckdb.connect(str(temporary))
         try:
-            check_version(con, lake)
             use_lake_paths(con, lake)
             run_sql(con, "one_thread")
             con.begin()
-            refresh_macros(con)
             yield con
-            refresh_views(con, lake)
             con.commit()
             con.execute("CHECKPOINT")
         finally:

@@ -94,21 +94,25 @@ def frame_range(name: str, start: int | None, stop: int | None, frames: int) -> 
 
 def read_part(path: Path, clips: Collection[str] | None = None) -> Iterator[Frames]:
     """Every clip of a frames part, or those of `clips`, in order; memory holds one row group and one clip."""
+    yield from (from_table(clip, rows) for clip, rows in clip_tables(open_frames(path), clips))
+
+
+def clip_tables(part: pq.ParquetFile, clips: Collection[str] | None = None) -> Iterator[tuple[str, pa.Table]]:
+    """(clip, its rows) of every clip of an open part, or of those of `clips`, in order."""
     wanted = None if clips is None else frozenset(clips)
     pending: list[pa.Table] = []
     current: str | None = None
-    for batch in open_frames(path).iter_batches(batch_size=65_536):
-        table = pa.Table.from_batches([batch])
-        for clip, rows in runs(table):
+    for batch in part.iter_batches(batch_size=65_536):
+        for clip, rows in runs(pa.Table.from_batches([batch])):
             if wanted is not None and clip not in wanted:
                 continue
             if clip != current and current is not None:
-                yield from_table(current, pa.concat_tables(pending))
+                yield current, pa.concat_tables(pending)
                 pending = []
             current = clip
             pending.append(rows)
     if current is not None:
-        yield from_table(current, pa.concat_tables(pending))
+        yield current, pa.concat_tables(pending)
 
 
 def runs(table: pa.Table) -> Iterator[tuple[str, pa.Table]]:

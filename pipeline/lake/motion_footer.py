@@ -13,9 +13,9 @@ from typing import Any, Final
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
-from motionlake.arrays import FloatArray
 from motionlake.errors import UserError
 from motionlake.motion.skeleton import JOINTS, PARENTS
+from numpy.typing import ArrayLike
 
 KEY: Final = "motion"
 VERSION: Final = 1  # of frames parts: their columns and this footer
@@ -40,10 +40,11 @@ _CONVENTIONS: Final[Mapping[str, Any]] = {
 }
 
 
-def footer_clip(fps: float, rest_offsets: FloatArray) -> dict[str, Any]:
-    """What a footer says of one clip; `rest_offsets` [21, 3] metres, kept as float32."""
-    offsets = np.asarray(rest_offsets, dtype=np.float32).reshape(len(JOINTS), 3)
-    return {"fps": float(fps), "rest_offsets": [[float(str(number)) for number in row] for row in offsets]}
+def footer_clip(fps: float, rest_offsets: ArrayLike) -> dict[str, Any]:
+    """What a footer says of one clip; `rest_offsets` [21, 3], metres, are rounded to micrometres."""
+    offsets = np.asarray(rest_offsets, dtype=np.float32).astype(float)  # first as the catalog has them
+    offsets = offsets.reshape(len(JOINTS), 3).round(6) + 0.0  # no -0.0
+    return {"fps": float(fps), "rest_offsets": offsets.tolist()}
 
 
 def motion_footer(clips: Mapping[str, Mapping[str, Any]]) -> dict[str, str]:
