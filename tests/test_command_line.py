@@ -14,7 +14,8 @@ from pathlib import Path
 
 import pytest
 from motionlake import cli
-from motionlake.cli.common import frame_or_seconds
+from motionlake.cli.common import frame_or_seconds, notice, printable, tell
+from motionlake.cli.evaluate import METRICS
 from motionlake.cli.main import COMMANDS
 from motionlake.motion import rigs
 from motionlake.stages.registry import ALL, BY_NAME
@@ -354,3 +355,29 @@ def test_frames_and_seconds_mean_the_same_range(built_lake: Path, tmp_path: Path
         for stop in (40, f"{40 / fps:.5f}s")
     ]
     assert ranges[0] == ranges[1] != []
+
+
+CONTROLS = "a\x1b[2Jb\x07\nc\x9b1m\u202ed\u2028\udc80[bold]:smile:é日本👍"
+
+
+def test_what_a_terminal_would_obey_is_spelled_out(capsys: pytest.CaptureFixture[str]) -> None:
+    spelled = "a\\x1b[2Jb\\x07\\nc\\x9b1m\\u202ed\\u2028\\udc80[bold]:smile:é日本👍"
+    assert printable(CONTROLS) == spelled
+    tell([{"label": CONTROLS}], as_json=False)
+    tell(CONTROLS, as_json=False)
+    notice(CONTROLS)
+    run = capsys.readouterr()
+    assert run.out.split() == ["label", spelled, spelled]
+    assert run.err == f"{spelled}\n"
+    tell({"label": CONTROLS.replace("\udc80", "")}, "", as_json=True)
+    assert json.loads(capsys.readouterr().out) == {"label": CONTROLS.replace("\udc80", "")}
+
+
+def test_errors_spell_out_what_they_name(tmp_path: Path) -> None:
+    run = finish(start("export", "\x1b[2Jx\udce9", "--lake", tmp_path / "no\x1blake"))
+    assert_clear(run, "no\\x1blake", "no lake here")
+
+
+def test_metrics_of_tables_say_which_way_is_better() -> None:
+    counts = {name for name in METRICS if name.startswith(("n", "all_p")) and name != "nn"}
+    assert all("is better" in line for name, line in METRICS.items() if name not in counts)

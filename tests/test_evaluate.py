@@ -110,6 +110,8 @@ def test_signatures_are_measured(built_lake: Path) -> None:
     assert alone == {**found, "dtw": None}
     table = motionlake("evaluate", "signatures", "--label-column", "note", "--lake", built_lake)
     assert "whole-clip DTW" in table.out
+    assert "\nmap: mean average precision" in table.out
+    assert "pr_area" not in table.out
 
 
 def taught_lake(lake: Path, clips_folder: Path, rows: list[tuple[str, int, int, str]]) -> None:

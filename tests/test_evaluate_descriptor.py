@@ -93,7 +93,7 @@ def test_test_clips_query_training_clips(lake: Path, tmp_path: Path) -> None:
         if any(row[1] == label for row in known)
     ]
     assert methods["dtw"]["top1"] == pytest.approx(np.mean(by_frames))
-    swapped = evaluate(lake, "--queries", "train", "--repository", "test", "--baseline", "none")
+    swapped = evaluate(lake, "--split", "train", "--train-split", "test", "--baseline", "none")
     assert (swapped["queries"], swapped["methods"]["dtw"]) == (len(known), None)
 
 
@@ -144,7 +144,7 @@ def test_queries_that_training_has_seen_are_told(lake: Path, figures: dict[str, 
     ("words", "says"),
     [
         (["--label-column", "shoes"], "no such column"),
-        (["--queries", "validation"], "no labelled clip has split validation; there are no splits"),
+        (["--split", "validation"], "no labelled clip has split validation; there are no splits"),
         (["--label-column", "split"], "has a descriptor"),
         (["--dataset", "elsewhere"], "no clip of dataset elsewhere"),
         (["--baseline", "luck"], "auto, dtw, none"),

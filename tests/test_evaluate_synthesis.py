@@ -256,7 +256,7 @@ def test_a_generator_that_has_seen_the_clips_is_told(made_lake: Path, tmp_path: 
 
     lake = Path(shutil.copytree(made_lake, tmp_path / "lake"))
     words = ("evaluate", "synthesis", "--count", "1", "--json", "--lake", lake)
-    swapped = motionlake(*words, "--split", "train", "--repository", "test")
+    swapped = motionlake(*words, "--split", "train", "--train-split", "test")
     assert "trained on" in swapped.json["warning"]
     assert "warning: " in swapped.err
     change(lake, "UPDATE models SET figures = $figures WHERE kind = 'synthesis'", figures=json.dumps({"split": None}))

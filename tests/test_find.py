@@ -148,7 +148,7 @@ def test_only_whole_words_are_asked_for() -> None:
 
 @pytest.mark.parametrize("count", [0, 1])
 def test_a_query_of_less_than_two_words_is_refused(count: int) -> None:
-    with pytest.raises(UserError, match="shorter than two words"):
+    with pytest.raises(UserError, match="the query is too short"):
         ExampleQuery(np.zeros(count, dtype=np.int32))
 
 
@@ -193,7 +193,7 @@ def test_hits_lie_in_their_clips_and_may_be_kept_to_a_dataset(built_lake: Path) 
 def test_mistakes_are_met_with_one_clear_line(built_lake: Path, tmp_path: Path) -> None:
     clip, frames = longest(built_lake)
     for words, said in (
-        (["--from", 0, "--to", 2], "shorter than two words"),
+        (["--from", 0, "--to", 2], "the query is too short"),
         (["--from", frames], f"has frames 0 to {frames}"),
         (["--from", 9, "--to", 4], f"has frames 0 to {frames}"),
     ):

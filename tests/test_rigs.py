@@ -37,7 +37,7 @@ def test_recordings_are_recognised(recordings: Path, name: str) -> None:
 def test_an_unknown_rig_is_told_with_the_closest_and_its_missing_joints() -> None:
     names = ["foot_tip" if name == "lfoot" else name for name in RIGS["cmu_asf"].joints.values()]
     with pytest.raises(
-        ClipError, match=r"closest known is cmu_asf; joints that did not match: lfoot; .*motionlake rig"
+        ClipError, match=r"closest known one is cmu_asf, but the file lacks its joints lfoot; .*motionlake rig"
     ):
         identify(names, RIGS)
 

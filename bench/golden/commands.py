@@ -149,7 +149,7 @@ ASK: Final = {
     "evaluate pesta": "evaluate pesta --dataset hdm05 --stride 3 --json",
     "evaluate pesta with segments": "evaluate pesta --dataset cmu_bvh --baseline none --json",
     "evaluate descriptor": "evaluate descriptor --dataset utd_mhad --json",
-    "evaluate descriptor by split": "evaluate descriptor --dataset hdm05 --queries test --repository train --json",
+    "evaluate descriptor by split": "evaluate descriptor --dataset hdm05 --split test --train-split train --json",
     "evaluate segmentation": "evaluate segmentation --dataset cmu_bvh --window 5 --reach 3 --json",
     "rigs": "rig --json",
     "rig": "rig {src}/{dash} --json",

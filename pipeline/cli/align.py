@@ -42,7 +42,10 @@ def align(
     ] = None,
     stride: Annotated[
         int | None,
-        typer.Option(help="Symbols that sta may stride over, plus one (default: of config.toml).", show_default=False),
+        typer.Option(
+            help="For sta: longest step; 3 may skip 2 postures (default: of config.toml).",
+            show_default=False,
+        ),
     ] = None,
     crossing: Annotated[bool, typer.Option("--crossing", help="Matches may cross from clip to clip.")] = False,
     path: Annotated[bool, typer.Option("--path", help="Print what is aligned to what (with --json).")] = False,

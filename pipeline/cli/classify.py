@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from motionlake.cli.common import DatasetOption, JsonOption, LabelColumn, LakeOption, notice, print_rows
+from motionlake.cli.common import DatasetOption, JsonOption, LabelColumn, LakeOption, notice, tell
 from motionlake.errors import UserError
 from motionlake.formats import is_clip
 from motionlake.lake.catalog import reading
@@ -65,7 +65,7 @@ def classify(
         found = [*classifier.clips(names), *(classifier.file(Path(file)) for file in files)]
     if write_labels is not None:
         _write(write_labels, found, signed, column)
-    print_rows([each.as_row() for each in found], as_json=as_json)
+    tell([each.as_row() for each in found], as_json=as_json)
 
 
 def _write(file: Path, found: Sequence[ClassifiedClip], signed: Sequence[SignedClip], column: str) -> None:

@@ -12,8 +12,7 @@ from motionlake.cli.common import (
     LakeOption,
     RecordedOnlyOption,
     notice,
-    print_json,
-    print_rows,
+    tell,
 )
 from motionlake.errors import UserError
 from motionlake.lake.catalog import reading
@@ -43,7 +42,4 @@ def cluster(
     with reading(target) as con:
         rows, silhouette = clusters_of_lake(con, None if k == "auto" else int(k), dataset, real=real)
     notice(f"{len({row.cluster for row in rows})} clusters of {len(rows)} clips, silhouette {silhouette:.3f}")
-    if as_json:
-        print_json([asdict(row) for row in rows])
-    else:
-        print_rows([row.as_row() for row in rows], as_json=False)
+    tell([asdict(row) for row in rows], [row.as_row() for row in rows], as_json=as_json)

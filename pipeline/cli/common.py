@@ -6,6 +6,7 @@ import json
 import re
 import sys
 import time
+import unicodedata
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -126,13 +127,38 @@ def named_folder(context: typer.Context, folder: Path | None, lake: Path | None)
     return chosen
 
 
+def check_positive(option: str, value: float | None) -> None:
+    """Raises `UserError` where the value given for an option is not more than 0."""
+    if value is not None and not value > 0:
+        raise UserError(f"{option} {value:g}: must be more than 0")
+
+
+def printable(text: str) -> str:
+    """Text in which characters that a terminal would obey (escapes, line ends, turns of direction) are spelled out."""
+    return "".join(
+        c.encode("unicode_escape").decode() if unicodedata.category(c) in ("Cc", "Cf", "Cs", "Zl", "Zp") else c
+        for c in text
+    )
+
+
 def notice(line: str) -> None:
     """Tell a person something while a command runs."""
-    print(line, file=sys.stderr, flush=True)
+    print(printable(line), file=sys.stderr, flush=True)
 
 
 def print_json(value: Any) -> None:
     print(json.dumps(value, ensure_ascii=False, indent=2, default=str))
+
+
+def tell(value: Any, shown: str | Sequence[Mapping[str, Any]] | None = None, *, as_json: bool) -> None:
+    """The answer of a command: `value` as JSON for machines, else `shown` (default: `value`), a line or a table."""
+    answer = value if shown is None else shown
+    if as_json:
+        print_json(value)
+    elif isinstance(answer, str):
+        print(printable(answer))
+    else:
+        print_rows(answer, as_json=False)
 
 
 def print_rows(rows: Sequence[Mapping[str, Any]], *, as_json: bool) -> None:
@@ -148,16 +174,19 @@ def print_rows(rows: Sequence[Mapping[str, Any]], *, as_json: bool) -> None:
 
     table = Table(box=None, pad_edge=False, header_style="bold")
     for name, value in rows[0].items():
-        table.add_column(name, justify="right" if isinstance(value, int | float) else "left", overflow="fold")
+        table.add_column(
+            printable(name), justify="right" if isinstance(value, int | float) else "left", overflow="fold"
+        )
     for row in rows:
         table.add_row(*(_cell(v) for v in row.values()))
-    Console(width=None if sys.stdout.isatty() else 200, highlight=False).print(table)
+    width = None if sys.stdout.isatty() else 200
+    Console(width=width, highlight=False, markup=False, emoji=False).print(table)
 
 
 def _cell(value: Any) -> str:
     if value is None:
         return ""
-    return f"{value:.4g}" if isinstance(value, float) else str(value)
+    return f"{value:.4g}" if isinstance(value, float) else printable(str(value))
 
 
 class StageProgress:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
-from motionlake.cli.common import DatasetOption, JsonOption, LakeOption, notice, print_json, print_rows
+from motionlake.cli.common import DatasetOption, JsonOption, LakeOption, check_positive, notice, tell
 from motionlake.deep_motifs.motion_graph.graph import NoWalkError
 from motionlake.errors import UserError
 from motionlake.lake.catalog import Connection, fetch, reading
@@ -28,18 +28,21 @@ def compose(
     lake: LakeOption,
     out: Annotated[Path, typer.Option("--out", "-o", help="BVH file to write.", show_default=False)],
     clip: Annotated[str | None, typer.Argument(help="Clip of the lake to start with.", show_default=False)] = None,
-    sample: Annotated[bool, typer.Option("--sample", help="Draw the clip to start with.")] = False,
+    sample: Annotated[bool, typer.Option("--sample", help="Start with a clip drawn by --seed.")] = False,
     dataset: DatasetOption = None,
     seconds: Annotated[float, typer.Option(help="Length of the motion.")] = 60.0,
     seed: Annotated[int, typer.Option(min=0, help="Another seed, another walk.")] = 0,
     constraint: Annotated[
-        bool, typer.Option("--constraint/--no-constraint", help="Only between clips that do alike things there.")
+        bool,
+        typer.Option("--constraint/--no-constraint", help="Jump only where both clips do alike things."),
     ] = True,
     distance_quantile: Annotated[
-        float, typer.Option(min=0.0, max=1.0, help="Share of the transitions to use, nearest poses first.")
+        float,
+        typer.Option(min=0.0, max=1.0, help="Share of the possible jumps to use, most alike poses first."),
     ] = 0.5,
     context_quantile: Annotated[
-        float, typer.Option(min=0.0, max=1.0, help="Of these, the share within the constraint.")
+        float,
+        typer.Option(min=0.0, max=1.0, help="Of these, the share to keep, most alike motion first."),
     ] = 0.25,
     lineage: Annotated[
         Path | None, typer.Option(help="Also write where every frame comes from: .csv or .json.", show_default=False)
@@ -64,8 +67,7 @@ def compose(
         raise UserError("compose: name one clip to start with, or give --sample")
     if dataset is not None:
         check_dataset(dataset)
-    if not seconds > 0:
-        raise UserError(f"--seconds {seconds:g}: must be positive")
+    check_positive("--seconds", seconds)
     with reading(target) as con:
         name = resolve_clip(con, clip) if clip is not None else None
         chosen = fetch(con, "clip", {"clip": name})[0]["dataset"] if name else _dataset(con, dataset)
@@ -80,17 +82,14 @@ def compose(
     if lineage is not None:
         _write_lineage(lineage, rows)
     frames, fps = len(made.clip.channels), made.clip.fps
-    if as_json:
-        report = {
-            "file": str(out), "frames": frames, "fps": fps, "seconds": frames / fps, "rig": made.rig, "seed": seed,
-            "constraint": constraint, "jump": made.jump, "graph": made.summary.as_row(), "lineage": rows,
-        }  # fmt: skip
-        print_json(report)
-        return
     clips = len({source.clip for source in made.sources})
     notice(f"{out}: {frames} frames, {frames / fps:.1f} s, from {len(rows)} pieces of {clips} clips")
+    found = {
+        "file": str(out), "frames": frames, "fps": fps, "seconds": frames / fps, "rig": made.rig, "seed": seed,
+        "constraint": constraint, "jump": made.jump, "graph": made.summary.as_row(), "lineage": rows,
+    }  # fmt: skip
     shown = ("out_start", "out_stop", "clip", "start", "stop", "licence", "distance", "context_distance")
-    print_rows([{k: row[k] for k in shown} for row in rows], as_json=False)
+    tell(found, [{k: row[k] for k in shown} for row in rows], as_json=as_json)
 
 
 def _check_files(out: Path, lineage: Path | None) -> None:

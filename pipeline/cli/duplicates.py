@@ -6,7 +6,7 @@ from dataclasses import asdict
 from typing import Annotated
 
 import typer
-from motionlake.cli.common import DatasetOption, JsonOption, LakeOption, RecordedOnlyOption, print_rows
+from motionlake.cli.common import DatasetOption, JsonOption, LakeOption, RecordedOnlyOption, tell
 from motionlake.lake.catalog import reading
 from motionlake.lake.layout import check_dataset, open_lake
 
@@ -20,7 +20,9 @@ def duplicates(
     max_distance: Annotated[
         float | None,
         typer.Option(
-            "--max-distance", help="What may differ, as a part of the movement (default: 0.1).", show_default=False
+            "--max-distance",
+            help="How much clips may differ: 0.1 by a tenth of their movement (default).",
+            show_default=False,
         ),
     ] = None,
     as_json: JsonOption = False,
@@ -45,4 +47,4 @@ def duplicates(
             mirrored=mirrored,
             real=real,
         )
-    print_rows([asdict(pair) for pair in found], as_json=as_json)
+    tell([asdict(pair) for pair in found], as_json=as_json)

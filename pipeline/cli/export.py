@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from motionlake.cli.common import JsonOption, LakeOption, StartOption, StopOption, frames_of, print_json
+from motionlake.cli.common import JsonOption, LakeOption, StartOption, StopOption, frames_of, tell
 from motionlake.errors import UserError
 from motionlake.formats.bvh_writer import write_bvh
 from motionlake.lake.catalog import reading
@@ -41,7 +41,6 @@ def export(
     if not file.parent.is_dir():
         raise UserError(f"{file.parent}: no such folder")
     write_bvh(source, file, first, last)
-    if as_json:
-        print_json({"clip": name, "file": str(file), "frames": last - first, "fps": source.fps})
-    else:
-        print(f"{file}: {last - first} frames of {name}")
+    frames = last - first
+    found = {"clip": name, "file": str(file), "frames": frames, "fps": source.fps}
+    tell(found, f"{file}: {frames} frames of {name}", as_json=as_json)

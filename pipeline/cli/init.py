@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import typer
-from motionlake.cli.common import FolderArgument, FolderOption, JsonOption, named_folder, notice, print_json
+from motionlake.cli.common import FolderArgument, FolderOption, JsonOption, named_folder, notice, tell
 from motionlake.lake.catalog import create_catalog
 from motionlake.lake.config import default_toml
 from motionlake.lake.layout import Lake
@@ -23,4 +23,4 @@ def init(
         target.config_file.write_text(default_toml(), encoding="utf-8")
     notice(f"an empty lake in {chosen}; next: motionlake ingest FOLDER --lake {chosen}")
     if as_json:
-        print_json({"lake": str(target.root)})
+        tell({"lake": str(target.root)}, as_json=True)

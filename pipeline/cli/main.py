@@ -5,10 +5,11 @@ from __future__ import annotations
 import importlib
 import os
 import sys
+from io import TextIOWrapper
 from typing import Annotated, Any, Final
 
 import typer
-from motionlake.cli.common import SETTINGS
+from motionlake.cli.common import SETTINGS, printable
 from motionlake.errors import UserError
 from typer.core import TyperGroup
 
@@ -118,6 +119,9 @@ def options(
 def main() -> None:
     """Run the command line; a mistake gets one line on stderr and exit status 2."""
     os.environ.setdefault("POT_BACKEND_DISABLE_PYTORCH", "1")  # else POT takes a second to import torch for nothing
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, TextIOWrapper):  # a name that the terminal's encoding lacks is spelled out
+            stream.reconfigure(errors="backslashreplace")
     try:
         app(standalone_mode=True)
     except UserError as error:
@@ -131,7 +135,7 @@ def main() -> None:
 def _fail(message: str, error: BaseException) -> None:
     if os.environ.get("MOTIONLAKE_DEBUG"):
         raise error
-    print(f"motionlake: {' '.join(message.split())}", file=sys.stderr)
+    print(f"motionlake: {printable(' '.join(message.split()))}", file=sys.stderr)
     raise SystemExit(2)
 
 

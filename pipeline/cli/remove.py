@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Annotated
 
 import typer
-from motionlake.cli.common import JsonOption, LakeOption, notice, print_json, stage_progress
+from motionlake.cli.common import JsonOption, LakeOption, notice, stage_progress, tell
 from motionlake.errors import UserError
 from motionlake.jobs.session import session
 from motionlake.lake.catalog import reading
@@ -38,7 +38,5 @@ def remove(
         with reading(target) as con:
             sources = sources_of(con, clips or []) + (gone_sources(con) if gone else [])
         removed += remove_sources(target, sources)
-    if as_json:
-        print_json({"clips": removed.clips, "files": removed.files})
-    else:
-        print(f"{removed.clips} clips removed ({removed.files} source files forgotten)")
+    found = {"clips": removed.clips, "files": removed.files}
+    tell(found, f"{removed.clips} clips removed ({removed.files} source files forgotten)", as_json=as_json)

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from motionlake.cli.common import DatasetOption, JsonOption, LakeOption, notice, print_json
+from motionlake.cli.common import DatasetOption, JsonOption, LakeOption, notice, tell
 from motionlake.errors import UserError
 from motionlake.lake.catalog import reading
 from motionlake.lake.layout import check_dataset, open_lake
@@ -41,10 +41,7 @@ def report(
         made = make_report(con, target, dataset, notice)
     paths = write_pictures(made.pictures, pictures) if pictures else []
     write_file(out, made.html.encode())
-    if as_json:
-        rows = [{"name": p.name, "title": p.title, "caption": p.caption} for p in made.pictures]
-        print_json({"report": str(out), "pictures": rows, "files": [str(path) for path in paths]})
-        return
-    print(out)
-    for path in paths:
-        print(path)
+    rows = [{"name": p.name, "title": p.title, "caption": p.caption} for p in made.pictures]
+    files = [str(path) for path in paths]
+    found = {"report": str(out), "pictures": rows, "files": files}
+    tell(found, f"wrote {out}" + (f" and {len(files)} pictures into {pictures}" if files else ""), as_json=as_json)

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from motionlake.cli.common import JsonOption, print_json, print_rows
+from motionlake.cli.common import JsonOption, tell
 from motionlake.errors import ClipError, UserError
 from motionlake.formats import read_clips
 from motionlake.motion.rigs import identify, load_rigs, starter_map
@@ -15,7 +15,7 @@ from motionlake.motion.rigs import identify, load_rigs, starter_map
 def rig(
     clip: Annotated[Path | None, typer.Argument(help="A clip file; without one, the known rigs.")] = None,
     lake: Annotated[Path | None, typer.Option("--lake", "-l", help="Also the rig maps of this lake.")] = None,
-    starter: Annotated[bool, typer.Option("--starter", help="Print a starter map even for a known rig.")] = False,
+    starter: Annotated[bool, typer.Option("--starter", help="Print a rig map to edit even for a known rig.")] = False,
     as_json: JsonOption = False,
 ) -> None:
     """Which rig a clip file has, and a rig map to edit for a rig that is not known.
@@ -28,7 +28,7 @@ def rig(
     """
     rigs = load_rigs(lake / "rigs" if lake else None)
     if clip is None:
-        print_rows([{"rig": r.name, "description": r.description} for r in rigs.values()], as_json=as_json)
+        tell([{"rig": r.name, "description": r.description} for r in rigs.values()], as_json=as_json)
         return
     try:
         source = read_clips(clip)[0]
@@ -38,9 +38,8 @@ def rig(
         known = None if starter else identify(source.hierarchy.joints, rigs)
     except ClipError:
         known = None
-    if as_json:
-        print_json({"rig": known.name if known else None, "joints": list(source.hierarchy.joints)})
-    elif known:
-        print(f"{known.name}: {known.description}")
+    found = {"rig": known.name if known else None, "joints": list(source.hierarchy.joints)}
+    if as_json or known is not None:
+        tell(found, f"{known.name}: {known.description}" if known else None, as_json=as_json)
     else:
         print(starter_map(source.hierarchy))

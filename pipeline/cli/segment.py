@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from motionlake.cli.common import JsonOption, LabelColumn, LakeOption, print_rows
+from motionlake.cli.common import JsonOption, LabelColumn, LakeOption, tell
 from motionlake.formats import is_clip
 from motionlake.lake.catalog import reading
 from motionlake.lake.layout import check_dataset, open_lake
@@ -17,7 +17,8 @@ def segment(
     lake: LakeOption,
     query: Annotated[str, typer.Argument(help="A clip of the lake, or a clip file.", show_default=False)],
     teach: Annotated[
-        list[str] | None, typer.Option("--dataset", help="Learn from this dataset (repeat it for more).")
+        list[str] | None,
+        typer.Option("--dataset", help="Learn from this dataset (repeat it for more; default: all)."),
     ] = None,
     teach_clips: Annotated[
         list[str] | None, typer.Option("--labelled-clip", help="Learn from this clip (repeat it for more).")
@@ -26,14 +27,14 @@ def segment(
     mirrored: Annotated[bool, typer.Option(help="Learn from the mirrored clips too.")] = True,
     window: Annotated[int, typer.Option(min=1, help="Words of a window.")] = 19,
     k: Annotated[int, typer.Option("-k", min=1, help="Nearest windows that vote.")] = 5,
-    reach: Annotated[int, typer.Option(min=0, help="A window votes for words up to so many from its middle.")] = 12,
-    unknown: Annotated[bool, typer.Option(help="Say unknown where nothing like it was taught.")] = True,
+    reach: Annotated[int, typer.Option(min=0, help="How many words from its middle a window votes for.")] = 12,
+    unknown: Annotated[bool, typer.Option(help="Say unknown where no labelled clip is like it.")] = True,
     as_json: JsonOption = False,
 ) -> None:
     """Which class each part of a clip shows, learned from labelled clips.
 
     The answers are ranges of frames. Classes come from the segments (segments.csv) of clips; a clip without them
-    teaches its label as a whole, where its dataset or itself is named, or where the lake has no segments.
+    counts as one range of its label, where its dataset or itself is named, or where the lake has no segments.
 
     Example: motionlake segment 14_20 --dataset cmu_exercises --lake mylake
 
@@ -53,4 +54,4 @@ def segment(
             found = segmenter.file(Path(query))
         else:
             found = segmenter.clip(resolve_clip(con, query))
-    print_rows([band.as_row() for band in found], as_json=as_json)
+    tell([band.as_row() for band in found], as_json=as_json)

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import duckdb
 import typer
-from motionlake.cli.common import JsonOption, LakeOption, print_rows
+from motionlake.cli.common import JsonOption, LakeOption, tell
 from motionlake.errors import UserError
 
 
@@ -37,4 +37,4 @@ def sql(
         raise UserError(f"SQL: {str(error).rpartition('UserError: ')[2]}") from error
     finally:
         con.close()
-    print_rows(rows, as_json=as_json)
+    tell(rows, as_json=as_json)

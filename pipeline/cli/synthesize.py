@@ -14,8 +14,8 @@ from motionlake.cli.common import (
     SchedulerOption,
     WorkersOption,
     notice,
-    print_json,
     stage_progress,
+    tell,
 )
 from motionlake.errors import UserError
 from motionlake.formats import is_clip
@@ -38,7 +38,7 @@ def synthesize(
     seconds: Annotated[float, typer.Option(help="Length of each motion.")] = 8.0,
     count: Annotated[int, typer.Option(help="How many motions.")] = 1,
     seed: Annotated[int, typer.Option(help="Another seed, other motions.")] = 0,
-    dataset: Annotated[str, typer.Option(help="That the clips become; it holds synthetic clips only.")] = "synthetic",
+    dataset: Annotated[str, typer.Option(help="Dataset of the new clips; it may hold no recorded ones.")] = "synthetic",
     start: Annotated[
         str | None,
         typer.Option("--from", help="Start from this clip or clip file (default: drawn).", show_default=False),
@@ -47,7 +47,9 @@ def synthesize(
         str | None, typer.Option(help="Draw clips to start from of this split only.", show_default=False)
     ] = None,
     pace: Annotated[float, typer.Option(help="2 is twice as fast.")] = 1.0,
-    temperature: Annotated[float, typer.Option(help="How much is left to chance; 0 is nothing.")] = 1.0,
+    temperature: Annotated[
+        float, typer.Option(help="Variety: 0 for the likeliest motion, 1 as recordings vary.")
+    ] = 1.0,
     bvh: Annotated[Path | None, typer.Option(help="Also write a BVH file of each here.", show_default=False)] = None,
     classes: Annotated[bool, typer.Option("--classes", help="List the classes there are, and make nothing.")] = False,
     workers: WorkersOption = None,
@@ -81,15 +83,11 @@ def synthesize(
         made = jobs.synthesize(job, request, dataset, count)
         files = _write_bvh(job, made.clips, bvh) if bvh is not None else 0
         close_run(job)
-    if as_json:
-        print_json(
-            {
-                "model": made.model, "dataset": dataset, "clips": made.clips, "made": made.made, "there": made.there,
-                "seconds": round(made.seconds, 3), "wall_seconds": round(made.wall_seconds, 3), "files": files,
-            }
-        )  # fmt: skip
-    else:
-        _say(made, dataset, count, lake)
+    found = {
+        "model": made.model, "dataset": dataset, "clips": made.clips, "made": made.made, "there": made.there,
+        "seconds": round(made.seconds, 3), "wall_seconds": round(made.wall_seconds, 3), "files": files,
+    }  # fmt: skip
+    tell(found, _said(made, dataset, count, lake), as_json=as_json)
     if len(made.clips) < count:
         raise typer.Exit(1)
 
@@ -105,10 +103,8 @@ def _start(lake: Lake, name: str) -> tuple[str, bool]:
 def _list_classes(lake: Lake, as_json: bool) -> None:
     with reading(lake) as con:
         model = served_generator(con, lake, load_config(lake.config_file))
-    if as_json:
-        print_json({"model": model.model, "classes": class_names(model)})
-    else:
-        print("\n".join(class_names(model)))
+    names = class_names(model)
+    tell({"model": model.model, "classes": names}, [{"class": name} for name in names], as_json=as_json)
 
 
 def _check_folder(folder: Path) -> None:
@@ -134,10 +130,10 @@ def _write_bvh(job: Session, clips: list[str], folder: Path) -> int:
     return len(clips)
 
 
-def _say(made: jobs.Synthesis, dataset: str, count: int, lake: Path) -> None:
+def _said(made: jobs.Synthesis, dataset: str, count: int, lake: Path) -> str:
     there = f" ({made.there} were there already)" if made.there else ""
     first = f", {made.clips[0]} the first" if made.clips else ""
-    print(
+    return (
         f"{made.made} of {count} motions made{there}: {made.seconds:.1f} s of motion by {made.model} in dataset "
         f"{dataset}{first}, in {made.wall_seconds:.1f} s; make them searchable: motionlake run all --lake {lake}"
     )

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
-from motionlake.cli.common import JsonOption, LakeOption, StartOption, StopOption, frames_of, notice, print_json
+from motionlake.cli.common import JsonOption, LakeOption, StartOption, StopOption, frames_of, notice, tell
 from motionlake.errors import UserError
 from motionlake.formats import is_clip
 from motionlake.lake.catalog import Connection
@@ -67,10 +67,8 @@ def view(
     write_file(path, _drawn(path, shown))
     for note in notes:
         notice(note)
-    if as_json:
-        print_json({"file": str(path), "bytes": path.stat().st_size, "notes": notes, "clips": list(map(_row, shown))})
-    else:
-        print(path)
+    found = {"file": str(path), "bytes": path.stat().st_size, "notes": notes, "clips": list(map(_row, shown))}
+    tell(found, str(path), as_json=as_json)
 
 
 def safe_name(clip: str) -> str:

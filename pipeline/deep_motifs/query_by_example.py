@@ -46,8 +46,8 @@ class ExampleQuery:
     def __post_init__(self) -> None:
         if len(self.motifs) < LEAST_WORDS:
             raise UserError(
-                f"a query shorter than two words has no distribution to compare: it holds {len(self.motifs)}; "
-                "give a longer range (--from, --to)"
+                f"the query is too short: it holds {len(self.motifs)} motion words (of half a second, by default), and "
+                f"at least {LEAST_WORDS} are needed; give a longer range (--from, --to)"
             )
 
     @property

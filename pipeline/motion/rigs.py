@@ -235,8 +235,8 @@ def identify(joint_names: Sequence[str], rigs: Mapping[str, RigMap], name: str |
     if name is not None:
         raise ClipError(f"rig {name} does not fit: the file has no joint {listed}")
     raise ClipError(
-        f"unknown rig: closest known is {closest.name}; joints that did not match: {listed}; "
-        "`motionlake rig FILE` prints a starter map"
+        f"unknown rig: the closest known one is {closest.name}, but the file lacks its joints {listed}; "
+        "`motionlake rig FILE` prints a rig map to edit"
     )
 
 

@@ -199,4 +199,4 @@ def _legend(
     sheet.text(left, top + 0.3, "distance of postures", size=7.5, color=FAINT)
     if paths and any(len(paths[0].strided(axis)) for axis in (0, 1)):
         _boxed(sheet, left, top + 0.4, 0.16, 0.12)
-        sheet.text(left + 0.22, top + 0.5, "strided over", size=7.5, color=FAINT)
+        sheet.text(left + 0.22, top + 0.5, "skipped", size=7.5, color=FAINT)

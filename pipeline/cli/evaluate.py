@@ -1,0 +1,328 @@
+"""motionlake evaluate, with its subcommands."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Final
+
+import typer
+from motionlake.cli.common import (
+    SETTINGS,
+    DatasetOption,
+    JsonOption,
+    LabelColumn,
+    LakeOption,
+    check_positive,
+    notice,
+    stage_progress,
+    tell,
+)
+from motionlake.errors import UserError
+from motionlake.lake.catalog import reading
+from motionlake.lake.layout import Lake, check_dataset, open_lake
+
+if TYPE_CHECKING:
+    from motionlake.pictures.html import Picture
+
+Row = Mapping[str, Any]
+
+BASELINES: Final = {"auto": None, "dtw": True, "none": False}
+# What the columns of the tables say.
+METRICS: Final = {
+    "nn": "share of queries whose nearest clip is of their class; higher is better",
+    "top1": "share of queries whose nearest clip is of their class; higher is better",
+    "top5": "share of the first 5 hits that are of the query's class; higher is better",
+    "top10": "share of the first 10 hits that are of the query's class; higher is better",
+    "first_tier": "of a class of R other clips, the share among the first R hits; higher is better",
+    "second_tier": "the same among the first 2 R hits; higher is better",
+    "map": "mean average precision: 1 where all clips of the query's class come before all others; higher is better",
+    "cross_subject_nn": "nn among clips of other subjects; higher is better",
+    "one_vs_all": "share of clips that a classifier for each class gives the right class; higher is better",
+    "p_at_2": "p_at_2, p_at_5, …: share of the first 2, 5, … hits that are of the query's class; higher is better",
+    "pr_area": "area under the precision-recall curve, 1 at most; higher is better",
+    "dtw_error_mm": "millimetres from the query's joints to those of its first hit, after DTW; lower is better",
+    "retrieval_ms": "milliseconds to answer a query; lower is better",
+    "accuracy": 'share of labelled words given the right class, "unknown" for a class not learned; higher is better',
+    "accuracy_known": "of the words whose class was learned, each given a learned class; higher is better",
+    "accuracy_known_or_unknown": 'the same, where "unknown" counts as wrong; higher is better',
+    "all_p_at_2": "all_p_at_2, …: the same over all sub-queries, those of a class in no other take too",
+    "seconds": "time that the search took; lower is better",
+    "n": "queries measured",
+    "n_known": "words whose class was learned",
+}
+
+OnlyOption = Annotated[
+    str | None, typer.Option("--only", help="COLUMN=VALUE: clips with this value alone.", show_default=False)
+]
+BaselineOption = Annotated[
+    str, typer.Option(help="Whole-clip DTW beside it: auto (where it takes minutes at most), dtw, none.")
+]
+PicturesOption = Annotated[
+    Path | None, typer.Option(help="Also draw curves, maps and tables into this folder.", show_default=False)
+]
+SplitOption = Annotated[
+    str | None,
+    typer.Option("--split", help="Clips of labels.csv's split to measure by (default: test).", show_default=False),
+]
+TrainSplitOption = Annotated[
+    str | None,
+    typer.Option("--train-split", help="Clips to find or to learn from (default: train).", show_default=False),
+]
+
+evaluate = typer.Typer(
+    help="How well search, classes and made motion do on the labelled clips of a lake.\n\n"
+    "Example: motionlake evaluate signatures --dataset hdm05 --json --lake mylake",
+    no_args_is_help=True,
+    **SETTINGS,
+)
+
+
+@evaluate.command()
+def signatures(
+    lake: LakeOption,
+    dataset: DatasetOption = None,
+    column: LabelColumn = "label",
+    only: OnlyOption = None,
+    baseline: BaselineOption = "auto",
+    as_json: JsonOption = False,
+) -> None:
+    """How well signatures find and classify clips: each labelled clip is searched for among all others.
+
+    Example: motionlake evaluate signatures --dataset hdm05 --json --lake mylake
+
+    The partners of a dance: motionlake evaluate signatures --label-column subject --only label=salsa --lake mylake
+    """
+    from motionlake.evaluation.signatures import evaluate_signatures
+
+    target = _target(lake, dataset, baseline)
+    with reading(target) as con:
+        found = evaluate_signatures(
+            con, target, dataset=dataset, column=column, only=_criterion(only), dtw=BASELINES[baseline], notice=notice
+        )
+    keys = ("nn", "top5", "first_tier", "second_tier", "map", "cross_subject_nn")
+    measured = {"signatures": found, "whole-clip DTW": found["dtw"]}
+    rows = [
+        {
+            "method": method, **{key: row[key] for key in keys},
+            "one_vs_all": row["classification"] and row["classification"]["accuracy"], "n": row["n"],
+        }
+        for method, row in measured.items() if row is not None
+    ]  # fmt: skip
+    _tell(found, [rows], as_json)
+
+
+@evaluate.command()
+def segmentation(
+    lake: LakeOption,
+    dataset: DatasetOption = None,
+    window: Annotated[int, typer.Option(min=1, help="Words of a window.")] = 19,
+    k: Annotated[int, typer.Option("-k", min=1, help="Nearest windows that vote.")] = 5,
+    reach: Annotated[int, typer.Option(min=0, help="A window votes for words up to so many from its middle.")] = 12,
+    mirrored: Annotated[bool, typer.Option(help="Learn from the mirrored clips too.")] = True,
+    as_json: JsonOption = False,
+) -> None:
+    """How well clips are cut into labelled parts: each clip with segments is left out in turn, and learned from others.
+
+    Example: motionlake evaluate segmentation --dataset cmu_exercises --json --lake mylake
+    """
+    from motionlake.deep_motifs.segmentation import SegmentationConfig
+    from motionlake.evaluation.segmentation import evaluate_segmentation
+
+    target = _target(lake, dataset)
+    config = SegmentationConfig(window, k, reach)
+    with reading(target) as con:
+        found = evaluate_segmentation(con, target, dataset=dataset, config=config, mirrored=mirrored).as_dict()
+    rows = [{"clip": clip, **scores} for clip, scores in found["per_clip"].items()]
+    _tell(found, [[*rows, {"clip": "mean", **{k: v for k, v in found.items() if k != "per_clip"}}]], as_json)
+
+
+@evaluate.command()
+def pesta(
+    lake: LakeOption,
+    dataset: DatasetOption = None,
+    column: LabelColumn = "label",
+    only: OnlyOption = None,
+    stride: Annotated[
+        int | None,
+        typer.Option(min=1, help="Longest step of an alignment (default: 3; 2 for sub-queries).", show_default=False),
+    ] = None,
+    baseline: BaselineOption = "auto",
+    pictures: PicturesOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """How well alignment of posture strings (`motionlake align`) finds clips: each labelled clip is searched for.
+
+    Methods are those of `align` (sta, dtw, sw), with signatures and DTW of frames beside them. Where clips have
+    segments, parts of them are searched for too ("sub_queries"). --json has the precision-recall curve and confusions.
+
+    Example: motionlake evaluate pesta --dataset hdm05 --json --lake mylake
+
+    Drawn: motionlake evaluate pesta --dataset hdm05 --pictures figures --lake mylake
+    """
+    from motionlake.evaluation.pesta import evaluate_pesta
+
+    target = _target(lake, dataset, baseline)
+    with reading(target) as con:
+        found = evaluate_pesta(
+            con, target, dataset=dataset, column=column, only=_criterion(only), dtw=BASELINES[baseline], stride=stride,
+            notice=notice,
+        )  # fmt: skip
+    if pictures is not None:
+        from motionlake.pictures.evaluation import evaluation_pictures
+
+        _draw(lambda: evaluation_pictures(found), pictures)
+    rows = [
+        {"method": method, **{key: value for key, value in row.items() if key not in ("curve", "confusion")}}
+        for method, row in found.items()
+        if row is not None and method != "sub_queries"
+    ]
+    parts = found["sub_queries"]
+    of_parts = [] if parts is None else [{"sub_queries": name, **parts[name]} for name in ("pesta", "pesta_lq")]
+    _tell(found, [rows, of_parts], as_json)
+
+
+@evaluate.command()
+def descriptor(
+    lake: LakeOption,
+    dataset: DatasetOption = None,
+    split: SplitOption = None,
+    train_split: TrainSplitOption = None,
+    column: LabelColumn = "label",
+    baseline: BaselineOption = "auto",
+    pictures: PicturesOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """How well descriptors find clips: clips of one split are searched for among those of another.
+
+    Without splits, each clip is searched for among all others. Signatures, alignment and whole-clip DTW answer the same
+    queries. --json has the precision-recall curves, and what the network was trained on.
+
+    Example: motionlake evaluate descriptor --dataset utd_mhad --json --lake mylake
+
+    Drawn: motionlake evaluate descriptor --dataset utd_mhad --pictures figures --lake mylake
+    """
+    from motionlake.evaluation.descriptor import evaluate_descriptor
+
+    target = _target(lake, dataset, baseline)
+    with reading(target) as con:
+        measured = evaluate_descriptor(
+            con, target, dataset=dataset, queries=split, repository=train_split, column=column,
+            dtw=BASELINES[baseline], notice=notice,
+        )  # fmt: skip
+    if pictures is not None:
+        from motionlake.pictures.evaluation import descriptor_pictures
+
+        _draw(lambda: descriptor_pictures(measured), pictures)
+    columns = ("top1", "top10", "map", "pr_area", "dtw_error_mm", "retrieval_ms", "n")
+    methods: dict[str, Any] = {"descriptor": measured.found, **measured.found["methods"]}
+    rows = [{"method": name, **{key: row[key] for key in columns}} for name, row in methods.items() if row]
+    _tell(measured.found, [rows], as_json)
+
+
+@evaluate.command()
+def synthesis(
+    lake: LakeOption,
+    dataset: DatasetOption = None,
+    split: SplitOption = None,
+    train_split: TrainSplitOption = None,
+    column: LabelColumn = "label",
+    count: Annotated[
+        int, typer.Option(min=0, help="Motions of each class that start from clips of other classes.")
+    ] = 10,
+    seconds: Annotated[
+        float | None,
+        typer.Option(help="Length of motions (default: as long as the recorded ones go on).", show_default=False),
+    ] = None,
+    piece: Annotated[float, typer.Option(help="Seconds; longer clips are cut into pieces as long.")] = 10.0,
+    seed: Annotated[int, typer.Option(help="Another seed makes other motions.")] = 0,
+    pictures: PicturesOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """How good the motion is that the lake's generator makes from test clips.
+
+    Every measure stands beside that of recorded clips, or of a body that stops where the clip was cut. Errors, FID,
+    foot sliding and bone-length drift: lower is better. Energy and travel speed: nearer to recorded clips is better.
+    Class recognised: higher is better. --json has all by class too, and the units.
+
+    Example: motionlake evaluate synthesis --dataset utd_mhad --json --lake mylake
+
+    Drawn: motionlake evaluate synthesis --dataset utd_mhad --pictures figures --lake mylake
+    """
+    from motionlake.evaluation.synthesis import Plan, evaluate_synthesis
+
+    check_positive("--seconds", seconds)
+    check_positive("--piece", piece)
+    target = _target(lake, dataset)
+    with reading(target) as con, stage_progress() as progress:
+        measured = evaluate_synthesis(
+            con, target, Plan(count, seed, seconds, piece), dataset=dataset, split=split, repository=train_split,
+            column=column, notice=notice, progress=progress,
+        )  # fmt: skip
+    if pictures is not None:
+        from motionlake.pictures.synthesis import synthesis_pictures
+
+        _draw(lambda: synthesis_pictures(measured), pictures)
+    _tell(measured.found, [_synthesis_rows(measured.found)], as_json)
+
+
+def _synthesis_rows(found: dict[str, Any]) -> list[Row]:
+    """Measures beside those of recorded clips, or of the last pose held."""
+    held, recognised, near = found["zero_velocity"], found["recognised"] or {}, found["nearest_real"]
+    last, recorded, training = "last pose held", "recorded clips", "training against test clips"
+    rows: list[tuple[str, Any, Any, str]] = [
+        *((f"error at {t} ms, mm", error, held["errors_ms"][t], last) for t, error in found["errors_ms"].items()),
+        ("mean per-joint error, mm", found["mean_per_joint_error"], held["mean_per_joint_error"], last),
+        ("Euclidean distance, mm", found["euclidean"], held["euclidean"], last),
+        ("FID (distance of the descriptors' distributions)", found["fid"], found["fid_real"], training),
+        ("FID, starts of other classes", found["fid_other_seeds"], found["fid_real"], training),
+        *(
+            (title, found[name]["made"], found[name]["real"], recorded)
+            for name, title in (
+                ("foot_sliding", "foot sliding, m/s"), ("energy", "energy, m²/s²"),
+                ("travel_speed", "travel speed, m/s"),
+            )
+        ),
+        ("bone-length drift, %", found["bone_length_drift"], None, ""),
+        ("class recognised, starts of other classes", recognised.get("made"), recognised.get("real"), recorded),
+    ]  # fmt: skip
+    if near:
+        made, test = near["made"]["median"], near["test"]["median"]
+        rows.append(("nearest training clip, median, body lengths", made, test, recorded))
+    return [{"measure": a, "made": b, "beside": c, "beside is": d} for a, b, c, d in rows]
+
+
+def _target(lake: Path, dataset: str | None, baseline: str = "none") -> Lake:
+    if baseline not in BASELINES:
+        raise UserError(f"--baseline {baseline}: use one of {', '.join(BASELINES)}")
+    if dataset is not None:
+        check_dataset(dataset)
+    return open_lake(lake)
+
+
+def _criterion(text: str | None) -> tuple[str, str] | None:
+    if text is None:
+        return None
+    column, equals, value = text.partition("=")
+    if not (column and equals):
+        raise UserError(f"--only {text}: give COLUMN=VALUE")
+    return column, value
+
+
+def _draw(pictures: Callable[[], Sequence[Picture]], folder: Path) -> None:
+    from motionlake.pictures.html import write_pictures
+
+    for path in write_pictures(pictures(), folder):
+        notice(f"wrote {path}")
+
+
+def _tell(found: Any, tables: Sequence[Sequence[Row]], as_json: bool) -> None:
+    """What was found as JSON, or as tables with a line on each of their columns that needs one."""
+    if as_json:
+        tell(found, as_json=True)
+        return
+    shown = [rows for rows in tables if rows]
+    for rows in shown:
+        tell(rows, as_json=False)
+    columns = dict.fromkeys(name for rows in shown for name in rows[0])
+    print("".join(f"\n{name}: {METRICS[name]}" for name in columns if name in METRICS))
