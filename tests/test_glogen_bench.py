@@ -9,7 +9,8 @@ import pytest
 from motionlake.arrays import Float32Array
 from motionlake.evaluation.synthesis_metrics import MILLISECONDS
 from motionlake.glogen.sparse import JOINT_COLUMNS
-from motionlake.glogen.trajectories import FPS, BodyMotion, body_motion, interpolated
+from motionlake.glogen.trajectories import FPS, BodyMotion, body_motion
+from motionlake.motion.resampling import interpolated
 from motionlake.motion.skeleton import INDEX
 from numpy.typing import NDArray
 

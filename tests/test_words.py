@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from motionlake.deep_motifs.words.windows import native_range, padded, windows, word_windows
-from motionlake.motion.features import WordConfig, body_length, resample, sample_count, word_features
+from motionlake.motion.features import WordConfig, body_length, word_features
+from motionlake.motion.resampling import resample, sample_count
 from motionlake.motion.skeleton import COMMON, DEEP_MOTIFS, INDEX, JOINTS, facing
 from numpy.typing import NDArray
 
@@ -115,7 +116,7 @@ def test_a_body_lying_on_its_side_keeps_its_heading() -> None:
     [(1, 120, 1), (121, 120, 25), (120, 120, 24), (31, 30, 25), (30, 30, 24), (5, 24, 5), (101, 59.94, 41)],
 )
 def test_how_many_frames_are_sampled(n: int, fps: float, t: int) -> None:
-    assert sample_count(n, fps, WordConfig()) == t
+    assert sample_count(n, fps, WordConfig().fps) == t
 
 
 @settings(max_examples=40, deadline=None)
@@ -123,7 +124,7 @@ def test_how_many_frames_are_sampled(n: int, fps: float, t: int) -> None:
 def test_sampling_is_at_exact_instants(n: int, fps: float) -> None:
     config = WordConfig()
     line = np.arange(n, dtype=float)[:, None, None] / fps
-    sampled = resample(line, fps, config)[:, 0, 0]
+    sampled = resample(line, fps, config.fps)[:, 0, 0]
     np.testing.assert_allclose(sampled, np.arange(len(sampled)) / 24, atol=1e-7)
     assert sampled[-1] + 1 / 24 > line[-1, 0, 0] - 1e-6
 
@@ -166,7 +167,7 @@ def test_windows_are_the_frames_they_start_at(n_frames: int, length: int, stride
 @given(st.integers(1, 500), st.sampled_from([24.0, 30.0, 59.94, 60.0, 100.0, 120.0, 12.5]))
 def test_native_ranges_stay_inside_and_follow_each_other(n_frames: int, fps: float) -> None:
     config = WordConfig(length=16, stride=4)
-    starts = windows(sample_count(n_frames, fps, config), config)
+    starts = windows(sample_count(n_frames, fps, config.fps), config)
     ranges = [native_range(int(s), fps, n_frames, config) for s in starts]
     assert all(0 <= first < stop <= n_frames for first, stop in ranges)
     assert ranges[0][0] == 0

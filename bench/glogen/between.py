@@ -10,7 +10,8 @@ from motionlake.arrays import Float64Array
 from motionlake.glogen.generator import TrainedGenerator
 from motionlake.glogen.inbetweening import dense_motions, interpolated_motion
 from motionlake.glogen.sparse import HEIGHT, JOINT_COLUMNS, Piece
-from motionlake.glogen.trajectories import FPS, interpolated
+from motionlake.glogen.trajectories import FPS
+from motionlake.motion.resampling import interpolated
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 

@@ -16,7 +16,8 @@ from motionlake.glogen.generator import TrainedGenerator
 from motionlake.glogen.inbetweening import dense_motions
 from motionlake.glogen.lead_in import led_in, state_at
 from motionlake.glogen.sparse import PIECE, Piece, even_motion, ranges
-from motionlake.glogen.trajectories import FPS, BodyMotion, interpolated
+from motionlake.glogen.trajectories import FPS, BodyMotion
+from motionlake.motion.resampling import interpolated
 from numpy.typing import NDArray
 
 from bench.glogen.folds import generator_without, parted

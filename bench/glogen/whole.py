@@ -23,7 +23,7 @@ from motionlake.glogen.generator import TrainedGenerator
 from motionlake.glogen.generator_training import fit_generator
 from motionlake.glogen.inbetweening import dense_motions
 from motionlake.glogen.sparse import DURATION, PIECE
-from motionlake.glogen.trajectories import interpolated
+from motionlake.motion.resampling import interpolated
 from numpy.typing import NDArray
 
 from bench.glogen.baseline import Baseline

@@ -14,6 +14,7 @@ from typing import Final
 
 import numpy as np
 from motionlake.evaluation.classification import PIECE, singular_pieces
+from motionlake.motion.rotations import turn_on_ground
 from motionlake.motion.skeleton import INDEX, facing
 from motionlake.pesta.alignment.scan import Both
 from motionlake.pesta.config import AlignmentConfig
@@ -79,11 +80,10 @@ def singular_clips(rate: float, seed: int) -> list[LabelledClip]:
 def placed(piece: np.ndarray, frame: np.ndarray) -> np.ndarray:
     """A piece [n, 21, 3] whose first frame has its hips above those of a `frame` [21, 3] and faces as it does."""
     turn = float(facing(frame[None])[0] - facing(piece[:1])[0])
-    cos, sin = np.cos(turn), np.sin(turn)
     hips = piece[0, INDEX["hips"]]
-    x, z = piece[..., 0] - hips[0], piece[..., 2] - hips[2]
+    x, z = turn_on_ground(piece[..., 0] - hips[0], piece[..., 2] - hips[2], turn)
     at = frame[INDEX["hips"]]
-    return np.stack([cos * x + sin * z + at[0], piece[..., 1], cos * z - sin * x + at[2]], axis=-1)
+    return np.stack([x + at[0], piece[..., 1], z + at[2]], axis=-1)
 
 
 def fall(rows: dict[str, Found]) -> dict[str, dict[str, list[float]]]:

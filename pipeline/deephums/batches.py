@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 import torch
 from motionlake.arrays import BoolArray, Float32Array, Float64Array, Int64Array
+from motionlake.motion.resampling import beside
 from motionlake.motion.skeleton import COMMON
 from torch import Tensor
 
@@ -134,10 +135,9 @@ LONGEST: Final = 600
 def resampled(clip: Float32Array, frames: int) -> Float32Array:
     """[frames, J, 3] a clip [T, J, 3] at so many instants, evenly from its first frame to its last."""
     at = np.linspace(0, len(clip) - 1, frames)
-    before = np.minimum(at.astype(int), max(0, len(clip) - 2))
-    after = np.minimum(before + 1, len(clip) - 1)
-    share = (at - before).astype(np.float32)[:, None, None]
-    return np.asarray(clip[before] + (clip[after] - clip[before]) * share, dtype=np.float32)
+    before, after, share = beside(at, len(clip))
+    weight = share.astype(np.float32)[:, None, None]
+    return np.asarray(clip[before] + (clip[after] - clip[before]) * weight, dtype=np.float32)
 
 
 def windows(clip: Float32Array, longest: int = LONGEST) -> list[Float32Array]:

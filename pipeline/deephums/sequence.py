@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 from motionlake.arrays import BoolArray, Float32Array, Float64Array
 from motionlake.motion.dtw import dtw_matrix
+from motionlake.motion.resampling import interpolated
 from motionlake.motion.skeleton import COMMON, INDEX
 from scipy.ndimage import gaussian_filter1d
 from scipy.signal import savgol_filter
@@ -70,11 +71,7 @@ def clip_sequence(positions: Float64Array, fps: float, missing: BoolArray | None
 
 def _sampled(joints: Float64Array, fps: float) -> Float64Array:
     count = max(1, round((len(joints) - 1) / fps * FPS) + 1)
-    at = np.linspace(0, len(joints) - 1, count)
-    before = np.minimum(at.astype(int), max(0, len(joints) - 2))
-    after = np.minimum(before + 1, len(joints) - 1)
-    share = (at - before)[:, None, None]
-    return np.asarray(joints[before] * (1 - share) + joints[after] * share)
+    return interpolated(joints, np.linspace(0, len(joints) - 1, count))
 
 
 def _at(names: tuple[str, ...]) -> list[int]:

@@ -18,8 +18,10 @@ from typing import Final
 import numpy as np
 from motionlake.arrays import Float64Array, FloatArray
 from motionlake.glogen.sparse import uniform_places
-from motionlake.glogen.trajectories import body_motion, interpolated
+from motionlake.glogen.trajectories import body_motion
 from motionlake.motion.features import body_length
+from motionlake.motion.resampling import beside, interpolated
+from motionlake.motion.rotations import turn_about_y
 from motionlake.motion.skeleton import INDEX, PARENTS, facing
 
 MILLISECONDS: Final = (80, 160, 240, 320, 400, 480, 560, 640)
@@ -29,10 +31,7 @@ SPARSE: Final = 15  # poses that GloGen makes (section 4.3.5)
 def body_poses(positions: FloatArray) -> Float64Array:
     """[F, 21, 3] joints seen from the body: hips at the origin, every frame turned to face +z."""
     joints = positions.astype(np.float64) - positions[:, :1]
-    yaw = facing(positions)[:, None]
-    cos, sin = np.cos(yaw), np.sin(yaw)
-    x, y, z = joints[..., 0], joints[..., 1], joints[..., 2]
-    return np.stack([cos * x - sin * z, y, sin * x + cos * z], axis=-1)
+    return turn_about_y(joints, -facing(positions))
 
 
 def joint_error(made: Float64Array, true: Float64Array) -> float:
@@ -73,9 +72,8 @@ def poses_at(poses: Float64Array, fps: float, seconds: float) -> Float64Array | 
     at = seconds * fps - 1
     if not -1e-9 <= at <= len(poses) - 1 + 1e-9:
         return None
-    before = int(np.clip(np.floor(at + 1e-9), 0, max(0, len(poses) - 2)))
-    after = min(before + 1, len(poses) - 1)
-    share = np.clip(at - before, 0.0, 1.0)
+    before, after, share = beside(np.asarray(at), len(poses), 1e-9)
+    share = np.clip(share, 0.0, 1.0)
     return np.asarray((1 - share) * poses[before] + share * poses[after])
 
 

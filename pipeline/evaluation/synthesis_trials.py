@@ -11,6 +11,7 @@ from motionlake.arrays import Float64Array, StepProgress
 from motionlake.errors import UserError
 from motionlake.evaluation.synthesis_clips import RealMotion
 from motionlake.glogen.wishes import Seed, Synthesized, Wish
+from motionlake.motion.resampling import TOLERANCE, beside
 
 AT_ONCE: Final = 64  # motions that a generator makes in one go
 LEAST: Final = 0.3  # seconds of a real clip after the seed
@@ -97,13 +98,11 @@ def begun(
 
 def following(motion: RealMotion, stop: int, fps: float) -> Float64Array:
     """[F, 21, 3] a clip at `fps` after frame `stop` - 1, linearly interpolated."""
-    step = motion.fps / fps
-    count = int(np.floor((len(motion.positions) - stop) / step + 1e-6))
-    at = stop - 1 + step * np.arange(1, count + 1)
-    before = np.clip(np.floor(at + 1e-6).astype(int), 0, max(0, len(motion.positions) - 2))
-    share = np.clip(at - before, 0, 1)[:, None, None]
-    after = np.minimum(before + 1, len(motion.positions) - 1)
-    return np.asarray((1 - share) * motion.positions[before] + share * motion.positions[after])
+    step, frames = motion.fps / fps, motion.positions
+    at = stop - 1 + step * np.arange(1, int(np.floor((len(frames) - stop) / step + TOLERANCE)) + 1)
+    before, after, share = beside(at, len(frames), TOLERANCE)
+    share = np.clip(share, 0, 1)[:, None, None]
+    return np.asarray((1 - share) * frames[before] + share * frames[after])
 
 
 def continued(

@@ -22,7 +22,8 @@ from motionlake.glogen.inbetweening import (
     locgen_network,
 )
 from motionlake.glogen.sparse import HEIGHT, Piece
-from motionlake.glogen.trajectories import FPS, BodyMotion, interpolated
+from motionlake.glogen.trajectories import FPS, BodyMotion
+from motionlake.motion.resampling import interpolated
 from motionlake.threads import on_threads
 from torch import Tensor
 from torch.nn.functional import binary_cross_entropy_with_logits

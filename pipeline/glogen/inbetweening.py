@@ -14,7 +14,9 @@ import numpy as np
 import torch
 from motionlake.arrays import Float64Array
 from motionlake.glogen.sparse import DURATION, HEIGHT, STEP, TURN
-from motionlake.glogen.trajectories import FPS, JOINTS_GIVEN, BodyMotion, interpolated
+from motionlake.glogen.trajectories import FPS, JOINTS_GIVEN, BodyMotion
+from motionlake.motion.resampling import interpolated
+from motionlake.motion.rotations import turn_on_ground
 from scipy.interpolate import PchipInterpolator
 from torch import Tensor, nn
 
@@ -182,9 +184,8 @@ def interpolated_motion(rows: Float64Array, times: Float64Array, at: Float64Arra
     poses = PchipInterpolator(times, rows[:, : HEIGHT + 1])(at)
     left, forward = (rows[index + 1, STEP] / seconds[:, None]).T
     turned = rows[index + 1, TURN] * share[:, 0]
-    cosine, sine = np.cos(turned), np.sin(turned)
     # Steps are seen from the pose before; the body has turned since.
-    velocity = np.stack([left * cosine - forward * sine, forward * cosine + left * sine], axis=1)
+    velocity = np.stack(turn_on_ground(left, forward, -turned), axis=1)
     turning = (rows[index + 1, TURN] / seconds)[:, None]
     return np.concatenate([poses, velocity, turning, share, np.log(seconds)[:, None]], axis=1)
 

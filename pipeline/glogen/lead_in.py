@@ -14,7 +14,8 @@ import numpy as np
 import torch
 from motionlake.arrays import Float64Array
 from motionlake.glogen.sparse import HEIGHT
-from motionlake.glogen.trajectories import FPS, BodyMotion, interpolated, mirrored
+from motionlake.glogen.trajectories import FPS, BodyMotion, mirrored
+from motionlake.motion.resampling import interpolated
 from motionlake.threads import on_threads
 from scipy.interpolate import PchipInterpolator
 from torch import Tensor, nn

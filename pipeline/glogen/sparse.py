@@ -9,7 +9,9 @@ from typing import Final
 import numpy as np
 from motionlake.arrays import Float32Array, Float64Array, Int64Array
 from motionlake.glogen.config import SPARSE
-from motionlake.glogen.trajectories import FPS, JOINTS_GIVEN, BodyMotion, interpolated, mirrored
+from motionlake.glogen.trajectories import FPS, JOINTS_GIVEN, BodyMotion, mirrored
+from motionlake.motion.resampling import interpolated
+from motionlake.motion.rotations import turn_on_ground
 
 POSES: Final = 500  # that a motion is brought to, at equal moved distances
 PIECE: Final = 100  # frames, of what long clips are broken into
@@ -71,20 +73,18 @@ def poses_at(motion: BodyMotion, places: Float64Array) -> SparseMotion:
     joints = interpolated(motion.joints.reshape(len(motion), -1), places)
     height = interpolated(motion.height[:, None], places)
     yaw = np.concatenate([[0.0], np.cumsum(motion.turn[:-1]) / FPS])
-    path = np.concatenate([np.zeros((1, 2)), np.cumsum(_rotated(motion.velocity, yaw)[:-1], axis=0) / FPS])
+    path = np.concatenate([np.zeros((1, 2)), np.cumsum(_turned_steps(motion.velocity, yaw)[:-1], axis=0) / FPS])
     there, facing = interpolated(path, places), interpolated(yaw[:, None], places)[:, 0]
-    steps = _rotated(np.diff(there, axis=0), -facing[:-1])
+    steps = _turned_steps(np.diff(there, axis=0), -facing[:-1])
     seconds = np.maximum(np.diff(places) / FPS, SHORTEST)
     between = np.concatenate([steps, np.diff(facing)[:, None], np.log(seconds)[:, None]], axis=1)
     rows = np.concatenate([joints, height, np.concatenate([between[:1], between])], axis=1)
     return SparseMotion(rows, places)
 
 
-def _rotated(steps: Float64Array, yaw: Float64Array) -> Float64Array:
+def _turned_steps(steps: Float64Array, yaw: Float64Array) -> Float64Array:
     """[n, 2] steps (left, forward) turned by yaw [n]."""
-    cosine, sine = np.cos(yaw), np.sin(yaw)
-    left, forward = steps[:, 0], steps[:, 1]
-    return np.stack([left * cosine + forward * sine, forward * cosine - left * sine], axis=1)
+    return np.stack(turn_on_ground(steps[:, 0], steps[:, 1], yaw), axis=1)
 
 
 LONGEST: Final = 150  # frames, of a clip that is one piece

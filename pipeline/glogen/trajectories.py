@@ -15,7 +15,9 @@ from motionlake.arrays import Float64Array
 from motionlake.glogen.feet import planted
 from motionlake.motion.kinematics import forward_kinematics, local_rotations
 from motionlake.motion.mirror import MIRRORED_JOINTS
+from motionlake.motion.resampling import interpolated
 from motionlake.motion.rest import world_from_positions
+from motionlake.motion.rotations import turn_about_y
 from motionlake.motion.skeleton import INDEX, JOINTS, facing
 from scipy.ndimage import gaussian_filter1d
 from scipy.signal import savgol_filter
@@ -151,9 +153,9 @@ def body_motion(positions: Float64Array, fps: float) -> BodyMotion:
     feet = sampled[:, [INDEX[name] for name in FEET]]
     ground = np.quantile(feet[..., 1].min(axis=1), 0.05)
     return BodyMotion(
-        _turned(standard_joints(sampled), -yaw)[:, 1:],
+        turn_about_y(standard_joints(sampled), -yaw)[:, 1:],
         root[:, 1] - ground,
-        _turned(np.stack([speed[:, 0], 0 * yaw, speed[:, 1]], axis=1)[:, None], -yaw)[:, 0, [0, 2]] * FPS,
+        turn_about_y(np.stack([speed[:, 0], 0 * yaw, speed[:, 1]], axis=1)[:, None], -yaw)[:, 0, [0, 2]] * FPS,
         _forward(yaw) * FPS,
         _standing(feet),
     )
@@ -163,15 +165,6 @@ def resampled(rows: Float64Array, fps: float, wanted: float) -> Float64Array:
     """[T, d] rows [F, d] at another rate, by linear interpolation; first and last stay."""
     count = max(2, round((len(rows) - 1) / fps * wanted) + 1)
     return interpolated(rows, np.linspace(0, len(rows) - 1, count))
-
-
-def interpolated(rows: Float64Array, at: Float64Array) -> Float64Array:
-    """[T, d] rows [F, d] at fractional places [T]."""
-    before = np.clip(at.astype(int), 0, max(0, len(rows) - 2))
-    after = np.minimum(before + 1, len(rows) - 1)
-    share = (at - before)[:, None]
-    mixed: Float64Array = rows[before] * (1 - share) + rows[after] * share
-    return mixed
 
 
 def mirrored(motion: BodyMotion) -> BodyMotion:
@@ -203,8 +196,10 @@ def in_world(
     size = body_length(rest_offsets)
     yaws = yaw + np.concatenate([[0.0], np.cumsum(motion.turn[:-1] / FPS)])
     joints = np.concatenate([np.zeros((len(motion), 1, 3)), motion.joints], axis=1)
-    seen, _ = posed(_turned(joints, yaws), rest_offsets, np.zeros((len(motion), 3)))
-    speed = _turned(np.stack([motion.velocity[:, 0], 0 * yaws, motion.velocity[:, 1]], axis=1)[:, None], yaws)[:, 0]
+    seen, _ = posed(turn_about_y(joints, yaws), rest_offsets, np.zeros((len(motion), 3)))
+    speed = turn_about_y(np.stack([motion.velocity[:, 0], 0 * yaws, motion.velocity[:, 1]], axis=1)[:, None], yaws)[
+        :, 0
+    ]
     steps = _held(speed * size / FPS, seen, motion.stands)
     path = root + np.concatenate([np.zeros((1, 3)), np.cumsum(steps[:-1], axis=0)])
     path[:, 1] = root[1] + _grounded(motion.height * size, seen, motion.stands, size)
@@ -259,10 +254,3 @@ def _forward(rows: Float64Array) -> Float64Array:
     steps = np.diff(rows, axis=0)
     repeated: Float64Array = np.concatenate([steps, steps[-1:]])
     return repeated
-
-
-def _turned(vectors: Float64Array, yaw: Float64Array) -> Float64Array:
-    """[T, J, 3] vectors turned about +y by yaw [T]."""
-    cosine, sine = np.cos(yaw)[:, None], np.sin(yaw)[:, None]
-    x, z = vectors[..., 0], vectors[..., 2]
-    return np.stack([x * cosine + z * sine, vectors[..., 1], z * cosine - x * sine], axis=-1)

@@ -13,14 +13,14 @@ from typing import Final, Literal
 
 import numpy as np
 from motionlake.arrays import Float32Array, Float64Array
+from motionlake.motion.resampling import resample
+from motionlake.motion.rotations import turn_about_y
 from motionlake.motion.skeleton import COMMON, DEEP_MOTIFS, INDEX, facing
 
 Representation = Literal["positions", "rotations"]
 JointSet = Literal["common15", "deep_motifs16"]
 
 JOINT_SETS: Final[dict[str, tuple[str, ...]]] = {"common15": COMMON, "deep_motifs16": DEEP_MOTIFS}
-# A sampling instant this close (in frames) to the clip's last frame still counts as inside the clip.
-INSTANT_TOLERANCE: Final = 1e-6
 
 
 @dataclass(frozen=True)
@@ -94,11 +94,6 @@ class WordConfig:
         return 3 * n_joints * (1 + (self.velocity_weight > 0)) + 4 * (self.root_weight > 0)
 
 
-def sample_count(n_frames: int, fps: float, config: WordConfig) -> int:
-    """T: how many frames `n_frames` at `fps` become at the words' rate: floor((F - 1) / fps * 24) + 1."""
-    return int(np.floor((n_frames - 1) / fps * config.fps + INSTANT_TOLERANCE)) + 1
-
-
 def word_features(positions: Float64Array, rotations: Float64Array, fps: float, config: WordConfig) -> Float32Array:
     """Features of every frame of a clip at the words' rate.
 
@@ -109,7 +104,7 @@ def word_features(positions: Float64Array, rotations: Float64Array, fps: float, 
         config: what to compute.
 
     Returns:
-        [T, D] float32, T = `sample_count(F, fps, config)`, D = `config.dimension`. Positions: joints (x, y,
+        [T, D] float32, T = `sample_count(F, fps, config.fps)`, D = `config.dimension`. Positions: joints (x, y,
         z each), then joint velocities, then root velocity (x, y, z) and yaw rate. Rotations: w, x, y, z of
         each joint with w >= 0.
 
@@ -122,40 +117,14 @@ def word_features(positions: Float64Array, rotations: Float64Array, fps: float, 
     if not fps > 0:
         raise ValueError(f"the frame rate is {fps}, not positive")
     if config.representation == "rotations":
-        quaternions = resample(rotations[:, list(config.joint_indices)], fps, config, spherical=True)
+        quaternions = resample(rotations[:, list(config.joint_indices)], fps, config.fps, spherical=True)
         return np.ascontiguousarray(quaternions.reshape(len(quaternions), -1), dtype=np.float32)
-    sampled = resample(positions, fps, config)
+    sampled = resample(positions, fps, config.fps)
     if config.smoothing:
         from scipy.ndimage import gaussian_filter1d
 
         sampled = gaussian_filter1d(sampled, config.smoothing, axis=0, mode="nearest")
     return _position_features(sampled, body_length(positions), config)
-
-
-def resample(values: Float64Array, fps: float, config: WordConfig, *, spherical: bool = False) -> Float64Array:
-    """Linear interpolation at the exact instants k / config.fps.
-
-    Args:
-        values: [F, J, C].
-        fps: frames a second of `values`.
-        config: the words' rate.
-        spherical: the last axis holds unit quaternions: neighbours are brought to one hemisphere, the
-            result is normalised and has w >= 0.
-
-    Returns:
-        [T, J, C].
-    """
-    instants = np.arange(sample_count(len(values), fps, config)) * (fps / config.fps)
-    below = np.clip(np.floor(instants + INSTANT_TOLERANCE).astype(np.int64), 0, len(values) - 1)
-    above = np.minimum(below + 1, len(values) - 1)
-    weight = np.clip(instants - below, 0.0, 1.0)[:, None, None]
-    first, second = values[below], values[above]
-    if not spherical:
-        return np.asarray(first + weight * (second - first), dtype=np.float64)
-    second = np.where(np.sum(first * second, axis=-1, keepdims=True) < 0, -second, second)
-    blended = first + weight * (second - first)
-    blended /= np.linalg.norm(blended, axis=-1, keepdims=True)
-    return np.asarray(np.where(blended[..., :1] < 0, -blended, blended), dtype=np.float64)
 
 
 def body_length(positions: Float64Array) -> float:
@@ -177,14 +146,6 @@ def body_length(positions: Float64Array) -> float:
     return length
 
 
-def _turned_back(vectors: Float64Array, angles: Float64Array) -> Float64Array:
-    """`vectors` [T, ..., 3] turned by -angles [T] about +y."""
-    shape = (-1,) + (1,) * (vectors.ndim - 2)
-    cos, sin = np.cos(angles).reshape(shape), np.sin(angles).reshape(shape)
-    x, y, z = vectors[..., 0], vectors[..., 1], vectors[..., 2]
-    return np.stack([cos * x - sin * z, y, sin * x + cos * z], axis=-1)
-
-
 def _rate(values: Float64Array) -> Float64Array:
     """Central differences a frame along the first axis; zero for a single frame."""
     return np.gradient(values, axis=0) if len(values) > 1 else np.zeros_like(values)
@@ -194,11 +155,11 @@ def _position_features(positions: Float64Array, size: float, config: WordConfig)
     n_frames = len(positions)
     angles = facing(positions)
     root = positions[:, INDEX["hips"]]
-    joints = _turned_back(positions[:, list(config.joint_indices)] - root[:, None], angles) / size
+    joints = turn_about_y(positions[:, list(config.joint_indices)] - root[:, None], -angles) / size
     parts = [joints.reshape(n_frames, -1)]
     if config.velocity_weight > 0:
         parts.append(config.velocity_weight * _rate(joints).reshape(n_frames, -1))
     if config.root_weight > 0:
-        velocity = _turned_back(_rate(root) / size, angles)
+        velocity = turn_about_y(_rate(root) / size, -angles)
         parts.append(config.root_weight * np.column_stack([velocity, _rate(angles)]))
     return np.ascontiguousarray(np.concatenate(parts, axis=1), dtype=np.float32)

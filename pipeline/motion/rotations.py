@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from motionlake.arrays import Float64Array
+from motionlake.arrays import Float64Array, FloatArray
 from numba import guvectorize, njit
 
 IDENTITY: Final = np.array([1.0, 0.0, 0.0, 0.0])
@@ -190,3 +190,16 @@ def continuous(q: Float64Array) -> Float64Array:
     result: Float64Array = q.copy()
     result[1:] *= signs[..., None]
     return result
+
+
+def turn_on_ground(x: FloatArray, z: FloatArray, angles: FloatArray | float) -> tuple[Float64Array, Float64Array]:
+    """Ground coordinates turned about +y, the vertical, by angles in radians (broadcast); +z turns towards +x."""
+    cos, sin = np.cos(angles), np.sin(angles)
+    return x * cos + z * sin, z * cos - x * sin
+
+
+def turn_about_y(vectors: FloatArray, angles: FloatArray | float) -> Float64Array:
+    """Vectors [T, ..., 3] turned about +y by angles [T], or all by one angle, in radians."""
+    each = np.reshape(angles, (*np.shape(angles), *[1] * (vectors.ndim - 1 - np.ndim(angles))))
+    x, z = turn_on_ground(vectors[..., 0], vectors[..., 2], each)
+    return np.stack([x, vectors[..., 1], z], axis=-1)

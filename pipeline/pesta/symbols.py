@@ -12,10 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from motionlake.arrays import Int32Array, Int64Array
+from motionlake.motion.resampling import TOLERANCE, sample_count
 from motionlake.pesta.config import SymbolsConfig
 from motionlake.pesta.repetitions import reduce_repeats, reduce_runs
-
-INSTANT_TOLERANCE = 1e-6
 
 
 @dataclass(frozen=True)
@@ -63,11 +62,11 @@ def symbolise(codes: Int32Array, *, codes_fps: float, fps: float, n_frames: int,
         raise ValueError(f"symbol {int(codes.min())} is negative")
     if not (fps > 0 and codes_fps > 0):
         raise ValueError(f"the rates are {fps} and {codes_fps} a second, not positive")
-    expected = int(np.floor((n_frames - 1) / fps * codes_fps + INSTANT_TOLERANCE)) + 1
+    expected = sample_count(n_frames, fps, codes_fps)
     if n_frames < 1 or len(codes) != expected:
         raise ValueError(f"{len(codes)} codes for {n_frames} frames at {fps} a second, not {max(expected, 0)}")
     kept = _kept(codes, config)
-    starts = np.ceil((kept - 0.5) * (fps / codes_fps) - INSTANT_TOLERANCE).astype(np.int64)
+    starts = np.ceil((kept - 0.5) * (fps / codes_fps) - TOLERANCE).astype(np.int64)
     starts[0] = 0
     return SymbolString(codes[kept].astype(np.int32), starts, np.append(starts[1:], n_frames))
 

@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 from matplotlib.figure import Figure
 from motionlake.arrays import Float64Array, FloatArray
+from motionlake.motion.rotations import turn_on_ground
 from motionlake.motion.skeleton import INDEX
 from motionlake.pictures.bands import Segment, lanes_of, second_ticks
 from motionlake.pictures.player_material import PlayerClip
@@ -110,10 +111,10 @@ def _band(
 
 def _path(sheet: Sheet, top: float, clip: PlayerClip, moments: np.ndarray) -> None:
     root = np.asarray(clip.positions[:, INDEX["hips"]], np.float64)
-    x, z = (root - root[0])[:, [0, 2]].T
-    cos, sin = np.cos(clip.heading), np.sin(clip.heading)
     # Seen from above with the heading up, the body's left is left: +x of the body points to the left of the page.
-    across, ahead = -(x * cos - z * sin), x * sin + z * cos
+    x, _, z = (root - root[0]).T
+    left, ahead = turn_on_ground(x, z, -clip.heading)
+    across = -left
     half = max(np.ptp(across), np.ptp(ahead), 0.3) * 0.56
     middle = [(v.min() + v.max()) / 2 for v in (across, ahead)]
     axes = bare(sheet.axes(LEFT + WIDE + GAP, top, PATH, PATH), "left", "right", "top", "bottom")

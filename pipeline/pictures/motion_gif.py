@@ -11,6 +11,7 @@ from typing import Final
 import numpy as np
 from matplotlib.font_manager import FontProperties, findfont
 from motionlake.arrays import Float64Array
+from motionlake.motion.rotations import turn_about_y
 from motionlake.motion.skeleton import INDEX, JOINTS, PARENTS
 from motionlake.pictures.player_material import PlayerClip
 from motionlake.pictures.stick_figures import LEFT, RIGHT, TILT, TURN
@@ -60,10 +61,8 @@ class _Pane:
 
     def __init__(self, clip: PlayerClip, clips: Sequence[PlayerClip]) -> None:
         self.clip = clip
-        cos, sin = np.cos(clip.heading - TURN), np.sin(clip.heading - TURN)
         points = np.asarray(clip.positions, np.float64) - (0, clip.floor, 0)
-        x, z = points[..., 0] * cos - points[..., 2] * sin, points[..., 0] * sin + points[..., 2] * cos
-        self.points = np.stack([x, points[..., 1], z], axis=-1)
+        self.points = turn_about_y(points, TURN - clip.heading)
         self.scale = 0.6 * SIZE * SHARP / max(c.height for c in clips)
         self.styles = class_styles(sorted({s.label for c in clips for _, spans in c.bands for s in spans}))
 

@@ -16,6 +16,7 @@ from motionlake.arrays import Float32Array, Float64Array, FloatArray
 from motionlake.lake.catalog import Connection, fetch
 from motionlake.lake.frames import POSITION_CHANNELS, ROOT_CHANNELS, runs_of
 from motionlake.lake.layout import Lake
+from motionlake.motion.rotations import turn_on_ground
 from motionlake.motion.skeleton import INDEX, JOINTS, PARENTS, facing
 from motionlake.pictures.style import INK, Sheet
 
@@ -87,9 +88,7 @@ def three_quarter_view(positions: FloatArray) -> Float64Array:
     """
     points = positions.astype(np.float64) - positions[:, :1] * np.array([1.0, 0.0, 1.0])
     heading = facing(positions)[len(positions) // 2]
-    angle = TURN - heading
-    x = points[..., 0] * np.cos(angle) + points[..., 2] * np.sin(angle)
-    z = points[..., 2] * np.cos(angle) - points[..., 0] * np.sin(angle)
+    x, z = turn_on_ground(points[..., 0], points[..., 2], TURN - heading)
     y = points[..., 1] - points[..., 1].min()
     return np.stack([x, y * np.cos(TILT) - z * np.sin(TILT), -z * np.cos(TILT) - y * np.sin(TILT)], axis=-1)
 

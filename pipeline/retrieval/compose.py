@@ -25,6 +25,7 @@ from motionlake.lake.config import load_config
 from motionlake.lake.export import canonical_rig, own_rig
 from motionlake.lake.layout import Lake
 from motionlake.motion.clip import SourceClip
+from motionlake.motion.resampling import sample_count
 
 LoadPoses = Callable[[int], Poses]
 # Lengths of blends that are tried, in windows of the distance (a third of a second).
@@ -133,7 +134,7 @@ def read_graph(
         )
     fps = max(row["fps"] for row in rows)
     blend = max(2, round(config.transitions.window / config.words.fps * fps))
-    clips = [GraphClip(r["clip"], fps, _length(r["frames"], r["fps"], fps), blend, r["label"]) for r in rows]
+    clips = [GraphClip(r["clip"], fps, sample_count(r["frames"], r["fps"], fps), blend, r["label"]) for r in rows]
     place = {row["clip"]: i for i, row in enumerate(rows)}
     ratio = np.array([fps / row["fps"] for row in rows])
 
@@ -152,10 +153,6 @@ def read_graph(
     if constrained:
         taken = graphs.in_context(taken, context_quantile)
     return LakeGraph(build_graph(clips, taken), rows)
-
-
-def _length(frames: int, fps: float, wanted: float) -> int:
-    return int(np.floor((frames - 1) / fps * wanted + 1e-6)) + 1
 
 
 def graph_summary(con: Connection, lake: Lake, dataset: str, *, constrained: bool = True) -> GraphSummary:

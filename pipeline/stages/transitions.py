@@ -26,8 +26,9 @@ from motionlake.lake.config import LakeConfig, config_hash
 from motionlake.lake.corpus import read_corpus
 from motionlake.lake.layout import Lake
 from motionlake.lake.parts import write_part
-from motionlake.motion.features import WordConfig, body_length, resample
+from motionlake.motion.features import WordConfig, body_length
 from motionlake.motion.kinematics import bone_vectors, world_rotations
+from motionlake.motion.resampling import resample
 from motionlake.stages.motif_model import MOTIF_MODEL
 from motionlake.stages.reader import LakeReader
 from motionlake.stages.shard import Shard, ShardResult
@@ -181,7 +182,7 @@ def _read(lake: Lake, shard: Shard, part: str, config: TransitionsConfig) -> _Gr
     clips, fps, bones, sizes, positions, counts = [], [], [], [], [], []
     for clip in frames.read_part(lake.path(lake.frames_part(shard.dataset, part)), shard.spec["clips"]):
         joints, rotations = clip.positions.astype(float), clip.rotations.astype(float)
-        sampled = resample(joints, clip.fps, words)
+        sampled = resample(joints, clip.fps, words.fps)
         clips.append(clip.clip)
         fps.append(clip.fps)
         bones.append(bone_vectors(joints, world_rotations(rotations)).mean(axis=0))

@@ -11,6 +11,7 @@ from motionlake.arrays import Float64Array
 from motionlake.errors import ClipError
 from motionlake.motion.clip import ChannelKind, Hierarchy, SourceClip
 from motionlake.motion.kinematics import channel_starts, solve
+from motionlake.motion.resampling import samples
 from motionlake.motion.rotations import IDENTITY, angle, from_axis_angle, multiply, rotate
 
 _POSITIONS: Final = ("Xposition", "Yposition", "Zposition")
@@ -107,11 +108,7 @@ def resampled(poses: Poses, fps: float) -> Poses:
     """The poses at the instants k / fps up to the last; the same where the rate is."""
     if poses.fps == fps:
         return poses
-    count = int(np.floor((len(poses) - 1) / poses.fps * fps + 1e-6)) + 1
-    instants = np.arange(count) * (poses.fps / fps)
-    below = np.clip(np.floor(instants + 1e-6).astype(np.int64), 0, len(poses) - 1)
-    above = np.minimum(below + 1, len(poses) - 1)
-    weight = np.clip(instants - below, 0.0, 1.0)
+    below, above, weight = samples(len(poses), poses.fps, fps)
     mixed = mixture(
         poses.of(poses.root[below], poses.shifts[below], poses.rotations[below]),
         poses.of(poses.root[above], poses.shifts[above], poses.rotations[above]),

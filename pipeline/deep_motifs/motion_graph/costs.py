@@ -10,6 +10,7 @@ import numpy as np
 from motionlake.arrays import Float32Array, Float64Array, Int64Array, IntArray
 from motionlake.deep_motifs.emd import emd
 from motionlake.deep_motifs.signatures import window_signatures
+from motionlake.motion.rotations import turn_on_ground
 from motionlake.motion.skeleton import COMMON, INDEX, facing
 
 JOINTS: Final = tuple(INDEX[name] for name in COMMON)
@@ -59,9 +60,7 @@ def window_clouds(positions: Float64Array, window: int) -> Clouds:
     cloud = views.transpose(0, 3, 1, 2).reshape(n, -1, 3).astype(np.float64)
     x, y, z = cloud[..., 0], cloud[..., 1], cloud[..., 2]
     x, z = x - x.mean(axis=1, keepdims=True), z - z.mean(axis=1, keepdims=True)
-    angles = facing(positions)[:n, None]
-    cos, sin = np.cos(angles), np.sin(angles)
-    ground = np.concatenate([cos * x - sin * z, sin * x + cos * z], axis=1)
+    ground = np.concatenate(turn_on_ground(x, z, -facing(positions)[:n, None]), axis=1)
     return Clouds(ground, y, np.einsum("ij,ij->i", ground, ground) + np.einsum("ij,ij->i", y, y))
 
 
