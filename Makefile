@@ -4,6 +4,10 @@ BENCH := .venv-bench/bin
 PIP := -m pip --quiet --disable-pip-version-check
 LAKE ?= lake
 DIST ?= dist
+SITE ?= site
+# The folders of the repository under the names they are imported by, for tools that read the files.
+LINKS = rm -rf .venv/src && mkdir -p .venv/src/motionlake && \
+	ln -s $(CURDIR)/pipeline/* $(CURDIR)/jobs $(CURDIR)/sql .venv/src/motionlake/
 STAGES := frames words embed motifs signatures mirrored postures symbols descriptors submotions
 # What `make demo` takes in: by default the DeepMimic motions, fetched first.
 DATA ?= demo/deepmimic
@@ -16,7 +20,7 @@ DEMO_SYNTHESIS = $(if $(filter demo/deepmimic,$(DATA)),$(BIN)/motionlake run syn
 DEMO_QUERIES = $(if $(filter demo/deepmimic,$(DATA)),humanoid3d_walk humanoid3d_kick humanoid3d_dance_a,--sample 3)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test lint ingest all $(STAGES) neighbours transitions synth status wheel bench-ingest bench-dtw bench-emd bench-retrieval bench-representation bench-words bench-find bench-motion-graph bench-neighbours bench-segmentation bench-signatures bench-align bench-pesta bench-descriptor-search bench-deephums bench-glogen bench-synthesis
+.PHONY: help setup demo test lint docs ingest all $(STAGES) neighbours transitions synth status wheel bench-ingest bench-dtw bench-emd bench-retrieval bench-representation bench-words bench-find bench-motion-graph bench-neighbours bench-segmentation bench-signatures bench-align bench-pesta bench-descriptor-search bench-deephums bench-glogen bench-synthesis
 
 help: ## Show this help
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 24
@@ -52,10 +56,13 @@ test: lint ## Run the checks and all tests (MOTIONLAKE_DATA: folder of real reco
 lint: setup ## Run ruff, mypy and the import contracts
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	rm -rf .venv/src && mkdir -p .venv/src/motionlake
-	ln -s $(CURDIR)/pipeline/* $(CURDIR)/jobs $(CURDIR)/sql .venv/src/motionlake/
+	$(LINKS)
 	$(BIN)/mypy
 	@said=$$(PYTHONPATH=.venv/src $(BIN)/lint-imports --no-cache 2>&1) || { echo "$$said"; exit 1; }
+
+docs: setup ## Build the documentation into SITE=folder (site), every link checked
+	$(LINKS)
+	$(BIN)/mkdocs build --quiet --strict --site-dir "$(abspath $(SITE))"
 
 ingest: setup ## Take the clips of SRC=folder into LAKE=folder
 	$(BIN)/motionlake ingest "$(SRC)" --lake "$(LAKE)"

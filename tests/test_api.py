@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import doctest
 import importlib
+import re
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -60,6 +61,15 @@ def test_examples_of_docstrings_run(name: str, lake: motionlake.Lake) -> None:
     found = doctest.testmod(module, extraglobs={"lake": lake, "motionlake": motionlake})
     assert found.failed == 0
     assert found.attempted > 0 or name != "motionlake.api"
+
+
+def test_examples_of_the_guide_run(lake: motionlake.Lake) -> None:
+    guide = Path(__file__).parents[1] / "docs" / "python.md"
+    blocks = re.findall(r"^```pycon\n(.*?)^```", guide.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL)
+    examples = doctest.DocTestParser().get_doctest("\n".join(blocks), {}, guide.name, str(guide), 0)
+    found = doctest.DocTestRunner(optionflags=doctest.ELLIPSIS).run(examples)
+    assert found.failed == 0
+    assert found.attempted > 20
 
 
 def test_every_method_has_an_example() -> None:

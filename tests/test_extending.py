@@ -1,0 +1,94 @@
+"""The worked examples of docs/extending.md: each is added to a copy of the program, and used."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.samples import KINECT_1, KINECT_1_PARENTS, deepmimic_frames, deepmimic_text, swinging_body
+
+ROOT = Path(__file__).parents[1]
+GUIDE = (ROOT / "docs" / "extending.md").read_text(encoding="utf-8")
+NEW = re.compile(r"^New file `([^`]+)`:\n\n```\w+\n(.*?)```$", re.MULTILINE | re.DOTALL)
+COUNTS = re.compile(r"^\| \[([^\]]+)\]\(#[\w-]+\) \| (\d+) \| (\d+) \|$", re.MULTILINE)
+
+
+def section(title: str) -> str:
+    found = re.search(rf"^## {re.escape(title)}$(.*?)(?=^## |\Z)", GUIDE, re.MULTILINE | re.DOTALL | re.IGNORECASE)
+    assert found is not None, title
+    return found[1]
+
+
+class Copy:
+    """The program as it is installed, its files linked, with the files of a section beside them."""
+
+    def __init__(self, folder: Path, title: str) -> None:
+        self.folder = folder
+        package = folder / "site" / "motionlake"
+        for top in ("pipeline", "jobs", "sql"):
+            shutil.copytree(
+                ROOT / top, package if top == "pipeline" else package / top, copy_function=os.symlink,
+                ignore=shutil.ignore_patterns("__pycache__"), dirs_exist_ok=True,
+            )  # fmt: skip
+        self.added = NEW.findall(section(title))
+        for name, text in self.added:
+            path = package / name.removeprefix("pipeline/")
+            assert not path.exists(), name
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(text, encoding="utf-8")
+
+    def run(self, *words: str) -> str:
+        done = subprocess.run(
+            [sys.executable, "-m", "motionlake.cli.main", *words], cwd=self.folder, capture_output=True, text=True,
+            check=False, timeout=300, env=os.environ | {"PYTHONPATH": str(self.folder / "site")},
+        )  # fmt: skip
+        assert done.returncode == 0, done.stderr
+        return done.stdout
+
+
+@pytest.mark.parametrize(("title", "new", "changed"), COUNTS.findall(GUIDE))
+def test_the_guide_counts_its_files(title: str, new: str, changed: str) -> None:
+    assert len(NEW.findall(section(title))) == int(new)
+    assert len(re.findall(r"^Line in `", section(title), re.MULTILINE)) == int(changed)
+
+
+def test_every_section_is_counted() -> None:
+    assert [title.lower() for title, _, _ in COUNTS.findall(GUIDE)] == [
+        title.lower() for title in re.findall(r"^## (.*)$", GUIDE, re.MULTILINE)
+    ]
+
+
+def test_a_format(tmp_path: Path) -> None:
+    copy = Copy(tmp_path, "A file format")
+    body = swinging_body(45).reshape(45, -1)
+    rows = "\n".join(" ".join(f"{number:.5f}" for number in row) for row in body)
+    (tmp_path / "clips").mkdir()
+    text = f"{' '.join(KINECT_1)}\n{' '.join(map(str, KINECT_1_PARENTS))}\n{rows}\n"
+    (tmp_path / "clips" / "swing.joints").write_text(text)
+    copy.run("ingest", "clips", "--lake", "lake", "--workers", "1")
+    text = "SELECT format, frames, min(root_z) AS z FROM clips JOIN frames USING (clip) GROUP BY ALL"
+    found = copy.run("sql", text, "--lake", "lake", "--json")
+    assert '"format": "joint table"' in found
+    assert '"frames": 45' in found
+    assert np.isclose(float(re.findall(r'"z": ([\d.]+)', found)[0]), 3.0, atol=0.01)
+
+
+def test_a_sql_macro(tmp_path: Path) -> None:
+    copy = Copy(tmp_path, "A SQL macro")
+    (tmp_path / "clips").mkdir()
+    for count in (40, 50, 60):
+        (tmp_path / "clips" / f"walk{count}.txt").write_text(deepmimic_text(deepmimic_frames(count)))
+    copy.run("ingest", "clips", "--lake", "mylake", "--workers", "1")
+    command = re.findall(r"```sh\nmotionlake (.*)\n```", section("A SQL macro"))[0]
+    answer = subprocess.run(
+        f"{sys.executable} -m motionlake.cli.main {command}", shell=True, cwd=tmp_path, capture_output=True, text=True,
+        check=True, env=os.environ | {"PYTHONPATH": str(tmp_path / "site")},
+    ).stdout  # fmt: skip
+    assert re.findall(r"walk\d+", answer) == ["walk60", "walk50"]
