@@ -26,7 +26,7 @@ from motionlake.deephums.nearest import DescriptorScan
 from motionlake.deephums.quick import QuickIndex
 from motionlake.deephums.sequence import clip_sequence
 from motionlake.deephums.trained import load_descriptor
-from motionlake.threads import on_threads
+from motionlake.training import on_threads
 from numpy.typing import NDArray
 from sklearn.neighbors import NearestNeighbors
 

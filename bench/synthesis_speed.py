@@ -24,7 +24,7 @@ from motionlake.glogen.generator import TrainedGenerator, load_generator
 from motionlake.glogen.sparse import HEIGHT
 from motionlake.glogen.trajectories import FPS
 from motionlake.glogen.wishes import Seed, Wish
-from motionlake.threads import on_threads
+from motionlake.training import on_threads
 
 from bench.canonical_sets import LabelledClip
 from bench.glogen.baseline import Settings, Shape

@@ -20,7 +20,7 @@ from motionlake.glogen.trajectories import STANDARD, body_motion
 from motionlake.glogen.wishes import Seed, Synthesized, Wish
 from motionlake.motion.kinematics import forward_kinematics
 from motionlake.motion.skeleton import JOINTS
-from motionlake.network_file import save_network
+from motionlake.training import save_network
 
 from tests.test_trajectories import swinging
 

@@ -9,7 +9,7 @@ from typing import cast
 import numpy as np
 import torch
 from motionlake.arrays import Float32Array
-from motionlake.threads import on_threads
+from motionlake.training import on_threads
 from numpy.typing import NDArray
 from torch import Tensor, nn
 

@@ -17,14 +17,12 @@ from typing import Any, Final
 import numpy as np
 import torch
 from motionlake.arrays import Float32Array, Int64Array, Progress
-from motionlake.checkpoint import Checkpoint
 from motionlake.deephums.batches import Augmentation, padded
 from motionlake.deephums.config import DIMENSION, LONGEST, SHORT, SHORTEST, SubmotionConfig
 from motionlake.deephums.network import CHANNELS, positions_and_motion
 from motionlake.deephums.sequence import BONES, FPS, one_cycle
 from motionlake.motion.skeleton import COMMON
-from motionlake.network_file import read_network, save_network
-from motionlake.threads import on_threads
+from motionlake.training import Checkpoint, Loop, on_threads, read_network, save_network
 from torch import Tensor, nn
 from torch.nn.functional import cross_entropy, gelu, mse_loss, normalize
 
@@ -180,9 +178,10 @@ def train_submotion(
         optimiser = torch.optim.AdamW(network.parameters(), lr=config.learning_rate, weight_decay=0.01)
         data = np.concatenate([sequence.ravel() for sequence in sequences])
         kept = Checkpoint(checkpoint, data, config) if checkpoint else None
-        losses = kept.resume(network, optimiser, rng) if kept else []
         near: Int64Array | None = None
-        for step in range(len(losses), config.steps):
+
+        def train(step: int) -> float:
+            nonlocal near
             if step and step % MINE_EVERY == 0:
                 near = _nearest(network, sequences, config, device)
             for group in optimiser.param_groups:
@@ -192,13 +191,11 @@ def train_submotion(
             loss.backward()  # type: ignore[no-untyped-call]
             nn.utils.clip_grad_norm_(network.parameters(), 1.0)
             optimiser.step()
-            losses.append(float(loss.detach()))
-            if kept and (step + 1) % CHECKPOINT_EVERY == 0:
-                kept.save(network, optimiser, rng, losses)
-            if progress is not None and ((step + 1) % REPORT_EVERY == 0 or step + 1 == config.steps):
-                progress(step + 1, config.steps, losses[-1])
-        if kept:
-            kept.remove()
+            return float(loss.detach())
+
+        losses = Loop(
+            network, optimiser, rng, config.steps, train, kept, CHECKPOINT_EVERY, progress, REPORT_EVERY
+        ).run()
     return network.cpu().eval(), losses
 
 

@@ -13,8 +13,7 @@ from motionlake.arrays import Float32Array
 from motionlake.deephums.batches import Augmentation, padded, resampled, windows
 from motionlake.deephums.config import DIMENSION, DescriptorsConfig
 from motionlake.deephums.network import DescriptorNetwork, DescriptorRecipe
-from motionlake.network_file import read_network, save_network
-from motionlake.threads import on_threads
+from motionlake.training import on_threads, read_network, save_network
 from torch.nn.functional import normalize
 
 METADATA_KEY: Final = "descriptor_network"

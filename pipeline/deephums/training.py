@@ -11,7 +11,6 @@ from typing import Any, Final
 import numpy as np
 import torch
 from motionlake.arrays import Float32Array, Int64Array, Progress
-from motionlake.checkpoint import Checkpoint
 from motionlake.deephums.batches import at_speeds, order, padded, resampled, windows
 from motionlake.deephums.config import DescriptorsConfig
 from motionlake.deephums.network import (
@@ -25,8 +24,7 @@ from motionlake.deephums.network import (
 )
 from motionlake.deephums.sequence import alignment_distances, neighbourhoods, one_cycle, similar_by_motion
 from motionlake.deephums.trained import TrainedDescriptor
-from motionlake.epochs import Training
-from motionlake.threads import on_threads
+from motionlake.training import Checkpoint, Training, on_threads
 from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn.functional import cross_entropy

@@ -174,7 +174,7 @@ def _features(lake: Lake, clips: list[DescribedClip]) -> tuple[list[Float32Array
 def _look_up_ms(queries: Float32Array, repository: Float32Array) -> float:
     """Mean milliseconds of one look-up on one core, one query at a time."""
     from motionlake.deephums.nearest import DescriptorScan
-    from motionlake.threads import on_threads
+    from motionlake.training import on_threads
 
     with on_threads(1):
         scan = DescriptorScan(repository)

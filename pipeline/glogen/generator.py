@@ -19,8 +19,7 @@ from motionlake.glogen.training import ByClass, untrained
 from motionlake.glogen.trajectories import FPS, body_motion, in_world
 from motionlake.glogen.wishes import SHORTEST, Start, Synthesized, Wish, start_of
 from motionlake.motion.skeleton import JOINTS
-from motionlake.network_file import read_network, save_network
-from motionlake.threads import on_threads
+from motionlake.training import on_threads, read_network, save_network
 from torch import nn
 
 

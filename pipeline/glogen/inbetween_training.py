@@ -9,8 +9,6 @@ from typing import Final
 import numpy as np
 import torch
 from motionlake.arrays import Float64Array, FloatArray, Int64Array, Progress
-from motionlake.checkpoint import Checkpoint
-from motionlake.epochs import Training, optimiser_of, rate_of
 from motionlake.glogen.inbetweening import (
     MOVING,
     POSE,
@@ -24,7 +22,7 @@ from motionlake.glogen.inbetweening import (
 from motionlake.glogen.sparse import HEIGHT, Piece
 from motionlake.glogen.trajectories import FPS, BodyMotion
 from motionlake.motion.resampling import interpolated
-from motionlake.threads import on_threads
+from motionlake.training import Checkpoint, Training, on_threads, optimiser_of, rate_of
 from torch import Tensor
 from torch.nn.functional import binary_cross_entropy_with_logits
 

@@ -16,7 +16,7 @@ from motionlake.arrays import Float64Array
 from motionlake.glogen.sparse import HEIGHT
 from motionlake.glogen.trajectories import FPS, BodyMotion, mirrored
 from motionlake.motion.resampling import interpolated
-from motionlake.threads import on_threads
+from motionlake.training import on_threads
 from scipy.interpolate import PchipInterpolator
 from torch import Tensor, nn
 

@@ -10,13 +10,11 @@ from typing import Final
 import numpy as np
 import torch
 from motionlake.arrays import Float32Array, Int64Array, Progress
-from motionlake.checkpoint import Checkpoint
-from motionlake.epochs import Training, optimiser_of, rate_of
 from motionlake.glogen.config import SEEDS, GloGenRecipe
 from motionlake.glogen.network import Ahead, Blocks, glogen_network
 from motionlake.glogen.sparse import HEIGHT, JOINT_COLUMNS
 from motionlake.glogen.trajectories import JOINTS_GIVEN
-from motionlake.threads import on_threads
+from motionlake.training import Checkpoint, Training, on_threads, optimiser_of, rate_of
 from torch import Tensor, nn
 
 CHECKPOINT_EVERY: Final = 10

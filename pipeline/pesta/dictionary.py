@@ -14,7 +14,7 @@ import torch
 from motionlake.arrays import Float32Array, Int32Array
 from motionlake.pesta.config import PosturesConfig
 from motionlake.pesta.posture_network import HeadForm, PostureAutoencoder
-from motionlake.threads import on_threads
+from motionlake.training import on_threads
 from safetensors import safe_open
 from safetensors.numpy import save_file
 

@@ -9,13 +9,12 @@ from typing import Any, Final
 import numpy as np
 import torch
 from motionlake.arrays import Float32Array, Int64Array, Progress
-from motionlake.checkpoint import Checkpoint
 from motionlake.deep_motifs.motifs import Motifs, assign, fit_motifs
 from motionlake.deep_motifs.words.linear import linear_embedding
 from motionlake.pesta.config import PosturesConfig
 from motionlake.pesta.dictionary import AutoencoderEncoder, NearestCode, PostureDictionary
 from motionlake.pesta.posture_network import AutoencoderRecipe, PostureAutoencoder, recipe_of
-from motionlake.threads import on_threads
+from motionlake.training import Checkpoint, Loop, on_threads
 from torch import Tensor
 from torch.nn.functional import binary_cross_entropy_with_logits, one_hot
 
@@ -117,22 +116,18 @@ def _fit(
 ) -> list[float]:
     makers, critics = network.autoencoder(), network.critics()
     optimiser = torch.optim.Adam([*makers, *critics], lr=recipe.learning_rate, betas=(recipe.momentum, 0.999))
-    losses = checkpoint.resume(network, optimiser, rng) if checkpoint else []
-    steps = recipe.count(len(postures))
-    for step in range(len(losses), steps):
+
+    def train(step: int) -> float:
         if step % REVIVE_EVERY == 0:
             _revive(network, postures, rng, device)
         rows = rng.integers(0, len(postures), recipe.batch)
         optimiser.zero_grad(set_to_none=True)
-        losses.append(_step(network, postures[rows], recipe, rng, device, makers, critics))
+        loss = _step(network, postures[rows], recipe, rng, device, makers, critics)
         optimiser.step()
-        if checkpoint and (step + 1) % CHECKPOINT_EVERY == 0:
-            checkpoint.save(network, optimiser, rng, losses)
-        if progress is not None and ((step + 1) % REPORT_EVERY == 0 or step + 1 == steps):
-            progress(step + 1, steps, losses[-1])
-    if checkpoint:
-        checkpoint.remove()
-    return losses
+        return loss
+
+    steps = recipe.count(len(postures))
+    return Loop(network, optimiser, rng, steps, train, checkpoint, CHECKPOINT_EVERY, progress, REPORT_EVERY).run()
 
 
 def _step(

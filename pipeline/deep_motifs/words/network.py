@@ -8,7 +8,6 @@ the 736 channels of its last module (256 + 384 + 96) averaged into a unit vector
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -18,9 +17,7 @@ import numpy as np
 import torch
 from motionlake.arrays import Float32Array
 from motionlake.motion.features import WordConfig
-from motionlake.threads import on_threads
-from safetensors import safe_open
-from safetensors.torch import save_file
+from motionlake.training import on_threads, read_network, save_network
 from torch import Tensor, nn
 
 ARCHITECTURES: Final = ("linear", "conv", "inception736")
@@ -193,8 +190,7 @@ class TrainedNetwork:
     def save(self, path: Path) -> None:
         """Write weights and configuration as one safetensors file."""
         kept = {"architecture": self.architecture, "words": asdict(self.words), "figures": dict(self.figures)}
-        tensors = {name: value.contiguous() for name, value in self.network.state_dict().items()}
-        save_file(tensors, path, metadata={METADATA_KEY: json.dumps(kept, sort_keys=True)})
+        save_network(path, self.network, METADATA_KEY, kept)
 
 
 def load_network(path: Path) -> TrainedNetwork:
@@ -203,12 +199,7 @@ def load_network(path: Path) -> TrainedNetwork:
     Raises:
         ValueError: the file holds something else.
     """
-    with safe_open(path, framework="pt") as file:
-        metadata = (file.metadata() or {}).get(METADATA_KEY)
-        if metadata is None:
-            raise ValueError(f"{path} holds no word network")
-        tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
-    kept = json.loads(metadata)
+    tensors, kept = read_network(path, METADATA_KEY)
     words = WordConfig(**kept["words"])
     network = build(kept["architecture"], words.length, words.dimension)
     network.load_state_dict(tensors)

@@ -9,7 +9,6 @@ from typing import Any, Final
 import numpy as np
 import torch
 from motionlake.arrays import Float32Array, Progress
-from motionlake.checkpoint import Checkpoint
 from motionlake.deep_motifs.config import NetworkConfig
 from motionlake.deep_motifs.words.linear import LinearConfig, linear_embedding
 from motionlake.deep_motifs.words.network import LinearBody, TrainedNetwork, WordNetwork, build
@@ -22,7 +21,7 @@ from motionlake.deep_motifs.words.triplets import (
     training_words,
 )
 from motionlake.motion.features import WordConfig
-from motionlake.threads import on_threads
+from motionlake.training import Checkpoint, Loop, on_threads
 from torch import Tensor
 
 REPORT_EVERY: Final = 50
@@ -158,23 +157,20 @@ def _fit(
 ) -> list[float]:
     rng = np.random.default_rng(config.seed)
     optimiser = torch.optim.Adam(network.parameters(), lr=recipe.learning_rate)
-    losses = checkpoint.resume(network, optimiser, rng) if checkpoint else []
     network.train()
-    for step in range(len(losses), config.steps):
+
+    def train(step: int) -> float:
         for group in optimiser.param_groups:
             group["lr"] = recipe.learning_rate * _rate(step, config.steps)
         loss = _loss(network, material, recipe, rng, device, words if config.reversible else None)
         optimiser.zero_grad(set_to_none=True)
         loss.backward()  # type: ignore[no-untyped-call]
         optimiser.step()
-        losses.append(float(loss.detach()))
-        if checkpoint and (step + 1) % CHECKPOINT_EVERY == 0:
-            checkpoint.save(network, optimiser, rng, losses)
-        if progress is not None and ((step + 1) % REPORT_EVERY == 0 or step + 1 == config.steps):
-            progress(step + 1, config.steps, losses[-1])
-    if checkpoint:
-        checkpoint.remove()
-    return losses
+        return float(loss.detach())
+
+    return Loop(
+        network, optimiser, rng, config.steps, train, checkpoint, CHECKPOINT_EVERY, progress, REPORT_EVERY
+    ).run()
 
 
 def _rate(step: int, steps: int, warm_up: float = 0.1) -> float:
