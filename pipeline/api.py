@@ -39,7 +39,7 @@ def open_lake(path: str | Path) -> Lake:
         path: its folder.
 
     Raises:
-        UserError: there is no lake.
+        UserError: there is no lake, or it is of another version.
     """
     return Lake(path)
 
@@ -58,11 +58,15 @@ class Lake:
         path: its folder.
 
     Raises:
-        UserError: there is no lake.
+        UserError: there is no lake, or it is of another version.
     """
 
     def __init__(self, path: str | Path) -> None:
+        from motionlake.lake.catalog import reading
+
         self._lake, self._path = layout.open_lake(path), Path(path)
+        with reading(self._lake):
+            pass  # a lake of another version is told of here, not by the first question
         self._connection: Connection | None = None
         self._served: tuple[int, int] | None = None
         self._kept: dict[tuple[object, ...], Any] = {}

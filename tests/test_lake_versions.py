@@ -54,6 +54,8 @@ def test_a_lake_of_another_version_says_what_to_do(empty: Path, version: int, to
             pass
     with pytest.raises(UserError, match=re.escape(expected)):
         motionlake.connect(empty)
+    with pytest.raises(UserError, match=re.escape(expected)):
+        motionlake.open_lake(empty)
     assert (empty / "catalog.duckdb").read_bytes() == before
 
 

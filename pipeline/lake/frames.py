@@ -136,11 +136,16 @@ def lengths(path: Path) -> dict[str, tuple[float, int]]:
 
 
 def read_clips(path: Path, clips: Sequence[str]) -> Iterator[Frames]:
-    """Some clips of a frames part, in its order; row groups without them are not read."""
+    """Some clips of a frames part, in its order."""
+    yield from (from_table(clip, rows) for clip, rows in read_rows(path, clips, ("fps", *CHANNELS)))
+
+
+def read_rows(path: Path, clips: Sequence[str], columns: Sequence[str]) -> Iterator[tuple[str, pa.Table]]:
+    """(clip, its rows) of some clips and columns of a frames part; row groups without such clips are not read."""
     part = open_frames(path)
     groups = [i for i in range(part.num_row_groups) if _may_hold(part.metadata.row_group(i).column(0), clips)]
-    table = part.read_row_groups(groups, columns=["clip", "frame", "fps", *CHANNELS])
-    yield from (from_table(clip, rows) for clip, rows in runs(table.filter(pc.field("clip").isin(list(clips)))))
+    table = part.read_row_groups(groups, columns=["clip", *columns])
+    yield from runs(table.filter(pc.field("clip").isin(list(clips))))
 
 
 def _may_hold(column: pq.ColumnChunkMetaData, clips: Sequence[str]) -> bool:

@@ -8,13 +8,12 @@ from functools import lru_cache
 from typing import Final
 
 import numpy as np
-import pyarrow.parquet as pq
 from matplotlib.collections import LineCollection, PatchCollection
 from matplotlib.colors import to_rgb
 from matplotlib.patches import Circle
 from motionlake.arrays import Float32Array, Float64Array, FloatArray
 from motionlake.lake.catalog import Connection, fetch
-from motionlake.lake.frames import POSITION_CHANNELS, ROOT_CHANNELS, runs_of
+from motionlake.lake.frames import POSITION_CHANNELS, ROOT_CHANNELS, read_rows
 from motionlake.lake.layout import Lake
 from motionlake.motion.rotations import turn_on_ground
 from motionlake.motion.skeleton import INDEX, JOINTS, PARENTS, facing
@@ -43,12 +42,9 @@ class Poses:
         found: dict[str, Float32Array] = {}
         for (dataset, part), members in parts.items():
             path = self._lake.path(self._lake.frames_part(dataset, part))
-            table = pq.read_table(path, columns=["clip", *_CHANNELS], filters=[("clip", "in", members)])
-            matrix = np.column_stack([table.column(name).to_numpy() for name in _CHANNELS])
-            start = 0
-            for clip, stop in runs_of(table.column("clip")):
-                found[clip] = matrix[start:stop].reshape(stop - start, -1, 3)
-                start = stop
+            for clip, rows in read_rows(path, members, _CHANNELS):
+                matrix = np.column_stack([rows.column(name).to_numpy() for name in _CHANNELS])
+                found[clip] = matrix.reshape(rows.num_rows, -1, 3)
         return found
 
     def sample(self, clip: str, start: int, stop: int, count: int) -> Float32Array:
