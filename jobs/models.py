@@ -78,14 +78,26 @@ def train(
         session.notice(f"{stage}: there are no {kind.lacks}")
         return None
 
+    first: list[tuple[int, float]] = []
+
     def progress(step: int, steps: int, loss: float) -> None:
         session.progress("train", step, steps)
-        session.notice(f"train: step {step} of {steps}, loss {loss:.4f}")
+        first.append((step, time.monotonic()))
+        session.notice(f"train: step {step} of {steps}, loss {loss:.4f}{_left(*first[0], step, steps)}")
 
     model = _make(session, kind, config, lambda file: kind.train(session.lake, config, data, file, progress))
     for line in kind.hints(config, model.figures):
         session.notice(f"{stage}: {line}")
     return model
+
+
+def _left(first: int, since: float, step: int, steps: int) -> str:
+    """How long a training still takes, by the steps done since it was first heard of; nothing where none were."""
+    if step in (first, steps):
+        return ""
+    seconds = (time.monotonic() - since) / (step - first) * (steps - step)
+    unit, size = next((u, s) for u, s in (("h", 3600), ("min", 60), ("s", 1)) if seconds >= 1.5 * s or s == 1)
+    return f", about {seconds / size:.0f} {unit} left"
 
 
 def _make(session: Session, kind: Kind, config: LakeConfig, fit: Callable[[str], Mapping[str, Any]]) -> Model:

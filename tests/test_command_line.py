@@ -253,7 +253,7 @@ def test_a_run_says_before_it_starts_whether_it_will_train(lake: Path, tmp_path:
     run = motionlake("run", "all", "--lake", lake, "--scheduler", scheduler)
     assert "will not train" in run.err
     run = motionlake("run", "embed", "--refit", "--lake", lake, "--scheduler", scheduler)
-    assert re.search(r"will train a word network .*about [\d.]+ minutes", run.err)
+    assert "will train a word network (" in run.err
 
 
 def test_status_counts_what_is_due(lake: Path) -> None:
@@ -322,7 +322,8 @@ def test_what_is_no_regular_file_is_rejected_and_stops_nothing(
 def test_a_folder_without_clips(tmp_path: Path, scheduler: str) -> None:
     (tmp_path / "empty").mkdir()
     run = motionlake("ingest", tmp_path / "empty", "--lake", tmp_path / "lake", "--scheduler", scheduler)
-    assert run.status == 0
+    assert run.status == 2
+    assert not (tmp_path / "lake").exists()
     assert "no clip files; motionlake reads .amc, .bvh" in run.err
 
 

@@ -18,11 +18,15 @@ def remove(
     clips: Annotated[list[str] | None, typer.Argument(help="Clips, by name.", show_default=False)] = None,
     dataset: Annotated[str | None, typer.Option(help="Remove a whole dataset.", show_default=False)] = None,
     gone: Annotated[bool, typer.Option("--gone", help="Remove every clip whose source file is gone.")] = False,
+    for_good: Annotated[
+        bool, typer.Option("--for-good", help="Do not take these files in again (undo: ingest --take-back).")
+    ] = False,
     as_json: JsonOption = False,
 ) -> None:
     """Take clips out of a lake, with all that was computed of them.
 
-    Source files are not touched. A removed clip comes back when its folder is ingested again.
+    Source files are not touched. A removed clip comes back when its folder is ingested again, unless it is removed
+    --for-good; `motionlake ingest FOLDER --take-back` takes it in again all the same.
 
     Example: motionlake remove walk_01 --lake mylake
 
@@ -37,6 +41,8 @@ def remove(
             removed += remove_dataset(target, check_dataset(dataset))
         with reading(target) as con:
             sources = sources_of(con, clips or []) + (gone_sources(con) if gone else [])
-        removed += remove_sources(target, sources)
+        removed += remove_sources(target, sources, for_good=for_good)
     found = {"clips": removed.clips, "files": removed.files}
+    if removed.files and not for_good and dataset is None:
+        notice("remove: the next `motionlake ingest` of their folder takes them in again; --for-good keeps them out")
     tell(found, f"{removed.clips} clips removed ({removed.files} source files forgotten)", as_json=as_json)

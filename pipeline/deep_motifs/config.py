@@ -43,11 +43,6 @@ class NetworkConfig:
         if self.steps < 0 or self.max_words < 2:
             raise ValueError("a word network is trained on at least two words, for no negative number of steps")
 
-    def seconds(self, words: int) -> float:
-        """About how long training on so many words takes on one core."""
-        used = min(words, self.max_words)
-        return 5.0 + 3e-4 * used if self.architecture == "linear" else 0.03 * self.steps + 2e-3 * used
-
 
 @dataclass(frozen=True)
 class NeighboursConfig:

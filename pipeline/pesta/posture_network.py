@@ -171,13 +171,3 @@ class AutoencoderRecipe:
 def recipe_of(config: PosturesConfig) -> AutoencoderRecipe:
     """The recipe that a configuration names."""
     return AutoencoderRecipe.pesta() if config.recipe == "pesta" else AutoencoderRecipe()
-
-
-def training_seconds(config: PosturesConfig, postures: float) -> float:
-    """About how long training a dictionary on so many postures takes on one core."""
-    used = int(min(postures, config.max_postures))
-    clusters = 2.0 + 3e-4 * used
-    if config.dictionary != "aae":
-        return clusters
-    recipe = recipe_of(config)
-    return clusters + 8e-4 * recipe.batch * recipe.count(max(used, 1))

@@ -28,7 +28,16 @@ from motionlake.stages.frame_parts import FrameParts
 from motionlake.stages.orphans import forget_orphans
 from motionlake.stages.reader import LakeReader
 from motionlake.stages.shard import Shard, ShardResult, tables_of
-from motionlake.stages.sources import FRAMES_VERSION, Difference, IngestOptions, Root, SourceFile, compare, known_roots
+from motionlake.stages.sources import (
+    FRAMES_VERSION,
+    Difference,
+    IngestOptions,
+    Root,
+    SourceFile,
+    compare,
+    known_roots,
+    options_from,
+)
 
 NAME = "frames"
 SHARD_BYTES = 8 << 20  # of source files; a worker's memory grows with it
@@ -179,7 +188,7 @@ def _shard_from(row: Mapping[str, Any]) -> Shard:
 def _run(lake_root: Path, shard: Shard) -> ShardResult:
     started = time.perf_counter()
     lake = Lake(lake_root)
-    options = IngestOptions(**shard.spec["options"])
+    options = options_from(shard.spec["options"])
     config = FramesConfig(**shard.spec["config"])
     rigs = load_rigs(lake.rigs)
     clips: list[dict[str, Any]] = []

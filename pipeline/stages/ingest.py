@@ -66,7 +66,13 @@ def prepare(
         for one in cuts
         for files, reason in one.failed
     ]
-    return Intake(found, said, shards, [*failed, f"frames: {sum(s.items for s in shards)} new or changed files"])
+    again = [
+        f"frames: {one.again} files are read again, since {root.reason(config.frames, lake, one.before)}"
+        for root, one in found
+        if one.again
+    ]
+    fresh = sum(s.items for s in shards) - sum(one.again for _, one in found)
+    return Intake(found, said, shards, [*failed, *again, f"frames: {max(fresh, 0)} new or changed files"])
 
 
 def _record(lake: Lake, found: Sequence[tuple[Root, Difference]], fresh: Sequence[Root], cuts: Sequence[Cut]) -> None:
@@ -117,5 +123,5 @@ def _label(lake: Lake, root: Root, said: str, *, changed: bool) -> list[LabelRep
 
 def with_options(root: Root, **options: object) -> Root:
     """The root with options the user gave now in place of those it was first taken in with."""
-    given = {k: v for k, v in options.items() if v is not None}
+    given = {k: v for k, v in options.items() if v is not None and v != ()}
     return replace(root, options=replace(root.options, **given))  # type: ignore[arg-type]

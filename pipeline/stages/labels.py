@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import hashlib
+import os
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,11 +25,18 @@ _OWN = ("label", "subject", "split", "licence")
 
 @dataclass(frozen=True)
 class LabelReport:
-    """What a label file said: rows taken, and rows that name no file of the root."""
+    """What a label file said: rows taken, and rows that name no file of the root.
+
+    Attributes:
+        first: path that its first row names, as it stands there.
+        example: a path that would match; "" where the root holds no file.
+    """
 
     file: str
     rows: int
     unmatched: int
+    first: str = ""
+    example: str = ""
 
 
 def apply_labels(con: Connection, root: Root) -> list[LabelReport]:
@@ -118,4 +126,7 @@ def _segment_rows(root: Root, file: Path) -> list[dict[str, object]]:
 def _report(con: Connection, root: Root, file: Path, rows: list[dict[str, object]]) -> LabelReport:
     parameters = {"dataset": root.dataset, "root": str(root.base), "paths": [r["path"] for r in rows]}
     known = fetch(con, "count_unmatched", parameters)
-    return LabelReport(str(file), len(rows), known[0]["unmatched"])
+    files = sorted(r["path"] for r in fetch(con, "sources_of", parameters) if r["root"] == str(root.base))
+    first = next((row["file"] for _, row in _rows(file, {"file"})), "")
+    example = os.path.relpath(root.base / files[0], file.parent) if files else ""
+    return LabelReport(str(file), len(rows), known[0]["unmatched"], first, example)

@@ -17,7 +17,6 @@ from motionlake.lake.layout import Lake
 from motionlake.lake.models import checkpoint_file, save_model
 from motionlake.motion.features import word_features
 from motionlake.pesta import config as postures_config
-from motionlake.pesta.posture_network import training_seconds
 from motionlake.stages.model_kind import ModelKind, Selection, Steps
 from motionlake.stages.reader import LakeReader
 from safetensors import safe_open
@@ -44,8 +43,7 @@ class PostureDictionaryKind(ModelKind[list[Float32Array]]):
 
     def announce(self, at: LakeReader) -> str:
         config = at.config.postures
-        minutes = training_seconds(config, _count(at)) / 60
-        return f"will train a dictionary of {config.m} symbols ({config.dictionary}), about {minutes:.1f} minutes"
+        return f"will train a dictionary of {config.m} symbols ({config.dictionary})"
 
     def data(self, at: LakeReader, where: Selection) -> list[Float32Array] | None:
         """[T, D] postures of clips drawn at random, the same share of each, up to `max_postures`; in order of the

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from motionlake.errors import UserError
@@ -12,6 +12,7 @@ from motionlake.lake.layout import Lake
 from motionlake.lake.resolve import resolve_clip
 from motionlake.stages.frames import SOURCE_ROWS
 from motionlake.stages.orphans import forget_orphans
+from motionlake.stages.sources import known_roots, options_json
 
 
 @dataclass(frozen=True)
@@ -72,15 +73,31 @@ def remove_dataset(lake: Lake, dataset: str) -> Removal:
     return removed
 
 
-def remove_sources(lake: Lake, sources: Sequence[Source]) -> Removal:
-    """Forget source files, their clips, and what was derived from them, in one transaction."""
+def remove_sources(lake: Lake, sources: Sequence[Source], *, for_good: bool = False) -> Removal:
+    """Forget source files, their clips, and what was derived from them, in one transaction.
+
+    `for_good`: their folders keep in mind not to take them in again.
+    """
     if not sources:
         return Removal(0, 0)
     with writing(lake) as con:
+        if for_good:
+            _ignore(con, sources)
         clips, files = _clips(con), _files(con)
         load_rows(con, "forget_sources", table_of(sources, SOURCE_ROWS))
         forget_orphans(con)
         return Removal(clips - _clips(con), files - _files(con))
+
+
+def _ignore(con: Connection, sources: Sequence[Source]) -> None:
+    names = {(s["dataset"], s["path"]) for s in sources}
+    for root in known_roots(con):
+        held = [r for r in fetch(con, "sources_of", {"dataset": root.dataset}) if r["root"] == str(root.base)]
+        paths = {r["path"] for r in held if (root.dataset, r["path"]) in names}
+        if paths:
+            options = replace(root.options, ignored=tuple(sorted(paths.union(root.options.ignored))))
+            kept = {"dataset": root.dataset, "root": root.root, "options": options_json(options)}
+            run_sql(con, "save_root_options", kept)
 
 
 def _files(con: Connection) -> int:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -34,6 +34,7 @@ class IngestOptions:
         rig: name of the rig map.
         licence: recorded with every clip.
         labels, segments: files; None means labels.csv and segments.csv in the source folder, where they are.
+        ignored: paths that were removed for good and are not taken in again.
     """
 
     up: str | None = None
@@ -43,6 +44,7 @@ class IngestOptions:
     licence: str | None = None
     labels: str | None = None
     segments: str | None = None
+    ignored: tuple[str, ...] = ()
 
     @property
     def metres_per_unit(self) -> float | None:
@@ -82,25 +84,40 @@ class Root:
         folder = Path(self.root)
         return folder.parent if folder.is_file() else folder
 
-    def shaping_hash(self, config: FramesConfig, lake: Lake) -> str:
-        return config_hash("frames", FRAMES_VERSION, config, self.options.shaping(), user_rigs_hash(lake))
+    def shaping_hash(self, config: FramesConfig, lake: Lake, without: Path | None = None) -> str:
+        """sha256 over all that shapes frames but the files, as if one of the user's rig maps were not there."""
+        return config_hash("frames", FRAMES_VERSION, config, self.options.shaping(), user_rigs_hash(lake, without))
+
+    def reason(self, config: FramesConfig, lake: Lake, before: str) -> str:
+        """Why files that were shaped as the hash `before` says are read again."""
+        for rig in sorted(lake.rigs.glob("*.toml")):
+            if self.shaping_hash(config, lake, without=rig) == before:
+                return f"{lake.relative(rig)} is new"
+        return "the options of `ingest`, a rig map in rigs/ or [frames] in config.toml changed"
 
 
-def user_rigs_hash(lake: Lake) -> str:
+def user_rigs_hash(lake: Lake, without: Path | None = None) -> str:
     """sha256 over the user's rig maps; the package's own are covered by `FRAMES_VERSION`."""
     digest = hashlib.sha256()
-    for path in sorted(lake.rigs.glob("*.toml")):
+    for path in sorted(set(lake.rigs.glob("*.toml")) - {without}):
         digest.update(path.name.encode() + b"\0" + path.read_bytes() + b"\0")
     return digest.hexdigest()
 
 
 def known_roots(con: Connection) -> list[Root]:
     rows = fetch(con, "roots")
-    return [Root(r["dataset"], r["root"], IngestOptions(**json.loads(r["options"]))) for r in rows]
+    return [Root(r["dataset"], r["root"], options_from(json.loads(r["options"]))) for r in rows]
 
 
 def options_json(options: IngestOptions) -> str:
-    return json.dumps(asdict(options), sort_keys=True)
+    """As `roots` keeps them; `ignored` only where there are such paths."""
+    kept = asdict(options)
+    return json.dumps(kept if options.ignored else {k: v for k, v in kept.items() if k != "ignored"}, sort_keys=True)
+
+
+def options_from(kept: Mapping[str, Any]) -> IngestOptions:
+    """What `options_json` wrote."""
+    return IngestOptions(**{**kept, "ignored": tuple(kept.get("ignored", ()))})
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,12 +139,16 @@ class Difference:
         touched: files with a new date and the old content.
         unchanged: how many are as they were.
         gone: paths in the lake without a file.
+        again: how many of the changed have their old content, and are read by other rigs or options.
+        before: hash of what shaped those.
     """
 
     changed: list[SourceFile]
     touched: list[SourceFile]
     unchanged: int
     gone: list[str]
+    again: int = 0
+    before: str = ""
 
 
 def scan(root: Path, lake: Lake) -> Iterator[SourceFile]:
@@ -199,7 +220,7 @@ def compare(
         )
     known = {r["path"]: r for r in fetch(con, "sources_of", {"dataset": root.dataset})}
     rejected = {r["path"] for r in fetch(con, "rejects_of", {"dataset": root.dataset})}
-    found = list(scan(Path(root.root), lake))
+    found = [file for file in scan(Path(root.root), lake) if file.path not in root.options.ignored]
     _refuse_collisions(root, known, found)
     suspects, unchanged = [], 0
     for file in found:
@@ -217,10 +238,12 @@ def compare(
             touched.append(file)
         else:
             changed.append(file)
+    kept = [old for f in changed if (old := known.get(f.path)) and old["content_hash"] == f.content_hash]
+    again = [old["config_hash"] for old in kept if old["config_hash"] != shaping_hash]
     present = {f.path for f in found}
     ours = (p for p, r in known.items() if r["root"] == str(base) and p not in present)
     gone = sorted(p for p in ours if not (base / p).exists())
-    return Difference(changed, touched, unchanged, gone)
+    return Difference(changed, touched, unchanged, gone, len(again), again[0] if again else "")
 
 
 def _refuse_collisions(root: Root, known: dict[str, dict[str, Any]], found: list[SourceFile]) -> None:

@@ -49,8 +49,9 @@ class WordNetwork(ModelKind[WordSample]):
         return PRETRAINED_WORDS.fits(config.words, config.network)
 
     def announce(self, at: LakeReader) -> str:
-        minutes = at.config.network.seconds(_words(at)) / 60
-        return f"will train a word network ({at.config.network.architecture}), about {minutes:.1f} minutes"
+        network = at.config.network
+        steps = "" if network.architecture == "linear" else f", {network.steps} steps; says how long after the first"
+        return f"will train a word network ({network.architecture}{steps})"
 
     def data(self, at: LakeReader, where: Selection) -> WordSample | None:
         features = training_sample(at)
@@ -106,9 +107,3 @@ def training_sample(at: LakeReader) -> list[Float32Array]:
             if clip in chosen:
                 found[clip] = features
     return [found[clip] for clip in sorted(found)]
-
-
-def _words(at: LakeReader) -> int:
-    """Words of the lake; from its seconds where they are not cut yet."""
-    seconds = fetch(at.con, "total_seconds")[0]["seconds"]
-    return int(seconds * at.config.words.fps / at.config.words.stride) or at.config.network.max_words

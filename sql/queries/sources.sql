@@ -26,6 +26,9 @@ SELECT dataset, root, options, labels_hash FROM roots ORDER BY dataset, root;
 -- name: save_root
 INSERT OR REPLACE INTO roots VALUES ($dataset, $root, $options, $labels_hash);
 
+-- name: save_root_options
+UPDATE roots SET options = $options WHERE dataset = $dataset AND root = $root;
+
 -- name: forget_roots
 DELETE FROM roots WHERE dataset = $dataset;
 DELETE FROM manifest WHERE stage = 'frames' AND dataset = $dataset AND state <> 'ok';

@@ -16,6 +16,13 @@ SELECT stage, count(*) FILTER (state = 'ok')::BIGINT AS shards, sum(rows)::BIGIN
     sum(bytes)::BIGINT AS bytes, count(*) FILTER (state = 'failed')::BIGINT AS failed
 FROM manifest GROUP BY stage;
 
+-- name: status_rows
+-- Rows of what stages fill in the catalog alone, or of which a part may hold more than is in the lake still.
+SELECT 'frames' AS stage, coalesce(sum(frames), 0)::BIGINT AS rows FROM clips WHERE format <> 'synthetic'
+UNION ALL SELECT 'synthesize', coalesce(sum(frames), 0)::BIGINT FROM clips WHERE format = 'synthetic'
+UNION ALL SELECT 'signatures', count(*)::BIGINT FROM signatures
+UNION ALL SELECT 'transitions', count(*)::BIGINT FROM transitions;
+
 -- name: status_models
 SELECT model, date_trunc('second', created) AS created, round(seconds, 1) AS seconds, figures FROM models WHERE "current" ORDER BY kind;
 
