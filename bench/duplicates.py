@@ -22,6 +22,7 @@ from motionlake.jobs.session import session
 from motionlake.lake.catalog import reading
 from motionlake.lake.layout import Lake
 from motionlake.retrieval.duplicates import near_duplicates
+from motionlake.retrieval.protocol import Scope
 from motionlake.stages.sources import IngestOptions, Root
 
 from bench.copies import COPIES, write_copies
@@ -59,7 +60,7 @@ def main() -> None:
         kinds = copy_some(lake, folder)
         started = time.perf_counter()
         with reading(lake) as con:
-            found = near_duplicates(con, lake, mirrored=True)
+            found = near_duplicates(con, lake, Scope(mirrored=True))
             seconds = time.perf_counter() - started
             clips = con.execute("SELECT count(*) FROM clips").fetchall()[0][0]
             takes = con.execute(TAKES).fetchall()[0][0]

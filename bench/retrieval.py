@@ -21,9 +21,10 @@ from typing import Final
 import numpy as np
 from motionlake.deep_motifs.emd import emd_many, emd_matrix
 from motionlake.evaluation.ranking import leave_one_out
+from motionlake.lake.catalog import reading
 from motionlake.lake.layout import Lake
-from motionlake.retrieval.connection import connect
-from motionlake.retrieval.search import similar_to_clip
+from motionlake.retrieval.protocol import Query, Scope
+from motionlake.retrieval.signature import SignatureSearcher
 
 from bench.record import record, recordings
 from bench.signed import SignedClips, learned_signatures, make_lake, run_all, shallow_signatures
@@ -88,14 +89,12 @@ def _cross_rig_scores(ranked: Callable[[str], Rankings]) -> Scores:
 
 def _search(lake: Lake, label: str, *, mirrored: bool = False) -> Rankings:
     """As a user searches: every clip of bandai1 for each hdm05 clip of a label."""
-    con = connect(lake.root)
-    try:
-        queries = con.execute(
+    with reading(lake) as con:
+        clips = con.execute(
             "SELECT clip FROM clips WHERE dataset = 'hdm05' AND label = $label ORDER BY clip", {"label": label}
         ).fetchall()
-        answers = [similar_to_clip(con, clip, 1000, "bandai1", mirrored=mirrored) for (clip,) in queries]
-    finally:
-        con.close()
+    queries = [Query(clip) for (clip,) in clips]
+    answers = SignatureSearcher(lake).search(queries, 1000, Scope("bandai1", mirrored=mirrored))
     return [[hit.label or "" for hit in hits] for hits in answers]
 
 

@@ -24,7 +24,7 @@ from motionlake.evaluation.clips import dtw_distances
 from motionlake.evaluation.signatures import evaluate_signatures
 from motionlake.lake.layout import Lake
 from motionlake.retrieval.connection import connect
-from motionlake.retrieval.labelling.signed import lake_ground, signed_clips
+from motionlake.retrieval.labelling.labelled_clips import lake_ground, signed_clips
 
 from bench.record import hash_files, record, recordings
 from bench.shipped_words import ready_made_for
@@ -57,7 +57,7 @@ def measure(lake: Lake, chosen: Labelled, seed: int, *, dtw: bool) -> dict[str, 
     con = connect(lake.root)
     try:
         found = evaluate_signatures(con, lake, column=chosen.column, only=chosen.only, dtw=dtw)
-        signed = signed_clips(con, None, chosen.column, chosen.only).labelled()
+        signed = signed_clips(con, column=chosen.column, only=chosen.only).labelled()
         distances = {"signatures": emd_matrix(signed.signatures, lake_ground(con))}
         if dtw:
             distances["dtw"] = dtw_distances(lake, signed.clips)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
@@ -17,8 +16,7 @@ if TYPE_CHECKING:
     from motionlake.lake.catalog import Connection
     from motionlake.lake.clip_dataset import ClipDataset
     from motionlake.motion.canonicalise import CanonicalMotion
-    from motionlake.retrieval.query_by_example import Finder
-    from motionlake.retrieval.submotion_search import SubmotionFinder
+    from motionlake.retrieval.protocol import Finds, Scope
 
 T = TypeVar("T")
 Clip: TypeAlias = str | Path  # a clip of the lake by its name or the end of it, or a clip file
@@ -164,40 +162,46 @@ class Lake:
         query: Clip,
         k: int = 10,
         *,
+        start: int | None = None,
+        stop: int | None = None,
         method: str = "signature",
         dataset: str | None = None,
+        split: str | None = None,
         recorded_only: bool = False,
         mirrored: bool = False,
+        own: bool = False,
     ) -> Rows:
         """The clips most like one, nearest first.
 
         Examples:
             >>> hits = lake.search("humanoid3d_walk", k=3)
             >>> hits
-            <3 rows: rank, clip, distance, label, dataset, seconds>
+            <3 rows: rank, clip, distance, mirrored, label, dataset, seconds>
             >>> hits.df()["rank"].tolist()
             [1, 2, 3]
             >>> len(lake.search("humanoid3d_walk", k=2, method="descriptor"))
             2
 
         Args:
-            query: a clip of the lake, itself no answer, or a clip file.
+            query: a clip of the lake, or a clip file.
             k: how many at most.
             method: "signature" (histograms of motion words; Deep Motifs, section 4.3), "alignment" (strings of
                 postures; PESTA, section 6), "descriptor" (one vector a clip; DeepHuMS, section 3.2) or "fused" (all).
+            start: first frame of the part of it that counts, at its own rate; None: its first.
+            stop: frame after the last; None: after its last.
             dataset: from its clips only.
+            split: from clips of this split only.
             recorded_only: synthetic clips are no answers.
-            mirrored: search for the mirrored motion too ("signature" only).
+            mirrored: search for the mirror image too; the nearer of both counts.
+            own: the query may be an answer itself.
 
         Raises:
             UserError: as `motion`; an unknown method, or the lake is not ready for it.
         """
-        from motionlake.retrieval.methods import retriever
+        from motionlake.retrieval.protocol import Scope
 
-        asked = self._query(query)
-        key = ("search", method, mirrored, recorded_only)
-        ways = self._keep(key, lambda: retriever(method, self._con, self._lake, mirrored=mirrored, real=recorded_only))
-        return Rows.of(hit.as_row() for hit in ways.search([asked], k, dataset)[0])
+        scope = Scope(dataset, split, recorded_only, mirrored, own)
+        return self._search("clip", method, query, start, stop, k, scope)
 
     def find(
         self,
@@ -208,6 +212,7 @@ class Lake:
         *,
         method: str = "words",
         dataset: str | None = None,
+        split: str | None = None,
         recorded_only: bool = False,
         mirrored: bool = False,
         own: bool = False,
@@ -224,28 +229,21 @@ class Lake:
             start: its first frame that is asked for, at its own rate; by default 0.
             stop: the frame after the last; by default that after its last.
             k: how many at most.
-            method: "words" (histograms of motion words; Deep Motifs, section 6.1) or "submotion" (a network that says
-                which clips hold the motion; DeepHuMS, section 3.3.5).
+            method: "words" (histograms of motion words; Deep Motifs, section 6.1), "alignment" (see `align`) or
+                "submotion" (a network that says which clips hold the motion; DeepHuMS, section 3.3.5).
             dataset: from its clips only.
+            split: from clips of this split only.
             recorded_only: synthetic clips are no answers.
-            mirrored: look for the mirrored query too ("words" only).
+            mirrored: look for the mirror image too; the nearer of both counts.
             own: ranges that overlap the query in its own clip may be answers.
 
         Raises:
             UserError: as `search`; the query has no such frames, or too few.
         """
-        asked = self._query(query)
-        if method not in ("words", "submotion"):
-            raise UserError(f"method {method}: not one of words, submotion")
-        if mirrored and method != "words":
-            raise UserError(f"mirrored: looks by words, not by {method}; leave one of the two out")
-        scope: dict[str, Any] = {"dataset": dataset} | ({"mirrored": mirrored} if method == "words" else {})
-        finder = self._keep(("find", method, recorded_only), lambda: self._finder(method, recorded_only))
-        if isinstance(asked, Path):
-            hits = finder.in_file(asked, start, stop, k, **scope)
-        else:
-            hits = finder.in_clip(asked, start, stop, k, own=own, **scope)
-        return Rows.of(hit.as_row() for hit in hits)
+        from motionlake.retrieval.protocol import Scope
+
+        scope = Scope(dataset, split, recorded_only, mirrored, own)
+        return self._search("range", method, query, start, stop, k, scope)
 
     def align(
         self,
@@ -255,7 +253,10 @@ class Lake:
         k: int = 10,
         *,
         dataset: str | None = None,
+        split: str | None = None,
         recorded_only: bool = False,
+        mirrored: bool = False,
+        own: bool = False,
         method: str | None = None,
         stride: int | None = None,
         crossing: bool = False,
@@ -274,7 +275,10 @@ class Lake:
             stop: the frame after the last; by default that after its last.
             k: how many at most.
             dataset: from its clips only.
+            split: from clips of this split only.
             recorded_only: synthetic clips are no answers.
+            mirrored: look for the mirror image too; the nearer of both counts.
+            own: ranges that overlap the query in its own clip may be answers.
             method: "sta" (strided temporal alignment), "dtw" or "sw" (Smith-Waterman); by default that of config.toml.
             stride: how many symbols "sta" may skip at a time, plus one; by default that of config.toml.
             crossing: a match may begin in one clip and end in a later one.
@@ -283,19 +287,11 @@ class Lake:
         Raises:
             UserError: as `find`.
         """
-        from motionlake.retrieval.aligner import Aligner, Wanted
+        from motionlake.retrieval.protocol import Scope
 
-        asked = self._query(query)
-        aligner = self._keep(
-            ("align", recorded_only),
-            lambda: Aligner(self._con, self._lake, threads=os.cpu_count() or 1, real=recorded_only),
-        )
-        wanted: Wanted = {
-            "dataset": dataset, "method": method, "stride": stride, "crossing": crossing, "paths": path,
-        }  # fmt: skip
-        if isinstance(asked, Path):
-            return Rows.of(hit.as_row() for hit in aligner.in_file(asked, start, stop, k, **wanted))
-        return Rows.of(hit.as_row() for hit in aligner.in_clip(asked, start, stop, k, **wanted))
+        scope = Scope(dataset, split, recorded_only, mirrored, own)
+        how = {"method": method, "stride": stride, "crossing": crossing, "paths": path}
+        return self._search("range", "alignment", query, start, stop, k, scope, **how)
 
     def sql(self, text: str, parameters: Mapping[str, Any] | Sequence[Any] | None = None) -> Rows:
         """The answer to a query in SQL, with the lake's tables, macros and functions.
@@ -449,12 +445,24 @@ class Lake:
             found = found.filter(column.isnull() if value is None else column == duckdb.ConstantExpression(value))
         return found if where is None else found.filter(where)
 
-    def _finder(self, method: str, recorded_only: bool) -> Finder | SubmotionFinder:
-        from motionlake.retrieval.query_by_example import Finder
-        from motionlake.retrieval.submotion_search import SubmotionFinder
+    def _search(
+        self,
+        finds: Finds,
+        way: str,
+        query: Clip,
+        start: int | None,
+        stop: int | None,
+        k: int,
+        scope: Scope,
+        /,
+        **how: Any,
+    ) -> Rows:
+        from motionlake.retrieval.protocol import Query
+        from motionlake.retrieval.registry import searcher
 
-        kind = Finder if method == "words" else SubmotionFinder
-        return kind(self._con, self._lake, real=recorded_only)
+        asked = Query(self._query(query), start, stop)
+        found = self._keep((finds, way, *how.items()), lambda: searcher(finds, way, self._lake, **how))
+        return Rows.of(hit.as_row() for hit in found.search([asked], k, scope)[0])
 
 
 def _asked(ask: Callable[[], T]) -> T:

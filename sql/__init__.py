@@ -1,6 +1,6 @@
 """The SQL of the lake as package data.
 
-`schema/`, `views/`, `macros/` and `udf_macros/` hold one file a table or macro family; `queries/` holds the statements
+`schema/`, `views/` and `macros/` hold one file a table or macro family; `queries/` holds the statements
 that Python runs, by topic, each below a line `-- name: its_name`.
 """
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
-from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -13,23 +11,43 @@ import pytest
 from motionlake.errors import UserError
 from motionlake.lake.catalog import reading
 from motionlake.lake.config import load_config
-from motionlake.lake.layout import open_lake
+from motionlake.lake.layout import Lake, open_lake
 from motionlake.pesta.alignment import matches as whole
 from motionlake.pesta.alignment.matches import best_matches
 from motionlake.pesta.alignment.scan import symmetric_costs
 from motionlake.pesta.alignment.strings import Repository
 from motionlake.pesta.config import AlignmentConfig
-from motionlake.retrieval.aligner import Aligner
+from motionlake.retrieval.alignment import AlignmentRangeSearcher, AlignmentSearcher
+from motionlake.retrieval.protocol import Hit, Query, Scope
+from motionlake.retrieval.symbol_strings import LakeStrings, read_strings
 
 from tests.lakes import QUICK, motionlake, query
 
 
+class Aligner:
+    """Both ways to align on one lake; the strings are read once."""
+
+    def __init__(self, lake: Lake, strings: LakeStrings) -> None:
+        self.lake, self.strings = lake, strings
+
+    def ranges(self, **how: Any) -> AlignmentRangeSearcher:
+        return AlignmentRangeSearcher(self.lake, strings=self.strings, **how)
+
+    def in_clip(self, clip: str, start: int, stop: int, k: int, dataset: str | None = None, **how: Any) -> list[Hit]:
+        return self.ranges(**how).search([Query(clip, start, stop)], k, Scope(dataset))[0]
+
+    def in_symbols(self, symbols: Any, k: int, model: str | None = None, **how: Any) -> list[Hit]:
+        return self.ranges(**how).in_symbols(symbols, k, model=model)
+
+    def whole(self, clip: str, k: int, dataset: str | None = None, **how: Any) -> list[Hit]:
+        return AlignmentSearcher(self.lake, strings=self.strings, **how).search([Query(clip)], k, Scope(dataset))[0]
+
+
 @pytest.fixture(scope="module")
-def aligner(built_lake: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Aligner]:
-    """Of a copy: a process cannot open one lake with its functions while it has it open."""
-    copy = open_lake(shutil.copytree(built_lake, tmp_path_factory.mktemp("lakes") / "copy"))
-    with reading(copy) as con:
-        yield Aligner(con, copy)
+def aligner(built_lake: Path) -> Aligner:
+    lake = open_lake(built_lake)
+    with reading(lake) as con:
+        return Aligner(lake, read_strings(con))
 
 
 def strings(lake: Path) -> dict[str, list[tuple[int, int, int]]]:
@@ -57,7 +75,7 @@ OPTIONS: tuple[dict[str, Any], ...] = (
 @pytest.mark.parametrize("wanted", OPTIONS, ids=lambda w: "-".join(map(str, w.values())) or "default")
 def test_every_way_to_ask_gives_the_same_answer(built_lake: Path, aligner: Aligner, wanted: dict[str, Any]) -> None:
     clip, frames = longest(built_lake)
-    names = {"dataset": ("--dataset", "within"), "method": ("--method", "method"), "stride": ("--stride", "stride")}
+    names = {"dataset": ("--dataset", "dataset"), "method": ("--method", "method"), "stride": ("--stride", "stride")}
     flags = [word for name, value in wanted.items() for word in (names[name][0], value)]
     arguments = "".join(f", {names[name][1]} := {value!r}" for name, value in wanted.items())
     ask = ["align", clip, *flags, "-k", 4, "--lake", built_lake, "--json"]
@@ -91,10 +109,12 @@ def test_hits_are_the_matches_of_the_strings_in_frames(built_lake: Path, aligner
     assert len(hits) == len(expected) > 3
     for rank, (hit, match) in enumerate(zip(hits, expected, strict=True), start=1):
         string = known[names[match.clip]]
+        assert hit.start is not None
+        assert hit.stop is not None
         assert (hit.rank, hit.clip) == (rank, names[match.clip])
         assert (hit.start, hit.stop) == (string[match.start][1], string[match.stop - 1][2])
         assert hit.cost == pytest.approx(match.cost, abs=1e-5)
-        assert hit.normalised_cost == pytest.approx(match.cost / len(asked), abs=1e-5)
+        assert hit.distance == pytest.approx(match.cost / len(asked), abs=1e-5)
         assert (hit.start_seconds, hit.seconds) == (
             hit.start / rates[hit.clip],
             (hit.stop - hit.start) / rates[hit.clip],
@@ -122,7 +142,7 @@ def test_a_file_outside_the_lake_is_answered_like_its_clip(
     ranked = motionlake("align", file, "--whole", "-k", 6, "--lake", built_lake, "--json").json
     of_clip = motionlake("align", clip, "--whole", "-k", 5, "--lake", built_lake, "--json").json
     assert [row["clip"] for row in ranked if row["clip"] != clip] == [row["clip"] for row in of_clip]
-    assert [row["cost"] for row in ranked if row["clip"] == clip] == pytest.approx([0], abs=1e-6)
+    assert [row["distance"] for row in ranked if row["clip"] == clip] == pytest.approx([0], abs=1e-6)
 
 
 @pytest.mark.parametrize("method", ["sta", "sw"])
@@ -131,15 +151,14 @@ def test_whole_clips_are_ranked_by_both_ways(
     aligner: Aligner, both: Any, method: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(whole, "BATCH", 2)
-    kept = aligner.strings
+    kept, searcher = aligner.strings, AlignmentSearcher(aligner.lake, strings=aligner.strings, method=method)
     costs = symmetric_costs(kept.repository, kept.distances, AlignmentConfig(method), both=both)
     names = [c.clip for c in kept.clips]
     for i in np.flatnonzero(kept.repository.lengths >= 2).tolist():
         others = [j for j in range(len(names)) if j != i]
         expected = sorted((float(costs[i, j]), names[j]) for j in others)[:5]
-        found = aligner.whole(names[i], 5, both=both, method=method)
-        assert [h.cost for h in found] == pytest.approx([cost for cost, _ in expected], abs=1e-6)
-        assert [h.rank for h in found] == [1, 2, 3, 4, 5]
+        found = searcher.whole(searcher.symbols_of(Query(names[i])), 5, both=both)
+        assert [h.distance for h in found] == pytest.approx([cost for cost, _ in expected], abs=1e-6)
         for hit, (cost, name) in zip(found, expected, strict=True):
             assert hit.clip == name or sum(abs(c - cost) < 1e-6 for c, _ in expected) > 1
 
@@ -156,22 +175,24 @@ def test_a_match_may_cross_from_clip_to_clip(built_lake: Path, aligner: Aligner)
     assert (hit.start, hit.stop) == (head[-3][1], tail[2][2])
     (fps, frames), (next_fps, _) = about[before], about[after]
     assert hit.seconds == pytest.approx((frames - hit.start) / fps + hit.stop / next_fps)
-    assert all(hit.cost > 0 for hit in aligner.in_symbols(asked, 3, stride=1))
+    assert all(hit.distance > 0 for hit in aligner.in_symbols(asked, 3, stride=1))
 
 
 def test_a_long_query_answers_for_its_ranges(built_lake: Path, clips_folder: Path, aligner: Aligner) -> None:
     clip, frames = longest(built_lake)
     known = strings(built_lake)[clip]
-    outside = aligner.long_query(clips_folder / clip.partition("/")[2])
+    outside = aligner.ranges().long_query(Query(clips_folder / clip.partition("/")[2]))
     top = outside.matches(None, None, 1)[0]
     assert (top.clip, top.start, top.stop) == (clip, 0, frames)
     assert top.cost == pytest.approx(0, abs=1e-6)
-    kept = aligner.long_query(clip)
+    kept = aligner.ranges().long_query(Query(clip))
     for first in range(len(known) - 1):
         start, stop = known[first][1], known[first + 1][2]
         if start == known[first][2] or known[first + 1][1] == stop:
             continue  # at a low rate a symbol may stand for no frame
         for hit in kept.matches(start, stop, 5, paths=True):
+            assert hit.start is not None
+            assert hit.stop is not None
             assert hit.clip != clip or hit.stop <= start or hit.start >= stop
             assert hit.path is not None
             assert all(start <= a <= b <= stop for a, b in (step.query for step in hit.path))
@@ -211,7 +232,7 @@ def test_mistakes_are_met_with_one_clear_line(built_lake: Path, tmp_path: Path, 
         ([clip, "--from", 9, "--to", 4], f"has frames 0 to {frames}"),
         ([clip, "--stride", 0], "stride is 0"),
         ([clip, "--method", "guess"], "not one of sta, dtw, sw"),
-        ([clip, "--whole", "--from", 2], "--whole: compares whole clips"),
+        ([clip, "--whole", "--path", "--json"], "--whole: compares whole clips"),
         ([clip, "--path"], "--path: needs --json"),
         (["nowhere"], "no such clip"),
     ):
@@ -222,19 +243,21 @@ def test_mistakes_are_met_with_one_clear_line(built_lake: Path, tmp_path: Path, 
         ("align_symbols([]::INTEGER[])", "is empty"),
         ("align_symbols([3])", "one symbol"),
         ("align_symbols([3, 4000])", "symbol 4000"),
-        ("align_motion('nowhere', NULL, NULL)", "nowhere: has no symbol string yet"),
+        ("align_motion('nowhere', NULL, NULL)", "nowhere: no such clip"),
         (f"align_motion('{clip}', NULL, NULL, stride := 0)", "stride is 0"),
         (f"align_motion('{clip}', NULL, NULL, k := -1)", "k is -1"),
-        ("aligned_clips('nowhere')", "nowhere: has no symbol string yet"),
+        ("aligned_clips('nowhere')", "nowhere: no such clip"),
         (f"aligned_clips('{clip}', k := -1)", "k is -1"),
     ):
         run = motionlake("sql", f"FROM {text}", "--lake", built_lake)
         assert (run.status, run.err.count("\n")) == (2, 1), run.err
         assert said in run.err
     with pytest.raises(UserError, match="sw"):
-        aligner.long_query(clip, method="sw")
+        aligner.ranges(method="sw").long_query(Query(clip))
+    searcher = AlignmentSearcher(aligner.lake, strings=aligner.strings)
+    asked = searcher.symbols_of(Query(clip))
     with pytest.raises(UserError, match="both is 'all'"):
-        aligner.whole(clip, 3, both="all")  # type: ignore[arg-type]
+        searcher.whole(asked, 3, both="all")  # type: ignore[arg-type]
     empty = tmp_path / "empty"
     assert motionlake("init", empty).status == 0
     assert "motionlake run all" in motionlake("align", clip, "--lake", empty).err

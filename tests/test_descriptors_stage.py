@@ -286,7 +286,7 @@ def two_sets(tmp_path_factory: pytest.TempPathFactory, built_lake: Path) -> Path
 def test_nearest_clips_in_plain_duckdb(two_sets: Path, within: str | None, k: int) -> None:
     _, known = served(two_sets)
     about = {row[0]: row[1:] for row in query(two_sets, "SELECT clip, label, dataset, seconds FROM clips")}
-    asked = "FROM nearest_clips($clip, k := $k, within := $within)"
+    asked = "FROM nearest_clips($clip, k := $k, dataset := $within)"
     for clip in sorted(known)[:4]:
         rows = query(two_sets, asked, clip=clip, k=k, within=within)
         others = [c for c in known if c != clip and within in (None, about[c][1])]

@@ -27,8 +27,8 @@ from motionlake.errors import UserError
 from motionlake.formats import read_clips
 from motionlake.formats.bvh_writer import write_bvh
 from motionlake.lake.layout import open_lake
-from motionlake.retrieval.connection import connect
-from motionlake.retrieval.query_by_example import Finder
+from motionlake.retrieval.protocol import Query, Scope
+from motionlake.retrieval.query_by_example import WordsSearcher
 
 from tests.lakes import motionlake, query
 
@@ -167,11 +167,8 @@ def test_every_way_to_ask_gives_the_same_answer(built_lake: Path, clips_folder: 
     assert len(found) == 5
     text = f"FROM find_motion('{clip}', {frames // 4}, NULL, k := 5, mirrored := {mirrored})"
     assert motionlake("sql", text, "--lake", built_lake, "--json").json == found
-    con = connect(built_lake)
-    try:
-        hits = Finder(con, open_lake(built_lake)).in_clip(clip, frames // 4, None, 5, mirrored=mirrored)
-    finally:
-        con.close()
+    searcher = WordsSearcher(open_lake(built_lake))
+    (hits,) = searcher.search([Query(clip, frames // 4)], 5, Scope(mirrored=mirrored))
     assert [h.as_row() for h in hits] == found
     file = clips_folder / clip.partition("/")[2]
     of_file = motionlake("find", file, "--from", frames // 4, *flag, "-k", 6, "--lake", built_lake, "--json").json
@@ -193,7 +190,7 @@ def test_hits_lie_in_their_clips_and_may_be_kept_to_a_dataset(built_lake: Path) 
 def test_mistakes_are_met_with_one_clear_line(built_lake: Path, tmp_path: Path) -> None:
     clip, frames = longest(built_lake)
     for words, said in (
-        (["--from", 0, "--to", 2], "the query is too short"),
+        (["--from", 0, "--to", 2], "too short to compare; take a range of at least 0.6 s"),
         (["--from", frames], f"has frames 0 to {frames}"),
         (["--from", 9, "--to", 4], f"has frames 0 to {frames}"),
     ):

@@ -14,8 +14,9 @@ from motionlake.deep_motifs import emd_search as nearest_module
 from motionlake.deep_motifs.emd import emd, emd_many, ground_distances
 from motionlake.deep_motifs.emd_search import SignatureIndex, nearest_many, nearest_signatures
 from motionlake.errors import UserError
+from motionlake.lake.layout import open_lake
 from motionlake.retrieval.connection import connect
-from motionlake.retrieval.search import similar_to_signature
+from motionlake.retrieval.signature import SignatureSearcher
 from numpy.typing import NDArray
 
 from tests.lakes import query
@@ -183,11 +184,12 @@ def test_a_lake_refuses_signatures_over_other_motifs(built_lake: Path) -> None:
     ((signature, model),) = query(built_lake, "SELECT signature, model FROM signatures, motifs ORDER BY clip LIMIT 1")
     con = connect(built_lake)
     try:
-        fitting = similar_to_signature(con, np.array(signature), 3, model=model)
+        searcher = SignatureSearcher(open_lake(built_lake))
+        fitting = searcher.like(np.array(signature), 3, model=model)
         assert fitting[0].distance == 0
         for weights, name, said in ((signature, "motifs-7", "motifs-7"), (signature[:-1], None, "does not fit")):
             with pytest.raises(UserError, match=said):
-                similar_to_signature(con, np.array(weights), 3, model=name)
+                searcher.like(np.array(weights), 3, model=name)
             with pytest.raises(duckdb.Error, match=said):
                 con.execute("FROM clips_like($s, 3, model := $m)", {"s": weights, "m": name}).fetchall()
         asked = con.execute("SELECT clip FROM clips_like($s, 3, model := $m)", {"s": signature, "m": model}).fetchall()

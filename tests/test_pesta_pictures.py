@@ -26,7 +26,8 @@ from motionlake.pictures.style import motif_colours
 from motionlake.pictures.symbol_material import SymbolMaterial, posture_bodies, read_symbols
 from motionlake.pictures.symbol_sections import posture_sample, strip_of
 from motionlake.pictures.symbol_strip import StripOfSymbols, folds, symbol_strip
-from motionlake.retrieval.aligner import Aligner
+from motionlake.retrieval.alignment import AlignmentRangeSearcher
+from motionlake.retrieval.protocol import Query
 from numpy.typing import NDArray
 
 from tests.lakes import motionlake, query
@@ -227,23 +228,23 @@ def test_a_dictionary_over_rotations_is_drawn_as_moments_of_clips(material: Symb
 @pytest.mark.parametrize("crossing", [False, True])
 def test_paths_in_frames_are_the_symbols_of_the_alignment(built_lake: Path, crossing: bool) -> None:
     lake = open_lake(built_lake)
-    with reading(lake) as con:
-        aligner = Aligner(con, lake)
-        strings = aligner.strings
-        clip = strings.clips[int(np.argmax(strings.repository.lengths))]
-        asked = aligner.asked(clip.clip, 3, clip.frames - 2)
-        hits = aligner.in_clip(clip.clip, 3, clip.frames - 2, 4, paths=True, crossing=crossing)
-        assert hits
-        for hit in hits:
-            pairs = path_indices(strings, asked, hit)
-            assert (pairs[0, 0], pairs[-1, 0]) == (0, len(asked.symbols) - 1)
-            assert (np.diff(pairs, axis=0) >= 0).all()
-            assert strings.starts[pairs[0, 1]] == hit.start
-            assert strings.stops[pairs[-1, 1]] == hit.stop
-            least = strings.distances.matrix[asked.symbols[pairs[:, 0]], strings.repository.symbols[pairs[:, 1]]].sum()
-            assert least <= hit.cost + 1e-3
-        with pytest.raises(ValueError, match="no path"):
-            path_indices(strings, asked, replace(hits[0], path=None))
+    searcher = AlignmentRangeSearcher(lake, paths=True, crossing=crossing)
+    strings = searcher.strings
+    clip = strings.clips[int(np.argmax(strings.repository.lengths))]
+    query = Query(clip.clip, 3, clip.frames - 2)
+    asked = searcher.symbols_of(query)
+    (hits,) = searcher.search([query], 4)
+    assert hits
+    for hit in hits:
+        pairs = path_indices(strings, asked, hit)
+        assert (pairs[0, 0], pairs[-1, 0]) == (0, len(asked.symbols) - 1)
+        assert (np.diff(pairs, axis=0) >= 0).all()
+        assert strings.starts[pairs[0, 1]] == hit.start
+        assert strings.stops[pairs[-1, 1]] == hit.stop
+        least = strings.distances.matrix[asked.symbols[pairs[:, 0]], strings.repository.symbols[pairs[:, 1]]].sum()
+        assert least <= (hit.cost or 0.0) + 1e-3
+    with pytest.raises(ValueError, match="no path"):
+        path_indices(strings, asked, replace(hits[0], path=None))
 
 
 def test_answers_of_align_are_drawn(built_lake: Path, clips_folder: Path, tmp_path: Path) -> None:

@@ -11,7 +11,8 @@ import pytest
 from motionlake.deep_motifs.emd import emd, ground_distances
 from motionlake.lake.layout import open_lake
 from motionlake.retrieval.connection import connect
-from motionlake.retrieval.search import signature_of_file, similar_to_clip, similar_to_file
+from motionlake.retrieval.protocol import Query
+from motionlake.retrieval.signature import SignatureSearcher
 
 from tests.lakes import motionlake, query
 
@@ -39,20 +40,13 @@ def by_connection(lake: Path, clip: str, source: Path) -> Answer:
 
 
 def by_python(lake: Path, clip: str, source: Path) -> Answer:
-    con = connect(lake)
-    try:
-        return [(h.rank, h.clip, h.distance) for h in similar_to_clip(con, clip, K)]
-    finally:
-        con.close()
+    (hits,) = SignatureSearcher(open_lake(lake)).search([Query(clip)], K)
+    return [(h.rank, h.clip, h.distance) for h in hits]
 
 
 def by_file(lake: Path, clip: str, source: Path) -> Answer:
     """The clip's own file, as one that is not in the lake: itself comes first."""
-    con = connect(lake)
-    try:
-        hits = similar_to_file(con, open_lake(lake), source / clip.partition("/")[2], K + 1)
-    finally:
-        con.close()
+    (hits,) = SignatureSearcher(open_lake(lake)).search([Query(source / clip.partition("/")[2])], K + 1)
     assert hits[0].distance == pytest.approx(0, abs=1e-6)
     hits = [h for h in hits if h.clip != clip]
     return [(rank, h.clip, h.distance) for rank, h in enumerate(hits, start=1)]
@@ -84,8 +78,9 @@ def test_a_file_has_the_signature_that_the_lake_gave_its_clip(built_lake: Path, 
     con = connect(built_lake)
     try:
         rows = con.execute("SELECT path, signature FROM signatures JOIN clips USING (clip) ORDER BY clip").fetchall()
+        searcher = SignatureSearcher(open_lake(built_lake))
         for path, signature in rows:
-            found = signature_of_file(con, open_lake(built_lake), clips_folder / path)
+            found = searcher.signature(Query(clips_folder / path))
             # A word near the border between two motifs may fall the other way before its frames are quantised.
             assert (
                 np.abs(found - signature).sum()

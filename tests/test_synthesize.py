@@ -208,10 +208,10 @@ def test_search_finds_synthetic_clips_and_leaves_them_out(made: Path) -> None:
     pairs = motionlake("duplicates", "--max-distance", "0.9", "--recorded-only", "--json", "--lake", made).json
     assert {name for pair in pairs for name in (pair["clip"], pair["other"])} <= real
     with connect(made) as con:
-        for macro in ("nearest_clips", "similar_clips", "similar_or_mirrored_clips"):
+        for macro in ("nearest_clips", "similar_clips", "aligned_clips"):
             everything = con.execute(f"SELECT clip FROM {macro}($clip, 100)", {"clip": clip}).fetchall()
             recorded_only = con.execute(
-                f"SELECT clip FROM {macro}($clip, 100, real := true)", {"clip": clip}
+                f"SELECT clip FROM {macro}($clip, 100, recorded_only := true)", {"clip": clip}
             ).fetchall()
             assert {row[0] for row in everything} == (synthetic | real) - {clip}, macro
             assert {row[0] for row in recorded_only} == real, macro
@@ -219,7 +219,7 @@ def test_search_finds_synthetic_clips_and_leaves_them_out(made: Path) -> None:
         for call in (f"find_motion({piece}", f"find_submotion({piece}", f"align_motion({piece}", "aligned_clips($clip"):
             found, recorded = (
                 {row[0] for row in con.execute(f"SELECT clip FROM {call}, k := 100{more})", {"clip": clip}).fetchall()}
-                for more in ("", ", real := true")
+                for more in ("", ", recorded_only := true")
             )
             assert found & synthetic, call
             assert recorded, call

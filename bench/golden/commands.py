@@ -10,7 +10,10 @@ from typing import Final
 
 # Old name → new name. A name without a slash is renamed wherever it stands as a part of an entry's name (a table, a
 # column, a key of JSON); one with slashes is the beginning of an entry's name.
-RENAMED: Final[dict[str, str]] = {}
+RENAMED: Final[dict[str, str]] = {
+    # Every answer has a distance, by which answers are ranked; that of an alignment is its cost for each symbol.
+    "normalised_cost": "distance",
+}
 
 # Columns that tell time.
 CLOCK_COLUMNS: Final = {
@@ -180,40 +183,29 @@ _SYMBOLS: Final = "(SELECT symbols[2:9] FROM symbol_strings WHERE clip = '{salsa
 _OTHER: Final = "(SELECT signature FROM signatures WHERE clip = '{hop}')"
 SQL: Final = {
     "similar_clips": "FROM similar_clips('{kick}', 5)",
-    "similar_clips real": "FROM similar_clips('{kick}', k := 5, within := 'hdm05', real := true)",
+    "similar_clips real": "FROM similar_clips('{kick}', k := 5, dataset := 'hdm05', recorded_only := true)",
     "clips_like": f"FROM clips_like({_LIKE}, 5, without := '{{kick}}')",
     "clips_like old model": f"FROM clips_like({_LIKE}, 5, model := 'motifs-9')",
-    "similar_or_mirrored_clips": "FROM similar_or_mirrored_clips('{kick}', k := 5, real := true)",
-    "clips_like_either": f"FROM clips_like_either({_LIKE}, {_MIRRORED}, 5, within := 'hdm05')",
+    "similar_or_mirrored_clips": "FROM similar_clips('{kick}', k := 5, mirrored := true, recorded_only := true)",
+    "clips_like_either": f"FROM clips_like({_LIKE}, 5, {_MIRRORED}, dataset := 'hdm05')",
     "synthesize": "FROM synthesize(['walk', 'salsa'], seconds := 1, seed := 3, start := '{salsa}')",
     "find_motion": "FROM find_motion('{salsa}', 240, 480, k := 5, mirrored := true)",
     "near_duplicates": "FROM near_duplicates(max_distance := 0.2, across := true, mirrored := true)",
     "segment_clip": "FROM segment_clip('{salsa}', teach := ['bandai1', 'hdm05'], mirrored := false)",
-    "classify_clip": "FROM classify_clip('{kick}', k := 3, within := 'hdm05')",
+    "classify_clip": "FROM classify_clip('{kick}', k := 3, dataset := 'hdm05')",
     "clip_clusters": "FROM clip_clusters(k := 4)",
-    "clip_clusters of a dataset": "FROM clip_clusters(within := 'utd_mhad')",
-    "align_motion": "FROM align_motion('{salsa}', 240, 480, k := 5, stride := 3, real := true)",
+    "clip_clusters of a dataset": "FROM clip_clusters(dataset := 'utd_mhad')",
+    "align_motion": "FROM align_motion('{salsa}', 240, 480, k := 5, stride := 3, recorded_only := true)",
     "align_motion sw": "FROM align_motion('{kick}', NULL, NULL, k := 5, method := 'sw')",
     "align_symbols": f"FROM align_symbols({_SYMBOLS}, k := 5)",
     "align_symbols old model": f"FROM align_symbols({_SYMBOLS}, k := 5, model := 'postures-9')",
-    "aligned_clips": "FROM aligned_clips('{kick}', k := 5, within := 'hdm05')",
+    "aligned_clips": "FROM aligned_clips('{kick}', k := 5, dataset := 'hdm05')",
+    "find_motion too short": "FROM find_motion('{salsa}', 0, 3)",
+    "similar_clips of none": "FROM similar_clips('nothing_of_that_name')",
     "emd": f"SELECT emd({_LIKE}, {_OTHER}) AS emd, emd_deep_motifs({_LIKE}, {_OTHER}) AS emd_deep_motifs",
-    "nearest_signatures": f"SELECT nearest_signatures({_LIKE}, 4, NULL, NULL, NULL, true) AS found",
-    "align_ranges": "SELECT align_ranges('{kick}', NULL, NULL, 3, NULL, NULL, NULL, false) AS found",
-    "align_strings": f"SELECT align_strings({_SYMBOLS}, NULL, 3, NULL, NULL, NULL, false) AS found",
-    "align_wholes": "SELECT align_wholes('{kick}', 3, NULL, 2, 'dtw', false) AS found",
-    "find_ranges": "SELECT find_ranges('{kick}', NULL, NULL, 3, NULL, false, false) AS found",
-    "find_pieces": "SELECT find_pieces('{kick}', NULL, NULL, 3, NULL, false, false) AS found",
-    "near_duplicate_pairs": "SELECT near_duplicate_pairs(0.3, 'utd_mhad', false, false) AS found",
-    "segment_bands": "SELECT segment_bands('{kick}', ['hdm05'], NULL, true) AS found",
-    "cluster_signatures": "SELECT cluster_signatures(list(signature ORDER BY clip), 3) AS found FROM signatures",
-    "synthesized_frames": (
-        "SELECT len(synthesized_frames(['walk'], 1, 0, NULL, NULL, 1, 1)) AS frames, "
-        "synthesized_frames(['walk'], 1, 0, NULL, NULL, 1, 1)[9] AS ninth"
-    ),
     "find_submotion": "FROM find_submotion('{salsa}', 240, 480, k := 5, own := true)",
-    "nearest_clips": "FROM nearest_clips('{kick}', k := 5, real := true)",
-    "clips_near": f"FROM clips_near({_DESCRIPTOR}, k := 5, within := 'hdm05')",
+    "nearest_clips": "FROM nearest_clips('{kick}', k := 5, recorded_only := true)",
+    "clips_near": f"FROM clips_near({_DESCRIPTOR}, k := 5, dataset := 'hdm05')",
     "clips_holding": f"FROM clips_holding({_PIECE}, k := 5, without := '{{salsa}}', first := 0, last := 60)",
     "similar_words": "FROM similar_words('{walk}', 2, 5)",
     "clip_symbols": "FROM clip_symbols('{kick}')",

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import replace
-from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from motionlake.cli.common import (
@@ -13,18 +11,20 @@ from motionlake.cli.common import (
     JsonOption,
     KOption,
     LakeOption,
+    MirroredOption,
+    OwnOption,
     RecordedOnlyOption,
+    SplitOption,
     StartOption,
     StopOption,
-    frames_of,
-    print_rows,
+    asked_for,
+    scope_of,
+    tell,
 )
 from motionlake.cli.pictures import PictureOption, check_picture, save_alignment
 from motionlake.errors import UserError
-from motionlake.formats import is_clip
 from motionlake.lake.catalog import reading
-from motionlake.lake.layout import check_dataset, open_lake
-from motionlake.lake.resolve import resolve_clip
+from motionlake.lake.layout import open_lake
 
 
 def align(
@@ -34,21 +34,24 @@ def align(
     stop: StopOption = None,
     k: KOption = 10,
     dataset: DatasetOption = None,
-    real: RecordedOnlyOption = False,
-    whole: Annotated[bool, typer.Option("--whole", help="Rank clips by the whole of both.")] = False,
+    split: SplitOption = None,
+    recorded_only: RecordedOnlyOption = False,
+    mirrored: MirroredOption = False,
+    own: OwnOption = False,
+    whole: Annotated[bool, typer.Option("--whole", help="Rank whole clips: search --method alignment.")] = False,
     method: Annotated[
         str | None,
-        typer.Option(help="sta, dtw or sw (default: of config.toml).", show_default=False),
+        typer.Option(help="How poses are matched: sta, dtw or sw (default: as config.toml says).", show_default=False),
     ] = None,
     stride: Annotated[
         int | None,
         typer.Option(
-            help="For sta: longest step; 3 may skip 2 postures (default: of config.toml).",
+            help="sta: how many poses a match may step ahead at a time (default: of config.toml).",
             show_default=False,
         ),
     ] = None,
-    crossing: Annotated[bool, typer.Option("--crossing", help="Matches may cross from clip to clip.")] = False,
-    path: Annotated[bool, typer.Option("--path", help="Print what is aligned to what (with --json).")] = False,
+    crossing: Annotated[bool, typer.Option("--crossing", help="A match may go on in the next clip.")] = False,
+    path: Annotated[bool, typer.Option("--path", help="Say which frames match which (with --json).")] = False,
     picture: PictureOption = None,
     as_json: JsonOption = False,
 ) -> None:
@@ -64,36 +67,22 @@ def align(
 
     Of a file that is not in the lake: motionlake align shots/new_take.bvh --path --json --lake mylake
     """
-    from motionlake.retrieval.aligner import Aligner, Wanted
+    from motionlake.retrieval.alignment import AlignmentRangeSearcher, AlignmentSearcher
 
     target = open_lake(lake)
-    if dataset is not None:
-        check_dataset(dataset)
-    if whole and (start is not None or stop is not None or crossing or path):
-        raise UserError("--whole: compares whole clips; leave --from, --to, --crossing and --path out")
+    scope = scope_of(dataset, split, recorded_only, mirrored=mirrored, own=own)
+    if whole and (crossing or path):
+        raise UserError("--whole: compares whole clips; leave --crossing and --path out")
     if path and not as_json:
         raise UserError("--path: needs --json")
     check_picture(picture, 1)
+    how: dict[str, Any] = {"method": method, "stride": stride}
     with reading(target) as con:
-        aligner = Aligner(con, target, threads=os.cpu_count() or 1, real=real)
-        outside = Path(query).is_file() and is_clip(Path(query))
-        asked = Path(query) if outside else resolve_clip(con, query)
         if whole:
-            ranked = aligner.whole(asked, k, dataset=dataset, method=method, stride=stride)
-            save_alignment(con, target, picture, aligner, asked, ranked, dataset=dataset, method=method, stride=stride)
-            print_rows([hit.as_row() for hit in ranked], as_json=as_json)
-            return
-        first, last = frames_of(con, target, asked, start, stop)
-        wanted: Wanted = {
-            "dataset": dataset, "method": method, "stride": stride, "crossing": crossing,
-            "paths": path or picture is not None,
-        }  # fmt: skip
-        if isinstance(asked, Path):
-            hits = aligner.in_file(asked, first, last, k, **wanted)
+            searcher: AlignmentSearcher | AlignmentRangeSearcher = AlignmentSearcher(target, **how)
         else:
-            hits = aligner.in_clip(asked, first, last, k, **wanted)
-        save_alignment(
-            con, target, picture, aligner, asked, hits, first, last, dataset=dataset, method=method, stride=stride
-        )
-    rows = [(hit if path else replace(hit, path=None)).as_row() for hit in hits]
-    print_rows(rows, as_json=as_json)
+            searcher = AlignmentRangeSearcher(target, **how, crossing=crossing, paths=path or picture is not None)
+        asked = asked_for(con, target, query, start, stop)
+        (hits,) = searcher.search([asked], k, scope)
+        save_alignment(con, target, picture, searcher, asked, hits, scope)
+    tell([(hit if path else replace(hit, path=None)).as_row() for hit in hits], as_json=as_json)

@@ -8,17 +8,25 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from motionlake.cli.common import DatasetOption, JsonOption, LabelColumn, LakeOption, notice, tell
+from motionlake.cli.common import (
+    DatasetOption,
+    JsonOption,
+    LabelColumn,
+    LakeOption,
+    SplitOption,
+    asked_for,
+    notice,
+    scope_of,
+    tell,
+)
 from motionlake.errors import UserError
-from motionlake.formats import is_clip
 from motionlake.lake.catalog import reading
-from motionlake.lake.layout import check_dataset, open_lake
-from motionlake.lake.resolve import resolve_clip
+from motionlake.lake.layout import open_lake
 
 if TYPE_CHECKING:
     from motionlake.deep_motifs.classification import Method
     from motionlake.retrieval.labelling.classes import ClassifiedClip
-    from motionlake.retrieval.labelling.signed import SignedClip
+    from motionlake.retrieval.labelling.labelled_clips import SignedClip
 
 METHODS: dict[str, Method] = {"knn": "knn", "one-vs-all": "one_vs_all"}
 
@@ -32,6 +40,7 @@ def classify(
     method: Annotated[str, typer.Option(help="knn, or one-vs-all (a classifier for each class).")] = "knn",
     k: Annotated[int, typer.Option("-k", min=1, help="knn: nearest clips that vote.")] = 5,
     dataset: DatasetOption = None,
+    split: SplitOption = None,
     column: LabelColumn = "label",
     write_labels: Annotated[
         Path | None, typer.Option("--write-labels", help="Write a labels.csv of the answers.", show_default=False)
@@ -45,24 +54,24 @@ def classify(
     Labels for all clips that have none: motionlake classify --unlabelled --write-labels found.csv --lake mylake
     """
     from motionlake.retrieval.labelling.classes import LakeClassifier
-    from motionlake.retrieval.labelling.signed import signed_clips
+    from motionlake.retrieval.labelling.labelled_clips import signed_clips
+    from motionlake.retrieval.protocol import Query
 
     if method not in METHODS:
         raise UserError(f"--method {method}: use one of {', '.join(METHODS)}")
     target = open_lake(lake)
-    if dataset is not None:
-        check_dataset(dataset)
+    teachers = scope_of(dataset, split, recorded_only=dataset is None)
     with reading(target) as con:
-        classifier = LakeClassifier(con, target, method=METHODS[method], k=k, dataset=dataset, column=column)
+        classifier = LakeClassifier(target, method=METHODS[method], k=k, scope=teachers, column=column)
         signed = signed_clips(con, column=column).clips
-        files = [query for query in clips or () if Path(query).is_file() and is_clip(Path(query))]
-        names = [resolve_clip(con, query) for query in clips or () if query not in files]
+        queries = [asked_for(con, target, query) for query in clips or ()]
         if unlabelled:
-            names += [clip.clip for clip in signed if clip.label is None and clip.clip not in names]
-            notice(f"{len(names)} clips, learned from {len(classifier.known.clips)}")
-        elif not (names or files):
+            named = {query.source for query in queries}
+            queries += [Query(clip.clip) for clip in signed if clip.label is None and clip.clip not in named]
+            notice(f"{len(queries)} clips, learned from {len(classifier.known.clips)}")
+        elif not queries:
             raise UserError("classify: name a clip or a clip file, or give --unlabelled")
-        found = [*classifier.clips(names), *(classifier.file(Path(file)) for file in files)]
+        found = classifier.classify(queries)
     if write_labels is not None:
         _write(write_labels, found, signed, column)
     tell([each.as_row() for each in found], as_json=as_json)

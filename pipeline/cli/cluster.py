@@ -11,19 +11,22 @@ from motionlake.cli.common import (
     JsonOption,
     LakeOption,
     RecordedOnlyOption,
+    SplitOption,
     notice,
+    scope_of,
     tell,
 )
 from motionlake.errors import UserError
 from motionlake.lake.catalog import reading
-from motionlake.lake.layout import check_dataset, open_lake
+from motionlake.lake.layout import open_lake
 
 
 def cluster(
     lake: LakeOption,
     k: Annotated[str, typer.Option("--k", "-k", help="How many clusters, or auto.")] = "auto",
     dataset: DatasetOption = None,
-    real: RecordedOnlyOption = False,
+    split: SplitOption = None,
+    recorded_only: RecordedOnlyOption = False,
     as_json: JsonOption = False,
 ) -> None:
     """Groups of similar clips; no labels are used.
@@ -34,12 +37,10 @@ def cluster(
     """
     from motionlake.retrieval.labelling.clusters import clusters_of_lake
 
-    target = open_lake(lake)
-    if dataset is not None:
-        check_dataset(dataset)
+    target, scope = open_lake(lake), scope_of(dataset, split, recorded_only)
     if k != "auto" and not k.isdecimal():
         raise UserError(f"--k {k}: give a number of clusters, or auto")
     with reading(target) as con:
-        rows, silhouette = clusters_of_lake(con, None if k == "auto" else int(k), dataset, real=real)
+        rows, silhouette = clusters_of_lake(con, None if k == "auto" else int(k), scope)
     notice(f"{len({row.cluster for row in rows})} clusters of {len(rows)} clips, silhouette {silhouette:.3f}")
     tell([asdict(row) for row in rows], [row.as_row() for row in rows], as_json=as_json)

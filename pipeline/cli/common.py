@@ -9,7 +9,7 @@ import time
 import unicodedata
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
@@ -19,6 +19,7 @@ from motionlake.errors import UserError
 if TYPE_CHECKING:
     from motionlake.lake.catalog import Connection
     from motionlake.lake.layout import Lake
+    from motionlake.retrieval.protocol import Query, Scope
     from rich.progress import Progress
 
 # Of every typer application.
@@ -41,6 +42,16 @@ JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON, for machin
 KOption = Annotated[int, typer.Option("-k", min=1, help="How many answers.")]
 DatasetOption = Annotated[
     str | None, typer.Option("--dataset", help="Only clips of this dataset (default: of all).", show_default=False)
+]
+SplitOption = Annotated[
+    str | None,
+    typer.Option("--split", help="Only clips of this split of labels.csv, such as train.", show_default=False),
+]
+MirroredOption = Annotated[
+    bool, typer.Option("--mirrored", help="Look for the mirror image too: left and right exchanged.")
+]
+OwnOption = Annotated[
+    bool, typer.Option("--own", help="The query itself may be an answer, where it is a clip of the lake.")
 ]
 RecordedOnlyOption = Annotated[
     bool, typer.Option("--recorded-only", help="Only recorded clips, none that a generator made.")
@@ -98,21 +109,38 @@ StopOption = Annotated[
 ]  # fmt: skip
 
 
-def frames_of(
-    con: Connection, lake: Lake, clip: str | Path, start: FrameOrSeconds | None, stop: FrameOrSeconds | None
-) -> tuple[int | None, int | None]:
-    """`--from` and `--to` as frames of a clip of the lake (its full name) or of a clip file; None stays None."""
-    fps = 0.0
+def asked_for(
+    con: Connection, lake: Lake, name: str, start: FrameOrSeconds | None = None, stop: FrameOrSeconds | None = None
+) -> Query:
+    """The clip file, or the clip of the lake, that a person names, and its frames from `--from` to `--to`.
+
+    Raises:
+        UserError: no such clip and no such file, or several clips.
+    """
+    from motionlake.retrieval.protocol import query_of
+
+    query, fps = query_of(con, name), 0.0
     if any(edge is not None and edge.in_seconds for edge in (start, stop)):
-        if isinstance(clip, Path):
+        if isinstance(query.source, Path):
             from motionlake.retrieval.encode import first_body
 
-            fps = first_body(lake, clip)[0].fps
+            fps = first_body(lake, query.source)[0].fps
         else:
             from motionlake.lake.catalog import fetch
 
-            fps = fetch(con, "clip", {"clip": clip})[0]["fps"]
-    return None if start is None else start.frame(fps), None if stop is None else stop.frame(fps)
+            fps = fetch(con, "clip", {"clip": query.source})[0]["fps"]
+    first, last = (None if edge is None else edge.frame(fps) for edge in (start, stop))
+    return replace(query, start=first, stop=last)
+
+
+def scope_of(dataset: str | None, split: str | None = None, recorded_only: bool = False, **others: bool) -> Scope:
+    """Which clips the options of a command leave as answers. Raises `UserError` for what can be no dataset's name."""
+    from motionlake.lake.layout import check_dataset
+    from motionlake.retrieval.protocol import Scope
+
+    if dataset is not None:
+        check_dataset(dataset)
+    return Scope(dataset, split, recorded_only, **others)
 
 
 def named_folder(context: typer.Context, folder: Path | None, lake: Path | None) -> Path:

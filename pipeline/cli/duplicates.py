@@ -6,17 +6,27 @@ from dataclasses import asdict
 from typing import Annotated
 
 import typer
-from motionlake.cli.common import DatasetOption, JsonOption, LakeOption, RecordedOnlyOption, tell
+from motionlake.cli.common import (
+    DatasetOption,
+    JsonOption,
+    LakeOption,
+    MirroredOption,
+    RecordedOnlyOption,
+    SplitOption,
+    scope_of,
+    tell,
+)
 from motionlake.lake.catalog import reading
-from motionlake.lake.layout import check_dataset, open_lake
+from motionlake.lake.layout import open_lake
 
 
 def duplicates(
     lake: LakeOption,
-    within: DatasetOption = None,
+    dataset: DatasetOption = None,
+    split: SplitOption = None,
+    recorded_only: RecordedOnlyOption = False,
+    mirrored: MirroredOption = False,
     across: Annotated[bool, typer.Option("--across", help="Only pairs of clips of two datasets.")] = False,
-    mirrored: Annotated[bool, typer.Option("--mirrored", help="Mirror images too.")] = False,
-    real: RecordedOnlyOption = False,
     max_distance: Annotated[
         float | None,
         typer.Option(
@@ -34,17 +44,8 @@ def duplicates(
     from motionlake.deep_motifs.duplicates import MAX_DISTANCE
     from motionlake.retrieval.duplicates import near_duplicates
 
-    target = open_lake(lake)
-    if within is not None:
-        check_dataset(within)
+    target, scope = open_lake(lake), scope_of(dataset, split, recorded_only, mirrored=mirrored)
+    most = MAX_DISTANCE if max_distance is None else max_distance
     with reading(target) as con:
-        found = near_duplicates(
-            con,
-            target,
-            max_distance=MAX_DISTANCE if max_distance is None else max_distance,
-            within=within,
-            across=across,
-            mirrored=mirrored,
-            real=real,
-        )
+        found = near_duplicates(con, target, scope, max_distance=most, across=across)
     tell([asdict(pair) for pair in found], as_json=as_json)

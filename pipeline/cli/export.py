@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from motionlake.cli.common import JsonOption, LakeOption, StartOption, StopOption, frames_of, tell
+from motionlake.cli.common import JsonOption, LakeOption, StartOption, StopOption, asked_for, tell
 from motionlake.errors import UserError
 from motionlake.formats.bvh_writer import write_bvh
 from motionlake.lake.catalog import reading
@@ -35,8 +35,8 @@ def export(
     with reading(target) as con:
         name = resolve_clip(con, clip)
         source = (own_rig if rig == "own" else canonical_rig)(con, target, name)
-        edges = frames_of(con, target, name, start, stop)
-    first, last = frame_range(name, *edges, len(source.channels))
+        asked = asked_for(con, target, name, start, stop)
+    first, last = frame_range(name, asked.start, asked.stop, len(source.channels))
     file = out or Path(Path(name.partition("#")[0]).name).with_suffix(".bvh")
     if not file.parent.is_dir():
         raise UserError(f"{file.parent}: no such folder")

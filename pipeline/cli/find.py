@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Final
+from typing import Annotated
 
 import typer
 from motionlake.cli.common import (
@@ -12,24 +10,19 @@ from motionlake.cli.common import (
     JsonOption,
     KOption,
     LakeOption,
+    MirroredOption,
+    OwnOption,
     RecordedOnlyOption,
+    SplitOption,
     StartOption,
     StopOption,
-    frames_of,
-    print_rows,
+    asked_for,
+    scope_of,
+    tell,
 )
 from motionlake.cli.pictures import PictureOption, check_picture, save_picture
-from motionlake.errors import UserError
-from motionlake.formats import is_clip
-from motionlake.lake.catalog import Connection, reading
-from motionlake.lake.layout import Lake, check_dataset, open_lake
-from motionlake.lake.resolve import resolve_clip
-
-if TYPE_CHECKING:
-    from motionlake.retrieval.query_by_example import Finder, Found
-    from motionlake.retrieval.submotion_search import FoundPiece, SubmotionFinder
-
-METHODS: Final = ("words", "submotion")
+from motionlake.lake.catalog import reading
+from motionlake.lake.layout import open_lake
 
 
 def find(
@@ -38,19 +31,24 @@ def find(
     start: StartOption = None,
     stop: StopOption = None,
     k: KOption = 10,
+    method: Annotated[
+        str,
+        typer.Option(
+            help="What is compared: words (which short moves occur), alignment (poses in their order), or "
+            "submotion (what a network sees; one answer a clip)."
+        ),
+    ] = "words",
     dataset: DatasetOption = None,
-    method: Annotated[str, typer.Option(help="words or submotion.")] = "words",
-    mirrored: Annotated[bool, typer.Option("--mirrored", help="Look for the mirrored query too (words).")] = False,
-    real: RecordedOnlyOption = False,
-    own: Annotated[bool, typer.Option("--own", help="The frames asked for may be an answer themselves.")] = False,
+    split: SplitOption = None,
+    recorded_only: RecordedOnlyOption = False,
+    mirrored: MirroredOption = False,
+    own: OwnOption = False,
     picture: PictureOption = None,
     as_json: JsonOption = False,
 ) -> None:
     """Where a piece of motion occurs inside other clips, nearest first.
 
-    The answers are ranges of frames (the clip's own, from 0). By "words" the query needs at least two (14 frames of 24
-    a second, 0.6 s, by default), and a clip may have several answers. "submotion" asks a network which clips hold the
-    motion, and answers with one range of each; the query needs at least 8 frames of 30 a second.
+    Frames are the clip's own, from 0. The piece must last 0.6 s for "words" and 0.3 s for "submotion", by default.
 
     Example: motionlake find 13_29 --from 4s --to 6s -k 5 --lake mylake
 
@@ -58,40 +56,16 @@ def find(
 
     By the network: motionlake find 13_29 --from 480 --to 540 --method submotion --lake mylake
     """
+    from motionlake.retrieval.registry import check_method, searcher
+
     target = open_lake(lake)
-    if dataset is not None:
-        check_dataset(dataset)
-    if method not in METHODS:
-        raise UserError(f"--method {method}: not one of {', '.join(METHODS)}")
-    if mirrored and method != "words":
-        raise UserError(f"--mirrored: looks by words, not by {method}; leave one of the two out")
+    check_method("range", method)
+    scope = scope_of(dataset, split, recorded_only, mirrored=mirrored, own=own)
     check_picture(picture, 1)
     with reading(target) as con:
-        finder = _finder(con, target, method, real)
-        asked = _asked(con, query)
-        first, last = frames_of(con, target, asked, start, stop)
-        turned = {"mirrored": True} if mirrored else {}
-        hits: Sequence[Found | FoundPiece]
-        if isinstance(asked, Path):
-            hits = finder.in_file(asked, first, last, k, dataset=dataset, **turned)
-        else:
-            hits = finder.in_clip(asked, first, last, k, dataset=dataset, own=own, **turned)
+        found = searcher("range", method, target)
+        asked = asked_for(con, target, query, start, stop)
+        (hits,) = found.search([asked], k, scope)
         rows = [hit.as_row() for hit in hits]
-        save_picture(con, target, picture, [(query, rows)], first, last)
-    print_rows(rows, as_json=as_json)
-
-
-def _finder(con: Connection, lake: Lake, method: str, real: bool) -> Finder | SubmotionFinder:
-    if method == "words":
-        from motionlake.retrieval.query_by_example import Finder
-
-        return Finder(con, lake, real=real)
-    from motionlake.retrieval.submotion_search import SubmotionFinder
-
-    return SubmotionFinder(con, lake, real=real)
-
-
-def _asked(con: Connection, query: str) -> str | Path:
-    """A clip file, or the clip of the lake that a name means."""
-    outside = Path(query).is_file() and is_clip(Path(query))
-    return Path(query) if outside else resolve_clip(con, query)
+        save_picture(con, target, picture, [(asked, (query, rows))])
+    tell(rows, as_json=as_json)

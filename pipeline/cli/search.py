@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -11,16 +10,21 @@ from motionlake.cli.common import (
     JsonOption,
     KOption,
     LakeOption,
+    MirroredOption,
+    OwnOption,
     RecordedOnlyOption,
+    SplitOption,
+    StartOption,
+    StopOption,
+    asked_for,
     print_json,
-    print_rows,
+    scope_of,
+    tell,
 )
 from motionlake.cli.pictures import PictureOption, check_picture, save_picture
 from motionlake.errors import UserError
-from motionlake.formats import is_clip
-from motionlake.lake.catalog import Connection, fetch
-from motionlake.lake.layout import check_dataset, open_lake
-from motionlake.lake.resolve import resolve_clip
+from motionlake.lake.catalog import fetch, reading
+from motionlake.lake.layout import open_lake
 
 
 def search(
@@ -28,11 +32,21 @@ def search(
     clips: Annotated[
         list[str] | None, typer.Argument(help="Clips of the lake, or clip files.", show_default=False)
     ] = None,
+    start: StartOption = None,
+    stop: StopOption = None,
     k: KOption = 10,
+    method: Annotated[
+        str,
+        typer.Option(
+            help="What is compared: signature (how often which short moves occur), alignment (poses in their order), "
+            "descriptor (what a network sees), or fused (all of them)."
+        ),
+    ] = "signature",
     dataset: DatasetOption = None,
-    method: Annotated[str, typer.Option(help="signature, alignment, descriptor or fused.")] = "signature",
-    mirrored: Annotated[bool, typer.Option("--mirrored", help="Search for the mirrored motion too.")] = False,
-    real: RecordedOnlyOption = False,
+    split: SplitOption = None,
+    recorded_only: RecordedOnlyOption = False,
+    mirrored: MirroredOption = False,
+    own: OwnOption = False,
     sample: Annotated[int, typer.Option(min=0, help="Also ask for so many clips of the lake, to try it out.")] = 0,
     picture: PictureOption = None,
     as_json: JsonOption = False,
@@ -43,37 +57,29 @@ def search(
 
     A file that is not in the lake: motionlake search shots/new_take.bvh --lake mylake
 
+    Like a part of a clip: motionlake search walk_01 --from 1s --to 3s --lake mylake
+
     By the descriptor network: motionlake search walk_01 --method descriptor --lake mylake
     """
-    from motionlake.retrieval.connection import connect
-    from motionlake.retrieval.methods import check_method, retriever
+    from motionlake.retrieval.registry import check_method, searcher
 
     target = open_lake(lake)
-    if dataset is not None:
-        check_dataset(dataset)
-    check_method(method, mirrored=mirrored)
-    con = connect(target.root)
-    try:
-        queries = [*(clips or []), *(row["clip"] for row in fetch(con, "sample_clips", {"count": sample}))]
-        if not queries:
+    check_method("clip", method)
+    scope = scope_of(dataset, split, recorded_only, mirrored=mirrored, own=own)
+    with reading(target) as con:
+        names = [*(clips or []), *(row["clip"] for row in fetch(con, "sample_clips", {"count": sample}))]
+        if not names:
             raise UserError("search: name a clip or a clip file, or give --sample N")
-        check_picture(picture, len(queries))
-        asked = [_query(con, query) for query in queries]
-        found = retriever(method, con, target, mirrored=mirrored, real=real).search(asked, k, dataset)
-        answers = [(query, [hit.as_row() for hit in hits]) for query, hits in zip(queries, found, strict=True)]
-        save_picture(con, target, picture, answers)
-    finally:
-        con.close()
+        check_picture(picture, len(names))
+        found = searcher("clip", method, target)
+        queries = [asked_for(con, target, name, start, stop) for name in names]
+        hits = [[hit.as_row() for hit in each] for each in found.search(queries, k, scope)]
+        answers = list(zip(names, hits, strict=True))
+        save_picture(con, target, picture, zip(queries, answers, strict=True))
     if as_json:
-        print_json([{"query": query, **row} for query, rows in answers for row in rows])
+        print_json([{"query": name, **row} for name, rows in answers for row in rows])
         return
-    for query, rows in answers:
+    for name, rows in answers:
         if len(answers) > 1:
-            print(f"\n{query}")
-        print_rows(rows, as_json=False)
-
-
-def _query(con: Connection, query: str) -> str | Path:
-    """A clip file, or the clip of the lake that a name means."""
-    outside = Path(query).is_file() and is_clip(Path(query))
-    return Path(query) if outside else resolve_clip(con, query)
+            print(f"\n{name}")
+        tell(rows, as_json=False)

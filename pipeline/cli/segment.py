@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated
 
 import typer
-from motionlake.cli.common import JsonOption, LabelColumn, LakeOption, tell
-from motionlake.formats import is_clip
+from motionlake.cli.common import JsonOption, LabelColumn, LakeOption, asked_for, tell
 from motionlake.lake.catalog import reading
 from motionlake.lake.layout import check_dataset, open_lake
 from motionlake.lake.resolve import resolve_clip
@@ -49,9 +47,6 @@ def segment(
     config = SegmentationConfig(window, k, reach, unknown=1.0 if unknown else None)
     with reading(target) as con:
         names = [resolve_clip(con, name) for name in teach_clips or ()] or None
-        segmenter = LakeSegmenter(con, target, Lessons(teach or None, names, column, mirrored), config)
-        if Path(query).is_file() and is_clip(Path(query)):
-            found = segmenter.file(Path(query))
-        else:
-            found = segmenter.clip(resolve_clip(con, query))
+        segmenter = LakeSegmenter(target, Lessons(teach or None, names, column, mirrored), config)
+        found = segmenter.segment(asked_for(con, target, query))
     tell([band.as_row() for band in found], as_json=as_json)

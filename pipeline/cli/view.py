@@ -7,15 +7,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
-from motionlake.cli.common import JsonOption, LakeOption, StartOption, StopOption, frames_of, notice, tell
+from motionlake.cli.common import JsonOption, LakeOption, StartOption, StopOption, asked_for, notice, tell
 from motionlake.errors import UserError
-from motionlake.formats import is_clip
-from motionlake.lake.catalog import Connection
+from motionlake.lake.catalog import Connection, reading
 from motionlake.lake.layout import Lake, open_lake
-from motionlake.lake.resolve import resolve_clip
 
 if TYPE_CHECKING:
     from motionlake.pictures.player_material import PlayerClip
+    from motionlake.retrieval.protocol import Query
 
 SUFFIXES: Final = (".html", ".gif", ".png")
 LONGEST_NAME: Final = 100
@@ -50,19 +49,15 @@ def view(
     target = open_lake(lake)
     from motionlake.pictures.html import write_file
     from motionlake.pictures.player_material import player_clip
-    from motionlake.retrieval.connection import connect
 
     _check(out)
-    con = connect(target.root)
-    try:
-        asked = _query(con, clip)
-        shown = [player_clip(con, target, asked, *frames_of(con, target, asked, start, stop))]
+    with reading(target) as con:
+        asked = asked_for(con, target, clip, start, stop)
+        shown = [player_clip(con, target, asked)]
         path = out or Path(f"{safe_name(shown[0].name)}.html")
         other = _beside(con, target, asked, beside)
         if other is not None:
             shown.append(other)
-    finally:
-        con.close()
     notes = _capped(path, shown)
     write_file(path, _drawn(path, shown))
     for note in notes:
@@ -89,25 +84,20 @@ def _check(out: Path | None) -> None:
         raise UserError(f"{out.parent}: no such folder")
 
 
-def _query(con: Connection, name: str) -> str | Path:
-    """A clip file, or the clip of the lake that a name means."""
-    outside = Path(name).is_file() and is_clip(Path(name))
-    return Path(name) if outside else resolve_clip(con, name)
-
-
-def _beside(con: Connection, lake: Lake, asked: str | Path, beside: str) -> PlayerClip | None:
+def _beside(con: Connection, lake: Lake, asked: Query, beside: str) -> PlayerClip | None:
     from motionlake.pictures.player_material import nearest_real_clip, player_clip
+    from motionlake.retrieval.protocol import Query
 
     if beside == "none":
         return None
     if beside != "nearest":
-        return player_clip(con, lake, _query(con, beside))
+        return player_clip(con, lake, asked_for(con, lake, beside))
     try:
-        found = nearest_real_clip(con, lake, asked)
+        found = nearest_real_clip(lake, Query(asked.source))
     except UserError as error:
         notice(f"shown alone, without the nearest recorded clip: {error}")
         return None
-    return player_clip(con, lake, found[1].clip, nearest=found)
+    return player_clip(con, lake, Query(found[1].clip), nearest=found)
 
 
 def _drawn(path: Path, shown: list[PlayerClip]) -> bytes:

@@ -12,6 +12,7 @@ from typing import Final
 
 import numpy as np
 from motionlake.arrays import Float32Array, Float64Array, FloatArray, Int64Array
+from motionlake.deep_motifs.transport import cheapest_flow
 from numba import njit
 
 Signature = FloatArray | Sequence[float]
@@ -105,13 +106,6 @@ def transport(p: Float64Array, q: Float64Array, ground: Float64Array) -> float:
     if tuple(sources) > tuple(sinks):  # one order for both directions: the same rounding
         surplus, deficit, sources, sinks = deficit, surplus, sinks, sources
     return cheapest_flow(surplus[sources], deficit[sinks], np.ascontiguousarray(ground[np.ix_(sources, sinks)]))
-
-
-def cheapest_flow(sources: Float64Array, sinks: Float64Array, costs: Float64Array) -> float:
-    """Cost of moving `sources` [s] to `sinks` [t], of the same total, at `costs` [s, t]."""
-    import ot  # seconds, which what solves nothing need not pay
-
-    return float(ot.emd2(sources, sinks, costs, check_marginals=False, center_dual=False))
 
 
 def emd_deep_motifs(p: Signature, q: Signature, strength: FloatArray, ground: Float64Array) -> float:

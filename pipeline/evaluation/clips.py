@@ -21,7 +21,7 @@ from motionlake.evaluation.ranking import (
 from motionlake.lake import frames
 from motionlake.lake.layout import Lake
 from motionlake.motion.dtw import CELLS_PER_SECOND, dtw_matrix, frame_pairs
-from motionlake.retrieval.labelling.described import DescribedClip
+from motionlake.retrieval.labelling.labelled_clips import DescribedClip
 
 TOP: Final = 10
 

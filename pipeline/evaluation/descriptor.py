@@ -16,8 +16,8 @@ from motionlake.lake.catalog import Connection
 from motionlake.lake.layout import Lake
 from motionlake.lake.models import Model
 from motionlake.motion.features import body_length
-from motionlake.retrieval.labelling.described import DescribedClip, described_clips
-from motionlake.retrieval.methods import SINGLE
+from motionlake.retrieval.labelling.labelled_clips import DescribedClip, described_clips
+from motionlake.retrieval.registry import methods as searchers
 from motionlake.stages.descriptors import served_network
 from scipy.spatial.distance import cdist
 
@@ -89,7 +89,7 @@ def evaluate_descriptor(
         "signature": measured.by("signature", lambda: signature_distances(con, clips, chosen, notice)),
         "alignment": measured.by("alignment", lambda: alignment_distances(con, lake, clips, chosen, notice)),
         "dtw": measured.by("dtw", lambda: frame_distances(features, chosen, dtw, notice)),
-        "fused": measured.by("fused", lambda: fused_distances(measured.among(SINGLE), clips, chosen)),
+        "fused": measured.by("fused", lambda: fused_distances(measured.among(searchers("clip")), clips, chosen)),
     }
     labels = [clips.labels[query] for query in chosen.queries]
     network = served_network(con)

@@ -1,4 +1,4 @@
-"""Distances of queries from a repository by what a lake holds beside descriptors, and the ranking fused of them."""
+"""FloatArray of queries from a repository by what a lake holds beside descriptors, and the ranking fused of them."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Final
 
 import numpy as np
-from motionlake.arrays import Float32Array, FloatArray
+from motionlake.arrays import Float32Array, Float64Array, FloatArray
 from motionlake.deep_motifs.emd import emd_many, emd_matrix
 from motionlake.errors import UserError
 from motionlake.evaluation.clips import PATIENCE, Chosen, Notice, worth_waiting
@@ -17,19 +17,17 @@ from motionlake.lake.layout import Lake
 from motionlake.motion.dtw import dtw_cross, dtw_matrix, frame_pairs
 from motionlake.pesta.alignment.scan import pairwise
 from motionlake.pesta.alignment.strings import Repository
-from motionlake.retrieval.fused import FusedRetriever
-from motionlake.retrieval.labelling.described import DescribedClips
-from motionlake.retrieval.labelling.signed import lake_ground
-from motionlake.retrieval.lake_strings import read_strings
-from motionlake.retrieval.protocol import Query
-from motionlake.retrieval.search import Hit
+from motionlake.retrieval.fused import FusedSearcher
+from motionlake.retrieval.labelling.labelled_clips import DescribedClips, lake_ground
+from motionlake.retrieval.protocol import EVERYTHING, Finds, Hit, Query, Scope
+from motionlake.retrieval.symbol_strings import read_strings
 
 # Transports a second on one core, from timings.
 TRANSPORTS_PER_SECOND: Final = 8_000
 
 
 def signature_distances(con: Connection, clips: DescribedClips, chosen: Chosen, notice: Notice) -> FloatArray | None:
-    """[q, r] Earth Mover's Distances of signatures; None where a clip has none, or they would take minutes."""
+    """[q, r] Earth Mover's FloatArray of signatures; None where a clip has none, or they would take minutes."""
     signatures = [signature for signature in clips.signatures if signature is not None]
     if not _all_have(len(signatures), clips, "signature", notice):
         return None
@@ -83,14 +81,14 @@ def frame_distances(
 
 
 def fused_distances(methods: Mapping[str, FloatArray], clips: DescribedClips, chosen: Chosen) -> FloatArray | None:
-    """[q, r] what `FusedRetriever` makes of the whole rankings of methods, each [q, r]; None of a single one."""
+    """[q, r] what `FusedSearcher` makes of the whole rankings of methods, each [q, r]; None of a single one."""
     if len(methods) < 2:
         return None
     names = [clip.clip for clip in clips.clips]
-    fused = FusedRetriever([_Computed(name, known, names, chosen) for name, known in methods.items()])
+    fused = FusedSearcher([_Computed(name, known, names, chosen) for name, known in methods.items()])
     place = {names[clip]: column for column, clip in enumerate(chosen.repository)}
     found = np.full((len(chosen.queries), len(chosen.repository)), np.inf)
-    queries = [names[query] for query in chosen.queries]
+    queries = [Query(names[query]) for query in chosen.queries]
     for row, hits in zip(found, fused.search(queries, len(chosen.repository)), strict=True):
         for hit in hits:
             row[place[hit.clip]] = hit.distance
@@ -98,19 +96,31 @@ def fused_distances(methods: Mapping[str, FloatArray], clips: DescribedClips, ch
 
 
 class _Computed:
-    """A `Retriever` whose distances are known."""
+    """A `Searcher` whose distances are known."""
 
-    def __init__(self, method: str, distances: FloatArray, names: list[str], chosen: Chosen) -> None:
-        self.method, self._distances, self._names, self._chosen = method, distances, names, chosen
+    finds: Finds = "clip"
+
+    def __init__(self, name: str, distances: FloatArray, names: list[str], chosen: Chosen) -> None:
+        self.name, self._distances, self._names, self._chosen = name, distances, names, chosen
         self._rows = {names[query]: row for row, query in enumerate(chosen.queries)}
         self._orders = ranked(distances, chosen.questions.candidates)
 
-    def search(self, queries: Sequence[Query], k: int, dataset: str | None = None) -> list[list[Hit]]:
-        return [self._hits(self._rows[str(query)], k) for query in queries]
+    def search(self, queries: Sequence[Query], k: int, scope: Scope = EVERYTHING) -> list[list[Hit]]:
+        return [self._hits(self._rows[query.name], k) for query in queries]
+
+    def distances(self, queries: Sequence[Query], gallery: Sequence[Query]) -> Float64Array:
+        raise NotImplementedError
 
     def _hits(self, row: int, k: int) -> list[Hit]:
         return [
-            Hit(rank, self._names[self._chosen.repository[column]], float(self._distances[row, column]), None, "", 0.0)
+            Hit(
+                rank=rank,
+                clip=self._names[self._chosen.repository[column]],
+                distance=float(self._distances[row, column]),
+                label=None,
+                dataset="",
+                seconds=0.0,
+            )
             for rank, column in enumerate(self._orders[row][:k].tolist(), start=1)
         ]
 

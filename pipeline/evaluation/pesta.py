@@ -36,8 +36,9 @@ from motionlake.lake.config import load_config
 from motionlake.lake.layout import Lake
 from motionlake.pesta.alignment.scan import symmetric_costs
 from motionlake.pesta.config import METHODS, AlignmentConfig
-from motionlake.retrieval.labelling.signed import SignedClips, lake_ground, signed_clips
-from motionlake.retrieval.lake_strings import LakeStrings, read_strings
+from motionlake.retrieval.labelling.labelled_clips import SignedClips, lake_ground, signed_clips
+from motionlake.retrieval.protocol import Scope
+from motionlake.retrieval.symbol_strings import LakeStrings, read_strings
 
 # The paper's strides: whole clips, sub-queries.
 WHOLE_STRIDE: Final = 3
@@ -81,7 +82,7 @@ def evaluate_pesta(
     Raises:
         UserError: no such column, no strings, or neither labels nor segments to measure by.
     """
-    strings, signed = read_strings(con), signed_clips(con, dataset, column, only, real=True)
+    strings, signed = read_strings(con), signed_clips(con, Scope(dataset, recorded_only=True), column, only)
     labelled = _with_strings(signed.labelled(), strings)
     config = load_config(lake.config_file).alignment
     result: dict[str, Any] = {}

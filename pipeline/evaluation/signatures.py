@@ -14,7 +14,8 @@ from motionlake.evaluation.clips import Notice, dtw_baseline
 from motionlake.evaluation.ranking import leave_one_out
 from motionlake.lake.catalog import Connection
 from motionlake.lake.layout import Lake
-from motionlake.retrieval.labelling.signed import SignedClips, lake_ground, signed_clips
+from motionlake.retrieval.labelling.labelled_clips import SignedClips, lake_ground, signed_clips
+from motionlake.retrieval.protocol import Scope
 
 # Parts of the clips that are left out in turn where there are more clips than `LEAVE_ONE_OUT`.
 FOLDS: Final = 5
@@ -49,7 +50,7 @@ def evaluate_signatures(
     Raises:
         UserError: no such column, or no two clips with one label.
     """
-    signed = signed_clips(con, dataset, column, only, real=True).labelled()
+    signed = signed_clips(con, Scope(dataset, recorded_only=True), column, only).labelled()
     labels = signed.labels
     if len(set(labels)) == len(labels):
         raise UserError(

@@ -12,7 +12,7 @@ from motionlake.errors import UserError
 from motionlake.evaluation.clips import LEAVE_ONE_OUT, QUERIES, REPOSITORY, read_positions
 from motionlake.lake.catalog import Connection, fetch
 from motionlake.lake.layout import Lake
-from motionlake.retrieval.labelling.signed import check_column
+from motionlake.retrieval.labelling.labelled_clips import check_column
 
 # Of more than these, clips are taken at even distances of their names.
 MOST_TEST: Final = 1000

@@ -16,8 +16,8 @@ from motionlake.pictures.alignment_matrix import AlignedPath, SymbolRow, alignme
 from motionlake.pictures.hits_page import hits_page
 from motionlake.pictures.html import Picture, picture, write_hits
 from motionlake.pictures.symbol_material import SymbolMaterial
-from motionlake.retrieval.aligned import AlignedHit, StringQuery, WholeHit
-from motionlake.retrieval.lake_strings import LakeStrings
+from motionlake.retrieval.protocol import Hit
+from motionlake.retrieval.symbol_strings import LakeStrings, StringQuery
 
 CONTEXT: Final = 3  # symbols before and after a match
 MOST_WHOLE: Final = 30  # symbols of a clip that is shown whole
@@ -29,7 +29,7 @@ def save_alignments(
     path: Path,
     query: StringQuery,
     fps: float,
-    hits: Sequence[AlignedHit] | Sequence[WholeHit],
+    hits: Sequence[Hit],
     config: AlignmentConfig,
 ) -> None:
     """Draw the answers to a query: the best one as .png; a page of all of them, then one by one, as .html.
@@ -50,16 +50,15 @@ def save_alignments(
     if path.suffix == ".html" or not hits:
         pages.append(_overview(material, query, hits))
     for hit in chosen:
-        if isinstance(hit, WholeHit):
+        if hit.start is None:
             pages.append(whole_picture(material, query, fps, hit, config))
         else:
-            found = [h for h in hits if isinstance(h, AlignedHit)]
-            pages.append(hit_picture(material, query, fps, hit, found))
+            pages.append(hit_picture(material, query, fps, hit, hits))
     write_hits(path, pages)
 
 
 def hit_picture(
-    material: SymbolMaterial, query: StringQuery, fps: float, hit: AlignedHit, others: Sequence[AlignedHit] = ()
+    material: SymbolMaterial, query: StringQuery, fps: float, hit: Hit, others: Sequence[Hit] = ()
 ) -> Picture:
     """The matrix of one match, with what lies around it in its clip; other matches that lie there are dashed.
 
@@ -70,14 +69,15 @@ def hit_picture(
     pairs = path_indices(strings, query, hit)
     own = strings.symbols_of(strings.positions[hit.clip])
     first, last = _shown(int(pairs[0, 1]), int(pairs[-1, 1]) + 1, own)
-    paths = [AlignedPath(f"hit {hit.rank}, cost {hit.cost:.2f}", pairs - (0, first))]
+    paths = [AlignedPath(f"hit {hit.rank}, cost {_cost(hit):.2f}", pairs - (0, first))]
     for other in others:
         if other.rank != hit.rank and other.clip == hit.clip and other.path:
             found = path_indices(strings, query, other)
             if first <= found[0, 1] and found[-1, 1] < last:
-                paths.append(AlignedPath(f"hit {other.rank}, cost {other.cost:.2f}", found - (0, first)))
+                paths.append(AlignedPath(f"hit {other.rank}, cost {_cost(other):.2f}", found - (0, first)))
     if hit.stop_clip in (None, hit.clip):
-        said = f"frames {hit.start} to {hit.stop}, {hit.start_seconds:.2f}–{hit.start_seconds + hit.seconds:.2f} s"
+        begin = hit.start_seconds or 0.0
+        said = f"frames {hit.start} to {hit.stop}, {begin:.2f}–{begin + hit.seconds:.2f} s"
         brief = said
     else:
         brief = f"from frame {hit.start} to frame {hit.stop} of a later clip, {hit.seconds:.2f} s"
@@ -85,12 +85,12 @@ def hit_picture(
     figure = _matrix(
         material, query, fps, hit.clip, slice(first, last), paths,
         f"Hit {hit.rank}: {_file(hit.clip)}",
-        f"{brief}; cost {hit.cost:.3f}, {hit.normalised_cost:.3f} for each symbol of the query",
+        f"{brief}; cost {_cost(hit):.3f}, {hit.distance:.3f} for each symbol of the query",
     )  # fmt: skip
     title = f"hit {hit.rank} for {query.name}: {hit.clip}, {said}"
     caption = (
         f"The query {query.name}, frames {query.start} to {query.stop}, aligned to {hit.clip}, {said}; cost "
-        f"{hit.cost:.3f} ({hit.normalised_cost:.3f} for each of {len(query.symbols)} symbols). {about_matrix(material)}"
+        f"{_cost(hit):.3f} ({hit.distance:.3f} for each of {len(query.symbols)} symbols). {about_matrix(material)}"
     )
     return picture(f"alignment-{hit.rank}", title, caption, figure)
 
@@ -99,7 +99,7 @@ def whole_picture(
     material: SymbolMaterial,
     query: StringQuery,
     fps: float,
-    hit: WholeHit,
+    hit: Hit,
     config: AlignmentConfig,
     title: str | None = None,
 ) -> Picture:
@@ -108,7 +108,7 @@ def whole_picture(
     own = strings.symbols_of(strings.positions[hit.clip])
     match = best_match(strings, query, hit.clip, config)
     paths = [] if match is None else [AlignedPath(f"best match, cost {match.cost:.2f}", _pairs(match))]
-    shared = f"cost {hit.cost:.3f} for each symbol, of both ways"
+    shared = f"cost {hit.distance:.3f} for each symbol, of both ways"
     figure = _matrix(
         material,
         query,
@@ -133,12 +133,17 @@ def best_match(strings: LakeStrings, query: StringQuery, clip: str, config: Alig
     return found[0] if found else None
 
 
+def _cost(hit: Hit) -> float:
+    """A range's own cost; a whole clip has the distance alone."""
+    return hit.distance if hit.cost is None else hit.cost
+
+
 def _pairs(match: Match) -> Int64Array:
     assert match.path is not None
     return match.path
 
 
-def path_indices(strings: LakeStrings, query: StringQuery, hit: AlignedHit) -> Int64Array:
+def path_indices(strings: LakeStrings, query: StringQuery, hit: Hit) -> Int64Array:
     """[L, 2] (symbol of the query, symbol of all strings) of a hit's path, which is in frames.
 
     Raises:
@@ -210,8 +215,8 @@ def about_matrix(material: SymbolMaterial) -> str:
     )
 
 
-def _overview(material: SymbolMaterial, query: StringQuery, hits: Sequence[AlignedHit] | Sequence[WholeHit]) -> Picture:
-    rows: list[dict[str, Any]] = [hit.as_row() for hit in hits]
+def _overview(material: SymbolMaterial, query: StringQuery, hits: Sequence[Hit]) -> Picture:
+    rows: list[dict[str, Any]] = [hit.as_row() | {"cost": _cost(hit)} for hit in hits]
     asked: str | Path = query.clip if query.clip else Path(query.name)
     figure = hits_page(
         material.con, material.lake, asked, rows, query.start, query.stop,

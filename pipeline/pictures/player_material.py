@@ -19,9 +19,8 @@ from motionlake.motion.skeleton import facing
 from motionlake.pictures.bands import Segment
 from motionlake.pictures.stick_figures import Poses, body_height
 from motionlake.retrieval.encode import first_body
-from motionlake.retrieval.methods import ready_methods, retriever
-from motionlake.retrieval.protocol import Query
-from motionlake.retrieval.search import Hit
+from motionlake.retrieval.protocol import Hit, Query, Scope
+from motionlake.retrieval.registry import ready, searcher
 
 MOST_FPS: Final = 30.0
 MOST_SECONDS: Final = 180.0
@@ -126,8 +125,6 @@ def player_clip(
     con: Connection,
     lake: Lake,
     query: Query,
-    start: int | None = None,
-    stop: int | None = None,
     nearest: tuple[str, Hit] | None = None,
 ) -> PlayerClip:
     """A clip of the lake, or the first body of a clip file.
@@ -135,25 +132,24 @@ def player_clip(
     Args:
         con: to the lake.
         lake: the same.
-        query: a clip's full name, or a file.
-        start: first frame to show, at the clip's own rate; None: the first.
-        stop: frame after the last.
+        query: a clip's full name or a file, and the frames to show.
         nearest: what `nearest_real_clip` said of this clip, where it did.
 
     Raises:
         UserError: the clip has no such frames, or the file cannot be read.
     """
-    if isinstance(query, Path):
-        body, motion = first_body(lake, query)
-        positions, fps, name = motion.positions.astype(np.float32), body.fps, query.name
-        facts, segments = [("file", query.suffix.lstrip("."))], []
+    if isinstance(query.source, Path):
+        body, motion = first_body(lake, query.source)
+        positions, fps, name = motion.positions.astype(np.float32), body.fps, query.source.name
+        facts, segments = [("file", query.source.suffix.lstrip("."))], []
     else:
-        known = fetch(con, "clip", {"clip": query})[0]
-        positions, fps, name = Poses(con, lake).positions(query), float(known["fps"]), query
-        lineage = _lineage(con, query)
+        name = query.source
+        known = fetch(con, "clip", {"clip": name})[0]
+        positions, fps = Poses(con, lake).positions(name), float(known["fps"])
+        lineage = _lineage(con, name)
         facts = _facts(known, lineage)
-        segments = _segments(con, query, len(positions), lineage)
-    first, last = frame_range(name, start, stop, len(positions))
+        segments = _segments(con, name, len(positions), lineage)
+    first, last = frame_range(name, query.start, query.stop, len(positions))
     if nearest is not None:
         method, hit = nearest
         facts.append(("distance", f"{hit.distance:.3f} by {method}"))
@@ -165,13 +161,12 @@ def player_clip(
     )  # fmt: skip
 
 
-def nearest_real_clip(con: Connection, lake: Lake, query: Query) -> tuple[str, Hit]:
+def nearest_real_clip(lake: Lake, query: Query) -> tuple[str, Hit]:
     """The recorded clip nearest to a clip or a file: by descriptor where the lake has them, else by signature.
 
     Args:
-        con: with functions and macros, as `motionlake.connect` opens it.
-        lake: the same.
-        query: a clip's full name, itself no answer, or a file.
+        lake: where to look.
+        query: a clip, itself no answer, or a file.
 
     Returns:
         The method, and the hit.
@@ -179,19 +174,19 @@ def nearest_real_clip(con: Connection, lake: Lake, query: Query) -> tuple[str, H
     Raises:
         UserError: no method of the lake can compare it, or there is no other recorded clip.
     """
-    ready = [method for method in NEAREST_BY if method in ready_methods(con)]
-    if not ready:
+    methods = [method for method in NEAREST_BY if method in ready(lake, "clip")]
+    if not methods:
         raise UserError(f"{lake.root}: has neither descriptors nor signatures yet; make them with `motionlake run all`")
     failed: UserError | None = None
-    for method in ready:
+    for method in methods:
         try:
-            found = retriever(method, con, lake, real=True).search([query], 1)[0]
+            found = searcher("clip", method, lake).search([query], 1, Scope(recorded_only=True))[0]
         except UserError as error:
             failed = failed or error
             continue
         if found:
             return method, found[0]
-    raise failed or UserError(f"{query}: the lake has no other recorded clip that it can be compared with")
+    raise failed or UserError(f"{query.name}: the lake has no other recorded clip that it can be compared with")
 
 
 def _lineage(con: Connection, clip: str) -> Mapping[str, Any] | None:

@@ -19,7 +19,7 @@ from motionlake.pesta.dictionary import METADATA_KEY
 from motionlake.pictures.signatures import motif_order
 from motionlake.pictures.stick_figures import Poses
 from motionlake.pictures.style import motif_colours
-from motionlake.retrieval.lake_strings import LakeStrings, read_strings
+from motionlake.retrieval.symbol_strings import LakeStrings, read_strings
 from motionlake.stages.postures import codes_files, read_codes
 from safetensors import safe_open
 

@@ -21,7 +21,8 @@ from motionlake.pictures.maps import LEAST, plane, posture_map
 from motionlake.pictures.material import display_names, sampled
 from motionlake.pictures.symbol_material import SymbolMaterial
 from motionlake.pictures.symbol_strip import MOMENTS, StripOfSymbols, folds, symbol_strip
-from motionlake.retrieval.aligned import WholeHit, string_query
+from motionlake.retrieval.protocol import clip_hit, ranked
+from motionlake.retrieval.symbol_strings import string_query
 
 STRIPS: Final = 3
 MOST_PAIRED: Final = 80  # clips among which the nearest two are looked for
@@ -145,7 +146,7 @@ def nearest_two(material: SymbolMaterial, clips: Sequence[int]) -> Picture | Non
     query = strings.clips[one]
     asked = string_query(query.clip, strings.string_of(one), query.frames, None, None, query.clip)
     known = strings.clips[other]
-    hit = WholeHit(1, known.clip, cost, known.label, known.dataset, known.frames / known.fps)
+    (hit,) = ranked([clip_hit(known, cost)])
     names = [clip.rpartition("/")[2] for clip in (query.clip, known.clip)]
     made = whole_picture(material, asked, query.fps, hit, config, "The nearest two clips, aligned")
     caption = (

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from motionlake import sql
-from motionlake.lake.catalog import Connection, connect_read_only, fetch, run_sql
-from motionlake.lake.layout import Lake, open_lake
-from motionlake.retrieval.sql_functions import align, duplicates, emd, find, find_submotion, labelling, synthesize
+from motionlake.lake.catalog import Connection, connect_read_only
+from motionlake.lake.layout import open_lake
+from motionlake.retrieval import sql_functions
 
 
 def connect(lake: Path | str, *, apart: bool = False) -> Connection:
@@ -25,18 +24,5 @@ def connect(lake: Path | str, *, apart: bool = False) -> Connection:
     """
     target = open_lake(lake)
     con = connect_read_only(target, apart=apart)
-    if not fetch(con, "has_functions"):
-        _register(con, target)
-    for name in sql.names("udf_macros"):
-        run_sql(con, name)
+    sql_functions.register(con, target)
     return con
-
-
-def _register(con: Connection, target: Lake) -> None:
-    emd.register(con, target)
-    find.register(con, target)
-    find_submotion.register(con, target)
-    labelling.register(con, target)
-    duplicates.register(con, target)
-    align.register(con, target)
-    synthesize.register(con, target)

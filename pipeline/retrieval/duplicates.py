@@ -14,6 +14,7 @@ from motionlake.errors import UserError
 from motionlake.lake.catalog import Connection, fetch
 from motionlake.lake.config import load_config
 from motionlake.lake.layout import Lake
+from motionlake.retrieval.protocol import EVERYTHING, Scope
 from motionlake.stages import words
 
 HELD_PARTS = 64  # of features, a few MB each
@@ -22,36 +23,32 @@ HELD_PARTS = 64  # of features, a few MB each
 def near_duplicates(
     con: Connection,
     lake: Lake,
+    scope: Scope = EVERYTHING,
     *,
     max_distance: float = MAX_DISTANCE,
-    within: str | None = None,
     across: bool = False,
-    mirrored: bool = False,
-    real: bool = False,
 ) -> list[Duplicate]:
     """Pairs of near-duplicates of a lake, nearest first; see `find_duplicates`.
 
     Args:
         con: to the lake.
         lake: where the features lie.
+        scope: which clips; whether mirror images count too.
         max_distance: what may differ, as a part of the movement, in (0, 1).
-        within: a dataset that both clips must belong to.
         across: only pairs of two datasets.
-        mirrored: mirror images too.
-        real: leave synthetic clips out.
 
     Raises:
         UserError: no signatures yet, no mirrored ones where they are needed, or a distance out of range.
     """
     if not 0 < max_distance < 1:
         raise UserError(f"a distance of {max_distance}: it is a part of the movement, between 0 and 1")
-    if within is not None and across:
-        raise UserError("within one dataset and across datasets at once: choose one")
+    if scope.dataset is not None and across:
+        raise UserError("one dataset, and across datasets, at once: choose one")
     centroids = [row["centroid"] for row in fetch(con, "corpus_motifs")]
-    rows = fetch(con, "signed_clips", {"real": real})
-    if not rows:
+    rows = fetch(con, "signed_clips", scope.as_parameters())
+    if not centroids:
         raise UserError(f"{lake.root}: has no signatures yet; make them with `motionlake run all`")
-    if mirrored and any(row["mirrored"] is None for row in rows):
+    if scope.mirrored and any(row["mirrored"] is None for row in rows):
         raise UserError(
             f"{lake.root}: not every clip has a mirrored signature yet; make them with `motionlake run all`"
         )
@@ -59,13 +56,13 @@ def near_duplicates(
         [row["clip"] for row in rows],
         [row["dataset"] for row in rows],
         np.array([row["signature"] for row in rows], dtype=np.float32),
-        np.array([row["mirrored"] for row in rows], dtype=np.float32) if mirrored else None,
+        np.array([row["mirrored"] for row in rows], dtype=np.float32) if scope.mirrored else None,
         ground_distances(np.array(centroids, dtype=np.float32)),
     )
     config = load_config(lake.config_file).words
     files = {part: lake.path(file) for part, file in words.features_files(con, config).items()}
     features = _Features({row["clip"]: files[row["part"]] for row in rows})
-    return find_duplicates(clips, features, config, max_distance=max_distance, within=within, across=across)
+    return find_duplicates(clips, features, config, max_distance=max_distance, across=across)
 
 
 class _Features:

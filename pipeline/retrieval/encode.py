@@ -8,15 +8,19 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
-from motionlake.arrays import Float32Array
+from motionlake.arrays import Float32Array, Float64Array
 from motionlake.deep_motifs.motifs import Motifs, assign
+from motionlake.deep_motifs.query_by_example import words_within
 from motionlake.deep_motifs.words.windows import native_range, windows, word_windows
 from motionlake.errors import UserError
-from motionlake.lake.catalog import Connection, fetch
+from motionlake.lake.catalog import Connection, fetch, reading
 from motionlake.lake.config import LakeConfig, load_config
+from motionlake.lake.frames import frame_range, read_clip
 from motionlake.lake.layout import Lake
+from motionlake.lake.resolve import resolve_clip
 from motionlake.motion.features import WordConfig, word_features
-from motionlake.motion.mirror import mirrored_features
+from motionlake.motion.mirror import mirrored_features, mirrored_positions, mirrored_rotations
+from motionlake.retrieval.protocol import Query
 from motionlake.stages.clip_files import first_body as first_body
 from motionlake.stages.motif_model import MOTIF_MODEL, read_motifs
 from motionlake.stages.reader import LakeReader
@@ -120,3 +124,76 @@ def signature_of_motifs(con: Connection, found: NDArray[np.int32]) -> NDArray[np
     """[K] signature of words by their motifs, weighed as those of the lake are."""
     rows = fetch(con, "weigh_motifs", {"motifs": found.tolist()})
     return np.array(rows[0]["signature"], dtype=np.float32)
+
+
+@dataclass(frozen=True)
+class QueryMotion:
+    """A clip that was asked for, whole: positions [F, 21, 3], rotations [F, 21, 4]; the query is frames `asked`."""
+
+    positions: Float64Array
+    rotations: Float64Array
+    fps: float
+    asked: tuple[int, int]
+
+    def cut(self) -> tuple[Float64Array, Float64Array]:
+        """Positions and rotations of the query alone."""
+        frames = slice(*self.asked)
+        return self.positions[frames], self.rotations[frames]
+
+
+def query_motion(lake: Lake, query: Query, *, mirrored: bool = False) -> QueryMotion:
+    """The motion of a query, or its mirror image.
+
+    Raises:
+        UserError: no such clip or file, or it has no such frames.
+    """
+    if isinstance(query.source, Path):
+        body, motion = first_body(lake, query.source)
+        fps = body.fps
+        positions, rotations = motion.positions, motion.rotations
+    else:
+        with reading(lake) as con:
+            row = fetch(con, "clip", {"clip": resolve_clip(con, query.source)})[0]
+        stored = read_clip(lake.path(lake.frames_part(row["dataset"], row["part"])), row["clip"])
+        positions, rotations, fps = stored.positions.astype(np.float64), stored.rotations.astype(np.float64), stored.fps
+    if mirrored:
+        positions = np.asarray(mirrored_positions(positions), dtype=np.float64)
+        rotations = np.asarray(mirrored_rotations(rotations), dtype=np.float64)
+    return QueryMotion(positions, rotations, fps, frame_range(query.name, query.start, query.stop, len(positions)))
+
+
+def query_motifs(
+    con: Connection, lake: Lake, query: Query, *, least: int = 1, mirrored: bool = False
+) -> NDArray[np.int32]:
+    """[n] motifs of the words that lie wholly within a query, or of the same words mirrored.
+
+    Raises:
+        UserError: no such clip or file, it has no such frames, no words yet, or fewer than `least` in these frames.
+    """
+    config = load_config(lake.config_file).words
+    if isinstance(query.source, Path):
+        file = words_of_file(lake, config, query.source)
+        starts, stops, frames, fps = file.ranges[:, 0], file.ranges[:, 1], file.frames, file.fps
+    else:
+        row = fetch(con, "clip", {"clip": resolve_clip(con, query.source)})[0]
+        frames, fps = row["frames"], row["fps"]
+        known = fetch(con, "clip_motifs", {"clip": query.source})
+        if not known:
+            raise UserError(f"{query.source}: has no signature yet; make it with `motionlake run all`")
+        starts, stops = (np.array([word[end] for word in known], dtype=np.int64) for end in ("start", "stop"))
+    first, last = frame_range(query.name, query.start, query.stop, frames)
+    chosen = words_within(starts, stops, first, last)
+    if chosen.stop - chosen.start < least:
+        needed = (config.length + (least - 1) * config.stride) / config.fps
+        raise UserError(
+            f"{query.name}: frames {first} to {last} last {(last - first) / fps:.2f} s, too short to compare; take a "
+            f"range of at least {needed + 0.05:.1f} s"
+        )
+    if isinstance(query.source, Path):
+        models = serving_models(con, lake)
+        features = file.features
+    elif mirrored:
+        models, features = serving_models(con, lake), features_of_clip(con, lake, config, query.source)
+    else:
+        return np.array([word["motif"] for word in known], dtype=np.int32)[chosen]
+    return (models.mirrored_motifs_of if mirrored else models.motifs_of)(features)[chosen]

@@ -1,36 +1,277 @@
-"""What every way to retrieve whole clips offers."""
+"""What is asked of a search, what is answered, and what every way to search offers."""
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Protocol, TypeAlias
+from typing import TYPE_CHECKING, Literal, Protocol, TypeAlias
 
-from motionlake.retrieval.search import Hit
+import numpy as np
+from motionlake.arrays import Float64Array
+from motionlake.errors import UserError
+from motionlake.lake.catalog import Connection, reading
+from motionlake.lake.layout import Lake
+from motionlake.lake.resolve import resolve_clip
+from numpy.typing import NDArray
 
-Query: TypeAlias = str | Path  # a clip of the lake, by its full name, or a clip file
+if TYPE_CHECKING:
+    from motionlake.deep_motifs.corpus import CorpusClip
+
+Finds: TypeAlias = Literal["clip", "range"]
+OPTIONAL = ("start", "stop", "cost", "start_seconds", "stop_clip", "path")
 
 
-class Retriever(Protocol):
-    """Answers queries by the clips of a lake.
+@dataclass(frozen=True)
+class Query:
+    """What is looked for: a clip of the lake, by its full name, or the first body of a clip file.
 
     Attributes:
-        method: its name.
+        source: the name (`query_of` finds it), or the file, which need not be in the lake.
+        start: first frame of the part to look for, at the clip's own rate; None: the clip's first.
+        stop: frame after its last; None: after the clip's last.
+    """
+
+    source: str | Path
+    start: int | None = None
+    stop: int | None = None
+
+    @property
+    def name(self) -> str:
+        return str(self.source)
+
+    @property
+    def clip(self) -> str | None:
+        """The clip of the lake; None of a file."""
+        return self.source if isinstance(self.source, str) else None
+
+    @property
+    def whole(self) -> bool:
+        return self.start is None and self.stop is None
+
+
+@dataclass(frozen=True)
+class Scope:
+    """Which clips may be answers.
+
+    Attributes:
+        dataset: of this dataset only.
+        split: of this split only ("train", "test", ... of labels.csv).
+        recorded_only: no synthetic clips.
+        mirrored: look for the mirror image of the query as well (left for right); the nearer of both counts.
+        own: the query's own clip, or its own frames where ranges are found, may be an answer.
+    """
+
+    dataset: str | None = None
+    split: str | None = None
+    recorded_only: bool = False
+    mirrored: bool = False
+    own: bool = False
+
+    def admits(self, clip: CorpusClip) -> bool:
+        return (
+            self.dataset in (None, clip.dataset)
+            and self.split in (None, clip.split)
+            and not (self.recorded_only and clip.synthetic)
+        )
+
+    def chosen(self, clips: Sequence[CorpusClip], without: str | None = None) -> NDArray[np.int64]:
+        """Int64Array of the clips that may be answers; `without`: the query's, unless it may be one."""
+        kept = [i for i, clip in enumerate(clips) if self.admits(clip) and (self.own or clip.clip != without)]
+        return np.array(kept, dtype=np.int64)
+
+    def as_parameters(self) -> dict[str, object]:
+        """For a statement in SQL that leaves clips out."""
+        return {"dataset": self.dataset, "split": self.split, "recorded_only": self.recorded_only}
+
+
+EVERYTHING = Scope()
+
+
+@dataclass(frozen=True)
+class PathStep:
+    """Frames of the query, and those of the clip that they are aligned to; half-open, each at its own rate."""
+
+    query: tuple[int, int]
+    clip: tuple[int, int]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Hit:
+    """One answer: a clip, or frames [start, stop) of one at its own rate.
+
+    Attributes:
+        rank: from 1, the nearest.
+        clip: its full name.
+        distance: from the query; answers are ranked by it.
+        cost: of aligning the query with these frames, where it was aligned; of Smith-Waterman, minus the score.
+        mirrored: the mirrored query is nearer than the query itself.
+        start_seconds: when the frames start.
+        seconds: how long the clip, or the frames, last.
+        stop_clip: where an answer may cross from clip to clip: the clip that `stop` is a frame of.
+        path: what is aligned to what, where it was asked for; symbols that are strided over are left out.
+    """
+
+    rank: int
+    clip: str
+    start: int | None = None
+    stop: int | None = None
+    distance: float
+    cost: float | None = None
+    mirrored: bool = False
+    label: str | None
+    dataset: str
+    start_seconds: float | None = None
+    seconds: float
+    stop_clip: str | None = None
+    path: tuple[PathStep, ...] | None = None
+
+    def as_row(self) -> dict[str, object]:
+        """For JSON: what an answer of this kind does not have is left out."""
+        return {name: value for name, value in asdict(self).items() if value is not None or name not in OPTIONAL}
+
+
+def clip_hit(clip: CorpusClip, distance: float, *, mirrored: bool = False) -> Hit:
+    """A whole clip as an answer, not ranked yet."""
+    return Hit(
+        rank=0, clip=clip.clip, distance=distance, mirrored=mirrored, label=clip.label, dataset=clip.dataset,
+        seconds=clip.frames / clip.fps,
+    )  # fmt: skip
+
+
+def range_hit(clip: CorpusClip, start: int, stop: int, distance: float, *, cost: float | None = None) -> Hit:
+    """Frames [start, stop) of a clip as an answer, not ranked yet."""
+    return replace(
+        clip_hit(clip, distance), start=start, stop=stop, cost=cost, start_seconds=start / clip.fps,
+        seconds=(stop - start) / clip.fps,
+    )  # fmt: skip
+
+
+def ranked(hits: Sequence[Hit]) -> list[Hit]:
+    return [replace(hit, rank=rank) for rank, hit in enumerate(hits, start=1)]
+
+
+def nearer_of_both(plain: Sequence[Hit], mirrored: Sequence[Hit], k: int, *, apart: bool = False) -> list[Hit]:
+    """Answers to a query and to its mirror image as one ranking.
+
+    Args:
+        plain: the k nearest to the query, nearest first.
+        mirrored: the k nearest to its mirror image.
+        k: how many at most.
+        apart: a clip may be an answer more than once, by frames that do not overlap.
+    """
+    both = [*plain, *(replace(hit, mirrored=True) for hit in mirrored)]
+    taken: list[Hit] = []
+    for hit in sorted(both, key=lambda h: (h.distance, h.clip, h.start or 0, h.mirrored)):
+        if len(taken) < k and not any(other.clip == hit.clip and not (apart and _apart(other, hit)) for other in taken):
+            taken.append(hit)
+    return ranked(taken)
+
+
+def _apart(one: Hit, other: Hit) -> bool:
+    assert one.start is not None
+    assert one.stop is not None
+    assert other.start is not None
+    assert other.stop is not None
+    if one.stop_clip not in (None, one.clip) or other.stop_clip not in (None, other.clip):
+        return False
+    return one.stop <= other.start or other.stop <= one.start
+
+
+class Searcher(Protocol):
+    """A way to search a lake. It reads what it needs of the lake once.
+
+    Attributes:
+        name: of the method.
+        finds: whole clips, or ranges of frames inside them.
     """
 
     @property
-    def method(self) -> str: ...
+    def name(self) -> str: ...
 
-    def search(self, queries: Sequence[Query], k: int, dataset: str | None = None) -> list[list[Hit]]:
-        """The k clips nearest to each query, nearest first, ties by name.
+    @property
+    def finds(self) -> Finds: ...
+
+    def search(self, queries: Sequence[Query], k: int, scope: Scope = EVERYTHING) -> list[list[Hit]]:
+        """The k answers nearest to each query, nearest first, ties by name.
 
         Args:
-            queries: clips of the lake, themselves left out of their answers, and clip files, which need not be in the
-                lake (their first body).
-            k: how many at most.
-            dataset: from its clips only.
+            queries: clips of the lake, and clip files.
+            k: how many answers at most.
+            scope: which clips may be answers.
 
         Raises:
-            UserError: a clip or a file that this method cannot compare.
+            UserError: a clip, a file or a range that this method cannot compare.
         """
         ...
+
+    def distances(self, queries: Sequence[Query], gallery: Sequence[Query]) -> Float64Array:
+        """[q, g] distance of each query from each of some clips, files or ranges.
+
+        Where ranges are found, that of the nearest place in each.
+
+        Raises:
+            UserError: as `search`.
+        """
+        ...
+
+
+class LakeSearcher(ABC):
+    """A `Searcher` that compares the query and its mirror image one after the other."""
+
+    name: str
+    finds: Finds
+    several = False  # answers inside one clip
+
+    def __init__(self, lake: Lake) -> None:
+        self.lake = lake
+
+    def search(self, queries: Sequence[Query], k: int, scope: Scope = EVERYTHING) -> list[list[Hit]]:
+        """As `Searcher.search`."""
+        check_k(k)
+        if not k:
+            return [[] for _ in queries]
+        plain = self._nearest(queries, k, scope, mirrored=False)
+        if not scope.mirrored:
+            return [ranked(hits) for hits in plain]
+        mirrored = self._nearest(queries, k, scope, mirrored=True)
+        pairs = zip(plain, mirrored, strict=True)
+        return [nearer_of_both(hits, others, k, apart=self.several) for hits, others in pairs]
+
+    @abstractmethod
+    def _nearest(self, queries: Sequence[Query], k: int, scope: Scope, *, mirrored: bool) -> list[list[Hit]]:
+        """The k answers nearest to each query, or to its mirror image, in order and not ranked yet."""
+
+    @abstractmethod
+    def distances(self, queries: Sequence[Query], gallery: Sequence[Query]) -> Float64Array:
+        """As `Searcher.distances`."""
+
+
+def check_k(k: int) -> None:
+    """Raises `UserError` where fewer than no answers are wanted."""
+    if k < 0:
+        raise UserError(f"k is {k}: it is at least 0")
+
+
+def query_of(con: Connection, name: str, start: int | None = None, stop: int | None = None) -> Query:
+    """What a person means: a clip file, or a clip of the lake by its full name or an unambiguous end of it.
+
+    Raises:
+        UserError: neither a clip file nor a clip, or several clips.
+    """
+    from motionlake.formats import is_clip
+
+    path = Path(name)
+    return Query(path if path.is_file() and is_clip(path) else resolve_clip(con, name), start, stop)
+
+
+def not_ready(lake: Lake, clip: str, what: str) -> UserError:
+    """The error for a clip that a method knows nothing of.
+
+    Raises:
+        UserError: the lake has no such clip.
+    """
+    with reading(lake) as con:
+        resolve_clip(con, clip)
+    return UserError(f"{clip}: has no {what} yet; make it with `motionlake run all`")

@@ -3,41 +3,120 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 
+import numpy as np
+from motionlake.arrays import Float64Array
+from motionlake.deep_motifs.corpus import CorpusClip
+from motionlake.deep_motifs.emd import check_model, check_signature, emd_many, ground_distances
+from motionlake.deep_motifs.emd_search import SignatureIndex
 from motionlake.errors import UserError
-from motionlake.lake.catalog import Connection, fetch
+from motionlake.lake.catalog import fetch, fetch_table, reading
 from motionlake.lake.layout import Lake
-from motionlake.retrieval.protocol import Query
-from motionlake.retrieval.search import Hit, similar_to_clip, similar_to_file
+from motionlake.retrieval.protocol import (
+    EVERYTHING,
+    Hit,
+    LakeSearcher,
+    Query,
+    Scope,
+    clip_hit,
+    nearer_of_both,
+    not_ready,
+    ranked,
+)
+from numpy.typing import NDArray
 
 
-class SignatureRetriever:
-    """Retrieval by signature; a `Retriever`.
+class SignatureSearcher(LakeSearcher):
+    """Search by signature; a `Searcher`. The signatures of the lake are read once.
 
-    Args:
-        con: with functions and macros, as `motionlake.connect` opens it.
-        lake: which holds the models for files.
-        mirrored: nearest to the clip or to its mirror image.
-        real: synthetic clips are no answers.
+    Attributes:
+        clips: n, by name.
+        signatures: [n, K], theirs.
+        ground: [K, K] distances of the motifs.
 
     Raises:
         UserError: the lake has no motifs yet.
     """
 
-    method = "signature"
+    name = "signature"
+    finds = "clip"
 
-    def __init__(self, con: Connection, lake: Lake, *, mirrored: bool = False, real: bool = False) -> None:
-        if not fetch(con, "corpus_motifs"):
+    def __init__(self, lake: Lake) -> None:
+        super().__init__(lake)
+        with reading(lake) as con:
+            motifs, rows = fetch(con, "corpus_motifs"), fetch_table(con, "signature_index")
+        if not motifs:
             raise UserError(f"{lake.root}: has no motifs yet; make them with `motionlake run all`")
-        self._con, self._lake, self._mirrored, self._real = con, lake, mirrored, real
+        self.ground = ground_distances(np.array([row["centroid"] for row in motifs], dtype=np.float32))
+        self.strength = np.array([row["strength"] for row in motifs], dtype=np.float64)
+        weights = rows["signature"].combine_chunks().flatten().to_numpy(zero_copy_only=False)
+        self.signatures = weights.reshape(len(rows), len(motifs))
+        self.clips = [CorpusClip(**row) for row in rows.drop_columns(["signature"]).to_pylist()]
+        self._rows = {clip.clip: row for row, clip in enumerate(self.clips)}
+        self._index = SignatureIndex.build(self.signatures, self.ground, motifs[0]["model"])
 
-    def search(self, queries: Sequence[Query], k: int, dataset: str | None = None) -> list[list[Hit]]:
-        """As `Retriever.search`."""
-        return [self._answer(query, k, dataset) for query in queries]
+    def signature(self, query: Query, *, mirrored: bool = False) -> NDArray[np.float32]:
+        """[K] of a clip of the lake, of a clip file, or of a range of either.
 
-    def _answer(self, query: Query, k: int, dataset: str | None) -> list[Hit]:
-        wanted = {"mirrored": self._mirrored, "real": self._real}
-        if isinstance(query, Path):
-            return similar_to_file(self._con, self._lake, query, k, dataset, **wanted)
-        return similar_to_clip(self._con, query, k, dataset, **wanted)
+        Raises:
+            UserError: no such clip or file, no signature yet, or a range that is too short.
+        """
+        if query.clip is not None and query.whole:
+            if not mirrored and query.clip in self._rows:
+                return np.asarray(self.signatures[self._rows[query.clip]])
+            with reading(self.lake) as con:
+                kept = fetch(con, "mirrored_signature", {"clip": query.clip}) if mirrored else []
+            if not kept:
+                raise not_ready(self.lake, query.clip, "mirrored signature" if mirrored else "signature")
+            return np.array(kept[0]["signature"], dtype=np.float32)
+        from motionlake.retrieval.encode import query_motifs, signature_of_motifs
+
+        with reading(self.lake) as con:
+            return signature_of_motifs(con, query_motifs(con, self.lake, query, mirrored=mirrored))
+
+    def like(
+        self,
+        signature: Sequence[float] | NDArray[np.floating],
+        k: int,
+        scope: Scope = EVERYTHING,
+        *,
+        mirrored: Sequence[float] | None = None,
+        without: str | None = None,
+        model: str | None = None,
+    ) -> list[Hit]:
+        """The k clips nearest to any signature [K] over the motifs of the lake.
+
+        Args:
+            signature: of the query.
+            k: how many at most.
+            scope: which clips may be answers.
+            mirrored: [K] signature of its mirror image: the nearer of both counts.
+            without: a clip that is no answer.
+            model: name of the motifs that it was made with, where it is known.
+
+        Raises:
+            UserError: a signature over other motifs.
+        """
+        try:
+            check_model(model, self._index.model)
+            sides = [self._like(check_signature(side, len(self.ground)), k, scope, without)
+                     for side in (signature, mirrored) if side is not None]  # fmt: skip
+        except ValueError as error:
+            raise UserError(f"{error} (`SignatureSearcher.signature` makes one that fits)") from error
+        return ranked(sides[0]) if mirrored is None else nearer_of_both(sides[0], sides[1], k)
+
+    def distances(self, queries: Sequence[Query], gallery: Sequence[Query]) -> Float64Array:
+        known = np.array([self.signature(query) for query in gallery])
+        found = [emd_many(self.signature(query), known, self.ground) for query in queries]
+        return np.array(found, dtype=np.float64).reshape(len(queries), len(gallery))
+
+    def _nearest(self, queries: Sequence[Query], k: int, scope: Scope, *, mirrored: bool) -> list[list[Hit]]:
+        return [self._like(self.signature(query, mirrored=mirrored), k, scope, query.clip) for query in queries]
+
+    def _like(self, signature: NDArray[np.floating], k: int, scope: Scope, without: str | None) -> list[Hit]:
+        chosen = scope.chosen(self.clips, without)
+        if not k or not len(chosen):
+            return []
+        found = self._index.nearest(signature, k, chosen)
+        rows = zip(found.indices.tolist(), found.distances.tolist(), strict=True)
+        return [clip_hit(self.clips[i], distance) for i, distance in rows]

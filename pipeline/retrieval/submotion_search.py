@@ -1,30 +1,30 @@
 """Sub-motion search on a lake: the clips that hold a piece of motion, and where in them it lies.
 
-The second network says in which clips (DeepHuMS, section 3.3.5). The thesis leaves open where in them; sub-sequence
+The sub-motion encoder says in which clips (DeepHuMS, section 3.3.5). The thesis leaves open where in them; sub-sequence
 dynamic time warping on the features of words says so.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from motionlake.arrays import Float32Array
+from motionlake.arrays import Float32Array, Float64Array
+from motionlake.deep_motifs.corpus import CorpusClip
 from motionlake.deephums.config import SHORTEST
 from motionlake.deephums.sequence import FPS, clip_sequence
-from motionlake.deephums.submotions import frames_of
+from motionlake.deephums.submotions import frames_of, piece_windows
 from motionlake.errors import UserError
-from motionlake.lake.catalog import Connection, fetch
+from motionlake.lake.catalog import fetch, reading
 from motionlake.lake.config import load_config
-from motionlake.lake.frames import frame_range, read_clip
 from motionlake.lake.layout import Lake
 from motionlake.motion.dtw import Stretch, nearest_stretch
 from motionlake.motion.features import WordConfig, word_features
-from motionlake.retrieval.encode import features_of_clips, first_body
+from motionlake.retrieval.encode import features_of_clips, query_motion
+from motionlake.retrieval.protocol import Hit, LakeSearcher, Query, Scope, range_hit
 from motionlake.stages.submotions import served_network
 from numpy.typing import NDArray
 
@@ -34,32 +34,6 @@ if TYPE_CHECKING:
 
 # Frames of words at the ends of a piece that smoothing and differences make unlike those of the uncut motion.
 EDGE: Final = 2
-
-
-@dataclass(frozen=True)
-class FoundPiece:
-    """One answer: a clip that holds the piece, and frames [start, stop) of it, at its own rate, that are most like it.
-
-    Attributes:
-        distance: of the piece from the nearest window of the clip, as the network sees them; answers go by it.
-        cost: of aligning the piece with these frames, a matched pair of frames of words.
-        start_seconds: when they start.
-        seconds: how long they last.
-    """
-
-    rank: int
-    clip: str
-    start: int
-    stop: int
-    distance: float
-    cost: float
-    label: str | None
-    dataset: str
-    start_seconds: float
-    seconds: float
-
-    def as_row(self) -> dict[str, object]:
-        return asdict(self)
 
 
 @dataclass(frozen=True)
@@ -77,82 +51,69 @@ class Piece:
     own: tuple[str, int, int] | None = None
 
 
-class SubmotionFinder:
-    """Queries to a lake by the second network; with `real`, synthetic clips are no answers.
+class SubmotionSearcher(LakeSearcher):
+    """Ranges by the sub-motion encoder; a `Searcher`. Each clip is an answer once, by its nearest place.
+
+    The distance is that of the query from the nearest window of the clip, as the encoder sees them; `cost` is that of
+    aligning the query with the frames found, a matched pair of frames of words.
 
     Raises:
-        UserError: the lake has no windows to find pieces in yet.
+        UserError: the lake has no windows to find queries in yet.
     """
 
-    def __init__(self, con: Connection, lake: Lake, *, real: bool = False) -> None:
-        served = served_network(con)
+    name = "submotion"
+    finds = "range"
+
+    def __init__(self, lake: Lake) -> None:
+        super().__init__(lake)
+        with reading(lake) as con:
+            served = served_network(con)
         if served is None:
             raise UserError(f"{lake.root}: has no windows to find pieces in yet; make them with `motionlake run all`")
-        self._con, self._lake, self._file = con, lake, served.file
-        self._words = load_config(lake.config_file).words
-        self._query = "recorded_clips_holding" if real else "clips_holding"
+        self._file, self._words = served.file, load_config(lake.config_file).words
 
-    def in_clip(
-        self,
-        clip: str,
-        start: int | None,
-        stop: int | None,
-        k: int,
-        *,
-        dataset: str | None = None,
-        own: bool = False,
-    ) -> list[FoundPiece]:
-        """The k clips nearest to frames [start, stop) of a clip of the lake, each with the frames most like these.
+    def distances(self, queries: Sequence[Query], gallery: Sequence[Query]) -> Float64Array:
+        known = [self._windows(query) for query in gallery]
+        found = [
+            [np.linalg.norm(windows - query, axis=1).min() for windows in known]
+            for query in self._network.embed([self._piece(query)[0].sequence for query in queries])
+        ]
+        return np.array(found, dtype=np.float64).reshape(len(queries), len(gallery))
 
-        Args:
-            clip: its full name. It is an answer itself where windows of it do not overlap these frames.
-            start, stop: at its own rate; None for its first and its last.
-            k: how many at most.
-            dataset: from its clips only.
-            own: windows that overlap these frames count as well, and the frames themselves may be the answer.
+    def _nearest(self, queries: Sequence[Query], k: int, scope: Scope, *, mirrored: bool) -> list[list[Hit]]:
+        return [self._answers(query, k, scope, mirrored) for query in queries]
 
-        Raises:
-            UserError: there are no such frames, they are too few, or a clip has no words yet.
-        """
-        row = fetch(self._con, "clip", {"clip": clip})[0]
-        motion = read_clip(self._lake.path(self._lake.frames_part(row["dataset"], row["part"])), clip)
-        first, last = frame_range(clip, start, stop, len(motion.positions))
-        cut = slice(first, last)
-        piece = piece_of(
-            clip, motion.positions[cut].astype(float), motion.rotations[cut].astype(float), motion.fps, self._words,
-            None if own else (clip, first, last),
-        )  # fmt: skip
-        return self._answers(piece, k, dataset)
+    def _answers(self, query: Query, k: int, scope: Scope, mirrored: bool) -> list[Hit]:
+        piece, (first, last) = self._piece(query, own=scope.own, mirrored=mirrored)
+        descriptor = self._network.embed([piece.sequence])[0].tolist()
+        without = {"clip": piece.own and query.clip, "first": first, "last": last}
+        with reading(self.lake) as con:
+            rows = fetch(con, "clips_holding", scope.as_parameters() | without | {"descriptor": descriptor, "k": k})
+            features = features_of_clips(con, self.lake, self._words, [row["clip"] for row in rows])
+        hits = []
+        for row, held in zip(rows, features, strict=True):
+            distance, clip = row.pop("distance"), CorpusClip(**row)
+            start, stop, cost = place(piece, row, held, self._words)
+            hits.append(range_hit(clip, start, stop, distance, cost=cost))
+        return hits
 
-    def in_file(
-        self, path: Path, start: int | None, stop: int | None, k: int, *, dataset: str | None = None
-    ) -> list[FoundPiece]:
-        """The same for frames of a clip file (its first body), which need not be in the lake.
+    def _piece(self, query: Query, *, own: bool = True, mirrored: bool = False) -> tuple[Piece, tuple[int, int]]:
+        motion = query_motion(self.lake, query, mirrored=mirrored)
+        barred = None if own or query.clip is None else (query.clip, *motion.asked)
+        return piece_of(query.name, *motion.cut(), motion.fps, self._words, barred), motion.asked
 
-        Raises:
-            UserError: as `in_clip`; the file cannot be read.
-        """
-        body, motion = first_body(self._lake, path)
-        first, last = frame_range(str(path), start, stop, len(motion.positions))
-        cut = slice(first, last)
-        piece = piece_of(str(path), motion.positions[cut], motion.rotations[cut], body.fps, self._words)
-        return self._answers(piece, k, dataset)
+    def _windows(self, query: Query) -> Float32Array:
+        """[w, 512] of the windows of a clip, file or range, cut as those of the lake's clips are."""
+        motion = query_motion(self.lake, query)
+        positions, _ = motion.cut()
+        ranges = piece_windows(len(positions), motion.fps)
+        return self._network.embed([clip_sequence(positions[start:stop], motion.fps) for start, stop in ranges])
 
     @cached_property
     def _network(self) -> TrainedSubmotion:
         from motionlake.deephums.submotions import load_submotion
 
-        return load_submotion(self._lake.path(self._file))
-
-    def _answers(self, piece: Piece, k: int, dataset: str | None) -> list[FoundPiece]:
-        clip, first, last = piece.own or (None, None, None)
-        asked = {
-            "descriptor": self._network.embed([piece.sequence])[0].tolist(), "k": k, "within": dataset, "clip": clip,
-            "first": first, "last": last,
-        }  # fmt: skip
-        rows = fetch(self._con, self._query, asked)
-        features = features_of_clips(self._con, self._lake, self._words, [row["clip"] for row in rows])
-        return [_found(row, place(piece, row, held, self._words)) for row, held in zip(rows, features, strict=True)]
+        return load_submotion(self.lake.path(self._file))
 
 
 def piece_of(
@@ -172,7 +133,7 @@ def piece_of(
     if count < SHORTEST:
         raise UserError(
             f"{name}: {len(positions)} frames of {fps:g} a second are {count} at {FPS:g}; a piece to find needs at "
-            f"least {SHORTEST}; take a longer range"
+            f"least {SHORTEST} ({SHORTEST / FPS:.1f} s); take a longer range"
         )
     try:
         return Piece(clip_sequence(positions, fps), word_features(positions, rotations, fps, config), own)
@@ -202,10 +163,3 @@ def place(piece: Piece, row: Mapping[str, Any], features: Float32Array, config: 
             end = min(round((near.stop + first) * ratio), stop)
             found.append(Stretch(max(start, begin), max(begin + 1, end), near.cost))
     return min(found, key=lambda stretch: (stretch.cost, stretch.start))
-
-
-def _found(row: Mapping[str, Any], stretch: Stretch) -> FoundPiece:
-    return FoundPiece(
-        row["rank"], row["clip"], stretch.start, stretch.stop, row["distance"], stretch.cost, row["label"],
-        row["dataset"], stretch.start / row["fps"], (stretch.stop - stretch.start) / row["fps"],
-    )  # fmt: skip

@@ -1,20 +1,22 @@
--- Works in plain DuckDB: the clips of which a window is nearest to a piece of motion, as the second network sees it
+-- Works in plain DuckDB: the clips of which a window is nearest to a piece of motion, as the sub-motion encoder sees it
 -- (DeepHuMS, section 3.3.5), and that window. `without`: windows of this clip that overlap its frames [first, last) are
--- left out; `real`: so are synthetic clips.
+-- left out; `dataset`, `split`, `recorded_only`: as in `clips_near`.
 CREATE OR REPLACE MACRO clips_holding(
-    query_descriptor, k := 10, within := NULL, without := NULL, first := NULL, last := NULL, real := false
+    query_descriptor, k := 10, dataset := NULL, without := NULL, first := NULL, last := NULL, recorded_only := false,
+    split := NULL
 ) AS TABLE
-SELECT row_number() OVER (ORDER BY distance, clip) AS rank, clip, "start", stop, distance, label, dataset, seconds
+SELECT row_number() OVER (ORDER BY distance, clip) AS rank, clip, "start", stop, distance, label, home AS dataset, seconds
 FROM (
-    SELECT clip, near.start AS "start", near.stop AS stop, near.distance AS distance, label, dataset, seconds
+    SELECT c.clip, near.start AS "start", near.stop AS stop, near.distance AS distance, c.label, c.dataset AS home, c.seconds
     FROM (
         SELECT clip, min({distance: array_distance(s.descriptor, q.descriptor), start: s.start, stop: s.stop}) AS near
         FROM submotions s, (SELECT query_descriptor::FLOAT[512] AS descriptor) q
         WHERE q.descriptor IS NOT NULL
             AND NOT coalesce(clip = without AND s.start < last AND s.stop > first, false)
         GROUP BY clip
-    ) JOIN clips USING (clip)
-    WHERE (within IS NULL OR dataset = within) AND (NOT real OR format <> 'synthetic')
-    ORDER BY distance, clip LIMIT k
+    ) n JOIN clips c ON c.clip = n.clip
+    WHERE (dataset IS NULL OR c.dataset = dataset) AND (split IS NULL OR c.split = split)
+        AND NOT (recorded_only AND c.format = 'synthetic')
+    ORDER BY near.distance, c.clip LIMIT k
 )
 ORDER BY distance, clip;

@@ -1,21 +1,22 @@
--- Works in plain DuckDB: the clips whose descriptors are nearest to a given one (DeepHuMS, section 3.2). `real`:
--- synthetic clips are left out.
-CREATE OR REPLACE MACRO clips_near(query_descriptor, k := 10, within := NULL, without := NULL, real := false) AS TABLE
-SELECT row_number() OVER (ORDER BY distance, clip) AS rank, clip, distance, label, dataset, seconds
+-- Works in plain DuckDB: the clips whose descriptors are nearest to a given one (DeepHuMS, section 3.2). `dataset` and
+-- `split`: of these only; `recorded_only`: no synthetic clips; `without`: not this clip.
+CREATE OR REPLACE MACRO clips_near(
+    query_descriptor, k := 10, dataset := NULL, without := NULL, recorded_only := false, split := NULL
+) AS TABLE
+SELECT row_number() OVER (ORDER BY distance, clip) AS rank, clip, distance, label, home AS dataset, seconds
 FROM (
-    SELECT clip, distance, label, dataset, seconds
-    FROM (
-        SELECT d.clip, array_distance(d.descriptor, q.descriptor) AS distance
-        FROM descriptors d, (SELECT query_descriptor::FLOAT[512] AS descriptor) q
-        WHERE q.descriptor IS NOT NULL
-    ) JOIN clips USING (clip)
-    WHERE (within IS NULL OR dataset = within) AND (without IS NULL OR clip <> without)
-        AND (NOT real OR format <> 'synthetic')
-    ORDER BY distance, clip LIMIT k
+    SELECT c.clip, array_distance(d.descriptor, q.descriptor) AS distance, c.label, c.dataset AS home, c.seconds
+    FROM (SELECT query_descriptor::FLOAT[512] AS descriptor) q, descriptors d JOIN clips c ON c.clip = d.clip
+    WHERE q.descriptor IS NOT NULL AND (dataset IS NULL OR c.dataset = dataset) AND (split IS NULL OR c.split = split)
+        AND (without IS NULL OR c.clip <> without) AND NOT (recorded_only AND c.format = 'synthetic')
+    ORDER BY distance, c.clip LIMIT k
 )
 ORDER BY distance, clip;
 
-CREATE OR REPLACE MACRO nearest_clips(query, k := 10, within := NULL, real := false) AS TABLE
+CREATE OR REPLACE MACRO nearest_clips(
+    query, k := 10, dataset := NULL, recorded_only := false, split := NULL
+) AS TABLE
 FROM clips_near(
-    (SELECT descriptor FROM descriptors WHERE clip = query), k := k, within := within, without := query, real := real
+    (SELECT descriptor FROM descriptors WHERE clip = clip_named(query)), k := k, dataset := dataset,
+    without := clip_named(query), recorded_only := recorded_only, split := split
 );

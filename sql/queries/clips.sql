@@ -4,6 +4,9 @@ SELECT * FROM clips WHERE clip = $clip;
 -- name: find_clip
 FROM find_clip($name);
 
+-- name: clip_names
+SELECT clip FROM clips ORDER BY clip;
+
 -- name: count_clips
 SELECT count(*)::BIGINT AS clips FROM clips;
 

@@ -13,22 +13,17 @@ FROM read_parquet($files) s SEMI JOIN clips c ON c.clip = s.clip AND c.part = s.
 ORDER BY clip, start;
 
 -- name: clips_holding
-SELECT h.rank, h.clip, h.distance, c.label, c.dataset, c.fps, c.frames
-FROM clips_holding($descriptor::FLOAT[512], k := $k, within := $within, without := $clip, first := $first, last := $last) h
-JOIN clips c USING (clip)
-ORDER BY rank;
-
--- name: recorded_clips_holding
-SELECT h.rank, h.clip, h.distance, c.label, c.dataset, c.fps, c.frames
+SELECT h.distance, h.clip, c.dataset, c.label, c.subject, c.split, c.fps, c.frames, c.format = 'synthetic' AS synthetic
 FROM clips_holding(
-    $descriptor::FLOAT[512], k := $k, within := $within, without := $clip, first := $first, last := $last, real := true
+    $descriptor::FLOAT[512], k := $k, dataset := $dataset, without := $clip, first := $first, last := $last,
+    recorded_only := $recorded_only, split := $split
 ) h
 JOIN clips c USING (clip)
 ORDER BY rank;
 
 -- name: descriptor_clips
-SELECT d.clip, c.label, c.dataset, c.seconds, c.format = 'synthetic' AS synthetic, d.descriptor
-FROM descriptors d JOIN clips c USING (clip)
+SELECT clip, dataset, label, subject, split, fps, frames, format = 'synthetic' AS synthetic, descriptor
+FROM descriptors JOIN clips USING (clip)
 ORDER BY clip;
 
 -- name: forget_orphans_of_descriptors

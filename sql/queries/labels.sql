@@ -46,7 +46,7 @@ FROM clip_segments($clip);
 SELECT dataset, split, count(*)::BIGINT AS clips FROM clips WHERE format <> 'synthetic' GROUP BY ALL ORDER BY ALL;
 
 -- name: labelled_clips
--- Signed clips, or with `real` the recorded ones of them, with one column of what labels.csv says of them, and another to choose by.
+-- Clips with a signature, or the recorded ones of them, with one column of what labels.csv says of them, and another to choose by.
 SELECT clip, dataset, path, part, fps, subject, signature, label
 FROM (
     SELECT c.clip, c.dataset, c.path, c.part, c.fps, c.subject, s.signature,
@@ -55,7 +55,7 @@ FROM (
         CASE $only_column::VARCHAR WHEN 'label' THEN label WHEN 'subject' THEN subject WHEN 'split' THEN split
             WHEN 'dataset' THEN dataset ELSE attributes[$only_column::VARCHAR] END AS criterion
     FROM clips c JOIN signatures s USING (clip)
-    WHERE NOT $real OR c.format <> 'synthetic'
+    WHERE NOT ($recorded_only AND c.format = 'synthetic') AND ($split::VARCHAR IS NULL OR c.split = $split)
 )
 WHERE ($dataset::VARCHAR IS NULL OR dataset = $dataset) AND ($only_column::VARCHAR IS NULL OR criterion = $only_value)
 ORDER BY clip;

@@ -28,8 +28,8 @@ SELECT model, code FROM postures ORDER BY symbol;
 SELECT share FROM postures ORDER BY symbol;
 
 -- name: symbol_strings
-SELECT s.clip, c.dataset, c.label, c.fps, c.frames, c.format = 'synthetic' AS synthetic, s.symbols, s.starts
-FROM symbol_strings s JOIN clips c USING (clip)
+SELECT clip, dataset, label, subject, split, fps, frames, format = 'synthetic' AS synthetic, symbols, starts
+FROM symbol_strings JOIN clips USING (clip)
 ORDER BY clip;
 
 -- name: forget_orphans_of_symbol_strings

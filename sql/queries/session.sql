@@ -16,6 +16,6 @@ SELECT coalesce(max(version), 0) AS version FROM schema_version;
 -- name: set_schema_version
 INSERT INTO schema_version VALUES ($version);
 
--- name: has_functions
+-- name: has_function
 -- Connections of a process to one catalog share the functions that the first of them made.
-SELECT 1 FROM duckdb_functions() WHERE function_name = 'emd' LIMIT 1;
+SELECT 1 FROM duckdb_functions() WHERE function_name = $name LIMIT 1;

@@ -66,12 +66,6 @@ SELECT clip,
     list_transform(range((SELECT count(*) FROM motifs)), lambda m: coalesce(mass[m::INTEGER], 0) / total)::FLOAT[] AS signature
 FROM weights ORDER BY clip;
 
--- name: has_signature
-SELECT clip FROM signatures WHERE clip = $clip;
-
--- name: has_mirrored_signature
-SELECT 1 AS there FROM mirrored_signatures WHERE clip = $clip;
-
 -- name: corpus_motifs
 SELECT model, centroid, idf, strength FROM motifs ORDER BY motif;
 
@@ -87,7 +81,8 @@ WHERE $dataset::VARCHAR IS NULL OR c.dataset = $dataset
 ORDER BY m.clip, m.word;
 
 -- name: signature_index
-SELECT clip, dataset, format = 'synthetic' AS synthetic, signature FROM signatures JOIN clips USING (clip) ORDER BY clip;
+SELECT clip, dataset, label, subject, split, fps, frames, format = 'synthetic' AS synthetic, signature
+FROM signatures JOIN clips USING (clip) ORDER BY clip;
 
 -- name: signatures_of
 SELECT clip, signature FROM signatures JOIN clips USING (clip)
@@ -96,23 +91,23 @@ WHERE $dataset::VARCHAR IS NULL OR dataset = $dataset ORDER BY clip;
 -- name: signed_clips
 SELECT clip, dataset, part, s.signature, m.signature AS mirrored
 FROM clips JOIN signatures s USING (clip) LEFT JOIN mirrored_signatures m USING (clip)
-WHERE NOT $real OR format <> 'synthetic'
+WHERE ($dataset::VARCHAR IS NULL OR dataset = $dataset) AND ($split::VARCHAR IS NULL OR split = $split)
+    AND NOT ($recorded_only AND format = 'synthetic')
 ORDER BY clip;
 
--- name: search_clip
-FROM similar_clips($clip, $k, within := $dataset, real := $real);
+-- name: mirrored_signature
+SELECT signature FROM mirrored_signatures WHERE clip = $clip;
 
--- name: search_clip_or_mirrored
-FROM similar_or_mirrored_clips($clip, $k, within := $dataset, real := $real);
-
--- name: search_signature
-FROM clips_like($signature, $k, within := $dataset, real := $real);
-
--- name: search_signature_or_mirrored
-FROM clips_like_either($signature, $mirrored, $k, within := $dataset, real := $real);
+-- name: clip_motifs
+SELECT motif, start, stop FROM word_motifs JOIN words USING (clip, word) WHERE clip = $clip ORDER BY word;
 
 -- name: forget_orphans_of_signatures
 DELETE FROM signatures WHERE clip NOT IN (SELECT clip FROM words w SEMI JOIN clips c ON c.clip = w.clip AND c.part = w.part);
 
 -- name: forget_orphans_of_mirrored_signatures
 DELETE FROM mirrored_signatures WHERE clip NOT IN (SELECT clip FROM words w SEMI JOIN clips c ON c.clip = w.clip AND c.part = w.part);
+
+-- name: searchable
+-- Which ways to search have what they compare.
+SELECT exists(FROM signatures) AS signature, exists(FROM postures) AS alignment, exists(FROM descriptors) AS descriptor,
+    exists(FROM signatures) AS words, exists(FROM submotions) AS submotion;

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from pathlib import Path
 
 import numpy as np
 from motionlake.arrays import Float32Array, Float64Array
 from motionlake.deep_motifs.classification import Method, classify_knn, classify_one_vs_all
 from motionlake.deep_motifs.emd import emd_many, emd_matrix
 from motionlake.errors import UserError
-from motionlake.lake.catalog import Connection
+from motionlake.lake.catalog import reading
 from motionlake.lake.layout import Lake
-from motionlake.retrieval.encode import serving_models, signature_of_motifs, words_of_file
-from motionlake.retrieval.labelling.signed import lake_ground, signed_clips
+from motionlake.retrieval.labelling.labelled_clips import lake_ground, signed_clips
+from motionlake.retrieval.protocol import Query, Scope
+from motionlake.retrieval.signature import SignatureSearcher
 
 
 @dataclass(frozen=True)
@@ -31,61 +31,39 @@ class ClassifiedClip:
 
 
 class LakeClassifier:
-    """Classifies clips by the labelled clips of a lake."""
+    """Classifies clips by the labelled clips of a lake, which are read once."""
 
     def __init__(
-        self,
-        con: Connection,
-        lake: Lake,
-        *,
-        method: Method = "knn",
-        k: int = 5,
-        dataset: str | None = None,
-        column: str = "label",
+        self, lake: Lake, *, method: Method = "knn", k: int = 5, scope: Scope | None = None, column: str = "label"
     ) -> None:
         """Read the labelled clips.
 
         Args:
-            con: to the lake.
-            lake: for clip files.
+            lake: whose clips teach.
             method: "knn" or "one_vs_all".
             k: neighbours of "knn".
-            dataset: only clips of this dataset teach; by default all that are recorded.
+            scope: which clips teach; by default all that are recorded.
             column: what their label is.
 
         Raises:
             UserError: no labelled clips, or no such column.
         """
-        self._con, self._lake, self._method, self._k = con, lake, method, k
-        self.ground = lake_ground(con)
-        self.known = signed_clips(con, dataset, column, real=dataset is None).labelled()
+        self._lake, self._method, self._k = lake, method, k
+        with reading(lake) as con:
+            self.ground = lake_ground(con)
+            self.known = signed_clips(con, scope or Scope(recorded_only=True), column).labelled()
         if not self.known.clips:
             raise UserError(f"no clip has a {column} to learn from; labels.csv beside the clips gives them")
         self._between: Float64Array | None = None
 
-    def clips(self, names: Sequence[str]) -> list[ClassifiedClip]:
-        """The classes of clips of the lake; a labelled one does not teach itself.
+    def classify(self, queries: Sequence[Query]) -> list[ClassifiedClip]:
+        """The classes of clips of the lake, of clip files and of ranges; a labelled clip does not teach itself.
 
         Raises:
-            UserError: a clip has no signature yet.
+            UserError: no such clip or file, or it has no signature yet.
         """
-        signed = signed_clips(self._con)
-        rows = {clip.clip: i for i, clip in enumerate(signed.clips)}
-        for name in names:
-            if name not in rows:
-                raise UserError(f"{name}: has no signature yet; make it with `motionlake run all`")
-        return [self._verdict(name, signed.signatures[rows[name]]) for name in names]
-
-    def file(self, path: Path) -> ClassifiedClip:
-        """The class of a clip file (its first body), which need not be in the lake.
-
-        Raises:
-            UserError: the file cannot be read.
-        """
-        models = serving_models(self._con, self._lake)
-        file = words_of_file(self._lake, models.config.words, path)
-        signature = signature_of_motifs(self._con, models.motifs_of(file.features))
-        return self._verdict(str(path), signature)
+        searcher = SignatureSearcher(self._lake)
+        return [self._verdict(query.name, searcher.signature(query)) for query in queries]
 
     def _verdict(self, name: str, signature: Float32Array) -> ClassifiedClip:
         others = np.array([i for i, clip in enumerate(self.known.clips) if clip.clip != name], dtype=np.int64)

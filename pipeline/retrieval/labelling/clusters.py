@@ -7,7 +7,8 @@ from dataclasses import asdict, dataclass
 from motionlake.deep_motifs.classification import cluster_clips
 from motionlake.deep_motifs.emd import emd_matrix
 from motionlake.lake.catalog import Connection
-from motionlake.retrieval.labelling.signed import lake_ground, signed_clips
+from motionlake.retrieval.labelling.labelled_clips import lake_ground, signed_clips
+from motionlake.retrieval.protocol import EVERYTHING, Scope
 
 
 @dataclass(frozen=True)
@@ -23,17 +24,13 @@ class ClusteredClip:
         return asdict(self)
 
 
-def clusters_of_lake(
-    con: Connection, k: int | None, dataset: str | None = None, *, real: bool = False
-) -> tuple[list[ClusteredClip], float]:
-    """Every signed clip's cluster, by cluster and name, and the mean silhouette; see `cluster_clips`.
-
-    With `real`, of recorded clips only.
+def clusters_of_lake(con: Connection, k: int | None, scope: Scope = EVERYTHING) -> tuple[list[ClusteredClip], float]:
+    """The cluster of every clip with a signature, by cluster and name, and the mean silhouette; see `cluster_clips`.
 
     Raises:
         UserError: too few clips for so many clusters, or no signatures.
     """
-    signed = signed_clips(con, dataset, real=real)
+    signed = signed_clips(con, scope)
     found = cluster_clips(emd_matrix(signed.signatures, lake_ground(con)), k)
     rows = [
         ClusteredClip(clip.clip, int(cluster), clip.label, clip.dataset)

@@ -18,11 +18,12 @@ from motionlake.deep_motifs.segmentation import (
     word_centres,
 )
 from motionlake.errors import UserError
-from motionlake.lake.catalog import Connection, fetch
+from motionlake.lake.catalog import Connection, fetch, reading
 from motionlake.lake.corpus import read_corpus
 from motionlake.lake.layout import Lake
 from motionlake.retrieval.encode import serving_models, words_of_file
-from motionlake.retrieval.labelling.signed import check_column
+from motionlake.retrieval.labelling.labelled_clips import check_column
+from motionlake.retrieval.protocol import Query, not_ready
 from motionlake.stages import words
 from numpy.typing import NDArray
 
@@ -64,48 +65,47 @@ class LabelledBand:
         return asdict(self)
 
 
+def corpus_of(lake: Lake) -> Corpus:
+    """The encoded words of a lake, which may serve several segmenters."""
+    with reading(lake) as con:
+        return read_corpus(con)
+
+
 class LakeSegmenter:
     """Segments clips by what clips of a lake teach; `corpus` where its signed words have been read already."""
 
     def __init__(
         self,
-        con: Connection,
         lake: Lake,
         lessons: Lessons | None = None,
         config: SegmentationConfig | None = None,
         corpus: Corpus | None = None,
     ) -> None:
-        self._con, self._lake = con, lake
-        self._lessons = lessons or Lessons()
-        self._config = config or SegmentationConfig()
-        self.corpus = corpus or read_corpus(con)
-        check_column(con, self._lessons.column)
-        self._ranges = taught_ranges(con, self.corpus, self._lessons)
+        self._lake, self._lessons, self._config = lake, lessons or Lessons(), config or SegmentationConfig()
+        with reading(lake) as con:
+            self.corpus = corpus or read_corpus(con)
+            check_column(con, self._lessons.column)
+            self._ranges = taught_ranges(con, self.corpus, self._lessons)
 
-    def clip(self, name: str) -> list[LabelledBand]:
-        """The bands of a clip of the lake; it does not teach itself.
+    def segment(self, query: Query) -> list[LabelledBand]:
+        """The bands of a clip of the lake, which does not teach itself, or of a clip file (its first body).
 
         Raises:
-            UserError: the clip has no words yet, or there is nothing else to learn from.
+            UserError: no such clip or file, no words yet, or there is nothing to learn from.
         """
-        index = self.corpus.positions.get(name)
+        if query.clip is None:
+            with reading(self._lake) as con:
+                models = serving_models(con, self._lake)
+            file = words_of_file(self._lake, models.config.words, Path(query.source))
+            found = self.segmenter(None).label_words(models.motifs_of(file.features), self.corpus.idf)
+            centres = (file.ranges[:, 0] + file.ranges[:, 1] - 1) / 2
+            return _timed(bands(found, centres, file.frames), file.fps)
+        index = self.corpus.positions.get(query.clip)
         if index is None:
-            raise UserError(f"{name}: has no signature yet; make it with `motionlake run all`")
+            raise not_ready(self._lake, query.clip, "signature")
         found = self.segmenter(index).label_words(self.corpus.motifs[self.corpus.words_of(index)], self.corpus.idf)
         clip = self.corpus.clips[index]
         return _timed(bands(found, word_centres(self.corpus, index), clip.frames), clip.fps)
-
-    def file(self, path: Path) -> list[LabelledBand]:
-        """The same for a clip file (its first body), which need not be in the lake.
-
-        Raises:
-            UserError: the file cannot be read, or there is nothing to learn from.
-        """
-        models = serving_models(self._con, self._lake)
-        file = words_of_file(self._lake, models.config.words, path)
-        found = self.segmenter(None).label_words(models.motifs_of(file.features), self.corpus.idf)
-        centres = (file.ranges[:, 0] + file.ranges[:, 1] - 1) / 2
-        return _timed(bands(found, centres, file.frames), file.fps)
 
     def segmenter(self, without: int | None) -> Segmenter:
         """What the clips teach, one of them left out.
@@ -116,7 +116,8 @@ class LakeSegmenter:
         ranges = [r for r in self._ranges if r.clip != without]
         mirrored = None
         if self._lessons.mirrored:
-            mirrored = mirrored_motifs(self._con, self._lake, self.corpus, (r.clip for r in ranges))
+            with reading(self._lake) as con:
+                mirrored = mirrored_motifs(con, self._lake, self.corpus, (r.clip for r in ranges))
         teaching = taught_windows(self.corpus, ranges, self._config.window, mirrored)
         return Segmenter(teaching, self.corpus.ground, self._config)
 

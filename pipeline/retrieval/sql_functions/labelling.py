@@ -1,78 +1,65 @@
-"""Functions that label: the bands of a clip, and the clusters of signatures.
-
-What they need is imported at the first call: a connection that asks for none of it opens as fast.
-"""
+"""What is learned from labels, clusters and near-duplicates, in SQL."""
 
 from __future__ import annotations
 
-from typing import Any
-
-import duckdb
-import pyarrow as pa
-from duckdb.func import ARROW, SPECIAL
-from duckdb.sqltypes import BIGINT, BOOLEAN, DOUBLE, FLOAT, INTEGER, VARCHAR
-from motionlake.lake.catalog import Connection, reading
-from motionlake.lake.layout import Lake
-
-ROW = {
-    "start": BIGINT, "stop": BIGINT, "label": VARCHAR, "distance": DOUBLE, "confidence": DOUBLE,
-    "start_seconds": DOUBLE, "seconds": DOUBLE,
-}  # fmt: skip
-BANDS = pa.list_(
-    pa.struct(
-        [
-            ("start", pa.int64()), ("stop", pa.int64()), ("label", pa.string()), ("distance", pa.float64()),
-            ("confidence", pa.float64()), ("start_seconds", pa.float64()), ("seconds", pa.float64()),
-        ]
-    )
-)  # fmt: skip
+from motionlake.deep_motifs.duplicates import MAX_DISTANCE, Duplicate
+from motionlake.lake.catalog import reading
+from motionlake.retrieval.labelling.classes import ClassifiedClip
+from motionlake.retrieval.labelling.clusters import ClusteredClip
+from motionlake.retrieval.labelling.segments import LabelledBand
+from motionlake.retrieval.protocol import Scope
+from motionlake.retrieval.sql_functions import Served, columns, sql_function
 
 
-def register(con: Connection, lake: Lake) -> None:
-    """Make `segment_bands` and `cluster_signatures` known to a connection.
+@sql_function(columns(ClassifiedClip, "label", "confidence", "distance"))
+def classify_clip(
+    served: Served, query: str, k: int = 5, dataset: str | None = None, split: str | None = None
+) -> list[ClassifiedClip]:
+    """The class of a clip by a vote of its k nearest labelled, recorded clips, as `motionlake classify`."""
+    from motionlake.retrieval.labelling.classes import LakeClassifier
 
-    - `segment_bands(clip VARCHAR, datasets VARCHAR[], clips VARCHAR[], mirrored BOOLEAN) -> STRUCT(start, stop,
-      label, distance, confidence, start_seconds, seconds)[]`: see `motionlake.retrieval.labelling.LakeSegmenter`
-    - `cluster_signatures(signatures FLOAT[][], k BIGINT) -> INTEGER[]`: see
-      `motionlake.deep_motifs.classification.cluster_clips`; NULL for k takes the best number
-    """
+    scope = Scope(dataset, split, recorded_only=dataset is None)
+    classifier = served.once(LakeClassifier, ("k", k), ("scope", scope))
+    found: list[ClassifiedClip] = classifier.classify([served.query(query)])
+    return found
 
-    def segmented(
-        clips: pa.ChunkedArray, datasets: pa.ChunkedArray, teachers: pa.ChunkedArray, mirrored: pa.ChunkedArray
-    ) -> pa.Array:
-        from motionlake.retrieval.labelling.segments import LakeSegmenter, Lessons
 
-        found: list[list[dict[str, object]] | None] = []
-        with reading(lake) as own:
-            columns = (c.to_pylist() for c in (clips, datasets, teachers, mirrored))
-            for clip, sets, names, both in zip(*columns, strict=True):
-                if clip is None:
-                    found.append(None)
-                    continue
-                segmenter = LakeSegmenter(own, lake, Lessons(sets, names, mirrored=bool(both)))
-                found.append([band.as_row() for band in segmenter.clip(clip)])
-        return pa.array(found, BANDS)
+@sql_function(columns(LabelledBand))
+def segment_clip(
+    served: Served,
+    query: str,
+    teach: list[str] | None = None,
+    teach_clips: list[str] | None = None,
+    mirrored: bool = True,
+) -> list[LabelledBand]:
+    """The classes along a clip, as `motionlake segment`: learned from datasets, from clips, or from the whole lake."""
+    from motionlake.retrieval.labelling.segments import LakeSegmenter, Lessons, corpus_of
 
-    def clustered(signatures: pa.ChunkedArray, k: pa.ChunkedArray) -> pa.Array:
-        import numpy as np
-        from motionlake.deep_motifs.classification import cluster_clips
-        from motionlake.deep_motifs.emd import emd_matrix
-        from motionlake.retrieval.labelling.signed import lake_ground
+    names = None if teach_clips is None else [str(served.query(name).source) for name in teach_clips]
+    lessons = Lessons(teach, names, mirrored=mirrored)
+    return LakeSegmenter(served.lake, lessons, corpus=served.once(corpus_of)).segment(served.query(query))
 
-        found: list[list[int] | None] = []
-        with reading(lake) as own:
-            ground = lake_ground(own)
-        for rows, count in zip(signatures.to_pylist(), k.to_pylist(), strict=True):
-            if rows is None:
-                found.append(None)
-                continue
-            clustering = cluster_clips(emd_matrix(np.array(rows, dtype=np.float32), ground), count)
-            found.append(clustering.clusters.tolist())
-        return pa.array(found, pa.list_(pa.int32()))
 
-    kind: Any = {"type": ARROW, "null_handling": SPECIAL}
-    names = duckdb.list_type(VARCHAR)
-    rows = duckdb.list_type(duckdb.struct_type(ROW))
-    con.create_function("segment_bands", segmented, [VARCHAR, names, names, BOOLEAN], rows, **kind)
-    lists = duckdb.list_type(duckdb.list_type(FLOAT))
-    con.create_function("cluster_signatures", clustered, [lists, BIGINT], duckdb.list_type(INTEGER), **kind)
+@sql_function(columns(ClusteredClip))
+def clip_clusters(
+    served: Served, k: int | None = None, dataset: str | None = None, split: str | None = None,
+    recorded_only: bool = False,
+) -> list[ClusteredClip]:  # fmt: skip
+    """Every clip in one of k clusters, as `motionlake cluster`; NULL takes the best number."""
+    from motionlake.retrieval.labelling.clusters import clusters_of_lake
+
+    with reading(served.lake) as con:
+        return clusters_of_lake(con, k, Scope(dataset, split, recorded_only))[0]
+
+
+@sql_function(columns(Duplicate))
+def near_duplicates(
+    served: Served, max_distance: float = MAX_DISTANCE, dataset: str | None = None, across: bool = False,
+    mirrored: bool = False, split: str | None = None, recorded_only: bool = False,
+) -> list[Duplicate]:  # fmt: skip
+    """Pairs of clips that are one recording, as `motionlake duplicates`."""
+    from motionlake.retrieval.duplicates import near_duplicates
+
+    with reading(served.lake) as con:
+        scope = Scope(dataset, split, recorded_only, mirrored)
+        return near_duplicates(con, served.lake, scope, max_distance=max_distance, across=across)

@@ -1,21 +1,16 @@
-"""Functions that make motion: the frames of one that nobody recorded.
-
-What they need is imported at the first call: a connection that asks for none of it opens as fast.
-"""
+"""New motion in SQL: the frames of one that nobody recorded."""
 
 from __future__ import annotations
 
-from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-import duckdb
 import numpy as np
 import pyarrow as pa
-from duckdb.func import ARROW, SPECIAL
-from duckdb.sqltypes import BIGINT, DOUBLE, FLOAT, INTEGER, VARCHAR
-from motionlake.lake.catalog import Connection, reading
-from motionlake.lake.frames import CHANNELS, Frames, to_table
+from motionlake.lake.catalog import reading
+from motionlake.lake.frames import CHANNELS
 from motionlake.lake.layout import Lake
+from motionlake.retrieval.sql_functions import Names, Served, sql_function
 
 if TYPE_CHECKING:
     from motionlake.glogen.generator import TrainedGenerator
@@ -23,115 +18,75 @@ if TYPE_CHECKING:
     from motionlake.lake.models import Model
     from motionlake.stages.synthesis_wishes import Made, Request
 
-FRAME = {"frame": INTEGER, "time": DOUBLE, "class": VARCHAR, "seed_clip": VARCHAR} | dict.fromkeys(CHANNELS, FLOAT)
-FIELDS = [
-    pa.field("frame", pa.int32()), pa.field("time", pa.float64()), pa.field("class", pa.string()),
-    pa.field("seed_clip", pa.string()), *(pa.field(name, pa.float32()) for name in CHANNELS),
-]  # fmt: skip
+FRAME = {"frame": pa.int32(), "time": float, "class": str, "seed_clip": str} | dict.fromkeys(CHANNELS, pa.float32())
 
 
-def register(con: Connection, lake: Lake) -> None:
-    """Make `synthesized_frames` known to a connection.
+@dataclass(frozen=True)
+class _Generator:
+    """The generator that a connection serves."""
 
-    `synthesized_frames(classes VARCHAR[], seconds DOUBLE, seed BIGINT, start VARCHAR, split VARCHAR, pace DOUBLE,
-    temperature DOUBLE) -> STRUCT(frame, time, class, seed_clip, the channels of `frames`)[]`: the frames of the first
-    motion that `motionlake synthesize` makes for the same request. NULL for `start` or `split` leaves them open.
+    config: LakeConfig
+    model: Model
+    generator: TrainedGenerator
+
+
+def _generator(lake: Lake) -> _Generator:
+    from motionlake.lake.config import load_config
+    from motionlake.stages.synthesis import open_generator, served_generator
+
+    config = load_config(lake.config_file)
+    with reading(lake) as con:
+        model = served_generator(con, lake, config)
+    return _Generator(config, model, open_generator(lake, model))
+
+
+@sql_function(FRAME)
+def synthesize(
+    served: Served,
+    classes: Names,
+    seconds: float | None = 8.0,
+    seed: int = 0,
+    start: str | None = None,
+    split: str | None = None,
+    pace: float = 1.0,
+    temperature: float = 1.0,
+) -> list[object] | pa.StructArray:
+    """The frames of the first motion that `motionlake synthesize` makes for the same options.
+
+    A row a frame, with the columns of `frames`, the time, the class and the recorded clip that it goes on from.
+    `classes`: 'walk', or ['walk', 'kick'] one after the other; `start`: that clip; `split`: its split.
     """
-    served = _Served(lake)
+    from motionlake.stages.synthesis import check_classes
+    from motionlake.stages.synthesis_wishes import Request, check_request, find_starts, make, motions_of
 
-    def frames(  # DuckDB counts the parameters
-        classes: pa.ChunkedArray,
-        seconds: pa.ChunkedArray,
-        seed: pa.ChunkedArray,
-        start: pa.ChunkedArray,
-        split: pa.ChunkedArray,
-        pace: pa.ChunkedArray,
-        temperature: pa.ChunkedArray,
-    ) -> pa.Array:
-        columns = (classes, seconds, seed, start, split, pace, temperature)
-        rows = zip(*(column.to_pylist() for column in columns), strict=True)
-        return _lists([served.frames(*row) for row in rows])
-
-    kind: Any = {"type": ARROW, "null_handling": SPECIAL}
-    arguments: Any = [duckdb.list_type(VARCHAR), DOUBLE, BIGINT, VARCHAR, VARCHAR, DOUBLE, DOUBLE]
-    found = duckdb.list_type(duckdb.struct_type(FRAME))
-    con.create_function("synthesized_frames", frames, arguments, found, **kind)
+    if seconds is None:
+        return []
+    known: _Generator = served.once(_generator)
+    clip = None if start is None else str(served.query(start).source)
+    request = Request(tuple(classes), seconds, seed, clip, split=split, pace=pace, temperature=temperature)
+    check_request(request)
+    check_classes(known.model, request.classes)
+    with reading(served.lake) as con:
+        starts = find_starts(con, served.lake, request)
+    made = make(known.generator, served.lake, request, starts, motions_of(request, starts, [1]))
+    return _rows(known.config, request, made[0])
 
 
-def _lists(motions: list[pa.StructArray]) -> pa.ListArray:
-    """One list a motion."""
-    offsets = np.cumsum([0, *(len(motion) for motion in motions)]).astype(np.int32)
-    return pa.ListArray.from_arrays(pa.array(offsets), pa.concat_arrays([pa.array([], pa.struct(FIELDS)), *motions]))
+def _rows(config: LakeConfig, request: Request, made: Made) -> pa.StructArray:
+    from motionlake.lake.frames import Frames, to_table
+    from motionlake.stages.synthetic_motion import canonical_motion
 
-
-class _Served:
-    """The generator that a connection serves, read at first use by another (a function must not query its own)."""
-
-    def __init__(self, lake: Lake) -> None:
-        self.lake = lake
-
-    @cached_property
-    def config(self) -> LakeConfig:
-        from motionlake.lake.config import load_config
-
-        return load_config(self.lake.config_file)
-
-    @cached_property
-    def model(self) -> Model:
-        from motionlake.stages.synthesis import served_generator
-
-        with reading(self.lake) as con:
-            return served_generator(con, self.lake, self.config)
-
-    @cached_property
-    def generator(self) -> TrainedGenerator:
-        from motionlake.stages.synthesis import open_generator
-
-        return open_generator(self.lake, self.model)
-
-    def frames(
-        self,
-        classes: list[str] | None,
-        seconds: float | None,
-        seed: int | None,
-        start: str | None,
-        split: str | None,
-        pace: float | None,
-        temperature: float | None,
-    ) -> pa.StructArray:
-        """Frames of one motion, a row each; none where no class or no length is given."""
-        from motionlake.lake.resolve import resolve_clip
-        from motionlake.stages.synthesis import check_classes
-        from motionlake.stages.synthesis_wishes import Request, check_request, find_starts, make, motions_of
-
-        if classes is None or seconds is None:
-            return pa.array([], pa.struct(FIELDS))
-        with reading(self.lake) as con:
-            clip = None if start is None else resolve_clip(con, start)
-            request = Request(
-                tuple(classes), seconds, seed or 0, clip, split=split, pace=1.0 if pace is None else pace,
-                temperature=1.0 if temperature is None else temperature,
-            )  # fmt: skip
-            check_request(request)
-            check_classes(self.model, request.classes)
-            starts = find_starts(con, self.lake, request)
-        made = make(self.generator, self.lake, request, starts, motions_of(request, starts, [1]))
-        return self._rows(request, made[0])
-
-    def _rows(self, request: Request, made: Made) -> pa.StructArray:
-        from motionlake.stages.synthetic_motion import canonical_motion
-
-        motion, steps = canonical_motion(made.motion), self.config.frames
-        table = to_table(
-            Frames("", motion.fps, motion.rotations, motion.positions), "", steps.position_step, steps.rotation_step
-        ).combine_chunks()
-        count = len(motion.positions)
-        current = np.searchsorted(made.motion.class_starts, np.arange(count), side="right") - 1
-        columns = [
-            table.column("frame").chunk(0),
-            pa.array(np.arange(count) / motion.fps),
-            pa.array([request.classes[i] for i in current], pa.string()),
-            pa.array([made.start.clip] * count, pa.string()),
-            *(table.column(name).chunk(0) for name in CHANNELS),
-        ]
-        return pa.StructArray.from_arrays(columns, fields=FIELDS)
+    motion, steps = canonical_motion(made.motion), config.frames
+    table = to_table(
+        Frames("", motion.fps, motion.rotations, motion.positions), "", steps.position_step, steps.rotation_step
+    ).combine_chunks()
+    count = len(motion.positions)
+    current = np.searchsorted(made.motion.class_starts, np.arange(count), side="right") - 1
+    columns = [
+        table.column("frame").chunk(0),
+        pa.array(np.arange(count) / motion.fps),
+        pa.array([request.classes[i] for i in current], pa.string()),
+        pa.array([made.start.clip] * count, pa.string()),
+        *(table.column(name).chunk(0) for name in CHANNELS),
+    ]
+    return pa.StructArray.from_arrays(columns, names=list(FRAME))

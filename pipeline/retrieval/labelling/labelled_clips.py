@@ -1,4 +1,4 @@
-"""Clips of a lake that have a signature, with the labels that a column gives them."""
+"""Clips of a lake that have a signature, or a descriptor, with the labels that a column gives them."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from motionlake.arrays import Float32Array, Float64Array
 from motionlake.deep_motifs.emd import ground_distances
 from motionlake.errors import UserError
 from motionlake.lake.catalog import Connection, fetch
+from motionlake.retrieval.protocol import EVERYTHING, Scope
 
 
 @dataclass(frozen=True)
@@ -44,20 +45,17 @@ class SignedClips:
 
 def signed_clips(
     con: Connection,
-    dataset: str | None = None,
+    scope: Scope = EVERYTHING,
     column: str = "label",
     only: tuple[str, str] | None = None,
-    *,
-    real: bool = False,
 ) -> SignedClips:
     """The lake's clips that have a signature, by name.
 
     Args:
         con: to the lake.
-        dataset: of this dataset only.
+        scope: which clips.
         column: what becomes their label: "label", "subject", "split", "dataset" or a column of labels.csv.
         only: a column and the value it must have.
-        real: leave synthetic clips out.
 
     Raises:
         UserError: no such column, or no signed clip.
@@ -65,16 +63,11 @@ def signed_clips(
     check_column(con, column)
     if only is not None:
         check_column(con, only[0])
-    parameters = {
-        "dataset": dataset,
-        "column": column,
-        "only_column": only and only[0],
-        "only_value": only and only[1],
-        "real": real,
-    }
-    rows = fetch(con, "labelled_clips", parameters)
+    chosen = {"column": column, "only_column": only and only[0], "only_value": only and only[1]}
+    rows = fetch(con, "labelled_clips", scope.as_parameters() | chosen)
     if not rows:
-        where = f" of dataset {dataset}" if dataset else ""
+        where = f" of dataset {scope.dataset}" if scope.dataset else ""
+        where += f" of split {scope.split}" if scope.split else ""
         where += f" with {only[0]} = {only[1]}" if only else ""
         raise UserError(f"no clip{where} has a signature; `motionlake status` shows what there is")
     signatures = np.array([row.pop("signature") for row in rows], dtype=np.float32)
@@ -94,3 +87,54 @@ def lake_ground(con: Connection) -> Float64Array:
     if not rows:
         raise UserError("the lake has no motifs yet; make them with `motionlake run all`")
     return ground_distances(np.array([r["centroid"] for r in rows], dtype=np.float32))
+
+
+@dataclass(frozen=True)
+class DescribedClip:
+    """One labelled clip that has a descriptor; `part` holds its frames, at `fps`."""
+
+    clip: str
+    dataset: str
+    part: str
+    fps: float
+    split: str | None
+    content_hash: str
+    label: str
+
+
+@dataclass(frozen=True)
+class DescribedClips:
+    """n clips, their descriptors [n, 512], and the signature [K] of each that has one."""
+
+    clips: list[DescribedClip]
+    descriptors: Float32Array
+    signatures: list[list[float] | None]
+
+    @property
+    def labels(self) -> list[str]:
+        """[n] labels."""
+        return [clip.label for clip in self.clips]
+
+
+def described_clips(con: Connection, dataset: str | None = None, column: str = "label") -> DescribedClips:
+    """The lake's labelled clips that have a descriptor, by name.
+
+    Args:
+        con: to the lake.
+        dataset: of this dataset only.
+        column: what becomes their label: "label", "subject", "split", "dataset" or a column of labels.csv.
+
+    Raises:
+        UserError: no such column, or no labelled clip that has a descriptor.
+    """
+    check_column(con, column)
+    rows = fetch(con, "described_clips", {"dataset": dataset, "column": column})
+    if not rows:
+        where = f" of dataset {dataset}" if dataset else ""
+        raise UserError(
+            f"no clip{where} with a {column} has a descriptor; `motionlake run all` makes them, "
+            "`motionlake status` shows what there is"
+        )
+    descriptors = np.array([row.pop("descriptor") for row in rows], dtype=np.float32)
+    signatures = [row.pop("signature") for row in rows]
+    return DescribedClips([DescribedClip(**row) for row in rows], descriptors, signatures)

@@ -1,0 +1,274 @@
+"""Strided temporal alignment on a lake (PESTA): a range of a clip, or a whole clip, looked for in every clip."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from motionlake.arrays import Float64Array
+from motionlake.errors import UserError
+from motionlake.lake.catalog import fetch, reading
+from motionlake.lake.config import load_config
+from motionlake.lake.layout import Lake
+from motionlake.motion.features import word_features
+from motionlake.pesta.alignment.long_query import LongQuery
+from motionlake.pesta.alignment.matches import Match, best_matches, nearest_strings
+from motionlake.pesta.alignment.scan import Both, pairwise
+from motionlake.pesta.alignment.strings import Repository
+from motionlake.pesta.config import AlignmentConfig
+from motionlake.pesta.symbols import symbolise
+from motionlake.retrieval.encode import query_motion
+from motionlake.retrieval.protocol import (
+    EVERYTHING,
+    Hit,
+    LakeSearcher,
+    PathStep,
+    Query,
+    Scope,
+    clip_hit,
+    not_ready,
+    range_hit,
+    ranked,
+)
+from motionlake.retrieval.symbol_strings import (
+    LakeStrings,
+    StringQuery,
+    barred_symbols,
+    query_of_symbols,
+    read_strings,
+    string_query,
+)
+from numpy.typing import ArrayLike
+
+if TYPE_CHECKING:
+    from motionlake.pesta.dictionary import PostureDictionary
+
+
+class _Aligner(LakeSearcher):
+    """What both ways to align share: the strings of a lake, read once, and queries as symbols of its dictionary.
+
+    Args:
+        lake: which holds the dictionary and the configuration.
+        method: "sta", "dtw" or "sw"; by default that of config.toml.
+        stride: symbols that "sta" may stride over, plus one; by default that of config.toml.
+        strings: of the lake, where they have been read already.
+        threads: which share a scan; answers do not depend on their number. By default one a core.
+
+    Raises:
+        UserError: the lake has no symbol strings yet, or an unfit setting.
+    """
+
+    name = "alignment"
+
+    def __init__(
+        self,
+        lake: Lake,
+        *,
+        method: str | None = None,
+        stride: int | None = None,
+        strings: LakeStrings | None = None,
+        threads: int | None = None,
+    ) -> None:
+        super().__init__(lake)
+        given = {name: value for name, value in (("method", method), ("stride", stride)) if value is not None}
+        settings = load_config(lake.config_file)
+        try:
+            self.config: AlignmentConfig = replace(settings.alignment, **given)  # type: ignore[arg-type]
+        except ValueError as error:
+            raise UserError(str(error)) from error
+        self._symbols, self._threads = settings.symbols, threads or os.cpu_count() or 1
+        if strings is None:
+            with reading(lake) as con:
+                strings = read_strings(con)
+        self.strings = strings
+
+    def symbols_of(self, query: Query, *, mirrored: bool = False) -> StringQuery:
+        """The symbols of a query.
+
+        Raises:
+            UserError: no such clip or file, no string yet, it has no such frames, or these are one symbol.
+        """
+        strings = self.strings
+        if query.clip is not None and query.clip not in strings.positions:
+            raise not_ready(self.lake, query.clip, "symbol string")
+        if query.clip is not None and not mirrored:
+            index = strings.positions[query.clip]
+            string, frames = strings.string_of(index), strings.clips[index].frames
+        else:
+            motion, coding = query_motion(self.lake, Query(query.source), mirrored=mirrored), self._dictionary.config
+            frames = len(motion.positions)
+            codes = self._dictionary.encode(
+                word_features(motion.positions, motion.rotations, motion.fps, coding.frames)
+            )  # fmt: skip
+            string = symbolise(codes, codes_fps=coding.fps, fps=motion.fps, n_frames=frames, config=self._symbols)
+        return string_query(query.name, string, frames, query.start, query.stop, query.clip)
+
+    @cached_property
+    def _dictionary(self) -> PostureDictionary:
+        from motionlake.pesta.dictionary import load_dictionary
+
+        with reading(self.lake) as con:
+            rows = fetch(con, "model_file", {"model": self.strings.model})
+        return load_dictionary(self.lake.path(rows[0]["file"]))
+
+    def _pairwise(self, queries: Sequence[StringQuery], gallery: Sequence[StringQuery]) -> Float64Array:
+        """[q, g] least cost of each query in each of some strings, for each symbol of the query."""
+        parts = [Repository.of([each.symbols for each in side]) for side in (queries, gallery)]
+        own = [each.symbols for each in queries]
+        costs = pairwise(own, parts[1], self.strings.distances, self.config, threads=self._threads)
+        return np.asarray(costs / parts[0].lengths[:, None].astype(np.float32), dtype=np.float64)
+
+
+class AlignmentSearcher(_Aligner):
+    """Whole clips by alignment both ways, the query in the clip and the clip in the query; a `Searcher`.
+
+    The distance of a clip is the cost of its best match for each symbol of the query. A short query is found in many
+    clips, so the clip is looked for in the query as well, and the greater cost counts (section 6).
+    """
+
+    finds = "clip"
+
+    def whole(self, query: StringQuery, k: int, scope: Scope = EVERYTHING, both: Both = "max") -> list[Hit]:
+        """The k clips nearest to a string, in order and not ranked yet.
+
+        Args:
+            query: the string; its own clip is left out.
+            k: how many at most.
+            scope: which clips may be answers.
+            both: the greater ("max") or the mean of both ways; "query" looks for the query in the clips alone.
+        """
+        strings = self.strings.among(scope)
+        own = strings.positions.get(query.clip) if query.clip and not scope.own else None
+        try:
+            found = nearest_strings(
+                query.symbols, strings.repository, strings.distances, k, self.config, both=both, without=own,
+                threads=self._threads,
+            )  # fmt: skip
+        except ValueError as error:
+            raise UserError(f"{query.name}: {error}") from error
+        return [clip_hit(strings.clips[index], cost) for index, cost in found]
+
+    def distances(self, queries: Sequence[Query], gallery: Sequence[Query]) -> Float64Array:
+        own, others = ([self.symbols_of(query) for query in side] for side in (queries, gallery))
+        return np.maximum(self._pairwise(own, others), self._pairwise(others, own).T)
+
+    def _nearest(self, queries: Sequence[Query], k: int, scope: Scope, *, mirrored: bool) -> list[list[Hit]]:
+        return [self.whole(self.symbols_of(query, mirrored=mirrored), k, scope) for query in queries]
+
+
+class AlignmentRangeSearcher(_Aligner):
+    """Ranges of frames by alignment of the query with a part of a clip; a `Searcher`.
+
+    The distance of a range is its cost for each symbol of the query. Answers do not overlap one another, nor the query.
+
+    Args:
+        crossing: a match may begin in one clip and end in a later one.
+        paths: give every answer its path.
+        lake, method, stride, strings, threads: as of `AlignmentSearcher`.
+    """
+
+    finds = "range"
+    several = True
+
+    def __init__(
+        self,
+        lake: Lake,
+        *,
+        method: str | None = None,
+        stride: int | None = None,
+        strings: LakeStrings | None = None,
+        threads: int | None = None,
+        crossing: bool = False,
+        paths: bool = False,
+    ) -> None:
+        super().__init__(lake, method=method, stride=stride, strings=strings, threads=threads)
+        self._crossing, self._paths = crossing, paths
+
+    def in_symbols(
+        self, symbols: ArrayLike, k: int, scope: Scope = EVERYTHING, *, model: str | None = None
+    ) -> list[Hit]:
+        """The k best matches of a string over the lake's dictionary (`model`, where its name is known).
+
+        In paths, the query's frames are its symbols.
+
+        Raises:
+            UserError: an empty string, one symbol, or a string over another dictionary.
+        """
+        served = self.strings.model
+        if model is not None and model != served:
+            raise UserError(f"a string over {model} does not compare with strings over {served}; make it again")
+        return ranked(self._matches(query_of_symbols(np.asarray(symbols, dtype=np.int32)), k, scope))
+
+    def long_query(self, query: Query, scope: Scope = EVERYTHING) -> LongAlignment:
+        """A clip whose ranges will be looked for one after another (section 7).
+
+        Raises:
+            UserError: as `symbols_of`; Smith-Waterman.
+        """
+        long, strings = self.symbols_of(query), self.strings.among(scope)
+        try:
+            kept = LongQuery(long.symbols, strings.repository, strings.distances, self.config)
+        except ValueError as error:
+            raise UserError(f"{long.name}: {error}") from error
+        return LongAlignment(long, strings, kept)
+
+    def distances(self, queries: Sequence[Query], gallery: Sequence[Query]) -> Float64Array:
+        return self._pairwise(*([self.symbols_of(query) for query in side] for side in (queries, gallery)))
+
+    def _nearest(self, queries: Sequence[Query], k: int, scope: Scope, *, mirrored: bool) -> list[list[Hit]]:
+        return [self._matches(self.symbols_of(query, mirrored=mirrored), k, scope) for query in queries]
+
+    def _matches(self, query: StringQuery, k: int, scope: Scope) -> list[Hit]:
+        strings = self.strings.among(scope)
+        try:
+            found = best_matches(
+                query.symbols, strings.repository, strings.distances, k, self.config,
+                boundaries="crossed" if self._crossing else "kept",
+                barred=None if scope.own else barred_symbols(strings, query), paths=self._paths, threads=self._threads,
+            )  # fmt: skip
+        except ValueError as error:
+            raise UserError(f"{query.name}: {error}") from error
+        return [_hit(strings, query, match, query.first, self._crossing) for match in found]
+
+
+class LongAlignment:
+    """A long query, of which every segment is aligned at most once: look for as many ranges of it as you like."""
+
+    def __init__(self, query: StringQuery, strings: LakeStrings, kept: LongQuery) -> None:
+        self._query, self._strings, self._kept = query, strings, kept
+
+    def matches(self, start: int | None, stop: int | None, k: int, *, paths: bool = False) -> list[Hit]:
+        """The k best matches of frames [start, stop) of the long query, at its own rate.
+
+        Raises:
+            UserError: there are no such frames, or they are one symbol.
+        """
+        whole = self._query
+        part = string_query(whole.name, whole.string, whole.stop, start, stop, whole.clip)
+        barred = barred_symbols(self._strings, part)
+        found = self._kept.best_matches(part.first, part.last, k, barred=barred, paths=paths)
+        return ranked([_hit(self._strings, part, match, 0) for match in found])
+
+
+def _hit(strings: LakeStrings, query: StringQuery, match: Match, path_from: int, crossing: bool = False) -> Hit:
+    """A match in frames; the path's query indices count from symbol `path_from` of the query's string."""
+    known, own = strings.clips[match.clip], strings.symbols_of(match.clip).start
+    first, last = own + match.start, own + match.stop - 1
+    end = int(np.searchsorted(strings.repository.offsets, last, side="right")) - 1
+    start, stop = int(strings.starts[first]), int(strings.stops[last])
+    hit = range_hit(known, start, stop, match.cost / len(query.symbols), cost=match.cost)
+    if crossing:
+        before = sum(c.frames / c.fps for c in strings.clips[match.clip : end])
+        seconds = before - start / known.fps + stop / strings.clips[end].fps if end != match.clip else hit.seconds
+        hit = replace(hit, stop_clip=strings.clips[end].clip, seconds=seconds)
+    if match.path is None:
+        return hit
+    steps = (
+        PathStep(query.frames_of(x + path_from), (int(strings.starts[own + y]), int(strings.stops[own + y])))
+        for x, y in match.path.tolist()
+    )
+    return replace(hit, path=tuple(steps))

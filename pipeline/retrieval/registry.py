@@ -1,0 +1,63 @@
+"""Every way to search a lake, by what it finds and its name. A new one is a module and a line here."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import Any, Final
+
+from motionlake.errors import UserError
+from motionlake.lake.layout import Lake
+from motionlake.retrieval.protocol import Finds, Searcher
+
+# The first of each kind is what commands take by default. Named, not imported: each needs other libraries.
+SEARCHERS: Final[dict[Finds, dict[str, str]]] = {
+    "clip": {
+        "signature": "signature:SignatureSearcher",
+        "alignment": "alignment:AlignmentSearcher",
+        "descriptor": "descriptor:DescriptorSearcher",
+        "fused": "fused:fused_of_lake",
+    },
+    "range": {
+        "words": "query_by_example:WordsSearcher",
+        "alignment": "alignment:AlignmentRangeSearcher",
+        "submotion": "submotion_search:SubmotionSearcher",
+    },
+}
+
+
+def methods(finds: Finds) -> tuple[str, ...]:
+    """The names of all ways to find clips, or ranges."""
+    return tuple(SEARCHERS[finds])
+
+
+def check_method(finds: Finds, name: str) -> str:
+    """Raises `UserError` for an unknown method."""
+    if name not in SEARCHERS[finds]:
+        raise UserError(f"--method {name}: not one of {', '.join(SEARCHERS[finds])}")
+    return name
+
+
+def searcher(finds: Finds, name: str, lake: Lake, /, **options: Any) -> Searcher:
+    """A way to search a lake.
+
+    Args:
+        finds: whole clips, or ranges of frames inside them.
+        name: of `methods(finds)`; "fused" takes those that the lake is ready for.
+        lake: what is searched.
+        options: of the method itself, such as the stride of "alignment".
+
+    Raises:
+        UserError: an unknown method, or one that the lake is not ready for.
+    """
+    module, _, maker = SEARCHERS[finds][check_method(finds, name)].partition(":")
+    found: Searcher = getattr(import_module(f"motionlake.retrieval.{module}"), maker)(lake, **options)
+    return found
+
+
+def ready(lake: Lake, finds: Finds) -> list[str]:
+    """The methods whose tables the lake has, without reading them."""
+    from motionlake.lake.catalog import fetch, reading
+
+    with reading(lake) as con:
+        (there,) = fetch(con, "searchable")
+    return [name for name in SEARCHERS[finds] if there.get(name, any(there.values()))]
