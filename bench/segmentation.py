@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from motionlake.deep_motifs.segmentation import SegmentationConfig, TaughtRange
+from motionlake.deep_motifs.segmentation import LabelledRange, SegmentationConfig
 from motionlake.evaluation.segmentation import SegmentationScores, segmentation_scores, segments_of
 from motionlake.lake.catalog import reading
 from motionlake.lake.corpus import read_corpus
@@ -92,7 +92,7 @@ def taught_by_other_sets(lake: Lake) -> dict[str, dict[str, SegmentationScores]]
         truth = segments_of(con, corpus)
         clip = corpus.positions[TAKE]
         taught = [
-            TaughtRange(i, 0, c.frames, c.label)
+            LabelledRange(i, 0, c.frames, c.label)
             for i, c in enumerate(corpus.clips)
             if c.label is not None and i != clip
         ]

@@ -21,9 +21,9 @@ from typing import Any, Final
 import numpy as np
 import torch
 from motionlake.glogen.generator import TrainedGenerator, load_generator
+from motionlake.glogen.requests import MotionRequest, SeedClip
 from motionlake.glogen.sparse import HEIGHT
 from motionlake.glogen.trajectories import FPS
-from motionlake.glogen.wishes import Seed, Wish
 from motionlake.training import on_threads
 
 from bench.canonical_sets import LabelledClip
@@ -98,13 +98,13 @@ def _networks(generator: TrainedGenerator) -> dict[str, Any]:
 
 def _ours(generator: TrainedGenerator) -> Callable[[], object]:
     clips = [clip for clip in split_of(SET, "test") if clip.label == "walk"][:TOGETHER]
-    wishes = [Wish(("walk", "boxing"), SECONDS, i, _seed(clips[i % len(clips)])) for i in range(TOGETHER)]
+    wishes = [MotionRequest(("walk", "boxing"), SECONDS, i, _seed(clips[i % len(clips)])) for i in range(TOGETHER)]
     return lambda: generator.generate(wishes)
 
 
-def _seed(clip: LabelledClip) -> Seed:
+def _seed(clip: LabelledClip) -> SeedClip:
     assert clip.rest_offsets is not None
-    return Seed(clip.name, clip.positions, clip.fps, clip.rest_offsets)
+    return SeedClip(clip.name, clip.positions, clip.fps, clip.rest_offsets)
 
 
 def _ac_lstm(classes: int) -> Callable[[], object]:

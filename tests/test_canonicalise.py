@@ -16,7 +16,7 @@ from motionlake.formats import read_clips
 from motionlake.formats.bvh_writer import write_bvh
 from motionlake.formats.deepmimic import READER
 from motionlake.motion.canonicalise import CanonicalMotion, canonicalise
-from motionlake.motion.clip import ChannelKind, Hierarchy, Motion, SourceClip
+from motionlake.motion.clip import ChannelKind, Hierarchy, SolvedMotion, SourceClip
 from motionlake.motion.kinematics import forward_kinematics, local_rotations, solve, world_rotations
 from motionlake.motion.retarget import to_source_clip
 from motionlake.motion.rigs import Rest, identify, load_rigs
@@ -61,13 +61,13 @@ def made_motion(seed: int, frames: int = 5) -> tuple[Float64Array, Float64Array,
     return root, world_rotations(local), forward_kinematics(root, local, made_offsets())
 
 
-def clip_of(world: Float64Array, positions: Float64Array) -> tuple[SourceClip, Motion]:
+def clip_of(world: Float64Array, positions: Float64Array) -> tuple[SourceClip, SolvedMotion]:
     """A clip of the canonical joint names with this forward kinematics; its channels are never looked at."""
     hierarchy = Hierarchy(
         JOINTS, PARENTS, np.zeros((len(JOINTS), 3)), ((),) * len(JOINTS), ChannelKind.EULER,
         np.tile(IDENTITY, (len(JOINTS), 1)),
     )  # fmt: skip
-    return SourceClip(hierarchy, np.zeros((len(world), 0)), 30.0), Motion(positions, world, world)
+    return SourceClip(hierarchy, np.zeros((len(world), 0)), 30.0), SolvedMotion(positions, world, world)
 
 
 def assert_same_rotations(motion: CanonicalMotion, world: Float64Array) -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from motionlake.deep_motifs.classification import cluster_clips, places_of
+from motionlake.deep_motifs.classification import cluster_clips, mds
 from motionlake.errors import UserError
 from motionlake.evaluation.classification import adjusted_rand_index
 from motionlake.retrieval.connection import connect
@@ -18,9 +18,9 @@ from tests.lakes import motionlake, query
 def test_places_keep_euclidean_distances() -> None:
     points = np.random.default_rng(0).standard_normal((12, 3))
     distances = cdist(points, points)
-    places = places_of(distances, 5)
+    places = mds(distances, 5)
     np.testing.assert_allclose(cdist(places, places), distances, atol=1e-3)
-    np.testing.assert_array_equal(places, places_of(distances, 5))
+    np.testing.assert_array_equal(places, mds(distances, 5))
 
 
 def test_groups_are_found_and_numbered_by_size() -> None:

@@ -12,14 +12,14 @@ import duckdb
 import numpy as np
 import pytest
 from motionlake.arrays import Float64Array
-from motionlake.evaluation.synthesis import Plan, SynthesisEvaluation, measure_generator
+from motionlake.evaluation.synthesis import SynthesisEvaluation, SynthesisPlan, measure_generator
 from motionlake.evaluation.synthesis_clips import RealMotion
 from motionlake.evaluation.synthesis_metrics import MILLISECONDS, body_poses, errors_at
 from motionlake.evaluation.synthesis_trials import following
 from motionlake.glogen.config import SynthesisConfig
 from motionlake.glogen.generator import EmbeddedMotions, TrainingMotion, embed_motions
 from motionlake.glogen.generator_training import train_generator
-from motionlake.glogen.wishes import Synthesized, Wish
+from motionlake.glogen.requests import GeneratedMotion, MotionRequest
 from motionlake.lake.catalog import writing
 from motionlake.lake.layout import open_lake
 from motionlake.lake.models import add_model, next_file, save_model
@@ -30,7 +30,7 @@ from tests.lakes import motionlake, query
 from tests.test_pictures import NASTY, assert_readable, standing
 
 FPS = 30.0
-THREE = Plan(count=3)
+THREE = SynthesisPlan(count=3)
 SEED = 13  # frames at the clip's rate
 REST = np.array([standing(1)[0, j] - standing(1)[0, p] if p >= 0 else np.zeros(3) for j, p in enumerate(PARENTS)])
 MOVES = {"wave": ("left_wrist", 1), "push": ("right_wrist", 2), "nod": ("head", 0)}
@@ -59,21 +59,21 @@ def describe(motions: Sequence[tuple[Float64Array, float]]) -> Float64Array:
 class Fake:
     """Makes `motion(wish, frames)`, [frames, 21, 3] at 30 a second after the first `SEED` frames of the seed."""
 
-    motion: Callable[[Wish, int], Float64Array]
+    motion: Callable[[MotionRequest, int], Float64Array]
 
     @property
     def classes(self) -> list[str]:
         return sorted(MOVES)
 
-    def generate(self, wishes: Sequence[Wish]) -> list[Synthesized]:
+    def generate(self, wishes: Sequence[MotionRequest]) -> list[GeneratedMotion]:
         if any(len(wish.start.positions) < 2 * SEED for wish in wishes):
             raise ValueError("too short a seed")
         found = [self.motion(wish, max(2, round(wish.seconds * FPS))) for wish in wishes]
         turns = [np.zeros((len(one), len(JOINTS), 4)) for one in found]
-        return [Synthesized(one, q, REST, FPS, (0,), 0, SEED) for one, q in zip(found, turns, strict=True)]
+        return [GeneratedMotion(one, q, REST, FPS, (0,), 0, SEED) for one, q in zip(found, turns, strict=True)]
 
 
-def truly(wish: Wish, frames: int) -> Float64Array:
+def truly(wish: MotionRequest, frames: int) -> Float64Array:
     """What really follows, or a real test clip of the class."""
     real = {c.clip: c for c in TEST}[wish.start.clip]
     if wish.classes != (real.label,):
@@ -82,17 +82,19 @@ def truly(wish: Wish, frames: int) -> Float64Array:
     return np.concatenate([after, np.repeat(after[-1:], max(0, frames - len(after)), axis=0)])[:frames]
 
 
-def held(wish: Wish, frames: int) -> Float64Array:
+def held(wish: MotionRequest, frames: int) -> Float64Array:
     return np.repeat(wish.start.positions[SEED - 1 : SEED].astype(float), frames, axis=0)
 
 
-def copied(wish: Wish, frames: int) -> Float64Array:
+def copied(wish: MotionRequest, frames: int) -> Float64Array:
     """A stretch from the middle of a training clip of the class."""
     return clip(wish.classes[0], 4).positions[5 : 5 + frames]
 
 
-def measured(motion: Callable[[Wish, int], Float64Array], plan: Plan = THREE, **other: Any) -> SynthesisEvaluation:
-    def safe(wish: Wish, frames: int) -> Float64Array:
+def measured(
+    motion: Callable[[MotionRequest, int], Float64Array], plan: SynthesisPlan = THREE, **other: Any
+) -> SynthesisEvaluation:
+    def safe(wish: MotionRequest, frames: int) -> Float64Array:
         known = {c.clip for c in TEST}
         return motion(wish, frames) if wish.start.clip in known else held(wish, frames)
 
@@ -140,8 +142,8 @@ def test_a_generator_that_freezes_or_copies_is_seen_through() -> None:
     assert still["energy"]["within"] == 0
     assert still["travel_speed"]["made"] == 0
     assert still["recognised"]["made"] < still["recognised"]["real"] == 1
-    copying = measured(copied, Plan(count=3, seconds=0.8)).found
-    true = measured(truly, Plan(count=3)).found
+    copying = measured(copied, SynthesisPlan(count=3, seconds=0.8)).found
+    true = measured(truly, SynthesisPlan(count=3)).found
     assert copying["nearest_real"]["made"]["median"] < 1e-3 < copying["nearest_real"]["test"]["median"]
     assert copying["nearest_real"]["near"] == 1
     assert true["nearest_real"]["ratio"] == pytest.approx(1, abs=0.3)

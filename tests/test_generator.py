@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 import torch
 from motionlake.glogen.config import GloGenRecipe, SynthesisConfig
-from motionlake.glogen.course import FASTEST, Course
 from motionlake.glogen.generator import METADATA_KEY, TrainedGenerator, TrainingMotion, load_generator
 from motionlake.glogen.generator_training import fit_generator, train_generator
 from motionlake.glogen.inbetweening import LocGenRecipe
+from motionlake.glogen.requests import GeneratedMotion, MotionRequest, SeedClip
+from motionlake.glogen.rollout import FASTEST, Rollout
 from motionlake.glogen.sparse import DURATION, WIDTH
 from motionlake.glogen.training import groups
 from motionlake.glogen.trajectories import STANDARD, body_motion
-from motionlake.glogen.wishes import Seed, Synthesized, Wish
 from motionlake.motion.kinematics import forward_kinematics
 from motionlake.motion.skeleton import JOINTS
 from motionlake.training import save_network
@@ -45,8 +45,8 @@ def generator(request: pytest.FixtureRequest) -> TrainedGenerator:
     return fit_generator(read, labels, SynthesisConfig(recipe=request.param), glogen=glogen, locgen=locgen)
 
 
-def wish(*classes: str, seconds: float = 3.0, seed: int = 0, **more: float) -> Wish:
-    return Wish(classes or ("walk",), seconds, seed, Seed("clip", swinging(60, 99), 30.0, BODY), **more)
+def wish(*classes: str, seconds: float = 3.0, seed: int = 0, **more: float) -> MotionRequest:
+    return MotionRequest(classes or ("walk",), seconds, seed, SeedClip("clip", swinging(60, 99), 30.0, BODY), **more)
 
 
 def test_motions_are_those_of_a_body(generator: TrainedGenerator) -> None:
@@ -98,7 +98,7 @@ def test_whole_actions_fill_the_time() -> None:
     block = np.zeros((15, WIDTH))
     block[:, DURATION] = np.log(0.1)
     for seconds, times, slower in ((2.0, 1, 4 / 3), (2.6, 2, 2.6 / 3), (0.6, 1, FASTEST)):
-        course = Course(block[:5], [0], np.zeros((1, 4)), seconds, 1.0, [True])
+        course = Rollout(block[:5], [0], np.zeros((1, 4)), seconds, 1.0, [True])
         blocks = 0
         while not course.done:
             assert course.anew == (blocks > 0)
@@ -107,7 +107,7 @@ def test_whole_actions_fill_the_time() -> None:
         assert blocks == times
         np.testing.assert_allclose(np.diff(course.times()), 0.1 * slower, rtol=1e-4)
         assert course.times()[-1] == pytest.approx(seconds, abs=0.1 * slower)
-    course = Course(block[:5], [0, 1], np.zeros((2, 4)), 4.0, 1.0, [False, True])
+    course = Rollout(block[:5], [0, 1], np.zeros((2, 4)), 4.0, 1.0, [False, True])
     course.take(block)
     assert not course.anew
     course.take(block)
@@ -119,7 +119,7 @@ def test_whole_actions_fill_the_time() -> None:
 def test_of_a_class_no_more_poses_are_kept_than_its_motions_have() -> None:
     block = np.arange(15.0)[:, None] * np.ones(WIDTH)
     block[:, DURATION] = np.log(0.1)
-    course = Course(block[:5], [0, 1], np.zeros((2, 4)), 2.0, 1.0, taken=[3, 15])
+    course = Rollout(block[:5], [0, 1], np.zeros((2, 4)), 2.0, 1.0, taken=[3, 15])
     for _ in range(4):
         course.take(block)
     assert [row[0] for row in course.rows] == [4, 0, 1, 2, 0, 1, 2, 0, 1, 2, 0]
@@ -134,7 +134,7 @@ def test_pace_changes_the_tempo() -> None:
     fitted = fit_generator(read, labels, SynthesisConfig(), glogen=replace(SMALL, epochs=60), locgen=DENSE)
     slow, even, fast = fitted.generate([wish(seconds=4.0, temperature=0.0, pace=pace) for pace in (0.5, 1.0, 2.0)])
 
-    def speed(made: Synthesized, part: slice) -> float:
+    def speed(made: GeneratedMotion, part: slice) -> float:
         return float(np.linalg.norm(np.diff(made.positions[part, 8] - made.positions[part, 0], axis=0), axis=1).mean())
 
     # While it goes on as recorded bodies did, and when that is over.
@@ -182,11 +182,11 @@ def test_other_files_are_refused(generator: TrainedGenerator, tmp_path: Path, mo
         (wish(seconds=float("inf")), "inf seconds"),
         (wish(pace=0.0), "pace 0.0"),
         (wish(temperature=-1.0), "temperature -1.0"),
-        (replace(wish(), start=Seed("short", swinging(5), 30.0, BODY)), "short lasts 0.17 s; .* needs 0.80 s"),
-        (replace(wish(), start=Seed("hand", np.zeros((50, 9, 3)), 30.0, BODY)), "hand is of another skeleton"),
+        (replace(wish(), start=SeedClip("short", swinging(5), 30.0, BODY)), "short lasts 0.17 s; .* needs 0.80 s"),
+        (replace(wish(), start=SeedClip("hand", np.zeros((50, 9, 3)), 30.0, BODY)), "hand is of another skeleton"),
     ],
 )
-def test_what_cannot_be_made_is_said(generator: TrainedGenerator, asked: Wish, said: str) -> None:
+def test_what_cannot_be_made_is_said(generator: TrainedGenerator, asked: MotionRequest, said: str) -> None:
     with pytest.raises(ValueError, match=said):
         generator.generate([asked])
 

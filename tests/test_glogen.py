@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 import torch
 from motionlake.glogen.config import SEEDS, GloGenRecipe, glogen_recipe
-from motionlake.glogen.course import SPEED, follow, led_over
-from motionlake.glogen.network import Ahead, Blocks, glogen_network
+from motionlake.glogen.network import ParallelDecoder, Seq2Seq, glogen_network
+from motionlake.glogen.rollout import SPEED, led_over, predict
 from motionlake.glogen.sparse import DURATION, HEIGHT, JOINT_COLUMNS, WIDTH
-from motionlake.glogen.start_poses import Beginnings
+from motionlake.glogen.start_poses import StartPoses
 from motionlake.glogen.training import epochs_of, train_glogen, unseen
 
 SMALL = GloGenRecipe(
@@ -33,7 +33,7 @@ def toy(count: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
     return rows.astype(np.float32), targets
 
 
-def following(network: Ahead | Blocks, rows: np.ndarray, targets: np.ndarray) -> np.ndarray:
+def following(network: ParallelDecoder | Seq2Seq, rows: np.ndarray, targets: np.ndarray) -> np.ndarray:
     latent = torch.zeros(len(rows), max(1, network.recipe.latent))
     with torch.inference_mode():
         given = network.scale(torch.from_numpy(rows[:, :SEEDS]))
@@ -63,7 +63,7 @@ def test_the_thesis_network_has_its_sizes_and_iterates_five_poses() -> None:
     recipe = glogen_recipe("glogen")
     assert (recipe.embedding, recipe.state, recipe.batch, recipe.learning_rate) == (200, 1000, 64, 0.1)
     network = glogen_network(recipe, 7).eval()
-    assert isinstance(network, Blocks)
+    assert isinstance(network, Seq2Seq)
     assert network.embed.in_features == WIDTH + 7
     given, targets = torch.randn(2, SEEDS, WIDTH), torch.tensor([3, 6])
     with torch.inference_mode():
@@ -117,7 +117,9 @@ def test_chance_makes_as_many_kinds_of_motion_as_there_are() -> None:
     rows[1::2, SEEDS:, :30] -= 0.2
     network, _ = train_glogen(list(rows), np.zeros(96, dtype=np.int64), 1, replace(SMALL, epochs=60, noise=0.0), 0)
     given = np.repeat(rows[:1, :SEEDS], 200, axis=0)
-    made = follow(network, given, np.zeros(200, dtype=np.int64), rng.standard_normal((200, 4)))[:, -1, :30].mean(axis=1)
+    made = predict(network, given, np.zeros(200, dtype=np.int64), rng.standard_normal((200, 4)))[:, -1, :30].mean(
+        axis=1
+    )
     assert 0.25 < (made > 0).mean() < 0.75
     assert np.abs(made).mean() > 0.05
 
@@ -127,7 +129,7 @@ def test_foreign_poses_are_brought_to_where_the_class_begins() -> None:
     near, far = torch.zeros(6, SEEDS, WIDTH), torch.ones(6, SEEDS, WIDTH)
     spread = 0.1 * torch.linspace(-1, 1, 6)[:, None, None]
     phases = torch.cat([far + spread, far + 4 + spread])
-    beginnings = Beginnings(2, 2)
+    beginnings = StartPoses(2, 2)
     beginnings.learn([near + spread, phases], [False, True])
     torch.testing.assert_close(beginnings.poses[0], torch.zeros(2, SEEDS, WIDTH))
     assert sorted(beginnings.poses[1, :, 0, 0].round().tolist()) == [1.0, 5.0]
@@ -138,7 +140,7 @@ def test_foreign_poses_are_brought_to_where_the_class_begins() -> None:
     torch.testing.assert_close(met[2], beginnings.poses[1, beginnings.poses[1, :, 0, 0].argmin()])
     again = beginnings(given[:1], torch.tensor([0]), torch.tensor([True]))
     torch.testing.assert_close(again[0], torch.zeros(SEEDS, WIDTH), atol=1e-6, rtol=0)
-    alone = Beginnings(1)
+    alone = StartPoses(1)
     alone.learn([near + spread], [False])
     torch.testing.assert_close(alone(far[:1], torch.tensor([0]), torch.tensor([False])), far[:1])
 
@@ -162,7 +164,7 @@ def test_a_class_can_be_had_from_poses_of_another(architecture: Literal["ahead",
     rows[..., :HEIGHT] += 2 * targets[:, None, None]
     recipe = replace(SMALL, architecture=architecture, latent=4 if architecture == "ahead" else 0, epochs=60)
     network, _ = train_glogen(list(rows), targets, 2, recipe, 0)
-    made = follow(network, rows[:8, :SEEDS], 1 - targets[:8], np.zeros((8, 4)))
+    made = predict(network, rows[:8, :SEEDS], 1 - targets[:8], np.zeros((8, 4)))
     assert made.shape == (8, 15, WIDTH)
     if architecture == "ahead":
         wanted = rows[1 - targets[:8], SEEDS:, :HEIGHT]  # row 0 is of class 0, row 1 of class 1

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from motionlake.glogen.lead_in import (
+from motionlake.glogen.onset import (
     FEATURES,
     FRAMES,
     KNOTS,
@@ -15,11 +15,11 @@ from motionlake.glogen.lead_in import (
     ROOT,
     SCALES,
     SOFT,
-    LeadIn,
-    fit_lead_in,
-    led_in,
+    Onset,
+    fit_onset,
     rows_of,
     state_at,
+    with_onset,
 )
 from motionlake.glogen.trajectories import BodyMotion, body_motion, mirrored
 
@@ -32,14 +32,14 @@ def walks() -> list[BodyMotion]:
 
 
 @pytest.fixture(scope="module")
-def lead(walks: list[BodyMotion]) -> LeadIn:
-    return fit_lead_in(walks[:6], [1] * 6, [False, True, True])
+def lead(walks: list[BodyMotion]) -> Onset:
+    return fit_onset(walks[:6], [1] * 6, [False, True, True])
 
 
 def test_it_goes_on_as_the_kernels_of_all_examples_say(walks: list[BodyMotion]) -> None:
     """Beside the mean of a Gaussian process, example by example, either side for the other too."""
     some = [walks[0].cut(0, 90), walks[1].cut(0, 90)]
-    lead = fit_lead_in(some, [0, 0], [True])
+    lead = fit_onset(some, [0, 0], [True])
     states, futures = [], []
     for motion in (some[0], mirrored(some[0]), some[1], mirrored(some[1])):
         for place in range(3, len(motion) - FRAMES):
@@ -64,7 +64,7 @@ def test_it_goes_on_as_the_kernels_of_all_examples_say(walks: list[BodyMotion]) 
     np.testing.assert_allclose(found[[knot - 1 for knot in KNOTS]], wanted, atol=2e-4)
 
 
-def test_it_is_nearer_to_what_follows_than_the_last_frame_is(walks: list[BodyMotion], lead: LeadIn) -> None:
+def test_it_is_nearer_to_what_follows_than_the_last_frame_is(walks: list[BodyMotion], lead: Onset) -> None:
     for motion in walks[6:]:
         for place in (20.0, 41.7, 77.3):
             state = state_at(motion, np.array([place]))[0]
@@ -86,25 +86,25 @@ def test_a_state_knows_nothing_of_what_follows(walks: list[BodyMotion]) -> None:
     np.testing.assert_array_equal(state_at(other, at), state_at(motion, at))
 
 
-def test_nothing_is_said_of_what_was_not_seen(walks: list[BodyMotion], lead: LeadIn) -> None:
+def test_nothing_is_said_of_what_was_not_seen(walks: list[BodyMotion], lead: Onset) -> None:
     state = state_at(walks[6], np.array([40.0]))[0]
     assert lead.ahead(state, 1) is not None
     assert lead.ahead(state, 0) is None  # comes to its end
     assert lead.ahead(state, 2) is None  # no clips
     assert lead.ahead(state + 20 * SCALES, 1) is None
     short = [motion.cut(0, FRAMES) for motion in walks[:3]]
-    assert fit_lead_in(short, [0] * 3, [True]).ahead(state, 0) is None
+    assert fit_onset(short, [0] * 3, [True]).ahead(state, 0) is None
 
 
 def test_examples_are_bounded(walks: list[BodyMotion]) -> None:
-    many = fit_lead_in([walks[i % 8] for i in range(60)], [i % 2 for i in range(60)], [True, True])
+    many = fit_onset([walks[i % 8] for i in range(60)], [i % 2 for i in range(60)], [True, True])
     assert MOST / 2 < len(many.classes) <= MOST
     assert set(many.classes.tolist()) == {0, 1}
-    assert 60 < len(fit_lead_in(walks[:6], [0] * 6, [True], 120).classes) <= 120
+    assert 60 < len(fit_onset(walks[:6], [0] * 6, [True], 120).classes) <= 120
 
 
 @pytest.mark.parametrize("pace", [0.5, 1.0, 2.0])
-def test_it_is_led_over_to_the_generated_motion(walks: list[BodyMotion], lead: LeadIn, pace: float) -> None:
+def test_it_is_led_over_to_the_generated_motion(walks: list[BodyMotion], lead: Onset, pace: float) -> None:
     state = state_at(walks[6], np.array([40.0]))[0]
     ahead, plain = lead.ahead(state, 1, pace), lead.ahead(state, 1)
     assert ahead is not None
@@ -113,12 +113,12 @@ def test_it_is_led_over_to_the_generated_motion(walks: list[BodyMotion], lead: L
     step = round(2 * pace) if pace >= 1 else 1
     np.testing.assert_allclose(ahead[round(step / pace) - 1, :60], plain[step - 1, :60], atol=1e-9)
     np.testing.assert_allclose(ahead[round(step / pace) - 1, 61:], pace * plain[step - 1, 61:], atol=1e-9)
-    made = led_in(walks[7], ahead)
+    made = with_onset(walks[7], ahead)
     rows, before = rows_of(made), rows_of(walks[7])
     np.testing.assert_allclose(rows[0], ahead[0], atol=0.05)
     np.testing.assert_array_equal(rows[len(ahead) :], before[len(ahead) :])
     np.testing.assert_array_equal(made.stands, walks[7].stands)
     steps = np.linalg.norm(np.diff(rows[:, :60], axis=0), axis=1)
     assert steps.max() < 3 * np.linalg.norm(np.diff(before[:, :60], axis=0), axis=1).max()
-    assert led_in(walks[7], None) is walks[7]
-    assert len(led_in(walks[7].cut(0, 5), ahead)) == 5
+    assert with_onset(walks[7], None) is walks[7]
+    assert len(with_onset(walks[7].cut(0, 5), ahead)) == 5

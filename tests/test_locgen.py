@@ -11,8 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from motionlake.glogen.inbetween_training import poses_between, train_locgen
 from motionlake.glogen.inbetweening import (
-    Between,
-    Frames,
+    DenseDecoder,
+    Inbetweener,
     LocGenRecipe,
     between,
     dense_motions,
@@ -21,7 +21,7 @@ from motionlake.glogen.inbetweening import (
     locgen_recipe,
     times_of,
 )
-from motionlake.glogen.sparse import HEIGHT, STEP, TURN, Piece, pieces
+from motionlake.glogen.sparse import HEIGHT, STEP, TURN, TrainingPiece, pieces
 from motionlake.glogen.trajectories import FPS, body_motion
 
 from tests.test_trajectories import swinging
@@ -31,7 +31,7 @@ BETWEEN = LocGenRecipe(architecture="between", between=5, embedding=16, state=32
 
 
 @pytest.fixture(scope="module")
-def walks() -> list[Piece]:
+def walks() -> list[TrainingPiece]:
     return pieces([body_motion(swinging(80 + 5 * i, i), 30.0) for i in range(12)], [0] * 12)
 
 
@@ -49,7 +49,7 @@ def test_equation_4_3_runs_from_a_pose_to_the_next(count: int, seed: int) -> Non
     assert (np.diff(away) > 0).all()  # as printed, the poses would come back to X_i
 
 
-def test_interpolated_motion_passes_the_sparse_poses_and_keeps_the_way(walks: list[Piece]) -> None:
+def test_interpolated_motion_passes_the_sparse_poses_and_keeps_the_way(walks: list[TrainingPiece]) -> None:
     rows, places = walks[0].sparse.rows, walks[0].sparse.places
     times = places / FPS
     np.testing.assert_allclose(times_of(rows), times, atol=1e-6)
@@ -70,7 +70,7 @@ def test_interpolated_motion_passes_the_sparse_poses_and_keeps_the_way(walks: li
 
 
 @pytest.mark.parametrize("recipe", [FRAMES, BETWEEN], ids=["frames", "between"])
-def test_dense_motion_follows_real_motion(walks: list[Piece], recipe: LocGenRecipe) -> None:
+def test_dense_motion_follows_real_motion(walks: list[TrainingPiece], recipe: LocGenRecipe) -> None:
     network, losses = train_locgen(walks, recipe, 0)
     assert losses[-1] < losses[0]
     asked = walks[3]
@@ -83,18 +83,18 @@ def test_dense_motion_follows_real_motion(walks: list[Piece], recipe: LocGenReci
     assert np.abs(made.velocity - asked.motion.velocity[1:]).mean() < 0.1
 
 
-def test_a_motion_does_not_depend_on_those_beside_it(walks: list[Piece]) -> None:
+def test_a_motion_does_not_depend_on_those_beside_it(walks: list[TrainingPiece]) -> None:
     network, _ = train_locgen(walks, FRAMES, 0)
     rows, times = [w.sparse.rows for w in walks], [w.sparse.places / FPS for w in walks]
     together, alone = dense_motions(network, rows, times, 50)[5], dense_motions(network, rows[5:6], times[5:6], 50)[0]
     np.testing.assert_array_equal(together.joints, alone.joints)
 
 
-def test_the_thesis_reads_five_poses_between_two(walks: list[Piece]) -> None:
+def test_the_thesis_reads_five_poses_between_two(walks: list[TrainingPiece]) -> None:
     recipe = locgen_recipe("glogen")
     assert (recipe.between, recipe.embedding, recipe.state, recipe.learning_rate) == (5, 200, 1000, 0.1)
     network = locgen_network(recipe)
-    assert isinstance(network, Between)
+    assert isinstance(network, Inbetweener)
     assert network(torch.zeros(2, 5, HEIGHT + 1)).shape == (2, 5, HEIGHT + 1)
     pairs = poses_between(walks[0], 5)
     assert len(pairs) == 19
@@ -103,7 +103,7 @@ def test_the_thesis_reads_five_poses_between_two(walks: list[Piece]) -> None:
         np.testing.assert_allclose(real[-1], interpolated[-1], atol=1e-9)
 
 
-def test_training_goes_on_from_its_checkpoint(walks: list[Piece], tmp_path: Path) -> None:
+def test_training_goes_on_from_its_checkpoint(walks: list[TrainingPiece], tmp_path: Path) -> None:
     recipe = LocGenRecipe(embedding=8, state=8, epochs=8, steps=0)
     whole, _ = train_locgen(walks, recipe, 1)
     file = tmp_path / "locgen.safetensors"
@@ -120,9 +120,9 @@ def test_training_goes_on_from_its_checkpoint(walks: list[Piece], tmp_path: Path
         torch.testing.assert_close(resumed.state_dict()[name], value)
 
 
-def test_frames_start_from_the_interpolated_poses(walks: list[Piece]) -> None:
+def test_frames_start_from_the_interpolated_poses(walks: list[TrainingPiece]) -> None:
     network = locgen_network(FRAMES).eval()
-    assert isinstance(network, Frames)
+    assert isinstance(network, DenseDecoder)
     rows = torch.from_numpy(
         interpolated_motion(walks[0].sparse.rows, walks[0].sparse.places / FPS, np.arange(40) / FPS)
     )

@@ -22,7 +22,7 @@ from motionlake.deep_motifs.motion_graph import transitions as kernels
 from motionlake.deep_motifs.motion_graph.blend import (
     STAY,
     Placement,
-    Poses,
+    RigPoses,
     alignment,
     ease,
     placed,
@@ -39,7 +39,7 @@ from motionlake.deep_motifs.motion_graph.costs import (
     window_clouds,
 )
 from motionlake.deep_motifs.motion_graph.graph import GraphClip, Transitions, build_graph, in_context, near, summarise
-from motionlake.deep_motifs.motion_graph.walk import Piece, assemble, random_walk
+from motionlake.deep_motifs.motion_graph.walk import WalkPiece, assemble, random_walk
 from motionlake.deep_motifs.signatures import signature
 from motionlake.errors import UserError
 from motionlake.formats import read_clips
@@ -255,7 +255,7 @@ def test_walks_that_cannot_be_are_clear_errors() -> None:
         random_walk(graph, 0, 7, 0)
 
 
-def posed(up: str, frames: int = 30) -> Poses:
+def posed(up: str, frames: int = 30) -> RigPoses:
     """A DeepMimic humanoid, stood on another axis; two file units to a metre."""
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "made.txt"
@@ -265,7 +265,7 @@ def posed(up: str, frames: int = 30) -> Poses:
     turn = from_axis_angle(np.array(AXES[axis]), degrees)
     rotations = poses.rotations.copy()
     rotations[:, 0] = multiply(turn, np.ascontiguousarray(rotations[:, 0]))
-    return Poses(poses.hierarchy, rotate(turn, poses.root), poses.shifts, rotations, poses.fps, 0.5, up)
+    return RigPoses(poses.hierarchy, rotate(turn, poses.root), poses.shifts, rotations, poses.fps, 0.5, up)
 
 
 @pytest.mark.parametrize("up", ["x", "y", "z", "-y", "-z"])
@@ -311,7 +311,7 @@ def test_blends_start_at_one_pose_and_end_at_the_other() -> None:
 
 def test_pieces_are_mixed_where_they_overlap_and_whole_elsewhere() -> None:
     poses = posed("y", 30)
-    made = assemble([Piece(0, 0, 12, 0), Piece(0, 15, 27, 8, 4, 0)], [STAY, STAY], lambda clip: poses)
+    made = assemble([WalkPiece(0, 0, 12, 0), WalkPiece(0, 15, 27, 8, 4, 0)], [STAY, STAY], lambda clip: poses)
     assert len(made) == 20
     np.testing.assert_array_equal(made.root[:8], poses.root[:8])
     np.testing.assert_array_equal(made.rotations[12:], poses.rotations[19:27])

@@ -15,13 +15,13 @@ from motionlake.deep_motifs.corpus import Corpus, CorpusClip
 from motionlake.deep_motifs.emd import emd
 from motionlake.deep_motifs.segmentation import (
     UNKNOWN,
+    LabelledRange,
     SegmentationConfig,
     Segmenter,
-    TaughtRange,
     WordLabels,
     bands,
     centred_signatures,
-    taught_windows,
+    labelled_windows,
 )
 from motionlake.deep_motifs.signatures import signature
 from motionlake.errors import UserError
@@ -44,8 +44,8 @@ def corpus_of(clips: list[list[int]], places: NDArray[np.floating], idf: NDArray
     )
 
 
-def whole(corpus: Corpus, clip: int, label: str) -> TaughtRange:
-    return TaughtRange(clip, 0, corpus.clips[clip].frames, label)
+def whole(corpus: Corpus, clip: int, label: str) -> LabelledRange:
+    return LabelledRange(clip, 0, corpus.clips[clip].frames, label)
 
 
 @settings(max_examples=50, deadline=None)
@@ -58,7 +58,7 @@ def test_windows_are_centred_and_cut_at_the_ends(motifs: list[int], n_words: int
         np.testing.assert_allclose(found[i], signature(np.bincount(window, minlength=5), idf), atol=1e-6)
 
 
-def naive_labels(corpus: Corpus, taught: list[TaughtRange], clip: int, config: SegmentationConfig) -> list[str]:
+def naive_labels(corpus: Corpus, taught: list[LabelledRange], clip: int, config: SegmentationConfig) -> list[str]:
     """The definition, by loops over every pair of windows."""
     rows = []
     for r in taught:
@@ -88,13 +88,13 @@ def test_classes_are_those_of_the_definition(reach: int, window: int) -> None:
     clips = [random.integers(0, 8, size=n).tolist() for n in (30, 21, 17, 26)]
     corpus = corpus_of(clips, random.standard_normal((8, 3)), random.uniform(1, 2, 8))
     taught = [
-        TaughtRange(0, 0, 300, "a"),
-        TaughtRange(0, 300, 660, "b"),
+        LabelledRange(0, 0, 300, "a"),
+        LabelledRange(0, 300, 660, "b"),
         whole(corpus, 1, "c"),
         whole(corpus, 2, "b"),
     ]
     config = SegmentationConfig(window, 5, reach, unknown=None)
-    segmenter = Segmenter(taught_windows(corpus, taught, window), corpus.ground, config)
+    segmenter = Segmenter(labelled_windows(corpus, taught, window), corpus.ground, config)
     found = segmenter.label_words(corpus.motifs[corpus.words_of(3)], corpus.idf)
     assert found.labels.tolist() == naive_labels(corpus, taught, 3, config)
 
@@ -106,7 +106,7 @@ def test_a_tie_of_votes_goes_to_the_class_of_the_nearest() -> None:
         corpus = corpus_of([[1] * 6, [2] * 6, [0] * 6], places)
         taught = [whole(corpus, 0, near), whole(corpus, 1, far)]
         config = SegmentationConfig(window=1, k=12, reach=0, unknown=None)
-        segmenter = Segmenter(taught_windows(corpus, taught, 1), corpus.ground, config)
+        segmenter = Segmenter(labelled_windows(corpus, taught, 1), corpus.ground, config)
         judged = segmenter.label_words(corpus.motifs[corpus.words_of(2)], corpus.idf)
         assert judged.labels.tolist() == [near] * 6
 
@@ -118,7 +118,7 @@ def test_what_was_never_taught_is_unknown() -> None:
     corpus = corpus_of(clips, places)
     taught = [whole(corpus, i, label) for i, label in enumerate("aabb")]
     config = SegmentationConfig(window=9, reach=6)
-    segmenter = Segmenter(taught_windows(corpus, taught, 9), corpus.ground, config)
+    segmenter = Segmenter(labelled_windows(corpus, taught, 9), corpus.ground, config)
     motifs = corpus.motifs[corpus.words_of(4)]
     judged = segmenter.label_words(motifs, corpus.idf).labels
     assert judged[:15].tolist() == ["a"] * 15
@@ -132,7 +132,7 @@ def test_thresholds_are_the_largest_distances_from_other_clips() -> None:
     clips = [random.integers(0, 6, size=n).tolist() for n in (14, 11, 16)]
     corpus = corpus_of(clips, random.standard_normal((6, 2)))
     taught = [whole(corpus, 0, "a"), whole(corpus, 1, "a"), whole(corpus, 2, "alone")]
-    teaching = taught_windows(corpus, taught, 9)
+    teaching = labelled_windows(corpus, taught, 9)
     segmenter = Segmenter(teaching, corpus.ground)
     nearest = [
         min(
@@ -143,15 +143,15 @@ def test_thresholds_are_the_largest_distances_from_other_clips() -> None:
     ]
     # The class that one clip alone teaches has the threshold of the others.
     assert segmenter.thresholds == pytest.approx([max(nearest), max(nearest)])
-    alone = Segmenter(taught_windows(corpus, taught[:1], 9), corpus.ground)
+    alone = Segmenter(labelled_windows(corpus, taught[:1], 9), corpus.ground)
     assert np.isinf(alone.thresholds).all()
 
 
 def test_a_range_shorter_than_a_word_teaches_one_window_and_mirrors_teach_too() -> None:
     corpus = corpus_of([[0] * 12, [1] * 12], np.eye(2))
-    teaching = taught_windows(corpus, [TaughtRange(0, 100, 104, "a")], 9)
+    teaching = labelled_windows(corpus, [LabelledRange(0, 100, 104, "a")], 9)
     assert teaching.labels.tolist() == ["a"]
-    mirrored = taught_windows(corpus, [TaughtRange(0, 100, 104, "a")], 9, {0: np.ones(12, dtype=np.int32)})
+    mirrored = labelled_windows(corpus, [LabelledRange(0, 100, 104, "a")], 9, {0: np.ones(12, dtype=np.int32)})
     assert mirrored.signatures.tolist() == [[1, 0], [0, 1]]
     assert mirrored.mirrored.tolist() == [False, True]
 
@@ -163,7 +163,7 @@ def test_a_mirror_image_counts_as_farther() -> None:
     images = {0: np.full(9, 1, dtype=np.int32), 1: np.full(9, 3, dtype=np.int32)}
     for factor, label in ((1.25, "a"), (1.0, "b")):
         config = SegmentationConfig(mirror_factor=factor, unknown=None)
-        segmenter = Segmenter(taught_windows(corpus, taught, 9, images), corpus.ground, config)
+        segmenter = Segmenter(labelled_windows(corpus, taught, 9, images), corpus.ground, config)
         found = segmenter.label_words(corpus.motifs[corpus.words_of(2)], corpus.idf)
         assert set(found.labels) == {label}
         assert found.distances == pytest.approx(1.0 if label == "a" else 0.9)
@@ -191,7 +191,7 @@ def test_settings_without_meaning_are_refused(wrong: dict[str, int], says: str) 
 
 def test_nothing_taught_is_an_error() -> None:
     with pytest.raises(UserError, match=r"segments\.csv"):
-        taught_windows(corpus_of([[0, 1]], np.eye(2)), [], 9)
+        labelled_windows(corpus_of([[0, 1]], np.eye(2)), [], 9)
 
 
 @pytest.mark.recordings
@@ -218,12 +218,12 @@ def test_real_takes_are_segmented_by_the_others(recordings: Path) -> None:
     motifs = fit_motifs(np.concatenate(embedded), 100, 0)
     corpus = corpus_of([assign(words, motifs).tolist() for words in embedded], motifs.centroids)
     taught = [
-        TaughtRange(names.index(row["file"]), int(row["start"]), int(row["stop"]), row["label"])
+        LabelledRange(names.index(row["file"]), int(row["start"]), int(row["stop"]), row["label"])
         for row in rows
         if row["file"] in names[:2]
     ]
     truth = [(int(r["start"]), int(r["stop"]), r["label"]) for r in rows if r["file"] == names[2]]
-    segmenter = Segmenter(taught_windows(corpus, taught, 9), corpus.ground, SegmentationConfig(window=9, reach=6))
+    segmenter = Segmenter(labelled_windows(corpus, taught, 9), corpus.ground, SegmentationConfig(window=9, reach=6))
     words = corpus.words_of(2)
     centres = (corpus.starts[words] + corpus.stops[words] - 1) / 2
     found = segmenter.label_words(corpus.motifs[words], corpus.idf)

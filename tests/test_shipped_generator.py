@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from motionlake.glogen.config import PRETRAINED_GENERATOR, SynthesisConfig
 from motionlake.glogen.generator import load_generator
-from motionlake.glogen.wishes import Seed, Wish
+from motionlake.glogen.requests import MotionRequest, SeedClip
 from motionlake.motion.skeleton import JOINTS, PARENTS
 
 from tests.lakes import motionlake, query
@@ -44,8 +44,8 @@ def test_every_class_of_it_makes_motion_from_a_body_that_stands() -> None:
     generator = load_generator(PRETRAINED_GENERATOR.file)
     body = standing(60)
     offsets = body[0] - body[0, np.maximum(PARENTS, 0)]
-    seed = Seed("stands", body, 30.0, offsets)
-    made = generator.generate([Wish((name,), 2.0, 5, seed) for name in generator.classes])
+    seed = SeedClip("stands", body, 30.0, offsets)
+    made = generator.generate([MotionRequest((name,), 2.0, 5, seed) for name in generator.classes])
     for one in made:
         assert one.positions.shape == (60, len(JOINTS), 3)
         assert np.isfinite(one.positions).all()

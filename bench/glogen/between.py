@@ -9,7 +9,7 @@ import numpy as np
 from motionlake.arrays import Float64Array
 from motionlake.glogen.generator import TrainedGenerator
 from motionlake.glogen.inbetweening import dense_motions, interpolated_motion
-from motionlake.glogen.sparse import HEIGHT, JOINT_COLUMNS, Piece
+from motionlake.glogen.sparse import HEIGHT, JOINT_COLUMNS, TrainingPiece
 from motionlake.glogen.trajectories import FPS
 from motionlake.motion.resampling import interpolated
 from numpy.typing import NDArray
@@ -57,20 +57,20 @@ def measure(unit: Unit) -> dict[str, Measures]:
     }
 
 
-def _times(piece: Piece) -> Float64Array:
+def _times(piece: TrainingPiece) -> Float64Array:
     return piece.sparse.places / FPS
 
 
-def _asked(piece: Piece) -> Float64Array:
+def _asked(piece: TrainingPiece) -> Float64Array:
     """Seconds of the frames after the first one, where the first sparse pose is."""
     return np.arange(1, len(piece.motion)) / FPS
 
 
-def _by_locgen(generator: TrainedGenerator, piece: Piece) -> Float64Array:
+def _by_locgen(generator: TrainedGenerator, piece: TrainingPiece) -> Float64Array:
     (motion,) = dense_motions(generator.locgen, [piece.sparse.rows], [_times(piece)], len(piece.motion) - 1)
     return motion.joints.reshape(-1, HEIGHT)
 
 
-def _error(found: NDArray[np.floating], piece: Piece) -> float:
+def _error(found: NDArray[np.floating], piece: TrainingPiece) -> float:
     apart = (found - frames_of(piece.motion)[1:]).reshape(len(found), -1, 3)
     return float(np.linalg.norm(apart, axis=2).mean())

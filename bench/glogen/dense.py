@@ -11,11 +11,11 @@ import numpy as np
 from motionlake.arrays import Float32Array, Float64Array
 from motionlake.evaluation.synthesis_metrics import MILLISECONDS
 from motionlake.glogen.config import SEEDS, SPARSE, SynthesisConfig
-from motionlake.glogen.course import Course, go_on
 from motionlake.glogen.generator import TrainedGenerator
 from motionlake.glogen.inbetweening import dense_motions
-from motionlake.glogen.lead_in import led_in, state_at
-from motionlake.glogen.sparse import PIECE, Piece, even_motion, ranges
+from motionlake.glogen.onset import state_at, with_onset
+from motionlake.glogen.rollout import Rollout, roll_out
+from motionlake.glogen.sparse import PIECE, TrainingPiece, even_motion, ranges
 from motionlake.glogen.trajectories import FPS, BodyMotion
 from motionlake.motion.resampling import interpolated
 from numpy.typing import NDArray
@@ -62,12 +62,12 @@ class Asked:
         start: frame of the last given pose, whole: where methods that read frames begin.
     """
 
-    piece: Piece
+    piece: TrainingPiece
     known: Float32Array
     start: int
 
     @classmethod
-    def of(cls, piece: Piece) -> Asked:
+    def of(cls, piece: TrainingPiece) -> Asked:
         start = int(piece.sparse.places[SEEDS - 1])
         return cls(piece, frames_of(piece.motion)[: start + 1], start)
 
@@ -99,10 +99,10 @@ def means(errors: Sequence[Errors]) -> Found:
     return found | {"clips": sum(fold["clips"] for fold in errors)}
 
 
-def asked_pieces(test: Material) -> list[Piece]:
+def asked_pieces(test: Material) -> list[TrainingPiece]:
     """The pieces of clips, their sparse poses as far apart in time as those of a piece of 100 frames."""
     parts = [motion.cut(*part) for motion in test.motions for part in ranges(len(motion))]
-    return [Piece(part, even_motion(part), 0) for part in parts]
+    return [TrainingPiece(part, even_motion(part), 0) for part in parts]
 
 
 def _baseline(unit: Unit, train: Material, asked: list[Asked]) -> NDArray[np.float64]:
@@ -136,17 +136,17 @@ def _ours(unit: Unit, asked: list[Asked]) -> NDArray[np.float64]:
 
 
 def continued(
-    generator: TrainedGenerator, pieces: list[Piece], targets: list[int], frames: int, *, led: bool
+    generator: TrainedGenerator, pieces: list[TrainingPiece], targets: list[int], frames: int, *, led: bool
 ) -> list[BodyMotion]:
     """What a generator has follow the first sparse poses of pieces, nothing left to chance.
 
     `led`: led over to from how recorded bodies go on.
     """
     latent = np.zeros((1, max(1, generator.glogen.recipe.latent)))
-    courses = go_on(
+    courses = roll_out(
         generator.glogen,
         [
-            Course(p.sparse.rows[:SEEDS], [t], latent, frames / FPS, 1.0, taken=[generator.reach[t]])
+            Rollout(p.sparse.rows[:SEEDS], [t], latent, frames / FPS, 1.0, taken=[generator.reach[t]])
             for p, t in zip(pieces, targets, strict=True)
         ],
     )
@@ -154,10 +154,10 @@ def continued(
     made = dense_motions(generator.locgen, rows, times, frames)
     if not led:
         return made
-    return [led_in(motion, _ahead(generator, p, t)) for motion, p, t in zip(made, pieces, targets, strict=True)]
+    return [with_onset(motion, _ahead(generator, p, t)) for motion, p, t in zip(made, pieces, targets, strict=True)]
 
 
-def _ahead(generator: TrainedGenerator, piece: Piece, target: int) -> Float64Array | None:
+def _ahead(generator: TrainedGenerator, piece: TrainingPiece, target: int) -> Float64Array | None:
     place = piece.sparse.places[SEEDS - 1 : SEEDS]
     return generator.lead.ahead(state_at(piece.motion, place)[0], target) if generator.going[target] else None
 

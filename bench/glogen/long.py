@@ -13,8 +13,8 @@ from motionlake.evaluation.synthesis_metrics import (
     travel_speed,
     within_range,
 )
+from motionlake.glogen.requests import MotionRequest, SeedClip
 from motionlake.glogen.trajectories import FPS, resampled
-from motionlake.glogen.wishes import Seed, Wish
 
 from bench.glogen.folds import Measures, Unit, folds, generator_of, parted
 from bench.glogen.material import Material, material
@@ -36,10 +36,10 @@ def measure(unit: Unit) -> dict[str, Measures]:
     return {"made": found, "clips": _described(_recorded(test))}
 
 
-def _wish(test: Material, i: int, seed: int) -> Wish:
+def _wish(test: Material, i: int, seed: int) -> MotionRequest:
     clip = test.clips[i]
     assert clip.rest_offsets is not None
-    return Wish((clip.label,), SECONDS, seed, Seed(clip.name, clip.positions, clip.fps, clip.rest_offsets))
+    return MotionRequest((clip.label,), SECONDS, seed, SeedClip(clip.name, clip.positions, clip.fps, clip.rest_offsets))
 
 
 def _recorded(chosen: Material) -> list[Float64Array]:

@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 from motionlake.arrays import Float32Array
-from motionlake.glogen.sparse import HEIGHT, JOINT_COLUMNS, Piece, pieces, rows_of
+from motionlake.glogen.sparse import HEIGHT, JOINT_COLUMNS, TrainingPiece, pieces, rows_of
 from motionlake.glogen.trajectories import BodyMotion, body_motion
 from motionlake.motion.skeleton import PARENTS
 from numpy.typing import NDArray
@@ -46,7 +46,7 @@ class Material:
     def of(self, rows: list[int]) -> Material:
         return Material([self.clips[i] for i in rows], [self.motions[i] for i in rows], self.classes)
 
-    def pieces(self, count: int, stride: int) -> list[Piece]:
+    def pieces(self, count: int, stride: int) -> list[TrainingPiece]:
         return pieces(self.motions, self.targets, count=count, stride=stride)
 
 
@@ -64,7 +64,7 @@ def split_material(name: str, split: str) -> Material:
     return whole.of([i for i, clip in enumerate(whole.clips) if clip.split == split])
 
 
-def sparse_motions(chosen: Material, made: list[Piece]) -> tuple[Motions, NDArray[np.float32]]:
+def sparse_motions(chosen: Material, made: list[TrainingPiece]) -> tuple[Motions, NDArray[np.float32]]:
     """What baselines read of pieces (joints alone), and all columns [n, 20, 65] of their sparse poses."""
     rows, targets = rows_of(made)
     return Motions(rows[..., JOINT_COLUMNS], targets, len(chosen.classes), (), BONES), rows

@@ -17,7 +17,7 @@ from motionlake.deephums.training import TrainingClip, train_descriptor
 from motionlake.evaluation.synthesis_likeness import frechet_distance
 from motionlake.glogen.config import SEEDS, GloGenRecipe, glogen_recipe
 from motionlake.glogen.config import SPARSE as POSES
-from motionlake.glogen.course import follow
+from motionlake.glogen.rollout import predict
 from motionlake.glogen.sparse import JOINT_COLUMNS, PIECE
 from motionlake.glogen.training import train_glogen, unseen
 from motionlake.motion.skeleton import COMMON, INDEX
@@ -141,7 +141,7 @@ def _glogen(
     chance = rng.standard_normal((len(test), max(1, recipe.latent)))
     given = network.scale.back(unseen(network.scale(torch.from_numpy(test)), recipe.missing, rng)).numpy()
     guessed, sampled = (
-        follow(network, given[:, :SEEDS], wanted, share * chance)[..., JOINT_COLUMNS].astype(np.float32)
+        predict(network, given[:, :SEEDS], wanted, share * chance)[..., JOINT_COLUMNS].astype(np.float32)
         for share in (0.0, 1.0)
     )
     return guessed, sampled

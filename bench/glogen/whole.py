@@ -18,10 +18,10 @@ from motionlake.deephums.trained import TrainedDescriptor
 from motionlake.deephums.training import TrainingClip, train_descriptor
 from motionlake.evaluation.synthesis_likeness import frechet_distance
 from motionlake.glogen.config import SEEDS, SPARSE, SynthesisConfig
-from motionlake.glogen.course import follow
 from motionlake.glogen.generator import TrainedGenerator
 from motionlake.glogen.generator_training import fit_generator
 from motionlake.glogen.inbetweening import dense_motions
+from motionlake.glogen.rollout import predict
 from motionlake.glogen.sparse import DURATION, PIECE
 from motionlake.motion.resampling import interpolated
 from numpy.typing import NDArray
@@ -130,7 +130,7 @@ def _once(generator: TrainedGenerator, test: Question, latent: NDArray[np.float6
     """The 15 poses that follow, once, and the frames between them."""
     given = np.stack([one.piece.sparse.rows[:SEEDS] for one in test.asked])
     assert generator.glogen.of == [list(range(len(generator.classes)))]  # actions come to their end
-    rows = np.concatenate([given[:, -1:], follow(generator.glogen.network(0), given, test.targets, latent)], axis=1)
+    rows = np.concatenate([given[:, -1:], predict(generator.glogen.network(0), given, test.targets, latent)], axis=1)
     times = np.concatenate([np.zeros((len(rows), 1)), np.cumsum(np.exp(rows[:, 1:, DURATION]), axis=1)], axis=1)
     made = dense_motions(generator.locgen, list(rows), list(times), max(test.lengths))
     return [frames_of(motion)[:n] for motion, n in zip(made, test.lengths, strict=True)]

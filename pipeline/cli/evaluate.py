@@ -249,15 +249,15 @@ def synthesis(
 
     Drawn: motionlake evaluate synthesis --dataset utd_mhad --pictures figures --lake mylake
     """
-    from motionlake.evaluation.synthesis import Plan, evaluate_synthesis
+    from motionlake.evaluation.synthesis import SynthesisPlan, evaluate_synthesis
 
     check_positive("--seconds", seconds)
     check_positive("--piece", piece)
     target = _target(lake, dataset)
     with reading(target) as con, stage_progress() as progress:
         measured = evaluate_synthesis(
-            con, target, Plan(count, seed, seconds, piece), dataset=dataset, split=split, repository=train_split,
-            column=column, notice=notice, progress=progress,
+            con, target, SynthesisPlan(count, seed, seconds, piece), dataset=dataset, split=split,
+            repository=train_split, column=column, notice=notice, progress=progress,
         )  # fmt: skip
     if pictures is not None:
         from motionlake.pictures.synthesis import synthesis_pictures

@@ -27,7 +27,7 @@ _C: Final = 100.0
 
 
 @dataclass(frozen=True)
-class Verdict:
+class Prediction:
     """The class of one clip.
 
     Attributes:
@@ -42,7 +42,7 @@ class Verdict:
     distance: float
 
 
-def classify_knn(distances: Float64Array, labels: Sequence[str], k: int = 5) -> list[Verdict]:
+def classify_knn(distances: Float64Array, labels: Sequence[str], k: int = 5) -> list[Prediction]:
     """The class of each of q clips by a vote of its k nearest labelled ones.
 
     Args:
@@ -64,11 +64,11 @@ def classify_knn(distances: Float64Array, labels: Sequence[str], k: int = 5) -> 
         for i in order:
             votes[labels[i]] = votes.get(labels[i], 0) + 1
         label = max(votes, key=lambda name: votes[name])  # the first of equals is the nearest
-        verdicts.append(Verdict(label, votes[label] / len(order), float(row[order[0]])))
+        verdicts.append(Prediction(label, votes[label] / len(order), float(row[order[0]])))
     return verdicts
 
 
-def classify_one_vs_all(distances: Float64Array, labelled: Float64Array, labels: Sequence[str]) -> list[Verdict]:
+def classify_one_vs_all(distances: Float64Array, labelled: Float64Array, labels: Sequence[str]) -> list[Prediction]:
     """The class of each of q clips by one classifier a class (section 5.3).
 
     Args:
@@ -96,7 +96,7 @@ def classify_one_vs_all(distances: Float64Array, labelled: Float64Array, labels:
         scores[:, i] = machine.decision_function(queries)
     ranked = np.sort(scores, axis=1)
     return [
-        Verdict(str(classes[scores[q].argmax()]), float(ranked[q, -1] - ranked[q, -2]), float(distances[q].min()))
+        Prediction(str(classes[scores[q].argmax()]), float(ranked[q, -1] - ranked[q, -2]), float(distances[q].min()))
         for q in range(len(scores))
     ]
 
@@ -137,7 +137,7 @@ class Clustering:
     silhouette: float
 
 
-def places_of(distances: Float64Array, dimensions: int = DIMENSIONS) -> Float64Array:
+def mds(distances: Float64Array, dimensions: int = DIMENSIONS) -> Float64Array:
     """[n, d] points whose distances follow `distances` [n, n], d at most n - 1 (multi-dimensional scaling)."""
     from sklearn.manifold import smacof
 
@@ -166,7 +166,7 @@ def cluster_clips(distances: Float64Array, k: int | None, *, seed: int = 0, dime
         raise UserError(f"{n} clips: clusters need at least 3")
     if k is not None and not 2 <= k < n:
         raise UserError(f"{k} clusters of {n} clips: ask for 2 to {n - 1}")
-    places = places_of(distances, dimensions)
+    places = mds(distances, dimensions)
     wanted = [k] if k is not None else list(range(2, min(MOST, n - 1) + 1))
     found = [_kmeans(places, count, seed) for count in wanted]
     clusters, silhouette = max(found, key=lambda each: each[1])

@@ -37,7 +37,7 @@ _HELD: Final = 4 * _BLOCK
 
 
 @dataclass(frozen=True)
-class SignedClips:
+class SignatureSet:
     """n clips that may be duplicates.
 
     Attributes:
@@ -77,7 +77,7 @@ class Duplicate:
 
 
 def find_duplicates(
-    clips: SignedClips,
+    clips: SignatureSet,
     features: Callable[[str], Float32Array],
     config: WordConfig,
     *,
@@ -111,7 +111,7 @@ def find_duplicates(
     return sorted(found.values(), key=lambda d: (d.distance, d.clip, d.other))
 
 
-def _candidates(clips: SignedClips, kept: Int64Array, across: bool) -> Int64Array:
+def _candidates(clips: SignatureSet, kept: Int64Array, across: bool) -> Int64Array:
     """[c, 3] (mirrored, i, j), i < j, of the pairs that lower bounds do not put beyond the radius.
 
     In an order in which the clips of neighbouring rows are few.
@@ -140,7 +140,7 @@ def _radius(ground: Float64Array) -> float:
 
 
 def _confirmed(
-    clips: SignedClips,
+    clips: SignatureSet,
     tracks: Callable[[str, bool], Track],
     fps: float,
     i: int,

@@ -67,7 +67,7 @@ class SegmentationConfig:
 
 
 @dataclass(frozen=True)
-class TaughtRange:
+class LabelledRange:
     """Frames [start, stop) of a clip, by its index in a corpus, at its own rate, that show one class."""
 
     clip: int
@@ -109,7 +109,7 @@ class WordLabels:
 
 
 @dataclass(frozen=True)
-class Band:
+class SegmentRange:
     """Frames [start, stop) of a clip, at its own rate, of one class; means of its words."""
 
     start: int
@@ -139,9 +139,9 @@ def word_centres(corpus: Corpus, clip: int) -> Float64Array:
     return np.asarray((corpus.starts[words] + corpus.stops[words] - 1) / 2, dtype=np.float64)
 
 
-def taught_windows(
+def labelled_windows(
     corpus: Corpus,
-    ranges: Sequence[TaughtRange],
+    ranges: Sequence[LabelledRange],
     n_words: int,
     mirrored: Mapping[int, IntArray] | None = None,
 ) -> Teaching:
@@ -181,7 +181,7 @@ def taught_windows(
     return Teaching(np.concatenate(signatures), np.array(labels), np.array(clips, dtype=np.int64), np.array(turned))
 
 
-def _words_in(centres: Float64Array, taught: TaughtRange) -> Int64Array:
+def _words_in(centres: Float64Array, taught: LabelledRange) -> Int64Array:
     inside = np.flatnonzero((centres >= taught.start) & (centres < taught.stop))
     if not len(inside):
         inside = np.array([np.argmin(np.abs(centres - (taught.start + taught.stop - 1) / 2))])
@@ -300,7 +300,7 @@ class Segmenter:
         return votes[back.ravel()], distances[back.ravel()]
 
 
-def bands(found: WordLabels, centres: Float64Array, frames: int) -> list[Band]:
+def bands(found: WordLabels, centres: Float64Array, frames: int) -> list[SegmentRange]:
     """Runs of one class along a clip; each frame belongs to the word whose centre ([w], ascending) is nearest.
 
     Args:
@@ -314,7 +314,7 @@ def bands(found: WordLabels, centres: Float64Array, frames: int) -> list[Band]:
     edges = np.ceil((centres[starts[1:] - 1] + centres[starts[1:]]) / 2).astype(np.int64)
     limits = np.concatenate([[0], edges, [frames]])
     return [
-        Band(
+        SegmentRange(
             int(limits[i]),
             int(limits[i + 1]),
             str(found.labels[a]),

@@ -10,10 +10,10 @@ import numpy as np
 from motionlake.arrays import FloatArray, Int32Array
 from motionlake.deep_motifs.corpus import Corpus
 from motionlake.deep_motifs.segmentation import (
+    LabelledRange,
     SegmentationConfig,
     Segmenter,
-    TaughtRange,
-    taught_windows,
+    labelled_windows,
     word_centres,
 )
 from motionlake.errors import UserError
@@ -144,11 +144,11 @@ def evaluate_segmentation(
     return SegmentationResult(scores, mean_scores(list(scores.values())))
 
 
-def segments_of(con: Connection, corpus: Corpus) -> list[TaughtRange]:
+def segments_of(con: Connection, corpus: Corpus) -> list[LabelledRange]:
     """The segments of a corpus's clips."""
     rows = fetch(con, "taught_segments", {"datasets": None, "clips": None})
     return [
-        TaughtRange(corpus.positions[r["clip"]], r["start"], r["stop"], r["label"])
+        LabelledRange(corpus.positions[r["clip"]], r["start"], r["stop"], r["label"])
         for r in rows
         if r["clip"] in corpus.positions
     ]
@@ -157,14 +157,14 @@ def segments_of(con: Connection, corpus: Corpus) -> list[TaughtRange]:
 def segmentation_scores(
     corpus: Corpus,
     clip: int,
-    taught: list[TaughtRange],
-    truth: list[TaughtRange],
+    taught: list[LabelledRange],
+    truth: list[LabelledRange],
     config: SegmentationConfig | None = None,
     mirrored: dict[int, Int32Array] | None = None,
 ) -> SegmentationScores:
     """Segment one clip by what `taught` (and its mirror images) shows, and score it by `truth`."""
     chosen = config or SegmentationConfig()
-    segmenter = Segmenter(taught_windows(corpus, taught, chosen.window, mirrored), corpus.ground, chosen)
+    segmenter = Segmenter(labelled_windows(corpus, taught, chosen.window, mirrored), corpus.ground, chosen)
     motifs = corpus.motifs[corpus.words_of(clip)]
     judged, forced = segmenter.label_words(motifs, corpus.idf), segmenter.forced_words(motifs, corpus.idf)
     classes = word_truth(word_centres(corpus, clip), [(r.start, r.stop, r.label) for r in truth])

@@ -37,7 +37,7 @@ PIECE: Final = 10.0  # seconds
 
 
 @dataclass(frozen=True)
-class Plan:
+class SynthesisPlan:
     """What is made to be measured.
 
     Attributes:
@@ -53,7 +53,7 @@ class Plan:
     piece: float = PIECE
 
 
-DEFAULT: Final = Plan()
+DEFAULT: Final = SynthesisPlan()
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,7 @@ class SynthesisEvaluation:
 
 def measure_generator(
     generator: Generator, test: Sequence[RealMotion], training: Sequence[RealMotion], describe: Describe,
-    plan: Plan = DEFAULT, progress: StepProgress = lambda what, done, total: None,
+    plan: SynthesisPlan = DEFAULT, progress: StepProgress = lambda what, done, total: None,
 ) -> SynthesisEvaluation:  # fmt: skip
     """Measure anything that generates.
 
@@ -193,7 +193,7 @@ UNITS: Final = {
 
 
 def evaluate_synthesis(
-    con: Connection, lake: Lake, plan: Plan = DEFAULT, *, dataset: str | None = None, split: str | None = None,
+    con: Connection, lake: Lake, plan: SynthesisPlan = DEFAULT, *, dataset: str | None = None, split: str | None = None,
     repository: str | None = None, column: str = "label", notice: Notice = lambda line: None,
     progress: StepProgress = lambda what, done, total: None,
 ) -> SynthesisEvaluation:  # fmt: skip

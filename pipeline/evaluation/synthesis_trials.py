@@ -10,7 +10,7 @@ import numpy as np
 from motionlake.arrays import Float64Array, StepProgress
 from motionlake.errors import UserError
 from motionlake.evaluation.synthesis_clips import RealMotion
-from motionlake.glogen.wishes import Seed, Synthesized, Wish
+from motionlake.glogen.requests import GeneratedMotion, MotionRequest, SeedClip
 from motionlake.motion.resampling import TOLERANCE, beside
 
 AT_ONCE: Final = 64  # motions that a generator makes in one go
@@ -23,7 +23,7 @@ class Generator(Protocol):
     @property
     def classes(self) -> list[str]: ...
 
-    def generate(self, wishes: Sequence[Wish]) -> list[Synthesized]: ...
+    def generate(self, requests: Sequence[MotionRequest]) -> list[GeneratedMotion]: ...
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class Begun:
         stop: the frame after the seed.
         after: [F, 21, 3] what really follows, at `fps`: frame k is (k + 1) / fps after the seed's last frame.
         fps: the generator's.
-        chance: the wish's seed: it says which part of a long clip is the seed.
+        chance: the request's seed: it says which part of a long clip is the seed.
     """
 
     motion: RealMotion
@@ -66,7 +66,7 @@ class Trial:
     """
 
     wanted: str
-    made: Synthesized
+    made: GeneratedMotion
     seed: Begun
     real: Begun
 
@@ -79,18 +79,18 @@ def begun(
     Raises:
         UserError: none is.
     """
-    wishes = [_wish(motion, motion.label, 1e-3, seed + i, 0.0) for i, motion in enumerate(motions)]
+    requests = [_request(motion, motion.label, 1e-3, seed + i, 0.0) for i, motion in enumerate(motions)]
     found: list[Begun] = []
     refused = "no clips"
-    for start in range(0, len(wishes), AT_ONCE):
-        made, reason = _those_possible(generator, wishes[start : start + AT_ONCE])
+    for start in range(0, len(requests), AT_ONCE):
+        made, reason = _those_possible(generator, requests[start : start + AT_ONCE])
         refused = reason or refused
         for i, one in enumerate(made, start):
             if one is not None:
                 after = following(motions[i], one.seed_stop, one.fps)
                 if len(after) >= LEAST * one.fps:
-                    found.append(Begun(motions[i], one.seed_stop, after, one.fps, wishes[i].seed))
-        progress(what, min(start + AT_ONCE, len(wishes)), len(wishes))
+                    found.append(Begun(motions[i], one.seed_stop, after, one.fps, requests[i].seed))
+        progress(what, min(start + AT_ONCE, len(requests)), len(requests))
     if not found:
         raise UserError(f"none of {len(motions)} clips is long enough to go on from and compare with ({refused})")
     return found
@@ -110,10 +110,10 @@ def continued(
     progress: StepProgress,
 ) -> list[Trial]:  # fmt: skip
     """Each clip gone on from in its own class, for `seconds`, or as long as it really goes on."""
-    wishes = [
-        _wish(each.motion, each.motion.label, seconds or each.seconds, each.chance, temperature) for each in begins
+    requests = [
+        _request(each.motion, each.motion.label, seconds or each.seconds, each.chance, temperature) for each in begins
     ]
-    return _trials(generator, wishes, [(each, each) for each in begins], what, progress)
+    return _trials(generator, requests, [(each, each) for each in begins], what, progress)
 
 
 def from_other_classes(
@@ -134,41 +134,43 @@ def from_other_classes(
             beside = real[i % len(real) if count > len(real) else i * len(real) // count]
             near = [each for each in others if each.motion.dataset == beside.motion.dataset] or others
             pairs.append((near[int(random.integers(len(near)))], beside))
-    wishes = [
-        _wish(start.motion, real.motion.label, seconds or real.seconds, seed + i, 1.0)
+    requests = [
+        _request(start.motion, real.motion.label, seconds or real.seconds, seed + i, 1.0)
         for i, (start, real) in enumerate(pairs)
     ]
-    return _trials(generator, wishes, pairs, what, progress)
+    return _trials(generator, requests, pairs, what, progress)
 
 
 def _trials(
     generator: Generator,
-    wishes: Sequence[Wish],
+    requests: Sequence[MotionRequest],
     pairs: Sequence[tuple[Begun, Begun]],
     what: str,
     progress: StepProgress,
 ) -> list[Trial]:
     found: list[Trial] = []
-    for first in range(0, len(wishes), AT_ONCE):
-        made = generator.generate(wishes[first : first + AT_ONCE])
+    for first in range(0, len(requests), AT_ONCE):
+        made = generator.generate(requests[first : first + AT_ONCE])
         for one, (start, real) in zip(made, pairs[first : first + AT_ONCE], strict=True):
             found.append(Trial(real.motion.label, one, start, real))
-        progress(what, len(found), len(wishes))
+        progress(what, len(found), len(requests))
     return found
 
 
-def _wish(start: RealMotion, label: str, seconds: float, seed: int, temperature: float) -> Wish:
-    given = Seed(start.clip, start.positions, start.fps, start.rest_offsets)
-    return Wish((label,), seconds, seed, given, temperature=temperature)
+def _request(start: RealMotion, label: str, seconds: float, seed: int, temperature: float) -> MotionRequest:
+    given = SeedClip(start.clip, start.positions, start.fps, start.rest_offsets)
+    return MotionRequest((label,), seconds, seed, given, temperature=temperature)
 
 
-def _those_possible(generator: Generator, wishes: Sequence[Wish]) -> tuple[list[Synthesized | None], str]:
-    """What each wish gives, None where it cannot be met, and why the last of these could not."""
+def _those_possible(
+    generator: Generator, requests: Sequence[MotionRequest]
+) -> tuple[list[GeneratedMotion | None], str]:
+    """What each request gives, None where it cannot be met, and why the last of these could not."""
     try:
-        return list(generator.generate(wishes)), ""
+        return list(generator.generate(requests)), ""
     except ValueError as error:
-        if len(wishes) == 1:
+        if len(requests) == 1:
             return [None], str(error)
-    half = len(wishes) // 2
-    (first, why), (second, other) = (_those_possible(generator, some) for some in (wishes[:half], wishes[half:]))
+    half = len(requests) // 2
+    (first, why), (second, other) = (_those_possible(generator, some) for some in (requests[:half], requests[half:]))
     return [*first, *second], other or why

@@ -11,13 +11,13 @@ import numpy as np
 import torch
 from motionlake.arrays import Float32Array, Float64Array
 from motionlake.glogen.config import GloGenRecipe, SynthesisConfig
-from motionlake.glogen.course import Course, go_on
-from motionlake.glogen.inbetweening import Between, Frames, LocGenRecipe, dense_motions, locgen_network
-from motionlake.glogen.lead_in import FEATURES, LeadIn, led_in
+from motionlake.glogen.inbetweening import DenseDecoder, Inbetweener, LocGenRecipe, dense_motions, locgen_network
+from motionlake.glogen.onset import FEATURES, Onset, with_onset
+from motionlake.glogen.requests import SHORTEST, GeneratedMotion, MotionRequest, StartState, start_state
+from motionlake.glogen.rollout import Rollout, roll_out
 from motionlake.glogen.sparse import WIDTH, ranges, sparse_motion
 from motionlake.glogen.training import ByClass, untrained
 from motionlake.glogen.trajectories import FPS, body_motion, in_world
-from motionlake.glogen.wishes import SHORTEST, Start, Synthesized, Wish, start_of
 from motionlake.motion.skeleton import JOINTS
 from motionlake.training import on_threads, read_network, save_network
 from torch import nn
@@ -25,12 +25,12 @@ from torch import nn
 
 @dataclass(frozen=True)
 class EmbeddedMotions:
-    """Motions as a generator reads them.
+    """Motions as the encoder of a generator embeds them.
 
     Attributes:
         labels: [n] their classes.
         with_class: [n, E] embeddings of their sparse poses, five by five, with the class prior, as in figure 4.7.
-        alone: [n, E] without it: what the poses themselves say.
+        alone: [n, E] the same without the class prior.
     """
 
     labels: list[str]
@@ -39,7 +39,7 @@ class EmbeddedMotions:
 
 
 def embed_motions(generator: TrainedGenerator, motions: Sequence[TrainingMotion]) -> EmbeddedMotions:
-    """Embed motions of classes that the generator knows; of long ones the first piece; short ones are left out."""
+    """Embed motions of the generator's classes: the first piece of long motions; short motions are left out."""
     chosen = [motion for motion in motions if len(motion.positions) / motion.fps * FPS >= SHORTEST]
     count = generator.glogen.recipe.sparse
     rows = np.zeros((len(chosen), count, WIDTH), dtype=np.float32)
@@ -64,13 +64,13 @@ class TrainedGenerator:
 
     Attributes:
         config: what it was trained for.
-        classes: [C] it knows.
-        going: [C] whether the motion of each goes on, or comes to its end (`pieces.goes_on`).
-        reach: [C] how many poses after the given ones the motions of each have (`pieces.reach`): what the network says
-            of the class beyond these it has not learned.
-        glogen, locgen: networks in evaluation mode, on the CPU; GloGen has one for each class that goes on.
-        lead: how motion goes on from recorded frames.
-        figures: of its training.
+        classes: [C] it was trained on.
+        going: [C] whether the motion of a class is cyclic, as walking, or comes to its end, as a kick (`goes_on`).
+        reach: [C] median number of poses that follow the first five in training motions (`reach`); later predictions
+            are not used, since the network had no examples of them.
+        glogen, locgen: networks in evaluation mode, on the CPU; GloGen has one for each cyclic class.
+        lead: predicts the frames right after a seed clip.
+        figures: metrics of its training.
     """
 
     config: SynthesisConfig
@@ -78,61 +78,71 @@ class TrainedGenerator:
     going: list[bool]
     reach: list[int]
     glogen: ByClass
-    locgen: Frames | Between
-    lead: LeadIn
+    locgen: DenseDecoder | Inbetweener
+    lead: Onset
     figures: Mapping[str, Any]
 
-    def generate(self, wishes: Sequence[Wish]) -> list[Synthesized]:
-        """The motions wished for; the same for the same wish, whatever the others.
+    def generate(self, requests: Sequence[MotionRequest]) -> list[GeneratedMotion]:
+        """Generate one motion for each request; the same request gives the same motion, whatever the others are.
 
         Raises:
             ValueError: a class that it does not know, no seconds, no pace, a seed clip shorter than needed or of
                 another skeleton.
         """
-        for wish in wishes:
-            self._check(wish)
-        starts = [self._start(wish) for wish in wishes]
+        for request in requests:
+            self._check(request)
+        starts = [self._start(request) for request in requests]
         with on_threads(1):
-            courses = go_on(self.glogen, [self._course(w, s) for w, s in zip(wishes, starts, strict=True)])
-            made: list[Synthesized | None] = [None] * len(wishes)
-            for frames in sorted({_frames(wish) for wish in wishes}):
-                chosen = [i for i, wish in enumerate(wishes) if _frames(wish) == frames]
-                rows = [np.stack(courses[i].rows) for i in chosen]
-                times = [courses[i].times() for i in chosen]
+            rollouts = roll_out(self.glogen, [self._rollout(r, s) for r, s in zip(requests, starts, strict=True)])
+            made: list[GeneratedMotion | None] = [None] * len(requests)
+            for frames in sorted({_frames(request) for request in requests}):
+                chosen = [i for i, request in enumerate(requests) if _frames(request) == frames]
+                rows = [np.stack(rollouts[i].rows) for i in chosen]
+                times = [rollouts[i].times() for i in chosen]
                 for i, motion in zip(chosen, dense_motions(self.locgen, rows, times, frames), strict=True):
-                    begun = led_in(motion, self._ahead(wishes[i], starts[i]))
-                    positions, rotations = in_world(begun, wishes[i].start.rest_offsets, starts[i].root, starts[i].yaw)
-                    made[i] = _given(wishes[i], starts[i], courses[i], positions, rotations)
+                    begun = with_onset(motion, self._ahead(requests[i], starts[i]))
+                    positions, rotations = in_world(
+                        begun, requests[i].start.rest_offsets, starts[i].root, starts[i].yaw
+                    )
+                    made[i] = _given(requests[i], starts[i], rollouts[i], positions, rotations)
         return [one for one in made if one is not None]
 
-    def _check(self, wish: Wish) -> None:
-        if not wish.classes:
-            raise ValueError("no class is asked for")
-        for name in wish.classes:
+    def _check(self, request: MotionRequest) -> None:
+        if not request.classes:
+            raise ValueError("a request names no class")
+        for name in request.classes:
             if name not in self.classes:
                 raise ValueError(f"class {name!r} is none of this generator's {len(self.classes)}")
-        if not (np.isfinite(wish.seconds) and wish.seconds > 0):
-            raise ValueError(f"{wish.seconds} seconds of motion cannot be made; ask for more than 0")
-        if not (np.isfinite(wish.pace) and wish.pace > 0):
-            raise ValueError(f"pace {wish.pace} is none; 1 is that of the recordings, 2 twice as fast")
-        if not (np.isfinite(wish.temperature) and wish.temperature >= 0):
-            raise ValueError(f"temperature {wish.temperature} is none; 0 leaves nothing to chance, 1 what is natural")
+        if not (np.isfinite(request.seconds) and request.seconds > 0):
+            raise ValueError(f"{request.seconds} seconds of motion cannot be made; ask for more than 0")
+        if not (np.isfinite(request.pace) and request.pace > 0):
+            raise ValueError(f"pace {request.pace} is none; 1 is that of the recordings, 2 twice as fast")
+        if not (np.isfinite(request.temperature) and request.temperature >= 0):
+            raise ValueError(
+                f"temperature {request.temperature} is none; 0 gives the most likely motion, 1 natural variation"
+            )
 
-    def _start(self, wish: Wish) -> Start:
-        going = self.going[self.classes.index(wish.classes[0])]
-        return start_of(wish.start, wish.seed, self.glogen.recipe.sparse, going)
+    def _start(self, request: MotionRequest) -> StartState:
+        going = self.going[self.classes.index(request.classes[0])]
+        return start_state(request.start, request.seed, self.glogen.recipe.sparse, going)
 
-    def _ahead(self, wish: Wish, start: Start) -> Float64Array | None:
-        target = self.classes.index(wish.classes[0])
-        return None if start.state is None else self.lead.ahead(start.state, target, wish.pace)
+    def _ahead(self, request: MotionRequest, start: StartState) -> Float64Array | None:
+        target = self.classes.index(request.classes[0])
+        return None if start.state is None else self.lead.ahead(start.state, target, request.pace)
 
-    def _course(self, wish: Wish, start: Start) -> Course:
-        targets = [self.classes.index(name) for name in wish.classes]
-        rng = np.random.default_rng(wish.seed)
-        latent = wish.temperature * rng.standard_normal((len(targets), max(1, self.glogen.recipe.latent)))
+    def _rollout(self, request: MotionRequest, start: StartState) -> Rollout:
+        targets = [self.classes.index(name) for name in request.classes]
+        rng = np.random.default_rng(request.seed)
+        latent = request.temperature * rng.standard_normal((len(targets), max(1, self.glogen.recipe.latent)))
         ending = [self.glogen.recipe.architecture == "ahead" and not self.going[target] for target in targets]
-        return Course(
-            start.rows, targets, latent, wish.seconds, wish.pace, ending, [self.reach[target] for target in targets]
+        return Rollout(
+            start.rows,
+            targets,
+            latent,
+            request.seconds,
+            request.pace,
+            ending,
+            [self.reach[target] for target in targets],
         )
 
     def _networks(self) -> nn.ModuleDict:
@@ -149,13 +159,15 @@ class TrainedGenerator:
         save_network(path, self._networks(), METADATA_KEY, kept)
 
 
-def _frames(wish: Wish) -> int:
-    return max(2, round(wish.seconds * FPS))
+def _frames(request: MotionRequest) -> int:
+    return max(2, round(request.seconds * FPS))
 
 
-def _given(wish: Wish, start: Start, course: Course, positions: Float64Array, rotations: Float64Array) -> Synthesized:
-    begins = tuple(min(len(positions) - 1, round(second * FPS)) for second in course.begins)
-    return Synthesized(positions, rotations, wish.start.rest_offsets, FPS, begins, start.first, start.last)
+def _given(
+    request: MotionRequest, start: StartState, rollout: Rollout, positions: Float64Array, rotations: Float64Array
+) -> GeneratedMotion:
+    begins = tuple(min(len(positions) - 1, round(second * FPS)) for second in rollout.begins)
+    return GeneratedMotion(positions, rotations, request.start.rest_offsets, FPS, begins, start.first, start.last)
 
 
 def load_generator(path: Path) -> TrainedGenerator:
@@ -171,7 +183,7 @@ def load_generator(path: Path) -> TrainedGenerator:
         raise ValueError(f"{path} was made by an earlier version; train one anew with `motionlake train synthesis`")
     glogen = untrained(GloGenRecipe(**kept["glogen"]), kept["networks"])
     locgen = locgen_network(LocGenRecipe(**kept["locgen"]))
-    lead = LeadIn(len(kept["classes"]), kept["examples"])
+    lead = Onset(len(kept["classes"]), kept["examples"])
     config = SynthesisConfig(**kept["config"])
     generator = TrainedGenerator(
         config, kept["classes"], kept["going"], kept["reach"], glogen.eval(), locgen.eval(), lead, kept["figures"]

@@ -13,9 +13,9 @@ from motionlake.glogen.config import SEEDS, GloGenRecipe, SynthesisConfig, gloge
 from motionlake.glogen.generator import TrainedGenerator, TrainingMotion
 from motionlake.glogen.inbetween_training import train_locgen
 from motionlake.glogen.inbetweening import LocGenRecipe, locgen_recipe
-from motionlake.glogen.lead_in import MOST as EXAMPLES
-from motionlake.glogen.lead_in import fit_lead_in
-from motionlake.glogen.sparse import PIECE, Piece, goes_on, pieces, reach
+from motionlake.glogen.onset import MOST as EXAMPLES
+from motionlake.glogen.onset import fit_onset
+from motionlake.glogen.sparse import PIECE, TrainingPiece, goes_on, pieces, reach
 from motionlake.glogen.training import ByClass, epochs_of, groups, train_glogen
 from motionlake.glogen.trajectories import BodyMotion, body_motion
 
@@ -111,7 +111,7 @@ def fit_generator(
     return TrainedGenerator(
         config, classes, going, reach(motions, targets, going, SEEDS, first.sparse),
         ByClass(first, networks, [part.classes for part in parts]), locgen_network,
-        fit_lead_in(motions, targets, going, examples), figures,
+        fit_onset(motions, targets, going, examples), figures,
     )  # fmt: skip
 
 
@@ -158,7 +158,7 @@ class _Part:
 
 def _cut(
     motions: Sequence[BodyMotion], targets: Sequence[int], going: Sequence[bool], recipe: GloGenRecipe, again: int = 0
-) -> list[Piece]:
+) -> list[TrainingPiece]:
     """Pieces with more sparse poses than are given."""
     stride = STRIDE if recipe.architecture == "ahead" else PIECE
     made = pieces(
@@ -173,6 +173,6 @@ def _again(motions: Sequence[BodyMotion], going: Sequence[bool], least: int) -> 
     return min(max(least, -(-frames // MOST)), PIECE) if least and frames else 0
 
 
-def _frames(made: Sequence[Piece], going: Sequence[bool]) -> int:
+def _frames(made: Sequence[TrainingPiece], going: Sequence[bool]) -> int:
     """How many frames pieces of classes that go on hold."""
     return sum(len(piece.motion) for piece in made if going[piece.target])

@@ -12,14 +12,14 @@ from motionlake.arrays import Float64Array, FloatArray, Int64Array, Progress
 from motionlake.glogen.inbetweening import (
     MOVING,
     POSE,
-    Between,
-    Frames,
+    DenseDecoder,
+    Inbetweener,
     LocGenRecipe,
     between,
     interpolated_motion,
     locgen_network,
 )
-from motionlake.glogen.sparse import HEIGHT, Piece
+from motionlake.glogen.sparse import HEIGHT, TrainingPiece
 from motionlake.glogen.trajectories import FPS, BodyMotion
 from motionlake.motion.resampling import interpolated
 from motionlake.training import Checkpoint, Training, on_threads, optimiser_of, rate_of
@@ -32,14 +32,14 @@ CHECKPOINT_EVERY: Final = 5
 
 
 def train_locgen(
-    pieces: Sequence[Piece],
+    pieces: Sequence[TrainingPiece],
     recipe: LocGenRecipe,
     seed: int,
     *,
     checkpoint: Path | None = None,
     stays: bool = False,
     progress: Progress | None = None,
-) -> tuple[Frames | Between, list[float]]:
+) -> tuple[DenseDecoder | Inbetweener, list[float]]:
     """Train on pieces of clips, of any class.
 
     Args:
@@ -65,8 +65,8 @@ def train_locgen(
 
 
 def _fit(
-    network: Frames | Between,
-    pieces: Sequence[Piece],
+    network: DenseDecoder | Inbetweener,
+    pieces: Sequence[TrainingPiece],
     recipe: LocGenRecipe,
     seed: int,
     rng: np.random.Generator,
@@ -76,7 +76,7 @@ def _fit(
 ) -> list[float]:
     def loss(chosen: Int64Array) -> Tensor:
         some = [pieces[i] for i in chosen]
-        return _frames_loss(network, some, rng) if isinstance(network, Frames) else _between_loss(network, some)
+        return _frames_loss(network, some, rng) if isinstance(network, DenseDecoder) else _between_loss(network, some)
 
     return Training(
         network, optimiser_of(network, recipe), recipe.epochs_of(len(pieces)), rate_of(recipe),
@@ -85,7 +85,7 @@ def _fit(
     ).run()  # fmt: skip
 
 
-def _frames_loss(network: Frames, pieces: Sequence[Piece], rng: np.random.Generator) -> Tensor:
+def _frames_loss(network: DenseDecoder, pieces: Sequence[TrainingPiece], rng: np.random.Generator) -> Tensor:
     recipe = network.recipe
     inputs, outputs = [], []
     for piece in pieces:
@@ -102,7 +102,7 @@ def _frames_loss(network: Frames, pieces: Sequence[Piece], rng: np.random.Genera
     return error + 0.1 * feet
 
 
-def _between_loss(network: Between, pieces: Sequence[Piece]) -> Tensor:
+def _between_loss(network: Inbetweener, pieces: Sequence[TrainingPiece]) -> Tensor:
     count = network.recipe.between
     pairs = [pair for piece in pieces for pair in poses_between(piece, count)]
     given, wanted = (torch.from_numpy(np.stack([pair[i] for pair in pairs])).float() for i in (0, 1))
@@ -110,7 +110,7 @@ def _between_loss(network: Between, pieces: Sequence[Piece]) -> Tensor:
     return error
 
 
-def poses_between(piece: Piece, count: int) -> list[Pair]:
+def poses_between(piece: TrainingPiece, count: int) -> list[Pair]:
     """Of every two sparse poses that follow each other [M, 61] interpolated and real poses after the first.
 
     The real ones are, as the sparse poses, equally far apart in moved distance.
@@ -124,7 +124,7 @@ def poses_between(piece: Piece, count: int) -> list[Pair]:
     ]
 
 
-def _interpolated(piece: Piece, rows: Float64Array) -> Float64Array:
+def _interpolated(piece: TrainingPiece, rows: Float64Array) -> Float64Array:
     at = np.arange(len(piece.motion)) / FPS
     return interpolated_motion(rows, piece.sparse.places / FPS, at)
 

@@ -46,7 +46,7 @@ class RowScale(nn.Module):
         return (rows - self.mean[: rows.shape[-1]]) / self.scale[: rows.shape[-1]]
 
 
-class Frames(nn.Module):
+class DenseDecoder(nn.Module):
     """Reads a whole motion frame by frame, both ways in time; gives what to add, and which foot stands."""
 
     def __init__(self, recipe: LocGenRecipe) -> None:
@@ -69,7 +69,7 @@ class Frames(nn.Module):
         return torch.cat([scaled[..., :MOVING] + found[..., :MOVING], found[..., MOVING:]], dim=-1)
 
 
-class Between(nn.Module):
+class Inbetweener(nn.Module):
     """The thesis's: poses between two sparse poses, an encoder whose states all go to the decoder (equation 4.4)."""
 
     def __init__(self, recipe: LocGenRecipe) -> None:
@@ -88,9 +88,9 @@ class Between(nn.Module):
         return self.out(decoded)  # type: ignore[no-any-return]
 
 
-def locgen_network(recipe: LocGenRecipe) -> Frames | Between:
+def locgen_network(recipe: LocGenRecipe) -> DenseDecoder | Inbetweener:
     """An untrained network."""
-    return Frames(recipe) if recipe.architecture == "frames" else Between(recipe)
+    return DenseDecoder(recipe) if recipe.architecture == "frames" else Inbetweener(recipe)
 
 
 Architecture = Literal["frames", "between"]
@@ -195,7 +195,7 @@ BATCH: Final = 16
 
 
 def dense_motions(
-    network: Frames | Between, rows: Sequence[Float64Array], times: Sequence[Float64Array], frames: int
+    network: DenseDecoder | Inbetweener, rows: Sequence[Float64Array], times: Sequence[Float64Array], frames: int
 ) -> list[BodyMotion]:
     """Motions of `frames` frames at 30 a second; the first is a thirtieth of a second after the first sparse pose.
 
@@ -207,7 +207,7 @@ def dense_motions(
     """
     at = np.arange(1, frames + 1) / FPS
     given = np.stack([interpolated_motion(r, t, np.minimum(at, t[-1])) for r, t in zip(rows, times, strict=True)])
-    if isinstance(network, Between):
+    if isinstance(network, Inbetweener):
         return [_between(network, *one, at) for one in zip(rows, times, given, strict=True)]
     made = []
     for start in range(0, len(given), BATCH):
@@ -228,7 +228,7 @@ def _motion(moving: Float64Array, stands: Float64Array) -> BodyMotion:
 
 
 def _between(
-    network: Between, rows: Float64Array, times: Float64Array, given: Float64Array, at: Float64Array
+    network: Inbetweener, rows: Float64Array, times: Float64Array, given: Float64Array, at: Float64Array
 ) -> BodyMotion:
     """The thesis's: M poses between each two sparse poses, evenly in time; ways and turning as interpolated."""
     count = network.recipe.between

@@ -1,4 +1,4 @@
-"""The networks of GloGen: sparse poses that follow a few sparse poses, of a class (section 4.2, first stage)."""
+"""GloGen: networks that predict sparse poses of a class from the five before them (section 4.2, first stage)."""
 
 from __future__ import annotations
 
@@ -8,16 +8,16 @@ from typing import Final
 import torch
 from motionlake.glogen.config import SEEDS, GloGenRecipe
 from motionlake.glogen.sparse import JOINT_COLUMNS, WIDTH
-from motionlake.glogen.start_poses import KNOWN, Beginnings
+from motionlake.glogen.start_poses import KNOWN, StartPoses
 from torch import Tensor, nn
 from torch.nn.functional import one_hot
 
-MOST: Final = 20_000  # windows of motions that the regression, and of a class its beginnings, are learned from
+MOST: Final = 20_000  # windows of motions that regression and start poses are learned from
 JOINT_SCALE: Final = 0.1  # body lengths; all joints alike, so that errors stay distances
 
 
 class PoseScale(nn.Module):
-    """Sparse poses to numbers of about one, and back."""
+    """Standardises sparse poses, and undoes it."""
 
     mean: Tensor
     scale: Tensor
@@ -45,12 +45,12 @@ class PoseScale(nn.Module):
         return scaled * self.scale + self.mean
 
     def within(self, rows: Tensor) -> Tensor:
-        """Sparse poses with every number brought to where it was while training: what is fed back cannot run away."""
+        """Sparse poses clamped to the range of the training data, so that a rollout cannot drift away."""
         return rows.clamp(self.low, self.high)
 
 
 class GloGen(nn.Module):
-    """What both architectures share: scaled poses in, scaled poses out.
+    """Base of both architectures: scaled poses in, scaled poses out.
 
     Attributes:
         scale: of the poses.
@@ -68,13 +68,13 @@ class GloGen(nn.Module):
         Args:
             motions: sparse poses of each.
             targets: class of each.
-            going: whether each class goes on.
+            going: whether each class is cyclic.
         """
         self.scale.learn(torch.cat(list(motions)))
 
     @property
     def ahead(self) -> int:
-        """How many poses one call gives."""
+        """Number of poses that one call predicts."""
         return self.recipe.sparse - SEEDS
 
     def prior(self, targets: Tensor) -> Tensor:
@@ -82,15 +82,15 @@ class GloGen(nn.Module):
         return one_hot(targets, self.classes).float()
 
     def read(self, poses: Tensor, prior: Tensor) -> Tensor:
-        """[B, E] what is made of the scaled poses [B, 5, 65] and their prior [B, C] before anything follows."""
+        """[B, E] embedding of scaled poses [B, 5, 65] with their class prior [B, C]."""
         raise NotImplementedError
 
     def embedding(self, rows: Tensor, targets: Tensor | None = None) -> Tensor:
-        """[B, n // 5 * E] what is made of each five poses of motions, one five after the other (section 4.4).
+        """[B, n // 5 * E] embeddings of motions, five poses at a time (section 4.4).
 
         Args:
             rows: [B, n, 65] scaled poses.
-            targets: [B] classes, whose prior is read with the poses, as in figure 4.7; None: the poses alone.
+            targets: [B] classes for the prior, as in figure 4.7; None: poses without a prior.
         """
         fives = rows.shape[1] // SEEDS
         known = torch.zeros(len(rows), self.classes) if targets is None else self.prior(targets)
@@ -98,11 +98,11 @@ class GloGen(nn.Module):
         return self.read(poses, known.repeat_interleave(fives, dim=0)).reshape(len(rows), -1)
 
 
-class Ahead(GloGen):
-    """All poses that follow at once, read both ways in time, so that those to come shape those before them.
+class ParallelDecoder(GloGen):
+    """Predicts all poses at once by a bidirectional recurrent network, so that later poses shape earlier ones.
 
-    They are what the recurrent layers add to the mean course of the class, led over to it from the last given poses by
-    linear regression.
+    The network predicts the difference from the mean motion of the class; linear regression carries the offset of the
+    last given poses over to it.
     """
 
     course: Tensor
@@ -125,12 +125,12 @@ class Ahead(GloGen):
         self.out = nn.Sequential(nn.Dropout(recipe.dropout), nn.Linear(recipe.state, WIDTH))
         self.seen = nn.GRU(WIDTH + width, width, batch_first=True, bidirectional=True)
         self.latent = nn.Linear(2 * width, 2 * recipe.latent)
-        self.beginnings = Beginnings(classes, KNOWN)
+        self.beginnings = StartPoses(classes, KNOWN)
 
     def learn(self, motions: Sequence[Tensor], targets: Tensor, going: Sequence[bool]) -> None:
-        """The scale of poses, the mean course of every class, and how the last given poses lead over to it.
+        """The scale of poses, the mean motion of every class, and the regression from given poses to it.
 
-        The course of a class that goes on is its mean pose: its motions are at any phase.
+        Of a cyclic class the mean motion is its mean pose, since its clips start at any phase.
         """
         super().learn(motions, targets, going)
         scaled = [self.scale(rows) for rows in motions]
@@ -184,7 +184,7 @@ class Ahead(GloGen):
         return self.given(poses.flatten(1)) + self.of_class(prior)  # type: ignore[no-any-return]
 
     def infer(self, rows: Tensor, targets: Tensor) -> tuple[Tensor, Tensor]:
-        """Means and logarithms of variances [B, L] of the latent numbers of scaled motions [B, 20, 65]."""
+        """Means and logarithms of variances [B, L] of the latent variables of scaled motions [B, 20, 65]."""
         prior = self.of_class(self.prior(targets))
         states, _ = self.seen(torch.cat([rows, prior[:, None].expand(-1, rows.shape[1], -1)], dim=2))
         mean, logarithm = self.latent(states.mean(dim=1)).chunk(2, dim=1)
@@ -197,13 +197,13 @@ def _some(places: Sequence[tuple[int, int]]) -> Sequence[tuple[int, int]]:
 
 
 def _apart(given: Tensor, course: Tensor) -> Tensor:
-    """[B, 2, 65] how far the last given pose is from the mean course, and the step to it from the step there."""
+    """[B, 2, 65] offset of the last given pose from the mean motion, and of the step before it."""
     apart = given - course[:, :SEEDS]
     return torch.stack([apart[:, -1], apart[:, -1] - apart[:, -2]], dim=1)
 
 
-class Blocks(GloGen):
-    """The thesis's: an encoder whose states all go to the decoder, five poses from five, iterated."""
+class Seq2Seq(GloGen):
+    """The thesis's sequence-to-sequence network: it predicts five poses from five, again and again."""
 
     def __init__(self, recipe: GloGenRecipe, classes: int) -> None:
         super().__init__(recipe, classes)
@@ -242,6 +242,6 @@ class Blocks(GloGen):
         return self.embed(torch.cat([poses, prior[:, None].expand(-1, poses.shape[1], -1)], dim=2))  # type: ignore[no-any-return]
 
 
-def glogen_network(recipe: GloGenRecipe, classes: int) -> Ahead | Blocks:
+def glogen_network(recipe: GloGenRecipe, classes: int) -> ParallelDecoder | Seq2Seq:
     """An untrained network."""
-    return Ahead(recipe, classes) if recipe.architecture == "ahead" else Blocks(recipe, classes)
+    return ParallelDecoder(recipe, classes) if recipe.architecture == "ahead" else Seq2Seq(recipe, classes)

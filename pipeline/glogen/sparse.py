@@ -94,7 +94,7 @@ MOVING: Final = 0.5
 
 
 @dataclass(frozen=True)
-class Piece:
+class TrainingPiece:
     """A motion to train on, its sparse poses, and which class it shows."""
 
     motion: BodyMotion
@@ -111,7 +111,7 @@ def pieces(
     mirror: bool = False,
     going: Sequence[bool] = (),
     again: int = 0,
-) -> list[Piece]:
+) -> list[TrainingPiece]:
     """Clips of at most `LONGEST` frames as they are, longer ones in pieces of `PIECE`, one every `stride` frames.
 
     Args:
@@ -131,7 +131,7 @@ def pieces(
         for start, stop in overlapping(len(motion), again) if on else ranges(len(motion), stride):
             piece = motion.cut(start, stop)
             for one in (piece, mirrored(piece)) if mirror else (piece,):
-                made.append(Piece(one, even_motion(one) if on else sparse_motion(one, count), target))
+                made.append(TrainingPiece(one, even_motion(one) if on else sparse_motion(one, count), target))
     return made
 
 
@@ -179,6 +179,6 @@ def ranges(frames: int, stride: int = PIECE) -> list[tuple[int, int]]:
     return [(start, start + PIECE) for start in starts]
 
 
-def rows_of(made: list[Piece]) -> tuple[Float32Array, Int64Array]:
+def rows_of(made: list[TrainingPiece]) -> tuple[Float32Array, Int64Array]:
     """Sparse poses [n, count, 65] and classes [n]."""
     return np.stack([piece.sparse.rows for piece in made]).astype(np.float32), np.array([p.target for p in made])

@@ -10,19 +10,19 @@ from motionlake.glogen.config import SEEDS
 from motionlake.glogen.sparse import JOINT_COLUMNS, WIDTH
 from torch import Tensor, nn
 
-KNOWN: Final = 16  # beginnings that are known of a class that goes on
-REACH: Final = 0.9  # quantile of the distances of given poses from the beginning of their class
-# How much nearer another class's beginnings are than the wanted one's, in reaches: up to where given poses are taken
-# for the wanted class's own, and from where on they are foreign.
+KNOWN: Final = 16  # start poses kept of a cyclic class
+REACH: Final = 0.9  # quantile of the distances of training poses from the start poses of their class
+# How much nearer (in reaches) the start poses of another class are than those of the requested one: below OWN the given
+# poses count as the class's own, above FOREIGN as foreign, and they are blended in between.
 OWN: Final = 0.25
 FOREIGN: Final = 0.5
 
 
-class Beginnings(nn.Module):
-    """The given poses that the motions of a class have had while training.
+class StartPoses(nn.Module):
+    """Start poses of each class in the training data.
 
-    A network that is asked for a class from the poses of another goes on with something between the two. So foreign
-    poses are brought to where the wanted class begins before they are read, and the first pose that is made leads over.
+    Given the poses of another class, the network would predict a mixture of both classes. So foreign poses are replaced
+    by the nearest start poses of the requested class, and the first predicted step bridges the gap.
     """
 
     poses: Tensor
@@ -34,7 +34,7 @@ class Beginnings(nn.Module):
         self.register_buffer("reach", torch.ones(()))
 
     def learn(self, given: Sequence[Tensor], going: Sequence[bool]) -> None:
-        """From scaled given poses [n, 5, 65] of each class: their mean, or the most different of a class that goes on.
+        """Keep the mean of the scaled start poses [n, 5, 65] of a class, or the most different ones of a cyclic class.
 
         The reach is the median over classes.
         """
@@ -48,12 +48,12 @@ class Beginnings(nn.Module):
             self.reach.copy_(torch.stack(reaches).median().clamp(min=1e-6))
 
     def forward(self, given: Tensor, targets: Tensor, anew: Tensor) -> Tensor:
-        """[B, 5, 65] scaled given poses, foreign ones brought to the nearest beginning of the class wanted.
+        """[B, 5, 65] scaled given poses; foreign ones become the nearest start poses of the requested class.
 
         Args:
             given: [B, 5, 65].
-            targets: [B] class wanted.
-            anew: [B] whether the class begins with what follows: the poses are those of what was before, and foreign.
+            targets: [B] class requested.
+            anew: [B] whether the class starts after these poses, which then count as foreign.
         """
         to_all = torch.stack([_apart(given, known) for known in self.poses], dim=1)  # [B, C, K]
         rows = torch.arange(len(given))
@@ -65,7 +65,7 @@ class Beginnings(nn.Module):
 
 
 def _apart(given: Tensor, known: Tensor) -> Tensor:
-    """[n, k] how far the joints of the last pose of [n, 5, 65] are from those of [k, 5, 65] (root mean square)."""
+    """[n, k] root mean square distance of the joints of the last poses of [n, 5, 65] and [k, 5, 65]."""
     apart = given[:, None, -1, JOINT_COLUMNS] - known[None, :, -1, JOINT_COLUMNS]
     return apart.square().mean(dim=2).sqrt()
 

@@ -11,7 +11,7 @@ import numpy as np
 import torch
 from motionlake.arrays import Float32Array, Int64Array, Progress
 from motionlake.glogen.config import SEEDS, GloGenRecipe
-from motionlake.glogen.network import Ahead, Blocks, glogen_network
+from motionlake.glogen.network import ParallelDecoder, Seq2Seq, glogen_network
 from motionlake.glogen.sparse import HEIGHT, JOINT_COLUMNS
 from motionlake.glogen.trajectories import JOINTS_GIVEN
 from motionlake.training import Checkpoint, Training, on_threads, optimiser_of, rate_of
@@ -33,7 +33,7 @@ def train_glogen(
     checkpoint: Path | None = None,
     stays: bool = False,
     progress: Progress | None = None,
-) -> tuple[Ahead | Blocks, list[float]]:
+) -> tuple[ParallelDecoder | Seq2Seq, list[float]]:
     """Train on motions.
 
     Args:
@@ -115,7 +115,7 @@ class _Motions:
 
 
 def _fit(
-    network: Ahead | Blocks,
+    network: ParallelDecoder | Seq2Seq,
     motions: _Motions,
     recipe: GloGenRecipe,
     seed: int,
@@ -139,14 +139,14 @@ def _fit(
 
 
 def _loss(
-    network: Ahead | Blocks,
+    network: ParallelDecoder | Seq2Seq,
     rows: Tensor,
     there: Tensor,
     targets: Tensor,
     recipe: GloGenRecipe,
     rng: np.random.Generator,
 ) -> Tensor:
-    if isinstance(network, Blocks):
+    if isinstance(network, Seq2Seq):
         return _block_loss(network, network.scale(rows), targets, rng)
     if recipe.noise:
         rows = rows.clone()
@@ -162,7 +162,7 @@ def _loss(
     return error + recipe.smooth * _error(*steps, there[:, SEEDS:]) + recipe.divergence * divergence
 
 
-def _block_loss(network: Blocks, scaled: Tensor, targets: Tensor, rng: np.random.Generator) -> Tensor:
+def _block_loss(network: Seq2Seq, scaled: Tensor, targets: Tensor, rng: np.random.Generator) -> Tensor:
     """Mean squared error of every block from the five poses before it."""
     seen = unseen(scaled, network.recipe.missing, rng)
     errors = [
@@ -197,7 +197,9 @@ class ByClass(nn.Module):
         of: the classes of each network, in its own order.
     """
 
-    def __init__(self, recipe: GloGenRecipe, networks: Sequence[Ahead | Blocks], of: Sequence[Sequence[int]]) -> None:
+    def __init__(
+        self, recipe: GloGenRecipe, networks: Sequence[ParallelDecoder | Seq2Seq], of: Sequence[Sequence[int]]
+    ) -> None:
         super().__init__()
         self.recipe = recipe
         self.of = [list(classes) for classes in of]
@@ -208,8 +210,8 @@ class ByClass(nn.Module):
         """Which network knows a class, and as which of its own."""
         return self._places[target]
 
-    def network(self, index: int) -> Ahead | Blocks:
-        network: Ahead | Blocks = self.networks[index]  # type: ignore[assignment]
+    def network(self, index: int) -> ParallelDecoder | Seq2Seq:
+        network: ParallelDecoder | Seq2Seq = self.networks[index]  # type: ignore[assignment]
         return network
 
     def embedding(self, rows: Tensor, targets: Tensor, *, with_class: bool) -> Tensor:

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from motionlake.arrays import Float64Array
 from motionlake.errors import ClipError
-from motionlake.motion.clip import Motion, SourceClip
+from motionlake.motion.clip import SolvedMotion, SourceClip
 from motionlake.motion.fill import Binding, bind, place, place_offsets
 from motionlake.motion.kinematics import bone_vectors, continuous_signs, forward_kinematics, local_rotations
 from motionlake.motion.rest import to_canonical_rest, world_from_positions
@@ -99,7 +99,7 @@ class CanonicalMotion:
 
 def canonicalise(
     clip: SourceClip,
-    motion: Motion,
+    motion: SolvedMotion,
     rig: RigMap,
     *,
     up: str | None = None,

@@ -78,7 +78,7 @@ class SourceClip:
 
 
 @dataclass(frozen=True)
-class Motion:
+class SolvedMotion:
     """Forward kinematics of a `SourceClip`, in file units and axes.
 
     Attributes:

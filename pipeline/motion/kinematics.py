@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from motionlake.arrays import Float64Array, Int64Array
 from motionlake.errors import ClipError
-from motionlake.motion.clip import ChannelKind, Hierarchy, Motion, SourceClip
+from motionlake.motion.clip import ChannelKind, Hierarchy, SolvedMotion, SourceClip
 from motionlake.motion.rotations import conjugate, multiply, multiply_into, rotate, rotate_into
 from motionlake.motion.skeleton import PARENTS
 from numba import njit
@@ -119,7 +119,7 @@ def channel_starts(hierarchy: Hierarchy) -> Int64Array:
     return np.cumsum([0, *map(len, hierarchy.channels)])
 
 
-def solve(clip: SourceClip) -> Motion:
+def solve(clip: SourceClip) -> SolvedMotion:
     """Forward kinematics of every frame.
 
     Along time the signs of a joint's quaternions are such that neighbours are near each other.
@@ -128,7 +128,7 @@ def solve(clip: SourceClip) -> Motion:
         clip: channels in degrees and file units. Quaternions need not be of length 1.
 
     Returns:
-        `Motion` in file units and axes.
+        `SolvedMotion` in file units and axes.
 
     Raises:
         ClipError: a channel that its kind does not know, or a quaternion of length zero.
@@ -138,7 +138,7 @@ def solve(clip: SourceClip) -> Motion:
     if hierarchy.kind is ChannelKind.POSITIONS:
         if any(names != ("x", "y", "z") for names in hierarchy.channels):
             raise ClipError("a joint of a clip of positions needs the channels x, y, z")
-        return Motion(np.ascontiguousarray(clip.channels, float).reshape(frames, joints, 3), None, None)
+        return SolvedMotion(np.ascontiguousarray(clip.channels, float).reshape(frames, joints, 3), None, None)
     names = [name for joint in hierarchy.channels for name in joint]
     unknown = next((name for name in names if name not in _CODES), None)
     if unknown is not None:
@@ -164,7 +164,7 @@ def solve(clip: SourceClip) -> Motion:
     )
     if frame >= 0:
         raise ClipError(f"frame {frame + 1}: the quaternion of joint {hierarchy.joints[joint]!r} has length zero")
-    return Motion(positions, local, world)
+    return SolvedMotion(positions, local, world)
 
 
 def world_rotations(local: Float64Array) -> Float64Array:

@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 from motionlake.arrays import Float64Array
-from motionlake.motion.clip import Hierarchy, Motion
+from motionlake.motion.clip import Hierarchy, SolvedMotion
 from motionlake.motion.fill import Binding, place
 from motionlake.motion.rigs import Rest, RigMap
 from motionlake.motion.rotations import conjugate, from_axis_angle, from_matrix, multiply, normalise, rotate, swing
@@ -22,7 +22,7 @@ MIN_LENGTH: Final = 1e-9
 
 
 def to_canonical_rest(
-    rig: RigMap, binding: Binding, hierarchy: Hierarchy, motion: Motion, scale: float
+    rig: RigMap, binding: Binding, hierarchy: Hierarchy, motion: SolvedMotion, scale: float
 ) -> Float64Array | None:
     """Global orientation of each measured joint's source joint in the canonical rest pose.
 
@@ -64,7 +64,7 @@ def to_canonical_rest(
     return result
 
 
-def _mean_offsets(hierarchy: Hierarchy, motion: Motion) -> Float64Array:
+def _mean_offsets(hierarchy: Hierarchy, motion: SolvedMotion) -> Float64Array:
     """[J, 3] offsets from the parent as the motion shows them: position channels replace rest offsets."""
     assert motion.world is not None
     frames = np.unique(np.linspace(0, len(motion.positions) - 1, SAMPLED_FRAMES).round().astype(int))

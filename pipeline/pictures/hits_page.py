@@ -16,7 +16,7 @@ from motionlake.lake.catalog import Connection, fetch
 from motionlake.lake.layout import Lake
 from motionlake.lake.resolve import resolve_clip
 from motionlake.motion.rigs import load_rigs
-from motionlake.pictures.stick_figures import Poses, draw_strip, spread
+from motionlake.pictures.stick_figures import PoseReader, draw_strip, spread
 from motionlake.pictures.style import FAINT, TOP, Sheet, styled
 from motionlake.stages.frames import canonical_motions
 from motionlake.stages.sources import IngestOptions
@@ -84,7 +84,7 @@ def hits_page(
     Raises:
         UserError: the query is no clip, or a file that cannot be read.
     """
-    poses = Poses(con, lake)
+    poses = PoseReader(con, lake)
     shown = hits[:MOST_HITS]
     facts = {clip: fetch(con, "clip", {"clip": clip})[0] for clip in {str(h["clip"]) for h in shown}}
     strips = [_hit_strip(poses, hit, facts[str(hit["clip"])], measure) for hit in shown]
@@ -94,7 +94,7 @@ def hits_page(
     return draw_hits(row, strips, f"What is most like {name}", f"{note}; {about}")
 
 
-def _hit_strip(poses: Poses, hit: Mapping[str, Any], known: Mapping[str, Any], measure: str) -> HitStrip:
+def _hit_strip(poses: PoseReader, hit: Mapping[str, Any], known: Mapping[str, Any], measure: str) -> HitStrip:
     clip, start, stop = str(hit["clip"]), hit.get("start"), hit.get("stop")
     label = hit.get("label") or known["label"]
     distance = f"{measure} {hit[measure]:.3f}" + (", mirrored" if hit.get("mirrored") else "")
@@ -108,7 +108,7 @@ def _hit_strip(poses: Poses, hit: Mapping[str, Any], known: Mapping[str, Any], m
 
 
 def _query_strip(
-    con: Connection, lake: Lake, poses: Poses, query: str | Path, start: int | None, stop: int | None
+    con: Connection, lake: Lake, poses: PoseReader, query: str | Path, start: int | None, stop: int | None
 ) -> tuple[str, HitStrip]:
     if Path(query).is_file() and is_clip(Path(query)):
         path = Path(query)

@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from motionlake.arrays import BoolArray, Float64Array, FloatArray, Int64Array, IntArray
-from motionlake.deep_motifs.classification import places_of
+from motionlake.deep_motifs.classification import mds
 from motionlake.pictures.stick_figures import draw_bodies, postures_view
 from motionlake.pictures.style import TOP, UNLABELLED, ClassStyle, Sheet, bare, class_styles, styled
 from motionlake.pictures.symbol_strip import chip
@@ -35,7 +35,7 @@ def plane_of(distances: Float64Array) -> tuple[Float64Array, float]:
     """
     if not distances.any():
         return np.zeros((len(distances), 2)), 0.0
-    points = places_of(distances, 2)
+    points = mds(distances, 2)
     apart = np.linalg.norm(points[:, None] - points[None], axis=-1)
     return points, float(np.sqrt(np.square(apart - distances).sum() / np.square(distances).sum()))
 

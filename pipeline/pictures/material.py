@@ -20,7 +20,7 @@ from motionlake.lake.corpus import read_corpus
 from motionlake.lake.layout import Lake
 from motionlake.pictures.bands import MotifBand, Segment, word_edges
 from motionlake.pictures.signatures import motif_order
-from motionlake.pictures.stick_figures import Poses
+from motionlake.pictures.stick_figures import PoseReader
 from motionlake.pictures.style import UNLABELLED, motif_colours
 
 
@@ -48,7 +48,7 @@ class Material:
     corpus: Corpus
     signatures: Float32Array
     segments: dict[str, list[Segment]]
-    poses: Poses
+    poses: PoseReader
 
     @cached_property
     def order(self) -> Int64Array:
@@ -95,7 +95,7 @@ def read_material(con: Connection, lake: Lake, dataset: str | None = None) -> Ma
         if row["clip"] in corpus.positions:
             fps = corpus.clips[corpus.positions[row["clip"]]].fps
             segments[row["clip"]].append(Segment(row["start"] / fps, row["stop"] / fps, row["label"]))
-    return Material(con, corpus, signatures, dict(segments), Poses(con, lake))
+    return Material(con, corpus, signatures, dict(segments), PoseReader(con, lake))
 
 
 T = TypeVar("T", bound=Hashable)

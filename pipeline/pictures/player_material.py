@@ -17,7 +17,7 @@ from motionlake.lake.frames import frame_range
 from motionlake.lake.layout import Lake
 from motionlake.motion.skeleton import facing
 from motionlake.pictures.bands import Segment
-from motionlake.pictures.stick_figures import Poses, body_height
+from motionlake.pictures.stick_figures import PoseReader, body_height
 from motionlake.retrieval.encode import first_body
 from motionlake.retrieval.protocol import Hit, Query, Scope
 from motionlake.retrieval.registry import ready, searcher
@@ -145,7 +145,7 @@ def player_clip(
     else:
         name = query.source
         known = fetch(con, "clip", {"clip": name})[0]
-        positions, fps = Poses(con, lake).positions(name), float(known["fps"])
+        positions, fps = PoseReader(con, lake).positions(name), float(known["fps"])
         lineage = _lineage(con, name)
         facts = _facts(known, lineage)
         segments = _segments(con, name, len(positions), lineage)

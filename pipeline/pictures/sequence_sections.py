@@ -8,11 +8,11 @@ from typing import Final
 import numpy as np
 from motionlake.deep_motifs.query_by_example import ExampleQuery, distances_along, window_ranges
 from motionlake.deep_motifs.segmentation import (
+    LabelledRange,
     SegmentationConfig,
     Segmenter,
-    TaughtRange,
     bands,
-    taught_windows,
+    labelled_windows,
     word_centres,
 )
 from motionlake.pictures.bands import Segment, SegmentRow, segment_bands
@@ -94,7 +94,7 @@ def _found_segments(material: Material, view: View, clip: int) -> tuple[list[Seg
     others = [i for i in view.clips.tolist() if i != clip and corpus.clips[i].clip in material.segments]
     others = [others[i] for i in sampled([corpus.clips[i].clip for i in others], TEACHERS)]
     ranges = [
-        TaughtRange(i, round(s.start * corpus.clips[i].fps), round(s.stop * corpus.clips[i].fps), s.label)
+        LabelledRange(i, round(s.start * corpus.clips[i].fps), round(s.stop * corpus.clips[i].fps), s.label)
         for i in others
         for s in material.segments[corpus.clips[i].clip]
     ]
@@ -102,7 +102,7 @@ def _found_segments(material: Material, view: View, clip: int) -> tuple[list[Seg
     if not taught & {s.label for s in material.segments[corpus.clips[clip].clip]}:
         return [], taught
     config = SegmentationConfig()
-    segmenter = Segmenter(taught_windows(corpus, ranges, config.window), corpus.ground, config)
+    segmenter = Segmenter(labelled_windows(corpus, ranges, config.window), corpus.ground, config)
     labels = segmenter.label_words(corpus.motifs[corpus.words_of(clip)], corpus.idf)
     known = corpus.clips[clip]
     found = bands(labels, word_centres(corpus, clip), known.frames)

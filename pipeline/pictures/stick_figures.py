@@ -23,7 +23,7 @@ CACHED: Final = 64
 _CHANNELS: Final = (*ROOT_CHANNELS, *POSITION_CHANNELS)
 
 
-class Poses:
+class PoseReader:
     """Reads the canonical positions of clips; the last few stay in memory.
 
     Attributes:

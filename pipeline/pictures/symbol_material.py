@@ -17,7 +17,7 @@ from motionlake.motion.skeleton import INDEX, JOINTS
 from motionlake.pesta.config import PosturesConfig
 from motionlake.pesta.dictionary import METADATA_KEY
 from motionlake.pictures.signatures import motif_order
-from motionlake.pictures.stick_figures import Poses
+from motionlake.pictures.stick_figures import PoseReader
 from motionlake.pictures.style import motif_colours
 from motionlake.retrieval.symbol_strings import LakeStrings, read_strings
 from motionlake.stages.postures import codes_files, read_codes
@@ -51,7 +51,7 @@ class SymbolMaterial:
     postures: Float32Array
     share: Float64Array
     config: PosturesConfig
-    poses: Poses
+    poses: PoseReader
 
     @cached_property
     def colours(self) -> Float64Array:
@@ -120,7 +120,7 @@ def read_symbols(con: Connection, lake: Lake, strings: LakeStrings | None = None
         config = PosturesConfig(**json.loads(tensors.metadata()[METADATA_KEY])["config"])
         codes, postures = tensors.get_tensor("codes"), tensors.get_tensor("postures")
     share = np.array([row["share"] for row in fetch(con, "posture_shares")], dtype=np.float64)
-    return SymbolMaterial(con, lake, strings, codes, postures, share, config, Poses(con, lake))
+    return SymbolMaterial(con, lake, strings, codes, postures, share, config, PoseReader(con, lake))
 
 
 def posture_bodies(postures: FloatArray, config: WordConfig) -> Float64Array | None:

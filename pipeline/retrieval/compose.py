@@ -9,7 +9,7 @@ from typing import Any, Final
 
 import numpy as np
 from motionlake.deep_motifs.motion_graph import graph as graphs
-from motionlake.deep_motifs.motion_graph.blend import Poses, Steps, can_pose, poses_of, resampled, steps
+from motionlake.deep_motifs.motion_graph.blend import RigPoses, Steps, can_pose, poses_of, resampled, steps
 from motionlake.deep_motifs.motion_graph.graph import (
     GraphClip,
     GraphSummary,
@@ -18,7 +18,7 @@ from motionlake.deep_motifs.motion_graph.graph import (
     build_graph,
     summarise,
 )
-from motionlake.deep_motifs.motion_graph.walk import Piece, assemble, component_of, placements, random_walk
+from motionlake.deep_motifs.motion_graph.walk import WalkPiece, assemble, component_of, placements, random_walk
 from motionlake.errors import UserError
 from motionlake.lake.catalog import Connection, fetch, fetch_table
 from motionlake.lake.config import load_config
@@ -27,7 +27,7 @@ from motionlake.lake.layout import Lake
 from motionlake.motion.clip import SourceClip
 from motionlake.motion.resampling import sample_count
 
-LoadPoses = Callable[[int], Poses]
+LoadPoses = Callable[[int], RigPoses]
 # Lengths of blends that are tried, in windows of the distance (a third of a second).
 BLENDS: Final = (1, 2, 3)
 
@@ -169,7 +169,7 @@ def pose_loader(con: Connection, lake: Lake, found: LakeGraph, component: int, s
     rig = "own" if _share_rig([found.rows[i] for i in visited], con) else "canonical"
 
     @cache
-    def load(clip: int) -> Poses:
+    def load(clip: int) -> RigPoses:
         row = found.rows[clip]
         if rig == "own":
             poses = poses_of(own_rig(con, lake, row["clip"]), row["up"], row["metres_per_unit"])
@@ -204,7 +204,7 @@ class SmoothBlend:
         """The largest steps within some clips."""
         return reduce(Steps.with_, (self._steps(clip) for clip in sorted(set(clips))))
 
-    def __call__(self, pieces: Sequence[Piece], transition: int) -> int:
+    def __call__(self, pieces: Sequence[WalkPiece], transition: int) -> int:
         t = self._found.graph.transitions
         source, target = int(t.from_clip[transition]), int(t.to_clip[transition])
         leave, enter = int(t.from_frame[transition]), int(t.to_frame[transition])
@@ -216,8 +216,8 @@ class SmoothBlend:
                 break
             first = max(0, leave - 1)
             pair = [
-                Piece(source, first, leave + blend, 0),
-                Piece(target, enter, min(enter + blend + 1, ends[1]), leave - first, blend, transition),
+                WalkPiece(source, first, leave + blend, 0),
+                WalkPiece(target, enter, min(enter + blend + 1, ends[1]), leave - first, blend, transition),
             ]
             if steps(assemble(pair, placements(pair, self._poses), self._poses)).within(limits):
                 return blend
@@ -259,7 +259,7 @@ def compose(
     return Composition(made.clip(), rig, sources, steps(made).excess(limits), summarise(found.graph))
 
 
-def _native(piece: Piece, row: Mapping[str, Any], fps: float) -> tuple[int, int]:
+def _native(piece: WalkPiece, row: Mapping[str, Any], fps: float) -> tuple[int, int]:
     """The clip's own frames [start, stop) that a piece's are made of."""
     if row["fps"] == fps:
         return piece.start, piece.stop

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 from motionlake.arrays import Float32Array
-from motionlake.deep_motifs.duplicates import MAX_DISTANCE, Duplicate, SignedClips, find_duplicates
+from motionlake.deep_motifs.duplicates import MAX_DISTANCE, Duplicate, SignatureSet, find_duplicates
 from motionlake.deep_motifs.emd import ground_distances
 from motionlake.errors import UserError
 from motionlake.lake.catalog import Connection, fetch
@@ -52,7 +52,7 @@ def near_duplicates(
         raise UserError(
             f"{lake.root}: not every clip has a mirrored signature yet; make them with `motionlake run all`"
         )
-    clips = SignedClips(
+    clips = SignatureSet(
         [row["clip"] for row in rows],
         [row["dataset"] for row in rows],
         np.array([row["signature"] for row in rows], dtype=np.float32),

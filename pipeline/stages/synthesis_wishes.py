@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from motionlake.errors import UserError
-from motionlake.glogen.wishes import Seed, Synthesized, Wish
+from motionlake.glogen.requests import GeneratedMotion, MotionRequest, SeedClip
 from motionlake.lake.catalog import Connection, fetch
 from motionlake.lake.layout import Lake
 from motionlake.stages.clip_files import first_body
@@ -81,7 +81,7 @@ class Motion:
 class Made:
     """A motion, and what it starts from."""
 
-    motion: Synthesized
+    motion: GeneratedMotion
     start: Start
 
 
@@ -173,12 +173,12 @@ def make(
     return [Made(one, starts[motion.start]) for one, motion in zip(made, motions, strict=True)]
 
 
-def _wish(request: Request, number: int, start: Seed) -> Wish:
+def _wish(request: Request, number: int, start: SeedClip) -> MotionRequest:
     seed = int(np.random.SeedSequence([request.seed, number]).generate_state(1)[0])
-    return Wish(request.classes, request.seconds, seed, start, request.pace, request.temperature)
+    return MotionRequest(request.classes, request.seconds, seed, start, request.pace, request.temperature)
 
 
-def _seeds(lake: Lake, starts: Sequence[Start], wanted: Iterable[int]) -> dict[int, Seed]:
+def _seeds(lake: Lake, starts: Sequence[Start], wanted: Iterable[int]) -> dict[int, SeedClip]:
     chosen = sorted(wanted)
     rows = [asdict(starts[index]) for index in chosen if not starts[index].outside]
     clips = {clip.clip: clip.positions for clip in frames_of_clips(lake, rows)}
@@ -188,5 +188,5 @@ def _seeds(lake: Lake, starts: Sequence[Start], wanted: Iterable[int]) -> dict[i
         whole = first_body(lake, Path(start.clip))[1].positions if start.outside else clips[start.clip]
         positions = whole[start.start : start.stop].astype(float)
         offsets = np.array(start.rest_offsets, dtype=float).reshape(-1, 3)
-        found[index] = Seed(start.clip, positions, start.fps, offsets)
+        found[index] = SeedClip(start.clip, positions, start.fps, offsets)
     return found

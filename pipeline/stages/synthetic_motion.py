@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from motionlake.glogen.wishes import Synthesized
+from motionlake.glogen.requests import GeneratedMotion
 from motionlake.motion.canonicalise import CanonicalMotion, body_height
 from motionlake.motion.kinematics import continuous_signs, forward_kinematics
 from motionlake.motion.retarget import METRES_PER_UNIT
 
 
-def canonical_motion(made: Synthesized, filled: Sequence[str] = ()) -> CanonicalMotion:
+def canonical_motion(made: GeneratedMotion, filled: Sequence[str] = ()) -> CanonicalMotion:
     """The motion as clips have it; in its own rig, the canonical skeleton's BVH, it is in centimetres.
 
     Args:

@@ -20,7 +20,7 @@ _AXES: Final = "xyz"
 
 
 @dataclass(frozen=True)
-class Poses:
+class RigPoses:
     """F poses of a rig of J joints, in its own axes and units.
 
     Attributes:
@@ -44,13 +44,13 @@ class Poses:
     def __len__(self) -> int:
         return len(self.root)
 
-    def cut(self, start: int, stop: int) -> Poses:
+    def cut(self, start: int, stop: int) -> RigPoses:
         rows = slice(start, stop)
         return self.of(self.root[rows], self.shifts[rows], self.rotations[rows])
 
-    def of(self, root: Float64Array, shifts: Float64Array, rotations: Float64Array) -> Poses:
+    def of(self, root: Float64Array, shifts: Float64Array, rotations: Float64Array) -> RigPoses:
         """Other poses of the same rig."""
-        return Poses(self.hierarchy, root, shifts, rotations, self.fps, self.metres_per_unit, self.up)
+        return RigPoses(self.hierarchy, root, shifts, rotations, self.fps, self.metres_per_unit, self.up)
 
     def clip(self) -> SourceClip:
         """As a clip whose channels are quaternions."""
@@ -75,7 +75,7 @@ def can_pose(kind: str, root: Sequence[str]) -> bool:
     return kind != ChannelKind.POSITIONS.value and tuple(root[:3]) == _POSITIONS
 
 
-def poses_of(clip: SourceClip, up: str, metres_per_unit: float) -> Poses:
+def poses_of(clip: SourceClip, up: str, metres_per_unit: float) -> RigPoses:
     """The poses of a clip.
 
     Raises:
@@ -101,10 +101,10 @@ def poses_of(clip: SourceClip, up: str, metres_per_unit: float) -> Poses:
         axes=np.tile(IDENTITY, (len(hierarchy.joints), 1)),
         end_sites=hierarchy.end_sites,
     )
-    return Poses(plain, clip.channels[:, :3], clip.channels[:, columns], local, clip.fps, metres_per_unit, up)
+    return RigPoses(plain, clip.channels[:, :3], clip.channels[:, columns], local, clip.fps, metres_per_unit, up)
 
 
-def resampled(poses: Poses, fps: float) -> Poses:
+def resampled(poses: RigPoses, fps: float) -> RigPoses:
     """The poses at the instants k / fps up to the last; the same where the rate is."""
     if poses.fps == fps:
         return poses
@@ -114,7 +114,7 @@ def resampled(poses: Poses, fps: float) -> Poses:
         poses.of(poses.root[above], poses.shifts[above], poses.rotations[above]),
         weight,
     )
-    return Poses(mixed.hierarchy, mixed.root, mixed.shifts, mixed.rotations, fps, mixed.metres_per_unit, mixed.up)
+    return RigPoses(mixed.hierarchy, mixed.root, mixed.shifts, mixed.rotations, fps, mixed.metres_per_unit, mixed.up)
 
 
 @dataclass(frozen=True)
@@ -134,7 +134,7 @@ class Placement:
 STAY: Final = Placement(0.0, (0.0, 0.0, 0.0))
 
 
-def placed(poses: Poses, placement: Placement) -> Poses:
+def placed(poses: RigPoses, placement: Placement) -> RigPoses:
     """The poses somewhere else on the ground."""
     if placement == STAY:
         return poses
@@ -144,7 +144,7 @@ def placed(poses: Poses, placement: Placement) -> Poses:
     return poses.of(rotate(turn, poses.root) + np.array(placement.shift), poses.shifts, rotations)
 
 
-def alignment(to: Poses, window: Poses) -> Placement:
+def alignment(to: RigPoses, window: RigPoses) -> Placement:
     """Where to place `window` so that its joints come closest to those of `to`, frame by frame.
 
     Joints weigh as much as the bone that leads to them is long, the root as much as the mean.
@@ -187,7 +187,7 @@ def ease(count: int) -> Float64Array:
     return weights
 
 
-def mixture(a: Poses, b: Poses, weight: Float64Array) -> Poses:
+def mixture(a: RigPoses, b: RigPoses, weight: Float64Array) -> RigPoses:
     """Poses between those of `a` (weight 0) and `b` (weight 1); `weight` [F]. Rotations go the shortest way."""
     line = weight[:, None]
     return a.of(
@@ -234,7 +234,7 @@ class Steps:
         return float(max(metres.max(), degrees.max()))
 
 
-def steps(poses: Poses) -> Steps:
+def steps(poses: RigPoses) -> Steps:
     """The largest steps within the poses; zero for a single one."""
     joints = len(poses.hierarchy.joints)
     if len(poses) < 2:

@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 from motionlake.arrays import Int64Array
-from motionlake.deep_motifs.motion_graph.blend import STAY, Placement, Poses, alignment, ease, mixture, placed
+from motionlake.deep_motifs.motion_graph.blend import STAY, Placement, RigPoses, alignment, ease, mixture, placed
 from motionlake.deep_motifs.motion_graph.graph import MotionGraph, NoWalkError
 from motionlake.errors import UserError
 
@@ -18,7 +18,7 @@ SHORTEST_SECONDS: Final = 1.0
 
 
 @dataclass(frozen=True)
-class Piece:
+class WalkPiece:
     """Frames [start, stop) of one clip from frame `out` of the walk on.
 
     Attributes:
@@ -35,7 +35,7 @@ class Piece:
 
 
 # How many frames a transition from the last of some pieces must blend; 0 where it may not be taken.
-Blending = Callable[[Sequence[Piece], int], int]
+Blending = Callable[[Sequence[WalkPiece], int], int]
 
 
 def component_of(graph: MotionGraph, clip: int) -> int:
@@ -60,7 +60,9 @@ def starts(graph: MotionGraph) -> list[int]:
     return [int(clip) for clip in np.unique(graph.transitions.from_clip[inner])]
 
 
-def random_walk(graph: MotionGraph, clip: int, frames: int, seed: int, blending: Blending | None = None) -> list[Piece]:
+def random_walk(
+    graph: MotionGraph, clip: int, frames: int, seed: int, blending: Blending | None = None
+) -> list[WalkPiece]:
     """A walk of `frames` frames that starts with the first frame of a clip.
 
     The next transition is drawn evenly among those that leave the clip at least a second after it was entered
@@ -84,7 +86,7 @@ def random_walk(graph: MotionGraph, clip: int, frames: int, seed: int, blending:
     usable = np.flatnonzero(graph.inner & (graph.component[graph.leave] == component_of(graph, clip)))
     random = np.random.default_rng(seed)
     refused: set[int] = set()
-    pieces = [Piece(clip, 0, graph.clips[clip].frames, 0)]
+    pieces = [WalkPiece(clip, 0, graph.clips[clip].frames, 0)]
     t = graph.transitions
     while True:
         chosen = _next(graph, usable, pieces, refused, random)
@@ -106,11 +108,11 @@ def random_walk(graph: MotionGraph, clip: int, frames: int, seed: int, blending:
             return pieces
         entered = int(t.to_clip[chosen])
         pieces[-1] = replace(here, stop=leaving + blended)
-        pieces.append(Piece(entered, int(t.to_frame[chosen]), graph.clips[entered].frames, out, blended, chosen))
+        pieces.append(WalkPiece(entered, int(t.to_frame[chosen]), graph.clips[entered].frames, out, blended, chosen))
 
 
 def _next(
-    graph: MotionGraph, usable: Int64Array, pieces: Sequence[Piece], refused: set[int], random: np.random.Generator
+    graph: MotionGraph, usable: Int64Array, pieces: Sequence[WalkPiece], refused: set[int], random: np.random.Generator
 ) -> int | None:
     t, here = graph.transitions, pieces[-1]
     second = round(graph.clips[here.clip].fps * SHORTEST_SECONDS)
@@ -130,7 +132,7 @@ def _next(
     return None
 
 
-def placements(pieces: Sequence[Piece], poses: Callable[[int], Poses]) -> list[Placement]:
+def placements(pieces: Sequence[WalkPiece], poses: Callable[[int], RigPoses]) -> list[Placement]:
     """Where each piece is placed on the ground: the first as recorded, others so that blended frames come closest."""
     found = [STAY]
     for before, piece in pairwise(pieces):
@@ -140,10 +142,10 @@ def placements(pieces: Sequence[Piece], poses: Callable[[int], Poses]) -> list[P
     return found
 
 
-def assemble(pieces: Sequence[Piece], places: Sequence[Placement], poses: Callable[[int], Poses]) -> Poses:
+def assemble(pieces: Sequence[WalkPiece], places: Sequence[Placement], poses: Callable[[int], RigPoses]) -> RigPoses:
     """The motion of a walk: the pieces one after the other, blended where they overlap."""
     made = [placed(poses(p.clip).cut(p.start, p.stop), place) for p, place in zip(pieces, places, strict=True)]
-    parts: list[Poses] = []
+    parts: list[RigPoses] = []
     for i, (piece, own) in enumerate(zip(pieces, made, strict=True)):
         if i:
             before = made[i - 1]

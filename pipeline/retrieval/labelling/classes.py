@@ -19,7 +19,7 @@ from motionlake.retrieval.signature import SignatureSearcher
 
 @dataclass(frozen=True)
 class ClassifiedClip:
-    """The class found for a clip; see `motionlake.deep_motifs.classification.Verdict`."""
+    """The class found for a clip; see `motionlake.deep_motifs.classification.Prediction`."""
 
     clip: str
     label: str

@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 from motionlake.deep_motifs.corpus import Corpus
 from motionlake.deep_motifs.segmentation import (
-    Band,
+    LabelledRange,
     SegmentationConfig,
     Segmenter,
-    TaughtRange,
+    SegmentRange,
     bands,
-    taught_windows,
+    labelled_windows,
     word_centres,
 )
 from motionlake.errors import UserError
@@ -118,7 +118,7 @@ class LakeSegmenter:
         if self._lessons.mirrored:
             with reading(self._lake) as con:
                 mirrored = mirrored_motifs(con, self._lake, self.corpus, (r.clip for r in ranges))
-        teaching = taught_windows(self.corpus, ranges, self._config.window, mirrored)
+        teaching = labelled_windows(self.corpus, ranges, self._config.window, mirrored)
         return Segmenter(teaching, self.corpus.ground, self._config)
 
 
@@ -136,7 +136,7 @@ def mirrored_motifs(con: Connection, lake: Lake, corpus: Corpus, clips: Iterable
     return found
 
 
-def taught_ranges(con: Connection, corpus: Corpus, lessons: Lessons) -> list[TaughtRange]:
+def taught_ranges(con: Connection, corpus: Corpus, lessons: Lessons) -> list[LabelledRange]:
     """Labelled frames: segments where a clip has them, else the whole clip where it has a label.
 
     Where no dataset and no clip is named, whole clips teach only if there are no segments in the lake.
@@ -160,8 +160,8 @@ def taught_ranges(con: Connection, corpus: Corpus, lessons: Lessons) -> list[Tau
     for clip in lessons.clips or ():
         if clip not in taught:
             raise UserError(f"{clip}: has neither segments nor a {lessons.column} to learn from")
-    return [TaughtRange(corpus.positions[r["clip"]], r["start"], r["stop"], r["label"]) for r in rows]
+    return [LabelledRange(corpus.positions[r["clip"]], r["start"], r["stop"], r["label"]) for r in rows]
 
 
-def _timed(found: Sequence[Band], fps: float) -> list[LabelledBand]:
+def _timed(found: Sequence[SegmentRange], fps: float) -> list[LabelledBand]:
     return [LabelledBand(**asdict(b), start_seconds=b.start / fps, seconds=(b.stop - b.start) / fps) for b in found]

@@ -1,7 +1,8 @@
-"""What first follows recorded poses: as bodies that stood and moved so went on (kernel regression).
+"""The onset of a motion: the frames right after a seed clip, predicted from how recorded bodies went on.
 
-Sparse poses say where a motion goes, not how fast it is going there. What follows recorded frames begins as these move,
-and is led over to the generated motion within one and a half seconds. It is for classes that go on.
+Sparse poses say where a motion goes, not how fast. So the first one and a half seconds after recorded frames are
+predicted by kernel regression on recorded bodies that stood and moved alike, then blended into the generated motion.
+This is for classes of cyclic motion, such as walking.
 """
 
 from __future__ import annotations
@@ -59,7 +60,7 @@ def state_at(motion: BodyMotion, places: Float64Array) -> Float64Array:
     return np.concatenate([now, *moved], axis=1)
 
 
-class LeadIn(nn.Module):
+class Onset(nn.Module):
     """Kernels over how recorded bodies of the same class stood and moved, one for each of C classes.
 
     Matern's, once differentiable, and a linear one: chosen on clips that no figure is given of (docs/synthesis.md).
@@ -109,9 +110,9 @@ class LeadIn(nn.Module):
         return rows
 
 
-def fit_lead_in(
+def fit_onset(
     motions: Sequence[BodyMotion], targets: Sequence[int], going: Sequence[bool], examples: int = MOST
-) -> LeadIn:
+) -> Onset:
     """Learn how the motion of every class that goes on does so.
 
     Args:
@@ -124,9 +125,9 @@ def fit_lead_in(
         return _fitted(motions, targets, going, max(2, examples // max(1, sum(going))))
 
 
-def _fitted(motions: Sequence[BodyMotion], targets: Sequence[int], going: Sequence[bool], most: int) -> LeadIn:
+def _fitted(motions: Sequence[BodyMotion], targets: Sequence[int], going: Sequence[bool], most: int) -> Onset:
     found = [_examples(motions, targets, target, most) if on else None for target, on in enumerate(going)]
-    lead = LeadIn(len(going), sum(len(one[0]) for one in found if one))
+    lead = Onset(len(going), sum(len(one[0]) for one in found if one))
     filled = 0
     for target, one in enumerate(found):
         if one is None:
@@ -186,8 +187,8 @@ def _squares(some: Float64Array, others: Float64Array) -> Float64Array:
     return np.maximum(squares, 0)
 
 
-def led_in(motion: BodyMotion, ahead: Float64Array | None) -> BodyMotion:
-    """A motion that is led over to from what follows recorded frames, [n, 64] of `LeadIn.ahead`."""
+def with_onset(motion: BodyMotion, ahead: Float64Array | None) -> BodyMotion:
+    """A motion that is led over to from what follows recorded frames, [n, 64] of `Onset.ahead`."""
     if ahead is None:
         return motion
     count = min(len(motion), len(ahead))

@@ -1,4 +1,4 @@
-"""Sparse poses by GloGen, block after block, class after class, until the time is filled."""
+"""Rollout of sparse poses by GloGen: predict, append, predict again, class after class, until the time is filled."""
 
 from __future__ import annotations
 
@@ -9,25 +9,25 @@ import numpy as np
 import torch
 from motionlake.arrays import BoolArray, Float64Array, FloatArray, Int64Array
 from motionlake.glogen.config import SEEDS
-from motionlake.glogen.network import Ahead, Blocks
+from motionlake.glogen.network import ParallelDecoder, Seq2Seq
 from motionlake.glogen.sparse import DURATION, JOINT_COLUMNS
 from motionlake.glogen.training import ByClass
 from motionlake.glogen.trajectories import JOINTS_GIVEN
 from torch import Tensor
 
-# An action is slowed down or hurried at most so much to end with its time.
+# Limits of the factor by which an action is slowed down or sped up so that it ends in time.
 SLOWEST: Final = 1.5
 FASTEST: Final = 0.75
 # Batches of exactly this many, the last one filled up, so that a motion does not depend on those beside it.
 BATCH: Final = 32
 
 
-class Course:
-    """One motion as it grows.
+class Rollout:
+    """The sparse poses of one motion, extended prediction by prediction.
 
     Attributes:
-        rows: sparse poses so far, the last one given first; the logarithm of their seconds has the pace in it.
-        begins: the second that each class begins at.
+        rows: sparse poses so far, from the last seed pose on; the logarithm of their seconds includes the pace.
+        begins: start of each class, seconds.
     """
 
     def __init__(
@@ -40,18 +40,17 @@ class Course:
         ending: Sequence[bool] = (),
         taken: Sequence[int] = (),
     ) -> None:
-        """A motion that is to be made.
+        """An empty rollout.
 
         Args:
-            given: [5, 65] sparse poses.
+            given: [5, 65] seed poses.
             targets: K classes, each for an equal share of the time.
-            latent: [K, L].
-            seconds: in all.
-            pace: 2: twice as fast as the recordings.
-            ending: [K] classes whose motion comes to its end; so many whole ones are made as fit the time best, a
-                little faster or slower. None by default.
-            taken: [K] of the poses that are made at a time, how many are kept before others are made from these; all
-                by default.
+            latent: [K, L] latent variables.
+            seconds: length of the motion.
+            pace: speed relative to the recordings.
+            ending: [K] whether a class is an action with an end. Such an action is repeated as often as fits its time
+                best, a little faster or slower. None by default.
+            taken: [K] how many poses of each prediction are kept; all by default.
         """
         self.rows: list[Float64Array] = [given[-1]]
         self.begins: list[float] = [0.0]
@@ -73,7 +72,7 @@ class Course:
 
     @property
     def anew(self) -> bool:
-        """Whether the class begins, or its action begins again, with the next poses."""
+        """Whether a class, or a repetition of an action, starts with the next poses."""
         return self._anew
 
     @property
@@ -87,7 +86,7 @@ class Course:
         return latent
 
     def take(self, made: Float64Array) -> None:
-        """Go on by poses [n, 65], as far as the time of the class goes."""
+        """Append predicted poses [n, 65], as many as fit the time of the current class."""
         made = made[: self._taken[len(self.begins) - 1]]
         until = self._seconds * len(self.begins) / len(self._targets)
         slower = self._fitting(made, until - self._time) if self._ending[len(self.begins) - 1] else 1.0
@@ -105,10 +104,10 @@ class Course:
             self._anew = True
 
     def _fitting(self, made: Float64Array, left: float) -> float:
-        """How much slower an action is to be, that whole ones fill the time that is left."""
+        """The factor to slow an action by, so that whole repetitions fill the time that is left."""
         once = float(np.exp(made[:, DURATION]).sum()) / self._pace
         slower = left / (once * max(1, round(left / once)))
-        # A hair more than asked for: rounding is not to begin another one.
+        # A hair longer, so that rounding does not start another repetition.
         return float(np.clip(slower * (1 + 1e-6), FASTEST, SLOWEST))
 
     def times(self) -> Float64Array:
@@ -116,51 +115,51 @@ class Course:
         return np.concatenate([[0.0], np.cumsum(np.exp([row[DURATION] for row in self.rows[1:]]))])
 
 
-def go_on(networks: ByClass, courses: Sequence[Course]) -> Sequence[Course]:
-    """Fill the time of every course."""
+def roll_out(networks: ByClass, rollouts: Sequence[Rollout]) -> Sequence[Rollout]:
+    """Predict until the time of every rollout is filled."""
     while True:
-        growing = [course for course in courses if not course.done]
+        growing = [rollout for rollout in rollouts if not rollout.done]
         if not growing:
-            return courses
-        by_network: list[list[Course]] = [[] for _ in networks.of]
-        for course in growing:
-            by_network[networks.place(course.target)[0]].append(course)
-        for index, asked in enumerate(by_network):
-            for start in range(0, len(asked), BATCH):
-                some = asked[start : start + BATCH]
-                for course, made in zip(some, _ahead(networks, index, some), strict=True):
-                    course.take(made)
+            return rollouts
+        by_network: list[list[Rollout]] = [[] for _ in networks.of]
+        for rollout in growing:
+            by_network[networks.place(rollout.target)[0]].append(rollout)
+        for index, waiting in enumerate(by_network):
+            for start in range(0, len(waiting), BATCH):
+                some = waiting[start : start + BATCH]
+                for rollout, made in zip(some, _predicted(networks, index, some), strict=True):
+                    rollout.take(made)
 
 
-def _ahead(networks: ByClass, index: int, courses: Sequence[Course]) -> Float64Array:
-    filled = [*courses, *[courses[0]] * (BATCH - len(courses))]
-    targets = np.array([networks.place(course.target)[1] for course in filled])
-    made = follow(
-        networks.network(index), np.stack([course.given for course in filled]), targets,
-        np.stack([course.latent for course in filled]), np.array([course.anew for course in filled]),
+def _predicted(networks: ByClass, index: int, rollouts: Sequence[Rollout]) -> Float64Array:
+    filled = [*rollouts, *[rollouts[0]] * (BATCH - len(rollouts))]
+    targets = np.array([networks.place(rollout.target)[1] for rollout in filled])
+    made = predict(
+        networks.network(index), np.stack([rollout.given for rollout in filled]), targets,
+        np.stack([rollout.latent for rollout in filled]), np.array([rollout.anew for rollout in filled]),
     )  # fmt: skip
-    return made[: len(courses)]
+    return made[: len(rollouts)]
 
 
-# Of the mean joint on the way from foreign poses to where a class begins, at most; body lengths a second.
+# Greatest speed of the mean joint on the way from a foreign pose to the start of a class, body lengths a second.
 SPEED: Final = 1.5
 
 
-def follow(
-    network: Ahead | Blocks,
+def predict(
+    network: ParallelDecoder | Seq2Seq,
     given: FloatArray,
     targets: Int64Array,
     latent: FloatArray,
     anew: BoolArray | None = None,
 ) -> Float64Array:
-    """Sparse poses that follow, within what the network has seen while training.
+    """Predict the sparse poses after given ones, clamped to the range of the training data.
 
     Args:
         network: in evaluation mode.
-        given: [B, 5, 65] sparse poses; of any class.
-        targets: [B] class wanted.
-        latent: [B, L] what is left to chance; zeros for what is likeliest.
-        anew: [B] whether the class begins with what follows, given the end of another, or its own; not if not given.
+        given: [B, 5, 65] sparse poses, of any class.
+        targets: [B] class to predict.
+        latent: [B, L] latent variables; zeros for the most likely poses.
+        anew: [B] whether the class starts after the given poses, which end another class or repetition; default no.
 
     Returns:
         [B, 15, 65].
@@ -170,16 +169,16 @@ def follow(
     with torch.inference_mode():
         rows = torch.from_numpy(np.asarray(given, dtype=np.float32))
         read = network.scale(rows)
-        if isinstance(network, Ahead):
+        if isinstance(network, ParallelDecoder):
             read = network.beginnings(read, wanted, begins)
         made = network.scale.within(network.scale.back(network(read, wanted, chance)))
         return led_over(made, (rows - network.scale.back(read))[:, -1]).double().numpy()
 
 
 def led_over(made: Tensor, apart: Tensor) -> Tensor:
-    """Sparse poses [B, n, 65] to follow poses that are `apart` [B, 65] from those they were made after.
+    """Lengthen the first step of predicted poses [B, n, 65] where the given poses are far from those that were read.
 
-    The first of them takes as long as the way there needs.
+    `apart` [B, 65] is that difference; the step takes as long as joints at `SPEED` need.
     """
     led = made.clone()
     way = apart[:, JOINT_COLUMNS].reshape(-1, JOINTS_GIVEN, 3).norm(dim=2).mean(dim=1)

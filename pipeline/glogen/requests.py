@@ -1,4 +1,4 @@
-"""What a motion starts from: the first sparse poses of a real clip."""
+"""What a motion is generated from: a request, the seed clip that it starts from, and the generated motion."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from motionlake.arrays import Float64Array
 from motionlake.glogen.config import SEEDS
-from motionlake.glogen.lead_in import state_at
+from motionlake.glogen.onset import state_at
 from motionlake.glogen.sparse import even_motion, ranges, sparse_motion
 from motionlake.glogen.trajectories import FPS, body_length, body_motion, measured_length
 from motionlake.motion.skeleton import JOINTS, facing
@@ -17,14 +17,14 @@ SHORTEST: Final = 24  # frames at 30 a second that a seed clip has at least: fiv
 
 
 @dataclass(frozen=True)
-class Start:
-    """Where a motion goes on from.
+class StartState:
+    """The poses and the place that a generated motion continues from.
 
     Attributes:
         rows: [5, 65] sparse poses.
-        state: [244] how the body stands and moves at the last of them (`lead_in.state_at`), of a class that goes on.
-        root: [3] where the hips are in the last of them, metres; y is that of the ground.
-        yaw: which way the body faces there, radians.
+        state: [244] pose and velocities at the last of them (`onset.state_at`); None unless the class is cyclic.
+        root: [3] hips in the last pose, metres; y is that of the ground.
+        yaw: heading of the last pose, radians.
         first, last: frames [first, last) of the clip, at its own rate, that the poses are from.
     """
 
@@ -36,14 +36,14 @@ class Start:
     last: int
 
 
-def start_of(seed: Seed, chance: int, sparse: int, going: bool = False) -> Start:
-    """The first sparse poses of a clip, of a piece of it where it is long: `chance` says which.
+def start_state(seed: SeedClip, chance: int, sparse: int, going: bool = False) -> StartState:
+    """The first sparse poses of a seed clip, or of one piece of a long clip.
 
     Args:
         seed: the clip.
-        chance: of which piece.
-        sparse: poses that a generator has stand for a motion.
-        going: whether the class goes on, whose sparse poses are spaced by time (`even_motion`).
+        chance: seed that picks the piece of a long clip.
+        sparse: number of sparse poses that represent a motion.
+        going: whether the class is cyclic; its sparse poses are then evenly spaced in time (`even_motion`).
 
     Raises:
         ValueError: the clip is shorter than needed, or of another skeleton.
@@ -69,12 +69,12 @@ def start_of(seed: Seed, chance: int, sparse: int, going: bool = False) -> Start
     root[1] -= height * measured_length(seed.positions)
     yaw = float(facing(seed.positions[last : last + 1])[0])
     state = state_at(piece, found.places[SEEDS - 1 : SEEDS])[0] if going else None
-    return Start(found.rows[:SEEDS], state, root, yaw, int(places[0]), last + 1)
+    return StartState(found.rows[:SEEDS], state, root, yaw, int(places[0]), last + 1)
 
 
 @dataclass(frozen=True)
-class Seed:
-    """A real clip whose first sparse poses a motion starts from.
+class SeedClip:
+    """A recorded clip whose first sparse poses a generated motion continues from.
 
     Attributes:
         clip: its name.
@@ -90,37 +90,37 @@ class Seed:
 
 
 @dataclass(frozen=True)
-class Wish:
-    """One motion to make.
+class MotionRequest:
+    """One motion to generate.
 
     Attributes:
         classes: one after the other, equal shares of the time each.
         seconds: of motion.
-        seed: of what is left to chance.
-        start: where it starts from.
-        pace: 2 is twice as fast.
-        temperature: how much is left to chance; 0: nothing, the most likely motion.
+        seed: of the random latent variables.
+        start: the clip that it continues from.
+        pace: speed relative to the recordings; 2 is twice as fast.
+        temperature: scale of the latent variables; 0 gives the most likely motion.
     """
 
     classes: tuple[str, ...]
     seconds: float
     seed: int
-    start: Seed
+    start: SeedClip
     pace: float = 1.0
     temperature: float = 1.0
 
 
 @dataclass(frozen=True)
-class Synthesized:
-    """A motion that was made; its first frame is 1 / fps seconds after the last of the poses that it starts from.
+class GeneratedMotion:
+    """A generated motion; its first frame is 1 / fps seconds after the last pose of its seed clip.
 
     Attributes:
         positions: [F, 21, 3] canonical joints, metres, y up.
         rotations: [F, 21, 4] local rotations (w, x, y, z) relative to the canonical rest pose.
         rest_offsets: [21, 3] of the body, metres: forward kinematics of the rotations gives the positions.
         fps: frames a second.
-        class_starts: the frame that each class begins at.
-        seed_start, seed_stop: frames of the seed clip, at its own rate, that it starts from.
+        class_starts: first frame of each class.
+        seed_start, seed_stop: frames of the seed clip, at its own rate, that it continues from.
     """
 
     positions: Float64Array
