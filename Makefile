@@ -79,12 +79,12 @@ mirrored: setup ## Stage: the signature of every clip mirrored left to right
 postures: setup ## Stage: train the posture dictionary if there is none, code every frame
 symbols: setup ## Stage: coded frames to the symbol string of every clip
 descriptors: setup ## Stage: train the descriptor network if there is none, one vector a clip
-submotions: setup ## Stage: train the second network if there is none, vectors of the windows of clips
+submotions: setup ## Stage: train the sub-motion encoder if there is none, vectors of the windows of clips
 neighbours: setup ## Stage of its own: the nearest words of every word in other clips
 	$(BIN)/motionlake run neighbours --lake "$(LAKE)"
 transitions: setup ## Stage of its own: where clips of DATASET=name (all datasets) can be joined into motion graphs
 	$(BIN)/motionlake run transitions $(if $(DATASET),--dataset "$(DATASET)") --lake "$(LAKE)"
-synth: setup ## Stage of its own: a generator of motion, trained on labelled clips or ready-made (then motionlake synthesize)
+synth: setup ## Stage of its own: a generator of motion, trained on labelled clips or pretrained (then motionlake synthesize)
 	$(BIN)/motionlake run synth --lake "$(LAKE)"
 
 $(STAGES):
