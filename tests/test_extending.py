@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import shutil
@@ -17,6 +18,7 @@ from tests.samples import KINECT_1, KINECT_1_PARENTS, deepmimic_frames, deepmimi
 ROOT = Path(__file__).parents[1]
 GUIDE = (ROOT / "docs" / "extending.md").read_text(encoding="utf-8")
 NEW = re.compile(r"^New file `([^`]+)`:\n\n```\w+\n(.*?)```$", re.MULTILINE | re.DOTALL)
+LINE = re.compile(r"^Line in `([^`]+)`[^\n]*:\n\n```python\n(.*)\n(.*)\n```$", re.MULTILINE)
 COUNTS = re.compile(r"^\| \[([^\]]+)\]\(#[\w-]+\) \| (\d+) \| (\d+) \|$", re.MULTILINE)
 
 
@@ -43,6 +45,13 @@ class Copy:
             assert not path.exists(), name
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_text(text, encoding="utf-8")
+
+        for name, line, entry in LINE.findall(section(title)):
+            path = package / name.removeprefix("pipeline/")
+            text = path.read_text(encoding="utf-8")
+            path.unlink()  # a link into the repository
+            text = text.replace("\nfrom motionlake.", f"\n{line}\nfrom motionlake.", 1)
+            path.write_text(re.sub(r"(\n\)\nON_REQUEST)", rf"\n{entry}\1", text, count=1), encoding="utf-8")
 
     def run(self, *words: str) -> str:
         done = subprocess.run(
@@ -78,6 +87,20 @@ def test_a_format(tmp_path: Path) -> None:
     assert '"format": "joint table"' in found
     assert '"frames": 45' in found
     assert np.isclose(float(re.findall(r'"z": ([\d.]+)', found)[0]), 3.0, atol=0.01)
+
+
+def test_a_stage(tmp_path: Path) -> None:
+    copy = Copy(tmp_path, "A stage")
+    (tmp_path / "clips").mkdir()
+    for count in (41, 51):
+        (tmp_path / "clips" / f"walk{count}.txt").write_text(deepmimic_text(deepmimic_frames(count)))
+    copy.run("ingest", "clips", "--lake", "mylake", "--workers", "1")
+    copy.run("run", "speeds", "--lake", "mylake", "--workers", "1")
+    query = re.findall(r'motionlake sql "(.*)" --lake mylake', section("A stage"))[0]
+    fastest = json.loads(copy.run("sql", query, "--lake", "mylake", "--json"))
+    for row, count in zip(fastest, (41, 51), strict=True):
+        assert row["fastest"] == pytest.approx(30 / (count - 1), rel=0.02)  # a metre in so many frames
+    assert "speeds" in copy.run("status", "--lake", "mylake")
 
 
 def test_a_sql_macro(tmp_path: Path) -> None:
