@@ -15,10 +15,9 @@ from motionlake.errors import ClipError
 from motionlake.formats import read_clips
 from motionlake.formats.bvh_writer import write_bvh
 from motionlake.formats.deepmimic import READER
-from motionlake.motion.canonicalise import CanonicalMotion, canonicalise
+from motionlake.motion.canonicalise import CanonicalMotion, canonicalise, to_source_clip
 from motionlake.motion.clip import ChannelKind, Hierarchy, SolvedMotion, SourceClip
 from motionlake.motion.kinematics import forward_kinematics, local_rotations, solve, world_rotations
-from motionlake.motion.retarget import to_source_clip
 from motionlake.motion.rigs import Rest, identify, load_rigs
 from motionlake.motion.rotations import angle, conjugate, from_axis_angle, multiply, rotate
 from motionlake.motion.skeleton import BONES, INDEX, JOINTS, PARENTS, facing

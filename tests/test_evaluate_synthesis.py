@@ -13,9 +13,8 @@ import numpy as np
 import pytest
 from motionlake.arrays import Float64Array
 from motionlake.evaluation.synthesis import SynthesisEvaluation, SynthesisPlan, measure_generator
-from motionlake.evaluation.synthesis_clips import RealMotion
 from motionlake.evaluation.synthesis_metrics import MILLISECONDS, body_poses, errors_at
-from motionlake.evaluation.synthesis_trials import following
+from motionlake.evaluation.synthesis_trials import RealMotion, following
 from motionlake.glogen.config import SynthesisConfig
 from motionlake.glogen.generator import EmbeddedMotions, TrainingMotion, embed_motions
 from motionlake.glogen.generator_training import train_generator

@@ -20,7 +20,7 @@ from motionlake.arrays import Float32Array, Float64Array, Int32Array, Int64Array
 from motionlake.deep_motifs.corpus import Corpus
 from motionlake.deep_motifs.emd import emd_many
 from motionlake.deep_motifs.emd_search import SignatureIndex
-from motionlake.deep_motifs.signatures import window_signatures
+from motionlake.deep_motifs.signatures import tf_idf, window_signatures
 from motionlake.errors import UserError
 
 LEAST_WORDS: Final = 2
@@ -171,8 +171,7 @@ def _signatures(bags: Int32Array, idf: Float64Array) -> Float32Array:
     """[u, K] signatures of windows by their motifs [u, n] (-1: none)."""
     counts = np.zeros((len(bags), len(idf) + 1), dtype=np.int64)
     np.add.at(counts, (np.arange(len(bags))[:, None], bags), 1)  # -1 falls into a last column, which is dropped
-    weights = counts[:, :-1] * idf
-    return np.asarray(weights / weights.sum(axis=1, keepdims=True), dtype=np.float32)
+    return tf_idf(counts[:, :-1], idf)
 
 
 def _nearest_apart(corpus: Corpus, windows: _Windows, query: ExampleQuery, k: int) -> list[RangeHit]:

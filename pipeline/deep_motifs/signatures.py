@@ -28,17 +28,21 @@ def inverse_document_frequency(clips_with_motif: IntArray, n_clips: int) -> Floa
     return np.asarray(np.log((1 + n_clips) / (1 + clips_with_motif)) + 1, dtype=np.float64)
 
 
+def tf_idf(counts: IntArray, idf: Float64Array) -> Float32Array:
+    """[..., K] tf-idf histograms of motif counts [..., K], each of mass 1; `signatures.sql` does it for clips."""
+    weights = counts * idf
+    return np.asarray(weights / weights.sum(axis=-1, keepdims=True), dtype=np.float32)
+
+
 def signature(counts: IntArray, idf: Float64Array) -> Float32Array:
     """[K] signature of a clip with motif `counts` [K].
 
     Raises:
         ValueError: a clip without words.
     """
-    weights = counts * idf
-    total = weights.sum()
-    if not total > 0:
+    if not (counts * idf).sum() > 0:
         raise ValueError("a clip without words has no signature")
-    return np.asarray(weights / total, dtype=np.float32)
+    return tf_idf(counts, idf)
 
 
 def signatures(clips: Sequence[IntArray], k: int) -> tuple[Float32Array, Float64Array]:
@@ -68,5 +72,4 @@ def window_signatures(motifs: IntArray, idf: Float64Array, n_words: int) -> Floa
     present[np.arange(1, len(motifs) + 1), motifs] = 1
     running = np.cumsum(present, axis=0)
     width = min(n_words, len(motifs))
-    weights = (running[width:] - running[:-width]) * idf
-    return np.asarray(weights / weights.sum(axis=1, keepdims=True), dtype=np.float32)
+    return tf_idf(running[width:] - running[:-width], idf)

@@ -12,18 +12,19 @@ from motionlake.arrays import FloatArray, StepProgress
 from motionlake.deephums.sequence import clip_sequence
 from motionlake.errors import UserError
 from motionlake.evaluation.clips import Notice
-from motionlake.evaluation.synthesis_clips import RealMotion, real_clips
 from motionlake.evaluation.synthesis_likeness import Describe, Likeness, frechet_distance
 from motionlake.evaluation.synthesis_measures import Aligned, copying, errors, movement, of_made, of_real, to_align
 from motionlake.evaluation.synthesis_metrics import energy
 from motionlake.evaluation.synthesis_trials import (
     Begun,
     Generator,
+    RealMotion,
     Trial,
     begun,
     continued,
     following,
     from_other_classes,
+    real_clips,
 )
 from motionlake.glogen.generator import EmbeddedMotions
 from motionlake.lake.catalog import Connection

@@ -6,9 +6,8 @@ import numpy as np
 from motionlake.lake import frames, raw
 from motionlake.lake.catalog import Connection, fetch
 from motionlake.lake.layout import Lake
-from motionlake.motion.canonicalise import CanonicalMotion
+from motionlake.motion.canonicalise import CanonicalMotion, to_source_clip
 from motionlake.motion.clip import SourceClip
-from motionlake.motion.retarget import to_source_clip
 
 
 def own_rig(con: Connection, lake: Lake, clip: str) -> SourceClip:

@@ -1,4 +1,4 @@
-"""From a file's motion to the canonical skeleton: one set of joints, one world, one rest pose."""
+"""From a file's motion to the canonical skeleton (one set of joints, one world, one rest pose), and back for export."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from typing import Final
 import numpy as np
 from motionlake.arrays import Float64Array
 from motionlake.errors import ClipError
-from motionlake.motion.clip import SolvedMotion, SourceClip
+from motionlake.motion.clip import ChannelKind, Hierarchy, SolvedMotion, SourceClip
 from motionlake.motion.fill import Binding, bind, place, place_offsets
 from motionlake.motion.kinematics import bone_vectors, continuous_signs, forward_kinematics, local_rotations
 from motionlake.motion.rest import to_canonical_rest, world_from_positions
 from motionlake.motion.rigs import Rest, RigMap
-from motionlake.motion.rotations import conjugate, from_axis_angle, multiply, normalise, rotate
+from motionlake.motion.rotations import conjugate, from_axis_angle, multiply, normalise, rotate, to_euler
 from motionlake.motion.skeleton import INDEX, JOINTS, PARENTS
 
 MIN_HEIGHT: Final = 0.4
@@ -225,3 +225,60 @@ def _orientation_notes(positions: Float64Array, up: str) -> list[str]:
     name = ("-" if longest[strongest] < 0 else "") + "xyz"[strongest]
     share = f"the head is not above the ankles in {1 - upright:.0%} of frames"
     return [f"{share}: the body lies or hangs, or up is {name} and not {up} (--up)"]
+
+
+METRES_PER_UNIT: Final = 0.01
+ROTATION: Final = ("Zrotation", "Yrotation", "Xrotation")
+POSITION: Final = ("Xposition", "Yposition", "Zposition")
+# End sites as shares of the body height, where the last joints' bones end.
+_TIPS: Final[dict[str, tuple[float, float, float]]] = {
+    "head": (0.0, 0.12, 0.0),
+    "left_wrist": (0.1, 0.0, 0.0),
+    "right_wrist": (-0.1, 0.0, 0.0),
+    "left_toe": (0.0, 0.0, 0.05),
+    "right_toe": (0.0, 0.0, 0.05),
+}
+
+
+def to_source_clip(motion: CanonicalMotion) -> SourceClip:
+    """The motion in BVH terms: root position and ZYX rotations in degrees, centimetres, y up.
+
+    The zero pose is the canonical rest pose with the clip's own bone offsets. Where the source was not rigid,
+    positions differ from `motion.positions` by up to `motion.fk_error`.
+    """
+    order = _depth_first()
+    offsets = motion.rest_offsets / METRES_PER_UNIT
+    angles = to_euler(motion.rotations, "ZYX")[:, order].reshape(len(motion.root), -1)
+    hierarchy = Hierarchy(
+        joints=tuple(JOINTS[joint] for joint in order),
+        parents=tuple(order.index(PARENTS[joint]) if PARENTS[joint] >= 0 else -1 for joint in order),
+        offsets=offsets[order],
+        channels=(POSITION + ROTATION, *(ROTATION for _ in order[1:])),
+        kind=ChannelKind.EULER,
+        axes=np.tile(np.array([1.0, 0.0, 0.0, 0.0]), (len(JOINTS), 1)),
+        end_sites=tuple(
+            (order.index(INDEX[name]), _scaled(share, motion.body_height / METRES_PER_UNIT))
+            for name, share in _TIPS.items()
+        ),
+    )
+    return SourceClip(
+        hierarchy=hierarchy,
+        channels=np.concatenate([motion.root / METRES_PER_UNIT, angles], axis=1),
+        fps=motion.fps,
+        metres_per_unit=METRES_PER_UNIT,
+        notes=motion.notes,
+    )
+
+
+def _scaled(share: tuple[float, float, float], size: float) -> tuple[float, float, float]:
+    x, y, z = share
+    return x * size, y * size, z * size
+
+
+def _depth_first() -> list[int]:
+    """Canonical joints in the order in which a BVH file writes its tree."""
+
+    def below(joint: int) -> list[int]:
+        return [joint, *(j for child, parent in enumerate(PARENTS) if parent == joint for j in below(child))]
+
+    return below(0)

@@ -19,8 +19,7 @@ from motionlake.lake.config import FramesConfig, LakeConfig, canonical_json, con
 from motionlake.lake.layout import Lake
 from motionlake.lake.models import Model, file_hash
 from motionlake.lake.parts import check_part
-from motionlake.motion.canonicalise import CanonicalMotion
-from motionlake.motion.retarget import to_source_clip
+from motionlake.motion.canonicalise import CanonicalMotion, to_source_clip
 from motionlake.stages.frame_parts import FrameParts
 from motionlake.stages.frames import CLIP_ROWS, LAYOUT_ROWS, SKELETON_ROWS
 from motionlake.stages.orphans import forget_orphans

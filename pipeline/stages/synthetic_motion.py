@@ -6,9 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 from motionlake.glogen.requests import GeneratedMotion
-from motionlake.motion.canonicalise import CanonicalMotion, body_height
+from motionlake.motion.canonicalise import METRES_PER_UNIT, CanonicalMotion, body_height
 from motionlake.motion.kinematics import continuous_signs, forward_kinematics
-from motionlake.motion.retarget import METRES_PER_UNIT
 
 
 def canonical_motion(made: GeneratedMotion, filled: Sequence[str] = ()) -> CanonicalMotion:
