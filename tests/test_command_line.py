@@ -74,6 +74,11 @@ def test_what_opens_a_lake_imports_no_library_that_computes(module: str) -> None
     assert not set(run.stdout.split()) & {*HEAVY, "scipy"}
 
 
+def test_status_imports_no_library_that_computes(tmp_path: Path) -> None:
+    assert motionlake("init", tmp_path).status == 0
+    assert not imported_by("status", "--lake", tmp_path) & {*HEAVY, "scipy"}
+
+
 def test_the_package_alone_imports_nothing() -> None:
     code = "import sys; before = set(sys.modules); import motionlake; print(*set(sys.modules) - before)"
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

@@ -8,12 +8,8 @@ from typing import Final
 
 import numpy as np
 from motionlake.arrays import BoolArray, Float32Array, Float64Array
-from motionlake.motion.dtw import dtw_matrix
 from motionlake.motion.resampling import interpolated
 from motionlake.motion.skeleton import COMMON, INDEX
-from scipy.ndimage import gaussian_filter1d
-from scipy.signal import savgol_filter
-from scipy.spatial.distance import cdist
 
 FPS: Final = 30.0
 # A Savitzky-Golay filter of this window and order takes the jitter of depth sensors; it hardly moves clean motion.
@@ -59,6 +55,8 @@ def clip_sequence(positions: Float64Array, fps: float, missing: BoolArray | None
     if not np.isfinite(joints).all():
         raise ValueError("joint positions are not all finite")
     if len(joints) >= WINDOW:
+        from scipy.signal import savgol_filter
+
         joints = savgol_filter(joints, WINDOW, ORDER, axis=0)
     root = _root(joints, there)
     yaw = _heading(joints, there)
@@ -151,6 +149,8 @@ def similar_by_motion(clips: Sequence[Float32Array], share: float) -> BoolArray:
     alike = np.ones((len(clips), len(clips)), dtype=bool)
     for measure in (motion_field, motion_distance):
         rows = np.stack([measure(clip).ravel() for clip in clips])
+        from scipy.spatial.distance import cdist
+
         apart = cdist(rows, rows)
         alike &= apart <= np.quantile(apart[np.triu_indices(len(rows), 1)], share)
     np.fill_diagonal(alike, True)
@@ -163,6 +163,8 @@ def alignment_distances(clips: Sequence[Float32Array]) -> Float64Array:
     A frame is the displacement of the joints from the posture that the clip starts and ends in, and their velocity,
     each divided by its root mean square over the clip.
     """
+    from motionlake.motion.dtw import dtw_matrix
+
     return dtw_matrix([_moves(clip) for clip in clips])
 
 
@@ -178,6 +180,8 @@ def _moves(clip: Float32Array) -> Float32Array:
     at = np.linspace(0, len(clip) - 1, count).round().astype(int)
     joints = clip[at].reshape(count, -1).astype(np.float64)
     joints -= np.median(joints[[0, 1, -2, -1]], axis=0)
+    from scipy.ndimage import gaussian_filter1d
+
     velocity = np.gradient(gaussian_filter1d(joints, 1.0, axis=0), axis=0)
     parts = [part / max(float(np.sqrt((part**2).sum(axis=1).mean())), 1e-6) for part in (joints, velocity)]
     return np.concatenate(parts, axis=1).astype(np.float32)

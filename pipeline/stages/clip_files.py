@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from motionlake.errors import ClipError, UserError
 from motionlake.lake.layout import Lake
-from motionlake.motion.canonicalise import CanonicalMotion
 from motionlake.motion.clip import SourceClip
 from motionlake.motion.rigs import load_rigs
 from motionlake.stages.frames import canonical_motions
 from motionlake.stages.sources import IngestOptions
+
+if TYPE_CHECKING:
+    from motionlake.motion.canonicalise import CanonicalMotion
 
 
 def first_body(lake: Lake, path: Path, options: IngestOptions | None = None) -> tuple[SourceClip, CanonicalMotion]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from contextlib import ExitStack
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pyarrow as pa
 from motionlake.lake import frames, raw
@@ -11,9 +11,11 @@ from motionlake.lake.config import FramesConfig
 from motionlake.lake.layout import Lake
 from motionlake.lake.motion_footer import footer_clip, motion_footer
 from motionlake.lake.parts import PartWriter, replacing
-from motionlake.motion.canonicalise import CanonicalMotion
 from motionlake.motion.clip import SourceClip
 from motionlake.stages.shard import Shard
+
+if TYPE_CHECKING:
+    from motionlake.motion.canonicalise import CanonicalMotion
 
 
 class FrameParts:

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 import pyarrow as pa
@@ -20,9 +20,7 @@ from motionlake.lake.catalog import Connection, fetch, load_rows, run_sql, table
 from motionlake.lake.config import FramesConfig, config_hash
 from motionlake.lake.layout import Lake
 from motionlake.lake.parts import check_part
-from motionlake.motion.canonicalise import CanonicalMotion, canonicalise
 from motionlake.motion.clip import SourceClip
-from motionlake.motion.kinematics import solve
 from motionlake.motion.rigs import RigMap, identify, load_rigs
 from motionlake.stages.frame_parts import FrameParts
 from motionlake.stages.orphans import forget_orphans
@@ -38,6 +36,9 @@ from motionlake.stages.sources import (
     known_roots,
     options_from,
 )
+
+if TYPE_CHECKING:
+    from motionlake.motion.canonicalise import CanonicalMotion
 
 NAME = "frames"
 SHARD_BYTES = 8 << 20  # of source files; a worker's memory grows with it
@@ -244,6 +245,9 @@ def canonical_motions(
         ClipError: the file cannot be read, its rig is unknown, or its motion makes no sense.
         UserError: `options.rig` is no rig.
     """
+    from motionlake.motion.canonicalise import canonicalise
+    from motionlake.motion.kinematics import solve
+
     for clip in read_clips(path, options.fps):
         rig = identify(clip.hierarchy.joints, rigs, options.rig)
         motion = canonicalise(clip, solve(clip), rig, up=options.up, metres_per_unit=options.metres_per_unit)

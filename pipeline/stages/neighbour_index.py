@@ -11,7 +11,6 @@ from dataclasses import asdict, dataclass
 from typing import Any, Final
 
 from motionlake.arrays import Float32Array
-from motionlake.deep_motifs.words.neighbours import prepare, save_searched
 from motionlake.deep_motifs.words.windows import WordSet
 from motionlake.errors import UserError
 from motionlake.lake.catalog import fetch
@@ -65,6 +64,8 @@ class NeighbourIndex(ModelKind[IndexedClips]):
     def train(
         self, lake: Lake, config: LakeConfig, data: IndexedClips, file: str, progress: Steps
     ) -> Mapping[str, Any]:
+        from motionlake.deep_motifs.words.neighbours import prepare, save_searched
+
         corpus, groups = WordSet.of_clips(data.features, config.words)
         names = {"clips": json.dumps(data.clips), "parts": json.dumps(data.parts)}
         with replacing(lake.path(file)) as temporary:

@@ -9,22 +9,24 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 import pyarrow as pa
 from motionlake.arrays import Int64Array
 from motionlake.deep_motifs.config import NeighboursConfig
-from motionlake.deep_motifs.words.neighbours import Neighbours, Searched, load_searched, search
 from motionlake.deep_motifs.words.windows import WordSet
 from motionlake.lake.layout import Lake
-from motionlake.motion.dtw import Metric
 from motionlake.motion.features import WordConfig
 from motionlake.stages.neighbour_index import NEIGHBOUR_INDEX
 from motionlake.stages.reader import LakeReader
 from motionlake.stages.shard import Shard
 from motionlake.stages.stage import PART_KEYS, Part, PartStage
 from motionlake.stages.words import WORDS, read_features
+
+if TYPE_CHECKING:
+    from motionlake.deep_motifs.words.neighbours import Neighbours, Searched
+    from motionlake.motion.dtw import Metric
 
 ELSEWHERE = -1  # group of a clip that the index does not hold
 ROWS = pa.schema(
@@ -59,6 +61,8 @@ class NearestWords(PartStage):
 
     def rows(self, lake: Lake, shard: Shard) -> Iterator[pa.Table]:
         config, wanted = WordConfig(**shard.spec["words"]), NeighboursConfig(**shard.spec["neighbours"])
+        from motionlake.deep_motifs.words.neighbours import load_searched, search
+
         corpus, names = load_searched(lake.path(shard.spec["index"]))
         clips = {clip: i for i, clip in enumerate(json.loads(names["clips"]))}
         parts = list(read_features(lake.path(shard.spec["features"])))

@@ -42,6 +42,7 @@ class PostureDictionaryKind(ModelKind[list[Float32Array]]):
         return wanted.weights == "shipped" or _count(at) < postures_config.ENOUGH * wanted.m
 
     def announce(self, at: LakeReader) -> str:
+
         config = at.config.postures
         return f"will train a dictionary of {config.m} symbols ({config.dictionary})"
 

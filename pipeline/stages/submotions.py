@@ -13,7 +13,6 @@ import pyarrow as pa
 from motionlake.arrays import Float32Array
 from motionlake.deephums.config import DIMENSION
 from motionlake.deephums.sequence import clip_sequence
-from motionlake.deephums.submotions import piece_windows
 from motionlake.lake import frames
 from motionlake.lake.catalog import Connection, fetch
 from motionlake.lake.layout import Lake
@@ -82,7 +81,7 @@ def _reader(lake: Lake, spec: Mapping[str, Any]) -> tuple[Embed, Callable[[int, 
     Recipe "deephums" compares pieces with the descriptors that the descriptor network gives to whole clips.
     """
     if spec["descriptors"] is None:
-        from motionlake.deephums.submotions import load_submotion
+        from motionlake.deephums.submotions import load_submotion, piece_windows
 
         return load_submotion(lake.path(spec["network"])).embed, piece_windows
     from motionlake.deephums.trained import load_descriptor

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from motionlake.errors import UserError
-from motionlake.glogen.requests import GeneratedMotion, MotionRequest, SeedClip
 from motionlake.lake.catalog import Connection, fetch
 from motionlake.lake.layout import Lake
 from motionlake.stages.clip_files import first_body
@@ -20,6 +19,7 @@ from motionlake.stages.training_clips import check_chosen, frames_of_clips
 
 if TYPE_CHECKING:
     from motionlake.glogen.generator import TrainedGenerator
+    from motionlake.glogen.requests import GeneratedMotion, MotionRequest, SeedClip
 
 LONGEST: Final = 3600.0  # seconds of one motion
 
@@ -174,11 +174,15 @@ def make(
 
 
 def _wish(request: Request, number: int, start: SeedClip) -> MotionRequest:
+    from motionlake.glogen.requests import MotionRequest
+
     seed = int(np.random.SeedSequence([request.seed, number]).generate_state(1)[0])
     return MotionRequest(request.classes, request.seconds, seed, start, request.pace, request.temperature)
 
 
 def _seeds(lake: Lake, starts: Sequence[Start], wanted: Iterable[int]) -> dict[int, SeedClip]:
+    from motionlake.glogen.requests import SeedClip
+
     chosen = sorted(wanted)
     rows = [asdict(starts[index]) for index in chosen if not starts[index].outside]
     clips = {clip.clip: clip.positions for clip in frames_of_clips(lake, rows)}

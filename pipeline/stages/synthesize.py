@@ -9,7 +9,7 @@ from contextlib import ExitStack
 from dataclasses import asdict, dataclass, replace
 from itertools import groupby
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import pyarrow as pa
 from motionlake.errors import UserError
@@ -19,7 +19,6 @@ from motionlake.lake.config import FramesConfig, LakeConfig, canonical_json, con
 from motionlake.lake.layout import Lake
 from motionlake.lake.models import Model, file_hash
 from motionlake.lake.parts import check_part
-from motionlake.motion.canonicalise import CanonicalMotion, to_source_clip
 from motionlake.stages.frame_parts import FrameParts
 from motionlake.stages.frames import CLIP_ROWS, LAYOUT_ROWS, SKELETON_ROWS
 from motionlake.stages.orphans import forget_orphans
@@ -36,7 +35,9 @@ from motionlake.stages.synthesis_wishes import (
     make,
     motions_of,
 )
-from motionlake.stages.synthetic_motion import canonical_motion
+
+if TYPE_CHECKING:
+    from motionlake.motion.canonicalise import CanonicalMotion
 
 NAME: Final = "synthesize"
 TRIAL: Final = 1.0  # seconds of a first motion, by which it shows whether there is anything to start from
@@ -211,6 +212,9 @@ def _spec(
 
 
 def _run(lake_root: Path, shard: Shard) -> ShardResult:
+    from motionlake.motion.canonicalise import to_source_clip
+    from motionlake.stages.synthetic_motion import canonical_motion
+
     started = time.perf_counter()
     lake, spec = Lake(lake_root), shard.spec
     model, request = Model(**spec["generator"]), _request(spec["request"])

@@ -11,23 +11,18 @@ import time
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 import pyarrow as pa
 from motionlake.deep_motifs.config import TransitionsConfig
-from motionlake.deep_motifs.corpus import Corpus
-from motionlake.deep_motifs.motion_graph.costs import context_distances
-from motionlake.deep_motifs.motion_graph.transitions import Windowed, candidates, nearest_per_word, windowed
 from motionlake.deep_motifs.words.windows import windows
 from motionlake.lake import frames
 from motionlake.lake.catalog import Connection, fetch, fetch_table, load_rows
 from motionlake.lake.config import LakeConfig, config_hash
-from motionlake.lake.corpus import read_corpus
 from motionlake.lake.layout import Lake
 from motionlake.lake.parts import write_part
 from motionlake.motion.features import WordConfig, body_length
-from motionlake.motion.kinematics import bone_vectors, world_rotations
 from motionlake.motion.resampling import resample
 from motionlake.stages.motif_model import MOTIF_MODEL
 from motionlake.stages.reader import LakeReader
@@ -35,6 +30,10 @@ from motionlake.stages.shard import Shard, ShardResult
 from motionlake.stages.signatures import SIGNATURES
 from motionlake.stages.stage import Part, clips_of, frames_parts
 from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from motionlake.deep_motifs.corpus import Corpus
+    from motionlake.deep_motifs.motion_graph.transitions import Windowed
 
 NAME = "transitions"
 CONTEXTS = "contexts"
@@ -161,6 +160,8 @@ class _Group:
 
 
 def _compare(lake_root: Path, shard: Shard) -> ShardResult:
+    from motionlake.deep_motifs.motion_graph.transitions import candidates, nearest_per_word
+
     started = time.perf_counter()
     lake = Lake(lake_root)
     config = TransitionsConfig(**shard.spec["transitions"])
@@ -178,6 +179,9 @@ def _compare(lake_root: Path, shard: Shard) -> ShardResult:
 
 
 def _read(lake: Lake, shard: Shard, part: str, config: TransitionsConfig) -> _Group:
+    from motionlake.deep_motifs.motion_graph.transitions import windowed
+    from motionlake.motion.kinematics import bone_vectors, world_rotations
+
     words = WordConfig(**shard.spec["words"])
     clips, fps, bones, sizes, positions, counts = [], [], [], [], [], []
     for clip in frames.read_part(lake.path(lake.frames_part(shard.dataset, part)), shard.spec["clips"]):
@@ -224,6 +228,8 @@ def _end(group: _Group, rows: NDArray[np.int64], rate: float) -> list[pa.Array]:
 
 
 def _load_contexts(con: Connection, root: Path, shard: Shard) -> None:
+    from motionlake.lake.corpus import read_corpus
+
     config = TransitionsConfig(**shard.spec["transitions"])
     parameters = {"files": [str(root / f) for f in shard.spec["files"]], "per_word": config.per_word}
     found = fetch_table(con, "transition_candidates", parameters)
@@ -234,6 +240,7 @@ def _load_contexts(con: Connection, root: Path, shard: Shard) -> None:
 
 def contexts(found: pa.Table, corpus: Corpus, context: int) -> NDArray[np.float64]:
     """[n] distance of the signatures around both ends of transitions."""
+    from motionlake.deep_motifs.motion_graph.costs import context_distances
 
     def end(side: str) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         clips = [corpus.positions[name] for name in found.column(f"{side}_clip").to_pylist()]
