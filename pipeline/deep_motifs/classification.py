@@ -57,15 +57,15 @@ def classify_knn(distances: Float64Array, labels: Sequence[str], k: int = 5) -> 
     _check(distances, labels)
     if k < 1:
         raise ValueError(f"k = {k}: at least 1 neighbour must vote")
-    verdicts = []
+    predictions = []
     for row in distances:
         order = np.argsort(row, kind="stable")[:k].tolist()
         votes: dict[str, int] = {}
         for i in order:
             votes[labels[i]] = votes.get(labels[i], 0) + 1
         label = max(votes, key=lambda name: votes[name])  # the first of equals is the nearest
-        verdicts.append(Prediction(label, votes[label] / len(order), float(row[order[0]])))
-    return verdicts
+        predictions.append(Prediction(label, votes[label] / len(order), float(row[order[0]])))
+    return predictions
 
 
 def classify_one_vs_all(distances: Float64Array, labelled: Float64Array, labels: Sequence[str]) -> list[Prediction]:

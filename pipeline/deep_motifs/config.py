@@ -19,7 +19,7 @@ class NetworkConfig:
 
     Attributes:
         architecture: name of the network.
-        weights: what a lake without a network starts with: "shipped" takes the ready-made weights where they fit
+        weights: what a lake without a network starts with: "shipped" takes the pretrained weights where they fit
             the words and the architecture, "own" always trains on the lake's clips.
         seed: of its training.
         steps: optimiser steps; "linear" needs none.

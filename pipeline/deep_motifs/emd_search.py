@@ -40,7 +40,7 @@ class Nearest(NamedTuple):
 
 @dataclass(frozen=True)
 class SignatureIndex:
-    """n signatures made ready for search, once for any number of queries; see `build`.
+    """n signatures prepared for search, once for any number of queries; see `build`.
 
     Attributes:
         ground: [K, K] distances of the motifs, a metric.

@@ -1,15 +1,15 @@
 """Temporal segmentation (Deep Motifs, section 6.2): every word of a clip gets a class from labelled clips.
 
 A window of 2 seconds around each word has a signature, cut short at the clip's ends (the paper's 9 words of 16
-frames, 19 of the default words). Labelled frames teach the
+frames, 19 of the default words). Labelled frames give the
 signatures of the windows around their words, and the signatures of their mirror images, which count as a
-quarter farther than they are; the 5 taught windows nearest to a new one (Earth Mover's Distance) vote for its
+quarter farther than they are; the 5 labelled windows nearest to a new one (Earth Mover's Distance) vote for its
 class. In the paper the class goes to the word in the middle; here a window votes for all words up to `reach`
 from its middle, so that a moment of another pose does not break a band.
 
-A window votes "unknown" where it lies farther from what was taught than the taught windows of its class lie
+A window votes "unknown" where it lies farther from the labelled windows than the labelled windows of its class lie
 from those of other clips: the threshold of a class is a quantile (by default the largest) of the distances of
-its taught windows from the nearest window of another clip. No other data sets it.
+its labelled windows from the nearest window of another clip. No other data sets it.
 """
 
 from __future__ import annotations
@@ -39,11 +39,11 @@ class SegmentationConfig:
 
     Attributes:
         window: words of a window; 19 default words are 2 seconds.
-        k: nearest taught windows that vote.
+        k: nearest labelled windows that vote.
         reach: a window votes for the words up to so many from its middle; 0 is the paper's, 12 are a second.
-        mirror_factor: by how much farther a window taught by a mirror image counts.
-        unknown: quantile of the distances of a class's taught windows from those of other clips, beyond which a
-            window is "unknown"; None gives every word a taught class.
+        mirror_factor: by how much farther a window of a mirrored clip counts.
+        unknown: quantile of the distances of a class's labelled windows from those of other clips, beyond which a
+            window is "unknown"; None gives every word a labelled class.
 
     Raises:
         UserError: a window or k below 1, a negative reach, a factor below 1, or a quantile outside 0 to 1.
@@ -99,7 +99,7 @@ class WordLabels:
 
     Attributes:
         labels: [w] class, or "unknown".
-        distances: [w] of the word's own window from the nearest taught one.
+        distances: [w] of the word's own window from the nearest labelled one.
         confidence: [w] share of the votes that the class got.
     """
 
@@ -147,8 +147,8 @@ def labelled_windows(
 ) -> Teaching:
     """The windows around the words whose centre lies in a labelled range.
 
-    A range too short to hold a centre teaches the word whose centre is nearest to its own; a word in ranges of
-    several classes teaches all of them.
+    A range too short to hold a centre labels the word whose centre is nearest to its own; a word in ranges of
+    several classes has all of them.
 
     Args:
         corpus: holds the clips of the ranges.
@@ -193,7 +193,7 @@ class _Side:
 
     def __init__(self, teaching: Teaching, rows: Int64Array, ground: Float64Array, factor: float) -> None:
         _, first, where = np.unique(teaching.signatures[rows], axis=0, return_index=True, return_inverse=True)
-        rank = np.argsort(np.argsort(first))  # in the order taught, which settles ties
+        rank = np.argsort(np.argsort(first))  # in the given order, which settles ties
         kinds = rank[where.ravel()]
         unique = teaching.signatures[rows[np.sort(first)]]
         self._rows = rows[np.argsort(kinds, kind="stable")]
@@ -232,7 +232,7 @@ class Segmenter:
         return self._label(motifs, idf, judging=self.config.unknown is not None)
 
     def forced_words(self, motifs: IntArray, idf: Float64Array) -> WordLabels:
-        """The same where every word gets a taught class."""
+        """The same where every word gets a labelled class."""
         return self._label(motifs, idf, judging=False)
 
     def _label(self, motifs: IntArray, idf: Float64Array, *, judging: bool) -> WordLabels:
@@ -246,10 +246,10 @@ class Segmenter:
 
     @cached_property
     def thresholds(self) -> Float64Array:
-        """[classes] distance from the nearest taught window beyond which a window of that class is unknown.
+        """[classes] distance from the nearest labelled window beyond which a window of that class is unknown.
 
-        The quantile over the class's taught windows of their distance from the nearest window of another clip.
-        A class that one clip alone teaches has that of all other classes together; where every class is such a
+        The quantile over the class's labelled windows of their distance from the nearest window of another clip.
+        A class with examples in one clip only has that of all other classes together; where every class is such a
         one, nothing tells what is far, and the thresholds are infinite.
         """
         quantile = self.config.unknown
@@ -263,7 +263,7 @@ class Segmenter:
         return thresholds
 
     def _calibrated(self) -> Int64Array:
-        """Rows of teaching whose class another clip teaches too, evenly drawn; no mirror images."""
+        """Rows of teaching whose class other clips show too, evenly drawn; no mirror images."""
         pairs = np.unique(np.column_stack([self._codes, self.teaching.clips]), axis=0)
         several = np.bincount(pairs[:, 0], minlength=len(self.classes)) > 1
         rows = np.flatnonzero(several[self._codes] & ~self.teaching.mirrored)
@@ -271,7 +271,7 @@ class Segmenter:
         return np.asarray(rows[::step], dtype=np.int64)
 
     def _nearest(self, row: int) -> float:
-        """Distance of a taught window from the nearest of another clip."""
+        """Distance of a labelled window from the nearest of another clip."""
         others = self.teaching.clips != self.teaching.clips[row]
         window = self.teaching.signatures[row]
         return min(
@@ -282,9 +282,9 @@ class Segmenter:
         )
 
     def _votes(self, windows: Float32Array) -> tuple[Float64Array, Float64Array]:
-        """[w, classes] shares of the votes of the k nearest taught windows, and [w] the nearest's distance.
+        """[w, classes] shares of the votes of the k nearest labelled windows, and [w] the nearest's distance.
 
-        Where the k-th and others are at one distance, those taught first vote. A tie goes to the class that
+        Where the k-th and others are at one distance, those given first vote. A tie goes to the class that
         holds the nearest of the voters.
         """
         unique, back = np.unique(windows, axis=0, return_inverse=True)

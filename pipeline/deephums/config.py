@@ -23,7 +23,7 @@ class DescriptorsConfig:
         recipe: "default", or "deephums", the thesis's (section 3.2).
         supervision: "none" (self-supervised: motion alone), "labels" (and the classes of labels.csv), "auto": by
             labels where two classes at least have two clips each.
-        weights: what a lake without a trained network starts with: "shipped" takes the ready-made one where it fits
+        weights: what a lake without a trained network starts with: "shipped" takes the pretrained one where it fits
             this configuration, "own" trains on the lake's clips.
         seed: of training.
         epochs: of training; 0 takes the recipe's.
@@ -65,11 +65,11 @@ SHORTEST: Final = 8
 
 @dataclass(frozen=True)
 class SubmotionConfig:
-    """How the second network is trained.
+    """How the sub-motion encoder is trained.
 
     Attributes:
         recipe: "default" or "deephums".
-        weights: what a lake without a trained network starts with: "shipped" takes the ready-made one where it fits
+        weights: what a lake without a trained network starts with: "shipped" takes the pretrained one where it fits
             this configuration, "own" trains on the lake's clips.
         seed: of training.
         steps: batches.

@@ -30,7 +30,7 @@ class Neighbours(NamedTuple):
 
 
 class DescriptorScan:
-    """n descriptors made ready for exact search by scanning all of them.
+    """n descriptors prepared for exact search by scanning all of them.
 
     Holds them by columns as well: torch multiplies these with a query at twice the speed of rows.
 
@@ -61,13 +61,13 @@ class DescriptorScan:
         Raises:
             ValueError: k < 1, queries of another width, or values that are not finite.
         """
-        asked = checked_queries(queries, self._rows.shape[1], k)
+        checked = checked_queries(queries, self._rows.shape[1], k)
         k = min(k, len(self))
-        indices = np.empty((len(asked), k), dtype=np.int64)
-        distances = np.empty((len(asked), k))
+        indices = np.empty((len(checked), k), dtype=np.int64)
+        distances = np.empty((len(checked), k))
         step = max(1, SCANNED // max(1, len(self)))
-        for first in range(0, len(asked) if k else 0, step):
-            some = asked[first : first + step]
+        for first in range(0, len(checked) if k else 0, step):
+            some = checked[first : first + step]
             for at, (query, candidates) in enumerate(zip(some, self._candidates(some, k), strict=True), start=first):
                 indices[at], distances[at] = nearest_of(self._rows, candidates, query, k)
         return Neighbours(indices, distances)
@@ -134,10 +134,10 @@ def checked_queries(queries: ArrayLike, d: int, k: int) -> Float32Array:
     """[m, d] float32 of m queries or one. Raises `ValueError` for k < 1, another width, values that are not finite."""
     if k < 1:
         raise ValueError(f"k = {k}: ask for at least 1 nearest descriptor")
-    asked = np.atleast_2d(np.ascontiguousarray(queries, dtype=np.float32))
-    if asked.ndim != 2 or asked.shape[1] != d:
-        raise ValueError(f"queries of shape {asked.shape} do not compare with descriptors of {d} values")
-    return _finite(asked)
+    checked = np.atleast_2d(np.ascontiguousarray(queries, dtype=np.float32))
+    if checked.ndim != 2 or checked.shape[1] != d:
+        raise ValueError(f"queries of shape {checked.shape} do not compare with descriptors of {d} values")
+    return _finite(checked)
 
 
 def _finite(values: Float32Array) -> Float32Array:

@@ -69,7 +69,7 @@ class _Query:
 
 
 class QuickIndex:
-    """n descriptors made ready for single queries; see the module.
+    """n descriptors prepared for single queries; see the module.
 
     Attributes:
         blocks: of the turned rows.
@@ -107,11 +107,11 @@ class QuickIndex:
         Raises:
             ValueError: k < 1, several queries, another width, or values that are not finite.
         """
-        asked = checked_queries(query, self._rows.shape[1], k)
-        if len(asked) != 1:
-            raise ValueError(f"{len(asked)} queries: the quick index answers one at a time")
+        checked = checked_queries(query, self._rows.shape[1], k)
+        if len(checked) != 1:
+            raise ValueError(f"{len(checked)} queries: the quick index answers one at a time")
         k = min(k, len(self))
-        found = nearest_of(self._rows, self._candidates(asked[0], k), asked[0], k)
+        found = nearest_of(self._rows, self._candidates(checked[0], k), checked[0], k)
         return Neighbours(found[0][None], found[1][None])
 
     def _candidates(self, query: Float32Array, k: int) -> Int64Array:

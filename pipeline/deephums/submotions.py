@@ -149,7 +149,7 @@ def train_submotion(
     device: str | None = None,
     progress: Progress | None = None,
 ) -> tuple[nn.Module, list[float]]:
-    """Train the second network on pieces of clips.
+    """Train the sub-motion encoder on pieces of clips.
 
     Args:
         sequences: n clips (`clip_sequence`), two at least.

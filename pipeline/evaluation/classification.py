@@ -37,17 +37,17 @@ def folded_accuracy(distances: Float64Array, labels: Sequence[str], folds: int, 
         raise ValueError(f"distances of shape {distances.shape} do not fit {len(names)} labels")
     part = np.empty(len(names), dtype=np.int64)
     part[np.argsort(names, kind="stable")] = np.arange(len(names)) % folds
-    right, asked = 0, 0
+    right, total = 0, 0
     for fold in range(folds):
         test, known = np.flatnonzero(part == fold), np.flatnonzero(part != fold)
         test = test[np.isin(names[test], names[known])]
         if len(test):
             found = classify(distances[np.ix_(test, known)], distances[np.ix_(known, known)], names[known].tolist())
             right += int(np.sum(np.asarray(found) == names[test]))
-            asked += len(test)
-    if not asked:
+            total += len(test)
+    if not total:
         raise ValueError("no clip has another of its class: nothing to learn from")
-    return right / asked
+    return right / total
 
 
 @dataclass(frozen=True)

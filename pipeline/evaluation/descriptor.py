@@ -243,7 +243,7 @@ def _warning(network: Model, queries: Sequence[DescribedClip]) -> str | None:
     figures = network.figures
     if figures.get("ready_made"):
         seen = [clip for clip in queries if clip.dataset in figures.get("sets", ())]
-        trained = "the ready-made network was trained on recordings of this dataset"
+        trained = "the pretrained network was trained on recordings of this dataset"
     else:
         split, dataset = figures.get("split"), figures.get("dataset")
         seen = [clip for clip in queries if split in (None, clip.split) and dataset in (None, clip.dataset)]

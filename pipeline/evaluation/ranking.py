@@ -184,22 +184,22 @@ def score_rankings(rankings: Sequence[BoolArray]) -> RankingScores:
     Raises:
         ValueError: no query with a relevant clip.
     """
-    asked = [hits for hits in rankings if hits.any()]
-    if not asked:
+    scored = [hits for hits in rankings if hits.any()]
+    if not scored:
         raise ValueError("no query has a relevant clip: nothing to retrieve")
 
     def precision(n: int) -> float:
-        return float(np.mean([hits[:n].mean() for hits in asked]))
+        return float(np.mean([hits[:n].mean() for hits in scored]))
 
     return RankingScores(
-        float(np.mean([average_precision(hits) for hits in asked])),
+        float(np.mean([average_precision(hits) for hits in scored])),
         precision(2),
         precision(5),
         precision(10),
         precision(15),
         precision(20),
         precision(1),
-        len(asked),
+        len(scored),
     )
 
 
@@ -224,12 +224,12 @@ def precision_recall(rankings: Sequence[BoolArray], levels: int = 20) -> dict[st
     Raises:
         ValueError: no query with a relevant clip.
     """
-    asked = [hits for hits in rankings if hits.any()]
-    if not asked:
+    scored = [hits for hits in rankings if hits.any()]
+    if not scored:
         raise ValueError("no query has a relevant clip: nothing to retrieve")
     steps = np.arange(1, levels + 1)
-    curves = np.empty((len(asked), levels))
-    for row, hits in zip(curves, asked, strict=True):
+    curves = np.empty((len(scored), levels))
+    for row, hits in zip(curves, scored, strict=True):
         ranks = np.flatnonzero(hits) + 1
         count = -(-steps * len(ranks) // levels)  # relevant hits that the level takes
         row[:] = count / ranks[count - 1]

@@ -28,12 +28,12 @@ class SegmentationScores:
     """Shares of words, from 0 to 1; None where there are no such words.
 
     Attributes:
-        accuracy: of all labelled words, with the verdict "unknown", which is right for a class never taught
+        accuracy: of all labelled words, "unknown" being right for a class without examples
             and wrong for one that was.
-        accuracy_known: of the words whose class was taught, each given a taught class.
-        accuracy_known_or_unknown: of the same words, with the verdict "unknown", which is wrong for all of them.
+        accuracy_known: of the words whose class has examples, each given such a class.
+        accuracy_known_or_unknown: of the same words, "unknown" being wrong for all of them.
         n: labelled words.
-        n_known: of these, words whose class was taught.
+        n_known: of these, words whose class has examples.
     """
 
     accuracy: float | None
@@ -60,9 +60,9 @@ def score_words(
     Args:
         truth: [w] classes of each word; a word without one is left out, one with several is right with any.
         judged: [w] class given, or `unknown`.
-        forced: [w] class given where every word gets a taught one.
+        forced: [w] class given where every word gets one with examples.
         taught: classes that were learned.
-        unknown: the verdict.
+        unknown: the label of no class.
     """
     labelled = [i for i, classes in enumerate(truth) if classes]
     known = [i for i in labelled if any(c in taught for c in truth[i])]
@@ -122,7 +122,7 @@ def evaluate_segmentation(
         lake: for the mirrored words.
         dataset: its clips only.
         config: how words are classified.
-        mirrored: clips teach their mirror images too.
+        mirrored: mirrored clips are examples too.
 
     Raises:
         UserError: fewer than two clips have segments.

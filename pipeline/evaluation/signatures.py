@@ -86,7 +86,7 @@ def _one_vs_all(distances: Float64Array, labels: list[str]) -> dict[str, Any] | 
     def classify(queries: Float64Array, known: Float64Array, names: list[str]) -> list[str]:
         if len(set(names)) < 2:
             return names[:1] * len(queries)
-        return [verdict.label for verdict in classify_one_vs_all(queries, known, names)]
+        return [prediction.label for prediction in classify_one_vs_all(queries, known, names)]
 
     protocol = "leave one out" if folds == len(labels) else f"{folds} folds"
     return {"accuracy": folded_accuracy(distances, labels, folds, classify), "protocol": protocol}

@@ -22,7 +22,7 @@ class SynthesisConfig:
         seed: of training.
         epochs: of training; 0 takes the recipe's.
         weights: what a lake without a generator starts with: "own" trains one on clips of known class, "shipped" takes
-            the ready-made one where it fits this configuration, "auto" does so where no clip's class is known.
+            the pretrained one where it fits this configuration, "auto" does so where no clip's class is known.
 
     Raises:
         ValueError: an unknown name, or a value out of range.
@@ -59,21 +59,21 @@ class GloGenRecipe:
     """Sizes and training of GloGen.
 
     Attributes:
-        architecture: "ahead": all poses that follow the given ones at once; "blocks": the thesis's encoder and
-            decoder, five poses from five, again and again (equations 4.1 and 4.2).
-        sparse: poses that stand for a motion.
-        embedding, state: widths of what is made of a pose, and of the recurrent layers, both directions together.
+        architecture: "ahead": predicts all poses at once (`ParallelDecoder`); "blocks": the thesis's `Seq2Seq`,
+            five poses from five, again and again (equations 4.1 and 4.2).
+        sparse: number of sparse poses that represent a motion.
+        embedding, state: widths of the pose embedding and of the recurrent layers (both directions together).
         layers, bidirectional, cell: of the recurrent layers ("LSTM" or "GRU"); the ablations of table 4.4.
-        latent: numbers that say what class and given poses leave open; 0: none.
-        divergence: weight of the latent numbers' distance from what they are drawn from.
+        latent: number of latent variables; 0: none.
+        divergence: weight of the divergence of the latent variables from their prior.
         smooth: weight of the error of differences from pose to pose.
         noise: of the given poses while training, body lengths.
         epochs, steps: of training: so many epochs, more where these have fewer steps than `steps`.
-        going_steps: the same where a class goes on: it follows on its own poses again and again, and a network that has
-            learned it less well ends up standing still.
-        going_dropout: instead of `dropout` where a class goes on.
-        again: frames from piece to piece in which clips of classes that go on are read.
-        missing: share of the joints of given poses that are not seen while training: they stand at their mean.
+        going_steps: the same for cyclic classes, whose rollouts feed predictions back many times: a network trained for
+            less ends up standing still.
+        going_dropout: `dropout` for cyclic classes.
+        again: frames between the starts of neighbouring pieces of clips of cyclic classes.
+        missing: share of the joints of given poses that training hides by their mean.
     """
 
     architecture: Architecture = "ahead"

@@ -36,7 +36,7 @@ def train_generator(
     Args:
         motions: clips of known class.
         config: recipe, seed, epochs (of either network).
-        examples: of how recorded motion goes on, that it keeps at most.
+        examples: most examples that the onset model keeps.
         checkpoint: a file to save training to and to go on from; deleted at the end.
         progress: called with (epochs done, epochs, mean loss) after each epoch of either network.
 
@@ -123,7 +123,7 @@ class _Part:
         classes: that it knows.
         rows: sparse poses of each piece.
         targets: class of each, one of its own.
-        going: whether each of its classes goes on.
+        going: whether each of its classes is cyclic.
         share: of the pieces of these that an epoch takes, which overlap.
     """
 

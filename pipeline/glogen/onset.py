@@ -32,8 +32,8 @@ FEATURES: Final = ROOT + len(RECENT) * HEIGHT
 FUTURE: Final = len(KNOTS) * ROOT
 MOST: Final = 5000  # examples, of all classes together, half of them left for right
 SOFT: Final = 0.3  # ridge
-LINEAR: Final = 0.3  # share of the linear kernel: what was not seen goes on as the nearest does, and as it moves itself
-FURTHEST: Final = 2.0  # widths from the nearest example; beyond, nothing is said
+LINEAR: Final = 0.3  # share of the linear kernel: states unlike the examples are extrapolated
+FURTHEST: Final = 2.0  # widths from the nearest example; beyond, nothing is predicted
 # What counts alike: joints and height in body lengths, velocity and turning a second, and speeds of joints. How joints
 # move says more than where they are.
 SCALES: Final = np.concatenate([np.full(HEIGHT, 0.2), [0.1], [0.6, 0.6], [2.0], np.full(FEATURES - ROOT, 0.6)])
@@ -61,9 +61,9 @@ def state_at(motion: BodyMotion, places: Float64Array) -> Float64Array:
 
 
 class Onset(nn.Module):
-    """Kernels over how recorded bodies of the same class stood and moved, one for each of C classes.
+    """Kernel regression from how a body stands and moves to its next frames, one kernel for each of C classes.
 
-    Matern's, once differentiable, and a linear one: chosen on clips that no figure is given of (docs/synthesis.md).
+    A Matern kernel (3/2) plus a linear one, chosen on clips that no metric is reported of (docs/synthesis.md).
 
     Attributes:
         classes: [n] of the examples.
@@ -113,12 +113,12 @@ class Onset(nn.Module):
 def fit_onset(
     motions: Sequence[BodyMotion], targets: Sequence[int], going: Sequence[bool], examples: int = MOST
 ) -> Onset:
-    """Learn how the motion of every class that goes on does so.
+    """Fit the kernels of every cyclic class.
 
     Args:
         motions: whole clips.
         targets: class of each.
-        going: [C] whether each class goes on.
+        going: [C] whether each class is cyclic.
         examples: of all classes together, at most.
     """
     with on_threads(1):  # sums of threads differ from run to run

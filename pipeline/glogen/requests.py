@@ -13,7 +13,7 @@ from motionlake.glogen.sparse import even_motion, ranges, sparse_motion
 from motionlake.glogen.trajectories import FPS, body_length, body_motion, measured_length
 from motionlake.motion.skeleton import JOINTS, facing
 
-SHORTEST: Final = 24  # frames at 30 a second that a seed clip has at least: five sparse poses of a motion that goes on
+SHORTEST: Final = 24  # frames at 30 a second that a seed clip has at least: five sparse poses of a cyclic motion
 
 
 @dataclass(frozen=True)

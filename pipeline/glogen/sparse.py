@@ -120,7 +120,7 @@ def pieces(
         count: of sparse poses of each piece.
         stride: frames; `PIECE`: contiguous pieces, as the thesis has them.
         mirror: adds every piece reflected left to right.
-        going: whether each class goes on (`goes_on`); none by default. Clips of such classes are not cut, and have as
+        going: whether each class is cyclic (`goes_on`); none by default. Clips of such classes are not cut, and have as
             many sparse poses as their length asks for (`even_motion`).
         again: frames from one piece of `PIECE` frames to the next that clips of such classes are read in, so that their
             sparse poses lie elsewhere in each; 0: they are read whole.
@@ -143,9 +143,9 @@ def overlapping(frames: int, again: int) -> list[tuple[int, int]]:
 
 
 def goes_on(motions: Sequence[BodyMotion], targets: Sequence[int], classes: int) -> list[bool]:
-    """[C] whether the motion of a class goes on, as walking does, or comes to its end, as a kick does.
+    """[C] whether the motion of a class is cyclic, as walking, or an action with an end, as a kick.
 
-    It goes on if the most of its clips end while they move, or are longer than `LONGEST`.
+    A class is cyclic if most of its clips end while they move, or are longer than `LONGEST`.
     """
     ended: list[list[bool]] = [[] for _ in range(classes)]
     for motion, target in zip(motions, targets, strict=True):

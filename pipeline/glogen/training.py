@@ -42,7 +42,7 @@ def train_glogen(
         classes: how many there are.
         recipe: how.
         seed: of weights, order and chance.
-        going: whether each class goes on: its motions are learned from any pose on; none by default.
+        going: whether each class is cyclic, so that prediction may start at any pose; none by default.
         share: of the motions of classes that go on that an epoch takes, drawn anew: less than 1 where they overlap.
         checkpoint: a file to save training to and to go on from; deleted at the end, unless it `stays`.
         progress: called with (epochs done, epochs, mean loss).
@@ -81,7 +81,7 @@ def _items(lengths: Sequence[int], targets: Sequence[int], going: Sequence[bool]
 
 @dataclass(frozen=True)
 class _Motions:
-    """Motions [n_i, 65] and their classes [n]; a class that goes on is learned from any pose on."""
+    """Motions [n_i, 65] and their classes [n]; prediction of a cyclic class may start at any pose."""
 
     rows: list[Tensor]
     targets: Tensor
@@ -239,10 +239,10 @@ def untrained(recipe: GloGenRecipe, of: Sequence[Sequence[int]]) -> ByClass:
 
 
 def groups(going: Sequence[bool], known: Sequence[bool]) -> list[list[int]]:
-    """The classes of each network: each that goes on alone, all others together.
+    """The classes of each network: each cyclic class alone, all others together.
 
     Args:
-        going: [C] whether each goes on.
+        going: [C] whether each is cyclic.
         known: [C] whether there are motions of it; one without joins the others, or the first where there are none.
     """
     alone = [[target] for target, on in enumerate(going) if on and known[target]]

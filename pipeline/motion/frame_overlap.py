@@ -66,7 +66,7 @@ def poses(features: Float32Array, config: WordConfig) -> Float32Array:
 
 @dataclass(frozen=True)
 class Track:
-    """A clip made ready to be aligned with many others.
+    """A clip prepared to be aligned with many others.
 
     Attributes:
         frames: [T, J, C] `poses`.

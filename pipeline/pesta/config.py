@@ -73,7 +73,7 @@ class PosturesConfig:
         dictionary: "aae" (clustering adversarial autoencoder), "kmeans" or "som" (self-organising map).
         m: number of symbols.
         seed: of training.
-        weights: what a lake without a dictionary starts with: "shipped" takes the ready-made one where it fits this
+        weights: what a lake without a dictionary starts with: "shipped" takes the pretrained one where it fits this
             configuration, "own" trains on the lake's clips, "auto" (default) does so where they hold enough postures,
             `ENOUGH` for each symbol, since a dictionary of the clips' own retrieves much better (`docs/postures.md`).
         recipe: of the autoencoder: "default", or "pesta", the paper's (5,000 epochs).

@@ -69,7 +69,7 @@ class Neighbours:
 
 @dataclass(frozen=True)
 class Searched:
-    """Words made ready for search.
+    """Words prepared for search.
 
     Attributes:
         words: N of them.
