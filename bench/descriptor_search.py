@@ -152,7 +152,9 @@ def in_duckdb(rows: Float32Array) -> duckdb.DuckDBPyConnection:
     con.execute("SET threads = 1")
     lists = pa.FixedSizeListArray.from_arrays(pa.array(rows.ravel()), DIMENSION)
     con.register("made", pa.table({"clip": [f"{i:07}" for i in range(len(rows))], "descriptor": lists}))
-    con.execute("CREATE TABLE clips AS SELECT clip, NULL AS label, 'made' AS dataset, 1.0 AS seconds FROM made")
+    con.execute(
+        "CREATE TABLE clips AS SELECT clip, NULL AS label, 'made' AS dataset, 1.0 AS seconds, 'bvh' AS format FROM made"
+    )
     con.execute(sql.read("schema/65_descriptors.sql"))
     con.execute("INSERT INTO descriptors BY NAME SELECT clip, descriptor, 'made' AS model, '' AS part FROM made")
     con.unregister("made")

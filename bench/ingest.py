@@ -21,7 +21,7 @@ os.environ |= {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THR
 from motionlake.formats import read_clips
 from motionlake.motion.kinematics import solve
 
-from bench.record import hash_files, interleave, record, recordings
+from bench.record import hash_files, installed, interleave, record, recordings
 
 PEERS = ("pybvh", "bvhio", "asfamc-parser")
 # Lowest acceptable ratios, measured on other machines with 30 % slack.
@@ -110,34 +110,38 @@ def peers(rounds: int) -> dict[str, dict[str, Any]]:
     small = [min(dance, key=lambda path: path.stat().st_size)]
     frames = solve_all(dance)
     figures: dict[str, dict[str, Any]] = {}
-    figures["bvh parse"] = compare(
-        partial(read_all, dance),
-        lambda: pybvh_read(dance),
-        BARS["bvh parse"],
-        rounds,
-        megabytes=size_of(dance),
-        frames=frames,
-    )
-    figures["bvh solve"] = compare(
-        lambda: solve_all(dance), lambda: pybvh_solve(dance), BARS["bvh solve"], rounds, frames=frames
-    )
-    figures["bvhio solve"] = compare(
-        lambda: solve_all(small),
-        lambda: bvhio_solve(small[0]),
-        BARS["bvhio solve"],
-        min(rounds, 3),
-        frames=solve_all(small),
-    )
+    there = installed(("pybvh", "bvhio", "asfamcparser"))
+    if "pybvh" in there:
+        figures["bvh parse"] = compare(
+            partial(read_all, dance),
+            lambda: pybvh_read(dance),
+            BARS["bvh parse"],
+            rounds,
+            megabytes=size_of(dance),
+            frames=frames,
+        )
+        figures["bvh solve"] = compare(
+            lambda: solve_all(dance), lambda: pybvh_solve(dance), BARS["bvh solve"], rounds, frames=frames
+        )
+    if "bvhio" in there:
+        figures["bvhio solve"] = compare(
+            lambda: solve_all(small),
+            lambda: bvhio_solve(small[0]),
+            BARS["bvhio solve"],
+            min(rounds, 3),
+            frames=solve_all(small),
+        )
     with tempfile.TemporaryDirectory() as folder:
         copies = without_first_line(amc, Path(folder))
         for name, part in (("amc parse", slice(None)), ("amc parse, short clips", slice(1, None))):
-            figures[name] = compare(
-                partial(read_all, amc[part]),
-                partial(asfamc_read, copies[part]),
-                BARS["amc parse"],
-                min(rounds, 5),
-                megabytes=size_of(amc[part]),
-            )
+            if "asfamcparser" in there:
+                figures[name] = compare(
+                    partial(read_all, amc[part]),
+                    partial(asfamc_read, copies[part]),
+                    BARS["amc parse"],
+                    min(rounds, 5),
+                    megabytes=size_of(amc[part]),
+                )
     # pybvh refuses these: they have position channels below the root.
     seconds = interleave({"parse": partial(read_all, bandai), "solve": lambda: solve_all(bandai)}, rounds)
     figures["bandai, ours alone"] = {

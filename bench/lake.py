@@ -71,9 +71,13 @@ def command(source: Path, lake: Path, dataset: str, workers: int) -> list[str]:
     return [*words, "--dataset", dataset, "--workers", str(workers)]
 
 
-def ingest_sets(data: Path, workers: int) -> dict[str, Ingest]:
-    """Ingest every set, one after the other."""
-    sets = [folder for folder in sorted(data.iterdir()) if (folder / "clips").is_dir()]
+def ingest_sets(data: Path, workers: int, names: Sequence[str] = ()) -> dict[str, Ingest]:
+    """Ingest every set, or those named, one after the other."""
+    sets = [
+        folder
+        for folder in sorted(data.iterdir())
+        if (folder / "clips").is_dir() and (not names or folder.name in names)
+    ]
     with tempfile.TemporaryDirectory(prefix="bench-lake-") as folder, _session(Path(folder) / "lake", workers) as job:
         examples = [str(next(p for p in sorted((s / "clips").rglob("*")) if is_clip(p))) for s in sets]
         job.client.run(_load_code, examples)
@@ -170,11 +174,11 @@ def show(name: str, ingest: Ingest, workers: int) -> None:
         print(f"    rejected {line}")
 
 
-def ingest(workers: int, sizes: Sequence[int]) -> None:
+def ingest(workers: int, sizes: Sequence[int], names: Sequence[str]) -> None:
     """All of it."""
     data = recordings()
     figures: dict[str, Any] = {"workers": workers}
-    sets = ingest_sets(data, workers)
+    sets = ingest_sets(data, workers, names)
     everything = together(sets)
     for name, measured in [*sets.items(), ("all sets", everything)]:
         show(name, measured, workers)
@@ -198,8 +202,9 @@ def main() -> None:
     parser.add_argument("what", choices=["ingest"])
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--clips", type=int, nargs="+", default=list(SIZES), help="sizes of the memory test")
+    parser.add_argument("--sets", nargs="+", default=[], help="these alone")
     arguments = parser.parse_args()
-    ingest(arguments.workers, arguments.clips)
+    ingest(arguments.workers, arguments.clips, arguments.sets)
 
 
 if __name__ == "__main__":

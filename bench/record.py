@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import importlib.util
 import json
 import os
 import platform
@@ -27,6 +28,14 @@ def recordings() -> Path:
     if not folder:
         sys.exit("MOTIONLAKE_DATA is not set: set it to the folder of the recordings")
     return Path(folder)
+
+
+def installed(packages: Iterable[str]) -> list[str]:
+    """Those of some packages, by the names they are imported by, that are there; of others it is said that not."""
+    found = {package: importlib.util.find_spec(package) is not None for package in packages}
+    if missing := [package for package, there in found.items() if not there]:
+        print(f"not installed, so left out: {', '.join(missing)}")
+    return [package for package, there in found.items() if there]
 
 
 def interleave(functions: Mapping[str, Callable[[], object]], rounds: int = 7) -> dict[str, float]:
@@ -93,7 +102,7 @@ def record(
     figures: Mapping[str, Any],
     data: str = "",
     packages: Iterable[str] = (),
-    folder: Path = RESULTS,
+    folder: Path | None = None,
 ) -> Path:
     """Write figures as `<folder>/<name>-<UTC time>.json` with what is needed to judge them.
 
@@ -102,12 +111,12 @@ def record(
         figures: what was measured; JSON values.
         data: `hash_files` of the data.
         packages: peers whose versions matter, besides `PACKAGES`.
-        folder: where to.
+        folder: where to; `RESULTS` if not given.
 
     Returns:
         The file written.
     """
-    now = datetime.now(UTC)
+    now, folder = datetime.now(UTC), folder or RESULTS
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / f"{name}-{now:%Y%m%dT%H%M%SZ}.json"
     content = {

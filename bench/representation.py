@@ -15,9 +15,7 @@ Networks are trained on the clips that they are measured on, without labels, but
 from __future__ import annotations
 
 import argparse
-import multiprocessing
 from collections.abc import Callable, Mapping
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, field, replace
 from functools import cache, partial
 from typing import Any, Final
@@ -39,6 +37,7 @@ from threadpoolctl import threadpool_limits
 
 from bench.canonical_sets import SETS, LabelledClip, features, load
 from bench.record import hash_files, record, recordings
+from bench.units import Found, in_processes
 
 K: Final = 100
 COMPONENTS: Final = 48
@@ -204,6 +203,8 @@ def rows() -> dict[str, Row]:
     return made
 
 
+# Set, row and seed.
+Unit = tuple[str, str, int]
 BASE: Final = "learned (default)"
 
 
@@ -240,6 +241,14 @@ def measure(set_name: str, row_name: str, seed: int) -> dict[str, float]:
     return {"map": scores.map, "nn": scores.nn}
 
 
+def _measured(unit: Unit) -> dict[str, Found]:
+    return {"scores": measure(*unit)}
+
+
+def _said(unit: Unit) -> str:
+    return "{}, {}, seed {}".format(*unit)
+
+
 Runs = dict[str, dict[str, dict[int, dict[str, float]]]]
 
 
@@ -250,14 +259,8 @@ def measure_all(names: list[str], processes: int, seeds: int, chosen: list[str])
     units.sort(key=lambda unit: -ALL.index(unit[0]))  # the largest set first: no long one is left for the end
     runs: Runs = {name: {s: {} for s in names if s in row.sets} for name, row in made.items()}
     runs = {name: found for name, found in runs.items() if found}
-    with ProcessPoolExecutor(processes, multiprocessing.get_context("spawn")) as pool:
-        pending = {pool.submit(measure, *unit): unit for unit in units}
-        for done, future in enumerate(as_completed(pending), 1):
-            set_name, row_name, seed = pending[future]
-            runs[row_name][set_name][seed] = future.result()
-            print(
-                f"  {done}/{len(units)} {set_name}, {row_name}, seed {seed}: {future.result()['map']:.3f}", flush=True
-            )
+    for (set_name, row_name, seed), found in in_processes(_measured, units, processes, _said):
+        runs[row_name][set_name][seed] = found["scores"]
     return runs
 
 

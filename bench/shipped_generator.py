@@ -51,15 +51,15 @@ def _rows(name: str) -> list[tuple[Path, dict[str, str]]]:
         return [(folder / row["file"], row) for row in csv.DictReader(handle)]
 
 
-def train(labels: Mapping[Path, str], seed: int) -> TrainedGenerator:
-    """The default generator of clips of known class."""
+def train(labels: Mapping[Path, str], seed: int, epochs: int = 0) -> TrainedGenerator:
+    """The default generator of clips of known class; 0 epochs are the recipe's."""
     rigs = load_rigs()
     read: dict[Path, CanonicalMotion] = {}
     for path in sorted(labels):
         clip = read_clips(path)[0]
         read[path] = canonicalise(clip, solve(clip), identify(clip.hierarchy.joints, rigs))
     motions = [TrainingMotion(one.positions.astype(float), one.fps, labels[path]) for path, one in read.items()]
-    made = train_generator(motions, SynthesisConfig(seed=seed), examples=EXAMPLES, progress=_tell)
+    made = train_generator(motions, SynthesisConfig(seed=seed, epochs=epochs), examples=EXAMPLES, progress=_tell)
     figures = {
         "clips": len(motions),
         "class_names": made.classes,
@@ -82,8 +82,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="Train the generator of motion that comes with the package.")
     parser.add_argument("--out", type=Path, default=PRETRAINED_GENERATOR.file)
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--epochs", type=int, default=0, help="0: as the recipe has it")
     given = parser.parse_args()
-    made = train(classes(), given.seed)
+    made = train(classes(), given.seed, given.epochs)
     for network in (made.glogen, made.locgen, made.lead):
         network.half()  # half the file; they are read as single precision again
     given.out.parent.mkdir(parents=True, exist_ok=True)

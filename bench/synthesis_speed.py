@@ -24,6 +24,8 @@ from motionlake.glogen.generator import TrainedGenerator, load_generator
 from motionlake.glogen.requests import MotionRequest, SeedClip
 from motionlake.glogen.sparse import HEIGHT
 from motionlake.glogen.trajectories import FPS
+from motionlake.lake.catalog import create_catalog
+from motionlake.lake.layout import Lake
 from motionlake.training import on_threads
 
 from bench.canonical_sets import LabelledClip
@@ -47,10 +49,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--counts", nargs="+", type=int, default=COUNTS)
     parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--epochs", type=int, default=0, help="of the generator's training; 0: as the recipe has it")
     given = parser.parse_args()
     with tempfile.TemporaryDirectory(prefix="bench-synthesis-") as folder:
         lake = Path(folder) / "lake"
-        _prepare(lake, given.workers)
+        _prepare(lake, given.workers, given.epochs)
         made = {str(count): _made(lake, count, given.workers) for count in given.counts}
         generator = load_generator(next(lake.rglob("synthesis*.safetensors")))
         networks = _networks(generator)
@@ -62,7 +65,9 @@ def _command(*words: str) -> list[str]:
     return [sys.executable, "-m", "motionlake.cli.main", *words]
 
 
-def _prepare(lake: Path, workers: int) -> None:
+def _prepare(lake: Path, workers: int, epochs: int) -> None:
+    create_catalog(Lake(lake))
+    Lake(lake).config_file.write_text(f"[synthesis]\nepochs = {epochs}\n", encoding="utf-8")
     for words in (
         ["ingest", str(recordings() / SET), "--dataset", SET, "--workers", str(workers)],
         ["train", "synthesis", "--split", "train"],

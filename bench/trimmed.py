@@ -42,9 +42,9 @@ def recordings_to_cut(data: Path, each: int = 40) -> list[Recording]:
     opened = (
         [_open(path, set_name, cut) for path in _spread(sorted((data / set_name / "clips").rglob(pattern)), each)]
         for set_name, pattern, cut in (
-            ("hdm05", "*.amc", _amc),
-            ("bandai1", "*.bvh", _bvh),
-            ("cmu_bvh", "*.bvh", _bvh),
+            ("hdm05", "*.amc", cut_amc),
+            ("bandai1", "*.bvh", cut_bvh),
+            ("cmu_bvh", "*.bvh", cut_bvh),
             ("utd_mhad", "*.npz", _npz),
         )
     )
@@ -82,16 +82,18 @@ def _open(path: Path, set_name: str, cut: Callable[[Path], Cut]) -> Recording:
     return Recording(name, path.suffix, len(clip.channels), clip.fps, cut(path))
 
 
-def _bvh(path: Path) -> Cut:
+def cut_bvh(path: Path) -> Cut:
+    """Of a BVH file: the bytes of one with frames [start, stop)."""
     head, _, motion = path.read_bytes().partition(b"MOTION")
     lines = motion.strip().splitlines()
     frame_time, rows = lines[1], [line for line in lines[2:] if line.strip()]
     return lambda start, stop: b"\n".join(
-        [head + b"MOTION", b"Frames: %d" % (stop - start), frame_time, *rows[start:stop], b""]
+        [head + b"MOTION", b"Frames: %d" % len(rows[start:stop]), frame_time, *rows[start:stop], b""]
     )
 
 
-def _amc(path: Path) -> Cut:
+def cut_amc(path: Path) -> Cut:
+    """Of an AMC file: the bytes of one with frames [start, stop)."""
     content = path.read_bytes()
     places = [match.start() for match in _AMC_FRAME.finditer(content)]
     frames = [content[a:b].partition(b"\n")[2] for a, b in zip(places, [*places[1:], len(content)], strict=True)]

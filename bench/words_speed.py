@@ -102,15 +102,15 @@ def throughput(clips: list[Float32Array], folder: Path) -> dict[str, float]:
         context = multiprocessing.get_context("spawn")
         with context.Manager() as manager, ProcessPoolExecutor(processes, context) as pool:
             gate = manager.Barrier(processes)
-            found = [pool.submit(_embed_in_process, file, gate) for _ in range(processes)]
+            found = [pool.submit(_embed_in_process, file, gate, EMBED_SECONDS) for _ in range(processes)]
             rates[f"processes_{processes}"] = sum(future.result() for future in found)
     return rates
 
 
-def _embed_in_process(file: Path, gate: Any) -> float:
+def _embed_in_process(file: Path, gate: Any, seconds: float) -> float:
     words, network = np.load(file), load_network(PRETRAINED_WORDS.file)
     gate.wait()
-    return embedded_a_second(network, words, EMBED_SECONDS)
+    return embedded_a_second(network, words, seconds)
 
 
 def cold_query(folder: Path) -> dict[str, Any]:

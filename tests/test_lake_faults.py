@@ -73,7 +73,7 @@ def kill_driver_at(lake: Path, words: Sequence[str | Path], moments: Sequence[Se
     """Run a command once a moment and kill -9 its driver there; how many were caught alive."""
     caught = 0
     for patterns in moments:
-        process = start(*words, "--lake", lake)
+        process = start(*words, "--workers", "1", "--lake", lake)
         if waits_for(process, lake, patterns):
             process.send_signal(signal.SIGKILL)
             caught += 1

@@ -45,9 +45,9 @@ def test_a_killed_driver_goes_on_to_the_same_clips(own: Path, name: str, schedul
     command = ["synthesize", "--class", name, "--seconds", "1", "--count", "80"]
     assert motionlake(*command, "--lake", other, "--scheduler", scheduler).status == 0
     # A request that nobody goes on with: what it planned is forgotten.
-    assert kill_driver_at(own, [*command, "--seed", "9", "--workers", "1"], [STARTED]) == 1
+    assert kill_driver_at(own, [*command, "--seed", "9"], [STARTED]) == 1
     assert query(own, "SELECT DISTINCT state FROM manifest WHERE stage = 'synthesize'") == [("planned",)]
-    assert kill_driver_at(own, [*command, "--workers", "1"], [(CATALOG,), DONE]) == 2
+    assert kill_driver_at(own, command, [(CATALOG,), DONE]) == 2
     there = query(own, "SELECT count(*) FROM synthetic")[0][0]
     run = motionlake(*command, "--json", "--lake", own, "--scheduler", scheduler)
     assert (run.status, run.json["there"], run.json["made"]) == (0, there, 80 - there)

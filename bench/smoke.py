@@ -1,0 +1,172 @@
+"""Every bench once, on few and short recordings, to see that it works: `python -m bench.smoke [MODULE ...]`.
+
+What it measures says nothing and is not kept. All run in this process, on a Dask cluster of threads of it; a bench
+that needs recordings or peers that are not there is left out, by name. Without names all of them run.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import importlib.util
+import io
+import os
+import sys
+import tempfile
+import time
+import traceback
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager, redirect_stdout
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import Any, Final
+from unittest import mock
+
+from distributed import LocalCluster
+from motionlake.pesta.config import PosturesConfig
+
+from bench.small_sets import write_small_sets
+
+
+@dataclass(frozen=True)
+class Smoke:
+    """How one bench runs small.
+
+    Attributes:
+        module: to run, as in `python -m`.
+        words: its command line; OUT stands for a folder that is thrown away.
+        smaller: constants of modules, "module.NAME", and what they are instead.
+        recordings: whether it needs any.
+        peers: packages that it is nothing without.
+    """
+
+    module: str
+    words: tuple[str, ...] = ()
+    smaller: Mapping[str, Any] = field(default_factory=dict)
+    recordings: bool = True
+    peers: tuple[str, ...] = ()
+
+    def __str__(self) -> str:
+        return " ".join((self.module.removeprefix("bench."), *self.words))
+
+    def lacks(self) -> str:
+        """Why it cannot run here, or ""."""
+        missing = [name for name in self.peers if importlib.util.find_spec(name) is None]
+        if missing:
+            return f"{', '.join(missing)} not installed here (`make .venv-bench/.ready`)"
+        return "" if not self.recordings or os.environ.get("MOTIONLAKE_DATA") else "MOTIONLAKE_DATA is not set"
+
+
+def _parts(module: str, parts: str, *words: str, **smaller: Any) -> list[Smoke]:
+    return [Smoke(module, (part, *words), smaller) for part in parts.split()]
+
+
+ONE_SEED: Final = (0,)
+_FEW_K: Final = {"bench.signed.K": 8, "bench.representation.K": 8}
+_FEW_SYMBOLS: Final = dict.fromkeys(
+    (f"bench.pesta.{module}.OWN" for module in ("__main__", "dictionaries", "elasticity", "whole")),
+    PosturesConfig(weights="own", m=24),
+)
+SMOKES: Final[Sequence[Smoke]] = (
+    Smoke(
+        "bench.align",
+        (),
+        {"bench.align.ONE_STRING_CELLS": 6_400, "bench.align.LONG": 20_000, "bench.align.CLIPS": 20},
+        recordings=False,
+        peers=("librosa", "pydivsufsort"),
+    ),
+    Smoke("bench.dtw", (), {"bench.dtw.ANCHORS": 30, "bench.dtw.WORDS": 250}, recordings=False),
+    Smoke("bench.descriptor_search", ("--rounds", "3", "--sizes", "300")),
+    Smoke("bench.emd", (), {"bench.emd.K": 12, "bench.emd.COUNT": 200, "bench.emd.QUERIES": 6}),
+    Smoke("bench.ingest", ("peers", "--rounds", "1")),
+    Smoke("bench.lake", ("ingest", "--clips", "8", "16", "--workers", "1", "--sets", "hdm05")),
+    Smoke("bench.retrieval", ("hdm05",), {"bench.retrieval.SEEDS": ONE_SEED, **_FEW_K}),
+    Smoke("bench.retrieval", ("cross-rig",), {"bench.retrieval.SEEDS": ONE_SEED, **_FEW_K}),
+    Smoke("bench.representation", ("hdm05", "--processes", "1", "--seeds", "1"),
+          {"bench.representation.K": 8, "bench.representation.CONV_STEPS": 2}),
+    Smoke("bench.words_speed", (), {"bench.words_speed.ROUNDS": 1, "bench.words_speed.CONV_STEPS": 1,
+          "bench.words_speed.EMBED_SECONDS": 0.1, "bench.words_speed.COLD_QUERIES": 1,
+          "bench.words_speed.K": 8, **_FEW_K}),
+    Smoke("bench.motion_graph", (), {"bench.motion_graph.SEEDS": ONE_SEED, "bench.motion_graph.WALKS": range(2),
+          "bench.motion_graph.SECONDS": 5.0, **_FEW_K}),
+    Smoke("bench.neighbours", ("--words", "1500"), {"bench.neighbours.ANCHORS": 20}),
+    Smoke("bench.query_by_example", ("--words", "5"), {"bench.query_by_example.SEEDS": ONE_SEED,
+          "bench.query_by_example.EVERY": 40, **_FEW_K}),
+    Smoke("bench.duplicates", (), {"bench.duplicates.COPIED": 5, **_FEW_K}),
+    Smoke("bench.segmentation", ("0",), _FEW_K),
+    Smoke("bench.signatures", ("--k", "8", "hdm05"), {"bench.signatures.SEEDS": ONE_SEED}),
+    Smoke("bench.twist", (), {"bench.representation.K": 8}),
+    Smoke("bench.shipped_words", ("--out", "OUT/words.safetensors")),
+    Smoke("bench.shipped_postures", ("--out", "OUT/postures.safetensors"), {"bench.shipped_postures.POSTURES": 900}),
+    Smoke("bench.shipped_descriptors", ("descriptors", "--rounds", "1", "--out", "OUT/descriptors.safetensors")),
+    Smoke("bench.shipped_descriptors", ("submotion", "--rounds", "1", "--out", "OUT/submotion.safetensors")),
+    Smoke("bench.shipped_generator", ("--epochs", "1", "--out", "OUT/generator.safetensors"),
+          {"bench.shipped_generator.EXAMPLES": 50}),
+    Smoke("bench.synthesis_speed", ("--counts", "1", "--workers", "1", "--epochs", "1"),
+          {"bench.synthesis_speed.TOGETHER": 2, "bench.synthesis_speed.UNITS": 32}),
+    *_parts("bench.pesta", "whole ranges sub_queries robustness elasticity ablations", "--seeds", "1",
+            "--processes", "1", "--hidden", "8", **_FEW_SYMBOLS, **{"bench.pesta.elasticity.SIZES": (8, 24),
+            "bench.pesta.elasticity.SIZES_OF_AAE": (24,), "bench.pesta.elasticity.ROUNDS": 1}),
+    *_parts("bench.deephums", "retrieval curves choices submotion", "--seeds", "1", "--epochs", "1"),
+    *_parts("bench.glogen", "sparse whole", "--seeds", "1", "--epochs", "1"),
+    *_parts("bench.glogen", "dense long between search", "--seeds", "1", "--epochs", "1", "--sets", "indian"),
+)  # fmt: skip
+
+
+def run(smoke: Smoke, out: Path) -> None:
+    """Run a bench as its command line does."""
+    module = importlib.import_module(smoke.module)
+    if hasattr(module, "__path__"):
+        module = importlib.import_module(f"{smoke.module}.__main__")
+    words = [word.replace("OUT", str(out)) for word in smoke.words]
+    with ExitStack() as stack:
+        stack.enter_context(mock.patch.object(sys, "argv", [smoke.module, *words]))
+        for name, value in smoke.smaller.items():
+            where, _, constant = name.rpartition(".")
+            stack.enter_context(mock.patch.object(importlib.import_module(where), constant, value))
+        module.main()
+
+
+@contextmanager
+def prepared() -> Iterator[Path]:
+    """A folder for what benches write, small sets in the place of the recordings, and clusters of threads."""
+    with tempfile.TemporaryDirectory(prefix="bench-smoke-") as name, ExitStack() as stack:
+        folder = Path(name)
+        if data := os.environ.get("MOTIONLAKE_DATA"):
+            write_small_sets(Path(data), folder / "data")
+            stack.enter_context(mock.patch.dict(os.environ, MOTIONLAKE_DATA=str(folder / "data")))
+        stack.enter_context(mock.patch("bench.record.RESULTS", folder / "results"))
+        threads = partial(LocalCluster, processes=False)
+        stack.enter_context(mock.patch("motionlake.jobs.cluster.LocalCluster", threads))
+        yield folder
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("modules", nargs="*", metavar="MODULE", help="these alone, such as emd or pesta")
+    given = parser.parse_args()
+    wanted = {f"bench.{name.removeprefix('bench.')}" for name in given.modules}
+    chosen = [smoke for smoke in SMOKES if not wanted or smoke.module in wanted]
+    failed, left_out = 0, 0
+    with prepared() as folder:
+        for smoke in chosen:
+            if reason := smoke.lacks():
+                left_out += 1
+                print(f"left out  {smoke}: {reason}", flush=True)
+                continue
+            started, said = time.perf_counter(), io.StringIO()
+            try:
+                with redirect_stdout(said):
+                    run(smoke, folder)
+            except (Exception, SystemExit):  # a bench may leave with a message
+                failed += 1
+                print(f"FAILED    {smoke}\n{said.getvalue()}{traceback.format_exc()}", flush=True)
+            else:
+                print(f"{time.perf_counter() - started:7.1f} s {smoke}", flush=True)
+    print(f"benches: {len(chosen) - failed - left_out} ran, {left_out} left out, {failed} failed")
+    sys.exit(1 if failed else 0)
+
+
+if __name__ == "__main__":
+    main()
