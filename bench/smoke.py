@@ -80,11 +80,12 @@ SMOKES: Final[Sequence[Smoke]] = (
     Smoke("bench.descriptor_search", ("--rounds", "3", "--sizes", "300")),
     Smoke("bench.emd", (), {"bench.emd.K": 12, "bench.emd.COUNT": 200, "bench.emd.QUERIES": 6}),
     Smoke("bench.ingest", ("peers", "--rounds", "1")),
-    Smoke("bench.lake", ("ingest", "--clips", "8", "16", "--workers", "1", "--sets", "hdm05")),
+    Smoke("bench.lake", ("ingest", "--clips", "8", "--workers", "1", "--sets", "hdm05")),
     Smoke("bench.retrieval", ("hdm05",), {"bench.retrieval.SEEDS": ONE_SEED, **_FEW_K}),
     Smoke("bench.retrieval", ("cross-rig",), {"bench.retrieval.SEEDS": ONE_SEED, **_FEW_K}),
     Smoke("bench.representation", ("hdm05", "--processes", "1", "--seeds", "1"),
-          {"bench.representation.K": 8, "bench.representation.CONV_STEPS": 2}),
+          {"bench.representation.K": 8, "bench.representation.COMPONENTS": 8,
+          "bench.representation.CONV_STEPS": 2}),
     Smoke("bench.words_speed", (), {"bench.words_speed.ROUNDS": 1, "bench.words_speed.CONV_STEPS": 1,
           "bench.words_speed.EMBED_SECONDS": 0.1, "bench.words_speed.COLD_QUERIES": 1,
           "bench.words_speed.K": 8, **_FEW_K}),
@@ -128,6 +129,11 @@ def run(smoke: Smoke, out: Path) -> None:
         module.main()
 
 
+def _spent() -> tuple[float, float]:
+    """Seconds by the clock, and of processors, those of finished children among them."""
+    return time.perf_counter(), sum(os.times()[:4])
+
+
 @contextmanager
 def prepared() -> Iterator[Path]:
     """A folder for what benches write, small sets in the place of the recordings, and clusters of threads."""
@@ -155,7 +161,7 @@ def main() -> None:
                 left_out += 1
                 print(f"left out  {smoke}: {reason}", flush=True)
                 continue
-            started, said = time.perf_counter(), io.StringIO()
+            before, said = _spent(), io.StringIO()
             try:
                 with redirect_stdout(said):
                     run(smoke, folder)
@@ -163,7 +169,8 @@ def main() -> None:
                 failed += 1
                 print(f"FAILED    {smoke}\n{said.getvalue()}{traceback.format_exc()}", flush=True)
             else:
-                print(f"{time.perf_counter() - started:7.1f} s {smoke}", flush=True)
+                clock, processor = (after - then for after, then in zip(_spent(), before, strict=True))
+                print(f"{clock:7.1f} s, of processors {processor:5.1f}: {smoke}", flush=True)
     print(f"benches: {len(chosen) - failed - left_out} ran, {left_out} left out, {failed} failed")
     sys.exit(1 if failed else 0)
 
