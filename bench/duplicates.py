@@ -26,8 +26,8 @@ from motionlake.retrieval.protocol import Scope
 from motionlake.stages.sources import IngestOptions, Root
 
 from bench.copies import COPIES, write_copies
+from bench.lakes import make_lake, run_all
 from bench.record import record, recordings
-from bench.signed import make_lake, run_all
 
 SETS: Final = ("hdm05", "cmu_dance", "cmu_bvh", "cmu_exercises", "cmu_86", "utd_mhad", "bandai1")
 COPIED: Final = 200

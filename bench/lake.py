@@ -31,8 +31,8 @@ from motionlake.stages.frames import canonical_motions
 from motionlake.stages.sources import IngestOptions, Root
 
 from bench.memory import Usage, processor_seconds, watch
+from bench.random_crops import recordings_to_cut, write_trimmed
 from bench.record import record, recordings
-from bench.trimmed import recordings_to_cut, write_trimmed
 
 BYTES_BAR: Final = 200
 SIZES: Final = (1_000, 10_000)

@@ -32,8 +32,8 @@ from motionlake.lake.catalog import reading
 from motionlake.lake.layout import Lake
 from motionlake.retrieval.compose import Composition, compose, read_graph
 
+from bench.lakes import make_lake, run_all
 from bench.record import hash_files, record, recordings
-from bench.signed import make_lake, run_all
 
 DATASET: Final = "cmu_dance"
 SEEDS: Final = (0, 1, 2)

@@ -35,8 +35,8 @@ from motionlake.motion.mirror import mirrored_features
 from motionlake.stages import words
 from threadpoolctl import threadpool_limits
 
+from bench.lakes import make_lake
 from bench.record import hash_files, record, recordings
-from bench.signed import make_lake
 
 K: Final = 5
 ANCHORS: Final = 1000

@@ -36,9 +36,9 @@ from motionlake.stages import words
 from numpy.typing import NDArray
 from sklearn.metrics import average_precision_score
 
+from bench.lakes import make_lake, run_all
+from bench.pretrained_words import ready_made_for
 from bench.record import hash_files, record, recordings
-from bench.shipped_words import ready_made_for
-from bench.signed import make_lake, run_all
 
 SEEDS: Final = (0, 1, 2)
 READY: Final = "motionlake, ready-made weights"

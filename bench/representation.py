@@ -154,8 +154,8 @@ def ready_made(name: str) -> Grouping:
     from motionlake.deep_motifs.config import PRETRAINED_WORDS
     from motionlake.deep_motifs.words.network import load_network
 
-    from bench.shipped_words import SETS as CMU
-    from bench.shipped_words import train
+    from bench.pretrained_words import SETS as CMU
+    from bench.pretrained_words import train
 
     folder = SETS[name].folder
     network = (

@@ -26,8 +26,8 @@ from motionlake.lake.layout import Lake
 from motionlake.retrieval.protocol import Query, Scope
 from motionlake.retrieval.signature import SignatureSearcher
 
+from bench.lakes import SignedClips, learned_signatures, make_lake, run_all, shallow_signatures
 from bench.record import record, recordings
-from bench.signed import SignedClips, learned_signatures, make_lake, run_all, shallow_signatures
 
 SEEDS: Final = (0, 1, 2)
 FLOORS: Final = {

@@ -27,8 +27,8 @@ from motionlake.lake.corpus import read_corpus
 from motionlake.lake.layout import Lake
 from motionlake.retrieval.labelling.segments import mirrored_motifs
 
+from bench.lakes import make_lake, run_all
 from bench.record import record, recordings
-from bench.signed import make_lake, run_all
 
 SEEDS: Final = (0, 1, 2)
 CONFIG: Final = SegmentationConfig()

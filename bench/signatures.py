@@ -26,9 +26,9 @@ from motionlake.lake.layout import Lake
 from motionlake.retrieval.connection import connect
 from motionlake.retrieval.labelling.labelled_clips import lake_ground, signed_clips
 
+from bench.lakes import make_lake, run_all
+from bench.pretrained_words import ready_made_for
 from bench.record import hash_files, record, recordings
-from bench.shipped_words import ready_made_for
-from bench.signed import make_lake, run_all
 
 SEEDS: Final = (0, 1, 2)
 MEASURES: Final = ("nn", "top5", "first_tier", "second_tier", "map", "cross_subject_nn")

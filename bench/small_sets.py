@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from bench.trimmed import Cut, cut_amc, cut_bvh
+from bench.random_crops import Cut, cut_amc, cut_bvh
 
 Row = dict[str, str]
 

@@ -63,7 +63,7 @@ def _parts(module: str, parts: str, *words: str, **smaller: Any) -> list[Smoke]:
 
 
 ONE_SEED: Final = (0,)
-_FEW_K: Final = {"bench.signed.K": 8, "bench.representation.K": 8}
+_FEW_K: Final = {"bench.lakes.K": 8, "bench.representation.K": 8}
 _FEW_SYMBOLS: Final = dict.fromkeys(
     (f"bench.pesta.{module}.OWN" for module in ("__main__", "dictionaries", "elasticity", "whole")),
     PosturesConfig(weights="own", m=24),
@@ -97,13 +97,14 @@ SMOKES: Final[Sequence[Smoke]] = (
     Smoke("bench.duplicates", (), {"bench.duplicates.COPIED": 5, **_FEW_K}),
     Smoke("bench.segmentation", ("0",), _FEW_K),
     Smoke("bench.signatures", ("--k", "8", "hdm05"), {"bench.signatures.SEEDS": ONE_SEED}),
-    Smoke("bench.twist", (), {"bench.representation.K": 8}),
-    Smoke("bench.shipped_words", ("--out", "OUT/words.safetensors")),
-    Smoke("bench.shipped_postures", ("--out", "OUT/postures.safetensors"), {"bench.shipped_postures.POSTURES": 900}),
-    Smoke("bench.shipped_descriptors", ("descriptors", "--rounds", "1", "--out", "OUT/descriptors.safetensors")),
-    Smoke("bench.shipped_descriptors", ("submotion", "--rounds", "1", "--out", "OUT/submotion.safetensors")),
-    Smoke("bench.shipped_generator", ("--epochs", "1", "--out", "OUT/generator.safetensors"),
-          {"bench.shipped_generator.EXAMPLES": 50}),
+    Smoke("bench.joint_twist", (), {"bench.representation.K": 8}),
+    Smoke("bench.pretrained_words", ("--out", "OUT/words.safetensors")),
+    Smoke("bench.pretrained_postures", ("--out", "OUT/postures.safetensors"),
+          {"bench.pretrained_postures.POSTURES": 900}),
+    Smoke("bench.pretrained_descriptors", ("descriptors", "--rounds", "1", "--out", "OUT/descriptors.safetensors")),
+    Smoke("bench.pretrained_descriptors", ("submotion", "--rounds", "1", "--out", "OUT/submotion.safetensors")),
+    Smoke("bench.pretrained_generator", ("--epochs", "1", "--out", "OUT/generator.safetensors"),
+          {"bench.pretrained_generator.EXAMPLES": 50}),
     Smoke("bench.synthesis_speed", ("--counts", "1", "--workers", "1", "--epochs", "1"),
           {"bench.synthesis_speed.TOGETHER": 2, "bench.synthesis_speed.UNITS": 32}),
     *_parts("bench.pesta", "whole ranges sub_queries robustness elasticity ablations", "--seeds", "1",

@@ -31,9 +31,9 @@ from motionlake.retrieval.connection import connect
 from threadpoolctl import threadpool_limits
 
 from bench.canonical_sets import SETS, features, load
+from bench.lakes import make_lake, run_all
 from bench.record import hash_files, interleave, record, recordings
 from bench.representation import K, medoids_of
-from bench.signed import make_lake, run_all
 
 SET: Final = "hdm05"
 ROUNDS: Final = 7

@@ -1,4 +1,4 @@
-"""Train the ready-made networks of clips and of pieces: `python -m bench.shipped_descriptors descriptors|submotion`.
+"""Train the ready-made networks of clips and of pieces: `python -m bench.pretrained_descriptors descriptors|submotion`.
 
 Only sets whose terms allow derived weights are used: CMU's. `--without` leaves one out, to measure on it.
 """
@@ -24,8 +24,8 @@ from motionlake.motion.canonicalise import canonicalise
 from motionlake.motion.kinematics import solve
 from motionlake.motion.rigs import identify, load_rigs
 
+from bench.pretrained_words import SETS, SOURCE, clips_of
 from bench.record import hash_files, recordings, revision
-from bench.shipped_words import SETS, SOURCE, clips_of
 
 WINDOW: Final = 150
 FILES: Final = {"descriptors": PRETRAINED_DESCRIPTORS.file, "submotion": PRETRAINED_SUBMOTION.file}

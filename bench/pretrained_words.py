@@ -1,4 +1,4 @@
-"""Train the word network that comes with the package: `python -m bench.shipped_words [--without SET] [--out FILE]`.
+"""Train the word network that comes with the package: `python -m bench.pretrained_words [--without SET] [--out FILE]`.
 
 Only sets whose terms allow derived weights are used: CMU's. `--without` leaves one out, to measure on it.
 """

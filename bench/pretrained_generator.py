@@ -1,4 +1,4 @@
-"""Train the generator of motion that comes with the package: `python -m bench.shipped_generator [--out FILE]`.
+"""Train the generator of motion that comes with the package: `python -m bench.pretrained_generator [--out FILE]`.
 
 Only sets whose terms allow derived weights are used: CMU's.
 """
@@ -21,8 +21,8 @@ from motionlake.motion.canonicalise import CanonicalMotion, canonicalise
 from motionlake.motion.kinematics import solve
 from motionlake.motion.rigs import identify, load_rigs
 
+from bench.pretrained_words import SOURCE
 from bench.record import hash_files, recordings, revision
-from bench.shipped_words import SOURCE
 
 LICENCE: Final = "CMU Graphics Lab Motion Capture Database, mocap.cs.cmu.edu"
 # Examples of how recorded motion goes on, fewer than a lake's own generator keeps: they are most of the file.

@@ -1,4 +1,4 @@
-"""Train the ready-made posture dictionary: `python -m bench.shipped_postures [--without SET] [--out FILE] [--seed N]`.
+"""Train the pretrained posture dictionary: `python -m bench.pretrained_postures [--without SET] [--out FILE]`.
 
 Only sets whose terms allow derived weights are used: CMU's. `--without` leaves one out, to measure on it.
 """
@@ -15,8 +15,8 @@ from motionlake.pesta.dictionary import PostureDictionary
 from motionlake.pesta.posture_network import recipe_of
 from motionlake.pesta.posture_training import fit_dictionary
 
+from bench.pretrained_words import SETS, SOURCE, clips_of, features_of
 from bench.record import hash_files, recordings, revision
-from bench.shipped_words import SETS, SOURCE, clips_of, features_of
 
 POSTURES = 60_000
 

@@ -1,4 +1,4 @@
-"""How far arms' twist in HDM05 is the recordings' own: `python -m bench.twist` (docs/skeletons.md).
+"""How far arms' twist in HDM05 is the recordings' own: `python -m bench.joint_twist` (docs/skeletons.md).
 
 Prints how mean twists of shoulder and wrist differ between subjects of one class, by how far the elbow is bent,
 and how words of rotations retrieve with and without that twist. Needs MOTIONLAKE_DATA.
