@@ -159,4 +159,4 @@ bench-glogen: setup ## Measure synthesis beside its baselines: sparse poses, rea
 	$(BIN)/python -m bench.glogen $(PARTS)
 
 bench-smoke: setup ## Run every bench once on few and short recordings, to see that it works (2 minutes)
-	$(BIN)/python -m bench.smoke
+	$(BIN)/python -m bench.smoke --processes 2

@@ -11,6 +11,7 @@ import importlib
 import importlib.util
 import io
 import os
+import subprocess
 import sys
 import tempfile
 import time
@@ -25,6 +26,7 @@ from unittest import mock
 
 from distributed import LocalCluster
 from motionlake.pesta.config import PosturesConfig
+from motionlake.pesta.posture_network import AutoencoderRecipe
 
 from bench.small_sets import write_small_sets
 
@@ -83,8 +85,8 @@ SMOKES: Final[Sequence[Smoke]] = (
     Smoke("bench.lake", ("ingest", "--clips", "8", "--workers", "1", "--sets", "hdm05")),
     Smoke("bench.retrieval", ("hdm05",), {"bench.retrieval.SEEDS": ONE_SEED, **_FEW_K}),
     Smoke("bench.retrieval", ("cross-rig",), {"bench.retrieval.SEEDS": ONE_SEED, **_FEW_K}),
-    Smoke("bench.representation", ("hdm05", "--processes", "1", "--seeds", "1"),
-          {"bench.representation.K": 8, "bench.representation.COMPONENTS": 8,
+    Smoke("bench.representation", ("hdm05", "--processes", "1", "--seeds", "1", "--rows",
+          "raw,DTW,shallow,ready-made,conv"), {"bench.representation.K": 8, "bench.representation.COMPONENTS": 8,
           "bench.representation.CONV_STEPS": 2}),
     Smoke("bench.words_speed", (), {"bench.words_speed.ROUNDS": 1, "bench.words_speed.CONV_STEPS": 1,
           "bench.words_speed.EMBED_SECONDS": 0.1, "bench.words_speed.COLD_QUERIES": 1,
@@ -100,7 +102,8 @@ SMOKES: Final[Sequence[Smoke]] = (
     Smoke("bench.joint_twist", (), {"bench.representation.K": 8}),
     Smoke("bench.pretrained_words", ("--out", "OUT/words.safetensors")),
     Smoke("bench.pretrained_postures", ("--out", "OUT/postures.safetensors"),
-          {"bench.pretrained_postures.POSTURES": 900}),
+          {"bench.pretrained_postures.POSTURES": 900,
+          "motionlake.pesta.posture_training.recipe_of": lambda config: AutoencoderRecipe(hidden=8)}),
     Smoke("bench.pretrained_descriptors", ("descriptors", "--rounds", "1", "--out", "OUT/descriptors.safetensors")),
     Smoke("bench.pretrained_descriptors", ("submotion", "--rounds", "1", "--out", "OUT/submotion.safetensors")),
     Smoke("bench.pretrained_generator", ("--epochs", "1", "--out", "OUT/generator.safetensors"),
@@ -110,7 +113,8 @@ SMOKES: Final[Sequence[Smoke]] = (
     *_parts("bench.pesta", "whole ranges sub_queries robustness elasticity ablations", "--seeds", "1",
             "--processes", "1", "--hidden", "8", **_FEW_SYMBOLS, **{"bench.pesta.elasticity.SIZES": (8, 24),
             "bench.pesta.elasticity.SIZES_OF_AAE": (24,), "bench.pesta.elasticity.ROUNDS": 1}),
-    *_parts("bench.deephums", "retrieval curves choices submotion", "--seeds", "1", "--epochs", "1"),
+    *_parts("bench.deephums", "retrieval choices submotion", "--seeds", "1", "--epochs", "1", "--steps", "1"),
+    Smoke("bench.deephums", ("curves", "--seeds", "1", "--epochs", "10")),
     *_parts("bench.glogen", "sparse whole", "--seeds", "1", "--epochs", "1"),
     *_parts("bench.glogen", "dense long between search", "--seeds", "1", "--epochs", "1", "--sets", "indian"),
 )  # fmt: skip
@@ -152,9 +156,21 @@ def prepared() -> Iterator[Path]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("modules", nargs="*", metavar="MODULE", help="these alone, such as emd or pesta")
+    parser.add_argument("--processes", type=int, default=1, help="that share the modules out")
     given = parser.parse_args()
-    wanted = {f"bench.{name.removeprefix('bench.')}" for name in given.modules}
-    chosen = [smoke for smoke in SMOKES if not wanted or smoke.module in wanted]
+    modules = list(dict.fromkeys(smoke.module for smoke in SMOKES))
+    wanted = [f"bench.{name.removeprefix('bench.')}" for name in given.modules] or modules
+    if unknown := sorted(set(wanted) - set(modules)):
+        parser.error(f"{', '.join(unknown)}: no such bench")
+    if given.processes > 1:
+        shares = [wanted[first :: given.processes] for first in range(given.processes)]
+        started = [subprocess.Popen([sys.executable, "-m", "bench.smoke", *share]) for share in shares if share]
+        sys.exit(max(process.wait() for process in started))
+    sys.exit(1 if run_all([smoke for smoke in SMOKES if smoke.module in wanted]) else 0)
+
+
+def run_all(chosen: Sequence[Smoke]) -> int:
+    """Run benches one after the other and say of each how it went; how many failed."""
     failed, left_out = 0, 0
     with prepared() as folder:
         for smoke in chosen:
@@ -173,7 +189,7 @@ def main() -> None:
                 clock, processor = (after - then for after, then in zip(_spent(), before, strict=True))
                 print(f"{clock:7.1f} s, of processors {processor:5.1f}: {smoke}", flush=True)
     print(f"benches: {len(chosen) - failed - left_out} ran, {left_out} left out, {failed} failed")
-    sys.exit(1 if failed else 0)
+    return failed
 
 
 if __name__ == "__main__":

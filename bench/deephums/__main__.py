@@ -43,7 +43,7 @@ def measure_choices(given: argparse.Namespace) -> dict[str, Any]:
 
 
 def measure_submotion(given: argparse.Namespace) -> dict[str, Any]:
-    return submotion.measure(given.chosen, epochs=given.epochs, thesis=not given.without_thesis)
+    return submotion.measure(given.chosen, given.steps, given.epochs, thesis=not given.without_thesis)
 
 
 PARTS: Final[dict[str, Callable[[argparse.Namespace], dict[str, Any]]]] = {
@@ -62,6 +62,7 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=len(SEEDS))
     parser.add_argument("--processes", type=int, default=1)
     parser.add_argument("--epochs", type=int, default=0)
+    parser.add_argument("--steps", type=int, default=0, help="submotion: of the sub-motion encoder's training")
     parser.add_argument("--without-thesis", action="store_true", help="submotion: leave out the thesis's recipe")
     given = parser.parse_args()
     given.chosen = tuple(range(given.seeds))
