@@ -115,8 +115,13 @@ SMOKES: Final[Sequence[Smoke]] = (
             "bench.pesta.elasticity.SIZES_OF_AAE": (24,), "bench.pesta.elasticity.ROUNDS": 1}),
     *_parts("bench.deephums", "retrieval choices submotion", "--seeds", "1", "--epochs", "1", "--steps", "1"),
     Smoke("bench.deephums", ("curves", "--seeds", "1", "--epochs", "10")),
-    *_parts("bench.glogen", "sparse whole", "--seeds", "1", "--epochs", "1"),
-    *_parts("bench.glogen", "dense long between search", "--seeds", "1", "--epochs", "1", "--sets", "indian"),
+    *_parts("bench.glogen", "sparse", "--seeds", "1", "--epochs", "1", "--methods", "zero_velocity", "seq2seq",
+            "motionlake"),
+    *_parts("bench.glogen", "whole", "--seeds", "1", "--epochs", "1", "--methods", "zero_velocity", "motionlake"),
+    *_parts("bench.glogen", "dense", "--seeds", "1", "--epochs", "1", "--sets", "indian", "--methods",
+            "zero_velocity", "seq2seq", "motionlake"),
+    *_parts("bench.glogen", "search", "--seeds", "1", "--epochs", "1", "--sets", "indian", "--methods", "seq2seq"),
+    *_parts("bench.glogen", "long between", "--seeds", "1", "--epochs", "1", "--sets", "indian"),
 )  # fmt: skip
 
 
