@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from bench.smoke import SMOKES, Smoke
+from bench.smoke import ELSEWHERE, SMOKES, Smoke
 
 BENCH = Path(__file__).parents[1] / "bench"
 MAKEFILE = (BENCH.parent / "Makefile").read_text(encoding="utf-8")
@@ -23,7 +23,8 @@ def test_every_bench_has_a_small_size() -> None:
     files = [file for file in BENCH.rglob("*.py") if has_main(file) and file != BENCH / "smoke.py"]
     names = {file.parent.name if file.name == "__main__.py" else file.stem for file in files}
     assert len(names) > 20
-    assert names == {smoke.module.removeprefix("bench.") for smoke in SMOKES}
+    assert names == {smoke.module.removeprefix("bench.") for smoke in SMOKES} | set(ELSEWHERE)
+    assert all((BENCH.parent / file).is_file() for file in ELSEWHERE.values())
 
 
 @pytest.mark.parametrize("name", ["pesta", "deephums", "glogen"])
