@@ -25,6 +25,7 @@ from typing import Any, Final
 from unittest import mock
 
 from distributed import LocalCluster
+from motionlake.deep_motifs.segmentation import SegmentationConfig
 from motionlake.pesta.config import PosturesConfig
 from motionlake.pesta.posture_network import AutoencoderRecipe
 
@@ -99,7 +100,8 @@ SMOKES: Final[Sequence[Smoke]] = (
     Smoke("bench.query_by_example", ("--words", "5"), {"bench.query_by_example.SEEDS": ONE_SEED,
           "bench.query_by_example.EVERY": 40, **_FEW_K}),
     Smoke("bench.duplicates", (), {"bench.duplicates.COPIED": 5, **_FEW_K}),
-    Smoke("bench.segmentation", ("0",), _FEW_K),
+    Smoke("bench.segmentation", ("0",),
+          {"bench.segmentation.VARIANTS": {"default": (SegmentationConfig(), True)}, **_FEW_K}),
     Smoke("bench.signatures", ("--k", "8", "hdm05"), {"bench.signatures.SEEDS": ONE_SEED}),
     Smoke("bench.joint_twist", (), {"bench.representation.K": 8}),
     Smoke("bench.pretrained_words", ("--out", "OUT/words.safetensors")),
