@@ -1,11 +1,10 @@
 """Temporal segmentation (Deep Motifs, section 6.2): every word of a clip gets a class from labelled clips.
 
-A window of 2 seconds around each word has a signature, cut short at the clip's ends (the paper's 9 words of 16
-frames, 19 of the default words). Labelled frames give the
-signatures of the windows around their words, and the signatures of their mirror images, which count as a
-quarter farther than they are; the 5 labelled windows nearest to a new one (Earth Mover's Distance) vote for its
-class. In the paper the class goes to the word in the middle; here a window votes for all words up to `reach`
-from its middle, so that a moment of another pose does not break a band.
+Each word has the signature of the window of 2 seconds around it, cut short at the clip's ends (the paper's 9 words of
+16 frames, 19 of the default words). The windows of labelled frames, and their mirror images, are the examples. The 5
+examples nearest to a window (Earth Mover's Distance) vote for its class; mirror images count as a quarter farther than
+they are. In the paper the class goes to the word in the middle; here a window votes for all words up to `reach` from
+its middle, so that a moment of another pose does not break a segment.
 
 A window votes "unknown" where it lies farther from the labelled windows than the labelled windows of its class lie
 from those of other clips: the threshold of a class is a quantile (by default the largest) of the distances of

@@ -175,14 +175,14 @@ class Generator(Protocol):
 
 @dataclass(frozen=True)
 class Begun:
-    """A real clip whose first poses a generator takes as its seed.
+    """A recorded clip whose first poses are the seed of a generated motion.
 
     Attributes:
         motion: the clip.
         stop: the frame after the seed.
-        after: [F, 21, 3] what really follows, at `fps`: frame k is (k + 1) / fps after the seed's last frame.
+        after: [F, 21, 3] the recorded frames after the seed, at `fps`; frame k is (k + 1) / fps after its last frame.
         fps: the generator's.
-        chance: the request's seed: it says which part of a long clip is the seed.
+        chance: the seed of the request, which picks the part of a long clip.
     """
 
     motion: RealMotion
@@ -203,13 +203,13 @@ class Begun:
 
 @dataclass(frozen=True)
 class Trial:
-    """A made motion.
+    """A generated motion and what it is compared with.
 
     Attributes:
         wanted: its class.
-        made: itself.
-        seed: the clip that it goes on from.
-        real: the clip of the wanted class that it is compared with; where that is the seed, what really follows.
+        made: the motion.
+        seed: the clip that it continues.
+        real: the recorded clip of its class that it is compared with; the recorded continuation where that is the seed.
     """
 
     wanted: str
@@ -221,7 +221,7 @@ class Trial:
 def begun(
     generator: Generator, motions: Sequence[RealMotion], seed: int, what: str, progress: StepProgress
 ) -> list[Begun]:
-    """The motions that are long enough to go on from, each with what follows its seed.
+    """The clips that are long enough to be continued, each with the recorded frames after its seed.
 
     Raises:
         UserError: none is.
@@ -256,7 +256,7 @@ def continued(
     generator: Generator, begins: Sequence[Begun], *, temperature: float, seconds: float | None, what: str,
     progress: StepProgress,
 ) -> list[Trial]:  # fmt: skip
-    """Each clip gone on from in its own class, for `seconds`, or as long as it really goes on."""
+    """Continue each clip in its own class, for `seconds`, or for as long as the recording continues."""
     requests = [
         _request(each.motion, each.motion.label, seconds or each.seconds, each.chance, temperature) for each in begins
     ]
@@ -267,7 +267,7 @@ def from_other_classes(
     generator: Generator, begins: Sequence[Begun], count: int, *, seconds: float | None, seed: int, what: str,
     progress: StepProgress,
 ) -> list[Trial]:  # fmt: skip
-    """`count` motions of each class that has real clips, each from a clip of another class.
+    """Generate `count` motions of each class that has recorded clips, each from a clip of another class.
 
     They are compared in turn with real clips of the class, taken evenly. Each is made as long as that goes on (or
     `seconds`) and starts from a clip of the same dataset, drawn at random. Without other classes there are none.
