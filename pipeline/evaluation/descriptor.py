@@ -206,6 +206,9 @@ def evaluate_descriptor(
     Raises:
         UserError: no such column or split, no descriptors, or nothing to measure.
     """
+    network = served_network(con)
+    if network is None:
+        raise UserError(f"{lake.root}: has no descriptors yet; make them with `motionlake run descriptors`")
     clips = described_clips(con, dataset, column)
     chosen = choose(clips.clips, queries, repository)
     notice(f"{chosen.protocol}: {len(chosen.queries)} queries, {len(chosen.repository)} clips to find")
@@ -220,8 +223,6 @@ def evaluate_descriptor(
         "fused": measured.by("fused", lambda: fused_distances(measured.among(searchers("clip")), clips, chosen)),
     }
     labels = [clips.labels[query] for query in chosen.queries]
-    network = served_network(con)
-    assert network is not None
     found |= {
         "retrieval_ms": _look_up_ms(asked, known),
         "body_mm": body,
