@@ -62,7 +62,7 @@ def run_all(lake: Lake, seed: int, weights: Path | None = None, k: int = K) -> N
         weights: a network to take; None trains one on the lake's own clips.
         k: motifs.
     """
-    origin = "own" if weights is None else "shipped"
+    origin = "own" if weights is None else "pretrained"
     text = f'[network]\nweights = "{origin}"\nseed = {seed}\n\n[motifs]\nk = {k}\nseed = {seed}\n'
     lake.config_file.write_text(text, encoding="utf-8")
     with session(lake, "bench", lambda stage, done, total: None, lambda line: None) as job:

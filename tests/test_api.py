@@ -41,7 +41,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory, scheduler: str) -> Path:
         file.write_text(deepmimic_text(deepmimic_frames(60 + 10 * i)))
         rows.append({"file": file.name, "label": name, "split": "train" if i % 2 else "test"})
     write_labels(base / "clips" / "labels.csv", rows)
-    lake = quick_lake(base / "mylake", QUICK + '[synthesis]\nweights = "shipped"\n')
+    lake = quick_lake(base / "mylake", QUICK + '[synthesis]\nweights = "pretrained"\n')
     for words in (["ingest", base / "clips"], ["run", "all"], ["run", "synth"]):
         run = command(*words, "--lake", lake, "--scheduler", scheduler)
         assert run.status == 0, run.err

@@ -158,7 +158,7 @@ def test_the_ready_made_dictionary_is_taken_where_it_fits(
     assert PRETRAINED_POSTURES.fits(replace(ready_made, seed=3, max_postures=99))
     for other in ({"weights": "own"}, {"m": 41}, {"smoothing": 0.0}, {"dictionary": "som"}):
         assert not PRETRAINED_POSTURES.fits(replace(ready_made, **other))
-    lake = quick_lake(tmp_path / "lake", QUICK.replace("[postures]", '[postures]\nweights = "shipped"'))
+    lake = quick_lake(tmp_path / "lake", QUICK.replace("[postures]", '[postures]\nweights = "pretrained"'))
     assert motionlake("ingest", clips_folder, "--lake", lake, "--scheduler", scheduler).status == 0
     done = motionlake("run", "postures", "--lake", lake, "--scheduler", scheduler)
     assert "takes the pretrained dictionary" in done.err
@@ -181,7 +181,7 @@ def test_a_lake_with_postures_enough_trains_a_dictionary_of_its_own(
         for asked, taken in ((enough * 1.01, True), (enough * 0.99, False)):
             monkeypatch.setattr(postures_config, "ENOUGH", asked)
             assert POSTURE_DICTIONARY.takes_pretrained(LakeReader(con, target, config)) is taken
-            wanted = replace(config, postures=replace(ready_made, weights="shipped"))
+            wanted = replace(config, postures=replace(ready_made, weights="pretrained"))
             assert POSTURE_DICTIONARY.takes_pretrained(LakeReader(con, target, wanted))
 
 

@@ -67,7 +67,7 @@ def test_a_lake_is_embedded_ready_made_then_fine_tuned_then_afresh(
 
 
 def test_configurations_of_the_network_without_meaning_are_refused() -> None:
-    assert LakeConfig().network.weights == "shipped"
+    assert LakeConfig().network.weights == "pretrained"
     with pytest.raises(ValueError, match="shipped or own"):
         NetworkConfig(weights="theirs")
     with pytest.raises(ValueError, match="two words"):

@@ -35,7 +35,7 @@ def test_the_ready_made_generator_is_the_one_its_description_names() -> None:
     assert set(about["filled"]) <= set(JOINTS)
     assert PRETRAINED_GENERATOR.file.stat().st_size < 20_000_000
     assert PRETRAINED_GENERATOR.fits(SynthesisConfig())
-    assert PRETRAINED_GENERATOR.fits(SynthesisConfig(weights="shipped", seed=3))
+    assert PRETRAINED_GENERATOR.fits(SynthesisConfig(weights="pretrained", seed=3))
     for other in ({"weights": "own"}, {"recipe": "glogen"}, {"epochs": 2}):
         assert not PRETRAINED_GENERATOR.fits(SynthesisConfig(**other))
 
@@ -81,7 +81,7 @@ def test_a_lake_without_labels_makes_motion_ready_made(bare: Path, scheduler: st
 
 def test_a_lake_with_labels_takes_it_if_told_to(lake: Path, scheduler: str) -> None:
     with (lake / "config.toml").open("a", encoding="utf-8") as handle:
-        handle.write('[synthesis]\nweights = "shipped"\n')
+        handle.write('[synthesis]\nweights = "pretrained"\n')
     run = motionlake("run", "synth", "--lake", lake, "--scheduler", scheduler)
     assert run.status == 0, run.err
     assert query(lake, "SELECT figures FROM models WHERE kind = 'synthesis'")[0][0].count('"ready_made":true') == 1

@@ -48,8 +48,8 @@ CLIPS: Final = {
 }
 
 # The lake of ready-made models, and the small one of made clips.
-READY_CONFIG: Final = '[synthesis]\nweights = "shipped"\n'
-SMALL_CONFIG: Final = '[motifs]\nk = 12\n[synthesis]\nweights = "shipped"\n'
+READY_CONFIG: Final = '[synthesis]\nweights = "pretrained"\n'
+SMALL_CONFIG: Final = '[motifs]\nk = 12\n[synthesis]\nweights = "pretrained"\n'
 SMALL_CLIPS: Final = {
     "kinect": "clips/kinect/a1.npz",
     "ntu": "clips/ntu/b1.skeleton",

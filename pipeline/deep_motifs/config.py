@@ -19,7 +19,7 @@ class NetworkConfig:
 
     Attributes:
         architecture: name of the network.
-        weights: what a lake without a network starts with: "shipped" takes the pretrained weights where they fit
+        weights: what a lake without a network starts with: "pretrained" takes the pretrained weights where they fit
             the words and the architecture, "own" always trains on the lake's clips.
         seed: of its training.
         steps: optimiser steps; "linear" needs none.
@@ -31,15 +31,15 @@ class NetworkConfig:
     """
 
     architecture: str = "linear"
-    weights: str = "shipped"
+    weights: str = "pretrained"
     seed: int = 0
     steps: int = 500
     max_words: int = 20_000
     reversible: bool = False
 
     def __post_init__(self) -> None:
-        if self.weights not in ("shipped", "own"):
-            raise ValueError(f"weights is {self.weights!r}, not shipped or own")
+        if self.weights not in ("pretrained", "own"):
+            raise ValueError(f"weights is {self.weights!r}, not pretrained or own")
         if self.steps < 0 or self.max_words < 2:
             raise ValueError("a word network is trained on at least two words, for no negative number of steps")
 
@@ -72,7 +72,7 @@ class NeighboursConfig:
 
 
 def _same_words(about: Mapping[str, Any], words: WordConfig, network: NetworkConfig) -> bool:
-    if network.weights != "shipped" or network.reversible:
+    if network.weights != "pretrained" or network.reversible:
         return False
     return (about["words"], about["architecture"]) == (asdict(words), network.architecture)
 

@@ -23,7 +23,7 @@ class DescriptorsConfig:
         recipe: "default", or "deephums", the thesis's (section 3.2).
         supervision: "none" (self-supervised: motion alone), "labels" (and the classes of labels.csv), "auto": by
             labels where two classes at least have two clips each.
-        weights: what a lake without a trained network starts with: "shipped" takes the pretrained one where it fits
+        weights: what a lake without a trained network starts with: "pretrained" takes the pretrained one where it fits
             this configuration, "own" trains on the lake's clips.
         seed: of training.
         epochs: of training; 0 takes the recipe's.
@@ -34,7 +34,7 @@ class DescriptorsConfig:
 
     recipe: str = "default"
     supervision: str = "auto"
-    weights: str = "shipped"
+    weights: str = "pretrained"
     seed: int = 0
     epochs: int = 0
 
@@ -43,14 +43,14 @@ class DescriptorsConfig:
             raise ValueError(f"recipe is {self.recipe!r}, not one of {', '.join(RECIPES)}")
         if self.supervision not in SUPERVISIONS:
             raise ValueError(f"supervision is {self.supervision!r}, not one of {', '.join(SUPERVISIONS)}")
-        if self.weights not in ("shipped", "own"):
-            raise ValueError(f"weights is {self.weights!r}, not shipped or own")
+        if self.weights not in ("pretrained", "own"):
+            raise ValueError(f"weights is {self.weights!r}, not pretrained or own")
         if self.epochs < 0:
             raise ValueError(f"epochs = {self.epochs}: cannot be negative")
 
 
 def _same_descriptors(about: Mapping[str, Any], config: DescriptorsConfig) -> bool:
-    return config.weights == "shipped" and config.supervision != "labels" and about["recipe"] == config.recipe
+    return config.weights == "pretrained" and config.supervision != "labels" and about["recipe"] == config.recipe
 
 
 PRETRAINED_DESCRIPTORS: Final = Pretrained(_WEIGHTS / "descriptors.safetensors", _same_descriptors)
@@ -69,7 +69,7 @@ class SubmotionConfig:
 
     Attributes:
         recipe: "default" or "deephums".
-        weights: what a lake without a trained network starts with: "shipped" takes the pretrained one where it fits
+        weights: what a lake without a trained network starts with: "pretrained" takes the pretrained one where it fits
             this configuration, "own" trains on the lake's clips.
         seed: of training.
         steps: batches.
@@ -84,7 +84,7 @@ class SubmotionConfig:
     """
 
     recipe: str = "default"
-    weights: str = "shipped"
+    weights: str = "pretrained"
     seed: int = 0
     steps: int = 600
     batch: int = 48
@@ -98,8 +98,8 @@ class SubmotionConfig:
     def __post_init__(self) -> None:
         if self.recipe not in RECIPES:
             raise ValueError(f"recipe is {self.recipe!r}, not one of {', '.join(RECIPES)}")
-        if self.weights not in ("shipped", "own"):
-            raise ValueError(f"weights is {self.weights!r}, not shipped or own")
+        if self.weights not in ("pretrained", "own"):
+            raise ValueError(f"weights is {self.weights!r}, not pretrained or own")
         if not 0 < self.shortest <= self.longest <= 1:
             raise ValueError(f"pieces of {self.shortest} to {self.longest} of a clip: shares between 0 and 1, in order")
         if (
@@ -112,7 +112,7 @@ class SubmotionConfig:
 def _same_submotion(about: Mapping[str, Any], config: SubmotionConfig) -> bool:
     """Whether it is the same network; the other settings say how it is trained."""
     same = (about["submotion"][name] == getattr(config, name) for name in ("recipe", "hidden", "shortest", "longest"))
-    return config.weights == "shipped" and all(same)
+    return config.weights == "pretrained" and all(same)
 
 
 PRETRAINED_SUBMOTION: Final = Pretrained(_WEIGHTS / "submotion.safetensors", _same_submotion)

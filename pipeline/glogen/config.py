@@ -10,7 +10,7 @@ from typing import Any, Final, Literal
 from motionlake.pretrained import Pretrained
 
 RECIPES: Final = ("default", "glogen")
-WEIGHTS: Final = ("auto", "shipped", "own")
+WEIGHTS: Final = ("auto", "pretrained", "own")
 
 
 @dataclass(frozen=True)
@@ -21,8 +21,8 @@ class SynthesisConfig:
         recipe: "default", or "glogen", the thesis's (sections 4.2 and 4.3).
         seed: of training.
         epochs: of training; 0 takes the recipe's.
-        weights: what a lake without a generator starts with: "own" trains one on clips of known class, "shipped" takes
-            the pretrained one where it fits this configuration, "auto" does so where no clip's class is known.
+        weights: what a lake without a generator starts with: "own" trains one on clips of known class, "pretrained"
+            takes the pretrained one where it fits this configuration, "auto" does so where no clip's class is known.
 
     Raises:
         ValueError: an unknown name, or a value out of range.

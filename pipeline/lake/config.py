@@ -62,8 +62,14 @@ def canonical_json(value: Any) -> str:
 
 
 def config_hash(*values: Any) -> str:
-    """sha256 over the canonical JSON of dataclasses and plain values."""
+    """sha256 over the canonical JSON of dataclasses and plain values.
+
+    Models in lakes were keyed while `weights = "pretrained"` was called "shipped": their keys stay.
+    """
     plain = [asdict(v) if hasattr(v, "__dataclass_fields__") else v for v in values]
+    plain = [
+        {**v, "weights": "shipped"} if isinstance(v, dict) and v.get("weights") == "pretrained" else v for v in plain
+    ]
     return hashlib.sha256(canonical_json(plain).encode()).hexdigest()
 
 

@@ -73,7 +73,7 @@ class PosturesConfig:
         dictionary: "aae" (clustering adversarial autoencoder), "kmeans" or "som" (self-organising map).
         m: number of symbols.
         seed: of training.
-        weights: what a lake without a dictionary starts with: "shipped" takes the pretrained one where it fits this
+        weights: what a lake without a dictionary starts with: "pretrained" takes the pretrained one where it fits this
             configuration, "own" trains on the lake's clips, "auto" (default) does so where they hold enough postures,
             `ENOUGH` for each symbol, since a dictionary of the clips' own retrieves much better (`docs/postures.md`).
         recipe: of the autoencoder: "default", or "pesta", the paper's (5,000 epochs).
@@ -105,8 +105,8 @@ class PosturesConfig:
             raise ValueError(f"dictionary is {self.dictionary!r}, not one of {', '.join(KINDS)}")
         if self.recipe not in RECIPES:
             raise ValueError(f"recipe is {self.recipe!r}, not one of {', '.join(RECIPES)}")
-        if self.weights not in ("auto", "shipped", "own"):
-            raise ValueError(f"weights is {self.weights!r}, not auto, shipped or own")
+        if self.weights not in ("auto", "pretrained", "own"):
+            raise ValueError(f"weights is {self.weights!r}, not auto, pretrained or own")
         if self.m < 2 or self.max_postures < self.m:
             raise ValueError(
                 f"m = {self.m} symbols of {self.max_postures} postures: at least 2, and no more than those"

@@ -125,16 +125,16 @@ class GeneratorModel(ModelKind[MotionSet]):
     def takes_pretrained(self, at: LakeReader) -> bool:
         if not self.fits(at.config):
             return False
-        return at.config.synthesis.weights == "shipped" or not classed_motions(at.con)
+        return at.config.synthesis.weights == "pretrained" or not classed_motions(at.con)
 
     def announce(self, at: LakeReader) -> str:
         config, count = at.config.synthesis, len(classed_motions(at.con))
-        other = '; to take the pretrained one: [synthesis] weights = "shipped" in config.toml'
+        other = '; to take the pretrained one: [synthesis] weights = "pretrained" in config.toml'
         why = f", since the lake has {count} labelled clips or ranges" + other * self._could_take(config)
         return f"will train a generator of motion ({config.recipe}){why if count else ''}"
 
     def _could_take(self, config: SynthesisConfig) -> bool:
-        return self.pretrained.fits(replace(config, weights="shipped"))
+        return self.pretrained.fits(replace(config, weights="pretrained"))
 
     def data(self, at: LakeReader, where: Selection) -> MotionSet | None:
         return motion_set(at.con, at.lake, at.config.synthesis, where.split, where.dataset)

@@ -39,7 +39,7 @@ class PostureDictionaryKind(ModelKind[list[Float32Array]]):
         wanted = at.config.postures
         if not self.fits(at.config):
             return False
-        return wanted.weights == "shipped" or _count(at) < postures_config.ENOUGH * wanted.m
+        return wanted.weights == "pretrained" or _count(at) < postures_config.ENOUGH * wanted.m
 
     def announce(self, at: LakeReader) -> str:
 

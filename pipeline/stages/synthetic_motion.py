@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from motionlake.glogen.requests import GeneratedMotion
 from motionlake.motion.canonicalise import METRES_PER_UNIT, CanonicalMotion, body_height
 from motionlake.motion.kinematics import continuous_signs, forward_kinematics
+
+if TYPE_CHECKING:
+    from motionlake.glogen.requests import GeneratedMotion
 
 
 def canonical_motion(made: GeneratedMotion, filled: Sequence[str] = ()) -> CanonicalMotion:
