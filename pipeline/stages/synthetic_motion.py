@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from motionlake.glogen.requests import GeneratedMotion
 from motionlake.motion.canonicalise import METRES_PER_UNIT, CanonicalMotion, body_height
 from motionlake.motion.kinematics import continuous_signs, forward_kinematics
 
