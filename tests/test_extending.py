@@ -115,3 +115,14 @@ def test_a_sql_macro(tmp_path: Path) -> None:
         check=True, env=os.environ | {"PYTHONPATH": str(tmp_path / "site")},
     ).stdout  # fmt: skip
     assert re.findall(r"walk\d+", answer) == ["walk60", "walk50"]
+
+
+def test_a_python_function_in_sql(tmp_path: Path) -> None:
+    copy = Copy(tmp_path, "A Python function in SQL")
+    (tmp_path / "clips").mkdir()
+    for count in (40, 70):
+        (tmp_path / "clips" / f"walk{count}.txt").write_text(deepmimic_text(deepmimic_frames(count)))
+    copy.run("ingest", "clips", "--lake", "mylake", "--workers", "1")
+    command = re.findall(r"```sh\nmotionlake sql \"(.*)\" --lake mylake\n```", section("A Python function in SQL"))[0]
+    answer = copy.run("sql", command, "--lake", "mylake")
+    assert sorted(re.findall(r"walk\d+", answer)) == ["walk40", "walk70"]
