@@ -125,16 +125,15 @@ def described_clips(con: Connection, dataset: str | None = None, column: str = "
         column: what becomes their label: "label", "subject", "split", "dataset" or a column of labels.csv.
 
     Raises:
-        UserError: no such column, or no labelled clip that has a descriptor.
+        UserError: no such column, no descriptors, or no labelled clip that has one.
     """
     check_column(con, column)
+    if not fetch(con, "served_descriptors"):
+        raise UserError("the lake has no descriptors yet; make them with `motionlake run all`")
     rows = fetch(con, "described_clips", {"dataset": dataset, "column": column})
     if not rows:
         where = f" of dataset {dataset}" if dataset else ""
-        raise UserError(
-            f"no clip{where} with a {column} has a descriptor; `motionlake run all` makes them, "
-            "`motionlake status` shows what there is"
-        )
+        raise UserError(f"no clip{where} with a {column} has a descriptor; `motionlake status` shows what there is")
     descriptors = np.array([row.pop("descriptor") for row in rows], dtype=np.float32)
     signatures = [row.pop("signature") for row in rows]
     return DescribedClips([DescribedClip(**row) for row in rows], descriptors, signatures)
