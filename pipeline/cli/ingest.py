@@ -14,8 +14,8 @@ from motionlake.cli.common import (
     SchedulerOption,
     WorkersOption,
     notice,
-    print_json,
     stage_progress,
+    tell,
 )
 from motionlake.errors import UserError
 from motionlake.formats import readers
@@ -95,18 +95,13 @@ def ingest(
         "clips": outcome.clips, "frames": outcome.rows, "bytes": outcome.bytes, "unchanged": report.unchanged,
         "rejected": report.rejects, "failed": outcome.failed, "gone": len(report.gone),
     }  # fmt: skip
-    if as_json:
-        print_json(figures)
-    else:
-        rest = {
-            "files rejected": report.rejects,
-            "batches of files failed": outcome.failed,
-            "source files gone": len(report.gone),
-        }
-        print(
-            f"{outcome.clips} clips taken in ({outcome.rows} frames), {report.unchanged} files unchanged"
-            + "".join(f", {count} {what}" for what, count in rest.items() if count)
-        )
+    rest = {
+        "files rejected": report.rejects,
+        "batches of files failed": outcome.failed,
+        "source files gone": len(report.gone),
+    }
+    line = f"{outcome.clips} clips taken in ({outcome.rows} frames), {report.unchanged} files unchanged"
+    tell(figures, line + "".join(f", {count} {what}" for what, count in rest.items() if count), as_json=as_json)
     say_rejects(target, sorted({r.dataset for r in roots}))
     nothing_labelled = any(label.rows and label.unmatched == label.rows for label in report.labels)
     if report.rejects or outcome.failed or nothing_labelled:

@@ -12,9 +12,8 @@ from motionlake.cli.common import (
     SchedulerOption,
     WorkersOption,
     notice,
-    print_json,
-    print_rows,
     stage_progress,
+    tell,
 )
 from motionlake.errors import UserError
 from motionlake.jobs.run import run as run_stages
@@ -61,10 +60,7 @@ def run(
         {"stage": name, "shards": o.ok, "failed": o.failed, "rows": o.rows, "bytes": o.bytes}
         for name, o in job.outcomes.items()
     ]
-    if as_json:
-        print_json(rows)
-    else:
-        print_rows(rows, as_json=False)
+    tell(rows, as_json=as_json)
     if any(o.failed for o in job.outcomes.values()) or (report and report.rejects):
         raise typer.Exit(1)
 

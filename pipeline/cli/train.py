@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import Annotated, Any
 
 import typer
-from motionlake.cli.common import SETTINGS, JsonOption, LakeOption, notice, print_json, stage_progress
+from motionlake.cli.common import SETTINGS, JsonOption, LakeOption, notice, stage_progress, tell
 from motionlake.deephums.config import SUPERVISIONS
 from motionlake.errors import UserError
 from motionlake.jobs import models
@@ -169,7 +169,4 @@ def _no_frames(lake: Lake) -> UserError:
 
 
 def _tell(model: Model, line: str, as_json: bool) -> None:
-    if as_json:
-        print_json({"model": model.model, "figures": model.figures})
-    else:
-        print(f"{model.model}: {line}")
+    tell({"model": model.model, "figures": model.figures}, f"{model.model}: {line}", as_json=as_json)
