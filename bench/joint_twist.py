@@ -43,7 +43,7 @@ def bend(rotations: Float64Array, joint: str) -> Float64Array:
 
 
 def between_subjects(clips: list[LabelledClip], side: str, low: float, high: float) -> dict[str, float]:
-    """Median over classes and pairs of subjects of the difference in mean twist, degrees."""
+    """Median over classes and pairs of subjects of the difference in mean twist, degrees; none without a pair."""
     means: dict[str, list[Float64Array]] = {}
     for label in sorted({clip.label for clip in clips}):
         for subject in sorted({clip.subject for clip in clips}):
@@ -56,6 +56,8 @@ def between_subjects(clips: list[LabelledClip], side: str, low: float, high: flo
                 directions = np.exp(1j * np.stack([shoulder, wrist, shoulder + wrist]))
                 means.setdefault(label, []).append(np.angle(directions.mean(axis=1)))
     pairs = [np.abs(np.angle(np.exp(1j * (a - b)))) for each in means.values() for a, b in combinations(each, 2)]
+    if not pairs:
+        return {}
     return dict(zip((*ARM, "sum"), np.degrees(np.median(pairs, axis=0)).round(1).tolist(), strict=True))
 
 
