@@ -103,7 +103,7 @@ SMOKES: Final[Sequence[Smoke]] = (
     Smoke("bench.segmentation", ("0",),
           {"bench.segmentation.VARIANTS": {"default": (SegmentationConfig(), True)}, **_FEW_K}),
     Smoke("bench.signatures", ("--k", "8", "hdm05"), {"bench.signatures.SEEDS": ONE_SEED}),
-    Smoke("bench.joint_twist", (), {"bench.representation.K": 8}),
+    Smoke("bench.joint_twist", (), {"bench.representation.K": 8, "bench.representation.COMPONENTS": 8}),
     Smoke("bench.pretrained_words", ("--out", "OUT/words.safetensors")),
     Smoke("bench.pretrained_postures", ("--out", "OUT/postures.safetensors"),
           {"bench.pretrained_postures.POSTURES": 900,
