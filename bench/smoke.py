@@ -66,7 +66,7 @@ def _parts(module: str, parts: str, *words: str, **smaller: Any) -> list[Smoke]:
 
 
 # Benches that are small by themselves, and what runs them.
-ELSEWHERE: Final = {"golden": "tests/test_golden.py"}
+ELSEWHERE: Final = {"against": "tests/test_against.py", "golden": "tests/test_golden.py"}
 ONE_SEED: Final = (0,)
 _FEW_K: Final = {"bench.lakes.K": 8, "bench.representation.K": 8}
 _FEW_SYMBOLS: Final = dict.fromkeys(

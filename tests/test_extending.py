@@ -19,6 +19,7 @@ ROOT = Path(__file__).parents[1]
 GUIDE = (ROOT / "docs" / "extending.md").read_text(encoding="utf-8")
 NEW = re.compile(r"^New file `([^`]+)`:\n\n```\w+\n(.*?)```$", re.MULTILINE | re.DOTALL)
 LINE = re.compile(r"^Line in `([^`]+)`[^\n]*:\n\n```python\n(.*)\n(.*)\n```$", re.MULTILINE)
+BELOW = re.compile(r"^Line in `([^`]+)`, below `([^`]+)`:\n\n```python\n(.*)\n```$", re.MULTILINE)
 COUNTS = re.compile(r"^\| \[([^\]]+)\]\(#[\w-]+\) \| (\d+) \| (\d+) \|$", re.MULTILINE)
 
 
@@ -52,6 +53,13 @@ class Copy:
             path.unlink()  # a link into the repository
             text = text.replace("\nfrom motionlake.", f"\n{line}\nfrom motionlake.", 1)
             path.write_text(re.sub(r"(\n\)\nON_REQUEST)", rf"\n{entry}\1", text, count=1), encoding="utf-8")
+
+        for name, above, line in BELOW.findall(section(title)):
+            path = package / name.removeprefix("pipeline/")
+            text = path.read_text(encoding="utf-8")
+            path.unlink()
+            assert text.count(above) == 1, above
+            path.write_text(text.replace(above, f"{above}\n{line}"), encoding="utf-8")
 
     def run(self, *words: str) -> str:
         done = subprocess.run(
@@ -126,3 +134,18 @@ def test_a_python_function_in_sql(tmp_path: Path) -> None:
     command = re.findall(r"```sh\nmotionlake sql \"(.*)\" --lake mylake\n```", section("A Python function in SQL"))[0]
     answer = copy.run("sql", command, "--lake", "mylake")
     assert sorted(re.findall(r"walk\d+", answer)) == ["walk40", "walk70"]
+
+
+def test_a_way_to_search(tmp_path: Path) -> None:
+    copy = Copy(tmp_path, "A way to search")
+    (tmp_path / "clips").mkdir()
+    for count in (41, 46, 81):  # a metre in so many frames
+        (tmp_path / "clips" / f"walk{count}.txt").write_text(deepmimic_text(deepmimic_frames(count)))
+    copy.run("ingest", "clips", "--lake", "mylake", "--workers", "1")
+    words = ("--method", "pace", "--lake", "mylake", "--json")
+    hits = json.loads(copy.run("search", "walk41", *words))
+    assert [(hit["rank"], hit["clip"]) for hit in hits] == [(1, "clips/walk46.txt"), (2, "clips/walk81.txt")]
+    assert hits[0]["distance"] == pytest.approx(30 / 40 - 30 / 45, rel=0.05)
+    outside = json.loads(copy.run("search", "clips/walk81.txt", "-k", "1", "--mirrored", *words))
+    assert outside[0]["clip"] == "clips/walk81.txt"
+    assert outside[0]["distance"] == pytest.approx(0, abs=0.01)

@@ -1,0 +1,27 @@
+"""Benches of two checkouts, compared in turn."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from bench import against
+
+
+def test_every_number_of_a_record_is_found_by_its_path() -> None:
+    figures = {"rates": {"sum": 2, "words": 1.5}, "met": True, "note": "fast", "k": 100}
+    assert dict(against.numbers(figures)) == {"rates/sum": 2.0, "rates/words": 1.5, "k": 100.0}
+
+
+def test_checkouts_run_in_turn_and_medians_are_divided(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    order: list[Path] = []
+    measured = {against.HERE: iter([4.0, 100.0, 6.0]), tmp_path: iter([2.0, 3.0, 1.0])}
+
+    def run(checkout: Path, _name: str) -> dict[str, float]:
+        order.append(checkout)
+        return {"rate": next(measured[checkout]), "of one alone" if checkout == tmp_path else "of the other": 1.0}
+
+    monkeypatch.setattr(against, "run_bench", run)
+    assert against.compare(tmp_path, "dtw", rounds=3) == {"rate": 6.0 / 2.0}
+    assert order == [against.HERE, tmp_path] * 3
