@@ -307,6 +307,7 @@ def test_a_descriptor_from_outside_is_searched_alike(built_lake: Path) -> None:
         near = con.execute("FROM clips_near($descriptor, k := 4)", given).fetchall()
         without = con.execute(f"FROM clips_near($descriptor, k := 3, without := '{clip}')", given).fetchall()
         assert without == con.execute("FROM nearest_clips($clip, k := 3)", {"clip": clip}).fetchall()
-        assert con.execute("FROM nearest_clips('no such clip')").fetchall() == []
+        with pytest.raises(duckdb.InvalidInputException, match="no such clip in the lake"):
+            con.execute("FROM nearest_clips('no such clip')").fetchall()
     assert near[0][1:3] == (clip, 0.0)
     assert [row[1:] for row in near[1:]] == [row[1:] for row in without]

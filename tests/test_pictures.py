@@ -338,7 +338,7 @@ def test_a_report_shows_the_lake(built_lake: Path, tmp_path: Path) -> None:
     assert found.texts.count(str(clips)) >= 1
     assert f"{minutes:.1f}" in found.texts
     again = motionlake("report", "--lake", built_lake, "--out", tmp_path / "again.html")
-    assert again.out.split() == [str(tmp_path / "again.html")]
+    assert again.out.split() == ["wrote", str(tmp_path / "again.html")]
     assert (tmp_path / "again.html").read_bytes() == out.read_bytes()
 
 

@@ -75,7 +75,7 @@ def some_queries(lake: Lake, finds: Finds, count: int) -> list[Query]:
     """Clips of the first dataset whose string is long enough to be aligned; where ranges are found, parts of them."""
     text = (
         "SELECT clip, frames FROM symbol_strings JOIN clips USING (clip) JOIN signatures USING (clip) "
-        "WHERE len(symbols) > 3 AND dataset = 'clips' "
+        "WHERE len(symbols) > 3 AND dataset = 'clips' AND seconds > 1 "
         "ORDER BY row_number() OVER (PARTITION BY format ORDER BY words DESC, clip), format DESC"
     )
     rows = query(lake.root, text)[:count]

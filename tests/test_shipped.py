@@ -47,7 +47,7 @@ def test_a_lake_is_embedded_ready_made_then_fine_tuned_then_afresh(
     assert motionlake("ingest", clips_folder, "--lake", lake, "--scheduler", scheduler).status == 0
     run = motionlake("run", "all", "--lake", lake, "--scheduler", scheduler)
     assert run.status == 0, run.err
-    assert "ready-made" in run.err
+    assert "the pretrained word network embeds the words" in run.err
     taken = current_network(lake)
     assert motionlake("report", "--out", tmp_path / "report.html", "--lake", lake).status == 0
     assert "ready made, from cmu_dance" in (tmp_path / "report.html").read_text(encoding="utf-8")
@@ -68,7 +68,7 @@ def test_a_lake_is_embedded_ready_made_then_fine_tuned_then_afresh(
 
 def test_configurations_of_the_network_without_meaning_are_refused() -> None:
     assert LakeConfig().network.weights == "pretrained"
-    with pytest.raises(ValueError, match="shipped or own"):
+    with pytest.raises(ValueError, match="pretrained or own"):
         NetworkConfig(weights="theirs")
     with pytest.raises(ValueError, match="two words"):
         NetworkConfig(max_words=1)

@@ -91,4 +91,4 @@ def test_weights_of_another_name_are_refused(lake: Path) -> None:
     with (lake / "config.toml").open("a", encoding="utf-8") as handle:
         handle.write('[synthesis]\nweights = "mine"\n')
     run = motionlake("run", "synth", "--lake", lake)
-    assert (run.status, "weights is 'mine', not one of auto, shipped, own" in run.err) == (2, True)
+    assert (run.status, "weights is 'mine', not one of auto, pretrained, own" in run.err) == (2, True)
