@@ -19,7 +19,7 @@ from motionlake.cli.common import (
     StopOption,
     asked_for,
     scope_of,
-    tell,
+    tell_hits,
 )
 from motionlake.cli.pictures import PictureOption, check_picture, save_alignment
 from motionlake.errors import UserError
@@ -85,4 +85,5 @@ def align(
         asked = asked_for(con, target, query, start, stop)
         (hits,) = searcher.search([asked], k, scope)
         save_alignment(con, target, picture, searcher, asked, hits, scope)
-    tell([(hit if path else replace(hit, path=None)).as_row() for hit in hits], as_json=as_json)
+    rows = [(hit if path else replace(hit, path=None)).as_row() for hit in hits]
+    tell_hits(rows, mirrored=mirrored, as_json=as_json)

@@ -189,6 +189,11 @@ def tell(value: Any, shown: str | Sequence[Mapping[str, Any]] | None = None, *, 
         print_rows(answer, as_json=False)
 
 
+def tell_hits(rows: Sequence[Mapping[str, Any]], *, mirrored: bool, as_json: bool) -> None:
+    """Answers of a search; a table says which are `mirrored` only where mirror images were looked for."""
+    tell(rows, [{n: v for n, v in row.items() if mirrored or n != "mirrored"} for row in rows], as_json=as_json)
+
+
 def print_rows(rows: Sequence[Mapping[str, Any]], *, as_json: bool) -> None:
     """Rows as a table for people, or as a JSON array."""
     if as_json:

@@ -18,7 +18,7 @@ from motionlake.cli.common import (
     StopOption,
     asked_for,
     scope_of,
-    tell,
+    tell_hits,
 )
 from motionlake.cli.pictures import PictureOption, check_picture, save_picture
 from motionlake.lake.catalog import reading
@@ -68,4 +68,4 @@ def find(
         (hits,) = found.search([asked], k, scope)
         rows = [hit.as_row() for hit in hits]
         save_picture(con, target, picture, [(asked, (query, rows))])
-    tell(rows, as_json=as_json)
+    tell_hits(rows, mirrored=mirrored, as_json=as_json)

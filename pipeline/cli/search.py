@@ -19,7 +19,7 @@ from motionlake.cli.common import (
     asked_for,
     print_json,
     scope_of,
-    tell,
+    tell_hits,
 )
 from motionlake.cli.pictures import PictureOption, check_picture, save_picture
 from motionlake.errors import UserError
@@ -82,4 +82,4 @@ def search(
     for name, rows in answers:
         if len(answers) > 1:
             print(f"\n{name}")
-        tell(rows, as_json=False)
+        tell_hits(rows, mirrored=mirrored, as_json=False)
