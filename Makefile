@@ -12,7 +12,7 @@ STAGES := frames words embed motifs signatures mirrored postures symbols descrip
 # What `make demo` takes in: by default the DeepMimic motions, fetched first.
 DATA ?= demo/deepmimic
 DEMO_LAKE = demo/$(notdir $(abspath $(DATA)))-lake
-# New motion of the ready-made generator, in a lake that has no labels to train one on.
+# New motion of the pretrained generator, in a lake that has no labels to train one on.
 DEMO_SYNTHESIS = $(if $(filter demo/deepmimic,$(DATA)),$(BIN)/motionlake run synth --lake "$(DEMO_LAKE)" && \
 	$(BIN)/motionlake synthesize --class walk --class salsa --from humanoid3d_walk --lake "$(DEMO_LAKE)" && \
 	$(BIN)/motionlake run descriptors --lake "$(DEMO_LAKE)" && \

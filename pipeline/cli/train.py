@@ -42,7 +42,7 @@ train = typer.Typer(
 def words(
     lake: LakeOption,
     fine_tune: Annotated[
-        bool, typer.Option("--fine-tune", help="Go on from the lake's network or the ready-made weights.")
+        bool, typer.Option("--fine-tune", help="Go on from the lake's network or the pretrained weights.")
     ] = False,
     as_json: JsonOption = False,
 ) -> None:

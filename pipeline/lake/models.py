@@ -15,7 +15,7 @@ from motionlake.lake.config import canonical_json
 from motionlake.lake.layout import Lake
 from motionlake.lake.parts import replacing
 
-OF_TRAINING = ("sets", "data_sha256")  # figures that every ready-made file has
+OF_TRAINING = ("sets", "data_sha256")  # figures that every pretrained file has
 
 
 @dataclass(frozen=True)
@@ -87,7 +87,7 @@ def save_model(lake: Lake, file: str, save: Callable[[Path], None]) -> None:
 
 
 def copy_weights(lake: Lake, weights: Path, file: str, figures: Mapping[str, Any], *kept: str) -> dict[str, Any]:
-    """Copy a ready-made model into the lake as `file`; returns the figures to keep of its training."""
+    """Copy a pretrained model into the lake as `file`; returns the figures to keep of its training."""
     with replacing(lake.path(file)) as temporary:
         shutil.copyfile(weights, temporary)
     return {"ready_made": True, **{name: figures[name] for name in (*OF_TRAINING, *kept) if name in figures}}

@@ -74,7 +74,7 @@ def served_generator(con: Connection, lake: Lake, config: LakeConfig) -> Model:
         )
     raise UserError(
         f"{lake.root}: has no generator yet; get one with `motionlake run synth`, trained on clips of known "
-        "class or, where there are none, ready-made"
+        "class or, where there are none, pretrained"
     )
 
 
