@@ -153,12 +153,14 @@ def in_duckdb(rows: Float32Array) -> duckdb.DuckDBPyConnection:
     lists = pa.FixedSizeListArray.from_arrays(pa.array(rows.ravel()), DIMENSION)
     con.register("made", pa.table({"clip": [f"{i:07}" for i in range(len(rows))], "descriptor": lists}))
     con.execute(
-        "CREATE TABLE clips AS SELECT clip, NULL AS label, 'made' AS dataset, 1.0 AS seconds, 'bvh' AS format FROM made"
+        "CREATE TABLE clips AS SELECT clip, NULL AS label, NULL::VARCHAR AS split, 'made' AS dataset, 1.0 AS seconds, "
+        "'bvh' AS format FROM made"
     )
     con.execute(sql.read("schema/65_descriptors.sql"))
     con.execute("INSERT INTO descriptors BY NAME SELECT clip, descriptor, 'made' AS model, '' AS part FROM made")
     con.unregister("made")
-    con.execute(sql.read("macros/nearest_clips.sql"))
+    for macro in ("find_clip", "nearest_clips"):
+        con.execute(sql.read(f"macros/{macro}.sql"))
     return con
 
 

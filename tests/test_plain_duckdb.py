@@ -10,7 +10,8 @@ import pyarrow.parquet as pq
 import pytest
 from motionlake.lake.frames import read_part
 
-from tests.lakes import catalog, query
+from tests.lakes import catalog, motionlake, query
+from tests.samples import KINECT_1, KINECT_1_PARENTS, npz_bytes, swinging_body
 
 TABLES = (
     "clips", "rejects", "segments", "manifest", "models", "runs", "roots", "sources", "layouts", "skeletons", "words",
@@ -61,11 +62,17 @@ def test_frames_are_sorted_and_complete(built_lake: Path) -> None:
     assert rows == query(built_lake, "SELECT clip, frames FROM clips ORDER BY clip")
 
 
-def test_frames_carry_their_rate(built_lake: Path) -> None:
-    rates = query(built_lake, "SELECT clip, fps FROM clips ORDER BY clip")
-    assert query(built_lake, "SELECT DISTINCT clip, fps FROM frames ORDER BY clip") == rates
-    assert len({fps for _, fps in rates}) > 1
-    stored = {clip.clip: clip.fps for part in built_lake.glob("frames/*/*.parquet") for clip in read_part(part)}
+def test_frames_carry_their_rate(tmp_path: Path, scheduler: str) -> None:
+    (tmp_path / "clips").mkdir()
+    for fps in (25.0, 30.0, 59.94):
+        clip = npz_bytes(swinging_body(40), KINECT_1, KINECT_1_PARENTS, fps)
+        (tmp_path / "clips" / f"{fps}.npz").write_bytes(clip)
+    lake = tmp_path / "lake"
+    assert motionlake("ingest", tmp_path / "clips", "--lake", lake, "--scheduler", scheduler).status == 0
+    rates = query(lake, "SELECT clip, fps FROM clips ORDER BY clip")
+    assert [round(fps, 2) for _, fps in rates] == [25.0, 30.0, 59.94]
+    assert query(lake, "SELECT DISTINCT clip, fps FROM frames ORDER BY clip") == rates
+    stored = {clip.clip: clip.fps for part in lake.glob("frames/*/*.parquet") for clip in read_part(part)}
     assert stored == dict(rates)
 
 
