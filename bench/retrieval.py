@@ -139,7 +139,7 @@ def _mean(runs: Sequence[Scores]) -> Scores:
 
 
 def _line(scores: Scores) -> str:
-    return "  ".join(f"{name} {value:.3f}" for name, value in scores.items() if name != "queries")
+    return "  ".join(f"{name} {value:.3f}" for name, value in scores.items() if name != "n")
 
 
 def main() -> None:

@@ -25,7 +25,7 @@ from motionlake.evaluation.segmentation import SegmentationScores, segmentation_
 from motionlake.lake.catalog import reading
 from motionlake.lake.corpus import read_corpus
 from motionlake.lake.layout import Lake
-from motionlake.retrieval.labelling.segments import mirrored_motifs
+from motionlake.retrieval.segments import mirrored_motifs
 
 from bench.lakes import make_lake, run_all
 from bench.record import record, recordings

@@ -19,12 +19,13 @@ import numpy as np
 from motionlake.arrays import Float64Array
 from motionlake.deep_motifs.classification import cluster_clips
 from motionlake.deep_motifs.emd import emd_matrix
-from motionlake.evaluation.classification import adjusted_rand_index
-from motionlake.evaluation.clips import dtw_distances
+from motionlake.evaluation.clips import LabelledOptions
+from motionlake.evaluation.dtw import dtw_baseline
 from motionlake.evaluation.signatures import evaluate_signatures
 from motionlake.lake.layout import Lake
 from motionlake.retrieval.connection import connect
-from motionlake.retrieval.labelling.labelled_clips import lake_ground, signed_clips
+from motionlake.retrieval.labelled_clips import lake_ground, signed_clips
+from sklearn.metrics import adjusted_rand_score
 
 from bench.lakes import make_lake, run_all
 from bench.pretrained_words import ready_made_for
@@ -56,11 +57,12 @@ def measure(lake: Lake, chosen: Labelled, seed: int, *, dtw: bool) -> dict[str, 
     """Measures of the lake's signatures, and of DTW where asked for."""
     con = connect(lake.root)
     try:
-        found = evaluate_signatures(con, lake, column=chosen.column, only=chosen.only, dtw=dtw)
+        found = evaluate_signatures(con, lake, LabelledOptions(column=chosen.column, only=chosen.only, dtw=dtw))
         signed = signed_clips(con, column=chosen.column, only=chosen.only).labelled()
         distances = {"signatures": emd_matrix(signed.signatures, lake_ground(con))}
-        if dtw:
-            distances["dtw"] = dtw_distances(lake, signed.clips)
+        by_frames = dtw_baseline(lake, signed.clips, dtw, print)
+        if by_frames is not None:
+            distances["dtw"] = by_frames
     finally:
         con.close()
     rows = {"signatures": found} | ({"dtw": found["dtw"]} if dtw else {})
@@ -77,7 +79,7 @@ def measure(lake: Lake, chosen: Labelled, seed: int, *, dtw: bool) -> dict[str, 
 def _rand_index(labels: list[str], distances: Float64Array, seeds: Sequence[int]) -> float:
     """Mean over seeds of k-means (DTW has no other)."""
     found = [cluster_clips(distances, len(set(labels)), seed=seed).clusters.tolist() for seed in seeds]
-    return float(np.mean([adjusted_rand_index(labels, clusters) for clusters in found]))
+    return float(np.mean([adjusted_rand_score(labels, clusters) for clusters in found]))
 
 
 def measure_set(name: str, k: int, folder: Path) -> dict[str, dict[str, float]]:

@@ -101,7 +101,7 @@ def test_real_recordings_get_their_classes(recordings: Path) -> None:
     from motionlake.deep_motifs.emd import emd_matrix, ground_distances
     from motionlake.deep_motifs.motifs import assign, fit_motifs
     from motionlake.deep_motifs.signatures import signatures
-    from motionlake.evaluation.classification import folded_accuracy
+    from motionlake.evaluation.signatures import folded_accuracy
     from motionlake.motion.features import WordConfig
 
     from bench.canonical_sets import features, load

@@ -11,10 +11,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from motionlake.deep_motifs.emd import emd_matrix, ground_distances
-from motionlake.evaluation.classification import folded_accuracy
 from motionlake.evaluation.dtw import baseline_features
 from motionlake.evaluation.ranking import leave_one_out
 from motionlake.evaluation.segmentation import mean_scores, score_words, word_truth
+from motionlake.evaluation.signatures import folded_accuracy
 from motionlake.motion.dtw import clip_dtw, dtw_matrix, frame_pairs
 
 from tests.lakes import motionlake, query
@@ -102,7 +102,7 @@ def test_signatures_are_measured(built_lake: Path) -> None:
     found = run.json
     assert found["map"] == pytest.approx(expected.map)
     assert found["cross_subject_nn"] == expected.cross_subject_nn
-    assert found["n"] == expected.queries
+    assert found["n"] == expected.n
     assert set(KEYS) <= set(found)
     assert set(KEYS) <= set(found["dtw"])
     assert 0 <= found["classification"]["accuracy"] <= 1

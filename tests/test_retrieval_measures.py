@@ -18,7 +18,7 @@ def test_perfect_classes() -> None:
     scores = leave_one_out(on_a_line([0, 1, 2, 10, 11.5, 13]), list("aaabbb"))
     assert (scores.nn, scores.first_tier, scores.second_tier, scores.map) == (1, 1, 1, 1)
     assert scores.top5 == pytest.approx(2 / 5)
-    assert scores.queries == 6
+    assert scores.n == 6
 
 
 def test_one_intruder_by_hand() -> None:
@@ -32,7 +32,7 @@ def test_one_intruder_by_hand() -> None:
 
 def test_a_clip_without_relatives_is_no_query_but_stays_a_hit() -> None:
     scores = leave_one_out(on_a_line([0, 1, 1.5]), ["a", "lonely", "a"])
-    assert scores.queries == 2
+    assert scores.n == 2
     assert scores.nn == 0
     with pytest.raises(ValueError, match="nothing to retrieve"):
         leave_one_out(on_a_line([0, 1]), ["a", "b"])

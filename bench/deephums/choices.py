@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any, Final
 
 import numpy as np
 from motionlake.deephums.config import DescriptorsConfig
 from motionlake.deephums.network import DescriptorRecipe, recipe_of
 from motionlake.deephums.training import train_descriptor
-from motionlake.evaluation.clips import Questions, score_split
+from motionlake.evaluation.ranking import Questions, score_split
 
 from bench.deephums.retrieval import euclidean, training_clips
 from bench.deephums.sets import Split, split_of
@@ -58,7 +58,7 @@ def measure_unit(unit: Unit) -> dict[str, Found]:
     asked, known = left_out(split_of(SET, "train"), unit.subject)
     model = train_descriptor(training_clips(known), DescriptorsConfig(supervision=supervision), recipe=recipe)
     apart = euclidean(model.embed(asked.sequences), model.embed(known.sequences))
-    return {unit.choice: score_split(apart, Questions.of(asked.labels, known.labels)).as_dict()}
+    return {unit.choice: asdict(score_split(apart, Questions.of(asked.labels, known.labels)))}
 
 
 def left_out(split: Split, subject: str) -> tuple[Split, Split]:

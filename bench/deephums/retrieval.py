@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import partial
 from typing import Final
 
@@ -17,8 +17,8 @@ from motionlake.deephums.network import recipe_of
 from motionlake.deephums.sequence import alignment_distances, motion_distance, motion_field
 from motionlake.deephums.trained import TrainedDescriptor
 from motionlake.deephums.training import TrainingClip, train_descriptor
-from motionlake.evaluation.clips import Questions, first_hits, score_split
 from motionlake.evaluation.dtw import baseline_features, joint_error
+from motionlake.evaluation.ranking import Questions, first_hits, score_split
 from motionlake.motion.dtw import dtw_cross
 from motionlake.motion.features import body_length
 from numpy.typing import NDArray
@@ -57,7 +57,7 @@ def scores(distances: FloatArray, asked: Split, known: Split) -> Found:
     hits = first_hits(distances, questions)
     error = np.mean([joint_error(a[query], b[hit]) for query, hit in hits.items()])
     body = np.mean([body_length(clip.positions) for clip in (*asked.clips, *known.clips)])
-    return {**score_split(distances, questions).as_dict(), "error_mm": 1000 * float(error * body)}
+    return {**asdict(score_split(distances, questions)), "error_mm": 1000 * float(error * body)}
 
 
 def _frames(split: Split) -> list[Float32Array]:

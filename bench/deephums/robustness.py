@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from typing import Final
 
 import numpy as np
@@ -9,7 +10,7 @@ import torch
 from motionlake.arrays import Float32Array
 from motionlake.deephums.batches import resampled
 from motionlake.deephums.trained import TrainedDescriptor
-from motionlake.evaluation.clips import Questions, score_split
+from motionlake.evaluation.ranking import Questions, score_split
 from motionlake.motion.skeleton import COMMON, INDEX
 from numpy.typing import NDArray
 
@@ -32,7 +33,7 @@ def robustness(model: TrainedDescriptor, asked: Split, known: Split, seed: int) 
 
     def scored(queries: list[Float32Array], repository: Float32Array) -> Found:
         apart = torch.cdist(torch.from_numpy(model.embed(queries)), torch.from_numpy(repository)).numpy()
-        return score_split(apart, questions).as_dict()
+        return asdict(score_split(apart, questions))
 
     whole = model.embed(known.sequences)
     gaps = [missing_joints(len(split.clips), rng) for split in (asked, known)]

@@ -7,14 +7,13 @@ from dataclasses import asdict
 from typing import Final
 
 import numpy as np
-from motionlake.evaluation.classification import confusion
 from motionlake.evaluation.ranking import (
+    by_class,
+    confusion,
     others,
     precision_recall,
-    precision_recall_classes,
     ranked_relevance,
     relatives,
-    score_classes,
     score_rankings,
 )
 from motionlake.pesta.alignment.scan import Both, symmetric_costs
@@ -45,11 +44,13 @@ def whole_scores(
 def score_distances(distances: np.ndarray, labels: Sequence[str]) -> Found:
     """Scores of [n, n] distances, MAP of each class, precision-recall curves and the confusion of the first 20."""
     rankings = ranked_relevance(distances, relatives(labels), others(len(labels)))
+    of_classes = by_class(rankings, labels)
+    curves = {label: precision_recall(hits)["precision"] for label, hits in of_classes.items()}
     return {
         **asdict(score_rankings(rankings)),
-        "map_by_class": {label: scores.map for label, scores in score_classes(rankings, labels).items()},
-        "curve": precision_recall(rankings) | {"by_class": precision_recall_classes(rankings, labels)},
-        "confusion": confusion(distances, labels, labels, others(len(labels))).as_dict(),
+        "map_by_class": {label: score_rankings(hits).map for label, hits in of_classes.items()},
+        "curve": precision_recall(rankings) | {"by_class": curves},
+        "confusion": confusion(distances, labels, labels, others(len(labels))),
     }
 
 

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
-from motionlake.evaluation.ranking import ranked_relevance, score_classes, score_rankings, share_label
+from motionlake.evaluation.ranking import by_class, ranked_relevance, score_rankings, share_label
 from motionlake.pesta.alignment.scan import pairwise
 from motionlake.pesta.alignment.strings import Repository
 from motionlake.pesta.config import AlignmentConfig
@@ -70,11 +70,12 @@ def measure(unit: Unit) -> dict[str, Found]:
     for name, (config, both) in ALIGNMENTS.items():
         costs = ranged_costs(queries, [s.symbols for s in strings], made.distances, config, both)
         rankings = ranked_relevance(costs, relevant, candidates)
-        scores, by_class = score_rankings(rankings), score_classes(rankings, labels)
+        scores = score_rankings(rankings)
+        maps = {label: score_rankings(hits).map for label, hits in by_class(rankings, labels).items()}
         rows[f"{unit.dictionary} + {name}"] = {
             **{key: getattr(scores, key) for key in (*SCORES, "n")},
-            "map_by_class": {label: each.map for label, each in by_class.items()},
-            "mean_of_classes": float(np.mean([each.map for each in by_class.values()])),
+            "map_by_class": maps,
+            "mean_of_classes": float(np.mean(list(maps.values()))),
         }
     return rows
 

@@ -13,7 +13,7 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
-from motionlake.evaluation.classification import PIECE, singular_pieces
+from motionlake.arrays import Int64Array
 from motionlake.motion.rotations import turn_on_ground
 from motionlake.motion.skeleton import INDEX, facing
 from motionlake.pesta.alignment.scan import Both
@@ -27,6 +27,7 @@ from bench.pesta.whole import DTW, SW, specs
 from bench.units import Found
 
 SET: Final = "hdm05"
+PIECE: Final = 10  # frames
 RATES: Final = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5)
 ALIGNMENTS: Final[dict[str, tuple[AlignmentConfig, Both]]] = {
     "STA w = 3": (STA3, "max"),
@@ -59,6 +60,46 @@ def measure(unit: Unit) -> dict[str, Found]:
             found = whole_scores(strings, made.distances, labels_of(SET), alignment, both)
             rows[f"{unit.dictionary} + {name}, rate {rate:g}"] = found | {"symbols": sum(map(len, strings))}
     return rows
+
+
+def singular_pieces(
+    lengths: Sequence[int], labels: Sequence[str], rate: float, seed: int, piece: int = PIECE
+) -> list[Int64Array]:
+    """Which pieces of clips are replaced, and by what.
+
+    A clip is cut into pieces from its first frame on (what is left over at its end stays); the given share of them,
+    drawn at random, is replaced by pieces drawn at random from clips of other labels. With one seed, what a rate
+    replaces a higher rate replaces alike.
+
+    Args:
+        lengths: [n] frames of each clip.
+        labels: [n].
+        rate: share of the pieces, from 0 to 1.
+        seed: of the draw.
+        piece: frames of a piece.
+
+    Returns:
+        Of each clip [r, 3]: first frame of a replaced piece, clip and first frame that it is replaced by; in order.
+
+    Raises:
+        ValueError: a rate that is no share, or a clip for which no clip of another label is long enough.
+    """
+    if not 0 <= rate <= 1:
+        raise ValueError(f"the rate of replaced pieces is {rate}, not from 0 to 1")
+    sizes, names = np.asarray(lengths), np.asarray(labels)
+    found = []
+    for clip, length in enumerate(lengths):
+        rng = np.random.default_rng([seed, clip])
+        count = length // piece
+        sources = np.flatnonzero((names != names[clip]) & (sizes >= piece))
+        if count and not len(sources):
+            raise ValueError(f"no clip of another label than {labels[clip]!r} has {piece} frames to take a piece of")
+        places = rng.permutation(count) * piece
+        taken = rng.choice(sources, count) if count else np.zeros(0, dtype=np.int64)
+        starts = rng.integers(0, sizes[taken] - piece + 1) if count else taken
+        rows = np.column_stack([places, taken, starts])[: round(rate * count)]
+        found.append(rows[np.argsort(rows[:, 0])].astype(np.int64))
+    return found
 
 
 def singular_clips(rate: float, seed: int) -> list[LabelledClip]:

@@ -25,8 +25,8 @@ from motionlake.lake.layout import open_lake
 
 if TYPE_CHECKING:
     from motionlake.deep_motifs.classification import Method
-    from motionlake.retrieval.labelling.classes import ClassifiedClip
-    from motionlake.retrieval.labelling.labelled_clips import SignedClip
+    from motionlake.retrieval.classes import ClassifiedClip
+    from motionlake.retrieval.labelled_clips import SignedClip
 
 METHODS: dict[str, Method] = {"knn": "knn", "one-vs-all": "one_vs_all"}
 
@@ -53,8 +53,8 @@ def classify(
 
     Labels for all clips that have none: motionlake classify --unlabelled --write-labels found.csv --lake mylake
     """
-    from motionlake.retrieval.labelling.classes import LakeClassifier
-    from motionlake.retrieval.labelling.labelled_clips import signed_clips
+    from motionlake.retrieval.classes import LakeClassifier
+    from motionlake.retrieval.labelled_clips import signed_clips
     from motionlake.retrieval.protocol import Query
 
     if method not in METHODS:

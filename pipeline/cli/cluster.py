@@ -35,7 +35,7 @@ def cluster(
 
     Example: motionlake cluster --k 12 --dataset bandai1 --lake mylake
     """
-    from motionlake.retrieval.labelling.clusters import clusters_of_lake
+    from motionlake.retrieval.classes import clusters_of_lake
 
     target, scope = open_lake(lake), scope_of(dataset, split, recorded_only)
     if k != "auto" and not k.isdecimal():

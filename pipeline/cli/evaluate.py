@@ -93,13 +93,13 @@ def signatures(
 
     The partners of a dance: motionlake evaluate signatures --label-column subject --only label=salsa --lake mylake
     """
+    from motionlake.evaluation.clips import LabelledOptions
     from motionlake.evaluation.signatures import evaluate_signatures
 
     target = _target(lake, dataset, baseline)
+    options = LabelledOptions(dataset, column, _criterion(only), BASELINES[baseline], notice)
     with reading(target) as con:
-        found = evaluate_signatures(
-            con, target, dataset=dataset, column=column, only=_criterion(only), dtw=BASELINES[baseline], notice=notice
-        )
+        found = evaluate_signatures(con, target, options)
     keys = ("nn", "top5", "first_tier", "second_tier", "map", "cross_subject_nn")
     measured = {"signatures": found, "whole-clip DTW": found["dtw"]}
     rows = [
@@ -160,14 +160,13 @@ def pesta(
 
     Drawn: motionlake evaluate pesta --dataset hdm05 --pictures figures --lake mylake
     """
+    from motionlake.evaluation.clips import LabelledOptions
     from motionlake.evaluation.pesta import evaluate_pesta
 
     target = _target(lake, dataset, baseline)
+    options = LabelledOptions(dataset, column, _criterion(only), BASELINES[baseline], notice)
     with reading(target) as con:
-        found = evaluate_pesta(
-            con, target, dataset=dataset, column=column, only=_criterion(only), dtw=BASELINES[baseline], stride=stride,
-            notice=notice,
-        )  # fmt: skip
+        found = evaluate_pesta(con, target, options, stride=stride)
     if pictures is not None:
         from motionlake.pictures.evaluation import evaluation_pictures
 

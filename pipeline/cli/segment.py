@@ -39,7 +39,7 @@ def segment(
     Of a file that is not in the lake: motionlake segment shots/new_take.bvh --dataset hdm05 --lake mylake
     """
     from motionlake.deep_motifs.segmentation import SegmentationConfig
-    from motionlake.retrieval.labelling.segments import LakeSegmenter, Lessons
+    from motionlake.retrieval.segments import LakeSegmenter, Lessons
 
     target = open_lake(lake)
     for dataset in teach or ():

@@ -3,57 +3,46 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
 from typing import Any, Final
 
 import numpy as np
-from motionlake.arrays import Float32Array, Float64Array, FloatArray
+from motionlake.arrays import Float32Array, FloatArray
 from motionlake.deep_motifs.emd import emd_many, emd_matrix
 from motionlake.errors import UserError
-from motionlake.evaluation.clips import (
-    PATIENCE,
-    Chosen,
-    Notice,
-    choose,
-    first_hits,
-    read_positions,
-    score_split,
-    worth_waiting,
-)
-from motionlake.evaluation.dtw import baseline_features, joint_error
-from motionlake.evaluation.ranking import ranked
+from motionlake.evaluation.clips import Chosen, Notice, choose, read_positions, told
+from motionlake.evaluation.dtw import PATIENCE, baseline_features, frame_distances, joint_error
+from motionlake.evaluation.ranking import first_hits, score_split
 from motionlake.lake.catalog import Connection
 from motionlake.lake.config import load_config
 from motionlake.lake.layout import Lake
 from motionlake.lake.models import Model
-from motionlake.motion.dtw import dtw_cross, dtw_matrix, frame_pairs
 from motionlake.motion.features import body_length
 from motionlake.pesta.alignment.scan import pairwise
 from motionlake.pesta.alignment.strings import Repository
-from motionlake.retrieval.fused import FusedSearcher
-from motionlake.retrieval.labelling.labelled_clips import DescribedClip, DescribedClips, described_clips, lake_ground
-from motionlake.retrieval.protocol import EVERYTHING, Finds, Hit, Query, Scope
+from motionlake.retrieval.fused import mean_scores, scaled
+from motionlake.retrieval.labelled_clips import DescribedClip, DescribedClips, described_clips, lake_ground
 from motionlake.retrieval.registry import methods as searchers
 from motionlake.retrieval.symbol_strings import read_strings
 from motionlake.stages.descriptors import served_network
 from scipy.spatial.distance import cdist
 
-# Transports a second on one core, from timings.
-TRANSPORTS_PER_SECOND: Final = 8_000
+TRANSPORTS_PER_SECOND: Final = 8_000  # on one core, from timings
+HITS: Final = 10  # that a look-up finds
 
 
 def signature_distances(con: Connection, clips: DescribedClips, chosen: Chosen, notice: Notice) -> FloatArray | None:
-    """[q, r] Earth Mover's FloatArray of signatures; None where a clip has none, or they would take minutes."""
+    """[q, r] earth mover's distances of signatures; None where a clip has none, or they would take minutes."""
     signatures = [signature for signature in clips.signatures if signature is not None]
     if not _all_have(len(signatures), clips, "signature", notice):
         return None
-    pairs = len(chosen.queries) * len(chosen.repository) // (2 if chosen.left_out else 1)
+    pairs = len(chosen.queries) * len(chosen.repository) // (2 if chosen.names is None else 1)
     if pairs > PATIENCE * TRANSPORTS_PER_SECOND:
         notice(f"signatures are left out: {pairs} distances would take minutes; see `motionlake evaluate signatures`")
         return None
     known, ground = np.array(signatures, dtype=np.float32), lake_ground(con)
-    if chosen.left_out:
+    if chosen.names is None:
         return emd_matrix(known, ground)
     return np.array([emd_many(known[query], known[chosen.repository], ground) for query in chosen.queries])
 
@@ -82,64 +71,16 @@ def alignment_distances(
     return np.maximum(there, back.T)
 
 
-def frame_distances(
-    features: Sequence[Float32Array], chosen: Chosen, wanted: bool | None, notice: Notice
-) -> FloatArray | None:
-    """[q, r] whole-clip DTW of `features`, of every clip; None where it is not wanted or would take minutes."""
-    if wanted is False:
-        return None
-    lengths = [len(each) for each in features]
-    total = sum(lengths[i] for i in chosen.queries) * sum(lengths[i] for i in chosen.repository)
-    if not worth_waiting(frame_pairs(lengths) if chosen.left_out else total, wanted, notice):
-        return None
-    if chosen.left_out:
-        return dtw_matrix(features)
-    return dtw_cross([features[i] for i in chosen.queries], [features[i] for i in chosen.repository])
-
-
-def fused_distances(methods: Mapping[str, FloatArray], clips: DescribedClips, chosen: Chosen) -> FloatArray | None:
+def all_fused(methods: Sequence[FloatArray], chosen: Chosen) -> FloatArray | None:
     """[q, r] what `FusedSearcher` makes of the whole rankings of methods, each [q, r]; None of a single one."""
     if len(methods) < 2:
         return None
-    names = [clip.clip for clip in clips.clips]
-    fused = FusedSearcher([_Computed(name, known, names, chosen) for name, known in methods.items()])
-    place = {names[clip]: column for column, clip in enumerate(chosen.repository)}
-    found = np.full((len(chosen.queries), len(chosen.repository)), np.inf)
-    queries = [Query(names[query]) for query in chosen.queries]
-    for row, hits in zip(found, fused.search(queries, len(chosen.repository)), strict=True):
-        for hit in hits:
-            row[place[hit.clip]] = hit.distance
+    found = np.full(methods[0].shape, np.inf)
+    for row, may in enumerate(chosen.questions.candidates):
+        (at,) = np.nonzero(may)
+        fused = mean_scores([scaled(dict(zip(at.tolist(), each[row, at].tolist(), strict=True))) for each in methods])
+        found[row, list(fused)] = list(fused.values())
     return found
-
-
-class _Computed:
-    """A `Searcher` whose distances are known."""
-
-    finds: Finds = "clip"
-
-    def __init__(self, name: str, distances: FloatArray, names: list[str], chosen: Chosen) -> None:
-        self.name, self._distances, self._names, self._chosen = name, distances, names, chosen
-        self._rows = {names[query]: row for row, query in enumerate(chosen.queries)}
-        self._orders = ranked(distances, chosen.questions.candidates)
-
-    def search(self, queries: Sequence[Query], k: int, scope: Scope = EVERYTHING) -> list[list[Hit]]:
-        return [self._hits(self._rows[query.name], k) for query in queries]
-
-    def distances(self, queries: Sequence[Query], gallery: Sequence[Query]) -> Float64Array:
-        raise NotImplementedError
-
-    def _hits(self, row: int, k: int) -> list[Hit]:
-        return [
-            Hit(
-                rank=rank,
-                clip=self._names[self._chosen.repository[column]],
-                distance=float(self._distances[row, column]),
-                label=None,
-                dataset="",
-                seconds=0.0,
-            )
-            for rank, column in enumerate(self._orders[row][:k].tolist(), start=1)
-        ]
 
 
 def _all_have(count: int, clips: DescribedClips, what: str, notice: Notice) -> bool:
@@ -147,9 +88,6 @@ def _all_have(count: int, clips: DescribedClips, what: str, notice: Notice) -> b
     if missing and count:
         notice(f"{what}s are left out: {missing} of the clips have none; make them with `motionlake run all`")
     return not missing
-
-
-HITS: Final = 10  # that a look-up finds
 
 
 @dataclass(frozen=True)
@@ -186,12 +124,11 @@ def evaluate_descriptor(
     methods whose tables the lake has, and whole-clip DTW, answer the same queries.
 
     Args:
-        con: to the lake.
-        lake: for the frames that DTW compares.
+        con, lake: the lake.
         dataset: its clips only.
         queries, repository: values of the column split; "test" and "train" where they are not given.
         column: what says the class of clips.
-        dtw: compute the DTW baseline; None: where it takes less than `PATIENCE` seconds.
+        dtw: compute the DTW baseline; None: where it takes at most `PATIENCE` seconds.
         notice: hears what takes long, is left out or is to be doubted.
 
     Returns:
@@ -214,25 +151,38 @@ def evaluate_descriptor(
     notice(f"{chosen.protocol}: {len(chosen.queries)} queries, {len(chosen.repository)} clips to find")
     features, body = _features(lake, clips.clips)
     asked, known = clips.descriptors[chosen.queries], clips.descriptors[chosen.repository]
-    measured = _Measured(chosen, features, body)
-    found = measured.by("descriptor", lambda: cdist(asked, known)) or {}
-    methods = {
-        "signature": measured.by("signature", lambda: signature_distances(con, clips, chosen, notice)),
-        "alignment": measured.by("alignment", lambda: alignment_distances(con, lake, clips, chosen, notice)),
-        "dtw": measured.by("dtw", lambda: frame_distances(features, chosen, dtw, notice)),
-        "fused": measured.by("fused", lambda: fused_distances(measured.among(searchers("clip")), clips, chosen)),
+    distances: dict[str, FloatArray] = {}
+    ways: dict[str, Callable[[], FloatArray | None]] = {
+        "descriptor": lambda: cdist(asked, known),
+        "signature": lambda: signature_distances(con, clips, chosen, notice),
+        "alignment": lambda: alignment_distances(con, lake, clips, chosen, notice),
+        "dtw": lambda: frame_distances(features, dtw, notice, chosen),
+        "fused": lambda: all_fused([distances[name] for name in searchers("clip") if name in distances], chosen),
     }
+    measured: dict[str, Any] = {}
+    for name, compute in ways.items():
+        started = time.perf_counter()
+        computed = compute()
+        seconds = time.perf_counter() - started
+        measured[name] = None
+        if computed is not None:
+            distances[name] = computed
+            measured[name] = {
+                **asdict(score_split(computed, chosen.questions)),
+                "dtw_error_mm": body * _mean_error(computed, chosen, features),
+                "retrieval_ms": 1000 * seconds / len(computed),
+            }
     labels = [clips.labels[query] for query in chosen.queries]
-    found |= {
+    found = measured.pop("descriptor") | {
         "retrieval_ms": _look_up_ms(asked, known),
         "body_mm": body,
         "protocol": chosen.protocol,
         "queries": len(chosen.queries),
         "repository": len(chosen.repository),
         "classes": len(set(labels)),
-        "model": {"model": network.model, **{name: v for name, v in network.figures.items() if name != "loss"}},
+        "model": told(network),
         "warning": _warning(network, [clips.clips[query] for query in chosen.queries]),
-        "methods": methods,
+        "methods": measured,
     }
     if found["warning"]:
         notice(f"warning: {found['warning']}")
@@ -258,37 +208,11 @@ def _warning(network: Model, queries: Sequence[DescribedClip]) -> str | None:
     )
 
 
-class _Measured:
-    """Measures of the distances that methods compute, which it keeps."""
-
-    def __init__(self, chosen: Chosen, features: list[Float32Array], body: float) -> None:
-        self._chosen, self._features, self._body = chosen, features, body
-        self._distances: dict[str, FloatArray] = {}
-
-    def by(self, method: str, compute: Callable[[], FloatArray | None]) -> dict[str, Any] | None:
-        """Of one method; None where it computes nothing."""
-        started = time.perf_counter()
-        distances = compute()
-        seconds = time.perf_counter() - started
-        if distances is None:
-            return None
-        self._distances[method] = distances
-        return {
-            **score_split(distances, self._chosen.questions).as_dict(),
-            "dtw_error_mm": self._body * float(np.mean(self._errors(distances))),
-            "retrieval_ms": 1000 * seconds / len(distances),
-        }
-
-    def among(self, methods: Sequence[str]) -> dict[str, FloatArray]:
-        """The distances of those of these methods that computed any."""
-        return {name: self._distances[name] for name in methods if name in self._distances}
-
-    def _errors(self, distances: FloatArray) -> list[float]:
-        asked, known = self._chosen.queries, self._chosen.repository
-        return [
-            joint_error(self._features[asked[query]], self._features[known[hit]])
-            for query, hit in first_hits(distances, self._chosen.questions).items()
-        ]
+def _mean_error(distances: FloatArray, chosen: Chosen, features: Sequence[Float32Array]) -> float:
+    """The mean joint error between query and first hit."""
+    pairs = first_hits(distances, chosen.questions).items()
+    errors = [joint_error(features[chosen.queries[a]], features[chosen.repository[b]]) for a, b in pairs]
+    return float(np.mean(errors))
 
 
 def _features(lake: Lake, clips: list[DescribedClip]) -> tuple[list[Float32Array], float]:

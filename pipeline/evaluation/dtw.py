@@ -1,20 +1,63 @@
-"""The baseline without motifs: what whole clips are compared by under `motionlake.motion.dtw`.
+"""The baseline of every evaluation: dynamic time warping of whole clips (`motionlake.motion.dtw`).
 
-Fifteen joints seen from the body (centred at the hips, turned to face one way, divided by leg plus torso length) at 24
-frames a second.
+Fifteen joints are compared, seen from the body (centred at the hips, turned to face one way, divided by leg plus torso
+length) at 24 frames a second.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
 from motionlake.arrays import Float32Array, Float64Array, Int64Array
-from motionlake.motion.dtw import squared_distances
+from motionlake.evaluation.clips import Notice, Split, read_positions
+from motionlake.lake.layout import Lake
+from motionlake.motion.dtw import CELLS_PER_SECOND, dtw_cross, dtw_matrix, frame_pairs, squared_distances
 from motionlake.motion.features import WordConfig, word_features
+from motionlake.retrieval.labelled_clips import FramedClip
 from numba import njit
 
 BASELINE: Final = WordConfig(root_weight=0.0, velocity_weight=0.0, smoothing=0.0)
+PATIENCE: Final = 300.0  # seconds; what would take longer is left out by default
+
+
+def dtw_baseline(lake: Lake, clips: Sequence[FramedClip], wanted: bool | None, notice: Notice) -> Float64Array | None:
+    """[n, n] whole-clip DTW between clips of a lake, as `frame_distances` has it."""
+    if wanted is False:
+        return None
+    found = {name: baseline_features(positions, fps) for name, fps, positions in read_positions(lake, clips)}
+    return frame_distances([found[clip.clip] for clip in clips], wanted, notice)
+
+
+def frame_distances(
+    features: Sequence[Float32Array], wanted: bool | None, notice: Notice, split: Split | None = None
+) -> Float64Array | None:
+    """Whole-clip DTW.
+
+    Args:
+        features: n clips, each [T, D] (`baseline_features`).
+        wanted: whether it is computed; None: where it takes at most `PATIENCE` seconds.
+        notice: hears how long it takes, or that it is left out.
+        split: which clips query which; by default all query all.
+
+    Returns:
+        [n, n] or, of a split into q queries and a repository of r, [q, r]; None where it is not computed.
+    """
+    if wanted is False:
+        return None
+    pairs, sides = frame_pairs([len(each) for each in features]), None
+    if split is not None and split.names is not None:
+        sides = tuple([features[i] for i in rows] for rows in (split.queries, split.repository))
+        pairs = sum(map(len, sides[0])) * sum(map(len, sides[1]))
+    seconds = pairs / CELLS_PER_SECOND
+    if wanted is None and seconds > PATIENCE:
+        notice(
+            f"whole-clip DTW is left out: it would take about {seconds / 60:.0f} minutes; --baseline dtw computes it"
+        )
+        return None
+    notice(f"whole-clip DTW: about {seconds:.0f} s")
+    return dtw_cross(*sides) if sides else dtw_matrix(features)
 
 
 def baseline_features(positions: Float64Array, fps: float) -> Float32Array:

@@ -20,7 +20,7 @@ from motionlake.errors import UserError
 from motionlake.lake.catalog import Connection, fetch
 from motionlake.lake.corpus import read_corpus
 from motionlake.lake.layout import Lake
-from motionlake.retrieval.labelling.segments import mirrored_motifs
+from motionlake.retrieval.segments import mirrored_motifs
 
 
 @dataclass(frozen=True)

@@ -12,12 +12,12 @@ from typing import Final, Protocol
 import numpy as np
 from motionlake.arrays import Float64Array, StepProgress
 from motionlake.errors import UserError
-from motionlake.evaluation.clips import LEAVE_ONE_OUT, QUERIES, REPOSITORY, read_positions
+from motionlake.evaluation.clips import LEAVE_ONE_OUT, read_positions, split_of
 from motionlake.glogen.requests import GeneratedMotion, MotionRequest, SeedClip
 from motionlake.lake.catalog import Connection, fetch
 from motionlake.lake.layout import Lake
 from motionlake.motion.resampling import TOLERANCE, beside
-from motionlake.retrieval.labelling.labelled_clips import check_column
+from motionlake.retrieval.labelled_clips import FramedClip, check_column
 
 # Of more than these, clips are taken at even distances of their names.
 MOST_TEST: Final = 1000
@@ -72,14 +72,10 @@ class RealClips:
     strangers: int
 
 
-@dataclass(frozen=True)
-class _Row:
-    """Labelled frames [start, stop) of a clip of the lake; `part` holds them, at `fps`."""
+@dataclass(frozen=True, kw_only=True)
+class _Row(FramedClip):
+    """Labelled frames [start, stop) of a clip of the lake."""
 
-    clip: str
-    dataset: str
-    part: str
-    fps: float
     split: str | None
     rest_offsets: tuple[float, ...]
     start: int
@@ -97,8 +93,7 @@ def real_clips(
     itself.
 
     Args:
-        con: to the lake.
-        lake: for the frames.
+        con, lake: the lake.
         classes: the generator's.
         dataset: its clips only.
         split, repository: values of the column split; "test" and "train" where they are not given.
@@ -109,41 +104,33 @@ def real_clips(
     """
     check_column(con, column)
     found = fetch(con, "synthesis_clips", {"dataset": dataset, "column": column})
-    rows = [_Row(**{**row, "rest_offsets": tuple(row["rest_offsets"])}) for row in found]
+    rows = [_Row(**row | {"rest_offsets": tuple(row["rest_offsets"])}) for row in found]
     if not rows:
         where = f" of dataset {dataset}" if dataset else ""
         raise UserError(f"no clip{where} has a {column}; synthesis is measured by labelled clips (labels.csv)")
-    asked, known = split or QUERIES, repository or REPOSITORY
-    test, training = ([row for row in rows if row.split == name] for name in (asked, known))
-    alone = split is None and repository is None and not (test and training)
-    if alone:
-        test = training = rows
-    for name, of_it in ((asked, test), (known, training)):
-        if not of_it:
-            splits = sorted({row.split for row in rows if row.split})
-            raise UserError(f"no labelled clip has split {name}; there are {', '.join(splits) or 'no splits'}")
-    kept = [row for row in test if row.label in classes]
-    if not kept:
+    parted = split_of([row.split for row in rows], split, repository)
+    test, training = (
+        [rows[i] for i in side if rows[i].label in classes] for side in (parted.queries, parted.repository)
+    )
+    if not test:
         raise UserError(
-            f"none of the {len(test)} clips to test by is of a class that the generator knows "
+            f"none of the {len(parted.queries)} clips to test by is of a class that the generator knows "
             f"({', '.join(sorted(classes)[:5])}{', …' if len(classes) > 5 else ''}); --label-column names another "
             "column of labels.csv"
         )
-    strangers = len(test) - len(kept)
-    kept = _spread(kept, MOST_TEST)
-    learned = _spread([row for row in training if row.label in classes], MOST_TRAINING)
-    motions = _motions(lake, list(dict.fromkeys([*kept, *learned])))
+    asked, known = _spread(test, MOST_TEST), _spread(training, MOST_TRAINING)
+    motions = _motions(lake, list(dict.fromkeys([*asked, *known])))
+    protocol = "{} clips, {} clips known".format(*parted.names) if parted.names else LEAVE_ONE_OUT
     return RealClips(
-        [motions[row] for row in kept], [motions[row] for row in learned],
-        LEAVE_ONE_OUT if alone else f"{asked} clips, {known} clips known", None if alone else asked,
-        strangers,
+        [motions[row] for row in asked], [motions[row] for row in known], protocol,
+        parted.names[0] if parted.names else None, len(parted.queries) - len(test),
     )  # fmt: skip
 
 
-def _spread(rows: Sequence[_Row], most: int) -> list[_Row]:
-    if len(rows) <= most:
-        return list(rows)
-    return [rows[i] for i in np.linspace(0, len(rows) - 1, most).round().astype(int).tolist()]
+def _spread(rows: list[_Row], most: int) -> list[_Row]:
+    """At most so many, at even distances."""
+    at = np.linspace(0, len(rows) - 1, min(most, len(rows))).round().astype(int)
+    return [rows[i] for i in at]
 
 
 def _motions(lake: Lake, rows: Sequence[_Row]) -> dict[_Row, RealMotion]:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import replace
-from typing import Final
+from typing import Final, TypeVar
 
 import numpy as np
 from motionlake.arrays import Float64Array
@@ -13,9 +13,10 @@ from motionlake.lake.layout import Lake
 from motionlake.retrieval.protocol import EVERYTHING, Finds, Hit, Query, Scope, Searcher, check_k, ranked
 from motionlake.retrieval.registry import ready, searcher
 
+K = TypeVar("K", bound=Hashable)
+
 DEPTH: Final = 200  # answers of every method that are fused, or ten times k
 DAMPING: Final = 60  # of reciprocal ranks (Cormack, Clarke and Buettcher, SIGIR 2009)
-WAYS: Final = ("distance", "rank")
 
 
 class FusedSearcher:
@@ -38,10 +39,9 @@ class FusedSearcher:
     def __init__(self, searchers: Sequence[Searcher], by: str = "distance") -> None:
         if not searchers:
             raise ValueError("no searchers to fuse")
-        if by not in WAYS:
-            raise ValueError(f"fused by {by!r}, not one of {', '.join(WAYS)}")
-        self._searchers = list(searchers)
-        self._score = _by_distance if by == "distance" else _by_rank
+        if by not in ("distance", "rank"):
+            raise ValueError(f"fused by {by!r}, not one of distance, rank")
+        self._searchers, self._by_rank = list(searchers), by == "rank"
 
     def search(self, queries: Sequence[Query], k: int, scope: Scope = EVERYTHING) -> list[list[Hit]]:
         """As `Searcher.search`; the clips that no method has among its nearest 200, or 10 k, are no answers."""
@@ -50,10 +50,11 @@ class FusedSearcher:
 
     def distances(self, queries: Sequence[Query], gallery: Sequence[Query]) -> Float64Array:
         """As `Searcher.distances`, by "distance" whatever `search` goes by."""
-        of_each = [searcher.distances(queries, gallery) for searcher in self._searchers]
-        middles = [np.sort(rows, axis=1)[:, rows.shape[1] // 2, None] for rows in of_each] if len(gallery) else []
-        scaled = [rows / np.where(middle > 0, middle, 1) for rows, middle in zip(of_each, middles, strict=False)]
-        return np.asarray(np.mean(scaled, axis=0)) if scaled else np.zeros((len(queries), 0))
+        of_each = np.stack([each.distances(queries, gallery) for each in self._searchers])
+        if not len(gallery):
+            return np.zeros((len(queries), 0))
+        middles = np.sort(of_each, axis=2)[..., len(gallery) // 2, None]
+        return np.asarray(np.mean(of_each / np.where(middles > 0, middles, 1), axis=0))
 
     def _answer(self, query: Query, k: int, scope: Scope) -> list[Hit]:
         rankings: list[list[Hit]] = []
@@ -65,9 +66,12 @@ class FusedSearcher:
                 failed.append(error)
         if not rankings:
             raise failed[0]
-        known = {hit.clip: hit for ranking in reversed(rankings) for hit in ranking}
-        scores = [self._score(ranking) for ranking in rankings]
-        means = {clip: sum(_of(score, clip) for score in scores) / len(scores) for clip in known}
+        if self._by_rank:
+            scores = [{hit.clip: 1.0 - (DAMPING + 1) / (DAMPING + hit.rank) for hit in hits} for hits in rankings]
+        else:
+            scores = [scaled({hit.clip: hit.distance for hit in hits}) for hits in rankings]
+        known = {hit.clip: hit for hits in reversed(rankings) for hit in hits}
+        means = mean_scores(scores)
         order = sorted(known, key=lambda clip: (means[clip], clip))[:k]
         return ranked([replace(known[clip], distance=means[clip]) for clip in order])
 
@@ -84,16 +88,17 @@ def fused_of_lake(lake: Lake) -> FusedSearcher:
     return FusedSearcher([searcher("clip", name, lake) for name in names])
 
 
-def _by_distance(ranking: Sequence[Hit]) -> dict[str, float]:
-    distances = [hit.distance for hit in ranking]
-    median = sorted(distances)[len(distances) // 2] if distances else 1.0
-    return {hit.clip: hit.distance / (median or 1.0) for hit in ranking}
+def scaled(distances: Mapping[K, float]) -> dict[K, float]:
+    """The distances of a method's answers to one query, each over their median."""
+    median = sorted(distances.values())[len(distances) // 2] if distances else 1.0
+    return {answer: distance / (median or 1.0) for answer, distance in distances.items()}
 
 
-def _by_rank(ranking: Sequence[Hit]) -> dict[str, float]:
-    return {hit.clip: 1.0 - (DAMPING + 1) / (DAMPING + hit.rank) for hit in ranking}
-
-
-def _of(score: Mapping[str, float], clip: str) -> float:
-    """A clip that a method does not answer with is as far as the farthest that it does."""
-    return score.get(clip, max(score.values(), default=1.0))
+def mean_scores(scores: Sequence[Mapping[K, float]]) -> dict[K, float]:
+    """The mean score of each answer; a method that does not give it counts as its own farthest answer."""
+    rest = [max(score.values(), default=1.0) for score in scores]
+    answers = dict.fromkeys(answer for score in scores for answer in score)
+    return {
+        answer: sum(score.get(answer, far) for score, far in zip(scores, rest, strict=True)) / len(scores)
+        for answer in answers
+    }

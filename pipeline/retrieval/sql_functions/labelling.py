@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from motionlake.deep_motifs.duplicates import MAX_DISTANCE, Duplicate
 from motionlake.lake.catalog import reading
-from motionlake.retrieval.labelling.classes import ClassifiedClip
-from motionlake.retrieval.labelling.clusters import ClusteredClip
-from motionlake.retrieval.labelling.segments import LabelledBand
+from motionlake.retrieval.classes import ClassifiedClip, ClusteredClip, LakeClassifier, clusters_of_lake
 from motionlake.retrieval.protocol import Scope
+from motionlake.retrieval.segments import LabelledBand, LakeSegmenter, Lessons, corpus_of
 from motionlake.retrieval.sql_functions import Served, columns, sql_function
 
 
@@ -16,12 +15,9 @@ def classify_clip(
     served: Served, query: str, k: int = 5, dataset: str | None = None, split: str | None = None
 ) -> list[ClassifiedClip]:
     """The class of a clip by a vote of its k nearest labelled, recorded clips, as `motionlake classify`."""
-    from motionlake.retrieval.labelling.classes import LakeClassifier
-
     scope = Scope(dataset, split, recorded_only=dataset is None)
-    classifier = served.once(LakeClassifier, ("k", k), ("scope", scope))
-    found: list[ClassifiedClip] = classifier.classify([served.query(query)])
-    return found
+    classifier: LakeClassifier = served.once(LakeClassifier, ("k", k), ("scope", scope))
+    return classifier.classify([served.query(query)])
 
 
 @sql_function(columns(LabelledBand))
@@ -33,8 +29,6 @@ def segment_clip(
     mirrored: bool = True,
 ) -> list[LabelledBand]:
     """The classes along a clip, as `motionlake segment`: learned from datasets, from clips, or from the whole lake."""
-    from motionlake.retrieval.labelling.segments import LakeSegmenter, Lessons, corpus_of
-
     names = None if teach_clips is None else [str(served.query(name).source) for name in teach_clips]
     lessons = Lessons(teach, names, mirrored=mirrored)
     return LakeSegmenter(served.lake, lessons, corpus=served.once(corpus_of)).segment(served.query(query))
@@ -46,8 +40,6 @@ def clip_clusters(
     recorded_only: bool = False,
 ) -> list[ClusteredClip]:  # fmt: skip
     """Every clip in one of k clusters, as `motionlake cluster`; NULL takes the best number."""
-    from motionlake.retrieval.labelling.clusters import clusters_of_lake
-
     with reading(served.lake) as con:
         return clusters_of_lake(con, k, Scope(dataset, split, recorded_only))[0]
 

@@ -22,7 +22,7 @@ from motionlake.lake.catalog import Connection, fetch, reading
 from motionlake.lake.corpus import read_corpus
 from motionlake.lake.layout import Lake
 from motionlake.retrieval.encode import serving_models, words_of_file
-from motionlake.retrieval.labelling.labelled_clips import check_column
+from motionlake.retrieval.labelled_clips import check_column
 from motionlake.retrieval.protocol import Query, not_ready
 from motionlake.stages import words
 from numpy.typing import NDArray

@@ -1,19 +1,20 @@
-"""Classes of a lake's whole clips (Deep Motifs, sections 4.3 and 5.3)."""
+"""Classes of a lake's whole clips, by labelled ones, and clusters without labels (Deep Motifs, 4.3 and 5.3)."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
+from functools import cached_property
 
 import numpy as np
 from motionlake.arrays import Float32Array, Float64Array
-from motionlake.deep_motifs.classification import Method, classify_knn, classify_one_vs_all
+from motionlake.deep_motifs.classification import Method, classify_knn, classify_one_vs_all, cluster_clips
 from motionlake.deep_motifs.emd import emd_many, emd_matrix
 from motionlake.errors import UserError
-from motionlake.lake.catalog import reading
+from motionlake.lake.catalog import Connection, reading
 from motionlake.lake.layout import Lake
-from motionlake.retrieval.labelling.labelled_clips import lake_ground, signed_clips
-from motionlake.retrieval.protocol import Query, Scope
+from motionlake.retrieval.labelled_clips import lake_ground, signed_clips
+from motionlake.retrieval.protocol import EVERYTHING, Query, Scope
 from motionlake.retrieval.signature import SignatureSearcher
 
 
@@ -54,7 +55,6 @@ class LakeClassifier:
             self.known = signed_clips(con, scope or Scope(recorded_only=True), column).labelled()
         if not self.known.clips:
             raise UserError(f"no clip has a {column} to learn from; labels.csv beside the clips gives them")
-        self._between: Float64Array | None = None
 
     def classify(self, queries: Sequence[Query]) -> list[ClassifiedClip]:
         """The classes of clips of the lake, of clip files and of ranges; a labelled clip does not teach itself.
@@ -72,9 +72,39 @@ class LakeClassifier:
         labels = [self.known.labels[i] for i in others]
         distances = emd_many(signature, self.known.signatures[others], self.ground)[None]
         if self._method == "knn":
-            found = classify_knn(distances, labels, self._k)[0]
+            (found,) = classify_knn(distances, labels, self._k)
         else:
-            if self._between is None:
-                self._between = emd_matrix(self.known.signatures, self.ground)
-            found = classify_one_vs_all(distances, self._between[np.ix_(others, others)], labels)[0]
+            (found,) = classify_one_vs_all(distances, self._between[np.ix_(others, others)], labels)
         return ClassifiedClip(name, found.label, found.confidence, found.distance)
+
+    @cached_property
+    def _between(self) -> Float64Array:
+        return emd_matrix(self.known.signatures, self.ground)
+
+
+@dataclass(frozen=True)
+class ClusteredClip:
+    """The cluster of a clip, from 0, the largest first."""
+
+    clip: str
+    cluster: int
+    label: str | None
+    dataset: str
+
+    def as_row(self) -> dict[str, object]:
+        return asdict(self)
+
+
+def clusters_of_lake(con: Connection, k: int | None, scope: Scope = EVERYTHING) -> tuple[list[ClusteredClip], float]:
+    """The cluster of every clip with a signature, by cluster and name, and the mean silhouette; see `cluster_clips`.
+
+    Raises:
+        UserError: too few clips for so many clusters, or no signatures.
+    """
+    signed = signed_clips(con, scope)
+    found = cluster_clips(emd_matrix(signed.signatures, lake_ground(con)), k)
+    rows = [
+        ClusteredClip(clip.clip, int(cluster), clip.label, clip.dataset)
+        for clip, cluster in zip(signed.clips, found.clusters, strict=True)
+    ]
+    return sorted(rows, key=lambda r: (r.cluster, r.clip)), found.silhouette

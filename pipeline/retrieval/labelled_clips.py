@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import compress
 
 import numpy as np
 from motionlake.arrays import Float32Array, Float64Array
@@ -12,15 +14,21 @@ from motionlake.lake.catalog import Connection, fetch
 from motionlake.retrieval.protocol import EVERYTHING, Scope
 
 
-@dataclass(frozen=True)
-class SignedClip:
-    """One clip that has a signature; `part` holds its frames, at `fps`."""
+@dataclass(frozen=True, kw_only=True)
+class FramedClip:
+    """A clip of a lake; `part` holds its frames, at `fps`."""
 
     clip: str
     dataset: str
-    path: str
     part: str
     fps: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class SignedClip(FramedClip):
+    """One clip that has a signature."""
+
+    path: str
     subject: str | None
     label: str | None
 
@@ -32,10 +40,13 @@ class SignedClips:
     clips: list[SignedClip]
     signatures: Float32Array
 
+    def chosen(self, wanted: Sequence[bool]) -> SignedClips:
+        """Those of n clips that are wanted."""
+        return SignedClips(list(compress(self.clips, wanted)), self.signatures[list(wanted)])
+
     def labelled(self) -> SignedClips:
         """Those with a label."""
-        at = [i for i, clip in enumerate(self.clips) if clip.label is not None]
-        return SignedClips([self.clips[i] for i in at], self.signatures[at])
+        return self.chosen([clip.label is not None for clip in self.clips])
 
     @property
     def labels(self) -> list[str]:
@@ -89,16 +100,11 @@ def lake_ground(con: Connection) -> Float64Array:
     return ground_distances(np.array([r["centroid"] for r in rows], dtype=np.float32))
 
 
-@dataclass(frozen=True)
-class DescribedClip:
-    """One labelled clip that has a descriptor; `part` holds its frames, at `fps`."""
+@dataclass(frozen=True, kw_only=True)
+class DescribedClip(FramedClip):
+    """One labelled clip that has a descriptor."""
 
-    clip: str
-    dataset: str
-    part: str
-    fps: float
     split: str | None
-    content_hash: str
     label: str
 
 
