@@ -1,7 +1,7 @@
 """Strided temporal alignment beside librosa, and the reduction of tandem repeats beside a suffix array.
 
 librosa.sequence.dtw with the window of section 6 as its steps, each weighted by its number of steps, computes the same
-matrix; it is given the symbol distances of query and string ready-made, which our times include.
+matrix; it is given the symbol distances of query and string precomputed, which our times include.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """The 10 nearest descriptors of one query and of 100, beside peers, by the size of the repository; on one thread.
 
-Descriptors are those of recordings under the ready-made network, each repeated with noise as large as half the median
+Descriptors are those of recordings under the pretrained network, each repeated with noise as large as half the median
 distance of a clip from its nearest, and clusters of unit vectors, where a scan can rule out least: 12 directions in
 each cluster. Queries are of the same kind and not in the repository.
 

@@ -1,4 +1,4 @@
-"""Train the ready-made networks of clips and of pieces: `python -m bench.pretrained_descriptors descriptors|submotion`.
+"""Train the pretrained networks of clips and of pieces: `python -m bench.pretrained_descriptors descriptors|submotion`.
 
 Only sets whose terms allow derived weights are used: CMU's. `--without` leaves one out, to measure on it.
 """
@@ -48,7 +48,7 @@ def train_descriptors(
     """The default network, trained without labels; 0 epochs are the recipe's."""
     config = DescriptorsConfig(supervision="none", weights="own", seed=seed, epochs=epochs)
     made = train_descriptor([TrainingClip(sequence) for sequence in sequences], config, progress=_tell)
-    return replace(made, figures={**about, **made.figures, "training": asdict(made.recipe)})
+    return replace(made, metrics={**about, **made.metrics, "training": asdict(made.recipe)})
 
 
 def train_pieces(
@@ -91,7 +91,7 @@ def main() -> None:
     out = given.out or FILES[given.which]
     out.parent.mkdir(parents=True, exist_ok=True)
     made.save(out)
-    out.with_suffix(".json").write_text(json.dumps({**made.figures, **named}, indent=2) + "\n", encoding="utf-8")
+    out.with_suffix(".json").write_text(json.dumps({**made.metrics, **named}, indent=2) + "\n", encoding="utf-8")
     print(f"{out}: {out.stat().st_size} bytes, {len(sequences)} clips")
 
 

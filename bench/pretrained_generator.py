@@ -60,7 +60,7 @@ def train(labels: Mapping[Path, str], seed: int, epochs: int = 0) -> TrainedGene
         read[path] = canonicalise(clip, solve(clip), identify(clip.hierarchy.joints, rigs))
     motions = [TrainingMotion(one.positions.astype(float), one.fps, labels[path]) for path, one in read.items()]
     made = train_generator(motions, SynthesisConfig(seed=seed, epochs=epochs), examples=EXAMPLES, progress=_tell)
-    figures = {
+    metrics = {
         "clips": len(motions),
         "class_names": made.classes,
         "sets": sorted({path.relative_to(recordings()).parts[0] for path in read}),
@@ -71,7 +71,7 @@ def train(labels: Mapping[Path, str], seed: int, epochs: int = 0) -> TrainedGene
         "revision": revision(),
         "source": SOURCE,
     }
-    return replace(made, figures=figures | {"datasets": figures["sets"]})
+    return replace(made, metrics=metrics | {"datasets": metrics["sets"]})
 
 
 def _tell(done: int, steps: int, loss: float) -> None:
@@ -89,9 +89,9 @@ def main() -> None:
         network.half()  # half the file; they are read as single precision again
     given.out.parent.mkdir(parents=True, exist_ok=True)
     made.save(given.out)
-    beside = {**made.figures, "recipe": made.config.recipe}
+    beside = {**made.metrics, "recipe": made.config.recipe}
     given.out.with_suffix(".json").write_text(json.dumps(beside, indent=2) + "\n", encoding="utf-8")
-    print(f"{given.out}: {given.out.stat().st_size} bytes, {made.figures['clips']} motions")
+    print(f"{given.out}: {given.out.stat().st_size} bytes, {made.metrics['clips']} motions")
 
 
 if __name__ == "__main__":

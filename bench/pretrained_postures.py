@@ -34,7 +34,7 @@ def train(sets: tuple[str, ...], seed: int = 0) -> PostureDictionary:
         "revision": revision(),
         "source": SOURCE,
     }
-    return replace(made, figures={**made.figures, **about})
+    return replace(made, metrics={**made.metrics, **about})
 
 
 def main() -> None:
@@ -46,9 +46,9 @@ def main() -> None:
     dictionary = train(tuple(name for name in SETS if name != given.without), given.seed)
     given.out.parent.mkdir(parents=True, exist_ok=True)
     dictionary.save(given.out)
-    beside = {**dictionary.figures, "trained_on": dictionary.figures["postures"], "postures": asdict(dictionary.config)}
+    beside = {**dictionary.metrics, "trained_on": dictionary.metrics["postures"], "postures": asdict(dictionary.config)}
     given.out.with_suffix(".json").write_text(json.dumps(beside, indent=2) + "\n", encoding="utf-8")
-    print(f"{given.out}: {given.out.stat().st_size} bytes, {dictionary.figures['occupied']} symbols in use")
+    print(f"{given.out}: {given.out.stat().st_size} bytes, {dictionary.metrics['occupied']} symbols in use")
 
 
 if __name__ == "__main__":

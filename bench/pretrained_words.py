@@ -60,11 +60,11 @@ def train(sets: tuple[str, ...], seed: int = 0) -> TrainedNetwork:
         "revision": revision(),
         "source": SOURCE,
     }
-    return replace(made, figures={**made.figures, **about})
+    return replace(made, metrics={**made.metrics, **about})
 
 
-def ready_made_for(name: str, folder: Path) -> Path:
-    """The ready-made weights; for a set that they are trained on, such as have been trained without it, in a folder."""
+def pretrained_for(name: str, folder: Path) -> Path:
+    """The pretrained weights; for a set that they are trained on, such as have been trained without it, in a folder."""
     if name not in SETS:
         return PRETRAINED_WORDS.file
     path = folder / f"without_{name}.safetensors"
@@ -83,13 +83,13 @@ def main() -> None:
     given.out.parent.mkdir(parents=True, exist_ok=True)
     network.save(given.out)
     beside = {
-        **network.figures,
-        "words_trained_on": network.figures["words"],
+        **network.metrics,
+        "words_trained_on": network.metrics["words"],
         "words": asdict(network.words),
         "architecture": network.architecture,
     }
     given.out.with_suffix(".json").write_text(json.dumps(beside, indent=2) + "\n", encoding="utf-8")
-    print(f"{given.out}: {given.out.stat().st_size} bytes, {network.figures['words']} words")
+    print(f"{given.out}: {given.out.stat().st_size} bytes, {network.metrics['words']} words")
 
 
 if __name__ == "__main__":

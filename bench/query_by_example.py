@@ -6,7 +6,7 @@ wholly within a labelled segment are queries against the other takes, if their l
 score of a frame is the distance of the nearest window that covers it; relevant are frames labelled like the
 query; frames without a label (there are next to none) are left out. Average precision over all frames of the
 other takes at the words' rate, tied frames together; means over the queries, then over 3 seeds of network and
-k-means. The network is trained on the takes, or is the ready-made one, trained without them.
+k-means. The network is trained on the takes, or is the pretrained one, trained without them.
 
 DTW aligns the query's frames (the same features) anywhere in a take; the score of a frame is the cost of the
 cheapest alignment that covers it, over its matched pairs. Four forms are measured, and the best is the bar.
@@ -37,11 +37,11 @@ from numpy.typing import NDArray
 from sklearn.metrics import average_precision_score
 
 from bench.lakes import make_lake, run_all
-from bench.pretrained_words import ready_made_for
+from bench.pretrained_words import pretrained_for
 from bench.record import hash_files, record, recordings
 
 SEEDS: Final = (0, 1, 2)
-READY: Final = "motionlake, ready-made weights"
+READY: Final = "motionlake, pretrained weights"
 EVERY: Final = 4
 # The distances of a query's frames in one take from another take: [T].
 Scorer = Callable[["Query", int], Float64Array]
@@ -169,7 +169,7 @@ def main() -> None:
     ours: dict[str, list[dict[str, float]]] = {"motionlake": [], READY: []}
     with tempfile.TemporaryDirectory(prefix="bench-find-") as folder:
         lake = make_lake(Path(folder), [source])
-        ready = ready_made_for(source.name, Path(folder))
+        ready = pretrained_for(source.name, Path(folder))
         for seed in SEEDS:
             for origin, weights in ((READY, ready), ("motionlake", None)):
                 run_all(lake, seed, weights)

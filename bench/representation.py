@@ -9,7 +9,7 @@ Distance, leave one out over whole clips (MAP and NN). Rows differ in one thing 
 The first group has 3 seeds of training and k-means on all sets; all else seed 0 without utd_mhad, whose 861 clips cost
 more than the rest together. "conv" is trained for 150 steps; inception736, seconds a step without a GPU, is measured
 where `--rows` names it alone.
-Networks are trained on the clips that they are measured on, without labels, but for the ready-made one.
+Networks are trained on the clips that they are measured on, without labels, but for the pretrained one.
 """
 
 from __future__ import annotations
@@ -149,7 +149,7 @@ def medoids_of(words: Float32Array, k: int, seed: int) -> Float32Array:
     return np.ascontiguousarray(words[np.unique(nearest)])
 
 
-def ready_made(name: str) -> Grouping:
+def pretrained(name: str) -> Grouping:
     """The network that comes with the package; for a set of CMU the same training without it."""
     from motionlake.deep_motifs.config import PRETRAINED_WORDS
     from motionlake.deep_motifs.words.network import load_network
@@ -169,7 +169,7 @@ def _split(stacked: NDArray[Any], clips: list[Float32Array]) -> list[NDArray[Any
 
 
 def rows() -> dict[str, Row]:
-    """Every row by name, in the order of the table; "ready-made" has its grouping made for each set."""
+    """Every row by name, in the order of the table; "pretrained" has its grouping made for each set."""
     default, rotations = WordConfig(), WordConfig.deep_motifs()
     positions = replace(default, length=rotations.length, stride=rotations.stride, smoothing=0.0)
     own, principal = by_l2(learned), by_l2(shallow)
@@ -180,7 +180,7 @@ def rows() -> dict[str, Row]:
         "DTW": Row(main, by_dtw, seeds=SEEDS, sets=ALL),
         "shallow": Row(main, principal, seeds=SEEDS, sets=ALL),
         "learned (default)": Row(main, own, seeds=SEEDS, sets=ALL),
-        "ready-made": Row(main, own, seeds=SEEDS, sets=ALL),
+        "pretrained": Row(main, own, seeds=SEEDS, sets=ALL),
         "conv": Row(network, by_l2(conv)),
         SLOW: Row(network, by_l2(partial(learned, architecture=SLOW, steps=CONV_STEPS)), sets=("hdm05",)),
         "conv, the paper's recipe": Row(network, by_l2(partial(conv, published=True))),
@@ -227,8 +227,8 @@ def _clips(name: str) -> list[LabelledClip]:
 
 
 @cache
-def _ready_made(name: str) -> Grouping:
-    return ready_made(name)
+def _pretrained(name: str) -> Grouping:
+    return pretrained(name)
 
 
 def measure(set_name: str, row_name: str, seed: int) -> dict[str, float]:
@@ -236,7 +236,7 @@ def measure(set_name: str, row_name: str, seed: int) -> dict[str, float]:
     row = rows()[row_name]
     with threadpool_limits(limits=1):
         clips = _clips(set_name)
-        grouping = _ready_made(set_name) if row_name == "ready-made" else row.grouping
+        grouping = _pretrained(set_name) if row_name == "pretrained" else row.grouping
         scores = retrieve(grouping(features(clips, row.words), row.words, row.k, seed), clips)
     return {"map": scores.map, "nn": scores.nn}
 

@@ -1,6 +1,6 @@
 """Retrieval, classification and clustering by signatures: `python -m bench.signatures [--k K] [SET ...]`.
 
-Each labelled set is a lake of its own. Each figure stands twice: with the ready-made weights (for cmu_dance: the same
+Each labelled set is a lake of its own. Each figure stands twice: with the pretrained weights (for cmu_dance: the same
 training without cmu_dance), and with weights trained on the lake's own clips without labels. Leave one out over whole
 clips, as `motionlake evaluate signatures` measures it, whole-clip DTW beside it; clusters are MDS and k-means with as
 many clusters as classes, of EMD and of DTW distances. Means over 3 seeds of training and k-means.
@@ -28,7 +28,7 @@ from motionlake.retrieval.labelled_clips import lake_ground, signed_clips
 from sklearn.metrics import adjusted_rand_score
 
 from bench.lakes import make_lake, run_all
-from bench.pretrained_words import ready_made_for
+from bench.pretrained_words import pretrained_for
 from bench.record import hash_files, record, recordings
 
 SEEDS: Final = (0, 1, 2)
@@ -83,13 +83,13 @@ def _rand_index(labels: list[str], distances: Float64Array, seeds: Sequence[int]
 
 
 def measure_set(name: str, k: int, folder: Path) -> dict[str, dict[str, float]]:
-    """Means over the seeds, with ready-made and with own weights, and DTW."""
+    """Means over the seeds, with pretrained and with own weights, and DTW."""
     chosen = LABELLED[name]
     lake = make_lake(folder / name, [recordings() / chosen.folder])
-    ready = ready_made_for(chosen.folder, folder)
-    runs: dict[str, list[dict[str, float]]] = {"ready-made": [], "own": [], "whole-clip DTW": []}
+    ready = pretrained_for(chosen.folder, folder)
+    runs: dict[str, list[dict[str, float]]] = {"pretrained": [], "own": [], "whole-clip DTW": []}
     for seed in SEEDS:
-        for origin, weights in (("ready-made", ready), ("own", None)):
+        for origin, weights in (("pretrained", ready), ("own", None)):
             run_all(lake, seed, weights, k)
             found = measure(lake, chosen, seed, dtw=origin == "own" and seed == SEEDS[0])
             runs[origin].append(found["signatures"])

@@ -89,7 +89,7 @@ SMOKES: Final[Sequence[Smoke]] = (
     Smoke("bench.retrieval", ("hdm05",), {"bench.retrieval.SEEDS": ONE_SEED, **_FEW_K}),
     Smoke("bench.retrieval", ("cross-rig",), {"bench.retrieval.SEEDS": ONE_SEED, **_FEW_K}),
     Smoke("bench.representation", ("hdm05", "--processes", "1", "--seeds", "1", "--rows",
-          "raw,DTW,shallow,ready-made,conv"), {"bench.representation.K": 8, "bench.representation.COMPONENTS": 8,
+          "raw,DTW,shallow,pretrained,conv"), {"bench.representation.K": 8, "bench.representation.COMPONENTS": 8,
           "bench.representation.CONV_STEPS": 2}),
     Smoke("bench.words_speed", (), {"bench.words_speed.ROUNDS": 1, "bench.words_speed.CONV_STEPS": 1,
           "bench.words_speed.EMBED_SECONDS": 0.1, "bench.words_speed.COLD_QUERIES": 1,

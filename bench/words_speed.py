@@ -93,7 +93,7 @@ def embedded_a_second(network: TrainedNetwork, words: Float32Array, seconds: flo
 
 
 def throughput(clips: list[Float32Array], folder: Path) -> dict[str, float]:
-    """Words a second of the ready-made network by one process and by two, which each report at the same time."""
+    """Words a second of the pretrained network by one process and by two, which each report at the same time."""
     words = np.ascontiguousarray(np.concatenate([word_windows(clip, WordConfig()) for clip in clips]))
     file = folder / "words.npy"
     np.save(file, words)

@@ -86,7 +86,7 @@ def train(
         session.notice(f"train: step {step} of {steps}, loss {loss:.4f}{_left(*first[0], step, steps)}")
 
     model = _make(session, kind, config, lambda file: kind.train(session.lake, config, data, file, progress))
-    for line in kind.hints(config, model.figures):
+    for line in kind.hints(config, model.metrics):
         session.notice(f"{stage}: {line}")
     return model
 
@@ -107,11 +107,11 @@ def _make(session: Session, kind: Kind, config: LakeConfig, fit: Callable[[str],
         file = next_file(at.con, kind.name, kind.suffix)
         key, whole = kind.key(at), content_key(at.con)
     assert key is not None
-    figures = fit(file)
+    metrics = fit(file)
     with writing(session.lake) as con:
         add_model(
-            con, kind.name, key=key, data_hash=figures.get("data_sha256", whole), config=kind.settings(config),
-            figures=figures, file=file, seconds=time.perf_counter() - started,
+            con, kind.name, key=key, data_hash=metrics.get("data_sha256", whole), config=kind.settings(config),
+            metrics=metrics, file=file, seconds=time.perf_counter() - started,
         )  # fmt: skip
     with reading(session.lake) as con:
         model = current_model(con, kind.name)

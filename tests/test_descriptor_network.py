@@ -258,8 +258,8 @@ class TestTraining:
         np.testing.assert_allclose(np.linalg.norm(descriptors, axis=1), 1, rtol=1e-5)
         within, between = spread(descriptors)
         assert 1 - between > 3 * (1 - within)
-        assert model.figures["loss"][-1] < model.figures["loss"][0]
-        assert model.figures["classes"] == (4 if supervision == "labels" else None)
+        assert model.metrics["loss"][-1] < model.metrics["loss"][0]
+        assert model.metrics["classes"] == (4 if supervision == "labels" else None)
 
     def test_interrupted_training_ends_as_if_it_was_not(self, tmp_path: Path) -> None:
         clips, config = toy_clips(), DescriptorsConfig(seed=3)
@@ -275,7 +275,7 @@ class TestTraining:
         assert not (tmp_path / "c").exists()
         sequences = [clip.sequence for clip in clips]
         np.testing.assert_array_equal(resumed.embed(sequences), whole.embed(sequences))
-        assert resumed.figures == whole.figures
+        assert resumed.metrics == whole.metrics
 
     def test_kept_and_read_it_is_the_same(self, tmp_path: Path) -> None:
         clips = toy_clips()
@@ -285,7 +285,7 @@ class TestTraining:
         sequences = [clip.sequence for clip in clips]
         np.testing.assert_array_equal(read.embed(sequences), model.embed(sequences))
         assert (read.config, read.recipe, read.classes) == (model.config, model.recipe, model.classes)
-        assert model.figures["validation"][-1][0] == 6
+        assert model.metrics["validation"][-1][0] == 6
 
     def test_descriptors_do_not_depend_on_their_neighbours(self) -> None:
         clips = [clip.sequence for clip in toy_clips()]

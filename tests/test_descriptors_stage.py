@@ -79,7 +79,7 @@ def test_every_clip_has_the_descriptor_of_its_frames(built_lake: Path) -> None:
     with reading(open_lake(built_lake)) as con:
         network = descriptors.served_network(con)
     assert network is not None
-    assert (network.model, network.figures["ready_made"]) == (model, True)
+    assert (network.model, network.metrics["pretrained"]) == (model, True)
 
 
 def test_a_new_clip_costs_one_descriptor_and_takes_it_along(lake: Path, clips_folder: Path, scheduler: str) -> None:
@@ -203,7 +203,7 @@ def test_training_takes_the_clips_and_labels_of_the_split(split_lake: Path) -> N
     for clip, _, content in rows:
         digest.update(repr((clip, content)).encode())
     kept = {"split": "train", "dataset": None, "clips_there": len(rows), "data_sha256": digest.hexdigest()}
-    assert found.figures == kept
+    assert found.metrics == kept
     assert len(whole.clips) == len(known)
 
 
@@ -234,10 +234,10 @@ def test_a_network_of_a_split_becomes_the_current_one(split_lake: Path) -> None:
     ((model, data, file),) = query(
         split_lake, "SELECT model, data_hash, file FROM models WHERE kind = 'descriptors' AND current"
     )
-    figures = said.json["figures"]
+    metrics = said.json["metrics"]
     assert said.json["model"] == model
-    assert (figures["split"], figures["data_sha256"], figures["supervision"]) == ("train", data, "none")
-    assert load_descriptor(split_lake / file).figures == figures
+    assert (metrics["split"], metrics["data_sha256"], metrics["supervision"]) == ("train", data, "none")
+    assert load_descriptor(split_lake / file).metrics == metrics
     with reading(open_lake(split_lake)) as con:
         config = LakeConfig(descriptors=DescriptorsConfig(epochs=1, seed=3))
         fitting = DESCRIPTOR_NETWORK.fitting(LakeReader(con, open_lake(split_lake), config))

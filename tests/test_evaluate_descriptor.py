@@ -120,24 +120,24 @@ def test_without_splits_each_clip_queries_all_others(built_lake: Path, tmp_path:
 
 
 @pytest.mark.parametrize(
-    ("figures", "warns"),
+    ("metrics", "warns"),
     [
         ({"split": "train", "dataset": None}, False),
         ({"split": "train", "dataset": "clips"}, False),
         ({"split": None, "dataset": None}, True),
         ({"split": "test", "dataset": "clips"}, True),
         ({"split": None, "dataset": "elsewhere"}, False),
-        ({"ready_made": True, "sets": ["clips"]}, True),
-        ({"ready_made": True, "sets": ["elsewhere"]}, False),
+        ({"pretrained": True, "sets": ["clips"]}, True),
+        ({"pretrained": True, "sets": ["elsewhere"]}, False),
     ],
 )
-def test_queries_that_training_has_seen_are_told(lake: Path, figures: dict[str, Any], warns: bool) -> None:
+def test_queries_that_training_has_seen_are_told(lake: Path, metrics: dict[str, Any], warns: bool) -> None:
     with_splits(lake)
-    change(lake, "UPDATE models SET figures = $figures WHERE kind = 'descriptors'", figures=json.dumps(figures))
+    change(lake, "UPDATE models SET metrics = $metrics WHERE kind = 'descriptors'", metrics=json.dumps(metrics))
     run = motionlake("evaluate", "descriptor", "--baseline", "none", "--lake", lake, "--json")
     assert ("training has seen" in (run.json["warning"] or "")) == warns
     assert ("warning: " in run.err) == warns
-    assert run.json["model"].items() >= figures.items()
+    assert run.json["model"].items() >= metrics.items()
 
 
 @pytest.mark.parametrize(

@@ -219,8 +219,8 @@ def made_lake(built_lake: Path, tmp_path_factory: pytest.TempPathFactory) -> Pat
     with writing(lake) as con:
         file = next_file(con, "synthesis", ".safetensors")
         save_model(lake, file, trained.save)
-        figures = {"split": "train", "dataset": None, "loss": [1.0]}
-        add_model(con, "synthesis", key="", data_hash="", config={}, figures=figures, file=file, seconds=0)
+        metrics = {"split": "train", "dataset": None, "loss": [1.0]}
+        add_model(con, "synthesis", key="", data_hash="", config={}, metrics=metrics, file=file, seconds=0)
     return root
 
 

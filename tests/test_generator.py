@@ -147,8 +147,8 @@ def test_a_generator_is_kept_in_one_file(generator: TrainedGenerator, tmp_path: 
     file = tmp_path / "generator.safetensors"
     generator.save(file)
     again = load_generator(file)
-    assert (again.classes, again.config, dict(again.figures)) == (
-        generator.classes, generator.config, dict(generator.figures),
+    assert (again.classes, again.config, dict(again.metrics)) == (
+        generator.classes, generator.config, dict(generator.metrics),
     )  # fmt: skip
     np.testing.assert_array_equal(again.generate([wish()])[0].positions, generator.generate([wish()])[0].positions)
 
@@ -207,7 +207,7 @@ def test_training_is_the_same_again_and_tells_its_progress() -> None:
     one = train_generator(material, config, progress=lambda done, all_, _: told.append((done, all_)))
     other = train_generator(material, config)
     assert told == [(epoch, 6) for epoch in range(1, 7)]  # both classes go on: two networks of GloGen, one of LocGen
-    assert (one.figures["clips"], one.figures["classes"], one.classes) == (6, 2, ["back", "walk"])
+    assert (one.metrics["clips"], one.metrics["classes"], one.classes) == (6, 2, ["back", "walk"])
     np.testing.assert_array_equal(one.generate([wish()])[0].positions, other.generate([wish()])[0].positions)
     with pytest.raises(ValueError, match="no clips"):
         train_generator([], config)

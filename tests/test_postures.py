@@ -69,7 +69,7 @@ def test_every_kind_codes_postures_and_is_kept(kind: DictionaryKind, tmp_path: P
     again = load_dictionary(tmp_path / "dictionary.safetensors")
     np.testing.assert_array_equal(again.encode(features), symbols)
     np.testing.assert_array_equal(again.distances, apart)
-    assert (again.config, again.figures) == (dictionary.config, dict(dictionary.figures))
+    assert (again.config, again.metrics) == (dictionary.config, dict(dictionary.metrics))
 
     with pytest.raises(
         ValueError, match=rf"postures of shape \(5, 3\), but the dictionary codes \[T, {features.shape[1]}\]"
@@ -125,12 +125,12 @@ def test_training_repeats_and_resumes_to_the_same_bytes(tmp_path: Path, monkeypa
 
 def test_training_lowers_the_error_and_reports_occupancy() -> None:
     before, after = (autoencoder(replace(QUICK, steps=steps, learning_rate=5e-3)) for steps in (1, 150))
-    assert after.figures["validation_error"] < 0.7 * before.figures["validation_error"]
+    assert after.metrics["validation_error"] < 0.7 * before.metrics["validation_error"]
     features, _ = sample_postures(clips(), SMALL)
     used = np.bincount(after.encode(features), minlength=M)
-    assert after.figures["occupied"] == np.count_nonzero(used)
-    assert after.figures["largest"] == pytest.approx(used.max() / len(features))
-    assert 1 <= after.figures["perplexity"] <= M
+    assert after.metrics["occupied"] == np.count_nonzero(used)
+    assert after.metrics["largest"] == pytest.approx(used.max() / len(features))
+    assert 1 <= after.metrics["perplexity"] <= M
 
 
 def test_typical_postures_are_means_of_their_symbols() -> None:

@@ -106,7 +106,7 @@ def test_training_on_request_makes_a_new_version(lake: Path, scheduler: str) -> 
     said = motionlake("train", "postures", "--lake", lake, "--json")
     assert said.status == 0, said.err
     assert said.json["model"] == "postures-2" == current(lake)[0]
-    assert said.json["figures"]["occupied"] <= 40
+    assert said.json["metrics"]["occupied"] <= 40
     assert run(lake, scheduler, "all") | {"postures": 0, "symbols": 0} == dict.fromkeys(ALL, 0)
 
 
@@ -141,8 +141,8 @@ def test_too_few_postures_are_one_clear_line(lake: Path, scheduler: str) -> None
 
 
 @pytest.fixture
-def ready_made(tmp_path: Path, built_lake: Path, monkeypatch: pytest.MonkeyPatch) -> PosturesConfig:
-    """A ready-made dictionary: that of `built_lake`, as if it came with the package."""
+def pretrained(tmp_path: Path, built_lake: Path, monkeypatch: pytest.MonkeyPatch) -> PosturesConfig:
+    """A pretrained dictionary: that of `built_lake`, as if it came with the package."""
     file = tmp_path / "weights" / "postures.safetensors"
     file.parent.mkdir()
     config = PosturesConfig(dictionary="kmeans", m=40)
@@ -152,36 +152,36 @@ def ready_made(tmp_path: Path, built_lake: Path, monkeypatch: pytest.MonkeyPatch
     return config
 
 
-def test_the_ready_made_dictionary_is_taken_where_it_fits(
-    ready_made: PosturesConfig, built_lake: Path, clips_folder: Path, tmp_path: Path, scheduler: str
+def test_the_pretrained_dictionary_is_taken_where_it_fits(
+    pretrained: PosturesConfig, built_lake: Path, clips_folder: Path, tmp_path: Path, scheduler: str
 ) -> None:
-    assert PRETRAINED_POSTURES.fits(replace(ready_made, seed=3, max_postures=99))
+    assert PRETRAINED_POSTURES.fits(replace(pretrained, seed=3, max_postures=99))
     for other in ({"weights": "own"}, {"m": 41}, {"smoothing": 0.0}, {"dictionary": "som"}):
-        assert not PRETRAINED_POSTURES.fits(replace(ready_made, **other))
+        assert not PRETRAINED_POSTURES.fits(replace(pretrained, **other))
     lake = quick_lake(tmp_path / "lake", QUICK.replace("[postures]", '[postures]\nweights = "pretrained"'))
     assert motionlake("ingest", clips_folder, "--lake", lake, "--scheduler", scheduler).status == 0
     done = motionlake("run", "postures", "--lake", lake, "--scheduler", scheduler)
     assert "takes the pretrained dictionary" in done.err
     assert "will not train" in done.err
     run(lake, scheduler, "symbols")
-    ((figures,),) = query(lake, "SELECT figures FROM models WHERE kind = 'postures'")
-    assert json.loads(figures)["ready_made"] is True
+    ((metrics,),) = query(lake, "SELECT metrics FROM models WHERE kind = 'postures'")
+    assert json.loads(metrics)["pretrained"] is True
     assert query(lake, STRINGS) == query(built_lake, STRINGS)
 
 
 def test_a_lake_with_postures_enough_trains_a_dictionary_of_its_own(
-    ready_made: PosturesConfig, built_lake: Path, monkeypatch: pytest.MonkeyPatch
+    pretrained: PosturesConfig, built_lake: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    config = replace(load_config(built_lake / "config.toml"), postures=ready_made)
-    assert ready_made.weights == "auto"
+    config = replace(load_config(built_lake / "config.toml"), postures=pretrained)
+    assert pretrained.weights == "auto"
     target = open_lake(built_lake)
     with reading(target) as con:
         ((seconds,),) = con.execute("SELECT sum(frames / fps) FROM clips").fetchall()
-        enough = seconds * ready_made.fps / ready_made.m  # postures of the lake for each symbol
+        enough = seconds * pretrained.fps / pretrained.m  # postures of the lake for each symbol
         for asked, taken in ((enough * 1.01, True), (enough * 0.99, False)):
             monkeypatch.setattr(postures_config, "ENOUGH", asked)
             assert POSTURE_DICTIONARY.takes_pretrained(LakeReader(con, target, config)) is taken
-            wanted = replace(config, postures=replace(ready_made, weights="pretrained"))
+            wanted = replace(config, postures=replace(pretrained, weights="pretrained"))
             assert POSTURE_DICTIONARY.takes_pretrained(LakeReader(con, target, wanted))
 
 

@@ -104,17 +104,17 @@ def test_a_network_is_the_same_after_reading_it_back(tmp_path: Path, recipe: str
     made = TrainedSubmotion(config, network, {"loss": losses[-1]})
     made.save(tmp_path / "submotion.safetensors")
     read = load_submotion(tmp_path / "submotion.safetensors")
-    assert (read.config, read.figures) == (made.config, made.figures)
+    assert (read.config, read.metrics) == (made.config, made.metrics)
     np.testing.assert_array_equal(read.embed(clips), made.embed(clips))
     np.testing.assert_allclose(np.linalg.norm(read.embed(clips), axis=1), 1, atol=1e-5)
     with pytest.raises(ValueError, match="holds no submotion network"):
         load_submotion(PRETRAINED_DESCRIPTORS.file)
 
 
-def test_the_ready_made_network_is_the_one_its_description_names() -> None:
+def test_the_pretrained_network_is_the_one_its_description_names() -> None:
     network, about = load_submotion(PRETRAINED_SUBMOTION.file), PRETRAINED_SUBMOTION.about()
     assert set(about["sets"]) == {"cmu_dance", "cmu_bvh", "cmu_exercises", "cmu_86"}
-    assert network.figures["data_sha256"] == about["data_sha256"]
+    assert network.metrics["data_sha256"] == about["data_sha256"]
     assert PRETRAINED_SUBMOTION.fits(SubmotionConfig(seed=4, steps=7))
     for other in (SubmotionConfig(weights="own"), SubmotionConfig(recipe="deephums"), SubmotionConfig(hidden=99)):
         assert not PRETRAINED_SUBMOTION.fits(other)
@@ -193,10 +193,10 @@ def test_a_network_trained_anew_replaces_all_windows(lake: Path, scheduler: str)
     _, before = served(lake)
     said = motionlake("train", "submotion", "--split", "train", "--lake", lake, "--json")
     assert said.status == 0, said.err
-    figures = said.json["figures"]
+    metrics = said.json["metrics"]
     assert said.json["model"] == "submotion-2"
     ((count,),) = query(lake, "SELECT count(*) FROM clips WHERE split = 'train'")
-    assert (figures["split"], figures["clips"]) == ("train", count)
+    assert (metrics["split"], metrics["clips"]) == ("train", count)
     assert served(lake)[0] == "submotion-1", "served until the windows of the new network are there"
     run(lake, scheduler, "submotions")
     model, after = served(lake)
@@ -224,9 +224,9 @@ def test_by_the_thesis_pieces_are_compared_with_descriptors(lake: Path, schedule
     (lake / "config.toml").write_text(QUICK + '[submotion]\nrecipe = "deephums"\nsteps = 2\n', encoding="utf-8")
     run(lake, scheduler, "submotions")
     model, rows = served(lake)
-    ((figures,),) = query(lake, "SELECT figures->>'descriptors' FROM models WHERE model = $model", model=model)
+    ((metrics,),) = query(lake, "SELECT metrics->>'descriptors' FROM models WHERE model = $model", model=model)
     known = {clip: np.array(row) for clip, row in query(lake, "SELECT clip, descriptor FROM descriptors")}
-    assert figures == "descriptors-1"
+    assert metrics == "descriptors-1"
     assert {clip for clip, _, _ in rows} == known.keys()
     for (clip, start, stop), row in rows.items():
         np.testing.assert_allclose(row, known[clip], atol=2e-5)

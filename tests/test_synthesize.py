@@ -101,13 +101,13 @@ def test_licences_of_training_clips_and_seed_clip_are_kept(own: Path, clips_fold
     run = motionlake("ingest", source, "--licence", "CC0", "--dataset", "free", "--lake", own, "--scheduler", scheduler)
     assert run.status == 0, run.err
     run = motionlake("train", "synthesis", "--dataset", "free", "--json", "--lake", own)
-    assert run.json["figures"]["licences"] == ["CC0"]
-    assert run.json["figures"]["datasets"] == ["free"]
-    assert run.json["figures"]["filled"] == sorted(
+    assert run.json["metrics"]["licences"] == ["CC0"]
+    assert run.json["metrics"]["datasets"] == ["free"]
+    assert run.json["metrics"]["filled"] == sorted(
         {joint for (joints,) in query(own, "SELECT filled FROM clips WHERE dataset = 'free'") for joint in joints}
     )
     clip = query(own, "SELECT clip FROM clips WHERE dataset = 'free' ORDER BY seconds DESC, clip LIMIT 1")[0][0]
-    wanted = run.json["figures"]["class_names"][0]
+    wanted = run.json["metrics"]["class_names"][0]
     run = synthesize(own, scheduler, wanted, more=("--from", clip), count=1)
     assert run.status == 0, run.err
     found = query(own, "SELECT licence, licences, datasets, seed_clip FROM synthetic JOIN clips USING (clip)")
@@ -243,7 +243,7 @@ def test_models_are_not_fitted_to_synthetic_clips(made: Path, trained: Path, tmp
         assert described is not None
         assert classed is not None
         sums = [[float(np.abs(features).sum()) for features in sample] for sample in drawn]
-        samples.append((described.figures, classed.figures, taught, sums))
+        samples.append((described.metrics, classed.metrics, taught, sums))
         copy = Path(shutil.copytree(root, tmp_path / root.name))
         run = motionlake("run", "motifs", "--refit", "--lake", copy, "--scheduler", scheduler)
         assert run.status == 0, run.err
@@ -308,7 +308,7 @@ def test_labelled_ranges_of_unlabelled_clips_are_learned_and_started_from(
     assert motionlake("ingest", source, "--dataset", "ranges", "--lake", own, "--scheduler", scheduler).status == 0
     run = motionlake("train", "synthesis", "--dataset", "ranges", "--json", "--lake", own)
     assert run.status == 0, run.err
-    assert run.json["figures"]["class_names"] == ["wave"]
+    assert run.json["metrics"]["class_names"] == ["wave"]
     assert synthesize(own, scheduler, "wave", count=2).status == 0
     for seed_clip, start, stop in query(own, "SELECT seed_clip, seed_start, seed_stop FROM synthetic"):
         assert seed_clip == f"ranges/{path}"

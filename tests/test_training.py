@@ -276,7 +276,7 @@ def test_a_saved_network_is_the_same_network(architecture: str, tmp_path: Path) 
     again = load_network(tmp_path / "network")
     words = word_windows(clips(6)[2], CONFIG)
     np.testing.assert_array_equal(again.embed(words), network.embed(words))
-    assert (again.architecture, again.words, again.figures) == (architecture, CONFIG, network.figures)
+    assert (again.architecture, again.words, again.metrics) == (architecture, CONFIG, network.metrics)
     again.save(tmp_path / "twice")
     assert (tmp_path / "twice").read_bytes() == (tmp_path / "network").read_bytes()
     if architecture == "inception736":

@@ -25,7 +25,7 @@ def measure(set_name: str, epochs: int) -> dict[str, Any]:
     found: dict[str, Any] = {}
     for method, (recipe, supervision) in DESCRIPTORS.items():
         config = DescriptorsConfig(recipe=recipe, supervision=supervision, epochs=epochs)
-        figures = train_descriptor(training_clips(known), config, validation=training_clips(held)).figures
+        figures = train_descriptor(training_clips(known), config, validation=training_clips(held)).metrics
         found[method] = {"loss": figures["loss"], "validation": figures["validation"]}
         print(f"  {method}: top-1 held out {figures['validation'][-1][1]:.3f}", flush=True)
     recipe_default = recipe_of(DescriptorsConfig(epochs=epochs))

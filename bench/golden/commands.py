@@ -27,7 +27,7 @@ CLOCK_KEYS: Final = ("wall_seconds", "retrieval_ms", "share_of_time")
 CLOCKS_BESIDE: Final = {"created": ("created", "seconds"), "all_n": ("seconds",)}
 # Left out of the comparison altogether: the lock, config.toml, and notices on stderr, of which some come by the clock.
 
-# The lake of ready-made models, with every table.
+# The lake of pretrained models, with every table.
 BUILD: Final = {
     "init": "init {lake} --json",
     "ingest": "ingest {src}/hdm05 {src}/cmu_dance {src}/utd_mhad {src}/bandai1 {src}/cmu_bvh {src}/mixed --json",
@@ -221,7 +221,7 @@ SQL: Final = {
     "wrong": "SELECT nothing FROM clips",
 }
 
-# The small form: a lake of made clips and ready-made models.
+# The small form: a lake of made clips and pretrained models.
 SMALL_BUILD: Final = {
     "init": "init {lake} --json",
     "ingest": "ingest {src}/clips --json",

@@ -23,8 +23,8 @@ from bench.golden.commands import CLOCK_COLUMNS, CLOCK_KEYS, CLOCKS_BESIDE
 
 Clean = Callable[[str], str]
 # Columns that rows are put in order by only where the others leave it open: a new key moves no row.
-LATE: Final = ("key", "part", "files", "spec", "config", "figures", "content_hash", "config_hash", "data_hash")
-JSON_COLUMNS: Final = ("config", "figures", "spec", "options")
+LATE: Final = ("key", "part", "files", "spec", "config", "metrics", "content_hash", "config_hash", "data_hash")
+JSON_COLUMNS: Final = ("config", "metrics", "spec", "options")
 # Whole numbers that follow from sums of fractions: two machines may round a few of them differently.
 SOFT_COLUMNS: Final = ("motif", "symbol", "symbols", "starts")
 # Tables that tell how a record was made rather than what: the words of commands, and where they ran.

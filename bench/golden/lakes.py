@@ -47,7 +47,7 @@ CLIPS: Final = {
     "run": "cmu_bvh/clips/02_03.bvh",
 }
 
-# The lake of ready-made models, and the small one of made clips.
+# The lake of pretrained models, and the small one of made clips.
 READY_CONFIG: Final = '[synthesis]\nweights = "pretrained"\n'
 SMALL_CONFIG: Final = '[motifs]\nk = 12\n[synthesis]\nweights = "pretrained"\n'
 SMALL_CLIPS: Final = {

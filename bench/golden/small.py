@@ -1,4 +1,4 @@
-"""The small golden record: a lake of made clips with ready-made models, for the tests and for any machine."""
+"""The small golden record: a lake of made clips with pretrained models, for the tests and for any machine."""
 
 from __future__ import annotations
 

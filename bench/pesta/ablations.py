@@ -81,7 +81,7 @@ def measure(unit: Unit) -> dict[str, Found]:
         strings = strings_of(unit.set_name, unit.spec, reduced)
         return whole_scores(strings, made.distances, labels, config, both) | {
             "symbols": sum(map(len, strings)),
-            "occupied": made.figures["occupied"],
+            "occupied": made.metrics["occupied"],
         }
 
     rows = {unit.variant: row(STA3, "max", None)}

@@ -56,7 +56,7 @@ class Unit:
         return f"{self.dictionary}, m = {self.spec.config.m}, seed {self.seed}"
 
 
-def ready_made() -> Spec | None:
+def pretrained() -> Spec | None:
     """The dictionary that comes with the package, if there is one."""
     return Spec(load_dictionary(PRETRAINED_POSTURES.file).config, ready=True) if PRETRAINED_POSTURES.about() else None
 
@@ -77,8 +77,8 @@ class Fitted:
         return self.dictionary.distances
 
     @property
-    def figures(self) -> dict[str, Any]:
-        return dict(self.dictionary.figures)
+    def metrics(self) -> dict[str, Any]:
+        return dict(self.dictionary.metrics)
 
 
 @lru_cache(maxsize=16)

@@ -51,6 +51,6 @@ def measure(unit: Unit) -> dict[str, Found]:
     found |= {
         "milliseconds": 1e3 * statistics.median(seconds[1:]) / len(repository),
         "symbols": len(repository.symbols),
-        "occupied": made.figures["occupied"],
+        "occupied": made.metrics["occupied"],
     }
     return {f"{unit.dictionary} m = {unit.spec.config.m}": found}

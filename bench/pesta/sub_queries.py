@@ -1,6 +1,6 @@
 """Sub-queries of long queries (section 8.3.3, Table 4) on cmu_exercises, and what PESTA-LQ saves and loses.
 
-Dictionaries are trained on the takes themselves without labels, but for the ready-made one. Means over the sub-queries
+Dictionaries are trained on the takes themselves without labels, but for the pretrained one. Means over the sub-queries
 whose exercise another take shows too. Times are medians of every sub-query of every take, interleaved.
 """
 
@@ -23,7 +23,7 @@ from motionlake.evaluation.pesta import (
 from motionlake.pesta.alignment.strings import Distances
 from motionlake.pesta.config import AlignmentConfig
 
-from bench.pesta.dictionaries import Spec, Unit, fitted, ready_made, strings_of
+from bench.pesta.dictionaries import Spec, Unit, fitted, pretrained, strings_of
 from bench.pesta.measuring import STA2
 from bench.pesta.sets import segments_of
 from bench.pesta.whole import READY, specs
@@ -45,7 +45,7 @@ METHODS: Final = {
 
 def units(seeds: Sequence[int], aae: Spec) -> list[Unit]:
     made = [Unit(name, spec.seeded(seed), seed) for name, spec in specs(aae).items() for seed in seeds]
-    ready = ready_made()
+    ready = pretrained()
     return made + ([Unit(READY, ready, 0)] if ready else [])
 
 

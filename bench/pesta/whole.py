@@ -2,7 +2,7 @@
 
 Dictionaries are trained on the set itself without labels. "start" rows put k-means or a self-organising map into the
 space that the autoencoder's codes start in: what lies between them and "AAE" is what training the network adds.
-"ready-made" is the dictionary that comes with the package, trained on CMU sets alone.
+"pretrained" is the dictionary that comes with the package, trained on CMU sets alone.
 Costs are the greater of both ways, each for every symbol of its query; "one way" is the paper's own.
 """
 
@@ -16,7 +16,7 @@ from motionlake.pesta.alignment.scan import Both
 from motionlake.pesta.config import AlignmentConfig, SymbolsConfig
 
 from bench.canonical_sets import features
-from bench.pesta.dictionaries import OWN, Spec, fitted, ready_made, strings_of
+from bench.pesta.dictionaries import OWN, Spec, fitted, pretrained, strings_of
 from bench.pesta.measuring import STA2, STA3, score_distances, whole_scores
 from bench.pesta.sets import clips_of, labels_of
 from bench.units import Found
@@ -24,7 +24,7 @@ from bench.units import Found
 SETS: Final = ("hdm05", "bandai1")
 MORE_SETS: Final = ("hdm05", "bandai1", "salsa", "utd_mhad")
 REFERENCES: Final = "references"
-READY: Final = "ready-made"
+READY: Final = "pretrained"
 SCORES: Final = ("map", "p_at_2", "p_at_5", "p_at_10", "p_at_15", "p_at_20", "nn")
 FULL, RUNS = SymbolsConfig(), SymbolsConfig(repeats=False)
 DTW, SW = AlignmentConfig("dtw"), AlignmentConfig("sw")
@@ -70,7 +70,7 @@ def specs(aae: Spec) -> dict[str, Spec]:
 
 def units(sets: Sequence[str], seeds: Sequence[int], aae: Spec) -> list[Unit]:
     made = [Unit(s, name, spec.seeded(seed), seed) for s in sets for name, spec in specs(aae).items() for seed in seeds]
-    if ready := ready_made():
+    if ready := pretrained():
         made += [Unit(s, READY, ready, 0) for s in sets]
     return made + [Unit(s, REFERENCES, Spec().seeded(seed), seed) for s in sets for seed in seeds]
 
@@ -85,7 +85,7 @@ def measure(unit: Unit) -> dict[str, Found]:
         strings = strings_of(unit.set_name, unit.spec, reduced)
         rows[f"{unit.dictionary} + {name}"] = whole_scores(strings, made.distances, labels, config, both) | {
             "symbols": sum(map(len, strings)),
-            "occupied": made.figures["occupied"],
+            "occupied": made.metrics["occupied"],
         }
     return rows
 

@@ -44,9 +44,7 @@ def status(lake: LakeOption, as_json: JsonOption = False) -> None:
         print_json({"datasets": datasets, "stages": stages, "models": models, "failed": failed})
         return
     people = [{_COLUMNS.get(name, name): value for name, value in row.items()} for row in stages]
-    made = [{**model, "metrics": _brief(json.loads(model["figures"]))} for model in models]
-    for model in made:
-        del model["figures"]
+    made = [{**model, "metrics": _brief(json.loads(model["metrics"]))} for model in models]
     tables = {"datasets": datasets, "stages": people, "models": made, "batches that failed": failed}
     for title, found in tables.items():
         if found:

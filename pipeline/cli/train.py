@@ -59,7 +59,7 @@ def words(
     model = _train(target, WORD_NETWORK, Selection(fine_tune=fine_tune))
     if model is None:
         raise UserError(f"{target.root}: has no words to train on yet; make them with `motionlake run words`")
-    _tell(model, f"trained on {model.figures['words']} words; embed with it: motionlake run all --lake {lake}", as_json)
+    _tell(model, f"trained on {model.metrics['words']} words; embed with it: motionlake run all --lake {lake}", as_json)
 
 
 @train.command()
@@ -75,7 +75,7 @@ def postures(lake: LakeOption, as_json: JsonOption = False) -> None:
     model = _train(target, POSTURE_DICTIONARY, Selection())
     if model is None:
         raise _no_frames(target)
-    _tell(model, f"{model.figures['occupied']} symbols in use; code with it: motionlake run all --lake {lake}", as_json)
+    _tell(model, f"{model.metrics['occupied']} symbols in use; code with it: motionlake run all --lake {lake}", as_json)
 
 
 @train.command()
@@ -105,7 +105,7 @@ def descriptor(
     model = _train(target, DESCRIPTOR_NETWORK, Selection(split, dataset), supervision)
     if model is None:
         raise _no_frames(target)
-    about = f"trained on {model.figures['clips']} clips, supervision {model.figures['supervision']}"
+    about = f"trained on {model.metrics['clips']} clips, supervision {model.metrics['supervision']}"
     _tell(model, f"{about}; describe clips with it: motionlake run all --lake {lake}", as_json)
 
 
@@ -127,7 +127,7 @@ def submotion(
     model = _train(target, SUBMOTION_ENCODER, Selection(split, dataset))
     if model is None:
         raise _no_frames(target)
-    _tell(model, f"trained on {model.figures['clips']} clips; read with it: motionlake run all --lake {lake}", as_json)
+    _tell(model, f"trained on {model.metrics['clips']} clips; read with it: motionlake run all --lake {lake}", as_json)
 
 
 @train.command()
@@ -148,8 +148,8 @@ def synthesis(
     model = _train(target, GENERATOR, Selection(split, dataset))
     if model is None:
         raise _no_frames(target)
-    figures = model.figures
-    about = f"trained on {figures['clips']} motions of {len(figures['class_names'])} classes"
+    metrics = model.metrics
+    about = f"trained on {metrics['clips']} motions of {len(metrics['class_names'])} classes"
     _tell(model, f"{about}; make motion with it: motionlake synthesize --class NAME --lake {lake}", as_json)
 
 
@@ -169,4 +169,4 @@ def _no_frames(lake: Lake) -> UserError:
 
 
 def _tell(model: Model, line: str, as_json: bool) -> None:
-    tell({"model": model.model, "figures": model.figures}, f"{model.model}: {line}", as_json=as_json)
+    tell({"model": model.model, "metrics": model.metrics}, f"{model.model}: {line}", as_json=as_json)

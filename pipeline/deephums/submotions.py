@@ -280,12 +280,12 @@ class TrainedSubmotion:
     Attributes:
         config: how it was trained.
         network: in evaluation mode, on the CPU.
-        figures: of its training.
+        metrics: of its training.
     """
 
     config: SubmotionConfig
     network: nn.Module
-    figures: Mapping[str, Any]
+    metrics: Mapping[str, Any]
 
     def embed(self, sequences: Sequence[Float32Array]) -> Float32Array:
         """[n, 512] vectors, of length one, of n pieces or windows (`clip_sequence`), each independent of the others."""
@@ -293,7 +293,7 @@ class TrainedSubmotion:
 
     def save(self, path: Path) -> None:
         """Write it as one safetensors file."""
-        kept = {"config": asdict(self.config), "figures": dict(self.figures)}
+        kept = {"config": asdict(self.config), "figures": dict(self.metrics)}
         save_network(path, self.network, METADATA_KEY, kept)
 
 

@@ -30,14 +30,14 @@ class TrainedDescriptor:
         recipe: how it was trained.
         network: in evaluation mode, on the CPU.
         classes: [C] it was trained with; empty without labels.
-        figures: of its training.
+        metrics: of its training.
     """
 
     config: DescriptorsConfig
     recipe: DescriptorRecipe
     network: DescriptorNetwork
     classes: list[str]
-    figures: Mapping[str, Any]
+    metrics: Mapping[str, Any]
 
     def embed(self, sequences: Sequence[Float32Array]) -> Float32Array:
         """[n, 512] descriptors, of length one, of n clips (`clip_sequence`), each independent of the others.
@@ -68,7 +68,7 @@ class TrainedDescriptor:
         """Write it as one safetensors file."""
         kept = {
             "config": asdict(self.config), "recipe": asdict(self.recipe), "classes": self.classes,
-            "figures": dict(self.figures),
+            "figures": dict(self.metrics),
         }  # fmt: skip
         save_network(path, self.network, METADATA_KEY, kept)
 

@@ -64,7 +64,7 @@ def train_descriptor(
 
     Returns:
         The network; the same for the same input, configuration and seed, interrupted or not (on CUDA: up to
-        rounding). Its figures: `clips`, `classes` (None without labels), `supervision` used, `loss` of each epoch,
+        rounding). Its metrics: `clips`, `classes` (None without labels), `supervision` used, `loss` of each epoch,
         `validation`: (epoch, top-1 of the validation clips among those trained on) every so often.
 
     Raises:
@@ -90,15 +90,15 @@ def train_descriptor(
         kept = Checkpoint(checkpoint, data, config, recipe) if checkpoint else None
         followed = _Followed(used, validation, recipe) if validation else None
         losses = _fit(network, material, recipe, config.seed, rng, device, kept, progress, followed)
-    figures: dict[str, Any] = {
+    metrics: dict[str, Any] = {
         "clips": offered,
         "classes": len(classes) or None,
         "supervision": "labels" if classes else "none",
         "loss": [round(loss, 5) for loss in losses],
     }
     if followed is not None:
-        figures["validation"] = followed.top1
-    return TrainedDescriptor(config, recipe, network.cpu().eval(), classes, figures)
+        metrics["validation"] = followed.top1
+    return TrainedDescriptor(config, recipe, network.cpu().eval(), classes, metrics)
 
 
 @dataclass(frozen=True)

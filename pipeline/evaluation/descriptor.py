@@ -186,17 +186,17 @@ def evaluate_descriptor(
     }
     if found["warning"]:
         notice(f"warning: {found['warning']}")
-    return DescriptorEvaluation(found, labels, asked, list(network.figures.get("loss", ())))
+    return DescriptorEvaluation(found, labels, asked, list(network.metrics.get("loss", ())))
 
 
 def _warning(network: Model, queries: Sequence[DescribedClip]) -> str | None:
-    """Which queries the network has been trained on, as far as its figures tell."""
-    figures = network.figures
-    if figures.get("ready_made"):
-        seen = [clip for clip in queries if clip.dataset in figures.get("sets", ())]
+    """Which queries the network has been trained on, as far as its metrics tell."""
+    metrics = network.metrics
+    if metrics.get("pretrained"):
+        seen = [clip for clip in queries if clip.dataset in metrics.get("sets", ())]
         trained = "the pretrained network was trained on recordings of this dataset"
     else:
-        split, dataset = figures.get("split"), figures.get("dataset")
+        split, dataset = metrics.get("split"), metrics.get("dataset")
         seen = [clip for clip in queries if split in (None, clip.split) and dataset in (None, clip.dataset)]
         trained = f"{network.model} was trained on " + (f"split {split}" if split else "every clip")
         trained += f" of {dataset}" if dataset else ""

@@ -250,12 +250,12 @@ def evaluate_synthesis(
 
 
 def _told(model: Model) -> dict[str, Any]:
-    return {"model": model.model, **{name: value for name, value in model.figures.items() if name != "loss"}}
+    return {"model": model.model, **{name: value for name, value in model.metrics.items() if name != "loss"}}
 
 
 def _warning(model: Model, test: Sequence[RealMotion], split: str | None) -> str | None:
-    """Which test clips the generator has been trained on, as far as its figures tell."""
-    trained, dataset = model.figures.get("split"), model.figures.get("dataset")
+    """Which test clips the generator has been trained on, as far as its metrics tell."""
+    trained, dataset = model.metrics.get("split"), model.metrics.get("dataset")
     if trained is not None and trained != split:
         return None
     seen = [clip for clip in test if dataset in (None, clip.dataset)]

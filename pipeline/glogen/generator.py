@@ -70,7 +70,7 @@ class TrainedGenerator:
             are not used, since the network had no examples of them.
         glogen, locgen: networks in evaluation mode, on the CPU; GloGen has one for each cyclic class.
         lead: predicts the frames right after a seed clip.
-        figures: metrics of its training.
+        metrics: metrics of its training.
     """
 
     config: SynthesisConfig
@@ -80,7 +80,7 @@ class TrainedGenerator:
     glogen: ByClass
     locgen: DenseDecoder | Inbetweener
     lead: Onset
-    figures: Mapping[str, Any]
+    metrics: Mapping[str, Any]
 
     def generate(self, requests: Sequence[MotionRequest]) -> list[GeneratedMotion]:
         """Generate one motion for each request; the same request gives the same motion, whatever the others are.
@@ -152,7 +152,7 @@ class TrainedGenerator:
         """Write it as one safetensors file."""
         kept = {
             "config": asdict(self.config), "classes": self.classes, "going": self.going, "reach": self.reach,
-            "figures": dict(self.figures), "examples": len(self.lead.classes), "lead_features": FEATURES,
+            "figures": dict(self.metrics), "examples": len(self.lead.classes), "lead_features": FEATURES,
             "joints": list(JOINTS), "glogen": asdict(self.glogen.recipe), "networks": self.glogen.of,
             "locgen": asdict(self.locgen.recipe),
         }  # fmt: skip

@@ -41,7 +41,7 @@ def train_generator(
         progress: called with (epochs done, epochs, mean loss) after each epoch of either network.
 
     Returns:
-        The generator; the same for the same input, configuration and seed, interrupted or not. Its figures: `clips`,
+        The generator; the same for the same input, configuration and seed, interrupted or not. Its metrics: `clips`,
         `classes`, `loss` of each epoch of GloGen, `locgen_loss`.
 
     Raises:
@@ -104,14 +104,14 @@ def fit_generator(
     for file in (*(beside(f"glogen-{i}") for i in range(len(parts))), beside("locgen")):
         if file is not None:
             file.unlink(missing_ok=True)
-    figures = {
+    metrics = {
         "clips": len(motions), "classes": len(classes), "loss": [round(loss, 5) for loss in losses],
         "locgen_loss": [round(loss, 5) for loss in dense_losses],
     }  # fmt: skip
     return TrainedGenerator(
         config, classes, going, reach(motions, targets, going, SEEDS, first.sparse),
         ByClass(first, networks, [part.classes for part in parts]), locgen_network,
-        fit_onset(motions, targets, going, examples), figures,
+        fit_onset(motions, targets, going, examples), metrics,
     )  # fmt: skip
 
 

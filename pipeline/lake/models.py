@@ -15,7 +15,7 @@ from motionlake.lake.config import canonical_json
 from motionlake.lake.layout import Lake
 from motionlake.lake.parts import replacing
 
-OF_TRAINING = ("sets", "data_sha256")  # figures that every pretrained file has
+OF_TRAINING = ("sets", "data_sha256")  # metrics that every pretrained file has
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class Model:
     kind: str
     key: str
     file: str
-    figures: Mapping[str, Any]
+    metrics: Mapping[str, Any]
 
 
 def current_model(con: Connection, kind: str) -> Model | None:
@@ -42,7 +42,7 @@ def current_model(con: Connection, kind: str) -> Model | None:
 
 def model_of(row: Mapping[str, Any]) -> Model:
     """A model from its row."""
-    return Model(row["model"], row["kind"], row["key"], row["file"], json.loads(row["figures"]))
+    return Model(row["model"], row["kind"], row["key"], row["file"], json.loads(row["metrics"]))
 
 
 def fitting_model(con: Connection, kind: str, key: str) -> Model | None:
@@ -63,7 +63,7 @@ def add_model(
     key: str,
     data_hash: str,
     config: Mapping[str, Any],
-    figures: Mapping[str, Any],
+    metrics: Mapping[str, Any],
     file: str,
     seconds: float,
 ) -> None:
@@ -73,7 +73,7 @@ def add_model(
         "key": key,
         "data_hash": data_hash,
         "config": canonical_json(config),
-        "figures": canonical_json(figures),
+        "metrics": canonical_json(metrics),
         "file": file,
         "seconds": seconds,
     }
@@ -86,11 +86,11 @@ def save_model(lake: Lake, file: str, save: Callable[[Path], None]) -> None:
         save(temporary)
 
 
-def copy_weights(lake: Lake, weights: Path, file: str, figures: Mapping[str, Any], *kept: str) -> dict[str, Any]:
-    """Copy a pretrained model into the lake as `file`; returns the figures to keep of its training."""
+def copy_weights(lake: Lake, weights: Path, file: str, metrics: Mapping[str, Any], *kept: str) -> dict[str, Any]:
+    """Copy a pretrained model into the lake as `file`; returns the metrics to keep of its training."""
     with replacing(lake.path(file)) as temporary:
         shutil.copyfile(weights, temporary)
-    return {"ready_made": True, **{name: figures[name] for name in (*OF_TRAINING, *kept) if name in figures}}
+    return {"pretrained": True, **{name: metrics[name] for name in (*OF_TRAINING, *kept) if name in metrics}}
 
 
 def checkpoint_file(lake: Lake, name: str) -> Path:

@@ -77,14 +77,14 @@ class PostureDictionary:
         encoder: from postures to symbols.
         codes: [m, d] cluster heads; Euclidean distances between them are the distances of symbols.
         postures: [m, D] a typical posture of each symbol, in features as `word_features` gives them.
-        figures: of its training.
+        metrics: of its training.
     """
 
     config: PosturesConfig
     encoder: Encoder
     codes: Float32Array
     postures: Float32Array
-    figures: Mapping[str, Any]
+    metrics: Mapping[str, Any]
 
     @property
     def m(self) -> int:
@@ -112,7 +112,7 @@ class PostureDictionary:
 
     def save(self, path: Path) -> None:
         """Write it as one safetensors file."""
-        kept = {"config": asdict(self.config), "figures": dict(self.figures)}
+        kept = {"config": asdict(self.config), "figures": dict(self.metrics)}
         tensors = {"codes": self.codes, "postures": self.postures}
         tensors |= {f"encoder.{name}": np.ascontiguousarray(value) for name, value in self.encoder.tensors().items()}
         save_file(tensors, path, metadata={METADATA_KEY: json.dumps(kept, sort_keys=True)})

@@ -47,7 +47,7 @@ def train_autoencoder(
 
     Returns:
         The dictionary; the same for the same input, configuration and seed, interrupted or not (on CUDA: up to
-        rounding). Its figures: `occupied` symbols of all postures, `largest` share of one symbol, `perplexity` of
+        rounding). Its metrics: `occupied` symbols of all postures, `largest` share of one symbol, `perplexity` of
         their use, mean square error of reconstruction on the postures kept out, as a share of their variance.
 
     Raises:
@@ -69,10 +69,10 @@ def train_autoencoder(
         losses = _fit(network.to(device), postures[inside], recipe, rng, device, kept, progress)
         network = network.cpu().eval()
         _settle(network, postures[inside])
-        figures = _figures(network, postures, outside, losses)
+        metrics = _metrics(network, postures, outside, losses)
         codes = network.heads.detach().numpy().copy()
         typical = _typical(network, postures[inside])
-    return PostureDictionary(config, AutoencoderEncoder(network), codes, typical, figures)
+    return PostureDictionary(config, AutoencoderEncoder(network), codes, typical, metrics)
 
 
 def _start(
@@ -215,13 +215,13 @@ def _typical(network: PostureAutoencoder, postures: Float32Array) -> Float32Arra
 
 
 @torch.no_grad()
-def _figures(
+def _metrics(
     network: PostureAutoencoder, postures: Float32Array, outside: Int64Array, losses: list[float]
 ) -> dict[str, Any]:
     symbols = AutoencoderEncoder(network).symbols(postures)
     share = np.bincount(symbols, minlength=len(network.heads)) / len(symbols)
     entropy = -float(np.sum(share[share > 0] * np.log(share[share > 0])))
-    figures = {
+    metrics = {
         "postures": len(postures),
         "occupied": int(np.count_nonzero(share)),
         "largest": float(share.max()),
@@ -232,8 +232,8 @@ def _figures(
         kept_out = torch.from_numpy(postures[outside])
         classes, style = network.encode(kept_out)
         error = (network.decode(network.code(classes, style)) - kept_out).square().mean() / network.scale.square()
-        figures["validation_error"] = float(error)
-    return figures
+        metrics["validation_error"] = float(error)
+    return metrics
 
 
 SOM_EPOCHS = 30
@@ -293,8 +293,8 @@ def _plane(postures: Float32Array, places: np.ndarray, rng: np.random.Generator)
 
 def _dictionary(postures: Float32Array, codes: Float32Array, config: PosturesConfig) -> PostureDictionary:
     encoder = NearestCode(np.ascontiguousarray(codes, dtype=np.float32))
-    figures: dict[str, Any] = {"postures": len(postures), "occupied": len(np.unique(encoder.symbols(postures)))}
-    return PostureDictionary(config, encoder, encoder.codes, encoder.codes, figures)
+    metrics: dict[str, Any] = {"postures": len(postures), "occupied": len(np.unique(encoder.symbols(postures)))}
+    return PostureDictionary(config, encoder, encoder.codes, encoder.codes, metrics)
 
 
 def sample_postures(features: list[Float32Array], config: PosturesConfig) -> tuple[Float32Array, Int64Array]:

@@ -110,15 +110,15 @@ def _lead(material: Material, datasets: int) -> list[str]:
 
 def _models(con: Connection) -> list[dict[str, Any]]:
     return [
-        {"model": row["model"], "made": str(row["created"]), "figures": _figures(json.loads(row["figures"]))}
+        {"model": row["model"], "made": str(row["created"]), "metrics": _metrics(json.loads(row["metrics"]))}
         for row in fetch(con, "status_models")
     ]
 
 
-def _figures(figures: Mapping[str, Any]) -> str:
+def _metrics(metrics: Mapping[str, Any]) -> str:
     """Numbers of a model in a line; sets by name; hashes and curves are left out."""
     said = []
-    for name, value in figures.items():
+    for name, value in metrics.items():
         if isinstance(value, bool):
             said += [name.replace("_", " ")] if value else []
         elif isinstance(value, int | float):

@@ -32,10 +32,10 @@ MOST_UNLABELLED = 5_000  # clips; without labels every clip is compared with eve
 
 @dataclass(frozen=True)
 class TrainingSet:
-    """Clips in order of their names, with their labels, and what a network's figures tell of them."""
+    """Clips in order of their names, with their labels, and what a network's metrics tell of them."""
 
     clips: list[TrainingClip]
-    figures: Mapping[str, Any]
+    metrics: Mapping[str, Any]
 
 
 def training_set(
@@ -66,13 +66,13 @@ def training_set(
     labelled = config.supervision != "none" and any(row["label"] for row in rows)
     drawn = _drawn(rows, config.seed, len(rows) if labelled else MOST_UNLABELLED)
     sequences = {clip.clip: sequence_of(clip) for clip in frames_of_clips(lake, drawn)}
-    figures = {
+    metrics = {
         "split": split,
         "dataset": dataset,
         "clips_there": len(rows),
         "data_sha256": clips_key([(row["clip"], row["content_hash"]) for row in drawn]),
     }
-    return TrainingSet([TrainingClip(sequences[row["clip"]], row["label"]) for row in drawn], figures)
+    return TrainingSet([TrainingClip(sequences[row["clip"]], row["label"]) for row in drawn], metrics)
 
 
 def _drawn(rows: list[dict[str, Any]], seed: int, most: int) -> list[dict[str, Any]]:
@@ -110,14 +110,14 @@ class DescriptorNetwork(ModelKind[TrainingSet]):
             trained = train_descriptor(data.clips, config.descriptors, checkpoint=checkpoint, progress=progress)
         except ValueError as error:
             raise UserError(f"{lake.root}: no descriptor network can be trained: {error}") from error
-        trained = replace(trained, figures={**data.figures, **trained.figures})
+        trained = replace(trained, metrics={**data.metrics, **trained.metrics})
         save_model(lake, file, trained.save)
-        return dict(trained.figures)
+        return dict(trained.metrics)
 
     def metrics_of(self, weights: Path) -> Mapping[str, Any]:
         from motionlake.deephums.trained import load_descriptor
 
-        return load_descriptor(weights).figures
+        return load_descriptor(weights).metrics
 
 
 DESCRIPTOR_NETWORK: Final = DescriptorNetwork()

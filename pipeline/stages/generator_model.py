@@ -27,10 +27,10 @@ MOST_FRAMES = 2_000_000
 
 @dataclass(frozen=True)
 class MotionSet:
-    """Motions of known class in order of their clips and frames, and what a generator's figures tell of them."""
+    """Motions of known class in order of their clips and frames, and what a generator's metrics tell of them."""
 
     motions: list[TrainingMotion]
-    figures: Mapping[str, Any]
+    metrics: Mapping[str, Any]
 
 
 def motion_set(
@@ -57,7 +57,7 @@ def motion_set(
     if not long:
         raise UserError(f"{lake.root}: the {len(rows)} motions of known class are too short to train on")
     drawn = drawn_clips(long, [row["stop"] - row["start"] for row in long], config.seed, MOST_FRAMES)
-    figures = {
+    metrics = {
         "split": split,
         "dataset": dataset,
         "datasets": sorted({row["dataset"] for row in drawn}),
@@ -66,7 +66,7 @@ def motion_set(
         "motions_there": len(rows),
         "data_sha256": clips_key([(_name(row), row["content_hash"]) for row in drawn]),
     }
-    return MotionSet(_motions(lake, drawn), figures)
+    return MotionSet(_motions(lake, drawn), metrics)
 
 
 def _refuse_unlabelled(con: Connection, lake: Lake, split: str | None, dataset: str | None) -> None:
@@ -147,14 +147,14 @@ class GeneratorModel(ModelKind[MotionSet]):
             trained = train_generator(data.motions, config.synthesis, checkpoint=checkpoint, progress=progress)
         except ValueError as error:
             raise UserError(f"{lake.root}: no generator can be trained: {error}") from error
-        figures = {**data.figures, **trained.figures, "class_names": sorted(trained.classes)}
-        save_model(lake, file, replace(trained, figures=figures).save)
-        return figures
+        metrics = {**data.metrics, **trained.metrics, "class_names": sorted(trained.classes)}
+        save_model(lake, file, replace(trained, metrics=metrics).save)
+        return metrics
 
     def metrics_of(self, weights: Path) -> Mapping[str, Any]:
         from motionlake.glogen.generator import load_generator
 
-        return load_generator(weights).figures
+        return load_generator(weights).metrics
 
 
 GENERATOR: Final = GeneratorModel()

@@ -49,7 +49,7 @@ class NearestWords(PartStage):
 
     def shaping(self, at: LakeReader) -> Sequence[Any] | None:
         index = NEIGHBOUR_INDEX.fitting(at)
-        return None if index is None else ([index.model, index.figures["corpus"]], at.config.neighbours)
+        return None if index is None else ([index.model, index.metrics["corpus"]], at.config.neighbours)
 
     def spec(self, at: LakeReader, part: Part) -> Mapping[str, Any]:
         return {

@@ -78,13 +78,13 @@ class PostureDictionaryKind(ModelKind[list[Float32Array]]):
                 f"[postures] in {lake.config_file} to {count // 2} or less"
             ) from error
         save_model(lake, file, dictionary.save)
-        return dict(dictionary.figures)
+        return dict(dictionary.metrics)
 
     def metrics_of(self, weights: Path) -> Mapping[str, Any]:
         from motionlake.pesta.dictionary import METADATA_KEY
 
         with safe_open(weights, framework="numpy") as tensors:
-            found: dict[str, Any] = json.loads(tensors.metadata()[METADATA_KEY])["figures"]
+            found: dict[str, Any] = json.loads(tensors.metadata()[METADATA_KEY])["metrics"]
         return found
 
     def hints(self, config: LakeConfig, metrics: Mapping[str, Any]) -> list[str]:

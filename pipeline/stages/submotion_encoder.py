@@ -64,14 +64,14 @@ class SubmotionEncoder(ModelKind[SubmotionSet]):
         except ValueError as error:
             raise UserError(f"{lake.root}: no sub-motion encoder can be trained: {error}") from error
         named = {"descriptors": data.first.model} if data.first else {}
-        figures = {**data.clips.figures, **named, "clips": len(sequences), "loss": round(losses[-1], 5)}
-        save_model(lake, file, TrainedSubmotion(wanted, network, figures).save)
-        return figures
+        metrics = {**data.clips.metrics, **named, "clips": len(sequences), "loss": round(losses[-1], 5)}
+        save_model(lake, file, TrainedSubmotion(wanted, network, metrics).save)
+        return metrics
 
     def metrics_of(self, weights: Path) -> Mapping[str, Any]:
         from motionlake.deephums.submotions import load_submotion
 
-        return load_submotion(weights).figures
+        return load_submotion(weights).metrics
 
 
 SUBMOTION_ENCODER: Final = SubmotionEncoder()

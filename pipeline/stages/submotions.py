@@ -51,7 +51,7 @@ class Submotions(PartStage):
 
     def spec(self, at: LakeReader, part: Part) -> Mapping[str, Any]:
         encoder = SUBMOTION_ENCODER.serving(at)
-        described = encoder.figures.get("descriptors")  # recipe "deephums": the network it was trained to agree with
+        described = encoder.metrics.get("descriptors")  # recipe "deephums": the network it was trained to agree with
         first = fetch(at.con, "model_file", {"model": described})[0]["file"] if described else None
         clips = clips_of(at.con, part.part)
         return {"network": encoder.file, "model": encoder.model, "descriptors": first, "clips": clips}

@@ -94,7 +94,7 @@ def open_generator(lake: Lake, model: Model) -> TrainedGenerator:
 
 def class_names(model: Model) -> list[str]:
     """The classes that a generator knows, sorted."""
-    return list(model.figures["class_names"])
+    return list(model.metrics["class_names"])
 
 
 def check_classes(model: Model, classes: tuple[str, ...]) -> None:

@@ -228,7 +228,7 @@ def _run(lake_root: Path, shard: Shard) -> ShardResult:
     with ExitStack() as stack:
         parts = FrameParts(lake, shard, stack)
         for motion, one in by_name:
-            canonical = canonical_motion(one.motion, model.figures["filled"])
+            canonical = canonical_motion(one.motion, model.metrics["filled"])
             clip = to_source_clip(canonical)
             layout, skeleton = raw.layout_row(clip.hierarchy), raw.skeleton_row(clip.hierarchy)
             layouts[layout["layout"]], skeletons[skeleton["skeleton"]] = layout, skeleton
@@ -263,7 +263,7 @@ def _request(fields: Mapping[str, Any]) -> Request:
 def _licences(model: Model, made: Made) -> list[str]:
     """Of the training clips and of the clip that a motion starts from."""
     own = [made.start.licence] if made.start.licence else []
-    return sorted({*model.figures["licences"], *own})
+    return sorted({*model.metrics["licences"], *own})
 
 
 def _clip_row(
@@ -324,7 +324,7 @@ def _lineage(
         "seed_clip": made.start.clip,
         "seed_start": made.start.start + made.motion.seed_start,
         "seed_stop": made.start.start + made.motion.seed_stop,
-        "datasets": list(model.figures["datasets"]),
+        "datasets": list(model.metrics["datasets"]),
         "licences": _licences(model, made),
         "key": key,
     }

@@ -70,12 +70,12 @@ class WordNetwork(ModelKind[WordSample]):
             data.features, config.words, config.network, start=before, checkpoint=checkpoint, progress=progress
         )
         save_model(lake, file, trained.save)
-        return {**trained.figures, **({"fine_tuned_from": data.start[0]} if data.start else {})}
+        return {**trained.metrics, **({"fine_tuned_from": data.start[0]} if data.start else {})}
 
     def metrics_of(self, weights: Path) -> Mapping[str, Any]:
         from motionlake.deep_motifs.words.network import load_network
 
-        return load_network(weights).figures
+        return load_network(weights).metrics
 
     def take(self, lake: Lake, config: LakeConfig, weights: Path, file: str) -> Mapping[str, Any]:
         from motionlake.deep_motifs.words.network import load_network

@@ -1,12 +1,12 @@
 -- name: add_model
 UPDATE models SET "current" = false WHERE kind = $kind;
 INSERT INTO models
-SELECT $kind || '-' || v, $kind, v, $key, $data_hash, $config, $figures,
+SELECT $kind || '-' || v, $kind, v, $key, $data_hash, $config, $metrics,
     $file, true, $seconds, now()::TIMESTAMP
 FROM (SELECT coalesce(max(version), 0) + 1 AS v FROM models WHERE kind = $kind);
 
 -- name: current_model
-SELECT model, kind, version, key, config, figures, file FROM models WHERE kind = $kind AND "current";
+SELECT model, kind, version, key, config, metrics, file FROM models WHERE kind = $kind AND "current";
 
 -- name: model_file
 SELECT file FROM models WHERE model = $model;
@@ -21,10 +21,10 @@ SELECT DISTINCT model FROM motifs;
 SELECT model FROM postures LIMIT 1;
 
 -- name: served_descriptors
-SELECT model, kind, key, file, figures FROM models WHERE model = (SELECT model FROM descriptors LIMIT 1);
+SELECT model, kind, key, file, metrics FROM models WHERE model = (SELECT model FROM descriptors LIMIT 1);
 
 -- name: served_submotions
-SELECT model, kind, key, file, figures FROM models WHERE model = (SELECT model FROM submotions LIMIT 1);
+SELECT model, kind, key, file, metrics FROM models WHERE model = (SELECT model FROM submotions LIMIT 1);
 
 -- name: training_clips
 -- Recorded clips to train on: of one dataset, of one split; all where these are NULL.

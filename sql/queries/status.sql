@@ -24,7 +24,7 @@ UNION ALL SELECT 'signatures', count(*)::BIGINT FROM signatures
 UNION ALL SELECT 'transitions', count(*)::BIGINT FROM transitions;
 
 -- name: status_models
-SELECT model, date_trunc('second', created) AS created, round(seconds, 1) AS seconds, figures FROM models WHERE "current" ORDER BY kind;
+SELECT model, date_trunc('second', created) AS created, round(seconds, 1) AS seconds, metrics FROM models WHERE "current" ORDER BY kind;
 
 -- name: lake_summary
 -- One row a dataset: what a reader wants to know of a lake first.

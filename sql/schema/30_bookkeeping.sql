@@ -22,7 +22,7 @@ CREATE TABLE models (
     key VARCHAR NOT NULL,            -- sha256 over configuration and, for motifs, the network they live in
     data_hash VARCHAR NOT NULL,      -- of what it was fitted to
     config VARCHAR NOT NULL,         -- JSON
-    figures VARCHAR NOT NULL,        -- JSON: loss, sizes
+    metrics VARCHAR NOT NULL,        -- JSON: loss, sizes
     file VARCHAR NOT NULL,           -- relative to the lake
     "current" BOOLEAN NOT NULL,
     seconds DOUBLE NOT NULL,

@@ -161,13 +161,13 @@ class TrainedNetwork:
         network: in evaluation mode.
         architecture: its name.
         words: the words it was trained on.
-        figures: of its training.
+        metrics: of its training.
     """
 
     network: WordNetwork
     architecture: str
     words: WordConfig
-    figures: Mapping[str, Any]
+    metrics: Mapping[str, Any]
 
     def embed(self, words: Float32Array) -> Float32Array:
         """Embed `words` [n, length, D] as [n, d]; on one thread, each word independent of the others.
@@ -189,7 +189,7 @@ class TrainedNetwork:
 
     def save(self, path: Path) -> None:
         """Write weights and configuration as one safetensors file."""
-        kept = {"architecture": self.architecture, "words": asdict(self.words), "figures": dict(self.figures)}
+        kept = {"architecture": self.architecture, "words": asdict(self.words), "figures": dict(self.metrics)}
         save_network(path, self.network, METADATA_KEY, kept)
 
 

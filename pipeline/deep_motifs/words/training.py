@@ -100,14 +100,14 @@ def train_words(
         torch.manual_seed(config.seed)
         network = build(config.architecture, words.length, words.dimension)
         if config.architecture == "linear":
-            figures = _solve(network, features, words, config, recipe, start)
+            metrics = _solve(network, features, words, config, recipe, start)
         else:
             material = training_words(features, words, recipe.triplets, recipe.linear, config.max_words, config.seed)
             _initialise(network, material.words, material.linear, start)
             kept = Checkpoint(checkpoint, material.words, config, words, recipe) if checkpoint else None
             losses = _fit(network.to(device), material, recipe, words, config, device, kept, progress)
-            figures = {"words": len(material.words), "anchors": len(material.anchors), "loss": _curve(losses)}
-    return TrainedNetwork(network.cpu().eval(), config.architecture, words, figures)
+            metrics = {"words": len(material.words), "anchors": len(material.anchors), "loss": _curve(losses)}
+    return TrainedNetwork(network.cpu().eval(), config.architecture, words, metrics)
 
 
 def _solve(

@@ -1,4 +1,4 @@
-"""The ready-made generator: what it is, and lakes that know of no clip's class making motion with it."""
+"""The pretrained generator: what it is, and lakes that know of no clip's class making motion with it."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ def bare(lake: Path) -> Path:
     return lake
 
 
-def test_the_ready_made_generator_is_the_one_its_description_names() -> None:
+def test_the_pretrained_generator_is_the_one_its_description_names() -> None:
     generator, about = load_generator(PRETRAINED_GENERATOR.file), PRETRAINED_GENERATOR.about()
     assert generator.classes == about["class_names"] == sorted(about["class_names"])
     assert generator.config.recipe == about["recipe"] == "default"
-    assert generator.figures["data_sha256"] == about["data_sha256"]
+    assert generator.metrics["data_sha256"] == about["data_sha256"]
     assert set(about["sets"]) <= {"cmu_dance", "cmu_bvh", "cmu_exercises", "cmu_86"}
     assert set(about["filled"]) <= set(JOINTS)
     assert PRETRAINED_GENERATOR.file.stat().st_size < 20_000_000
@@ -53,7 +53,7 @@ def test_every_class_of_it_makes_motion_from_a_body_that_stands() -> None:
         assert 0.1 < moved < 20  # metres a second
 
 
-def test_a_lake_without_labels_makes_motion_ready_made(bare: Path, scheduler: str) -> None:
+def test_a_lake_without_labels_makes_motion_pretrained(bare: Path, scheduler: str) -> None:
     common = ("--lake", bare, "--scheduler", scheduler)
     run = motionlake("run", "synth", *common)
     assert run.status == 0, run.err
@@ -84,7 +84,7 @@ def test_a_lake_with_labels_takes_it_if_told_to(lake: Path, scheduler: str) -> N
         handle.write('[synthesis]\nweights = "pretrained"\n')
     run = motionlake("run", "synth", "--lake", lake, "--scheduler", scheduler)
     assert run.status == 0, run.err
-    assert query(lake, "SELECT figures FROM models WHERE kind = 'synthesis'")[0][0].count('"ready_made":true') == 1
+    assert query(lake, "SELECT metrics FROM models WHERE kind = 'synthesis'")[0][0].count('"pretrained":true') == 1
 
 
 def test_weights_of_another_name_are_refused(lake: Path) -> None:

@@ -1,4 +1,4 @@
-"""The ready-made word network, and `motionlake train words`."""
+"""The pretrained word network, and `motionlake train words`."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def current_network(lake: Path) -> dict[str, object]:
         return fetch(con, "current_model", {"kind": "network"})[0]
 
 
-def test_the_ready_made_network_is_the_one_its_description_names() -> None:
+def test_the_pretrained_network_is_the_one_its_description_names() -> None:
     network = load_network(PRETRAINED_WORDS.file)
     about = PRETRAINED_WORDS.about()
     assert PRETRAINED_WORDS.fits(WordConfig(), NetworkConfig())
@@ -29,14 +29,14 @@ def test_the_ready_made_network_is_the_one_its_description_names() -> None:
     assert not PRETRAINED_WORDS.fits(WordConfig(), NetworkConfig(weights="own"))
     assert not PRETRAINED_WORDS.fits(WordConfig(), NetworkConfig("conv"))
     assert network.words == WordConfig()
-    assert network.figures["data_sha256"] == about["data_sha256"]
+    assert network.metrics["data_sha256"] == about["data_sha256"]
     assert set(about["sets"]) == {"cmu_dance", "cmu_bvh", "cmu_exercises", "cmu_86"}
     assert PRETRAINED_WORDS.file.stat().st_size < 20_000_000
     words = np.random.default_rng(0).standard_normal((3, 12, 88)).astype(np.float32)
     assert np.linalg.norm(network.embed(words), axis=1).min() > 0
 
 
-def test_a_lake_is_embedded_ready_made_then_fine_tuned_then_afresh(
+def test_a_lake_is_embedded_pretrained_then_fine_tuned_then_afresh(
     tmp_path: Path, clips_folder: Path, scheduler: str
 ) -> None:
     lake = quick_lake(tmp_path / "lake")
@@ -50,14 +50,14 @@ def test_a_lake_is_embedded_ready_made_then_fine_tuned_then_afresh(
     assert "the pretrained word network embeds the words" in run.err
     taken = current_network(lake)
     assert motionlake("report", "--out", tmp_path / "report.html", "--lake", lake).status == 0
-    assert "ready made, from cmu_dance" in (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert "pretrained, from cmu_dance" in (tmp_path / "report.html").read_text(encoding="utf-8")
     assert (lake / str(taken["file"])).read_bytes() == PRETRAINED_WORDS.file.read_bytes()
     signatures = motionlake("sql", "SELECT signature FROM signatures ORDER BY clip", "--json", "--lake", lake).json
     for words in (["--fine-tune"], []):
         trained = motionlake("train", "words", *words, "--json", "--lake", lake)
         assert trained.status == 0, trained.err
-        assert trained.json["figures"].get("fine_tuned_from") == (taken["model"] if words else None)
-        assert trained.json["figures"]["words"] <= 500
+        assert trained.json["metrics"].get("fine_tuned_from") == (taken["model"] if words else None)
+        assert trained.json["metrics"]["words"] <= 500
         assert current_network(lake)["model"] == trained.json["model"]
     again = motionlake("run", "all", "--lake", lake, "--scheduler", scheduler)
     assert again.status == 0, again.err
