@@ -25,11 +25,18 @@ def obtain(session: Session, kind: Kind, *, stage: str, refit: bool = False) -> 
         model = None if refit else kind.fitting(at)
         pretrained = model is None and not refit and kind.takes_pretrained(at)
     if not pretrained:
-        return model or train(session, kind, stage=stage)
+        return model or _trained(session, kind, stage)
     session.notice(
         f"{stage}: takes the pretrained {kind.title}; `motionlake train {kind.command}` trains one on this lake"
     )
     return take(session, kind)
+
+
+def _trained(session: Session, kind: Kind, stage: str) -> Model | None:
+    model = train(session, kind)
+    if model is None:
+        session.notice(f"{stage}: there are no {kind.lacks}")
+    return model
 
 
 def take(session: Session, kind: Kind, weights: Path | None = None) -> Model:
@@ -51,7 +58,6 @@ def train(
     kind: Kind,
     where: Selection | None = None,
     *,
-    stage: str,
     config: LakeConfig | None = None,
 ) -> Model | None:
     """Train a model on the lake and make it current; None where there is nothing to train on.
@@ -60,7 +66,6 @@ def train(
         session: of the lake.
         kind: of model.
         where: which clips; None: all.
-        stage: that needs it, for people.
         config: what to train for, where that is not what config.toml says; the model fits config.toml all the same.
 
     Raises:
@@ -75,7 +80,6 @@ def train(
     with lake_reader(session.lake, config) as at:
         data = kind.data(at, where)
     if data is None:
-        session.notice(f"{stage}: there are no {kind.lacks}")
         return None
 
     first: list[tuple[int, float]] = []
@@ -87,7 +91,7 @@ def train(
 
     model = _make(session, kind, config, lambda file: kind.train(session.lake, config, data, file, progress))
     for line in kind.hints(config, model.metrics):
-        session.notice(f"{stage}: {line}")
+        session.notice(f"{kind.title}: {line}")
     return model
 
 

@@ -251,7 +251,7 @@ def test_a_network_of_a_split_becomes_the_current_one(split_lake: Path) -> None:
         (("--split", "valid"), "no clip is of split 'valid'; the splits there are: bare, test, train"),
         (("--dataset", "other"), "other: no such dataset in"),
         (("--split", "bare", "--supervision", "labels"), "has a label, and supervision by labels needs them"),
-        (("--supervision", "some"), "--supervision some: is none of auto, labels, none"),
+        (("--supervision", "some"), "supervision is 'some', not one of auto, labels, none"),
     ],
 )
 def test_what_training_lacks_is_one_clear_line(split_lake: Path, words: tuple[str, ...], line: str) -> None:

@@ -98,7 +98,8 @@ def of_version_0(lake: Path) -> None:
         con.execute(f"ATTACH '{present}' AS present (READ_ONLY); SET file_search_path = '{lake}'")
         tables = con.execute("SELECT table_name FROM duckdb_tables() WHERE database_name = 'old'").fetchall()
         for (table,) in tables:
-            con.execute(f"INSERT INTO {table} BY NAME FROM present.{table}")
+            renamed = " RENAME (metrics AS figures)" if table == "models" else ""
+            con.execute(f"INSERT INTO {table} BY NAME SELECT *{renamed} FROM present.{table}")
         # As version 0 had it.
         con.execute(
             "CREATE VIEW frames AS SELECT f.* EXCLUDE (part) FROM read_parquet('frames/*/*.parquet', "

@@ -1,20 +1,29 @@
-"""Configuration: one frozen dataclass a stage, read from the lake's config.toml, hashed as canonical JSON."""
+"""Configuration: one frozen dataclass a stage, read from the lake's config.toml, hashed as canonical JSON.
+
+Each table that comes with the program is a field of `LakeConfig`, by which type checkers know it. A module of any room
+whose name ends with `_config` adds a table: `TABLE` names it, `CONFIG` is its dataclass.
+"""
 
 from __future__ import annotations
 
 import hashlib
 import json
 import tomllib
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields, replace
+from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
+import motionlake
 from motionlake.deep_motifs.config import NeighboursConfig, NetworkConfig, TransitionsConfig
 from motionlake.deephums.config import DescriptorsConfig, SubmotionConfig
 from motionlake.errors import UserError
 from motionlake.glogen.config import SynthesisConfig
 from motionlake.motion.features import WordConfig
 from motionlake.pesta.config import AlignmentConfig, PosturesConfig, SymbolsConfig
+
+Table = TypeVar("Table")
 
 
 @dataclass(frozen=True)
@@ -38,6 +47,13 @@ class MotifsConfig:
     seed: int = 0
 
 
+def _added_tables() -> dict[str, Any]:
+    package = Path(motionlake.__path__[0])
+    files = sorted(package.glob("*/*_config.py"))
+    modules = [import_module(f"motionlake.{file.parent.name}.{file.stem}") for file in files]
+    return {module.TABLE: module.CONFIG() for module in modules}
+
+
 @dataclass(frozen=True)
 class LakeConfig:
     """All of a lake's configuration; each part is a table of config.toml."""
@@ -54,6 +70,22 @@ class LakeConfig:
     descriptors: DescriptorsConfig = field(default_factory=DescriptorsConfig)
     submotion: SubmotionConfig = field(default_factory=SubmotionConfig)
     synthesis: SynthesisConfig = field(default_factory=SynthesisConfig)
+    added: Mapping[str, Any] = field(default_factory=_added_tables)
+
+    def tables(self) -> dict[str, Any]:
+        """Every table by its name."""
+        return {f.name: getattr(self, f.name) for f in fields(self) if f.name != "added"} | dict(self.added)
+
+    def of(self, table: type[Table]) -> Table:
+        """The table that a dataclass describes."""
+        return next(found for found in self.tables().values() if isinstance(found, table))
+
+    def replacing(self, found: Any) -> LakeConfig:
+        """This configuration with another table of its class."""
+        name = next(name for name, table in self.tables().items() if type(table) is type(found))
+        if name in self.added:
+            return replace(self, added={**self.added, name: found})
+        return replace(self, **{name: found})
 
 
 def canonical_json(value: Any) -> str:
@@ -82,11 +114,11 @@ def load_config(path: Path) -> LakeConfig:
     except tomllib.TOMLDecodeError as error:
         raise UserError(f"{path}: not valid TOML: {error}") from error
     config = LakeConfig()
-    known = {f.name for f in fields(config)}
+    known = config.tables()
     for name, table in tables.items():
         if name not in known or not isinstance(table, dict):
             raise UserError(f"{path}: unknown table [{name}]; known are {', '.join(sorted(known))}")
-        config = replace(config, **{name: _override(getattr(config, name), table, f"{path}: [{name}]")})
+        config = config.replacing(_override(known[name], table, f"{path}: [{name}]"))
     return config
 
 
@@ -108,11 +140,8 @@ def _override(default: Any, table: dict[str, Any], where: str) -> Any:
 def default_toml() -> str:
     """The text of a config.toml that states every default, commented out."""
     lines = ["# Configuration of this lake. A changed value redoes its stage and what hangs on it.", ""]
-    config = LakeConfig()
-    for part in fields(config):
-        lines.append(f"[{part.name}]")
-        for f in fields(getattr(config, part.name)):
-            value = getattr(getattr(config, part.name), f.name)
-            lines.append(f"# {f.name} = {json.dumps(value)}")
+    for name, table in LakeConfig().tables().items():
+        lines.append(f"[{name}]")
+        lines += [f"# {key} = {json.dumps(value)}" for key, value in asdict(table).items()]
         lines.append("")
     return "\n".join(lines)

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from motionlake.arrays import Float32Array
+from motionlake.arrays import Float32Array, Progress
 from motionlake.deephums.config import PRETRAINED_DESCRIPTORS, DescriptorsConfig
 from motionlake.deephums.sequence import FPS, clip_sequence
 from motionlake.errors import UserError
@@ -16,13 +16,13 @@ from motionlake.lake import frames
 from motionlake.lake.catalog import Connection
 from motionlake.lake.config import LakeConfig
 from motionlake.lake.layout import Lake
-from motionlake.lake.models import checkpoint_file, save_model
 from motionlake.stages.frames import clips_key
-from motionlake.stages.model_kind import ModelKind, Selection, Steps
+from motionlake.stages.model_kind import CHOSEN, ModelKind, Selection
 from motionlake.stages.reader import LakeReader
 from motionlake.stages.training_clips import chosen_clips, drawn_clips, frames_of_clips
 
 if TYPE_CHECKING:
+    from motionlake.deephums.trained import TrainedDescriptor
     from motionlake.deephums.training import TrainingClip
 
 # Of more than these, clips are drawn at random.
@@ -89,10 +89,24 @@ class DescriptorNetwork(ModelKind[TrainingSet]):
     """What turns a clip into a vector."""
 
     name = "descriptors"
-    table = "descriptors"
+    config = DescriptorsConfig
     title = "descriptor network"
-    command = "descriptor"
     use = "describes the clips"
+    command = "descriptor"
+    help = """Train the descriptor network that config.toml names; `motionlake run all` then describes clips with it.
+
+    "labels" trains on motion and on the classes of labels.csv, "none" on motion alone, "auto" by labels where there
+    are some. [descriptors] in config.toml says by which recipe ("default", "deephums") and from which seed.
+    Interrupted, the same command goes on where it stopped.
+
+    Example: motionlake train descriptor --lake mylake
+
+    Example: motionlake train descriptor --split train --supervision labels --json --lake mylake
+    """
+    said = (
+        "trained on {clips} clips, supervision {supervision}; describe clips with it: motionlake run all --lake {lake}"
+    )
+    options = (*CHOSEN, "supervision")
     pretrained = PRETRAINED_DESCRIPTORS
     kept = ("clips", "classes", "supervision")
 
@@ -102,22 +116,18 @@ class DescriptorNetwork(ModelKind[TrainingSet]):
     def data(self, at: LakeReader, where: Selection) -> TrainingSet | None:
         return training_set(at.con, at.lake, at.config.descriptors, where.split, where.dataset)
 
-    def train(self, lake: Lake, config: LakeConfig, data: TrainingSet, file: str, progress: Steps) -> Mapping[str, Any]:
+    def fit(
+        self, lake: Lake, config: LakeConfig, data: TrainingSet, checkpoint: Path, progress: Progress
+    ) -> TrainedDescriptor:
         from motionlake.deephums.training import train_descriptor
 
-        checkpoint = checkpoint_file(lake, "descriptors")
-        try:
-            trained = train_descriptor(data.clips, config.descriptors, checkpoint=checkpoint, progress=progress)
-        except ValueError as error:
-            raise UserError(f"{lake.root}: no descriptor network can be trained: {error}") from error
-        trained = replace(trained, metrics={**data.metrics, **trained.metrics})
-        save_model(lake, file, trained.save)
-        return dict(trained.metrics)
+        trained = train_descriptor(data.clips, config.descriptors, checkpoint=checkpoint, progress=progress)
+        return replace(trained, metrics={**data.metrics, **trained.metrics})
 
-    def metrics_of(self, weights: Path) -> Mapping[str, Any]:
+    def load(self, path: Path) -> TrainedDescriptor:
         from motionlake.deephums.trained import load_descriptor
 
-        return load_descriptor(weights).metrics
+        return load_descriptor(path)
 
 
 DESCRIPTOR_NETWORK: Final = DescriptorNetwork()

@@ -7,19 +7,19 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
+from motionlake.arrays import Progress
 from motionlake.errors import UserError
 from motionlake.glogen.config import PRETRAINED_GENERATOR, SynthesisConfig
 from motionlake.lake.catalog import Connection, fetch
 from motionlake.lake.config import LakeConfig
 from motionlake.lake.layout import Lake
-from motionlake.lake.models import checkpoint_file, save_model
 from motionlake.stages.frames import clips_key
-from motionlake.stages.model_kind import ModelKind, Selection, Steps
+from motionlake.stages.model_kind import CHOSEN, ModelKind, Selection
 from motionlake.stages.reader import LakeReader
 from motionlake.stages.training_clips import chosen_clips, drawn_clips, frames_of_clips
 
 if TYPE_CHECKING:
-    from motionlake.glogen.generator import TrainingMotion
+    from motionlake.glogen.generator import TrainedGenerator, TrainingMotion
 
 # Of more frames than these, motions are drawn at random: a GiB of positions.
 MOST_FRAMES = 2_000_000
@@ -115,10 +115,22 @@ class GeneratorModel(ModelKind[MotionSet]):
 
     name = "synthesis"
     version = 4
-    table = "synthesis"
+    config = SynthesisConfig
     title = "generator"
-    command = "synthesis"
     use = "makes motion"
+    command = "synthesis"
+    help = """Train the generator that config.toml names; `motionlake synthesize` then makes motion with it.
+
+    It learns from clips with a label, and from the labelled ranges of those without. [synthesis] in config.toml says by
+    which recipe ("default", "glogen") and from which seed. Interrupted, the same command goes on where it stopped.
+
+    Example: motionlake train synthesis --split train --lake mylake
+    """
+    said = (
+        "trained on {clips} motions of {classes} classes; make motion with it: "
+        "motionlake synthesize --class NAME --lake {lake}"
+    )
+    options = CHOSEN
     pretrained = PRETRAINED_GENERATOR
     kept = ("clips", "class_names", "datasets", "licences", "filled", "split", "dataset")
 
@@ -139,22 +151,18 @@ class GeneratorModel(ModelKind[MotionSet]):
     def data(self, at: LakeReader, where: Selection) -> MotionSet | None:
         return motion_set(at.con, at.lake, at.config.synthesis, where.split, where.dataset)
 
-    def train(self, lake: Lake, config: LakeConfig, data: MotionSet, file: str, progress: Steps) -> Mapping[str, Any]:
+    def fit(
+        self, lake: Lake, config: LakeConfig, data: MotionSet, checkpoint: Path, progress: Progress
+    ) -> TrainedGenerator:
         from motionlake.glogen.generator_training import train_generator
 
-        checkpoint = checkpoint_file(lake, "synthesis")
-        try:
-            trained = train_generator(data.motions, config.synthesis, checkpoint=checkpoint, progress=progress)
-        except ValueError as error:
-            raise UserError(f"{lake.root}: no generator can be trained: {error}") from error
-        metrics = {**data.metrics, **trained.metrics, "class_names": sorted(trained.classes)}
-        save_model(lake, file, replace(trained, metrics=metrics).save)
-        return metrics
+        trained = train_generator(data.motions, config.synthesis, checkpoint=checkpoint, progress=progress)
+        return replace(trained, metrics={**data.metrics, **trained.metrics, "class_names": sorted(trained.classes)})
 
-    def metrics_of(self, weights: Path) -> Mapping[str, Any]:
+    def load(self, path: Path) -> TrainedGenerator:
         from motionlake.glogen.generator import load_generator
 
-        return load_generator(weights).metrics
+        return load_generator(path)
 
 
 GENERATOR: Final = GeneratorModel()

@@ -6,19 +6,21 @@ A model is frozen once it is made: the next one is a new version, and stages tha
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, ClassVar, Generic, TypeVar
+from typing import Any, ClassVar, Final, Generic, Protocol, TypeVar
 
+from motionlake.arrays import Progress
+from motionlake.errors import UserError
 from motionlake.lake.config import LakeConfig, config_hash
 from motionlake.lake.layout import Lake
-from motionlake.lake.models import Model, copy_weights, fitting_model
+from motionlake.lake.models import Model, checkpoint_file, copy_weights, fitting_model, save_model
 from motionlake.pretrained import Pretrained
 from motionlake.stages.reader import LakeReader
 
 Data = TypeVar("Data")
-Steps = Callable[[int, int, float], None]  # told of (steps done, steps, loss)
+CHOSEN: Final = ("split", "dataset")  # options of a kind that is trained on chosen clips
 
 
 @dataclass(frozen=True)
@@ -36,17 +38,30 @@ class Selection:
     fine_tune: bool = False
 
 
+class Trained(Protocol):
+    """A model in memory: what training gave, or what its file holds."""
+
+    @property
+    def metrics(self) -> Mapping[str, Any]:
+        """Sizes, losses and what else its training gave: JSON values."""
+
+    def save(self, path: Path) -> None:
+        """Write it as one file."""
+
+
 class ModelKind(ABC, Generic[Data]):
     """One kind of model that a lake trains, or takes pretrained.
 
     Attributes:
         name: as the table `models` calls it.
         version: of how it is made; another one makes all models anew.
-        table: of config.toml that shapes it.
+        config: dataclass of the table of config.toml that shapes it.
         title: for people.
-        command: name of `motionlake train`; "" where only `motionlake run STAGE --refit` makes it anew.
         use: what it does with what it is for, after its name in a sentence.
         lacks: what a lake lacks in which there is nothing to train it on.
+        command: name of `motionlake train`; "" where only `motionlake run STAGE --refit` makes it anew.
+        help: text of that command; `{lake}` in `said`, the line after training, is the lake, other names are metrics.
+        options: of that command, fields of `Selection` or of `config`.
         suffix: of its file.
         pretrained: weights that come with the package.
         kept: metrics that pretrained weights bring into a lake.
@@ -54,11 +69,14 @@ class ModelKind(ABC, Generic[Data]):
 
     name: ClassVar[str]
     version: ClassVar[int] = 1
-    table: ClassVar[str]
+    config: ClassVar[type[Any]]
     title: ClassVar[str]
-    command: ClassVar[str] = ""
     use: ClassVar[str]
-    lacks: ClassVar[str] = "frames yet; `motionlake ingest` takes clips in"
+    lacks: ClassVar[str] = "frames to train on yet; take clips in with `motionlake ingest`"
+    command: ClassVar[str] = ""
+    help: ClassVar[str] = ""
+    said: ClassVar[str] = ""
+    options: ClassVar[tuple[str, ...]] = ()
     suffix: ClassVar[str] = ".safetensors"
     pretrained: ClassVar[Pretrained | None] = None
     kept: ClassVar[tuple[str, ...]] = ()
@@ -66,11 +84,11 @@ class ModelKind(ABC, Generic[Data]):
     def key(self, at: LakeReader) -> str | None:
         """sha256 over all that shapes a model but the clips it is trained on; None where it hangs on another model
         that is not made yet."""
-        return config_hash(self.name, self.version, getattr(at.config, self.table))
+        return config_hash(self.name, self.version, at.config.of(self.config))
 
     def settings(self, config: LakeConfig) -> Mapping[str, Any]:
         """What `models` keeps of the configuration."""
-        return asdict(getattr(config, self.table))
+        return asdict(config.of(self.config))
 
     def fitting(self, at: LakeReader) -> Model | None:
         """The current model if it was made for this configuration."""
@@ -89,7 +107,7 @@ class ModelKind(ABC, Generic[Data]):
 
     def fits(self, config: LakeConfig) -> bool:
         """Whether a lake of this configuration may take the pretrained model."""
-        return self.pretrained is not None and self.pretrained.fits(getattr(config, self.table))
+        return self.pretrained is not None and self.pretrained.fits(config.of(self.config))
 
     def takes_pretrained(self, at: LakeReader) -> bool:
         """Whether a lake without a fitting model starts with the pretrained one, and does not train."""
@@ -108,18 +126,35 @@ class ModelKind(ABC, Generic[Data]):
         """
 
     @abstractmethod
-    def train(self, lake: Lake, config: LakeConfig, data: Data, file: str, progress: Steps) -> Mapping[str, Any]:
-        """Train, save as `file` of the lake; returns the metrics. A training that was interrupted goes on.
+    def fit(self, lake: Lake, config: LakeConfig, data: Data, checkpoint: Path, progress: Progress) -> Trained:
+        """Train. A training that was interrupted goes on from its checkpoint.
 
         `data_sha256` among the metrics says what it was trained on, by default the whole lake.
 
         Raises:
-            UserError: there is too little to train on.
+            ValueError: there is too little to train on.
         """
 
-    def metrics_of(self, weights: Path) -> Mapping[str, Any]:
-        """The metrics that a file of weights holds. Raises `ValueError` if it holds something else."""
-        raise NotImplementedError
+    @abstractmethod
+    def load(self, path: Path) -> Trained:
+        """Read a model from its file.
+
+        Raises:
+            ValueError: the file holds something else.
+        """
+
+    def train(self, lake: Lake, config: LakeConfig, data: Data, file: str, progress: Progress) -> Mapping[str, Any]:
+        """Train, and save as `file` of the lake; returns the metrics.
+
+        Raises:
+            UserError: there is too little to train on.
+        """
+        try:
+            trained = self.fit(lake, config, data, checkpoint_file(lake, self.name), progress)
+        except ValueError as error:
+            raise UserError(f"{lake.root}: no {self.title} can be trained: {error}") from error
+        save_model(lake, file, trained.save)
+        return dict(trained.metrics)
 
     def take(self, lake: Lake, config: LakeConfig, weights: Path, file: str) -> Mapping[str, Any]:
         """Copy pretrained weights into the lake as `file`; returns the metrics of their training.
@@ -127,7 +162,7 @@ class ModelKind(ABC, Generic[Data]):
         Raises:
             ValueError: they do not fit the configuration.
         """
-        return copy_weights(lake, weights, file, self.metrics_of(weights), *self.kept)
+        return copy_weights(lake, weights, file, self.load(weights).metrics, *self.kept)
 
     def hints(self, config: LakeConfig, metrics: Mapping[str, Any]) -> list[str]:
         """What a person should know of a model that was just trained."""

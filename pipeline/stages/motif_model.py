@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
-from motionlake.arrays import Float32Array
+from motionlake.arrays import Float32Array, Progress
 from motionlake.deep_motifs.motifs import Motifs, fit_motifs
 from motionlake.errors import UserError
-from motionlake.lake.config import LakeConfig, config_hash
+from motionlake.lake.config import LakeConfig, MotifsConfig, config_hash
 from motionlake.lake.layout import Lake
-from motionlake.lake.parts import write_part
+from motionlake.lake.parts import PartWriter
 from motionlake.stages.embed import EMBED, read_embeddings
-from motionlake.stages.model_kind import ModelKind, Selection, Steps
+from motionlake.stages.model_kind import ModelKind, Selection
 from motionlake.stages.reader import LakeReader
 from motionlake.stages.word_network import WORD_NETWORK
 
@@ -24,11 +25,32 @@ SAMPLE = 200_000
 FILE_ROWS = pa.schema([("motif", pa.int32()), ("centroid", pa.list_(pa.float32())), ("strength", pa.float64())])
 
 
+@dataclass(frozen=True)
+class FittedMotifs:
+    """Motifs as a file of the lake has them, and how many words they were fitted on."""
+
+    motifs: Motifs
+    words: int
+
+    @property
+    def metrics(self) -> Mapping[str, Any]:
+        return {"k": float(self.motifs.k), "words": float(self.words)}
+
+    def save(self, path: Path) -> None:
+        """Write a row a motif."""
+        centroids = [row.tolist() for row in self.motifs.centroids]
+        number = np.arange(len(centroids), dtype=np.int32)
+        columns = [pa.array(number), pa.array(centroids, FILE_ROWS.field("centroid").type), self.motifs.strength]
+        writer = PartWriter(path, FILE_ROWS, {"words": str(self.words)})
+        writer.append(pa.Table.from_arrays(columns, schema=FILE_ROWS))
+        writer.close()
+
+
 class MotifModel(ModelKind[Float32Array]):
     """The motifs of a lake, in the space of one word network."""
 
     name = "motifs"
-    table = "motifs"
+    config = MotifsConfig
     title = "motifs"
     use = "assigns the words"
     lacks = "embeddings yet; `motionlake run all` makes every stage"
@@ -58,21 +80,13 @@ class MotifModel(ModelKind[Float32Array]):
             )
         return vectors
 
-    def train(
-        self, lake: Lake, config: LakeConfig, data: Float32Array, file: str, progress: Steps
-    ) -> Mapping[str, Any]:
-        motifs = fit_motifs(data, config.motifs.k, config.motifs.seed)
-        centroids = [row.tolist() for row in motifs.centroids]
-        rows = pa.Table.from_arrays(
-            [
-                pa.array(np.arange(len(centroids), dtype=np.int32)),
-                pa.array(centroids, FILE_ROWS.field("centroid").type),
-                pa.array(motifs.strength, pa.float64()),
-            ],
-            schema=FILE_ROWS,
-        )
-        write_part(lake.path(file), rows, {})
-        return {"k": float(len(centroids)), "words": float(len(data))}
+    def fit(
+        self, lake: Lake, config: LakeConfig, data: Float32Array, checkpoint: Path, progress: Progress
+    ) -> FittedMotifs:
+        return FittedMotifs(fit_motifs(data, config.motifs.k, config.motifs.seed), len(data))
+
+    def load(self, path: Path) -> FittedMotifs:
+        return FittedMotifs(read_motifs(path), int((pq.read_metadata(path).metadata or {})[b"words"]))
 
 
 MOTIF_MODEL: Final = MotifModel()

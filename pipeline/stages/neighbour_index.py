@@ -8,18 +8,22 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from typing import Any, Final
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
 
-from motionlake.arrays import Float32Array
+from motionlake.arrays import Float32Array, Progress
 from motionlake.deep_motifs.words.windows import WordSet
 from motionlake.errors import UserError
 from motionlake.lake.catalog import fetch
 from motionlake.lake.config import LakeConfig, config_hash
 from motionlake.lake.layout import Lake
-from motionlake.lake.parts import replacing
-from motionlake.stages.model_kind import ModelKind, Selection, Steps
+from motionlake.motion.features import WordConfig
+from motionlake.stages.model_kind import ModelKind, Selection
 from motionlake.stages.reader import LakeReader
 from motionlake.stages.words import WORDS, read_features
+
+if TYPE_CHECKING:
+    from motionlake.deep_motifs.words.neighbours import Searched
 
 
 @dataclass(frozen=True)
@@ -32,11 +36,32 @@ class IndexedClips:
     corpus: str
 
 
+@dataclass(frozen=True)
+class SearchedWords:
+    """The index as a file of the lake has it, with the names and parts of its clips and a hash of these parts."""
+
+    searched: Searched
+    clips: list[str]
+    parts: list[str]
+    corpus: str
+
+    @property
+    def metrics(self) -> Mapping[str, Any]:
+        return {"words": len(self.searched.words), "clips": len(self.clips), "corpus": self.corpus}
+
+    def save(self, path: Path) -> None:
+        """Write it as one safetensors file."""
+        from motionlake.deep_motifs.words.neighbours import save_searched
+
+        notes = {"clips": json.dumps(self.clips), "parts": json.dumps(self.parts), "corpus": self.corpus}
+        save_searched(self.searched, path, notes)
+
+
 class NeighbourIndex(ModelKind[IndexedClips]):
     """Words to search the nearest among."""
 
     name = "neighbours"
-    table = "words"
+    config = WordConfig
     title = "index of words"
     use = "is searched"
     lacks = "words of some clips yet; `motionlake run words` makes them"
@@ -61,16 +86,19 @@ class NeighbourIndex(ModelKind[IndexedClips]):
         keys = sorted({p.part: p.key for p in live}.values())
         return IndexedClips(clips, [row["part"] for row in rows], [features[c] for c in clips], config_hash(keys))
 
-    def train(
-        self, lake: Lake, config: LakeConfig, data: IndexedClips, file: str, progress: Steps
-    ) -> Mapping[str, Any]:
-        from motionlake.deep_motifs.words.neighbours import prepare, save_searched
+    def fit(
+        self, lake: Lake, config: LakeConfig, data: IndexedClips, checkpoint: Path, progress: Progress
+    ) -> SearchedWords:
+        from motionlake.deep_motifs.words.neighbours import prepare
 
         corpus, groups = WordSet.of_clips(data.features, config.words)
-        names = {"clips": json.dumps(data.clips), "parts": json.dumps(data.parts)}
-        with replacing(lake.path(file)) as temporary:
-            save_searched(prepare(corpus, groups), temporary, names)
-        return {"words": len(corpus), "clips": len(data.clips), "corpus": data.corpus}
+        return SearchedWords(prepare(corpus, groups), data.clips, data.parts, data.corpus)
+
+    def load(self, path: Path) -> SearchedWords:
+        from motionlake.deep_motifs.words.neighbours import load_searched
+
+        searched, notes = load_searched(path)
+        return SearchedWords(searched, json.loads(notes["clips"]), json.loads(notes["parts"]), notes["corpus"])
 
 
 NEIGHBOUR_INDEX: Final = NeighbourIndex()

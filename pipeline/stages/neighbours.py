@@ -6,7 +6,6 @@ neighbours.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any, Final
@@ -18,14 +17,14 @@ from motionlake.deep_motifs.config import NeighboursConfig
 from motionlake.deep_motifs.words.windows import WordSet
 from motionlake.lake.layout import Lake
 from motionlake.motion.features import WordConfig
-from motionlake.stages.neighbour_index import NEIGHBOUR_INDEX
+from motionlake.stages.neighbour_index import NEIGHBOUR_INDEX, SearchedWords
 from motionlake.stages.reader import LakeReader
 from motionlake.stages.shard import Shard
 from motionlake.stages.stage import PART_KEYS, Part, PartStage
 from motionlake.stages.words import WORDS, read_features
 
 if TYPE_CHECKING:
-    from motionlake.deep_motifs.words.neighbours import Neighbours, Searched
+    from motionlake.deep_motifs.words.neighbours import Neighbours
     from motionlake.motion.dtw import Metric
 
 ELSEWHERE = -1  # group of a clip that the index does not hold
@@ -61,36 +60,35 @@ class NearestWords(PartStage):
 
     def rows(self, lake: Lake, shard: Shard) -> Iterator[pa.Table]:
         config, wanted = WordConfig(**shard.spec["words"]), NeighboursConfig(**shard.spec["neighbours"])
-        from motionlake.deep_motifs.words.neighbours import load_searched, search
+        from motionlake.deep_motifs.words.neighbours import search
 
-        corpus, names = load_searched(lake.path(shard.spec["index"]))
-        clips = {clip: i for i, clip in enumerate(json.loads(names["clips"]))}
+        index = NEIGHBOUR_INDEX.load(lake.path(shard.spec["index"]))
+        clips = {clip: i for i, clip in enumerate(index.clips)}
         parts = list(read_features(lake.path(shard.spec["features"])))
         queries, owners = WordSet.of_clips([features for _, features in parts], config)
         groups = np.array([clips.get(clip, ELSEWHERE) for clip, _ in parts])[owners]
         metric: Metric = "geodesic" if config.representation == "rotations" else "euclidean"
-        found = search(corpus, queries, groups, wanted.k, method=wanted.chosen(len(corpus.words)), metric=metric)
-        yield _rows(shard, [clip for clip, _ in parts], owners, found, corpus, names)
+        method = wanted.chosen(len(index.searched.words))
+        found = search(index.searched, queries, groups, wanted.k, method=method, metric=metric)
+        yield _rows(shard, [clip for clip, _ in parts], owners, found, index)
 
 
 NEIGHBOURS: Final = NearestWords()
 
 
-def _rows(
-    shard: Shard, clips: list[str], owners: Int64Array, found: Neighbours, corpus: Searched, names: Mapping[str, str]
-) -> pa.Table:
+def _rows(shard: Shard, clips: list[str], owners: Int64Array, found: Neighbours, index: SearchedWords) -> pa.Table:
     queries, places = np.nonzero(found.indices >= 0)
     chosen = found.indices[queries, places]
-    clip, neighbour = owners[queries], corpus.groups[chosen]
+    clip, neighbour = owners[queries], index.searched.groups[chosen]
     columns = [
         pa.array(clips).take(pa.array(clip)),
         pa.repeat(shard.part, len(chosen)),
         pa.repeat(shard.key, len(chosen)),
         _within(owners)[queries],
         places + 1,
-        pa.array(json.loads(names["clips"])).take(pa.array(neighbour)),
-        _within(corpus.groups)[chosen],
-        pa.array(json.loads(names["parts"])).take(pa.array(neighbour)),
+        pa.array(index.clips).take(pa.array(neighbour)),
+        _within(index.searched.groups)[chosen],
+        pa.array(index.parts).take(pa.array(neighbour)),
         found.distances[queries, places],
     ]
     return pa.Table.from_arrays([pa.array(c, t) for c, t in zip(columns, ROWS.types, strict=True)], schema=ROWS)

@@ -2,24 +2,24 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from motionlake.arrays import Float32Array
+from motionlake.arrays import Float32Array, Progress
 from motionlake.errors import UserError
 from motionlake.lake import frames
 from motionlake.lake.catalog import fetch
 from motionlake.lake.config import LakeConfig
 from motionlake.lake.layout import Lake
-from motionlake.lake.models import checkpoint_file, save_model
 from motionlake.motion.features import word_features
 from motionlake.pesta import config as postures_config
-from motionlake.stages.model_kind import ModelKind, Selection, Steps
+from motionlake.stages.model_kind import ModelKind, Selection
 from motionlake.stages.reader import LakeReader
-from safetensors import safe_open
+
+if TYPE_CHECKING:
+    from motionlake.pesta.dictionary import PostureDictionary
 
 MOST_CLIPS = 2_000
 
@@ -28,10 +28,18 @@ class PostureDictionaryKind(ModelKind[list[Float32Array]]):
     """What turns a posture into a symbol. Once trained it is frozen: new clips are coded with it (section 8.5.1)."""
 
     name = "postures"
-    table = "postures"
+    config = postures_config.PosturesConfig
     title = "dictionary"
-    command = "postures"
     use = "codes the frames"
+    command = "postures"
+    help = """Train the posture dictionary that config.toml names; `motionlake run all` then codes with it.
+
+    Interrupted, the same command goes on where it stopped. [postures] in config.toml says which dictionary ("aae",
+    "kmeans", "som"), how many symbols, from which seed, and by which recipe ("default", "pesta").
+
+    Example: motionlake train postures --lake mylake
+    """
+    said = "{occupied} symbols in use; code with it: motionlake run all --lake {lake}"
     pretrained = postures_config.PRETRAINED_POSTURES
     kept = ("clips", "postures", "occupied", "perplexity")
 
@@ -42,7 +50,6 @@ class PostureDictionaryKind(ModelKind[list[Float32Array]]):
         return wanted.weights == "pretrained" or _count(at) < postures_config.ENOUGH * wanted.m
 
     def announce(self, at: LakeReader) -> str:
-
         config = at.config.postures
         return f"will train a dictionary of {config.m} symbols ({config.dictionary})"
 
@@ -63,29 +70,24 @@ class PostureDictionaryKind(ModelKind[list[Float32Array]]):
                 found[clip.clip] = word_features(positions, rotations, clip.fps, config.frames)
         return [_some(found[name], share, random) for name in clips] or None
 
-    def train(
-        self, lake: Lake, config: LakeConfig, data: list[Float32Array], file: str, progress: Steps
-    ) -> Mapping[str, Any]:
+    def fit(
+        self, lake: Lake, config: LakeConfig, data: list[Float32Array], checkpoint: Path, progress: Progress
+    ) -> PostureDictionary:
         from motionlake.pesta.posture_training import fit_dictionary
 
-        count = sum(map(len, data))
         try:
-            checkpoint = checkpoint_file(lake, "postures")
-            dictionary = fit_dictionary(data, config.postures, checkpoint=checkpoint, progress=progress)
+            return fit_dictionary(data, config.postures, checkpoint=checkpoint, progress=progress)
         except ValueError as error:
+            count = sum(map(len, data))
             raise UserError(
                 f"{lake.root}: holds {count} postures to train on: {error}; take in more clips, or set m below "
                 f"[postures] in {lake.config_file} to {count // 2} or less"
             ) from error
-        save_model(lake, file, dictionary.save)
-        return dict(dictionary.metrics)
 
-    def metrics_of(self, weights: Path) -> Mapping[str, Any]:
-        from motionlake.pesta.dictionary import METADATA_KEY
+    def load(self, path: Path) -> PostureDictionary:
+        from motionlake.pesta.dictionary import load_dictionary
 
-        with safe_open(weights, framework="numpy") as tensors:
-            found: dict[str, Any] = json.loads(tensors.metadata()[METADATA_KEY])["metrics"]
-        return found
+        return load_dictionary(path)
 
     def hints(self, config: LakeConfig, metrics: Mapping[str, Any]) -> list[str]:
         occupied, m = metrics["occupied"], config.postures.m

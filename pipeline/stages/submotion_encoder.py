@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Final
 
-from motionlake.arrays import Float32Array
-from motionlake.deephums.config import PRETRAINED_SUBMOTION, DescriptorsConfig
+from motionlake.arrays import Float32Array, Progress
+from motionlake.deephums.config import PRETRAINED_SUBMOTION, DescriptorsConfig, SubmotionConfig
 from motionlake.errors import UserError
 from motionlake.lake.catalog import Connection
 from motionlake.lake.config import LakeConfig
 from motionlake.lake.layout import Lake
-from motionlake.lake.models import Model, checkpoint_file, save_model
+from motionlake.lake.models import Model
 from motionlake.stages.descriptor_network import TrainingSet, training_set
 from motionlake.stages.descriptors import served_network
-from motionlake.stages.model_kind import ModelKind, Selection, Steps
+from motionlake.stages.model_kind import CHOSEN, ModelKind, Selection
 from motionlake.stages.reader import LakeReader
+
+if TYPE_CHECKING:
+    from motionlake.deephums.submotions import TrainedSubmotion
 
 
 @dataclass(frozen=True)
@@ -32,10 +34,19 @@ class SubmotionEncoder(ModelKind[SubmotionSet]):
     """What maps windows of a clip near the clip that they are part of."""
 
     name = "submotion"
-    table = "submotion"
+    config = SubmotionConfig
     title = "sub-motion encoder"
-    command = "submotion"
     use = "makes vectors of the windows of clips"
+    command = "submotion"
+    help = """Train the network that finds the clip a piece of motion is from; `motionlake run all` then reads with it.
+
+    [submotion] in config.toml says by which recipe ("default", "deephums"), how many steps, and from which seed.
+    Interrupted, the same command goes on where it stopped.
+
+    Example: motionlake train submotion --split train --lake mylake
+    """
+    said = "trained on {clips} clips; read with it: motionlake run all --lake {lake}"
+    options = CHOSEN
     pretrained = PRETRAINED_SUBMOTION
     kept = ("clips", "loss")
 
@@ -50,28 +61,22 @@ class SubmotionEncoder(ModelKind[SubmotionSet]):
             return None
         return SubmotionSet(clips, _first(at.con, at.lake) if config.recipe == "deephums" else None)
 
-    def train(
-        self, lake: Lake, config: LakeConfig, data: SubmotionSet, file: str, progress: Steps
-    ) -> Mapping[str, Any]:
+    def fit(
+        self, lake: Lake, config: LakeConfig, data: SubmotionSet, checkpoint: Path, progress: Progress
+    ) -> TrainedSubmotion:
         from motionlake.deephums.submotions import TrainedSubmotion, train_submotion
 
         wanted, sequences = config.submotion, [clip.sequence for clip in data.clips.clips]
         targets = None if data.first is None else _descriptors(lake, data.first, sequences)
-        try:
-            network, losses = train_submotion(
-                sequences, wanted, targets=targets, checkpoint=checkpoint_file(lake, "submotion"), progress=progress
-            )
-        except ValueError as error:
-            raise UserError(f"{lake.root}: no sub-motion encoder can be trained: {error}") from error
+        network, losses = train_submotion(sequences, wanted, targets=targets, checkpoint=checkpoint, progress=progress)
         named = {"descriptors": data.first.model} if data.first else {}
         metrics = {**data.clips.metrics, **named, "clips": len(sequences), "loss": round(losses[-1], 5)}
-        save_model(lake, file, TrainedSubmotion(wanted, network, metrics).save)
-        return metrics
+        return TrainedSubmotion(wanted, network, metrics)
 
-    def metrics_of(self, weights: Path) -> Mapping[str, Any]:
+    def load(self, path: Path) -> TrainedSubmotion:
         from motionlake.deephums.submotions import load_submotion
 
-        return load_submotion(weights).metrics
+        return load_submotion(path)
 
 
 SUBMOTION_ENCODER: Final = SubmotionEncoder()

@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from motionlake.arrays import Float32Array
-from motionlake.deep_motifs.config import PRETRAINED_WORDS
+from motionlake.arrays import Float32Array, Progress
+from motionlake.deep_motifs.config import PRETRAINED_WORDS, NetworkConfig
 from motionlake.lake.catalog import fetch
 from motionlake.lake.config import LakeConfig, config_hash
 from motionlake.lake.layout import Lake
-from motionlake.lake.models import checkpoint_file, save_model
-from motionlake.stages.model_kind import ModelKind, Selection, Steps
+from motionlake.stages.model_kind import ModelKind, Selection
 from motionlake.stages.reader import LakeReader
 from motionlake.stages.words import WORDS, read_features
+
+if TYPE_CHECKING:
+    from motionlake.deep_motifs.words.network import TrainedNetwork
 
 
 @dataclass(frozen=True)
@@ -31,11 +33,22 @@ class WordNetwork(ModelKind[WordSample]):
     """What embeds motion words."""
 
     name = "network"
-    table = "network"
+    config = NetworkConfig
     title = "word network"
-    command = "words"
     use = "embeds the words"
-    lacks = "words yet; `motionlake run all` makes every stage"
+    lacks = "words to train on yet; make them with `motionlake run words`"
+    command = "words"
+    help = """Train the word network that config.toml names; `motionlake run all` then embeds with it.
+
+    Interrupted, the same command goes on where it stopped. [network] in config.toml says which architecture
+    ("linear", "conv", "inception736"), how many steps, and from which seed.
+
+    Example: motionlake train words --lake mylake
+
+    Example: motionlake train words --fine-tune --lake mylake
+    """
+    said = "trained on {words} words; embed with it: motionlake run all --lake {lake}"
+    options = ("fine_tune",)
     pretrained = PRETRAINED_WORDS
     kept = ("words",)
 
@@ -60,27 +73,25 @@ class WordNetwork(ModelKind[WordSample]):
         before = self.fitting(at) if where.fine_tune else None
         return WordSample(features, (before.model, before.file) if before else None)
 
-    def train(self, lake: Lake, config: LakeConfig, data: WordSample, file: str, progress: Steps) -> Mapping[str, Any]:
-        from motionlake.deep_motifs.words.network import load_network
+    def fit(
+        self, lake: Lake, config: LakeConfig, data: WordSample, checkpoint: Path, progress: Progress
+    ) -> TrainedNetwork:
         from motionlake.deep_motifs.words.training import train_words
 
-        checkpoint = checkpoint_file(lake, "words")
-        before = load_network(lake.path(data.start[1])) if data.start else None
+        before = self.load(lake.path(data.start[1])) if data.start else None
         trained = train_words(
             data.features, config.words, config.network, start=before, checkpoint=checkpoint, progress=progress
         )
-        save_model(lake, file, trained.save)
-        return {**trained.metrics, **({"fine_tuned_from": data.start[0]} if data.start else {})}
+        named = {"fine_tuned_from": data.start[0]} if data.start else {}
+        return replace(trained, metrics={**trained.metrics, **named})
 
-    def metrics_of(self, weights: Path) -> Mapping[str, Any]:
+    def load(self, path: Path) -> TrainedNetwork:
         from motionlake.deep_motifs.words.network import load_network
 
-        return load_network(weights).metrics
+        return load_network(path)
 
     def take(self, lake: Lake, config: LakeConfig, weights: Path, file: str) -> Mapping[str, Any]:
-        from motionlake.deep_motifs.words.network import load_network
-
-        network = load_network(weights)
+        network = self.load(weights)
         if (network.words, network.architecture) != (config.words, config.network.architecture):
             raise ValueError(f"{weights} embeds other words than config.toml says")
         return super().take(lake, config, weights, file)
