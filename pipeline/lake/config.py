@@ -15,7 +15,6 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, TypeVar
 
-import motionlake
 from motionlake.deep_motifs.config import NeighboursConfig, NetworkConfig, TransitionsConfig
 from motionlake.deephums.config import DescriptorsConfig, SubmotionConfig
 from motionlake.errors import UserError
@@ -48,8 +47,7 @@ class MotifsConfig:
 
 
 def _added_tables() -> dict[str, Any]:
-    package = Path(motionlake.__path__[0])
-    files = sorted(package.glob("*/*_config.py"))
+    files = sorted(Path(__file__).parents[1].glob("*/*_config.py"))
     modules = [import_module(f"motionlake.{file.parent.name}.{file.stem}") for file in files]
     return {module.TABLE: module.CONFIG() for module in modules}
 
