@@ -260,7 +260,7 @@ def test_a_generator_that_has_seen_the_clips_is_told(made_lake: Path, tmp_path: 
     swapped = motionlake(*words, "--split", "train", "--train-split", "test")
     assert "trained on" in swapped.json["warning"]
     assert "warning: " in swapped.err
-    change(lake, "UPDATE models SET figures = $figures WHERE kind = 'synthesis'", figures=json.dumps({"split": None}))
+    change(lake, "UPDATE models SET metrics = $metrics WHERE kind = 'synthesis'", metrics=json.dumps({"split": None}))
     change(lake, "UPDATE clips SET split = NULL")
     alone = motionlake(*words)
     assert alone.json["protocol"] == "leave one out"
