@@ -109,7 +109,7 @@ def choose(clips: list[DescribedClip], queries: str | None, repository: str | No
 
 def told(model: Model) -> dict[str, Any]:
     """The name of a model and what is known of its training."""
-    return {"model": model.model, **{name: value for name, value in model.figures.items() if name != "loss"}}
+    return {"model": model.model, **{name: value for name, value in model.metrics.items() if name != "loss"}}
 
 
 def read_positions(lake: Lake, clips: Sequence[FramedClip]) -> Iterator[tuple[str, float, Float64Array]]:
