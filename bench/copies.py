@@ -13,8 +13,7 @@ from motionlake.lake.catalog import Connection
 from motionlake.lake.export import canonical_rig, own_rig
 from motionlake.lake.layout import Lake
 from motionlake.motion.clip import SourceClip
-from motionlake.motion.mirror import other_side
-from motionlake.motion.skeleton import JOINTS
+from motionlake.motion.skeleton import INDEX, JOINTS, MIRRORED_JOINTS
 
 Export = Callable[[Connection, Lake, str], SourceClip]
 
@@ -40,7 +39,7 @@ def mirrored(clip: SourceClip) -> SourceClip:
     """A clip of the canonical rig mirrored left to right."""
     joints = list(clip.hierarchy.joints)
     assert sorted(joints) == sorted(JOINTS)
-    source = [joints.index(other_side(joint)) for joint in joints]
+    source = [joints.index(JOINTS[MIRRORED_JOINTS[INDEX[joint]]]) for joint in joints]
     offsets = clip.hierarchy.offsets[source] * [-1, 1, 1]
     root, angles = clip.channels[:, :3] * [-1, 1, 1], clip.channels[:, 3:].reshape(len(clip.channels), -1, 3)
     angles = angles[:, source] * [-1, -1, 1]  # about z, y, x

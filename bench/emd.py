@@ -26,7 +26,7 @@ from motionlake.arrays import Float32Array, Float64Array, Int32Array
 from motionlake.deep_motifs.emd import emd_many, ground_distances
 from motionlake.deep_motifs.emd_search import SignatureIndex
 from motionlake.deep_motifs.motifs import assign, fit_motifs
-from motionlake.deep_motifs.signatures import document_frequency, inverse_document_frequency, motif_counts, signature
+from motionlake.deep_motifs.signatures import inverse_document_frequency, motif_counts, signature
 from motionlake.motion.features import WordConfig
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
@@ -70,7 +70,7 @@ def read_words() -> Words:
     motifs = fit_motifs(np.concatenate(embedded), K, 0)
     assigned = [assign(vectors, motifs) for vectors in embedded]
     counts = np.stack([motif_counts(words, motifs.k) for words in assigned])
-    idf = inverse_document_frequency(document_frequency(counts), len(counts))
+    idf = inverse_document_frequency(counts)
     return Words(assigned, sets, idf, ground_distances(motifs.centroids))
 
 

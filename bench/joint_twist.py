@@ -14,8 +14,7 @@ from typing import Final
 import numpy as np
 from motionlake.arrays import Float64Array
 from motionlake.motion.features import WordConfig
-from motionlake.motion.kinematics import local_rotations
-from motionlake.motion.rest import world_from_positions
+from motionlake.motion.kinematics import local_rotations, world_from_positions
 from motionlake.motion.rotations import rotate, swing
 from motionlake.motion.skeleton import INDEX, TWIST_AXES
 

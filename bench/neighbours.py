@@ -30,8 +30,7 @@ from motionlake.jobs.session import session
 from motionlake.lake.catalog import reading
 from motionlake.lake.config import LakeConfig
 from motionlake.lake.layout import Lake
-from motionlake.motion.features import WordConfig
-from motionlake.motion.mirror import mirrored_features
+from motionlake.motion.features import WordConfig, mirrored_features
 from motionlake.stages import words
 from threadpoolctl import threadpool_limits
 

@@ -24,8 +24,8 @@ from typing import Final
 
 import numpy as np
 from motionlake.arrays import Float32Array, Float64Array
-from motionlake.deep_motifs.corpus import Corpus
 from motionlake.deep_motifs.query_by_example import ExampleQuery, frame_distances_along
+from motionlake.deep_motifs.signatures import Corpus
 from motionlake.lake.catalog import reading
 from motionlake.lake.config import load_config
 from motionlake.lake.corpus import read_corpus

@@ -10,11 +10,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from motionlake.deep_motifs.duplicates import MAX_DISTANCE
+from motionlake.deep_motifs.duplicates import MAX_DISTANCE, Track, align, poses
 from motionlake.lake.catalog import reading
 from motionlake.lake.layout import open_lake
 from motionlake.motion.features import WordConfig
-from motionlake.motion.frame_overlap import Track, align, poses
 
 from bench.copies import COPIES, write_copies
 from tests.lakes import motionlake, query, quick_lake

@@ -11,7 +11,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from motionlake.deep_motifs import query_by_example
-from motionlake.deep_motifs.corpus import Corpus, CorpusClip
 from motionlake.deep_motifs.emd import emd
 from motionlake.deep_motifs.query_by_example import (
     ExampleQuery,
@@ -22,7 +21,7 @@ from motionlake.deep_motifs.query_by_example import (
     window_ranges,
     words_within,
 )
-from motionlake.deep_motifs.signatures import motif_counts, signature
+from motionlake.deep_motifs.signatures import Corpus, CorpusClip, motif_counts, signature
 from motionlake.errors import UserError
 from motionlake.formats import read_clips
 from motionlake.formats.bvh_writer import write_bvh

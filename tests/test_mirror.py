@@ -13,10 +13,9 @@ from motionlake.deep_motifs.words.windows import word_windows
 from motionlake.lake.catalog import reading
 from motionlake.lake.config import load_config
 from motionlake.lake.layout import open_lake
-from motionlake.motion.features import WordConfig, word_features
+from motionlake.motion.features import WordConfig, mirrored_features, word_features
 from motionlake.motion.kinematics import forward_kinematics
-from motionlake.motion.mirror import mirrored_features, mirrored_positions, mirrored_rotations
-from motionlake.motion.skeleton import INDEX
+from motionlake.motion.skeleton import INDEX, mirrored_positions, mirrored_rotations
 from motionlake.stages.motif_model import MOTIF_MODEL, read_motifs
 from motionlake.stages.reader import LakeReader
 from motionlake.stages.word_network import WORD_NETWORK

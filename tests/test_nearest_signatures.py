@@ -11,8 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from motionlake.arrays import Float64Array
 from motionlake.deep_motifs import emd_search as nearest_module
-from motionlake.deep_motifs.emd import emd, emd_many, ground_distances
-from motionlake.deep_motifs.emd_search import SignatureIndex, nearest_many, nearest_signatures
+from motionlake.deep_motifs.emd import check_model, emd, emd_many, ground_distances
+from motionlake.deep_motifs.emd_search import SignatureIndex
 from motionlake.errors import UserError
 from motionlake.lake.layout import open_lake
 from motionlake.retrieval.connection import connect
@@ -46,6 +46,13 @@ def scan(
     distances = emd_many(query, signatures, ground).tolist()
     order = sorted(range(len(distances)), key=lambda i: (distances[i], i))[:k]
     return order, [distances[i] for i in order]
+
+
+def nearest_signatures(
+    query: Float64Array, signatures: NDArray[np.floating], ground: Float64Array, k: int
+) -> tuple[NDArray[np.int64], Float64Array]:
+    found = SignatureIndex.build(signatures, ground).nearest(query, k)
+    return found.indices, found.distances
 
 
 @settings(max_examples=60, deadline=None)
@@ -120,20 +127,6 @@ def test_the_choice_may_be_narrowed() -> None:
     assert len(index.nearest(signatures[0], 5, among[:0]).indices) == 0
 
 
-def test_many_queries_get_no_answers_from_their_own_group() -> None:
-    signatures, ground = some_signatures(40, 10, 9), some_ground(10, 9)
-    index = SignatureIndex.build(signatures, ground)
-    groups = np.arange(40) // 4
-    for i, found in enumerate(nearest_many(signatures, index, 3, groups, groups)):
-        others = np.flatnonzero(groups != groups[i])
-        indices, distances = scan(signatures[i], signatures[others], ground, 3)
-        assert (found.indices.tolist(), found.distances.tolist()) == (others[indices].tolist(), distances)
-    plain = nearest_many(signatures[:2], index, 3)
-    assert [found.indices[0] for found in plain] == [0, 1]
-    with pytest.raises(ValueError, match="groups"):
-        nearest_many(signatures, index, 3, groups[1:], groups)
-
-
 def test_there_may_be_fewer_signatures_than_asked_for() -> None:
     signatures, ground = some_signatures(9, 6, 10), some_ground(6, 10)
     indices, distances = nearest_signatures(signatures[0], signatures, ground, 50)
@@ -150,9 +143,10 @@ def test_none_cannot_be_asked_for(k: int) -> None:
 
 def test_signatures_over_other_motifs_are_refused() -> None:
     index = SignatureIndex.build(np.ones((2, 3)), some_ground(3, 0), "motifs-2")
-    assert len(index.nearest(np.ones(3), 1, model="motifs-2").indices) == 1
+    for name in ("motifs-2", None):
+        check_model(name, index.model)
     with pytest.raises(ValueError, match=r"motifs-1 .* motifs-2"):
-        index.nearest(np.ones(3), 1, model="motifs-1")
+        check_model("motifs-1", index.model)
     with pytest.raises(ValueError, match="does not fit 3 motifs"):
         index.nearest(np.ones(4), 1)
     with pytest.raises(ValueError, match="does not fit 3 motifs"):

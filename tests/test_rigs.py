@@ -9,9 +9,9 @@ import pytest
 from motionlake.errors import ClipError, UserError
 from motionlake.formats import read_clips
 from motionlake.motion.clip import ChannelKind, Hierarchy
-from motionlake.motion.rigs import RigMap, bare_names, identify, load_rigs, parse_rig, starter_map
+from motionlake.motion.rigs import RigMap, bare_names, identify, load_rigs, parse_rig
 from motionlake.motion.skeleton import INDEX, JOINTS, PARENTS
-from motionlake.motion.starter import guess_joints
+from motionlake.motion.starter import guess_joints, starter_map
 
 from tests.rig_samples import SETS, sample
 

@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from motionlake.deep_motifs.corpus import Corpus, CorpusClip
 from motionlake.deep_motifs.emd import emd
 from motionlake.deep_motifs.segmentation import (
     UNKNOWN,
@@ -23,7 +22,7 @@ from motionlake.deep_motifs.segmentation import (
     centred_signatures,
     labelled_windows,
 )
-from motionlake.deep_motifs.signatures import signature
+from motionlake.deep_motifs.signatures import Corpus, CorpusClip, signature
 from motionlake.errors import UserError
 from numpy.typing import NDArray
 
@@ -124,7 +123,7 @@ def test_what_was_never_taught_is_unknown() -> None:
     assert judged[:15].tolist() == ["a"] * 15
     assert judged[22:38].tolist() == [UNKNOWN] * 16
     assert judged[45:].tolist() == ["b"] * 15
-    assert set(segmenter.forced_words(motifs, corpus.idf).labels) == {"a", "b"}
+    assert set(segmenter.label_words(motifs, corpus.idf, forced=True).labels) == {"a", "b"}
 
 
 def test_thresholds_are_the_largest_distances_from_other_clips() -> None:

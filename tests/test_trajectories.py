@@ -38,8 +38,7 @@ from motionlake.glogen.trajectories import (
     resampled,
     standard_joints,
 )
-from motionlake.motion.mirror import mirrored_positions
-from motionlake.motion.skeleton import INDEX, PARENTS, facing
+from motionlake.motion.skeleton import INDEX, PARENTS, facing, mirrored_positions
 
 from tests.lakes import canonical_clips, query
 from tests.test_pictures import standing

@@ -81,11 +81,6 @@ def test_smoothing_averages_positions_over_time() -> None:
     np.testing.assert_allclose(found[4:96], expected[4:96], atol=1e-5)
 
 
-def test_how_many_words_cover_a_time() -> None:
-    config = WordConfig(length=16, stride=4)
-    assert (config.words_in(2.0), config.words_in(2.5), config.words_in(0.1)) == (9, 12, 2)
-
-
 def test_turning_shows_as_yaw_rate_and_velocity_is_seen_from_the_body() -> None:
     still = np.repeat(walker(1, 24.0), 240, axis=0)
     angles = 0.05 * np.arange(240)

@@ -9,7 +9,8 @@ import typer
 from motionlake.cli.common import JsonOption, tell
 from motionlake.errors import ClipError, UserError
 from motionlake.formats import read_clips
-from motionlake.motion.rigs import identify, load_rigs, starter_map
+from motionlake.motion.rigs import identify, load_rigs
+from motionlake.motion.starter import starter_map
 
 
 def rig(

@@ -1,4 +1,4 @@
-"""Earth Mover's Distance between signatures (Deep Motifs, section 4.3, equations 4 to 6), and cheap lower bounds.
+"""Earth Mover's Distance between signatures (Deep Motifs, section 4.3, equations 4 to 6).
 
 The mass at a motif is its tf-idf weight; signatures are scaled to mass 1, so all mass is moved and the
 total flow of equation 6 is 1. The ground distance d_ij is the L2 distance of the motifs' centroids in the
@@ -7,15 +7,21 @@ embedding space. POT's network simplex solves the transport exactly. `emd_deep_m
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Final
+import importlib
+import sys
+from collections.abc import Callable, Sequence
+from functools import cache
+from importlib.util import find_spec
+from pathlib import Path
+from types import ModuleType
+from typing import Any, Final
 
 import numpy as np
-from motionlake.arrays import Float32Array, Float64Array, FloatArray, Int64Array
-from motionlake.deep_motifs.transport import cheapest_flow
-from numba import njit
+from motionlake.arrays import Float64Array, FloatArray
 
 Signature = FloatArray | Sequence[float]
+
+MOST_STEPS: Final = 100_000  # of the simplex, as POT allows
 
 
 def ground_distances(centroids: FloatArray) -> Float64Array:
@@ -95,8 +101,8 @@ def check_model(model: str | None, served: str | None) -> None:
         raise ValueError(f"a signature over {model} does not compare with signatures over {served}; make it again")
 
 
-def transport(p: Float64Array, q: Float64Array, ground: Float64Array) -> float:
-    """`emd` of checked signatures of mass 1."""
+def transport(p: Float64Array, q: Float64Array, ground: Float64Array, *, partial: bool = False) -> float:
+    """Work of the cheapest flow between checked signatures of mass 1; `partial`: one of them may have more."""
     # The ground distance is a metric: some optimal flow leaves the mass that both share where it is.
     shared = np.minimum(p, q)
     surplus, deficit = p - shared, q - shared
@@ -105,7 +111,14 @@ def transport(p: Float64Array, q: Float64Array, ground: Float64Array) -> float:
         return 0.0
     if tuple(sources) > tuple(sinks):  # one order for both directions: the same rounding
         surplus, deficit, sources, sinks = deficit, surplus, sinks, sources
-    return cheapest_flow(surplus[sources], deficit[sinks], np.ascontiguousarray(ground[np.ix_(sources, sinks)]))
+    given, taken, costs = surplus[sources], deficit[sinks], ground[np.ix_(sources, sinks)]
+    unmoved = given.sum() - taken.sum() if partial else 0.0
+    if unmoved > 0:  # the heavier side sends what it keeps to a place that costs nothing
+        taken, costs = np.append(taken, unmoved), np.pad(costs, ((0, 0), (0, 1)))
+    elif unmoved < 0:
+        given, costs = np.append(given, -unmoved), np.pad(costs, ((0, 1), (0, 0)))
+    found = _simplex()(given, taken * given.sum() / taken.sum(), np.ascontiguousarray(costs), MOST_STEPS, 1)
+    return float(found[1])
 
 
 def emd_deep_motifs(p: Signature, q: Signature, strength: FloatArray, ground: Float64Array) -> float:
@@ -140,129 +153,40 @@ def emd_partial(p: Signature, q: Signature, ground: Float64Array) -> float:
     """
     left, right = check_signature(p, len(ground)), check_signature(q, len(ground))
     flow = min(left.sum(), right.sum())
-    left, right = left / flow, right / flow
-    # As in `emd`, some optimal flow leaves the mass that both share where it is, by the triangle inequality.
-    shared = np.minimum(left, right)
-    surplus, deficit = left - shared, right - shared
-    sources, sinks = np.flatnonzero(surplus), np.flatnonzero(deficit)
-    if not (len(sources) and len(sinks)):
-        return 0.0
-    if tuple(sources) > tuple(sinks):  # one order for both directions: the same rounding
-        surplus, deficit, sources, sinks = deficit, surplus, sinks, sources
-    given, taken, costs = surplus[sources], deficit[sinks], ground[np.ix_(sources, sinks)]
-    unmoved = given.sum() - taken.sum()
-    if unmoved > 0:  # the heavier side sends what it keeps to a place that costs nothing
-        taken, costs = np.append(taken, unmoved), np.pad(costs, ((0, 0), (0, 1)))
-    elif unmoved < 0:
-        given, costs = np.append(given, -unmoved), np.pad(costs, ((0, 1), (0, 0)))
-    return cheapest_flow(given, taken, np.ascontiguousarray(costs))
+    return transport(left / flow, right / flow, ground, partial=True)
 
 
-# Some 1e5 times the rounding of a sum over a few hundred motifs, and far below what tells clips apart.
-SLACK: Final = 1e-9
-SLACK_DIAMETER: Final = 1e-12
-FLOAT32_SLACK: Final = 1e-6
+@cache
+def _simplex() -> Callable[..., tuple[Any, ...]]:
+    """`ot.lp.emd_wrap.emd_c`, POT's compiled network simplex: (plan, cost, ...).
 
-
-def projection_bounds(
-    query: Float64Array, projected: Float32Array, candidates: Int64Array, diameter: float
-) -> Float64Array:
-    """[c] projection bounds of a query from the signatures `candidates` [c].
-
-    Args:
-        query: [A] means of the query's distance from A motifs.
-        projected: [n, A] those of the signatures.
-        candidates: [c] indices of signatures.
-        diameter: the largest ground distance.
+    Without the rest of POT, whose import takes longer than a search.
     """
-    largest = _largest_differences(query.astype(np.float32), projected, candidates)
-    return np.asarray(np.maximum(largest - FLOAT32_SLACK * diameter, 0), dtype=np.float64)
+    if "ot" not in sys.modules:
+        spec = find_spec("ot")
+        assert spec is not None
+        assert spec.origin is not None
+        root = Path(spec.origin).parent
+        packages = {"ot": root, "ot.lp": root / "lp", "ot.utils": root}
+        try:
+            for name, folder in packages.items():  # empty ones: their __init__ imports scikit-learn and much more
+                sys.modules[name] = _Empty(name)
+                sys.modules[name].__path__ = [str(folder)]
+            importlib.import_module("ot.lp.emd_wrap")
+        finally:
+            for name in packages:
+                del sys.modules[name]
+    else:
+        importlib.import_module("ot.lp.emd_wrap")
+    solver: Callable[..., tuple[Any, ...]] = sys.modules["ot.lp.emd_wrap"].emd_c
+    return solver
 
 
-@njit(cache=True)
-def _largest_differences(query, projected, candidates):  # type: ignore[no-untyped-def]
-    found = np.empty(len(candidates))
-    for c in range(len(candidates)):
-        row = projected[candidates[c]]
-        largest = np.float32(0)
-        for a in range(len(row)):
-            largest = max(largest, abs(query[a] - row[a]))
-        found[c] = largest
-    return found
+class _Empty(ModuleType):
+    """A package whose functions are imported when they are called."""
 
-
-@njit(cache=True)
-def transfer_bounds(query, offsets, motifs, masses, ground, neighbours, candidates, enough):  # type: ignore[no-untyped-def]
-    """[c] capacity-limited bounds of a query from the signatures `candidates` [c].
-
-    Args:
-        query: [K] mass 1.
-        offsets: [n + 1] of the sparse signatures.
-        motifs: their motifs.
-        masses: their mass at these.
-        ground: [K, K].
-        neighbours: [K, K] motifs by distance from each.
-        candidates: [c] indices of signatures.
-        enough: once a bound exceeds it, it is not raised any further.
-    """
-    k = len(query)
-    support = np.flatnonzero(query)
-    # The query's motifs by distance from each motif.
-    near = np.empty((k, len(support)), dtype=np.int32)
-    far = np.empty((k, len(support)))
-    for j in range(k):
-        found = 0
-        for i in neighbours[j]:
-            if query[i] > 0:
-                near[j, found] = i
-                far[j, found] = ground[j, i]
-                found += 1
-    surplus = query.copy()
-    deficit = np.zeros(k)
-    bounds = np.empty(len(candidates))
-    rounding = SLACK_DIAMETER * ground.max()
-    limit = (enough + rounding) / (1 - SLACK)
-    for c in range(len(candidates)):
-        start, stop = offsets[candidates[c]], offsets[candidates[c] + 1]
-        for t in range(start, stop):
-            j = motifs[t]
-            shared = min(query[j], masses[t])
-            surplus[j] = query[j] - shared
-            deficit[j] = masses[t] - shared
-        inward = 0.0
-        for t in range(start, stop):
-            j = motifs[t]
-            left = deficit[j]
-            if left > 0:
-                for s in range(len(support)):
-                    i = near[j, s]
-                    if surplus[i] > 0:
-                        moved = min(left, surplus[i])
-                        inward += moved * far[j, s]
-                        left -= moved
-                        if left <= 0:
-                            break
-                if inward > limit:
-                    break
-        bound = inward
-        if inward <= limit:
-            outward = 0.0
-            for i in support:
-                left = surplus[i]
-                if left > 0:
-                    for j in neighbours[i]:
-                        if deficit[j] > 0:
-                            moved = min(left, deficit[j])
-                            outward += moved * ground[i, j]
-                            left -= moved
-                            if left <= 0:
-                                break
-                    if outward > limit:
-                        break
-            bound = max(inward, outward)
-        bounds[c] = max(bound * (1 - SLACK) - rounding, 0.0)
-        for t in range(start, stop):
-            j = motifs[t]
-            surplus[j] = query[j]
-            deficit[j] = 0.0
-    return bounds
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("__"):
+            raise AttributeError(name)
+        home = self.__name__
+        return lambda *given, **named: getattr(importlib.import_module(home), name)(*given, **named)

@@ -1,7 +1,7 @@
 """Exact nearest signatures by the Earth Mover's Distance, solving few of the transports.
 
 A cheap bound orders the signatures, the distances of a few give a threshold, a tight bound is computed where
-the cheap one is below it, and what is left is solved in ascending order of its bound until the next bound
+the cheap one is below it, and what remains is solved in ascending order of its bound until the next bound
 exceeds the k-th smallest distance. Answers are those of solving them all, to the last bit.
 """
 
@@ -9,25 +9,20 @@ from __future__ import annotations
 
 import heapq
 from dataclasses import dataclass, field
-from functools import cached_property
 from typing import Final, NamedTuple
 
 import numpy as np
 from motionlake.arrays import Float32Array, Float64Array, FloatArray, Int32Array, Int64Array, IntArray
-from motionlake.deep_motifs.emd import (
-    Signature,
-    check_model,
-    projection_bounds,
-    transfer_bounds,
-    transport,
-    unit_mass,
-    unit_masses,
-)
-from numpy.typing import NDArray
+from motionlake.deep_motifs.emd import Signature, transport, unit_mass, unit_masses
+from numba import njit
 
 # The threshold comes from the k tightest among so many times k signatures that the cheap bound puts first.
 PROBES: Final = 8
 ROWS: Final = 4096
+# Some 1e5 times the rounding of a sum over a few hundred motifs, and far below what tells clips apart.
+SLACK: Final = 1e-9
+SLACK_DIAMETER: Final = 1e-12
+FLOAT32_SLACK: Final = 1e-6
 
 
 class Nearest(NamedTuple):
@@ -88,11 +83,6 @@ class SignatureIndex:
     def __len__(self) -> int:
         return len(self.offsets) - 1
 
-    @cached_property
-    def diameter(self) -> float:
-        """The largest ground distance."""
-        return float(self.ground.max(initial=0.0))
-
     def mass(self, i: int) -> Float64Array:
         """[K] signature i at mass 1."""
         dense = np.zeros(len(self.ground))
@@ -100,88 +90,44 @@ class SignatureIndex:
         dense[self.motifs[span]] = self.masses[span]
         return dense
 
-    def nearest(self, query: Signature, k: int, among: IntArray | None = None, model: str | None = None) -> Nearest:
+    def nearest(self, query: Signature, k: int, among: IntArray | None = None) -> Nearest:
         """The k signatures nearest to a query by `emd`; all where there are fewer.
 
         Args:
             query: [K] non-negative weights with a positive sum.
             k: how many.
             among: [m] indices of the signatures to choose from, each once; all by default.
-            model: name of the query's motifs, where it is known.
 
         Raises:
             ValueError: k < 1, or a query that is no signature over the motifs of the index.
         """
         if k < 1:
             raise ValueError(f"k = {k}: ask for at least 1 nearest signature")
-        check_model(model, self.model)
         p = unit_mass(query, self.ground)
         chosen = np.arange(len(self)) if among is None else np.asarray(among, dtype=np.int64)
         answers = _Answers(self, p, k)
         if len(chosen):
             cheap = self.cheap_bounds(p, chosen)
-            probes, rest = _split(cheap, PROBES * k)
+            first = min(PROBES * k, len(chosen))
+            order = np.argpartition(cheap, first - 1)
+            probes, rest = order[:first], order[first:]
             answers.solve(chosen[probes], self.tight_bounds(p, chosen[probes]), at_most=k)
             rest = np.concatenate([probes, rest[cheap[rest] <= answers.threshold]])
             answers.solve(chosen[rest], self.tight_bounds(p, chosen[rest], answers.threshold))
         return answers.best()
 
     def cheap_bounds(self, mass: Float64Array, candidates: Int64Array) -> Float64Array:
-        """[c] `projection_bounds` of a query of mass 1 [K] from signatures of the index."""
-        return projection_bounds(mass @ self.ground, self.projected, candidates, self.diameter)
+        """[c] lower bounds by means of distances: of a query of mass 1 [K] from signatures of the index."""
+        largest = _largest_differences((mass @ self.ground).astype(np.float32), self.projected, candidates)
+        return np.maximum(largest - FLOAT32_SLACK * self.ground.max(initial=0.0), 0)
 
     def tight_bounds(self, mass: Float64Array, candidates: Int64Array, enough: float = np.inf) -> Float64Array:
-        """[c] `transfer_bounds` of a query of mass 1 [K] from signatures of the index."""
+        """[c] lower bounds by transfers within capacity: of a query of mass 1 [K] from signatures of the index.
+
+        Once a bound exceeds `enough`, it is not raised any further.
+        """
         parts = (self.offsets, self.motifs, self.masses, self.ground, self.neighbours)
-        return np.asarray(transfer_bounds(mass, *parts, candidates, enough), dtype=np.float64)
-
-
-def nearest_signatures(
-    query: Signature, signatures: FloatArray | SignatureIndex, ground: Float64Array, k: int
-) -> tuple[Int64Array, Float64Array]:
-    """The k signatures nearest to a query, and their distances; the same as sorting `emd_many`, ties by index.
-
-    Args:
-        query: [K] non-negative weights with a positive sum.
-        signatures: [n, K], or the index of them, which spares building it again for every query.
-        ground: [K, K] distances of the motifs, a metric.
-        k: how many; all where there are fewer.
-
-    Raises:
-        ValueError: k < 1, or what is no signature over those motifs.
-    """
-    index = signatures if isinstance(signatures, SignatureIndex) else SignatureIndex.build(signatures, ground)
-    found = index.nearest(query, k)
-    return found.indices, found.distances
-
-
-def nearest_many(
-    queries: FloatArray,
-    index: SignatureIndex,
-    k: int,
-    query_groups: NDArray[np.generic] | None = None,
-    groups: NDArray[np.generic] | None = None,
-) -> list[Nearest]:
-    """The k signatures nearest to each of `queries` [m, K]; see `SignatureIndex.nearest`.
-
-    Args:
-        queries: [m, K].
-        index: what is searched.
-        k: how many for each.
-        query_groups: [m] a query gets no answers from its own group: the clip or take that it comes from.
-        groups: [n] groups of the signatures of the index; given with `query_groups`.
-
-    Raises:
-        ValueError: as `SignatureIndex.nearest`, or groups of other lengths.
-    """
-    if query_groups is None or groups is None:
-        return [index.nearest(query, k) for query in queries]
-    if len(query_groups) != len(queries) or len(groups) != len(index):
-        raise ValueError(
-            f"groups of {len(query_groups)} queries and {len(groups)} signatures, for {len(queries)} and {len(index)}"
-        )
-    others = {group: np.flatnonzero(groups != group) for group in np.unique(query_groups)}
-    return [index.nearest(query, k, others[group]) for query, group in zip(queries, query_groups, strict=True)]
+        return np.asarray(_transfer_bounds(mass, *parts, candidates, enough), dtype=np.float64)
 
 
 @dataclass
@@ -221,9 +167,79 @@ class _Answers:
         return Nearest(indices[order], distances[order], len(indices))
 
 
-def _split(bounds: Float64Array, count: int) -> tuple[Int64Array, Int64Array]:
-    """Positions of the `count` smallest bounds, and all others."""
-    if count >= len(bounds):
-        return np.arange(len(bounds)), np.zeros(0, dtype=np.int64)
-    order = np.argpartition(bounds, count)
-    return order[:count], order[count:]
+@njit(cache=True)
+def _largest_differences(query, projected, candidates):  # type: ignore[no-untyped-def]
+    found = np.empty(len(candidates))
+    for c in range(len(candidates)):
+        row = projected[candidates[c]]
+        largest = np.float32(0)
+        for a in range(len(row)):
+            largest = max(largest, abs(query[a] - row[a]))
+        found[c] = largest
+    return found
+
+
+@njit(cache=True)
+def _transfer_bounds(query, offsets, motifs, masses, ground, neighbours, candidates, enough):  # type: ignore[no-untyped-def]
+    """[c] bounds of a query [K] of mass 1; the sparse signatures and `neighbours` as in `SignatureIndex`."""
+    k = len(query)
+    support = np.flatnonzero(query)
+    # The query's motifs by distance from each motif.
+    near = np.empty((k, len(support)), dtype=np.int32)
+    far = np.empty((k, len(support)))
+    for j in range(k):
+        found = 0
+        for i in neighbours[j]:
+            if query[i] > 0:
+                near[j, found] = i
+                far[j, found] = ground[j, i]
+                found += 1
+    surplus = query.copy()
+    deficit = np.zeros(k)
+    bounds = np.empty(len(candidates))
+    rounding = SLACK_DIAMETER * ground.max()
+    limit = (enough + rounding) / (1 - SLACK)
+    for c in range(len(candidates)):
+        start, stop = offsets[candidates[c]], offsets[candidates[c] + 1]
+        for t in range(start, stop):
+            j = motifs[t]
+            shared = min(query[j], masses[t])
+            surplus[j] = query[j] - shared
+            deficit[j] = masses[t] - shared
+        inward = 0.0
+        for t in range(start, stop):
+            j = motifs[t]
+            left = deficit[j]
+            if left > 0:
+                for s in range(len(support)):
+                    i = near[j, s]
+                    if surplus[i] > 0:
+                        moved = min(left, surplus[i])
+                        inward += moved * far[j, s]
+                        left -= moved
+                        if left <= 0:
+                            break
+                if inward > limit:
+                    break
+        bound = inward
+        if inward <= limit:
+            outward = 0.0
+            for i in support:
+                left = surplus[i]
+                if left > 0:
+                    for j in neighbours[i]:
+                        if deficit[j] > 0:
+                            moved = min(left, deficit[j])
+                            outward += moved * ground[i, j]
+                            left -= moved
+                            if left <= 0:
+                                break
+                    if outward > limit:
+                        break
+            bound = max(inward, outward)
+        bounds[c] = max(bound * (1 - SLACK) - rounding, 0.0)
+        for t in range(start, stop):
+            j = motifs[t]
+            surplus[j] = query[j]
+            deficit[j] = 0.0
+    return bounds

@@ -17,10 +17,9 @@ from typing import Final
 
 import numpy as np
 from motionlake.arrays import Float32Array, Float64Array, Int32Array, Int64Array
-from motionlake.deep_motifs.corpus import Corpus
 from motionlake.deep_motifs.emd import emd_many
 from motionlake.deep_motifs.emd_search import SignatureIndex
-from motionlake.deep_motifs.signatures import tf_idf, window_signatures
+from motionlake.deep_motifs.signatures import Corpus, tf_idf, window_signatures
 from motionlake.errors import UserError
 
 LEAST_WORDS: Final = 2

@@ -15,13 +15,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from typing import Final
 
 import numpy as np
 from motionlake.arrays import BoolArray, Float32Array, Float64Array, Int64Array, IntArray
-from motionlake.deep_motifs.corpus import Corpus
 from motionlake.deep_motifs.emd_search import SignatureIndex
+from motionlake.deep_motifs.signatures import Corpus, range_signatures, range_sums
 from motionlake.errors import UserError
 from numpy.typing import NDArray
 
@@ -123,13 +123,7 @@ def centred_signatures(motifs: IntArray, idf: Float64Array, n_words: int) -> Flo
 
     An even window reaches one word further back than ahead.
     """
-    w = len(motifs)
-    present = np.zeros((w + 1, len(idf)), dtype=np.int64)
-    present[np.arange(1, w + 1), motifs] = 1
-    running = np.cumsum(present, axis=0)
-    first, last = _span(w, n_words)
-    weights = (running[last] - running[first]) * idf
-    return np.asarray(weights / weights.sum(axis=1, keepdims=True), dtype=np.float32)
+    return range_signatures(motifs, idf, *_span(len(motifs), n_words))
 
 
 def word_centres(corpus: Corpus, clip: int) -> Float64Array:
@@ -163,41 +157,44 @@ def labelled_windows(
         raise UserError(
             "there is nothing to learn classes from: give clips with rows in segments.csv, or clips with labels"
         )
-    signatures, labels, clips, turned = [], [], [], []
-    windows: dict[int, list[Float32Array]] = {}
+
+    @cache
+    def windows(clip: int) -> list[Float32Array]:
+        sides: list[IntArray] = [corpus.motifs[corpus.words_of(clip)]]
+        if mirrored is not None:
+            sides.append(mirrored[clip])
+        return [centred_signatures(side, corpus.idf, n_words) for side in sides]
+
+    signatures: list[Float32Array] = []
+    about: list[tuple[str, int, bool]] = []
     for taught in ranges:
-        if taught.clip not in windows:
-            sides: list[IntArray] = [corpus.motifs[corpus.words_of(taught.clip)]]
-            if mirrored is not None:
-                sides.append(mirrored[taught.clip])
-            windows[taught.clip] = [centred_signatures(side, corpus.idf, n_words) for side in sides]
         inside = _words_in(word_centres(corpus, taught.clip), taught)
-        for side, side_windows in enumerate(windows[taught.clip]):
+        for side, side_windows in enumerate(windows(taught.clip)):
             signatures.append(side_windows[inside])
-            turned.extend([side == 1] * len(inside))
-            labels.extend([taught.label] * len(inside))
-            clips.extend([taught.clip] * len(inside))
+            about.extend([(taught.label, taught.clip, side == 1)] * len(inside))
+    labels, clips, turned = zip(*about, strict=True)
     return Teaching(np.concatenate(signatures), np.array(labels), np.array(clips, dtype=np.int64), np.array(turned))
 
 
 def _words_in(centres: Float64Array, taught: LabelledRange) -> Int64Array:
+    """The words whose centre lies in a range, or that whose centre is nearest to the middle of the range."""
     inside = np.flatnonzero((centres >= taught.start) & (centres < taught.stop))
-    if not len(inside):
-        inside = np.array([np.argmin(np.abs(centres - (taught.start + taught.stop - 1) / 2))])
-    return np.asarray(inside, dtype=np.int64)
+    if len(inside):
+        return inside
+    return np.array([np.argmin(np.abs(centres - (taught.start + taught.stop - 1) / 2))])
 
 
 class _Side:
     """Taught windows, equal ones kept once: those of the clips, or those of their mirror images."""
 
     def __init__(self, teaching: Teaching, rows: Int64Array, ground: Float64Array, factor: float) -> None:
-        _, first, where = np.unique(teaching.signatures[rows], axis=0, return_index=True, return_inverse=True)
-        rank = np.argsort(np.argsort(first))  # in the given order, which settles ties
-        kinds = rank[where.ravel()]
-        unique = teaching.signatures[rows[np.sort(first)]]
-        self._rows = rows[np.argsort(kinds, kind="stable")]
-        self._bounds = np.concatenate([[0], np.cumsum(np.bincount(kinds, minlength=len(unique)))])
-        self._index = SignatureIndex.build(unique, ground)
+        unique, first, where = np.unique(teaching.signatures[rows], axis=0, return_index=True, return_inverse=True)
+        order = np.argsort(first)  # the given one, which settles ties
+        self._rows = rows
+        self._kinds = np.argsort(order)[where.ravel()]  # [rows] which of the different windows each has
+        by_kind = rows[np.argsort(self._kinds, kind="stable")]
+        self._members = np.split(by_kind, np.cumsum(np.bincount(self._kinds))[:-1])
+        self._index = SignatureIndex.build(unique[order], ground)
         self._factor = factor
 
     def nearest(self, window: Float32Array, k: int, among: Int64Array | None = None) -> list[tuple[float, int]]:
@@ -206,13 +203,12 @@ class _Side:
         return [
             (distance * self._factor, row)
             for kind, distance in zip(found.indices.tolist(), found.distances.tolist(), strict=True)
-            for row in self._rows[self._bounds[kind] : self._bounds[kind + 1]].tolist()
+            for row in self._members[kind].tolist()
         ]
 
     def kinds(self, kept: BoolArray) -> Int64Array:
-        """Which different windows a taught row that is kept ([m]) has."""
-        kinds = np.repeat(np.arange(len(self._bounds) - 1), np.diff(self._bounds))
-        return np.unique(kinds[kept[self._rows]])
+        """Which different windows the taught rows that are kept ([m]) have."""
+        return np.unique(self._kinds[kept[self._rows]])
 
 
 class Segmenter:
@@ -226,17 +222,10 @@ class Segmenter:
         sides = ((~teaching.mirrored, 1.0), (teaching.mirrored, self.config.mirror_factor))
         self._sides = [_Side(teaching, np.flatnonzero(rows), ground, factor) for rows, factor in sides if rows.any()]
 
-    def label_words(self, motifs: IntArray, idf: Float64Array) -> WordLabels:
-        """The class of each of w words of a clip (`motifs` [w]), or "unknown"."""
-        return self._label(motifs, idf, judging=self.config.unknown is not None)
-
-    def forced_words(self, motifs: IntArray, idf: Float64Array) -> WordLabels:
-        """The same where every word gets a labelled class."""
-        return self._label(motifs, idf, judging=False)
-
-    def _label(self, motifs: IntArray, idf: Float64Array, *, judging: bool) -> WordLabels:
+    def label_words(self, motifs: IntArray, idf: Float64Array, *, forced: bool = False) -> WordLabels:
+        """The class of each of w words of a clip (`motifs` [w]), or "unknown"; `forced`: always a class."""
         votes, distances = self._votes(centred_signatures(motifs, idf, self.config.window))
-        if judging:
+        if self.config.unknown is not None and not forced:
             far = distances > self.thresholds[votes.argmax(axis=1)]
             votes = np.column_stack([votes * ~far[:, None], far])
         votes = _shared_out(votes, self.config.reach)
@@ -333,6 +322,5 @@ def _span(w: int, n_words: int) -> tuple[Int64Array, Int64Array]:
 
 def _shared_out(votes: Float64Array, reach: int) -> Float64Array:
     """[w, c] mean of the votes [w, c] of all windows up to `reach` from each word."""
-    running = np.concatenate([np.zeros((1, votes.shape[1])), np.cumsum(votes, axis=0)])
     first, last = _span(len(votes), 2 * reach + 1)
-    return np.asarray((running[last] - running[first]) / (last - first)[:, None], dtype=np.float64)
+    return np.asarray(range_sums(votes, first, last) / (last - first)[:, None], dtype=np.float64)

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 from motionlake.arrays import FloatArray, Int32Array
-from motionlake.deep_motifs.corpus import Corpus
 from motionlake.deep_motifs.segmentation import (
     LabelledRange,
     SegmentationConfig,
@@ -16,6 +15,7 @@ from motionlake.deep_motifs.segmentation import (
     labelled_windows,
     word_centres,
 )
+from motionlake.deep_motifs.signatures import Corpus
 from motionlake.errors import UserError
 from motionlake.lake.catalog import Connection, fetch
 from motionlake.lake.corpus import read_corpus
@@ -166,6 +166,6 @@ def segmentation_scores(
     chosen = config or SegmentationConfig()
     segmenter = Segmenter(labelled_windows(corpus, taught, chosen.window, mirrored), corpus.ground, chosen)
     motifs = corpus.motifs[corpus.words_of(clip)]
-    judged, forced = segmenter.label_words(motifs, corpus.idf), segmenter.forced_words(motifs, corpus.idf)
+    judged, forced = segmenter.label_words(motifs, corpus.idf), segmenter.label_words(motifs, corpus.idf, forced=True)
     classes = word_truth(word_centres(corpus, clip), [(r.start, r.stop, r.label) for r in truth])
     return score_words(classes, judged.labels.tolist(), forced.labels.tolist(), segmenter.classes.tolist())

@@ -13,12 +13,10 @@ from typing import Final
 import numpy as np
 from motionlake.arrays import Float64Array
 from motionlake.glogen.feet import planted
-from motionlake.motion.kinematics import forward_kinematics, local_rotations
-from motionlake.motion.mirror import MIRRORED_JOINTS
+from motionlake.motion.kinematics import forward_kinematics, local_rotations, world_from_positions
 from motionlake.motion.resampling import interpolated
-from motionlake.motion.rest import world_from_positions
 from motionlake.motion.rotations import turn_about_y
-from motionlake.motion.skeleton import INDEX, JOINTS, facing
+from motionlake.motion.skeleton import INDEX, JOINTS, MIRRORED_JOINTS, facing
 from scipy.ndimage import gaussian_filter1d
 from scipy.signal import savgol_filter
 

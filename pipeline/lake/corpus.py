@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from motionlake.deep_motifs.corpus import Corpus, CorpusClip
+from motionlake.deep_motifs.signatures import Corpus, CorpusClip
 from motionlake.errors import UserError
 from motionlake.lake.catalog import Connection, fetch, fetch_table
 

@@ -8,13 +8,18 @@ from typing import Final
 import numpy as np
 from motionlake.arrays import Float64Array
 from motionlake.errors import ClipError
-from motionlake.motion.clip import ChannelKind, Hierarchy, SolvedMotion, SourceClip
-from motionlake.motion.fill import Binding, bind, place, place_offsets
-from motionlake.motion.kinematics import bone_vectors, continuous_signs, forward_kinematics, local_rotations
-from motionlake.motion.rest import to_canonical_rest, world_from_positions
+from motionlake.motion.clip import POSITION_CHANNELS, ChannelKind, Hierarchy, SolvedMotion, SourceClip
+from motionlake.motion.kinematics import (
+    bone_vectors,
+    continuous_signs,
+    forward_kinematics,
+    local_rotations,
+    world_from_positions,
+)
+from motionlake.motion.rest import Binding, bind, place, place_offsets, to_canonical_rest
 from motionlake.motion.rigs import Rest, RigMap
-from motionlake.motion.rotations import conjugate, from_axis_angle, multiply, normalise, rotate, to_euler
-from motionlake.motion.skeleton import INDEX, JOINTS, PARENTS
+from motionlake.motion.rotations import IDENTITY, conjugate, from_axis_angle, multiply, normalise, rotate, to_euler
+from motionlake.motion.skeleton import INDEX, JOINTS, PARENTS, chained
 
 MIN_HEIGHT: Final = 0.4
 MAX_HEIGHT: Final = 3.0
@@ -129,18 +134,17 @@ def canonicalise(
     scale = next((unit for unit in units if unit is not None), None)
     if scale is None:
         raise ClipError("the length unit is unknown: say --unit")
-    hierarchy = clip.hierarchy
-    binding = bind(rig, hierarchy)
+    binding = bind(rig, clip.hierarchy)
     turn = _turn(up)
-    _check_reach(motion.positions, hierarchy.joints, scale)
+    _check_reach(motion.positions, clip.hierarchy.joints, scale)
     source_positions = rotate(turn, motion.positions) * scale
     source_world = None if motion.world is None else multiply(turn, motion.world)
-    positions = place(binding, hierarchy, source_positions, source_world, scale)
+    positions = place(binding, source_positions, source_world, scale)
     notes = _orientation_notes(positions, up)
 
     in_rest = None
     if source_world is not None and rig.rest is not Rest.POSITIONS:
-        in_rest = to_canonical_rest(rig, binding, hierarchy, motion, scale)
+        in_rest = to_canonical_rest(binding, motion, scale)
         if in_rest is None:
             notes.append("the zero pose is no standing human: rotations come from positions, without twist")
     if in_rest is None or source_world is None:
@@ -174,7 +178,7 @@ def canonicalise(
 
 
 def _check_reach(positions: Float64Array, joints: tuple[str, ...], scale: float) -> None:
-    """`ClipError` where one of the file's joints [F, J, 3], of `scale` metres, goes absurdly far."""
+    """`ClipError` where one of the file's joints [F, J, 3], in units of `scale` metres, goes absurdly far."""
     with np.errstate(over="ignore", invalid="ignore"):
         distance = np.linalg.norm(positions - positions[0, 0], axis=-1) * scale
     far = ~(distance <= FARTHEST)
@@ -204,20 +208,14 @@ def _world_rotations(binding: Binding, source_world: Float64Array, in_rest: Floa
 
 def body_height(rest_offsets: Float64Array) -> float:
     """Height of the head joint over the ankles in the rest pose with these offsets."""
-    heights = np.zeros(len(PARENTS))
-    for joint, parent in enumerate(PARENTS):
-        if parent >= 0:
-            heights[joint] = heights[parent] + rest_offsets[joint, 1]
-    ankles = (heights[INDEX["left_ankle"]] + heights[INDEX["right_ankle"]]) / 2
-    return float(heights[INDEX["head"]] - ankles)
+    heights = chained(rest_offsets)[:, 1]
+    return float(heights[INDEX["head"]] - (heights[INDEX["left_ankle"]] + heights[INDEX["right_ankle"]]) / 2)
 
 
 def _orientation_notes(positions: Float64Array, up: str) -> list[str]:
     """A note where the body is long along another axis than up in most frames: lying, or a wrong up axis."""
-    ankles = (positions[:, INDEX["left_ankle"]] + positions[:, INDEX["right_ankle"]]) / 2
-    body = positions[:, INDEX["head"]] - ankles
-    axis = np.argmax(np.abs(body), axis=1)
-    upright = np.mean((axis == 1) & (body[:, 1] > 0))
+    body = positions[:, INDEX["head"]] - (positions[:, INDEX["left_ankle"]] + positions[:, INDEX["right_ankle"]]) / 2
+    upright = np.mean((np.argmax(np.abs(body), axis=1) == 1) & (body[:, 1] > 0))
     if upright >= 0.5:
         return []
     longest = rotate(conjugate(_turn(up)), np.median(body, axis=0))
@@ -228,8 +226,7 @@ def _orientation_notes(positions: Float64Array, up: str) -> list[str]:
 
 
 METRES_PER_UNIT: Final = 0.01
-ROTATION: Final = ("Zrotation", "Yrotation", "Xrotation")
-POSITION: Final = ("Xposition", "Yposition", "Zposition")
+_ROTATIONS: Final = ("Zrotation", "Yrotation", "Xrotation")
 # End sites as shares of the body height, where the last joints' bones end.
 _TIPS: Final[dict[str, tuple[float, float, float]]] = {
     "head": (0.0, 0.12, 0.0),
@@ -246,39 +243,24 @@ def to_source_clip(motion: CanonicalMotion) -> SourceClip:
     The zero pose is the canonical rest pose with the clip's own bone offsets. Where the source was not rigid,
     positions differ from `motion.positions` by up to `motion.fk_error`.
     """
-    order = _depth_first()
-    offsets = motion.rest_offsets / METRES_PER_UNIT
+    order = _depth_first(0)
     angles = to_euler(motion.rotations, "ZYX")[:, order].reshape(len(motion.root), -1)
+    size = motion.body_height / METRES_PER_UNIT
     hierarchy = Hierarchy(
         joints=tuple(JOINTS[joint] for joint in order),
         parents=tuple(order.index(PARENTS[joint]) if PARENTS[joint] >= 0 else -1 for joint in order),
-        offsets=offsets[order],
-        channels=(POSITION + ROTATION, *(ROTATION for _ in order[1:])),
+        offsets=(motion.rest_offsets / METRES_PER_UNIT)[order],
+        channels=(POSITION_CHANNELS + _ROTATIONS, *(_ROTATIONS for _ in order[1:])),
         kind=ChannelKind.EULER,
-        axes=np.tile(np.array([1.0, 0.0, 0.0, 0.0]), (len(JOINTS), 1)),
+        axes=np.tile(IDENTITY, (len(JOINTS), 1)),
         end_sites=tuple(
-            (order.index(INDEX[name]), _scaled(share, motion.body_height / METRES_PER_UNIT))
-            for name, share in _TIPS.items()
+            (order.index(INDEX[name]), (x * size, y * size, z * size)) for name, (x, y, z) in _TIPS.items()
         ),
     )
-    return SourceClip(
-        hierarchy=hierarchy,
-        channels=np.concatenate([motion.root / METRES_PER_UNIT, angles], axis=1),
-        fps=motion.fps,
-        metres_per_unit=METRES_PER_UNIT,
-        notes=motion.notes,
-    )
+    channels = np.concatenate([motion.root / METRES_PER_UNIT, angles], axis=1)
+    return SourceClip(hierarchy, channels, motion.fps, metres_per_unit=METRES_PER_UNIT, notes=motion.notes)
 
 
-def _scaled(share: tuple[float, float, float], size: float) -> tuple[float, float, float]:
-    x, y, z = share
-    return x * size, y * size, z * size
-
-
-def _depth_first() -> list[int]:
-    """Canonical joints in the order in which a BVH file writes its tree."""
-
-    def below(joint: int) -> list[int]:
-        return [joint, *(j for child, parent in enumerate(PARENTS) if parent == joint for j in below(child))]
-
-    return below(0)
+def _depth_first(joint: int) -> list[int]:
+    """A canonical joint and those below it in the order in which a BVH file writes its tree."""
+    return [joint, *(j for child, parent in enumerate(PARENTS) if parent == joint for j in _depth_first(child))]

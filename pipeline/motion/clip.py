@@ -4,8 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import Final
 
 from motionlake.arrays import Float64Array
+
+POSITION_CHANNELS: Final = ("Xposition", "Yposition", "Zposition")
+ROTATION_CHANNELS: Final = ("Xrotation", "Yrotation", "Zrotation")
+QUATERNION_CHANNELS: Final = ("Wquaternion", "Xquaternion", "Yquaternion", "Zquaternion")
 
 
 class ChannelKind(StrEnum):
@@ -27,10 +32,9 @@ class Hierarchy:
         joints: J names as the file spells them.
         parents: J indices; -1 at the root, which is joint 0.
         offsets: [J, 3] rest offset from the parent joint, file units (zeros for POSITIONS).
-        channels: for each joint its channel names in file order. EULER: "Xposition", "Yposition",
-            "Zposition", "Xrotation", "Yrotation", "Zrotation". QUATERNION: positions as above and
-            "Wquaternion", "Xquaternion", "Yquaternion", "Zquaternion". POSITIONS: "x", "y", "z".
-            A position channel replaces the rest offset along its axis.
+        channels: for each joint its channel names in file order. EULER: of `POSITION_CHANNELS` and
+            `ROTATION_CHANNELS`. QUATERNION: of `POSITION_CHANNELS` and all `QUATERNION_CHANNELS`. POSITIONS:
+            "x", "y", "z". A position channel replaces the rest offset along its axis.
         kind: what the channels are.
         axes: [J, 4] unit quaternions (w, x, y, z): local rotation = axis * R(channels) * axis^-1. Identity
             but for ASF.

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import Any, Final, Literal, NamedTuple
+from collections.abc import Sequence
+from itertools import combinations
+from typing import Final, Literal, NamedTuple
 
 import numpy as np
 from motionlake.arrays import Float32Array, Float64Array, Int64Array
@@ -98,62 +99,36 @@ def frame_pairs(lengths: Sequence[int]) -> int:
 
 
 def clip_dtw(a: Float32Array, b: Float32Array) -> float:
-    """Distance of two clips [n, D] and [m, D]."""
+    """Distance of two clips [n, D] and [m, D].
+
+    Raises:
+        ValueError: a clip without frames.
+    """
+    if not (len(a) and len(b)):
+        raise ValueError("a clip without frames cannot be aligned")
     return float(_aligned(squared_distances(a, b)))
 
 
 def squared_distances(a: Float32Array, b: Float32Array) -> Float32Array:
     """[n, m] squared Euclidean distances of the frames of two clips [n, D] and [m, D], up to rounding (below 0 too)."""
-    return np.asarray(_frame_distances(a, b, _squares(a), _squares(b)), dtype=np.float32)
+    squared = a @ b.T
+    squared *= -2
+    squared += np.einsum("td,td->t", a, a)[:, None]
+    squared += np.einsum("td,td->t", b, b)
+    return squared
 
 
-def dtw_matrix(clips: Sequence[Float32Array], progress: Callable[[int, int], None] | None = None) -> Float64Array:
-    """[n, n] distances between all of n clips, each [T, D]; `progress` hears rows done and n.
-
-    Raises:
-        ValueError: a clip without frames.
-    """
-    if any(not len(clip) for clip in clips):
-        raise ValueError("a clip without frames cannot be aligned")
-    squares = [_squares(clip) for clip in clips]
+def dtw_matrix(clips: Sequence[Float32Array]) -> Float64Array:
+    """[n, n] distances between all of n clips, each [T, D]; see `clip_dtw`."""
     matrix = np.zeros((len(clips), len(clips)))
-    for i, clip in enumerate(clips):
-        for j in range(i):
-            distances = _frame_distances(clip, clips[j], squares[i], squares[j])
-            matrix[i, j] = matrix[j, i] = _aligned(distances)
-        if progress is not None:
-            progress(i + 1, len(clips))
+    for i, j in combinations(range(len(clips)), 2):
+        matrix[i, j] = matrix[j, i] = clip_dtw(clips[j], clips[i])
     return matrix
 
 
 def dtw_cross(queries: Sequence[Float32Array], repository: Sequence[Float32Array]) -> Float64Array:
-    """[q, r] distances of q clips from r others, each [T, D].
-
-    Raises:
-        ValueError: a clip without frames.
-    """
-    if any(not len(clip) for clip in (*queries, *repository)):
-        raise ValueError("a clip without frames cannot be aligned")
-    squares = [_squares(clip) for clip in repository]
-    matrix = np.empty((len(queries), len(repository)))
-    for row, query in zip(matrix, queries, strict=True):
-        own = _squares(query)
-        for j, (clip, known) in enumerate(zip(repository, squares, strict=True)):
-            row[j] = _aligned(_frame_distances(query, clip, own, known))
-    return matrix
-
-
-def _squares(clip: Float32Array) -> Float32Array:
-    return np.asarray(np.einsum("td,td->t", clip, clip), dtype=np.float32)
-
-
-def _frame_distances(a: Float32Array, b: Float32Array, a_squares: Float32Array, b_squares: Float32Array) -> Any:
-    """[n, m] squared Euclidean distances; `_aligned` takes their root."""
-    squared = a @ b.T
-    squared *= -2
-    squared += a_squares[:, None]
-    squared += b_squares
-    return squared
+    """[q, r] distances of q clips from r others, each [T, D]; see `clip_dtw`."""
+    return np.array([[clip_dtw(query, clip) for clip in repository] for query in queries])
 
 
 @njit(cache=True)  # type: ignore[untyped-decorator]

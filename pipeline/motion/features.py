@@ -4,6 +4,8 @@ Two representations. "positions": joint positions seen from the body (centred at
 one way, divided by the body's size), with the motion of the root beside them. "rotations": the local
 rotation of each joint, as in Deep Motifs, sections 3.1 and 5.1. Both are invariant to where the body
 stands and where it faces.
+
+Those of the mirrored motion follow from them by a linear and exact map, so that no clip has to be read again.
 """
 
 from __future__ import annotations
@@ -12,9 +14,9 @@ from dataclasses import dataclass
 from typing import Final, Literal
 
 import numpy as np
-from motionlake.arrays import Float32Array, Float64Array
+from motionlake.arrays import Float32Array, Float64Array, Int64Array
 from motionlake.motion.resampling import resample
-from motionlake.motion.skeleton import COMMON, DEEP_MOTIFS, INDEX, facing
+from motionlake.motion.skeleton import COMMON, DEEP_MOTIFS, INDEX, MIRRORED_JOINTS, facing
 
 Representation = Literal["positions", "rotations"]
 JointSet = Literal["common15", "deep_motifs16"]
@@ -71,18 +73,13 @@ class WordConfig:
         """The paper's words: local rotations of 16 joints, 24 fps, 16 frames, stride 4 (section 5.1)."""
         return cls("rotations", 24.0, 16, 4, "deep_motifs16", 0.0, 0.0, 0.0)
 
-    def words_in(self, seconds: float) -> int:
-        """How many words in a row cover about so many seconds; at least two."""
-        return max(2, round((seconds * self.fps - self.length) / self.stride) + 1)
-
     @property
     def joint_indices(self) -> tuple[int, ...]:
         """Canonical indices of the joints whose features are kept.
 
         The hips are left out of positions: centred at themselves they are always zero.
         """
-        names = JOINT_SETS[self.joints]
-        return tuple(INDEX[name] for name in names if name != "hips")
+        return tuple(INDEX[name] for name in JOINT_SETS[self.joints] if name != "hips")
 
     @property
     def dimension(self) -> int:
@@ -164,3 +161,39 @@ def _position_features(positions: Float64Array, size: float, config: WordConfig)
         velocity = turn_about_y(_rate(root) / size, -angles)
         parts.append(config.root_weight * np.column_stack([velocity, _rate(angles)]))
     return np.ascontiguousarray(np.concatenate(parts, axis=1), dtype=np.float32)
+
+
+def mirrored_features(features: Float32Array, config: WordConfig) -> Float32Array:
+    """Features [T, D] under `config` of the body mirrored left to right, from its own; applied twice, its own again.
+
+    Reflecting the world across x = 0 and exchanging left and right joints turns the heading around, so seen from
+    the body every x changes its sign, and so does the yaw rate. A local rotation (w, x, y, z) becomes
+    (w, x, -y, -z), since the canonical rest pose is its own mirror image.
+
+    Raises:
+        ValueError: features of another width.
+    """
+    columns, signs = _mirroring(config)
+    if features.shape[1] != len(columns):
+        raise ValueError(f"features of width {features.shape[1]} do not fit a configuration of width {len(columns)}")
+    return np.ascontiguousarray(features[:, columns] * signs)
+
+
+def _mirroring(config: WordConfig) -> tuple[Int64Array, Float32Array]:
+    """For each number of a mirrored frame, the column it comes from and its sign."""
+    joints = config.joint_indices
+    across = np.array([joints.index(MIRRORED_JOINTS[joint]) for joint in joints])
+    if config.representation == "rotations":
+        return _per_joint(across, 4), np.tile(np.array([1, 1, -1, -1], np.float32), len(joints))
+    columns, signs = [_per_joint(across, 3)], [np.tile(np.array([-1, 1, 1], np.float32), len(joints))]
+    if config.velocity_weight > 0:
+        columns.append(columns[0] + 3 * len(joints))
+        signs.append(signs[0])
+    if config.root_weight > 0:
+        columns.append(np.arange(4) + sum(map(len, columns)))
+        signs.append(np.array([-1, 1, 1, -1], np.float32))
+    return np.concatenate(columns), np.concatenate(signs)
+
+
+def _per_joint(joints: Int64Array, width: int) -> Int64Array:
+    return (joints[:, None] * width + np.arange(width)).ravel()

@@ -1,4 +1,4 @@
-"""Forward kinematics: of a file's raw channels, and of the canonical skeleton."""
+"""Kinematics: of a file's raw channels, and of the canonical skeleton, forward and from positions back."""
 
 from __future__ import annotations
 
@@ -8,22 +8,32 @@ from typing import Final
 import numpy as np
 from motionlake.arrays import Float64Array, Int64Array
 from motionlake.errors import ClipError
-from motionlake.motion.clip import ChannelKind, Hierarchy, SolvedMotion, SourceClip
-from motionlake.motion.rotations import conjugate, multiply, multiply_into, rotate, rotate_into
-from motionlake.motion.skeleton import PARENTS
+from motionlake.motion.clip import (
+    POSITION_CHANNELS,
+    QUATERNION_CHANNELS,
+    ROTATION_CHANNELS,
+    ChannelKind,
+    Hierarchy,
+    SolvedMotion,
+    SourceClip,
+)
+from motionlake.motion.rotations import (
+    IDENTITY,
+    MIN_LENGTH,
+    conjugate,
+    from_matrix,
+    multiply,
+    multiply_into,
+    normalise,
+    rotate,
+    rotate_into,
+    swing,
+)
+from motionlake.motion.skeleton import BONES, INDEX, JOINTS, PARENTS, chained
 from numba import njit
 
 # A channel's code: 0-2 position, 3-5 rotation, 6-9 quaternion.
-_CODES: Final = {
-    name: code
-    for code, name in enumerate(
-        (
-            *("Xposition", "Yposition", "Zposition"),
-            *("Xrotation", "Yrotation", "Zrotation"),
-            *("Wquaternion", "Xquaternion", "Yquaternion", "Zquaternion"),
-        )
-    )
-}
+_CODES: Final = {name: code for code, name in enumerate((*POSITION_CHANNELS, *ROTATION_CHANNELS, *QUATERNION_CHANNELS))}
 _FIRST_ROTATION: Final = 3
 _FIRST_QUATERNION: Final = 6
 
@@ -120,48 +130,37 @@ def channel_starts(hierarchy: Hierarchy) -> Int64Array:
 
 
 def solve(clip: SourceClip) -> SolvedMotion:
-    """Forward kinematics of every frame.
+    """Forward kinematics of every frame, in file units and axes.
 
     Along time the signs of a joint's quaternions are such that neighbours are near each other.
 
     Args:
         clip: channels in degrees and file units. Quaternions need not be of length 1.
 
-    Returns:
-        `SolvedMotion` in file units and axes.
-
     Raises:
         ClipError: a channel that its kind does not know, or a quaternion of length zero.
     """
     hierarchy = clip.hierarchy
     frames, joints = len(clip.channels), len(hierarchy.joints)
+    channels = np.ascontiguousarray(clip.channels, float)
     if hierarchy.kind is ChannelKind.POSITIONS:
         if any(names != ("x", "y", "z") for names in hierarchy.channels):
             raise ClipError("a joint of a clip of positions needs the channels x, y, z")
-        return SolvedMotion(np.ascontiguousarray(clip.channels, float).reshape(frames, joints, 3), None, None)
+        return SolvedMotion(channels.reshape(frames, joints, 3), None, None)
     names = [name for joint in hierarchy.channels for name in joint]
     unknown = next((name for name in names if name not in _CODES), None)
     if unknown is not None:
         raise ClipError(f"unknown channel {unknown!r}")
-    quaternions = [sum(name.endswith("quaternion") for name in joint) for joint in hierarchy.channels]
-    if any(number not in (0, 4) for number in quaternions):
+    if any(sum(name in QUATERNION_CHANNELS for name in joint) not in (0, 4) for joint in hierarchy.channels):
         raise ClipError("a joint has fewer or more than the four channels of a quaternion")
     positions = np.empty((frames, joints, 3))
     local, world = np.empty((frames, joints, 4)), np.empty((frames, joints, 4))
     axes = np.ascontiguousarray(hierarchy.axes, float)
     frame, joint = _solve(
-        np.ascontiguousarray(clip.channels, float),
-        channel_starts(hierarchy),
-        np.array([_CODES[name] for name in names], np.int64),
-        np.array(hierarchy.parents, np.int64),
-        np.ascontiguousarray(hierarchy.offsets, float),
-        axes,
-        np.abs(axes[:, 0]) < 1.0,
-        hierarchy.fixed_axes,
-        positions,
-        local,
-        world,
-    )
+        channels, channel_starts(hierarchy), np.array([_CODES[name] for name in names], np.int64),
+        np.array(hierarchy.parents, np.int64), np.ascontiguousarray(hierarchy.offsets, float), axes,
+        np.abs(axes[:, 0]) < 1.0, hierarchy.fixed_axes, positions, local, world,
+    )  # fmt: skip
     if frame >= 0:
         raise ClipError(f"frame {frame + 1}: the quaternion of joint {hierarchy.joints[joint]!r} has length zero")
     return SolvedMotion(positions, local, world)
@@ -205,12 +204,8 @@ def forward_kinematics(root: Float64Array, rotations: Float64Array, rest_offsets
         [F, 21, 3] in the units of `root`.
     """
     bones = rotate(world_rotations(rotations)[:, list(PARENTS)], rest_offsets)
-    positions = np.empty_like(bones)
-    positions[:, 0] = root
-    for joint, parent in enumerate(PARENTS):
-        if parent >= 0:
-            positions[:, joint] = positions[:, parent] + bones[:, joint]
-    return positions
+    bones[:, 0] = root
+    return chained(bones)
 
 
 def continuous_signs(q: Float64Array) -> Float64Array:
@@ -220,3 +215,33 @@ def continuous_signs(q: Float64Array) -> Float64Array:
     signs[1:] = np.where(np.sum(q[1:] * q[:-1], axis=-1, keepdims=True) < 0, -1.0, 1.0)
     continuous: Float64Array = q * np.cumprod(signs, axis=0)
     return continuous
+
+
+# The joints that span the line from right to left by which a joint's frame is known.
+_ACROSS: Final = {"hips": "hip", "chest": "shoulder"}
+
+
+def world_from_positions(positions: Float64Array) -> Float64Array:
+    """Global canonical rotations [F, 21, 4] of joints [F, 21, 3], y up, without twist.
+
+    Hips and chest turn with the line across hips or shoulders and the line up to the neck. Any other joint
+    turns from its parent by the smallest rotation that points its bone along the measured one. A bone
+    of length zero, or a body line that gives no frame, turns with the parent (hips: as canonical).
+    """
+    world = np.tile(IDENTITY, (*positions.shape[:2], 1))
+    for joint, name in enumerate(JOINTS):
+        if joint:
+            world[:, joint] = world[:, PARENTS[joint]]
+        parent = np.ascontiguousarray(world[:, joint])
+        if name in _ACROSS:
+            left = positions[:, INDEX[f"left_{_ACROSS[name]}"]] - positions[:, INDEX[f"right_{_ACROSS[name]}"]]
+            forward = np.cross(left, positions[:, INDEX["neck"]] - positions[:, INDEX["hips"]])
+            known = np.linalg.norm(forward, axis=-1) > MIN_LENGTH
+            if known.any():
+                axes = (left[known], np.cross(forward, left)[known], forward[known])
+                world[known, joint] = from_matrix(np.stack([normalise(axis) for axis in axes], axis=-1))
+        elif name in BONES:
+            child, direction = BONES[name]
+            bone = rotate(conjugate(parent), positions[:, INDEX[child]] - positions[:, joint])
+            world[:, joint] = multiply(parent, swing(np.array(direction), bone))
+    return world

@@ -1,29 +1,134 @@
-"""Rest poses: of a rig, and of a body known by its joint positions alone."""
+"""A rig bound to one file: the file's joints as canonical ones, what a rig lacks placed by rules, and the rest pose."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from motionlake.arrays import Float64Array
+from motionlake.errors import ClipError
 from motionlake.motion.clip import Hierarchy, SolvedMotion
-from motionlake.motion.fill import Binding, place
-from motionlake.motion.rigs import Rest, RigMap
-from motionlake.motion.rotations import conjugate, from_axis_angle, from_matrix, multiply, normalise, rotate, swing
-from motionlake.motion.skeleton import BONES, INDEX, JOINTS, PARENTS, TWIST_AXES
+from motionlake.motion.rigs import Fill, Rest, RigMap, bare_names
+from motionlake.motion.rotations import (
+    IDENTITY,
+    MIN_LENGTH,
+    conjugate,
+    from_axis_angle,
+    from_matrix,
+    multiply,
+    rotate,
+    swing,
+)
+from motionlake.motion.skeleton import BONES, INDEX, JOINTS, PARENTS, TWIST_AXES, chained
 
-IDENTITY: Final = (1.0, 0.0, 0.0, 0.0)
 SAMPLED_FRAMES: Final = 64
 # Rest poses are modelled along the axes of the file; what is this near to them (degrees) is meant to be.
 SNAP_DEGREES: Final = 15.0
 # Cosine to the vertical that legs and torso of a standing rest pose reach at least.
 STANDING: Final = 0.5
-MIN_LENGTH: Final = 1e-9
 
 
-def to_canonical_rest(
-    rig: RigMap, binding: Binding, hierarchy: Hierarchy, motion: SolvedMotion, scale: float
-) -> Float64Array | None:
+@dataclass(frozen=True)
+class Binding:
+    """A rig map bound to the joints of one file.
+
+    Attributes:
+        rig, hierarchy: what is bound to what.
+        source: canonical joint index -> index of the joint in the file, measured joints only.
+        rules: canonical joint index -> rule, filled joints only, each after the joints it needs.
+        names: index of a joint in the file by its bare name.
+    """
+
+    rig: RigMap
+    hierarchy: Hierarchy
+    source: dict[int, int]
+    rules: dict[int, Fill]
+    names: dict[str, int]
+
+    @property
+    def filled(self) -> tuple[str, ...]:
+        """Names of the filled joints in canonical order."""
+        return tuple(JOINTS[joint] for joint in sorted(self.rules))
+
+    def end_site(self, name: str) -> tuple[int, Float64Array]:
+        """Index of a joint of the file, and the offset of its first end site in file units."""
+        index = self.names.get(name.casefold())
+        for joint, offset in self.hierarchy.end_sites:
+            if joint == index:
+                return joint, np.array(offset)
+        raise ClipError(f"joint {name} has no end site in this file")
+
+
+def bind(rig: RigMap, hierarchy: Hierarchy) -> Binding:
+    """Find the rig's joints in a file.
+
+    Raises:
+        ClipError: the file lacks a joint of the rig, or its fill rules need each other.
+    """
+    names: dict[str, int] = {}
+    for index, name in enumerate(bare_names(hierarchy.joints)):
+        names.setdefault(name, index)
+    if missing := [name for name in rig.required if name.casefold() not in names]:
+        raise ClipError(f"rig {rig.name} does not fit: the file has no joint {', '.join(missing)}")
+    source = {INDEX[c]: names[s.casefold()] for c, s in rig.joints.items() if s.casefold() in names}
+    waiting = {INDEX[c]: rule for c, rule in rig.filled.items() if INDEX[c] not in source}
+    rules: dict[int, Fill] = {}
+    while waiting:
+        ready = [joint for joint, rule in waiting.items() if _needs(joint, rule) <= source.keys() | rules.keys()]
+        if not ready:
+            raise ClipError(f"rig {rig.name}: filled joint {JOINTS[min(waiting)]} needs itself")
+        rules.update({joint: waiting.pop(joint) for joint in ready})
+    return Binding(rig, hierarchy, source, rules, names)
+
+
+def _needs(joint: int, rule: Fill) -> set[int]:
+    if rule.between is not None:
+        return {INDEX[other] for other in rule.between}
+    return {PARENTS[joint]} if rule.offset is not None else set()
+
+
+def place(binding: Binding, positions: Float64Array, world: Float64Array | None, scale: float) -> Float64Array:
+    """Canonical joints of measured ones and of the rules `between` and `end_site`.
+
+    Args:
+        binding: of the rig to the file.
+        positions: [F, J, 3] of the file's joints in canonical axes, metres.
+        world: [F, J, 4] of the file's joints in canonical axes, or None.
+        scale: metres per file unit, for end sites.
+
+    Returns:
+        [F, 21, 3]; joints of the rule `offset` stand at their parent until `place_offsets` moves them.
+
+    Raises:
+        ClipError: an end site that the file has not.
+    """
+    placed = np.zeros((len(positions), len(JOINTS), 3))
+    placed[:, list(binding.source)] = positions[:, list(binding.source.values())]
+    for joint, rule in binding.rules.items():
+        if rule.between is not None:
+            first, second = (placed[:, INDEX[name]] for name in rule.between)
+            placed[:, joint] = first + rule.at * (second - first)
+        elif rule.end_site is not None:
+            index, offset = binding.end_site(rule.end_site)
+            if world is None:
+                raise ClipError(f"{JOINTS[joint]} needs the end site of {rule.end_site}, but the file has no rotations")
+            placed[:, joint] = positions[:, index] + rotate(np.ascontiguousarray(world[:, index]), offset * scale)
+        else:
+            placed[:, joint] = placed[:, PARENTS[joint]]
+    return placed
+
+
+def place_offsets(binding: Binding, placed: Float64Array, world: Float64Array, height: float) -> None:
+    """Move joints of the rule `offset` in place: `placed` [F, 21, 3], turned by `world` [F, 21, 4], `height` metres."""
+    for joint, rule in binding.rules.items():
+        if rule.offset is not None:
+            parent = PARENTS[joint]
+            offset = np.array(rule.offset) * height
+            placed[:, joint] = placed[:, parent] + rotate(np.ascontiguousarray(world[:, parent]), offset)
+
+
+def to_canonical_rest(binding: Binding, motion: SolvedMotion, scale: float) -> Float64Array | None:
     """Global orientation of each measured joint's source joint in the canonical rest pose.
 
     With it the canonical global rotation of a frame is `source rotation * result^-1`. The result is S A R: R
@@ -31,55 +136,52 @@ def to_canonical_rest(
     smallest swing of the joint's bone to its canonical direction, and the rig's twist about that.
 
     Args:
-        rig: its rest pose is not `Rest.POSITIONS`.
-        binding: of the rig to the file.
-        hierarchy: of the file.
+        binding: of a rig whose rest pose is not `Rest.POSITIONS`.
         motion: of the file, with rotations.
         scale: metres per file unit.
 
     Returns:
         [21, 4], identity for filled joints; None where the zero pose is no standing human.
     """
-    assert motion.world is not None
-    if rig.rest is Rest.CANONICAL:
-        return np.tile(IDENTITY, (len(JOINTS), 1))
-    offsets = _mean_offsets(hierarchy, motion)
-    orientations = _orientations(rig, binding, hierarchy)
-    rest = _posed(hierarchy, orientations, offsets) * scale
-    placed = place(binding, hierarchy, rest[None], orientations[None], scale)[0]
-    if rig.rest is Rest.ZERO:
-        aligned = _alignment(placed)
-        if aligned is None:
+    result = np.tile(IDENTITY, (len(JOINTS), 1))
+    if binding.rig.rest is Rest.CANONICAL:
+        return result
+    orientations = _rest_orientations(binding)
+    parents = binding.hierarchy.parents
+    rest = chained(rotate(orientations[list(parents)], _mean_offsets(parents, motion)), parents) * scale
+    placed = place(binding, rest[None], orientations[None], scale)[0]
+    if binding.rig.rest is Rest.ZERO:
+        upright = _to_upright(placed)
+        if upright is None:
             return None
-        orientations, placed = multiply(aligned, orientations), rotate(aligned, placed)
+        orientations, placed = multiply(upright, orientations), rotate(upright, placed)
     if not _stands(placed):
         return None
     swings = _swings(placed, binding)
-    for name, degrees in rig.twists.items():
+    for name, degrees in binding.rig.twists.items():
         twist = from_axis_angle(np.array(TWIST_AXES[name]), degrees)
         swings[INDEX[name]] = multiply(twist, swings[INDEX[name]])
-    result = np.tile(np.array(IDENTITY), (len(JOINTS), 1))
     for joint, source in binding.source.items():
         result[joint] = multiply(swings[joint], orientations[source])
     return result
 
 
-def _mean_offsets(hierarchy: Hierarchy, motion: SolvedMotion) -> Float64Array:
+def _mean_offsets(parents: tuple[int, ...], motion: SolvedMotion) -> Float64Array:
     """[J, 3] offsets from the parent as the motion shows them: position channels replace rest offsets."""
     assert motion.world is not None
     frames = np.unique(np.linspace(0, len(motion.positions) - 1, SAMPLED_FRAMES).round().astype(int))
-    parents = list(hierarchy.parents)
+    above = list(parents)
     positions, world = motion.positions[frames], motion.world[frames]
-    offsets: Float64Array = rotate(conjugate(world[:, parents]), positions - positions[:, parents]).mean(axis=0)
+    offsets: Float64Array = rotate(conjugate(world[:, above]), positions - positions[:, above]).mean(axis=0)
     offsets[0] = 0.0
     return offsets
 
 
-def _orientations(rig: RigMap, binding: Binding, hierarchy: Hierarchy) -> Float64Array:
+def _rest_orientations(binding: Binding) -> Float64Array:
     """[J, 4] global orientations in the source's rest pose."""
-    given = {binding.names.get(name.casefold()): q for name, q in rig.rest_orientations.items()}
-    orientations = np.tile(np.array(IDENTITY), (len(hierarchy.joints), 1))
-    for joint, parent in enumerate(hierarchy.parents):
+    given = {binding.names.get(name.casefold()): q for name, q in binding.rig.rest_orientations.items()}
+    orientations = np.tile(IDENTITY, (len(binding.hierarchy.joints), 1))
+    for joint, parent in enumerate(binding.hierarchy.parents):
         if joint in given:
             orientations[joint] = given[joint]
         elif parent >= 0:
@@ -87,15 +189,7 @@ def _orientations(rig: RigMap, binding: Binding, hierarchy: Hierarchy) -> Float6
     return orientations
 
 
-def _posed(hierarchy: Hierarchy, orientations: Float64Array, offsets: Float64Array) -> Float64Array:
-    positions = np.zeros_like(offsets)
-    for joint, parent in enumerate(hierarchy.parents):
-        if parent >= 0:
-            positions[joint] = positions[parent] + rotate(orientations[parent], offsets[joint])
-    return positions
-
-
-def _alignment(placed: Float64Array) -> Float64Array | None:
+def _to_upright(placed: Float64Array) -> Float64Array | None:
     """Turn [4] that brings the rest body's up to +y and its left to +x; None where it has neither."""
 
     def joints(part: str) -> Float64Array:
@@ -121,6 +215,7 @@ def _snapped(direction: Float64Array) -> Float64Array:
 
 
 def _stands(placed: Float64Array) -> bool:
+    """Whether torso and legs point up and down, and left is +x."""
     bones = [("hips", "neck", 1.0), ("left_hip", "left_ankle", -1.0), ("right_hip", "right_ankle", -1.0)]
     for start, end, sense in bones:
         bone = placed[INDEX[end]] - placed[INDEX[start]]
@@ -131,63 +226,10 @@ def _stands(placed: Float64Array) -> bool:
 
 def _swings(placed: Float64Array, binding: Binding) -> Float64Array:
     """[21, 4] swing of every joint's bone to its canonical direction; hands turn with their forearms."""
-    swings = np.tile(np.array(IDENTITY), (len(JOINTS), 1))
+    swings = np.tile(IDENTITY, (len(JOINTS), 1))
     for name, (child, direction) in BONES.items():
-        bone = placed[INDEX[child]] - placed[INDEX[name]]
-        if INDEX[name] in binding.source and np.linalg.norm(bone) > MIN_LENGTH:
-            swings[INDEX[name]] = swing(bone, np.array(direction))
+        if INDEX[name] in binding.source:
+            swings[INDEX[name]] = swing(placed[INDEX[child]] - placed[INDEX[name]], np.array(direction))
     for side in ("left", "right"):
         swings[INDEX[f"{side}_wrist"]] = swings[INDEX[f"{side}_elbow"]]
     return swings
-
-
-def world_from_positions(positions: Float64Array) -> Float64Array:
-    """Global canonical rotations without twist.
-
-    Hips and chest turn with the line across hips or shoulders and the line up to the neck. Any other joint
-    turns from its parent by the smallest rotation that points its bone along the measured one. A bone
-    of length zero, or a body line that gives no frame, turns with the parent (hips: as canonical).
-
-    Args:
-        positions: [F, 21, 3] canonical joints, y up.
-
-    Returns:
-        [F, 21, 4].
-    """
-    world = np.zeros((len(positions), len(JOINTS), 4))
-    for joint, name in enumerate(JOINTS):
-        identity = np.tile(np.array([1.0, 0.0, 0.0, 0.0]), (len(positions), 1))
-        parent = np.ascontiguousarray(world[:, PARENTS[joint]]) if joint else identity
-        if name == "hips":
-            world[:, joint] = _body_frame(positions, "hip", "hips", parent)
-        elif name == "chest":
-            world[:, joint] = _body_frame(positions, "shoulder", "hips", parent)
-        elif name in BONES:
-            child, direction = BONES[name]
-            bone = rotate(conjugate(parent), positions[:, INDEX[child]] - positions[:, joint])
-            world[:, joint] = multiply(parent, _swing(np.array(direction), bone))
-        else:
-            world[:, joint] = parent
-    return world
-
-
-def _body_frame(positions: Float64Array, across: str, below: str, otherwise: Float64Array) -> Float64Array:
-    """[F, 4] frame with x along right to left and y near to the line from joint `below` to the neck."""
-    left = positions[:, INDEX[f"left_{across}"]] - positions[:, INDEX[f"right_{across}"]]
-    up = positions[:, INDEX["neck"]] - positions[:, INDEX[below]]
-    forward = np.cross(left, up)
-    valid = np.linalg.norm(forward, axis=-1) > MIN_LENGTH
-    frame = np.array(otherwise)
-    if valid.any():
-        left, forward = left[valid], forward[valid]
-        axes = (left, np.cross(forward, left), forward)
-        frame[valid] = from_matrix(np.stack([normalise(axis) for axis in axes], axis=-1))
-    return frame
-
-
-def _swing(direction: Float64Array, bones: Float64Array) -> Float64Array:
-    rotations = np.tile(np.array([1.0, 0.0, 0.0, 0.0]), (len(bones), 1))
-    valid = np.linalg.norm(bones, axis=-1) > MIN_LENGTH
-    if valid.any():
-        rotations[valid] = swing(np.broadcast_to(direction, bones[valid].shape), bones[valid])
-    return rotations

@@ -6,37 +6,19 @@ import re
 import tomllib
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from enum import StrEnum
 from importlib import resources
 from pathlib import Path
 from typing import Any, Final
 
 from motionlake.errors import ClipError, UserError
-from motionlake.motion.skeleton import INDEX, JOINTS, TWIST_AXES
-from motionlake.motion.starter import starter_map
-
-__all__ = ["Fill", "Rest", "RigMap", "bare_names", "identify", "load_rigs", "parse_rig", "starter_map"]
+from motionlake.motion.skeleton import JOINTS, TWIST_AXES
 
 UP_AXES: Final = ("x", "y", "z", "-x", "-y", "-z")
 MAX_LISTED: Final = 8
 # A prefix such as "Character1_" is a namespace where this share of the joints carry it.
 NAMESPACE_SHARE: Final = 0.8
-_KEYS: Final = frozenset(
-    {
-        "name",
-        "description",
-        "source",
-        "up",
-        "metres_per_unit",
-        "rest",
-        "joints",
-        "filled",
-        "known",
-        "rest_orientations",
-        "twists",
-    }
-)
 
 
 class Rest(StrEnum):
@@ -106,14 +88,11 @@ def load_rigs(folder: Path | None = None) -> dict[str, RigMap]:
     Raises:
         UserError: a TOML file of `folder` is no rig map.
     """
-    texts = [
-        (entry.name, entry.read_text(encoding="utf-8"))
-        for entry in resources.files("motionlake.motion").joinpath("rigs").iterdir()
-        if entry.name.endswith(".toml")
-    ]
-    if folder is not None and folder.is_dir():
-        texts += [(str(path), path.read_text(encoding="utf-8")) for path in sorted(folder.glob("*.toml"))]
-    rigs = (parse_rig(text, name) for name, text in texts)
+    shipped = resources.files("motionlake.motion").joinpath("rigs").iterdir()
+    files = [(file.name, file) for file in shipped if file.name.endswith(".toml")]
+    if folder is not None:
+        files += [(str(file), file) for file in sorted(folder.glob("*.toml"))]
+    rigs = [parse_rig(file.read_text(encoding="utf-8"), origin) for origin, file in files]
     return {rig.name: rig for rig in rigs}
 
 
@@ -125,7 +104,7 @@ def parse_rig(text: str, origin: str) -> RigMap:
     """
     try:
         table = tomllib.loads(text)
-        unknown = sorted(set(table) - _KEYS)
+        unknown = sorted(table.keys() - {key.name for key in fields(RigMap)})
         if unknown:
             raise ValueError(f"unknown key {unknown[0]!r}")
         rig = _rig(table)
@@ -146,11 +125,11 @@ def _rig(table: dict[str, Any]) -> RigMap:
         up=str(table.get("up", "y")),
         metres_per_unit=None if unit == "file" else float(unit),
         rest=Rest(table.get("rest", "zero")),
-        joints={str(joint): str(source) for joint, source in table["joints"].items()},
-        filled={str(joint): _fill(rule) for joint, rule in table.get("filled", {}).items()},
+        joints={joint: str(source) for joint, source in table["joints"].items()},
+        filled={joint: _fill(rule) for joint, rule in table.get("filled", {}).items()},
         known=tuple(str(name) for name in table.get("known", {}).get("others", [])),
-        rest_orientations={str(joint): _four(values) for joint, values in table.get("rest_orientations", {}).items()},
-        twists={str(joint): float(degrees) for joint, degrees in table.get("twists", {}).items()},
+        rest_orientations={joint: _unit_quaternion(q) for joint, q in table.get("rest_orientations", {}).items()},
+        twists={joint: float(degrees) for joint, degrees in table.get("twists", {}).items()},
     )
 
 
@@ -167,7 +146,7 @@ def _fill(rule: dict[str, Any]) -> Fill:
     raise ValueError(f"a filled joint needs between and at, or end_site, or offset, not {sorted(rule)}")
 
 
-def _four(values: Sequence[float]) -> tuple[float, float, float, float]:
+def _unit_quaternion(values: Sequence[float]) -> tuple[float, float, float, float]:
     w, x, y, z = (float(value) for value in values)
     length = (w * w + x * x + y * y + z * z) ** 0.5
     if abs(length - 1) > 1e-3:
@@ -192,9 +171,8 @@ def _check(rig: RigMap) -> None:
         raise ValueError(f"source joint {twice[0]!r} stands for two canonical joints")
     if stiff := sorted(set(rig.twists) - set(TWIST_AXES)):
         raise ValueError(f"{stiff[0]} bears no single bone to twist about")
-    for joint, rule in rig.filled.items():
-        if any(INDEX[joint] == INDEX[other] for other in rule.between or ()):
-            raise ValueError(f"{joint} is filled from itself")
+    if circular := [joint for joint, rule in rig.filled.items() if joint in (rule.between or ())]:
+        raise ValueError(f"{circular[0]} is filled from itself")
 
 
 def bare_names(joint_names: Sequence[str]) -> list[str]:
@@ -213,7 +191,7 @@ def identify(joint_names: Sequence[str], rigs: Mapping[str, RigMap], name: str |
 
     Args:
         joint_names: as the file spells them; namespaces and letter case are ignored.
-        rigs: maps to choose from.
+        rigs: maps to choose from, by name.
         name: take this map instead of choosing.
 
     Raises:
@@ -224,14 +202,14 @@ def identify(joint_names: Sequence[str], rigs: Mapping[str, RigMap], name: str |
         raise UserError(f"--rig {name}: no such rig; there are {', '.join(sorted(rigs))}")
     candidates = list(rigs.values()) if name is None else [rigs[name]]
     present = set(bare_names(joint_names))
-    fitting = [rig for rig in candidates if not _missing(rig, present)]
+    lacked = {rig.name: [s for s in rig.required if s.casefold() not in present] for rig in candidates}
+    fitting = [rig for rig in candidates if not lacked[rig.name]]
     if fitting:
         return min(fitting, key=lambda rig: (_unexplained(rig, present), rig.name))
-    closest = min(candidates, key=lambda rig: (len(_missing(rig, present)) / len(rig.required), rig.name))
-    missing = _missing(closest, present)
-    listed = ", ".join(missing[:MAX_LISTED]) + (
-        f" and {len(missing) - MAX_LISTED} more" if len(missing) > MAX_LISTED else ""
-    )
+    closest = min(candidates, key=lambda rig: (len(lacked[rig.name]) / len(rig.required), rig.name))
+    missing = lacked[closest.name]
+    more = f" and {len(missing) - MAX_LISTED} more" if len(missing) > MAX_LISTED else ""
+    listed = ", ".join(missing[:MAX_LISTED]) + more
     if name is not None:
         raise ClipError(f"rig {name} does not fit: the file has no joint {listed}")
     raise ClipError(
@@ -240,10 +218,6 @@ def identify(joint_names: Sequence[str], rigs: Mapping[str, RigMap], name: str |
     )
 
 
-def _missing(rig: RigMap, present: set[str]) -> list[str]:
-    return [source for source in rig.required if source.casefold() not in present]
-
-
 def _unexplained(rig: RigMap, present: set[str]) -> int:
-    explained = {source.casefold() for source in (*rig.joints.values(), *rig.known)}
-    return len(present - explained)
+    """How many of the joints present the rig map does not name."""
+    return len(present - {source.casefold() for source in (*rig.joints.values(), *rig.known)})

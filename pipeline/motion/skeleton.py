@@ -1,7 +1,8 @@
-"""The canonical skeleton: its joints and rest pose, forward kinematics of a pose, and where a body faces."""
+"""The canonical skeleton: its joints and rest pose, its mirror image, and where a body faces."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
@@ -16,6 +17,9 @@ JOINTS: Final[tuple[str, ...]] = (
 )  # fmt: skip
 PARENTS: Final[tuple[int, ...]] = (-1, 0, 1, 2, 3, 2, 5, 6, 7, 2, 9, 10, 11, 0, 13, 14, 15, 0, 17, 18, 19)
 INDEX: Final[dict[str, int]] = {name: i for i, name in enumerate(JOINTS)}
+_OTHER_SIDE: Final = {"left": "right", "right": "left"}
+# Index of each joint's counterpart on the other side; a joint of the middle is its own.
+MIRRORED_JOINTS: Final = tuple(INDEX["_".join(_OTHER_SIDE.get(w, w) for w in name.split("_"))] for name in JOINTS)
 
 # Direction of the bone from a joint to the next one of its limb in the canonical rest pose. Joints that are
 # missing here bear several bones (hips, chest) or none: their orientation comes from the source rest pose.
@@ -56,6 +60,25 @@ PESTA: Final[tuple[str, ...]] = (
     "right_clavicle", "right_shoulder", "right_elbow", "right_wrist",
     "left_hip", "left_knee", "left_ankle", "right_hip", "right_knee", "right_ankle",
 )  # fmt: skip
+
+
+def chained(offsets: Float64Array, parents: Sequence[int] = PARENTS) -> Float64Array:
+    """Places [..., J, 3] of joints from the offset of each from its parent; the root's offset is its place."""
+    places = np.array(offsets)
+    for joint, parent in enumerate(parents):
+        if parent >= 0:
+            places[..., joint, :] += places[..., parent, :]
+    return places
+
+
+def mirrored_positions(positions: FloatArray) -> FloatArray:
+    """Canonical joint positions [F, 21, 3] of the mirrored motion: reflected across x = 0, sides exchanged."""
+    return positions[:, list(MIRRORED_JOINTS)] * np.array([-1.0, 1.0, 1.0], dtype=positions.dtype)
+
+
+def mirrored_rotations(rotations: FloatArray) -> FloatArray:
+    """Canonical local rotations [F, 21, 4] of the mirrored motion; the rest pose is its own mirror image."""
+    return rotations[:, list(MIRRORED_JOINTS)] * np.array([1.0, 1.0, -1.0, -1.0], dtype=rotations.dtype)
 
 
 # A mean left axis (of length 1 at most) whose horizontal part is shorter says nothing of the heading.

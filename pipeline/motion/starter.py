@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import json
 import re
+from itertools import product
 from typing import Final
 
 import numpy as np
 from motionlake.motion.clip import ChannelKind, Hierarchy
-from motionlake.motion.skeleton import JOINTS
+from motionlake.motion.skeleton import JOINTS, chained
 
 # In each limb the joints from the body outwards, with what their names contain.
 _LEG: Final = (
@@ -38,27 +39,21 @@ _OFFSETS: Final = {
 _FINGER: Final = r"finger|thumb|index|mid|ring|pinky"
 
 
-def starter_map(hierarchy: Hierarchy, name: str = "my_rig") -> str:
-    """TOML text of a rig map to be checked and mended by a person.
+def starter_map(hierarchy: Hierarchy) -> str:
+    """TOML text of a rig map for a clip of an unknown rig, to be checked and mended by a person.
 
-    Args:
-        hierarchy: of a clip whose rig is unknown.
-        name: for the map.
-
-    Returns:
-        Text that `parse_rig` reads; canonical joints without a guess are filled by an offset.
+    `parse_rig` reads it; canonical joints without a guess are filled by an offset.
     """
     guesses = guess_joints(hierarchy)
     others = [joint for index, joint in enumerate(hierarchy.joints) if index not in guesses.values()]
     rest = "positions" if hierarchy.kind is ChannelKind.POSITIONS else "zero"
-    unit = _unit(hierarchy)
     lines = [
         "# Guessed: check every line, above all [filled], up, metres_per_unit, rest; see docs/skeletons.md.",
-        f"name = {json.dumps(name)}",
+        'name = "my_rig"',
         'description = "guessed by motionlake rig"',
         'source = "joint names of the file"',
         'up = "y"',
-        f"metres_per_unit = {json.dumps(unit)}",
+        f"metres_per_unit = {json.dumps(_unit(hierarchy))}",
         f"rest = {json.dumps(rest)}",
         "",
         "[joints]",
@@ -77,16 +72,13 @@ def guess_joints(hierarchy: Hierarchy) -> dict[str, int]:
     """Canonical joint -> index of the file's joint, for those that a guess was found for; always the hips."""
     guesses: dict[str, int] = {}
     sides = [_side(name) for name in hierarchy.joints]
-    for side in ("left", "right"):
-        for limb, parts in (("leg", _LEG), ("arm", _ARM)):
-            joints = [
-                index
-                for index, name in enumerate(hierarchy.joints)
-                if sides[index] == side
-                and re.search(_LIMB_WORDS[limb], name.lower())
-                and not re.search(_FINGER, name.lower())
-            ]
-            guesses.update({f"{side}_{part}": index for part, index in _limb(hierarchy, joints, parts).items()})
+    for side, (limb, parts) in product(("left", "right"), (("leg", _LEG), ("arm", _ARM))):
+        joints = [
+            index
+            for index, name in enumerate(map(str.lower, hierarchy.joints))
+            if sides[index] == side and re.search(_LIMB_WORDS[limb], name) and not re.search(_FINGER, name)
+        ]
+        guesses.update({f"{side}_{part}": index for part, index in _limb(hierarchy, joints, parts).items()})
     return guesses | _trunk(hierarchy, guesses, sides)
 
 
@@ -168,11 +160,7 @@ def _fill(canonical: str, guesses: dict[str, int], hierarchy: Hierarchy) -> str:
 
 def _unit(hierarchy: Hierarchy) -> float | str:
     """Metres per unit from the size of the zero pose: metres, centimetres, or whatever the file says."""
-    positions = np.zeros_like(hierarchy.offsets)
-    for joint, parent in enumerate(hierarchy.parents):
-        if parent >= 0:
-            positions[joint] = positions[parent] + hierarchy.offsets[joint]
-    size = float(np.ptp(positions, axis=0).max()) if len(positions) else 0.0
+    size = float(np.ptp(chained(hierarchy.offsets, hierarchy.parents), axis=0).max())
     if 0.8 <= size <= 3.0:
         return 1.0
     return 0.01 if 80 <= size <= 300 else "file"

@@ -13,8 +13,8 @@ from typing import Final, TypeVar
 import numpy as np
 from motionlake.arrays import Float32Array, Float64Array, Int64Array, IntArray
 from motionlake.deep_motifs.classification import cluster_clips
-from motionlake.deep_motifs.corpus import Corpus
 from motionlake.deep_motifs.emd import emd_matrix
+from motionlake.deep_motifs.signatures import Corpus
 from motionlake.lake.catalog import Connection, fetch
 from motionlake.lake.corpus import read_corpus
 from motionlake.lake.layout import Lake

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pyarrow as pa
 from motionlake.arrays import Float32Array, Float64Array, Int64Array
-from motionlake.deep_motifs.corpus import CorpusClip
+from motionlake.deep_motifs.signatures import CorpusClip
 from motionlake.deephums.config import DIMENSION
 from motionlake.errors import UserError
 from motionlake.lake.catalog import fetch_table, reading

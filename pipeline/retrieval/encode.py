@@ -18,8 +18,8 @@ from motionlake.lake.config import LakeConfig, load_config
 from motionlake.lake.frames import frame_range, read_clip
 from motionlake.lake.layout import Lake
 from motionlake.lake.resolve import resolve_clip
-from motionlake.motion.features import WordConfig, word_features
-from motionlake.motion.mirror import mirrored_features, mirrored_positions, mirrored_rotations
+from motionlake.motion.features import WordConfig, mirrored_features, word_features
+from motionlake.motion.skeleton import mirrored_positions, mirrored_rotations
 from motionlake.retrieval.protocol import Query
 from motionlake.stages.clip_files import first_body as first_body
 from motionlake.stages.motif_model import MOTIF_MODEL, read_motifs

@@ -17,7 +17,7 @@ from motionlake.lake.resolve import resolve_clip
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
-    from motionlake.deep_motifs.corpus import CorpusClip
+    from motionlake.deep_motifs.signatures import CorpusClip
 
 Finds: TypeAlias = Literal["clip", "range"]
 OPTIONAL = ("start", "stop", "cost", "start_seconds", "stop_clip", "path")

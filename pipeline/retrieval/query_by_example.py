@@ -7,10 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 from motionlake.arrays import Float64Array
-from motionlake.deep_motifs.corpus import Corpus
 from motionlake.deep_motifs.emd import emd_many
 from motionlake.deep_motifs.query_by_example import LEAST_WORDS, ExampleQuery, find_ranges
-from motionlake.deep_motifs.signatures import window_signatures
+from motionlake.deep_motifs.signatures import Corpus, window_signatures
 from motionlake.lake.catalog import reading
 from motionlake.lake.corpus import read_corpus
 from motionlake.lake.layout import Lake

@@ -7,7 +7,6 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
-from motionlake.deep_motifs.corpus import Corpus
 from motionlake.deep_motifs.segmentation import (
     LabelledRange,
     SegmentationConfig,
@@ -17,6 +16,7 @@ from motionlake.deep_motifs.segmentation import (
     labelled_windows,
     word_centres,
 )
+from motionlake.deep_motifs.signatures import Corpus
 from motionlake.errors import UserError
 from motionlake.lake.catalog import Connection, fetch, reading
 from motionlake.lake.corpus import read_corpus

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 from motionlake.arrays import Float64Array
-from motionlake.deep_motifs.corpus import CorpusClip
 from motionlake.deep_motifs.emd import check_model, check_signature, emd_many, ground_distances
 from motionlake.deep_motifs.emd_search import SignatureIndex
+from motionlake.deep_motifs.signatures import CorpusClip
 from motionlake.errors import UserError
 from motionlake.lake.catalog import fetch, fetch_table, reading
 from motionlake.lake.layout import Lake

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from motionlake.arrays import Float32Array, Float64Array
-from motionlake.deep_motifs.corpus import CorpusClip
+from motionlake.deep_motifs.signatures import CorpusClip
 from motionlake.deephums.config import SHORTEST
 from motionlake.deephums.sequence import FPS, clip_sequence
 from motionlake.deephums.submotions import frames_of, piece_windows

@@ -14,8 +14,7 @@ import pyarrow as pa
 from motionlake.deep_motifs.motifs import assign
 from motionlake.deep_motifs.words.windows import word_windows
 from motionlake.lake.layout import Lake
-from motionlake.motion.features import WordConfig
-from motionlake.motion.mirror import mirrored_features
+from motionlake.motion.features import WordConfig, mirrored_features
 from motionlake.stages.motif_model import MOTIF_MODEL, read_motifs
 from motionlake.stages.reader import LakeReader
 from motionlake.stages.shard import Shard

@@ -32,8 +32,8 @@ from motionlake.stages.stage import Part, clips_of, frames_parts
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
-    from motionlake.deep_motifs.corpus import Corpus
     from motionlake.deep_motifs.motion_graph.transitions import Windowed
+    from motionlake.deep_motifs.signatures import Corpus
 
 NAME = "transitions"
 CONTEXTS = "contexts"
