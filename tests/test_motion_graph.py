@@ -24,6 +24,7 @@ from motionlake.deep_motifs.motion_graph.blend import (
     Placement,
     RigPoses,
     alignment,
+    assemble,
     ease,
     placed,
     poses_of,
@@ -31,15 +32,23 @@ from motionlake.deep_motifs.motion_graph.blend import (
     slerp,
     steps,
 )
-from motionlake.deep_motifs.motion_graph.costs import (
+from motionlake.deep_motifs.motion_graph.graph import (
+    GraphClip,
+    Transitions,
+    WalkPiece,
+    build_graph,
+    in_context,
+    near,
+    random_walk,
+    summarise,
+)
+from motionlake.deep_motifs.motion_graph.transitions import (
     JOINTS,
     context_distances,
     paired_distance,
     squared_distances,
     window_clouds,
 )
-from motionlake.deep_motifs.motion_graph.graph import GraphClip, Transitions, build_graph, in_context, near, summarise
-from motionlake.deep_motifs.motion_graph.walk import WalkPiece, assemble, random_walk
 from motionlake.deep_motifs.signatures import signature
 from motionlake.errors import UserError
 from motionlake.formats import read_clips

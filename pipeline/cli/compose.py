@@ -112,7 +112,7 @@ def _dataset(con: Connection, wanted: str | None) -> str:
 
 def _sampled(graph: LakeGraph, seed: int) -> list[str]:
     """Some clips of the largest component in an order that the seed makes."""
-    from motionlake.deep_motifs.motion_graph.walk import starts
+    from motionlake.deep_motifs.motion_graph.graph import starts
 
     found = starts(graph.graph)
     if not found:

@@ -119,7 +119,8 @@ class SignatureIndex:
     def cheap_bounds(self, mass: Float64Array, candidates: Int64Array) -> Float64Array:
         """[c] lower bounds by means of distances: of a query of mass 1 [K] from signatures of the index."""
         largest = _largest_differences((mass @ self.ground).astype(np.float32), self.projected, candidates)
-        return np.maximum(largest - FLOAT32_SLACK * self.ground.max(initial=0.0), 0)
+        slack = FLOAT32_SLACK * self.ground.max(initial=0.0)
+        return np.asarray(np.maximum(largest - slack, 0), dtype=np.float64)
 
     def tight_bounds(self, mass: Float64Array, candidates: Int64Array, enough: float = np.inf) -> Float64Array:
         """[c] lower bounds by transfers within capacity: of a query of mass 1 [K] from signatures of the index.

@@ -9,16 +9,27 @@ from typing import Any, Final
 
 import numpy as np
 from motionlake.deep_motifs.motion_graph import graph as graphs
-from motionlake.deep_motifs.motion_graph.blend import RigPoses, Steps, can_pose, poses_of, resampled, steps
+from motionlake.deep_motifs.motion_graph.blend import (
+    RigPoses,
+    Steps,
+    assemble,
+    can_pose,
+    placements,
+    poses_of,
+    resampled,
+    steps,
+)
 from motionlake.deep_motifs.motion_graph.graph import (
     GraphClip,
     GraphSummary,
     MotionGraph,
     Transitions,
+    WalkPiece,
     build_graph,
+    component_of,
+    random_walk,
     summarise,
 )
-from motionlake.deep_motifs.motion_graph.walk import WalkPiece, assemble, component_of, placements, random_walk
 from motionlake.errors import UserError
 from motionlake.lake.catalog import Connection, fetch, fetch_table
 from motionlake.lake.config import load_config

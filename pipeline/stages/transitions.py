@@ -240,7 +240,7 @@ def _load_contexts(con: Connection, root: Path, shard: Shard) -> None:
 
 def contexts(found: pa.Table, corpus: Corpus, context: int) -> NDArray[np.float64]:
     """[n] distance of the signatures around both ends of transitions."""
-    from motionlake.deep_motifs.motion_graph.costs import context_distances
+    from motionlake.deep_motifs.motion_graph.transitions import context_distances
 
     def end(side: str) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         clips = [corpus.positions[name] for name in found.column(f"{side}_clip").to_pylist()]

@@ -1,21 +1,21 @@
-"""Poses of a rig: placing them on the ground, blending them, and how far joints move from frame to frame."""
+"""Poses of a rig: those of a walk placed on the ground and blended, and how far joints move from frame to frame."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Final
 
 import numpy as np
-from motionlake.arrays import Float64Array
+from motionlake.arrays import Float64Array, Int64Array
+from motionlake.deep_motifs.motion_graph.graph import WalkPiece
 from motionlake.errors import ClipError
-from motionlake.motion.clip import ChannelKind, Hierarchy, SourceClip
+from motionlake.motion.clip import POSITION_CHANNELS, QUATERNION_CHANNELS, ChannelKind, Hierarchy, SourceClip
 from motionlake.motion.kinematics import channel_starts, solve
 from motionlake.motion.resampling import samples
 from motionlake.motion.rotations import IDENTITY, angle, from_axis_angle, multiply, rotate
 
-_POSITIONS: Final = ("Xposition", "Yposition", "Zposition")
-_QUATERNION: Final = ("Wquaternion", "Xquaternion", "Yquaternion", "Zquaternion")
 _AXES: Final = "xyz"
 
 
@@ -45,12 +45,12 @@ class RigPoses:
         return len(self.root)
 
     def cut(self, start: int, stop: int) -> RigPoses:
-        rows = slice(start, stop)
-        return self.of(self.root[rows], self.shifts[rows], self.rotations[rows])
+        """Frames [start, stop)."""
+        return self.at(slice(start, stop))
 
-    def of(self, root: Float64Array, shifts: Float64Array, rotations: Float64Array) -> RigPoses:
-        """Other poses of the same rig."""
-        return RigPoses(self.hierarchy, root, shifts, rotations, self.fps, self.metres_per_unit, self.up)
+    def at(self, rows: slice | Int64Array) -> RigPoses:
+        """Some of the poses."""
+        return replace(self, root=self.root[rows], shifts=self.shifts[rows], rotations=self.rotations[rows])
 
     def clip(self) -> SourceClip:
         """As a clip whose channels are quaternions."""
@@ -72,7 +72,7 @@ class RigPoses:
 
 def can_pose(kind: str, root: Sequence[str]) -> bool:
     """Whether a rig of channels of some kind, `root` those of its root, has rotations and a position of the root."""
-    return kind != ChannelKind.POSITIONS.value and tuple(root[:3]) == _POSITIONS
+    return kind != ChannelKind.POSITIONS.value and tuple(root[:3]) == POSITION_CHANNELS
 
 
 def poses_of(clip: SourceClip, up: str, metres_per_unit: float) -> RigPoses:
@@ -85,21 +85,20 @@ def poses_of(clip: SourceClip, up: str, metres_per_unit: float) -> RigPoses:
     if not can_pose(hierarchy.kind.value, hierarchy.channels[0]) or local is None:
         raise ClipError("a rig without rotations, or without a position of the root, cannot be posed")
     starts = channel_starts(hierarchy)
-    names = [[n for n in joint if n in _POSITIONS] for joint in hierarchy.channels]
     columns = [
         starts[joint] + i
         for joint, channels in enumerate(hierarchy.channels)
         for i, name in enumerate(channels)
-        if joint and name in _POSITIONS
+        if joint and name in POSITION_CHANNELS
     ]
-    plain = Hierarchy(
-        joints=hierarchy.joints,
-        parents=hierarchy.parents,
-        offsets=hierarchy.offsets,
-        channels=tuple((*own, *_QUATERNION) for own in names),
+    plain = replace(
+        hierarchy,
+        channels=tuple(
+            (*(n for n in joint if n in POSITION_CHANNELS), *QUATERNION_CHANNELS) for joint in hierarchy.channels
+        ),
         kind=ChannelKind.QUATERNION,
         axes=np.tile(IDENTITY, (len(hierarchy.joints), 1)),
-        end_sites=hierarchy.end_sites,
+        fixed_axes=False,
     )
     return RigPoses(plain, clip.channels[:, :3], clip.channels[:, columns], local, clip.fps, metres_per_unit, up)
 
@@ -109,12 +108,7 @@ def resampled(poses: RigPoses, fps: float) -> RigPoses:
     if poses.fps == fps:
         return poses
     below, above, weight = samples(len(poses), poses.fps, fps)
-    mixed = mixture(
-        poses.of(poses.root[below], poses.shifts[below], poses.rotations[below]),
-        poses.of(poses.root[above], poses.shifts[above], poses.rotations[above]),
-        weight,
-    )
-    return RigPoses(mixed.hierarchy, mixed.root, mixed.shifts, mixed.rotations, fps, mixed.metres_per_unit, mixed.up)
+    return replace(mixture(poses.at(below), poses.at(above), weight), fps=fps)
 
 
 @dataclass(frozen=True)
@@ -141,7 +135,7 @@ def placed(poses: RigPoses, placement: Placement) -> RigPoses:
     turn = _turn(poses.up, placement.degrees)
     rotations = poses.rotations.copy()
     rotations[:, 0] = multiply(turn, np.ascontiguousarray(poses.rotations[:, 0]))
-    return poses.of(rotate(turn, poses.root) + np.array(placement.shift), poses.shifts, rotations)
+    return replace(poses, root=rotate(turn, poses.root) + np.array(placement.shift), rotations=rotations)
 
 
 def alignment(to: RigPoses, window: RigPoses) -> Placement:
@@ -190,10 +184,11 @@ def ease(count: int) -> Float64Array:
 def mixture(a: RigPoses, b: RigPoses, weight: Float64Array) -> RigPoses:
     """Poses between those of `a` (weight 0) and `b` (weight 1); `weight` [F]. Rotations go the shortest way."""
     line = weight[:, None]
-    return a.of(
-        a.root + line * (b.root - a.root),
-        a.shifts + line * (b.shifts - a.shifts),
-        slerp(a.rotations, b.rotations, weight[:, None]),
+    return replace(
+        a,
+        root=a.root + line * (b.root - a.root),
+        shifts=a.shifts + line * (b.shifts - a.shifts),
+        rotations=slerp(a.rotations, b.rotations, line),
     )
 
 
@@ -210,6 +205,33 @@ def slerp(a: Float64Array, b: Float64Array, weight: Float64Array) -> Float64Arra
     mixed = left[..., None] * a + right[..., None] * b
     result: Float64Array = mixed / np.linalg.norm(mixed, axis=-1, keepdims=True)
     return result
+
+
+def placements(pieces: Sequence[WalkPiece], poses: Callable[[int], RigPoses]) -> list[Placement]:
+    """Where each piece is placed on the ground: the first as recorded, others so that blended frames come closest."""
+    found = [STAY]
+    for before, piece in pairwise(pieces):
+        leaving = poses(before.clip).cut(before.stop - piece.blend, before.stop)
+        entering = poses(piece.clip).cut(piece.start, piece.start + piece.blend)
+        found.append(found[-1].after(alignment(leaving, entering), leaving.up))
+    return found
+
+
+def assemble(pieces: Sequence[WalkPiece], places: Sequence[Placement], poses: Callable[[int], RigPoses]) -> RigPoses:
+    """The motion of a walk: the pieces one after the other, blended where they overlap."""
+    made = [placed(poses(p.clip).cut(p.start, p.stop), place) for p, place in zip(pieces, places, strict=True)]
+    shared = [*(piece.blend for piece in pieces), 0]  # frames with the piece before
+    parts: list[RigPoses] = []
+    for i, own in enumerate(made):
+        if i:
+            before = made[i - 1]
+            leaving = before.cut(len(before) - shared[i], len(before))
+            parts.append(mixture(leaving, own.cut(0, shared[i]), ease(shared[i])))
+        parts.append(own.cut(shared[i], len(own) - shared[i + 1]))
+    root, shifts, rotations = (
+        np.concatenate([getattr(part, name) for part in parts]) for name in ("root", "shifts", "rotations")
+    )
+    return replace(made[0], root=root, shifts=shifts, rotations=rotations)
 
 
 @dataclass(frozen=True)

@@ -1,9 +1,10 @@
-"""What can go wrong with a walk."""
+"""Motion graphs of clips and transitions (Deep Motifs, section 6.4), and random walks through them."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, replace
+from itertools import pairwise
 from typing import Final
 
 import numpy as np
@@ -56,26 +57,24 @@ class Transitions:
         return len(self.distance)
 
     def at(self, rows: IntArray | BoolArray) -> Transitions:
-        return Transitions(
-            self.from_clip[rows], self.from_frame[rows], self.to_clip[rows], self.to_frame[rows],
-            self.distance[rows], self.context[rows],
-        )  # fmt: skip
+        """Some of the transitions."""
+        return Transitions(*(values[rows] for values in vars(self).values()))
 
 
 def near(transitions: Transitions, quantile: float = DISTANCE_QUANTILE) -> Transitions:
     """The transitions whose distance is at most a quantile of all."""
-    return transitions.at(_lowest(transitions.distance, quantile))
+    return _lowest(transitions, transitions.distance, quantile)
 
 
 def in_context(transitions: Transitions, quantile: float = CONTEXT_QUANTILE) -> Transitions:
     """The transitions whose ends' contexts are at most a quantile of all apart (Deep Motifs, section 6.4)."""
-    return transitions.at(_lowest(transitions.context, quantile))
+    return _lowest(transitions, transitions.context, quantile)
 
 
-def _lowest(values: Float64Array, quantile: float) -> BoolArray:
-    if not len(values):
-        return np.zeros(0, dtype=bool)
-    return np.asarray(values <= np.quantile(values, quantile, method="lower"))
+def _lowest(transitions: Transitions, values: Float64Array, quantile: float) -> Transitions:
+    if not len(transitions):
+        return transitions
+    return transitions.at(values <= np.quantile(values, quantile, method="lower"))
 
 
 @dataclass(frozen=True)
@@ -125,18 +124,11 @@ def build_graph(clips: Sequence[GraphClip], transitions: Transitions) -> MotionG
     Points are the frames where a transition leaves a clip or has entered it, in time; from each a piece leads
     to the next one of its clip.
     """
-    blend = np.array([c.blend for c in clips], dtype=np.int64)
-    n = len(transitions)
-    entered = transitions.to_frame + blend[transitions.to_clip] if n else transitions.to_frame
-    ends = np.stack(
-        [
-            np.concatenate([transitions.from_clip, transitions.to_clip]),
-            np.concatenate([transitions.from_frame, entered]),
-        ]
-    )
+    t, n = transitions, len(transitions)
+    entered = t.to_frame + np.array([c.blend for c in clips], dtype=np.int64)[t.to_clip]
+    ends = np.stack([np.concatenate([t.from_clip, t.to_clip]), np.concatenate([t.from_frame, entered])])
     points, place = np.unique(ends, axis=1, return_inverse=True)
-    place = place.ravel()
-    leave, enter = place[:n], place[n:]
+    leave, enter = np.split(place.ravel(), [n])
     rows = np.flatnonzero(points[0, 1:] == points[0, :-1])
     sources, targets = np.concatenate([rows, leave]), np.concatenate([rows + 1, enter])
     size = points.shape[1]
@@ -174,7 +166,7 @@ class GraphSummary:
 
 
 def summarise(graph: MotionGraph) -> GraphSummary:
-    """Figures of a graph and of its largest strongly connected component."""
+    """Sizes of a graph and of its largest strongly connected component."""
     largest = graph.largest()
     members = graph.component == largest
     inner = graph.inner
@@ -189,3 +181,122 @@ def summarise(graph: MotionGraph) -> GraphSummary:
         largest_seconds=float(graph.seconds()[largest]) if largest >= 0 else 0.0,
         seconds=float(sum(c.frames / c.fps for c in graph.clips)),
     )
+
+
+# A piece of a walk lasts at least this long where the graph allows it, and a walk does not go straight back.
+SHORTEST_SECONDS: Final = 1.0
+
+
+@dataclass(frozen=True)
+class WalkPiece:
+    """Frames [start, stop) of one clip from frame `out` of the walk on.
+
+    Attributes:
+        blend: so many of its first frames are blended with the last ones of the piece before; 0 for the first.
+        transition: the one that led here, -1 for the first piece.
+    """
+
+    clip: int
+    start: int
+    stop: int
+    out: int
+    blend: int = 0
+    transition: int = -1
+
+
+# How many frames a transition from the last of some pieces must blend; 0 where it may not be taken.
+Blending = Callable[[Sequence[WalkPiece], int], int]
+
+
+def component_of(graph: MotionGraph, clip: int) -> int:
+    """The strongly connected component that a walk from a clip stays in: of those it leads into, the longest.
+
+    Raises:
+        NoWalkError: no transition of the clip leads to where one can come back from.
+    """
+    leaving = graph.inner & (graph.transitions.from_clip == clip)
+    reached = np.unique(graph.component[graph.leave[leaving]])
+    if not len(reached):
+        raise NoWalkError(
+            f"{graph.clips[clip].clip}: no transition leads out of it and on; start from another clip, or take more "
+            "of the transitions with --no-constraint, --distance-quantile or --context-quantile"
+        )
+    return int(reached[np.argmax(graph.seconds()[reached])])
+
+
+def starts(graph: MotionGraph) -> list[int]:
+    """The clips that transitions of the largest strongly connected component leave."""
+    inner = graph.inner & (graph.component[graph.leave] == graph.largest())
+    return [int(clip) for clip in np.unique(graph.transitions.from_clip[inner])]
+
+
+def random_walk(
+    graph: MotionGraph, clip: int, frames: int, seed: int, blending: Blending | None = None
+) -> list[WalkPiece]:
+    """A walk of `frames` frames that starts with the first frame of a clip.
+
+    The next transition is drawn evenly among those that leave the clip at least a second after it was entered
+    (earlier ones where there are none) and do not lead to within a second of where the walk last left or
+    entered a clip. Where none may be taken, the walk goes back a transition and draws again.
+
+    Args:
+        graph: its clips all of one rate, that of the walk.
+        clip: index of the clip to start with.
+        frames: at least two blends.
+        seed: of the draws.
+        blending: how many frames a transition blends, by default as many as the clips say.
+
+    Raises:
+        UserError: `frames` are too few; `NoWalkError` where the graph holds no such walk.
+    """
+    blend = graph.clips[clip].blend
+    if frames < 2 * blend:
+        fps = graph.clips[clip].fps
+        raise UserError(f"{frames / fps:.3g} s hold no transition; ask for at least {2 * blend / fps:.3g} s")
+    usable = np.flatnonzero(graph.inner & (graph.component[graph.leave] == component_of(graph, clip)))
+    random = np.random.default_rng(seed)
+    refused: set[int] = set()
+    pieces = [WalkPiece(clip, 0, graph.clips[clip].frames, 0)]
+    t = graph.transitions
+    while True:
+        chosen = _next(graph, usable, pieces, refused, random)
+        if chosen is None and len(pieces) == 1:
+            raise NoWalkError(
+                f"{graph.clips[clip].clip}: every transition out of it would make a joint jump; start from another clip"
+            )
+        if chosen is None:
+            refused.add(pieces.pop().transition)
+            continue
+        blended = blending(pieces, chosen) if blending else blend
+        if not blended:
+            refused.add(chosen)
+            continue
+        here, leaving = pieces[-1], int(t.from_frame[chosen])
+        out = here.out + leaving - here.start
+        if out + blended > frames:
+            pieces[-1] = replace(here, stop=here.start + frames - here.out)
+            return pieces
+        entered = int(t.to_clip[chosen])
+        pieces[-1] = replace(here, stop=leaving + blended)
+        pieces.append(WalkPiece(entered, int(t.to_frame[chosen]), graph.clips[entered].frames, out, blended, chosen))
+
+
+def _next(
+    graph: MotionGraph, usable: Int64Array, pieces: Sequence[WalkPiece], refused: set[int], random: np.random.Generator
+) -> int | None:
+    t, here = graph.transitions, pieces[-1]
+    second = round(graph.clips[here.clip].fps * SHORTEST_SECONDS)
+    entered = here.start + here.blend
+    rows = usable[(t.from_clip[usable] == here.clip) & (t.from_frame[usable] >= entered)]
+    rows = rows[~np.isin(rows, list(refused))]
+    late = t.from_frame[rows] >= entered + second
+    fresh = np.ones(len(rows), dtype=bool)
+    recent = pieces[-3:]
+    ends = [(piece.clip, piece.start) for piece in recent]
+    ends += [(before.clip, before.stop - piece.blend) for before, piece in pairwise(recent)]
+    for clip, frame in ends:
+        fresh &= (t.to_clip[rows] != clip) | (np.abs(t.to_frame[rows] - frame) > second)
+    for wanted in (late & fresh, late, fresh, np.ones(len(rows), dtype=bool)):
+        if wanted.any():
+            return int(random.choice(rows[wanted]))
+    return None

@@ -1,20 +1,113 @@
-"""Candidate transitions between clips: where short windows of frames are locally nearest (Kovar et al. 2002)."""
+"""Candidate transitions between clips: where short windows of frames are locally nearest (Kovar et al. 2002).
+
+What a transition costs: the distance of the point clouds of the poses on both sides, and that of the signatures of
+their surroundings.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import Final
 
 import numpy as np
-from motionlake.arrays import BoolArray, Float64Array, Int64Array, IntArray
+from motionlake.arrays import BoolArray, Float32Array, Float64Array, Int64Array, IntArray
 from motionlake.deep_motifs.config import TransitionsConfig
-from motionlake.deep_motifs.motion_graph.costs import Clouds, joined, paired_distance, squared_distances, window_clouds
+from motionlake.deep_motifs.emd import emd
+from motionlake.deep_motifs.signatures import window_signatures
+from motionlake.motion.rotations import turn_on_ground
+from motionlake.motion.skeleton import COMMON, INDEX, facing
 from numba import njit
 
 # Windows of one side of a tile: 2 MB of distances.
 TILE: Final = 720
 # Stored distances are multiples of a micrometre, so that equal windows tie.
 DECIMALS: Final = 6
+# Those of contexts are rounded far below what differs, so that a transition and its reverse are equal.
+CONTEXT_DECIMALS: Final = 9
+PAIRS: Final = 4096  # whose exact distance is computed at a time
+
+
+JOINTS: Final = tuple(INDEX[name] for name in COMMON)
+
+
+@dataclass(frozen=True)
+class Clouds:
+    """The windows of one clip or of several; n windows, P = joints x frames points each.
+
+    Attributes:
+        ground: [n, 2 P] x then z of the points, centred on the ground.
+        height: [n, P] y of the points.
+        norm: [n] sum of the squares of both.
+    """
+
+    ground: Float64Array
+    height: Float64Array
+    norm: Float64Array
+
+    def __len__(self) -> int:
+        return len(self.norm)
+
+    @property
+    def points(self) -> int:
+        return int(self.height.shape[1])
+
+    def at(self, rows: IntArray | slice) -> Clouds:
+        """Some of the windows."""
+        return Clouds(*(values[rows] for values in vars(self).values()))
+
+
+def window_clouds(positions: Float64Array, window: int) -> Clouds:
+    """Clouds of the max(0, T - window + 1) windows of `window` frames of a clip.
+
+    Each is turned to where its first frame faces: the distance does not depend on it, but so the numbers hardly
+    depend on where and which way a clip was recorded.
+
+    Args:
+        positions: [T, 21, 3] canonical joints, metres, y up.
+        window: frames.
+    """
+    n = len(positions) - window + 1
+    if n < 1:
+        points = window * len(JOINTS)
+        return Clouds(np.zeros((0, 2 * points)), np.zeros((0, points)), np.zeros(0))
+    views = np.lib.stride_tricks.sliding_window_view(positions[:, list(JOINTS)], window, axis=0)
+    cloud = views.transpose(0, 3, 1, 2).reshape(n, -1, 3).astype(np.float64)
+    x, y, z = cloud[..., 0], cloud[..., 1], cloud[..., 2]
+    x, z = x - x.mean(axis=1, keepdims=True), z - z.mean(axis=1, keepdims=True)
+    ground = np.concatenate(turn_on_ground(x, z, -facing(positions)[:n, None]), axis=1)
+    return Clouds(ground, y, np.einsum("ij,ij->i", ground, ground) + np.einsum("ij,ij->i", y, y))
+
+
+def _quarter_turned(ground: Float64Array) -> Float64Array:
+    """Centred ground points turned by 90 degrees about the vertical: (x, z) becomes (z, -x)."""
+    x, z = np.split(ground, 2, axis=1)
+    return np.concatenate([z, -x], axis=1)
+
+
+def paired_distance(a: Clouds, b: Clouds) -> Float64Array:
+    """[n] distance in metres of each window of `a` from the same row of `b`, root mean square over the points."""
+    along = np.einsum("ij,ij->i", a.ground, b.ground)
+    across = np.einsum("ij,ij->i", a.ground, _quarter_turned(b.ground))
+    heights = np.einsum("ij,ij->i", a.height, b.height)
+    squares = a.norm + b.norm - 2 * (heights + np.hypot(along, across))
+    return np.asarray(np.sqrt(np.maximum(squares, 0.0) / a.points), dtype=np.float64)
+
+
+def squared_distances(a: Clouds, b: Clouds) -> Float32Array:
+    """[n, m] squares of the distances of all windows of `a` from all of `b`, in single precision."""
+    left, right = a.ground.astype(np.float32), b.ground.astype(np.float32)
+    turned = _quarter_turned(b.ground).astype(np.float32)
+    along = left @ right.T
+    across = left @ turned.T
+    np.hypot(along, across, out=along)
+    along += a.height.astype(np.float32) @ b.height.astype(np.float32).T
+    along *= -2
+    along += a.norm.astype(np.float32)[:, None]
+    along += b.norm.astype(np.float32)[None]
+    along /= a.points
+    return along
 
 
 @dataclass(frozen=True)
@@ -48,7 +141,8 @@ class Candidates:
         return len(self.distance)
 
     def at(self, rows: IntArray) -> Candidates:
-        return Candidates(self.left[rows], self.right[rows], self.distance[rows])
+        """Some of the pairs."""
+        return Candidates(*(values[rows] for values in vars(self).values()))
 
 
 def windowed(positions: list[Float64Array], words: list[int], stride: int, window: int) -> Windowed:
@@ -63,7 +157,7 @@ def windowed(positions: list[Float64Array], words: list[int], stride: int, windo
     clouds = [window_clouds(p, window) for p in positions]
     frames = [np.arange(len(c), dtype=np.int64) for c in clouds]
     return Windowed(
-        joined(clouds),
+        Clouds(*(np.concatenate(parts) for parts in zip(*(vars(c).values() for c in clouds), strict=True))),
         np.repeat(np.arange(len(clouds)), [len(c) for c in clouds]).astype(np.int64),
         np.concatenate(frames),
         np.concatenate([np.minimum(f // stride, w - 1) for f, w in zip(frames, words, strict=True)]),
@@ -111,19 +205,13 @@ def candidates(
             )  # fmt: skip
             lefts.append(i + rows.start)
             rights.append(j + columns.start)
-    left = np.concatenate(lefts) if lefts else np.zeros(0, np.int64)
-    right = np.concatenate(rights) if rights else np.zeros(0, np.int64)
+    none = np.zeros(0, np.int64)
+    left, right = np.concatenate([none, *lefts]), np.concatenate([none, *rights])
     order = np.lexsort((right, left))
     left, right = left[order], right[order]
-    return Candidates(left, right, _distances(a.clouds, b.clouds, left, right))
-
-
-def _distances(a: Clouds, b: Clouds, left: Int64Array, right: Int64Array) -> Float64Array:
-    found = np.empty(len(left))
-    for start in range(0, len(left), 4096):
-        rows = slice(start, start + 4096)
-        found[rows] = paired_distance(a.at(left[rows]), b.at(right[rows]))
-    return np.round(found, DECIMALS)
+    pairs = [slice(start, start + PAIRS) for start in range(0, len(left), PAIRS)]
+    apart = [paired_distance(a.clouds.at(left[some]), b.clouds.at(right[some])) for some in pairs]
+    return Candidates(left, right, np.round(np.concatenate([np.zeros(0), *apart]), DECIMALS))
 
 
 @njit(cache=True)
@@ -191,3 +279,36 @@ def _starts(*keys: Int64Array) -> BoolArray:
     if len(starts):
         starts[1:] = np.any([k[1:] != k[:-1] for k in keys], axis=0)
     return starts
+
+
+def context_distances(
+    motifs: Sequence[IntArray],
+    ends: tuple[tuple[Int64Array, Int64Array], tuple[Int64Array, Int64Array]],
+    idf: Float64Array,
+    ground: Float64Array,
+    context: int,
+) -> Float64Array:
+    """Earth mover's distance between the contexts of the two ends of transitions (section 6.4).
+
+    Args:
+        motifs: [w] motif of each word, of every clip.
+        ends: (clip [n], word [n]) of either end.
+        idf: [K] of the motifs.
+        ground: [K, K] distances of the motifs.
+        context: words of a window; a clip of fewer words is its own context.
+
+    Returns:
+        [n] in the unit of `ground`; windows that several transitions share are compared once.
+    """
+    last = np.array([max(len(m) - context, 0) for m in motifs], dtype=np.int64)  # first word of each clip's last window
+    first = np.concatenate([[0], np.cumsum(last + 1)])
+    keys = [first[clip] + np.clip(word - context // 2, 0, last[clip]) for clip, word in ends]
+    pairs, place = np.unique(np.sort(np.stack(keys, axis=1), axis=1), axis=0, return_inverse=True)
+    windows = cache(lambda clip: window_signatures(motifs[clip], idf, context))
+
+    def signature(key: int) -> Float32Array:
+        clip = int(np.searchsorted(first, key, side="right")) - 1
+        return np.asarray(windows(clip)[key - first[clip]])
+
+    found = np.array([emd(signature(int(p)), signature(int(q)), ground) for p, q in pairs], dtype=np.float64)
+    return np.round(found[place.ravel()], CONTEXT_DECIMALS)
