@@ -14,12 +14,12 @@ import librosa
 import numpy as np
 import pydivsufsort
 from motionlake.arrays import Int32Array
-from motionlake.pesta.alignment.long_query import LongQuery
-from motionlake.pesta.alignment.matches import best_matches
-from motionlake.pesta.alignment.scan import best_per_clip, end_costs, symmetric_costs
-from motionlake.pesta.alignment.strings import Repository, SymbolDistances
 from motionlake.pesta.config import AlignmentConfig
+from motionlake.pesta.long_query import LongQuery
+from motionlake.pesta.matches import best_matches
 from motionlake.pesta.repetitions import reduce_repeats
+from motionlake.pesta.scan import best_per_clip, end_costs, symmetric_costs
+from motionlake.pesta.strings import Repository, SymbolDistances
 from numpy.typing import NDArray
 
 from bench.record import interleave, record

@@ -12,11 +12,11 @@ from motionlake.errors import UserError
 from motionlake.lake.catalog import reading
 from motionlake.lake.config import load_config
 from motionlake.lake.layout import Lake, open_lake
-from motionlake.pesta.alignment import matches as whole
-from motionlake.pesta.alignment.matches import best_matches
-from motionlake.pesta.alignment.scan import symmetric_costs
-from motionlake.pesta.alignment.strings import Repository
+from motionlake.pesta import scan as whole
 from motionlake.pesta.config import AlignmentConfig
+from motionlake.pesta.matches import best_matches
+from motionlake.pesta.scan import symmetric_costs
+from motionlake.pesta.strings import Repository
 from motionlake.retrieval.alignment import AlignmentRangeSearcher, AlignmentSearcher
 from motionlake.retrieval.protocol import Hit, Query, Scope
 from motionlake.retrieval.symbol_strings import LakeStrings, read_strings

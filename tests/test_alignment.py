@@ -10,10 +10,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from motionlake.arrays import Int32Array
-from motionlake.pesta.alignment.matches import Match, best_matches
-from motionlake.pesta.alignment.scan import Boundaries, best_per_clip, end_costs, pairwise, symmetric_costs
-from motionlake.pesta.alignment.strings import Repository, SymbolDistances
 from motionlake.pesta.config import AlignmentConfig, Method
+from motionlake.pesta.matches import Match, best_matches
+from motionlake.pesta.scan import best_per_clip, end_costs, pairwise, symmetric_costs
+from motionlake.pesta.strings import Boundaries, Repository, SymbolDistances
 from numpy.typing import NDArray
 
 from tests import naive_alignment as naive

@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from motionlake.pesta.alignment.long_query import LongQuery
-from motionlake.pesta.alignment.matches import best_matches
-from motionlake.pesta.alignment.scan import Boundaries
-from motionlake.pesta.alignment.strings import Repository
 from motionlake.pesta.config import AlignmentConfig
+from motionlake.pesta.long_query import LongQuery
+from motionlake.pesta.matches import best_matches
+from motionlake.pesta.strings import Boundaries, Repository
 
 from tests import naive_alignment as naive
 from tests.test_alignment import cases, dictionary, placed

@@ -30,8 +30,8 @@ from motionlake.evaluation.ranking import (
     score_rankings,
     share_label,
 )
-from motionlake.pesta.alignment.scan import symmetric_costs
 from motionlake.pesta.config import AlignmentConfig, Method
+from motionlake.pesta.scan import symmetric_costs
 from motionlake.pesta.symbols import SymbolString
 
 from bench.pesta.robustness import singular_pieces

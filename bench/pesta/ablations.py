@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
-from motionlake.pesta.alignment.scan import Both
 from motionlake.pesta.config import AlignmentConfig, SymbolsConfig
 from motionlake.pesta.posture_network import AutoencoderRecipe
+from motionlake.pesta.scan import Both
 
 from bench.pesta.dictionaries import Spec, fitted, strings_of
 from bench.pesta.measuring import STA3, whole_scores

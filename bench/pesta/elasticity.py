@@ -12,8 +12,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final
 
-from motionlake.pesta.alignment.matches import nearest_strings
-from motionlake.pesta.alignment.strings import Repository, SymbolDistances
+from motionlake.pesta.scan import nearest_strings
+from motionlake.pesta.strings import Repository, SymbolDistances
 
 from bench.pesta.dictionaries import OWN, Spec, Unit, fitted, strings_of
 from bench.pesta.measuring import STA3, whole_scores

@@ -16,9 +16,9 @@ from motionlake.evaluation.ranking import (
     relatives,
     score_rankings,
 )
-from motionlake.pesta.alignment.scan import Both, symmetric_costs
-from motionlake.pesta.alignment.strings import Distances
 from motionlake.pesta.config import AlignmentConfig
+from motionlake.pesta.scan import Both, symmetric_costs
+from motionlake.pesta.strings import Distances
 from motionlake.pesta.symbols import SymbolString
 
 from bench import units

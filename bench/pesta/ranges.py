@@ -13,9 +13,9 @@ from typing import Final
 
 import numpy as np
 from motionlake.evaluation.ranking import by_class, ranked_relevance, score_rankings, share_label
-from motionlake.pesta.alignment.scan import pairwise
-from motionlake.pesta.alignment.strings import Repository
 from motionlake.pesta.config import AlignmentConfig
+from motionlake.pesta.scan import pairwise
+from motionlake.pesta.strings import Repository
 from motionlake.pesta.symbols import SymbolString
 
 from bench.pesta.dictionaries import Spec, Unit, fitted, strings_of

@@ -16,8 +16,8 @@ import numpy as np
 from motionlake.arrays import Int64Array
 from motionlake.motion.rotations import turn_on_ground
 from motionlake.motion.skeleton import INDEX, facing
-from motionlake.pesta.alignment.scan import Both
 from motionlake.pesta.config import AlignmentConfig
+from motionlake.pesta.scan import Both
 
 from bench.canonical_sets import LabelledClip, features
 from bench.pesta.dictionaries import Spec, Unit, fitted, string

@@ -20,8 +20,8 @@ from motionlake.evaluation.pesta import (
     score_sub_queries,
     shared_search,
 )
-from motionlake.pesta.alignment.strings import Distances
 from motionlake.pesta.config import AlignmentConfig
+from motionlake.pesta.strings import Distances
 
 from bench.pesta.dictionaries import Spec, Unit, fitted, pretrained, strings_of
 from bench.pesta.measuring import STA2

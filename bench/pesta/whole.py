@@ -12,8 +12,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
-from motionlake.pesta.alignment.scan import Both
 from motionlake.pesta.config import AlignmentConfig, SymbolsConfig
+from motionlake.pesta.scan import Both
 
 from bench.canonical_sets import features
 from bench.pesta.dictionaries import OWN, Spec, fitted, pretrained, strings_of

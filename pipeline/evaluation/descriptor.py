@@ -19,8 +19,8 @@ from motionlake.lake.config import load_config
 from motionlake.lake.layout import Lake
 from motionlake.lake.models import Model
 from motionlake.motion.features import body_length
-from motionlake.pesta.alignment.scan import pairwise
-from motionlake.pesta.alignment.strings import Repository
+from motionlake.pesta.scan import pairwise
+from motionlake.pesta.strings import Repository
 from motionlake.retrieval.fused import mean_scores, scaled
 from motionlake.retrieval.labelled_clips import DescribedClip, DescribedClips, described_clips, lake_ground
 from motionlake.retrieval.registry import methods as searchers

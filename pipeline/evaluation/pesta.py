@@ -31,11 +31,11 @@ from motionlake.evaluation.ranking import (
 from motionlake.lake.catalog import Connection, fetch
 from motionlake.lake.config import load_config
 from motionlake.lake.layout import Lake
-from motionlake.pesta.alignment.long_query import LongQuery
-from motionlake.pesta.alignment.matches import Match, best_matches
-from motionlake.pesta.alignment.scan import symmetric_costs
-from motionlake.pesta.alignment.strings import Distances, Repository, SymbolDistances
 from motionlake.pesta.config import METHODS, AlignmentConfig
+from motionlake.pesta.long_query import LongQuery
+from motionlake.pesta.matches import Match, best_matches
+from motionlake.pesta.scan import symmetric_costs
+from motionlake.pesta.strings import Distances, Repository, SymbolDistances
 from motionlake.pesta.symbols import SymbolString
 from motionlake.retrieval.labelled_clips import SignedClips, lake_ground
 from motionlake.retrieval.symbol_strings import LakeStrings, read_strings

@@ -58,6 +58,7 @@ class AlignmentConfig:
         return self.method == "sw"
 
 
+DEFAULT_ALIGNMENT: Final = AlignmentConfig()
 DictionaryKind = Literal["aae", "kmeans", "som"]
 RecipeName = Literal["default", "pesta"]
 KINDS: Final = ("aae", "kmeans", "som")

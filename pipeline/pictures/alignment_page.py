@@ -9,9 +9,9 @@ from typing import Any, Final
 import numpy as np
 from matplotlib.figure import Figure
 from motionlake.arrays import Int64Array
-from motionlake.pesta.alignment.matches import Match, best_matches
-from motionlake.pesta.alignment.strings import Repository
 from motionlake.pesta.config import AlignmentConfig
+from motionlake.pesta.matches import Match, best_matches
+from motionlake.pesta.strings import Repository
 from motionlake.pictures.alignment_matrix import AlignedPath, SymbolRow, alignment_matrix
 from motionlake.pictures.hits_page import hits_page
 from motionlake.pictures.html import Picture, picture, write_hits

@@ -15,11 +15,11 @@ from motionlake.lake.catalog import fetch, reading
 from motionlake.lake.config import load_config
 from motionlake.lake.layout import Lake
 from motionlake.motion.features import word_features
-from motionlake.pesta.alignment.long_query import LongQuery
-from motionlake.pesta.alignment.matches import Match, best_matches, nearest_strings
-from motionlake.pesta.alignment.scan import Both, pairwise
-from motionlake.pesta.alignment.strings import Repository
 from motionlake.pesta.config import AlignmentConfig
+from motionlake.pesta.long_query import LongQuery
+from motionlake.pesta.matches import Match, best_matches
+from motionlake.pesta.scan import Both, nearest_strings, pairwise
+from motionlake.pesta.strings import Repository
 from motionlake.pesta.symbols import symbolise
 from motionlake.retrieval.encode import query_motion
 from motionlake.retrieval.protocol import (

@@ -14,7 +14,7 @@ from motionlake.deep_motifs.signatures import CorpusClip
 from motionlake.errors import UserError
 from motionlake.lake.catalog import Connection, fetch, fetch_table
 from motionlake.lake.frames import frame_range
-from motionlake.pesta.alignment.strings import Repository, SymbolDistances
+from motionlake.pesta.strings import Repository, SymbolDistances
 from motionlake.pesta.symbols import SymbolString
 from motionlake.retrieval.protocol import Scope
 from numpy.typing import NDArray

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Final
+from typing import Final, Literal
 
 import numpy as np
 from motionlake.arrays import Float32Array, Int32Array, Int64Array
@@ -13,6 +13,7 @@ from motionlake.pesta.config import AlignmentConfig
 from numpy.typing import ArrayLike
 
 MAX_SYMBOLS: Final = 2**31 - 1
+Boundaries = Literal["kept", "crossed", "dropped"]
 
 
 @dataclass(frozen=True)
@@ -47,9 +48,8 @@ class Repository:
     def of(cls, strings: Sequence[ArrayLike]) -> Repository:
         """The repository of some strings, in their order."""
         arrays = [np.asarray(string, dtype=np.int32).ravel() for string in strings]
-        offsets = np.concatenate([[0], np.cumsum([len(array) for array in arrays], dtype=np.int64)])
-        symbols = np.concatenate(arrays) if arrays else np.zeros(0, dtype=np.int32)
-        return cls(symbols, offsets.astype(np.int64))
+        symbols = np.concatenate([np.zeros(0, dtype=np.int32), *arrays])
+        return cls(symbols, np.cumsum([0, *map(len, arrays)], dtype=np.int64))
 
     def __len__(self) -> int:
         return len(self.offsets) - 1
@@ -68,6 +68,16 @@ class Repository:
         """The same symbols as one clip: what an alignment that crosses boundaries sees."""
         return Repository(self.symbols, np.array([0, len(self.symbols)], dtype=np.int64))
 
+    def aligned(self, boundaries: Boundaries) -> Repository:
+        """The clips, each aligned by itself ("kept"), or all as one string.
+
+        Raises:
+            ValueError: other boundaries than "kept", "crossed" and "dropped".
+        """
+        if boundaries not in ("kept", "crossed", "dropped"):
+            raise ValueError(f"boundaries is {boundaries!r}, not kept, crossed or dropped")
+        return self if boundaries == "kept" else self.joined
+
     @cached_property
     def by_length(self) -> Int64Array:
         """The clips that hold symbols, longest first, by index where lengths are equal."""
@@ -77,7 +87,7 @@ class Repository:
     @cached_property
     def largest(self) -> int:
         """The largest symbol, -1 where there is none."""
-        return int(self.symbols.max()) if len(self.symbols) else -1
+        return int(self.symbols.max(initial=-1))
 
 
 @dataclass(frozen=True)
@@ -102,7 +112,7 @@ class SymbolDistances:
             raise ValueError("distances of symbols are finite and not below zero")
 
     @classmethod
-    def of(cls, distances: ArrayLike | SymbolDistances) -> SymbolDistances:
+    def of(cls, distances: Distances) -> SymbolDistances:
         """As they are, if they have been checked before."""
         return distances if isinstance(distances, SymbolDistances) else cls(np.asarray(distances))
 
@@ -117,29 +127,26 @@ class SymbolDistances:
         unit = self.mean if config.local else 1.0
         return np.float32(config.threshold * unit), np.float32(config.gap * unit)
 
-    def check(self, what: str, lowest: int, largest: int) -> None:
-        """
-        Raises:
-            ValueError: a symbol that the dictionary does not have.
-        """
-        if lowest < 0 or largest >= len(self.matrix):
-            wrong = lowest if lowest < 0 else largest
-            raise ValueError(f"{what} holds symbol {wrong}, but the dictionary has 0 to {len(self.matrix) - 1}")
-
 
 Distances = ArrayLike | SymbolDistances
 
 
-def checked(query: ArrayLike, repository: Repository, distances: SymbolDistances) -> Int32Array:
-    """The query as [X] int32, after comparing all symbols with the dictionary.
+def checked(query: ArrayLike, repository: Repository, distances: Distances) -> tuple[Int32Array, SymbolDistances]:
+    """The query as [X] int32, and the distances, after comparing all symbols with the dictionary.
 
     Raises:
         ValueError: a query that is not one row of symbols, or empty; a symbol that the dictionary does not have.
     """
-    symbols = query_string(query)
-    distances.check("the query", int(symbols.min()), int(symbols.max()))
-    distances.check("the repository", 0, repository.largest)
-    return symbols
+    ground, symbols = SymbolDistances.of(distances), query_string(query)
+    m = len(ground.matrix)
+    for what, lowest, largest in (
+        ("query", int(symbols.min()), int(symbols.max())),
+        ("repository", 0, repository.largest),
+    ):
+        if lowest < 0 or largest >= m:
+            wrong = lowest if lowest < 0 else largest
+            raise ValueError(f"the {what} holds symbol {wrong}, but the dictionary has 0 to {m - 1}")
+    return symbols, ground
 
 
 def query_string(query: ArrayLike) -> Int32Array:

@@ -16,9 +16,8 @@ from typing import Any
 
 import numpy as np
 from motionlake.arrays import Float32Array, Int32Array, Int64Array
-from motionlake.pesta.alignment.vectors import (
+from motionlake.pesta.vectors import (
     LANES,
-    MAX_UNROLLED,
     ROWS,
     chosen,
     least,
@@ -29,8 +28,6 @@ from motionlake.pesta.alignment.vectors import (
     spread,
     store,
     transpose,
-    window,
-    window_from,
 )
 from numba import njit
 
@@ -55,8 +52,12 @@ def query_profile(query: Int32Array, distances: Float32Array) -> Float32Array:
 
 
 @njit(nogil=True)  # type: ignore[untyped-decorator]
-def _wide_window(ring: Float32Array, columns: Int64Array, row: int, above: Any, distance: Any, stride: int) -> Any:
-    """`vectors.window` for any stride."""
+def _window(ring: Float32Array, columns: Int64Array, row: int, above: Any, distance: Any, stride: int) -> Any:
+    """Least W(m, n) + D * p over the window of one cell (section 6).
+
+    columns[k]: where the column k steps back begins in `ring`; row: the cell's row * LANES; above: W of the row before
+    in this column; distance: D.
+    """
     best = plus(above, distance)
     for p in range(stride, 0, -1):
         low = load(ring, columns[p] + row)
@@ -73,7 +74,6 @@ def _wide_window(ring: Float32Array, columns: Int64Array, row: int, above: Any, 
 @cache
 def scanner(stride: int) -> Callable[..., None]:
     """The kernel that scans strings with one stride."""
-    unrolled = stride <= MAX_UNROLLED
 
     @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
     def scan(
@@ -149,10 +149,8 @@ def scanner(stride: int) -> Callable[..., None]:
                         lowest = least(lowest, cost)
                     elif x == 0:
                         cost = distance
-                    elif unrolled:
-                        cost = window(ring, columns, row, above, distance, stride)
                     else:
-                        cost = _wide_window(ring, columns, row, above, distance, stride)
+                        cost = _window(ring, columns, row, above, distance, stride)
                     store(ring, columns[0] + row, cost)
                     above = cost
                 store(bottom, t * LANES, lowest if local else above)
@@ -178,11 +176,6 @@ def scanner(stride: int) -> Callable[..., None]:
     return kernel
 
 
-Columns = Int32Array  # int32 indices of columns
-
-_INFINITY = np.float32(np.inf)
-
-
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
 def segment_profile(segments: Int32Array, distances: Float32Array) -> Float32Array:
     """[m * rows * LANES] flat: distances of each symbol from each row of [n <= LANES, rows] segments, one in a lane."""
@@ -197,11 +190,15 @@ def segment_profile(segments: Int32Array, distances: Float32Array) -> Float32Arr
 
 
 @njit(nogil=True)  # type: ignore[untyped-decorator]
-def _wide_window_from(
-    ring: Float32Array, origins: Columns, columns: Int64Array, row: int, distance: Any, stride: int
+def _window_from(
+    ring: Float32Array, origins: Int32Array, columns: Int64Array, row: int, distance: Any, stride: int
 ) -> tuple[Any, Any]:
-    """`vectors.window_from` for any stride."""
-    best, origin = spread(_INFINITY), spread(np.int32(0))
+    """As `_window`, and the origin that the first of the best cells carries.
+
+    Cells in the order in which ties are decided: the fewest steps p away; of these the diagonal, then those p rows back
+    by falling column, then those p columns back by falling row.
+    """
+    best, origin = spread(INFINITY), spread(np.int32(0))
     for p in range(1, stride + 1):
         penalty = scaled(distance, np.float32(p))
         for k in range(p, -1, -1):
@@ -220,7 +217,6 @@ def _wide_window_from(
 @cache
 def segment_scanner(stride: int) -> Callable[..., None]:
     """The kernel that aligns up to `LANES` segments to strings at once, with one stride."""
-    unrolled = stride <= MAX_UNROLLED
 
     @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
     def scan(
@@ -229,7 +225,7 @@ def segment_scanner(stride: int) -> Callable[..., None]:
         symbols: Int32Array,
         offsets: Int64Array,
         ends: Float32Array,
-        starts: Columns,
+        starts: Int32Array,
     ) -> None:
         """Fill [used, Y] of each segment, one in a lane.
 
@@ -244,7 +240,7 @@ def segment_scanner(stride: int) -> Callable[..., None]:
         turned_costs, turned_marks = np.empty_like(costs), np.empty_like(marks)
         filled = 0
         for clip in range(len(offsets) - 1):
-            ring[:] = _INFINITY
+            ring[:] = INFINITY
             for y in range(offsets[clip], offsets[clip + 1]):
                 for k in range(stride + 1):
                     columns[k] = ((y - k) % (stride + 1)) * size + stride * LANES
@@ -255,10 +251,7 @@ def segment_scanner(stride: int) -> Callable[..., None]:
                 for x in range(1, n_rows):
                     row = x * LANES
                     distance = load(profile, at + row)
-                    if unrolled:
-                        cost, origin = window_from(ring, origins, columns, row, distance, stride)
-                    else:
-                        cost, origin = _wide_window_from(ring, origins, columns, row, distance, stride)
+                    cost, origin = _window_from(ring, origins, columns, row, distance, stride)
                     store(ring, columns[0] + row, cost)
                     store(origins, columns[0] + row, origin)
                 store(costs, filled * LANES, cost)
@@ -309,7 +302,9 @@ def join_column(ends: Float32Array, top: int, begin: int, stride: int) -> np.uin
 
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
-def joined_paths(ends: Float32Array, starts: Columns, offsets: Int64Array, stride: int) -> tuple[Float32Array, Columns]:
+def joined_paths(
+    ends: Float32Array, starts: Int32Array, offsets: Int64Array, stride: int
+) -> tuple[Float32Array, Int32Array]:
     """Costs and first columns [Y] of the paths that end at each column of the last of some segments.
 
     ends, starts: [s, Y] of those segments, in order.

@@ -24,19 +24,21 @@ from typing import Final
 
 import numpy as np
 from motionlake.arrays import BoolArray, Float32Array, Int32Array, Int64Array
-from motionlake.pesta.alignment.kernels import (
-    Columns,
-    join_column,
-    joined_paths,
-    segment_profile,
-    segment_scanner,
+from motionlake.pesta.config import DEFAULT_ALIGNMENT, AlignmentConfig
+from motionlake.pesta.kernels import join_column, joined_paths, segment_profile, segment_scanner
+from motionlake.pesta.matches import (
+    Alignment,
+    Match,
+    beginning,
+    block_minima,
+    heap_of,
+    next_column,
+    placed,
+    strided_path,
+    taken_symbols,
 )
-from motionlake.pesta.alignment.matches import Match, ascending_blocks, next_column, taken_symbols
-from motionlake.pesta.alignment.scan import Boundaries
-from motionlake.pesta.alignment.strings import Distances, Repository, SymbolDistances, checked
-from motionlake.pesta.alignment.trace import strided_path, strided_weights
-from motionlake.pesta.alignment.vectors import LANES
-from motionlake.pesta.config import AlignmentConfig
+from motionlake.pesta.strings import Boundaries, Distances, Repository, checked
+from motionlake.pesta.vectors import LANES
 from numba import njit
 from numpy.typing import ArrayLike
 
@@ -65,27 +67,23 @@ class LongQuery:
         query: ArrayLike,
         repository: Repository,
         distances: Distances,
-        config: AlignmentConfig | None = None,
+        config: AlignmentConfig = DEFAULT_ALIGNMENT,
         *,
         segments: int | None = None,
         boundaries: Boundaries = "kept",
     ) -> None:
-        config = config or AlignmentConfig()
         if config.local:
             raise ValueError("sub-queries of a long query are aligned by sta or dtw, not by sw")
-        if boundaries not in ("kept", "crossed", "dropped"):
-            raise ValueError(f"boundaries is {boundaries!r}, not kept, crossed or dropped")
-        self._matrix = SymbolDistances.of(distances)
-        self.query = checked(query, repository, self._matrix)
+        self._strings = repository.aligned(boundaries)
+        self.query, self._matrix = checked(query, repository, distances)
         count = -(-len(self.query) // SEGMENT_SYMBOLS) if segments is None else segments
         if not 1 <= count <= len(self.query):
             raise ValueError(f"a query of {len(self.query)} symbols has 1 to {len(self.query)} segments, not {count}")
         self.segment_length = -(-len(self.query) // count)
         filled = np.pad(self.query, (0, count * self.segment_length - len(self.query)), mode="edge")
         self._segments = np.ascontiguousarray(filled.reshape(count, self.segment_length))
-        self._repository, self._dropped = repository, boundaries == "dropped"
-        self._strings = repository if boundaries == "kept" else repository.joined
-        self._stride = config.reach
+        self._repository, self._stride = repository, config.reach
+        self._inside = repository.offsets if boundaries == "dropped" else self._strings.offsets
         self._ends = np.empty((count, len(repository.symbols)), dtype=np.float32)
         self._starts = np.empty(self._ends.shape, dtype=np.int32)
         self._known = np.zeros(count, dtype=np.bool_)
@@ -123,22 +121,24 @@ class LongQuery:
         cover = slice(start // self.segment_length, -(-stop // self.segment_length))
         self._align(cover)
         first = cover.start * self.segment_length
-        inside = self._repository.offsets if self._dropped else self._strings.offsets
-        matches = []
-        found, costs = _select(
-            self._ends[cover], self._starts[cover], self._segments[cover], self._strings.symbols,
-            self._strings.offsets, inside, taken_symbols(barred, self._ends.shape[1]), k, np.float32(below),
-            self._matrix.matrix, self._stride, start - first, stop - first,
+        ends, starts = self._ends[cover], self._starts[cover]
+        costs, tops = joined_paths(ends, starts, self._strings.offsets, self._stride)
+        found = _select(
+            self._segment(cover.start), self._segment(cover.stop - 1), ends, starts, costs, block_minima(costs), tops,
+            self._strings.offsets, self._inside, taken_symbols(barred, ends.shape[1]), k, np.float32(below),
+            start - first, stop - first,
         )  # fmt: skip
-        offsets = self._repository.offsets
-        clips = np.searchsorted(offsets, found[:, 0], side="right") - 1
-        spans = found.tolist()
-        for (low, high, end), clip, begin, cost in zip(
-            spans, clips.tolist(), offsets[clips].tolist(), costs.tolist(), strict=True
-        ):
-            path = self._path(cover, end, start, stop) - np.array([0, begin]) if paths else None
-            matches.append(Match(clip, low - begin, high - begin, cost, path))
-        return matches
+
+        def path(end: int) -> Int64Array:
+            return self._path(cover, end, start, stop)
+
+        return placed(found, costs[found[:, 2]], self._repository, path if paths else None)
+
+    def _segment(self, segment: int) -> Alignment:
+        return Alignment(
+            self._segments[segment], self._strings.symbols, self._matrix.matrix, self._stride, False,
+            np.float32(0), np.float32(0),
+        )  # fmt: skip
 
     def _align(self, cover: slice) -> None:
         """Align the blocks of segments that hold one that is wanted and not known."""
@@ -154,14 +154,10 @@ class LongQuery:
 
     def _path(self, cover: slice, end: int, start: int, stop: int) -> Int64Array:
         """[L, 2] (query index, symbol of the repository) of the sub-query's own rows."""
-        offsets = self._strings.offsets
-        begin = offsets[np.searchsorted(offsets, end, side="right") - 1]
+        begin = beginning(self._strings.offsets, end)
         pieces, column = [], end
         for segment in range(cover.stop - 1, cover.start - 1, -1):
-            path = _segment_path(
-                self._segments[segment], self._strings.symbols, self._starts[segment], column,
-                self._matrix.matrix, self._stride,
-            )  # fmt: skip
+            path = _segment_path(self._segment(segment), self._starts[segment], column)
             pieces.append(path + np.array([segment * self.segment_length, 0]))
             if segment > cover.start:
                 column = int(join_column(self._ends[segment - 1], path[0, 1], begin, self._stride))
@@ -174,49 +170,39 @@ class LongQuery:
 
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
-def _segment_path(
-    segment: Int32Array, symbols: Int32Array, starts: Columns, end: int, distances: Float32Array, stride: int
-) -> Int64Array:
+def _segment_path(segment: Alignment, starts: Int32Array, end: int) -> Int64Array:
     """[L, 2] path of one segment that ends in column `end`, by local rows."""
-    low = starts[end]
-    weights = strided_weights(segment, symbols, low, end, distances, stride, np.float32(np.inf))
-    path: Int64Array = strided_path(segment, symbols, low, end, distances, stride, weights)[0]
+    path: Int64Array = strided_path(segment, starts[end], end, np.float32(np.inf))[0]
     return path
 
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
 def _portion(
+    first: Alignment,
+    last: Alignment,
     ends: Float32Array,
-    starts: Columns,
-    segments: Int32Array,
-    symbols: Int32Array,
+    starts: Int32Array,
     begin: int,
     end: int,
-    first: int,
-    distances: Float32Array,
-    stride: int,
+    top: int,
     first_row: int,
     last_row: int,
 ) -> tuple[int, int]:
-    """First and last column, from `first` to `end`, of a path in rows [first_row, last_row) of some segments."""
-    n, n_rows = segments.shape
-    low, high = first, end
-    cut_below, cut_above = last_row < n * n_rows, first_row > 0
-    if not (cut_below or cut_above):
-        return low, high
-    if cut_below:
-        path = _segment_path(segments[n - 1], symbols, starts[n - 1], end, distances, stride)
+    """First and last column, from `top` to `end`, of a path in rows [first_row, last_row) of some segments."""
+    n, n_rows = len(ends), len(first.query)
+    low, high = top, end
+    if last_row < n * n_rows:
+        path = _segment_path(last, starts[n - 1], end)
         limit = last_row - (n - 1) * n_rows
         cell = len(path) - 1
         while cell > 0 and path[cell, 0] >= limit:
             cell -= 1
         high = path[cell, 1]
-    if cut_above:
+    if first_row > 0:
         column = np.int64(end)
         for segment in range(n - 2, -1, -1):
-            top = np.int64(starts[segment + 1, column])
-            column = np.int64(join_column(ends[segment], top, begin, stride))
-        path = _segment_path(segments[0], symbols, starts[0], column, distances, stride)
+            column = np.int64(join_column(ends[segment], np.int64(starts[segment + 1, column]), begin, first.stride))
+        path = _segment_path(first, starts[0], column)
         cell = 0
         while path[cell, 0] < first_row:
             cell += 1
@@ -226,38 +212,40 @@ def _portion(
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
 def _select(
+    first: Alignment,
+    last: Alignment,
     ends: Float32Array,
-    starts: Columns,
-    segments: Int32Array,
-    symbols: Int32Array,
+    starts: Int32Array,
+    costs: Float32Array,
+    minima: Int64Array,
+    tops: Int32Array,
     offsets: Int64Array,
     inside: Int64Array,
     taken: BoolArray,
     k: int,
     limit: np.float32,
-    distances: Float32Array,
-    stride: int,
     first_row: int,
     last_row: int,
-) -> tuple[Int64Array, Float32Array]:
-    """[h, 3] start, stop and end column of the best matches, and their costs [h]."""
-    costs, tops = joined_paths(ends, starts, offsets, stride)
+) -> Int64Array:
+    """[h, 3] start, stop and end column of the best matches.
+
+    first, last: the outer ones of the segments that cover the sub-query, which are its rows [first_row, last_row).
+    ends, starts: [s, Y] of all segments; costs, tops: [Y] of the paths through them (`joined_paths`).
+    """
     found = np.empty((min(k, len(costs)), 3), dtype=np.int64)
     n = 0
     # A path that goes on below the sub-query may end on a symbol that is taken.
-    ended = taken if last_row == segments.size else np.zeros_like(taken)
-    heap = ascending_blocks(costs)
+    ended = taken if last_row == len(ends) * len(first.query) else np.zeros_like(taken)
+    heap = heap_of(costs, minima)
     while n < len(found):
         end = next_column(heap, costs, ended)
         if end < 0 or not costs[end] < limit:
             break
-        begin = offsets[np.searchsorted(offsets, end, side="right") - 1]
-        low, high = _portion(
-            ends, starts, segments, symbols, begin, end, tops[end], distances, stride, first_row, last_row
-        )
-        if low < inside[np.searchsorted(inside, high, side="right") - 1] or np.any(taken[low : high + 1]):
+        begin = beginning(offsets, end)
+        low, high = _portion(first, last, ends, starts, begin, end, tops[end], first_row, last_row)
+        if low < beginning(inside, high) or np.any(taken[low : high + 1]):
             continue
         taken[low : high + 1] = True
         found[n, 0], found[n, 1], found[n, 2] = low, high + 1, end
         n += 1
-    return found[:n], costs[found[:n, 2]]
+    return found[:n]
