@@ -21,16 +21,16 @@ from typing import Any, Final
 import numpy as np
 from motionlake.arrays import Float32Array, Int64Array
 from motionlake.deep_motifs.words.dtw import word_distances
-from motionlake.deep_motifs.words.neighbours import Neighbours, SearchConfig, prepare, search
+from motionlake.deep_motifs.words.neighbours import Neighbours, SearchConfig, search
 from motionlake.deep_motifs.words.triplets import time_warped
-from motionlake.deep_motifs.words.windows import WordSet, padded
+from motionlake.deep_motifs.words.word_index import WordSet, fit_index
 from motionlake.formats import is_clip
 from motionlake.jobs.run import run
 from motionlake.jobs.session import session
 from motionlake.lake.catalog import reading
 from motionlake.lake.config import LakeConfig
 from motionlake.lake.layout import Lake
-from motionlake.motion.features import WordConfig, mirrored_features
+from motionlake.motion.features import WordConfig, mirrored_features, padded
 from motionlake.stages import words
 from threadpoolctl import threadpool_limits
 
@@ -132,15 +132,13 @@ def main() -> None:
         data = hash_files([p for p in recordings().rglob("*") if p.is_file()], recordings())
     words_, places = corpus(features, chosen.words, chosen.seed)
     print(f"{len(words_)} words of {len(features)} clips")
-    config = SearchConfig()
+    config = SearchConfig(apart=CONFIG.length)
     started, processor = time.perf_counter(), time.process_time()
-    searched = prepare(words_, places, config)
+    searched = fit_index(words_, places)
     indexed = time.perf_counter() - started
     print(f"indexed in {indexed:.0f} s")
-    found = search(
-        searched, words_, places, K, apart=CONFIG.length, config=config, threads=chosen.threads,
-        progress=_Shares(time.perf_counter()),
-    )  # fmt: skip
+    progress = _Shares(time.perf_counter())
+    found = search(searched, words_, places, K, config, threads=chosen.threads, progress=progress)
     seconds, processor = time.perf_counter() - started, time.process_time() - processor
     memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
     anchors = np.sort(np.random.default_rng(chosen.seed + 1).permutation(len(words_))[:ANCHORS])

@@ -28,9 +28,8 @@ from motionlake.deep_motifs.motifs import Motifs, assign, fit_motifs
 from motionlake.deep_motifs.signatures import signatures
 from motionlake.deep_motifs.words.dtw import word_distances
 from motionlake.deep_motifs.words.linear import LinearConfig
-from motionlake.deep_motifs.words.windows import word_windows
 from motionlake.evaluation.ranking import RetrievalScores, leave_one_out
-from motionlake.motion.features import WordConfig
+from motionlake.motion.features import WordConfig, word_windows
 from numpy.typing import NDArray
 from sklearn.decomposition import PCA
 from threadpoolctl import threadpool_limits

@@ -25,8 +25,7 @@ from motionlake.deep_motifs.motifs import assign, fit_motifs
 from motionlake.deep_motifs.words.dtw import word_distances
 from motionlake.deep_motifs.words.network import TrainedNetwork, load_network
 from motionlake.deep_motifs.words.training import train_words
-from motionlake.deep_motifs.words.windows import word_windows
-from motionlake.motion.features import WordConfig
+from motionlake.motion.features import WordConfig, word_windows
 from motionlake.retrieval.connection import connect
 from threadpoolctl import threadpool_limits
 

@@ -12,9 +12,8 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from motionlake.arrays import Float32Array, Float64Array
 from motionlake.deep_motifs.words.dtw import LANES, clip_pair_dtw, word_distances
-from motionlake.deep_motifs.words.windows import padded, windows, word_windows
 from motionlake.motion.dtw import Metric, frame_distances
-from motionlake.motion.features import WordConfig
+from motionlake.motion.features import WordConfig, padded, windows, word_windows
 
 
 def naive_frame_distance(a: Float32Array, b: Float32Array, metric: Metric) -> float:

@@ -9,11 +9,10 @@ import pytest
 from motionlake.deep_motifs.motifs import assign
 from motionlake.deep_motifs.signatures import motif_counts, signature
 from motionlake.deep_motifs.words.network import load_network
-from motionlake.deep_motifs.words.windows import word_windows
 from motionlake.lake.catalog import reading
 from motionlake.lake.config import load_config
 from motionlake.lake.layout import open_lake
-from motionlake.motion.features import WordConfig, mirrored_features, word_features
+from motionlake.motion.features import WordConfig, mirrored_features, word_features, word_windows
 from motionlake.motion.kinematics import forward_kinematics
 from motionlake.motion.skeleton import INDEX, mirrored_positions, mirrored_rotations
 from motionlake.stages.motif_model import MOTIF_MODEL, read_motifs

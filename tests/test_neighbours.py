@@ -9,20 +9,17 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from motionlake.arrays import Float32Array, Int64Array
-from motionlake.deep_motifs.words.dtw import LANES, listed_distances, word_distances
+from motionlake.deep_motifs.words.dtw import LANES, clip_pair_dtw, listed_distances, word_distances
 from motionlake.deep_motifs.words.lower_bounds import WordBounds, survivors
 from motionlake.deep_motifs.words.neighbours import (
     Method,
+    Neighbours,
     SearchConfig,
-    all_pairs,
-    load_searched,
-    nearest_words,
-    prepare,
-    save_searched,
+    load_index,
+    save_index,
     search,
 )
-from motionlake.deep_motifs.words.windows import WordSet
-from motionlake.deep_motifs.words.word_index import IndexConfig, along_path
+from motionlake.deep_motifs.words.word_index import IndexConfig, WordSet, along_path, fit_index
 from motionlake.formats import read_clips
 from motionlake.lake.catalog import reading
 from motionlake.lake.config import load_config
@@ -37,8 +34,20 @@ from motionlake.stages import words as words_stage
 from tests.lakes import motionlake, query
 from tests.test_dtw import naive_align, naive_frame_distance, random_words
 
+EXACT = SearchConfig("exact")
 # Fewer words are met and aligned than by default: from small corpora, too, candidates must be chosen.
-SPARSE = SearchConfig(probed=1000, candidates=160, aligned=48, index=IndexConfig(cell=60))
+SPARSE = SearchConfig(probed=1000, candidates=160, aligned=48)
+CELLS = IndexConfig(cell=60)
+
+
+def nearest_words(
+    words: WordSet | Float32Array, k: int, groups: Int64Array | None = None,
+    config: SearchConfig = EXACT, index: IndexConfig | None = None, threads: int = 1,
+) -> Neighbours:  # fmt: skip
+    """The k nearest words of each word of a corpus."""
+    corpus = words if isinstance(words, WordSet) else WordSet.of_words(words)
+    made = fit_index(corpus, groups, index)
+    return search(made, corpus, made.groups, k, config, threads=threads)
 
 
 def smooth_words(n: int, length: int, width: int, seed: int) -> Float32Array:
@@ -72,8 +81,8 @@ def test_exact_search_equals_comparing_everything(
     words = smooth_words(n, length, width, seed)
     groups = np.random.default_rng(seed).integers(0, spread, n)
     truth = naive_distances(words)
-    few = SearchConfig(probed=2, candidates=2, aligned=1, index=IndexConfig(directions=2, dimension=2, cell=4))
-    found = nearest_words(words, k, groups=groups, apart=apart, method="exact", config=few)
+    few = SearchConfig("exact", apart=apart, probed=2, candidates=2, aligned=1)
+    found = nearest_words(words, k, groups, few, IndexConfig(directions=2, dimension=2, cell=4))
     np.testing.assert_allclose(found.distances, naive_nearest(truth, groups, apart, k), rtol=1e-4, atol=1e-4)
     for word, neighbours in enumerate(found.indices):
         some = neighbours[neighbours >= 0]
@@ -107,26 +116,24 @@ def test_listed_words_are_aligned_as_all_are(metric: Metric) -> None:
     lists = np.random.default_rng(0).integers(0, len(b), (3, 2 * LANES + 5))
     lists[1, 4:] = -1
     one, other = WordSet.of_words(a), WordSet.of_words(b)
-    found = listed_distances(one.frames, one.starts, other.frames, other.starts, lists, 7, metric)
+    found = listed_distances(one, other, lists, metric)
     expected = np.where(lists >= 0, np.take_along_axis(word_distances(a, b, metric), lists, axis=1), np.inf)
     np.testing.assert_allclose(found, expected, rtol=1e-4, atol=1e-4)
 
 
-def test_all_pairs_share_frames_without_changing_distances() -> None:
+def test_words_of_clips_share_frames_without_changing_distances() -> None:
     clips = [smooth_words(1, frames, 6, frames)[0] for frames in (7, 60, 33, 16)]
     words, owners = WordSet.of_clips(clips, WordConfig(length=16, stride=4))
     assert owners.tolist() == [0] + [1] * 12 + [2] * 5 + [3]
-    blocks = {rows.start: distances for rows, distances in all_pairs(words, rows=8)}
+    found = clip_pair_dtw(words.frames, words.starts, words.frames, words.starts)
     every = words.take(slice(None))
-    np.testing.assert_allclose(
-        np.concatenate(list(blocks.values())), word_distances(every, every), rtol=1e-4, atol=1e-4
-    )
+    np.testing.assert_allclose(found, word_distances(every, every), rtol=1e-4, atol=1e-4)
 
 
 def test_equally_near_words_come_in_the_order_of_their_indices() -> None:
     words = np.repeat(smooth_words(4, 5, 3, 2), 6, axis=0)
-    for method in ("exact", "approximate"):
-        found = nearest_words(words, 5, method=method)
+    for config in (EXACT, SearchConfig()):
+        found = nearest_words(words, 5, config=config)
         for word, neighbours in enumerate(found.indices):
             twins = [i for i in range(word // 6 * 6, word // 6 * 6 + 6) if i != word]
             assert neighbours.tolist() == twins
@@ -136,17 +143,17 @@ def test_equally_near_words_come_in_the_order_of_their_indices() -> None:
 @pytest.mark.parametrize("method", ["exact", "approximate"])
 def test_where_there_are_too_few_neighbours_places_stay_empty(method: Method) -> None:
     words = smooth_words(5, 4, 3, 3)
-    found = nearest_words(words, 3, groups=np.array([0, 0, 0, 0, 9]), method=method)
+    found = nearest_words(words, 3, np.array([0, 0, 0, 0, 9]), SearchConfig(method))
     assert found.indices[:4].tolist() == [[4, -1, -1]] * 4
     assert np.isinf(found.distances[:4, 1:]).all()
     assert sorted(found.indices[4].tolist()) != [-1, -1, -1]
-    alone = nearest_words(words, 2, groups=np.zeros(5, np.int64), method=method)
+    alone = nearest_words(words, 2, np.zeros(5, np.int64), SearchConfig(method))
     assert (alone.indices == -1).all()
 
 
 def test_threads_change_nothing() -> None:
     words = smooth_words(500, 8, 5, 4)
-    one, two = (nearest_words(words, 4, method="approximate", config=SPARSE, threads=t) for t in (1, 2))
+    one, two = (nearest_words(words, 4, config=SPARSE, index=CELLS, threads=t) for t in (1, 2))
     np.testing.assert_array_equal(one.indices, two.indices)
     np.testing.assert_array_equal(one.distances, two.distances)
 
@@ -157,7 +164,7 @@ def test_rotations_are_searched_with_their_own_distance() -> None:
     words /= np.linalg.norm(words.reshape(40, 4, 2, 4), axis=3).repeat(4, axis=2).reshape(words.shape)
     truth = word_distances(words, words, "geodesic")
     np.fill_diagonal(truth, np.inf)
-    found = nearest_words(words, 3, metric="geodesic")
+    found = nearest_words(words, 3, config=SearchConfig("exact", "geodesic"))
     np.testing.assert_allclose(found.distances, np.sort(truth, axis=1)[:, :3], rtol=1e-4, atol=1e-4)
 
 
@@ -176,22 +183,22 @@ def test_mistakes_are_named() -> None:
     with pytest.raises(ValueError, match="k is 0"):
         nearest_words(words, 0)
     with pytest.raises(ValueError, match="do not fit 4 words"):
-        nearest_words(words, 1, groups=np.zeros(3, np.int64))
+        nearest_words(words, 1, np.zeros(3, np.int64))
     with pytest.raises(ValueError, match="not finite"):
         nearest_words(np.where(words == words[2, 1, 1], np.nan, words), 1)
     with pytest.raises(ValueError, match="different shapes"):
-        search(prepare(WordSet.of_words(words)), WordSet.of_words(words[:, :2]), np.zeros(4, np.int64), 1)
+        search(fit_index(WordSet.of_words(words)), WordSet.of_words(words[:, :2]), np.zeros(4, np.int64), 1)
     with pytest.raises(ValueError, match="beyond"):
         WordSet(words[0], np.array([1]), 3)
 
 
 def test_a_saved_corpus_answers_as_before(tmp_path: Path) -> None:
     words = WordSet.of_words(smooth_words(300, 6, 4, 7))
-    searched = prepare(words, config=SPARSE)
-    save_searched(searched, tmp_path / "index.safetensors", {"clips": "[]"})
-    loaded, notes = load_searched(tmp_path / "index.safetensors")
+    searched = fit_index(words, config=CELLS)
+    save_index(searched, tmp_path / "index.safetensors", {"clips": "[]"})
+    loaded, notes = load_index(tmp_path / "index.safetensors")
     assert notes == {"clips": "[]"}
-    one, two = (search(s, words, s.groups, 3, config=SPARSE) for s in (searched, loaded))
+    one, two = (search(s, words, s.groups, 3, SPARSE) for s in (searched, loaded))
     np.testing.assert_array_equal(one.indices, two.indices)
     np.testing.assert_array_equal(one.distances, two.distances)
 
@@ -223,13 +230,12 @@ def recorded_words(recordings: Path, clips: int) -> tuple[WordSet, Int64Array]:
 def test_both_methods_find_the_neighbours_of_recorded_words(recordings: Path) -> None:
     words, owners = recorded_words(recordings, 24)
     assert len(words) > 2.5 * SPARSE.probed
-    truth = np.full((len(words), 5), np.inf)
-    for rows, distances in all_pairs(words):
-        allowed = np.where(owners[rows, None] != owners, distances, np.inf)
-        truth[rows] = np.sort(np.partition(allowed, 5, axis=1)[:, :5], axis=1)
-    exact = nearest_words(words, 5, groups=owners)
+    distances = clip_pair_dtw(words.frames, words.starts, words.frames, words.starts, words.length)
+    allowed = np.where(owners[:, None] != owners, distances, np.inf)
+    truth = np.sort(np.partition(allowed, 5, axis=1)[:, :5], axis=1)
+    exact = nearest_words(words, 5, owners)
     np.testing.assert_allclose(exact.distances, truth, rtol=1e-3, atol=1e-5)
-    found = nearest_words(words, 5, groups=owners, method="approximate", config=SPARSE)
+    found = nearest_words(words, 5, owners, SPARSE, CELLS)
     recall = np.mean(found.distances <= truth[:, -1:] * (1 + 1e-4) + 1e-6)
     assert 0.95 <= recall < 1
 

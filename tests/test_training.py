@@ -15,9 +15,8 @@ from motionlake.deep_motifs.words.linear import LinearConfig, linear_embedding, 
 from motionlake.deep_motifs.words.network import TrainedNetwork, load_network
 from motionlake.deep_motifs.words.training import Recipe, train_words
 from motionlake.deep_motifs.words.triplets import TripletConfig, time_reversed, time_warped, training_words
-from motionlake.deep_motifs.words.windows import word_windows
 from motionlake.motion.dtw import frame_distances
-from motionlake.motion.features import WordConfig, word_features
+from motionlake.motion.features import WordConfig, word_features, word_windows
 from safetensors.numpy import save_file
 from threadpoolctl import threadpool_limits
 

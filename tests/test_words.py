@@ -6,8 +6,15 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from motionlake.deep_motifs.words.windows import native_range, padded, windows, word_windows
-from motionlake.motion.features import WordConfig, body_length, word_features
+from motionlake.motion.features import (
+    WordConfig,
+    body_length,
+    native_range,
+    padded,
+    windows,
+    word_features,
+    word_windows,
+)
 from motionlake.motion.resampling import resample, sample_count
 from motionlake.motion.skeleton import COMMON, DEEP_MOTIFS, INDEX, JOINTS, facing
 from numpy.typing import NDArray

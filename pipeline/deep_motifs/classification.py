@@ -45,11 +45,12 @@ class Prediction:
 def classify_knn(distances: Float64Array, labels: Sequence[str], k: int = 5) -> list[Prediction]:
     """The class of each of q clips by a vote of its k nearest labelled ones.
 
+    A tie goes to the class that holds the nearest of those tied; equal distances rank by index.
+
     Args:
         distances: [q, n] from n labelled clips.
         labels: [n].
-        k: how many vote; all where there are fewer. A tie goes to the class that holds the nearest of those
-            tied, equal distances rank by index.
+        k: how many vote; all where there are fewer.
 
     Raises:
         ValueError: shapes that do not fit, no labelled clips, or k < 1.

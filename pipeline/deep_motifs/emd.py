@@ -33,15 +33,11 @@ def ground_distances(centroids: FloatArray) -> Float64Array:
 
 
 def emd(p: Signature, q: Signature, ground: Float64Array) -> float:
-    """Earth Mover's Distance of two signatures.
+    """Earth Mover's Distance of two signatures [K], in the unit of `ground`; exactly 0 for equal ones; symmetric.
 
     Args:
-        p: [K] non-negative weights with a positive sum; scaled to mass 1.
-        q: [K] likewise.
+        p, q: non-negative weights with a positive sum; scaled to mass 1.
         ground: [K, K] distances of the motifs, a metric (`ground_distances`).
-
-    Returns:
-        A distance in the unit of `ground`; exactly 0 for equal signatures; symmetric.
 
     Raises:
         ValueError: a signature of another length, with negative weights or without mass.
@@ -122,16 +118,12 @@ def transport(p: Float64Array, q: Float64Array, ground: Float64Array, *, partial
 
 
 def emd_deep_motifs(p: Signature, q: Signature, strength: FloatArray, ground: Float64Array) -> float:
-    """Earth Mover's Distance of two signatures over dense weights, with partial flow.
+    """Earth Mover's Distance of two signatures [K] over dense weights, with partial flow; exact and symmetric as `emd`.
 
     Args:
-        p: [K] non-negative weights with a positive sum, of quantity after tf-idf; not scaled.
-        q: [K] likewise.
+        p, q: non-negative weights with a positive sum, of quantity after tf-idf; not scaled.
         strength: [K] densities of the motifs, in any unit.
         ground: [K, K] distances of the motifs, a metric.
-
-    Returns:
-        A distance in the unit of `ground`; exactly 0 for equal signatures; symmetric.
 
     Raises:
         ValueError: signatures or densities that do not fit the motifs.
@@ -143,13 +135,7 @@ def emd_deep_motifs(p: Signature, q: Signature, strength: FloatArray, ground: Fl
 def emd_partial(p: Signature, q: Signature, ground: Float64Array) -> float:
     """Work of the cheapest flow of min(sum p, sum q), divided by that flow (equation 6).
 
-    Args:
-        p: [K] non-negative mass with a positive sum; not scaled.
-        q: [K] likewise.
-        ground: [K, K] distances of the motifs, a metric.
-
-    Raises:
-        ValueError: mass of another length, negative or none.
+    `p` and `q` [K] are not scaled. Raises `ValueError` as `check_signatures` does.
     """
     left, right = check_signature(p, len(ground)), check_signature(q, len(ground))
     flow = min(left.sum(), right.sum())

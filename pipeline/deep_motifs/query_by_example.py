@@ -61,10 +61,9 @@ class ExampleQuery:
 
 @dataclass(frozen=True)
 class RangeHit:
-    """A range of frames [start, stop) of a clip, at its own rate, and its distance from the query.
+    """Frames [start, stop) of a clip, at its own rate, and their distance from the query.
 
-    Attributes:
-        mirrored: the mirrored query is nearer than the query itself.
+    `mirrored`: the mirrored query is nearer than the query itself.
     """
 
     rank: int

@@ -77,14 +77,7 @@ class LabelledRange:
 
 @dataclass(frozen=True)
 class Teaching:
-    """m labelled windows.
-
-    Attributes:
-        signatures: [m, K].
-        labels: [m] class of each.
-        clips: [m] clip that each comes from.
-        mirrored: [m] whether it is the window of a mirror image.
-    """
+    """m labelled windows: signatures [m, K], and of each the class, the clip, and whether it is of a mirror image."""
 
     signatures: Float32Array
     labels: NDArray[np.str_]
@@ -145,13 +138,10 @@ def labelled_windows(
 
     Args:
         corpus: holds the clips of the ranges.
-        ranges: what is labelled.
+        ranges: what is labelled; `UserError` where there are none.
         n_words: words of a window.
         mirrored: motifs of the words of clips mirrored left to right, by the clip's index: their windows teach
             the same classes.
-
-    Raises:
-        UserError: no ranges.
     """
     if not ranges:
         raise UserError(
@@ -289,12 +279,9 @@ class Segmenter:
 
 
 def bands(found: WordLabels, centres: Float64Array, frames: int) -> list[SegmentRange]:
-    """Runs of one class along a clip; each frame belongs to the word whose centre ([w], ascending) is nearest.
+    """Runs of one class along a clip; they cover its frames [0, `frames`) without gaps.
 
-    Args:
-        found: classes of the w words.
-        centres: `word_centres`.
-        frames: F of the clip; the bands cover [0, F) without gaps.
+    Each frame belongs to the word whose centre ([w], ascending, see `word_centres`) is nearest.
     """
     starts = np.flatnonzero(np.concatenate([[True], found.labels[1:] != found.labels[:-1]]))
     stops = np.append(starts[1:], len(found.labels))

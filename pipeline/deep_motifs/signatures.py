@@ -38,11 +38,7 @@ def tf_idf(counts: IntArray, idf: Float64Array) -> Float32Array:
 
 
 def signature(counts: IntArray, idf: Float64Array) -> Float32Array:
-    """[K] signature of a clip with motif `counts` [K].
-
-    Raises:
-        ValueError: a clip without words.
-    """
+    """[K] signature of a clip with motif `counts` [K]; `ValueError` for a clip without words."""
     if not (counts * idf).sum() > 0:
         raise ValueError("a clip without words has no signature")
     return tf_idf(counts, idf)
@@ -56,15 +52,14 @@ def signatures(clips: Sequence[IntArray], k: int) -> tuple[Float32Array, Float64
 
 
 def window_signatures(motifs: IntArray, idf: Float64Array, n_words: int) -> Float32Array:
-    """Signatures of a window sliding over a clip word by word (sections 6.1 and 6.2).
+    """[max(1, w - n_words + 1), K] signatures of a window of `n_words` words sliding over a clip (sections 6.1, 6.2).
+
+    A clip of fewer words than a window gives one, of all its words.
 
     Args:
         motifs: [w] motif of each word of a clip, in time.
         idf: [K].
         n_words: words of a window.
-
-    Returns:
-        [max(1, w - n_words + 1), K]; a clip of fewer words than a window gives one, of all its words.
 
     Raises:
         ValueError: a clip without words, or `n_words` < 1.

@@ -175,12 +175,9 @@ def nearest_stretch(query: Float32Array, sequence: Float32Array, edge: int = 0) 
     ones that which ends first.
 
     Args:
-        query, sequence: frames.
+        query, sequence: frames, at least one each (else `ValueError`).
         edge: so many frames at either end of the query are not aligned, because what was cut off there shows in them;
             the stretch is made longer by as many. Three frames are aligned at least.
-
-    Raises:
-        ValueError: the query or the sequence has no frames.
     """
     if not (len(query) and len(sequence)):
         raise ValueError("an alignment needs frames on both sides")
@@ -194,11 +191,10 @@ def nearest_stretch(query: Float32Array, sequence: Float32Array, edge: int = 0) 
 def alignment_ends(
     query: Float32Array, sequence: Float32Array, steps: str, *, squared: bool
 ) -> tuple[Float64Array, Int64Array]:
-    """The cheapest alignment of the whole query that ends at each frame of a sequence.
+    """The cheapest alignment of the whole query [m, D] that ends at each frame of a sequence [T, D].
 
     Args:
-        query: [m, D] frames.
-        sequence: [T, D] frames.
+        query, sequence: frames.
         steps: name of `STEPS`.
         squared: sum squared Euclidean distances of frames instead of distances.
 

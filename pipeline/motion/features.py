@@ -1,4 +1,4 @@
-"""Per-frame features that motion words are cut from.
+"""Motion words: features of every frame, and the windows of frames that are the words (Deep Motifs, section 3.1).
 
 Two representations. "positions": joint positions seen from the body (centred at the hips, turned to face
 one way, divided by the body's size), with the motion of the root beside them. "rotations": the local
@@ -75,10 +75,7 @@ class WordConfig:
 
     @property
     def joint_indices(self) -> tuple[int, ...]:
-        """Canonical indices of the joints whose features are kept.
-
-        The hips are left out of positions: centred at themselves they are always zero.
-        """
+        """Canonical indices of the joints that are kept; hips are left out, which centred are always zero."""
         return tuple(INDEX[name] for name in JOINT_SETS[self.joints] if name != "hips")
 
     @property
@@ -91,18 +88,16 @@ class WordConfig:
 
 
 def word_features(positions: Float64Array, rotations: Float64Array, fps: float, config: WordConfig) -> Float32Array:
-    """Features of every frame of a clip at the words' rate.
+    """Features [T, D] float32 of a clip at the words' rate, T = `sample_count(F, fps, config.fps)`.
+
+    Positions: joints (x, y, z each), then joint velocities, then root velocity (x, y, z) and yaw rate. Rotations:
+    w, x, y, z of each joint with w >= 0.
 
     Args:
         positions: [F, 21, 3] canonical joint positions, metres, y up. May be empty for rotations.
         rotations: [F, 21, 4] canonical local rotations (w, x, y, z). May be empty for positions.
         fps: frames a second of the arrays.
         config: what to compute.
-
-    Returns:
-        [T, D] float32, T = `sample_count(F, fps, config.fps)`, D = `config.dimension`. Positions: joints (x, y,
-        z each), then joint velocities, then root velocity (x, y, z) and yaw rate. Rotations: w, x, y, z of
-        each joint with w >= 0.
 
     Raises:
         ValueError: a clip without frames, a rate that is not positive, or a body without size.
@@ -126,8 +121,7 @@ def word_features(positions: Float64Array, rotations: Float64Array, fps: float, 
 def body_length(positions: Float64Array) -> float:
     """Leg plus torso in metres: thigh + shin (mean of both sides) + hips to neck, medians over the clip.
 
-    Raises:
-        ValueError: it is zero or not finite.
+    Raises `ValueError` where it is zero or not finite.
     """
 
     def bone(start: str, end: str) -> float:
@@ -197,3 +191,37 @@ def _mirroring(config: WordConfig) -> tuple[Int64Array, Float32Array]:
 
 def _per_joint(joints: Int64Array, width: int) -> Int64Array:
     return (joints[:, None] * width + np.arange(width)).ravel()
+
+
+def windows(n_frames: int, config: WordConfig) -> Int64Array:
+    """[n] first frames of the words of a clip of `n_frames` feature frames; `ValueError` where it has none."""
+    if n_frames < 1:
+        raise ValueError("a clip without frames has no words")
+    return np.arange(0, max(n_frames - config.length, 0) + 1, config.stride, dtype=np.int64)
+
+
+def padded(features: Float32Array, config: WordConfig) -> Float32Array:
+    """[max(T, length), D]: the features, a short clip's last frame repeated until it fills one word."""
+    missing = config.length - len(features)
+    return features if missing <= 0 else np.pad(features, ((0, missing), (0, 0)), mode="edge")
+
+
+def word_windows(features: Float32Array, config: WordConfig) -> Float32Array:
+    """[n, length, D] words of a clip, read-only views on `features` ([T, D]) where it is long enough."""
+    views = np.lib.stride_tricks.sliding_window_view(padded(features, config), config.length, axis=0)
+    return views.transpose(0, 2, 1)[:: config.stride]
+
+
+def native_range(start: int, fps: float, n_frames: int, config: WordConfig) -> tuple[int, int]:
+    """The range [start, stop) of a clip's own frames that a word covers, never empty and inside the clip.
+
+    Words that follow each other without overlap have ranges that do so too.
+
+    Args:
+        start: the word's first frame at the words' rate, as `windows` gives it.
+        fps: the clip's own frame rate.
+        n_frames: F, frames of the clip at its own rate.
+    """
+    ratio = fps / config.fps
+    first = min(round(start * ratio), n_frames - 1)
+    return first, max(first + 1, min(round((start + config.length) * ratio), n_frames))

@@ -130,12 +130,10 @@ def channel_starts(hierarchy: Hierarchy) -> Int64Array:
 
 
 def solve(clip: SourceClip) -> SolvedMotion:
-    """Forward kinematics of every frame, in file units and axes.
+    """Forward kinematics of every frame, in file units and axes, of channels in degrees and file units.
 
-    Along time the signs of a joint's quaternions are such that neighbours are near each other.
-
-    Args:
-        clip: channels in degrees and file units. Quaternions need not be of length 1.
+    Along time the signs of a joint's quaternions are such that neighbours are near each other. Quaternions need not be
+    of length 1.
 
     Raises:
         ClipError: a channel that its kind does not know, or a quaternion of length zero.
@@ -193,15 +191,12 @@ def bone_vectors(positions: Float64Array, world: Float64Array) -> Float64Array:
 
 
 def forward_kinematics(root: Float64Array, rotations: Float64Array, rest_offsets: Float64Array) -> Float64Array:
-    """Joint positions.
+    """Joint positions [F, 21, 3] in the units of `root`.
 
     Args:
         root: [F, 3] position of the hips.
         rotations: [F, 21, 4] local rotations (w, x, y, z).
         rest_offsets: [21, 3] offset of every joint from its parent in the canonical rest pose.
-
-    Returns:
-        [F, 21, 3] in the units of `root`.
     """
     bones = rotate(world_rotations(rotations)[:, list(PARENTS)], rest_offsets)
     bones[:, 0] = root

@@ -41,14 +41,10 @@ def interpolated(frames: Float64Array, at: Float64Array) -> Float64Array:
 
 
 def resample(frames: Float64Array, fps: float, wanted: float, *, spherical: bool = False) -> Float64Array:
-    """[T, J, C] frames [F, J, C] at the instants k / `wanted`, by linear interpolation.
+    """[T, J, C] frames [F, J, C] of `fps` a second at the instants k / `wanted`, by linear interpolation.
 
-    Args:
-        frames: [F, J, C].
-        fps: frames a second of `frames`.
-        wanted: instants a second.
-        spherical: the last axis holds unit quaternions: neighbours are brought to one hemisphere, the
-            result is normalised and has w >= 0.
+    `spherical`: the last axis holds unit quaternions; neighbours are brought to one hemisphere, the result is
+    normalised and has w >= 0.
     """
     below, above, weight = samples(len(frames), fps, wanted)
     first, second, weight = frames[below], frames[above], weight[:, None, None]

@@ -89,16 +89,15 @@ def _needs(joint: int, rule: Fill) -> set[int]:
 
 
 def place(binding: Binding, positions: Float64Array, world: Float64Array | None, scale: float) -> Float64Array:
-    """Canonical joints of measured ones and of the rules `between` and `end_site`.
+    """Canonical joints [F, 21, 3] of measured ones and of the rules `between` and `end_site`.
+
+    Joints of the rule `offset` stand at their parent until `place_offsets` moves them.
 
     Args:
         binding: of the rig to the file.
         positions: [F, J, 3] of the file's joints in canonical axes, metres.
         world: [F, J, 4] of the file's joints in canonical axes, or None.
         scale: metres per file unit, for end sites.
-
-    Returns:
-        [F, 21, 3]; joints of the rule `offset` stand at their parent until `place_offsets` moves them.
 
     Raises:
         ClipError: an end site that the file has not.
@@ -129,19 +128,17 @@ def place_offsets(binding: Binding, placed: Float64Array, world: Float64Array, h
 
 
 def to_canonical_rest(binding: Binding, motion: SolvedMotion, scale: float) -> Float64Array | None:
-    """Global orientation of each measured joint's source joint in the canonical rest pose.
+    """Global orientations [21, 4] of source joints in the canonical rest pose; None where the zero pose does not stand.
 
-    With it the canonical global rotation of a frame is `source rotation * result^-1`. The result is S A R: R
+    With them the canonical global rotation of a frame is `source rotation * result^-1`. The result is S A R: R
     the orientation in the source's rest pose, A the turn of the whole rest body to face +z with y up, S the
-    smallest swing of the joint's bone to its canonical direction, and the rig's twist about that.
+    smallest swing of the joint's bone to its canonical direction, and the rig's twist about that; identity for
+    filled joints.
 
     Args:
         binding: of a rig whose rest pose is not `Rest.POSITIONS`.
         motion: of the file, with rotations.
         scale: metres per file unit.
-
-    Returns:
-        [21, 4], identity for filled joints; None where the zero pose is no standing human.
     """
     result = np.tile(IDENTITY, (len(JOINTS), 1))
     if binding.rig.rest is Rest.CANONICAL:

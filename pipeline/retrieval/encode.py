@@ -11,14 +11,13 @@ import numpy as np
 from motionlake.arrays import Float32Array, Float64Array
 from motionlake.deep_motifs.motifs import Motifs, assign
 from motionlake.deep_motifs.query_by_example import words_within
-from motionlake.deep_motifs.words.windows import native_range, windows, word_windows
 from motionlake.errors import UserError
 from motionlake.lake.catalog import Connection, fetch, reading
 from motionlake.lake.config import LakeConfig, load_config
 from motionlake.lake.frames import frame_range, read_clip
 from motionlake.lake.layout import Lake
 from motionlake.lake.resolve import resolve_clip
-from motionlake.motion.features import WordConfig, mirrored_features, word_features
+from motionlake.motion.features import WordConfig, mirrored_features, native_range, windows, word_features, word_windows
 from motionlake.motion.skeleton import mirrored_positions, mirrored_rotations
 from motionlake.retrieval.protocol import Query
 from motionlake.stages.clip_files import first_body as first_body

@@ -10,9 +10,8 @@ from typing import Any, Final
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
-from motionlake.deep_motifs.words.windows import word_windows
 from motionlake.lake.layout import Lake
-from motionlake.motion.features import WordConfig
+from motionlake.motion.features import WordConfig, word_windows
 from motionlake.stages.reader import LakeReader
 from motionlake.stages.shard import Shard
 from motionlake.stages.stage import PART_KEYS, Part, PartStage

@@ -12,9 +12,8 @@ from typing import Any, Final
 
 import pyarrow as pa
 from motionlake.deep_motifs.motifs import assign
-from motionlake.deep_motifs.words.windows import word_windows
 from motionlake.lake.layout import Lake
-from motionlake.motion.features import WordConfig, mirrored_features
+from motionlake.motion.features import WordConfig, mirrored_features, word_windows
 from motionlake.stages.motif_model import MOTIF_MODEL, read_motifs
 from motionlake.stages.reader import LakeReader
 from motionlake.stages.shard import Shard

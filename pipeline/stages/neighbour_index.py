@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from motionlake.arrays import Float32Array, Progress
-from motionlake.deep_motifs.words.windows import WordSet
 from motionlake.errors import UserError
 from motionlake.lake.catalog import fetch
 from motionlake.lake.config import LakeConfig, config_hash
@@ -23,7 +22,7 @@ from motionlake.stages.reader import LakeReader
 from motionlake.stages.words import WORDS, read_features
 
 if TYPE_CHECKING:
-    from motionlake.deep_motifs.words.neighbours import Searched
+    from motionlake.deep_motifs.words.word_index import WordIndex
 
 
 @dataclass(frozen=True)
@@ -40,7 +39,7 @@ class IndexedClips:
 class SearchedWords:
     """The index as a file of the lake has it, with the names and parts of its clips and a hash of these parts."""
 
-    searched: Searched
+    searched: WordIndex
     clips: list[str]
     parts: list[str]
     corpus: str
@@ -51,10 +50,10 @@ class SearchedWords:
 
     def save(self, path: Path) -> None:
         """Write it as one safetensors file."""
-        from motionlake.deep_motifs.words.neighbours import save_searched
+        from motionlake.deep_motifs.words.neighbours import save_index
 
         notes = {"clips": json.dumps(self.clips), "parts": json.dumps(self.parts), "corpus": self.corpus}
-        save_searched(self.searched, path, notes)
+        save_index(self.searched, path, notes)
 
 
 class NeighbourIndex(ModelKind[IndexedClips]):
@@ -89,15 +88,15 @@ class NeighbourIndex(ModelKind[IndexedClips]):
     def fit(
         self, lake: Lake, config: LakeConfig, data: IndexedClips, checkpoint: Path, progress: Progress
     ) -> SearchedWords:
-        from motionlake.deep_motifs.words.neighbours import prepare
+        from motionlake.deep_motifs.words.word_index import WordSet, fit_index
 
         corpus, groups = WordSet.of_clips(data.features, config.words)
-        return SearchedWords(prepare(corpus, groups), data.clips, data.parts, data.corpus)
+        return SearchedWords(fit_index(corpus, groups), data.clips, data.parts, data.corpus)
 
     def load(self, path: Path) -> SearchedWords:
-        from motionlake.deep_motifs.words.neighbours import load_searched
+        from motionlake.deep_motifs.words.neighbours import load_index
 
-        searched, notes = load_searched(path)
+        searched, notes = load_index(path)
         return SearchedWords(searched, json.loads(notes["clips"]), json.loads(notes["parts"]), notes["corpus"])
 
 

@@ -14,7 +14,6 @@ import numpy as np
 import pyarrow as pa
 from motionlake.arrays import Int64Array
 from motionlake.deep_motifs.config import NeighboursConfig
-from motionlake.deep_motifs.words.windows import WordSet
 from motionlake.lake.layout import Lake
 from motionlake.motion.features import WordConfig
 from motionlake.stages.neighbour_index import NEIGHBOUR_INDEX, SearchedWords
@@ -60,7 +59,8 @@ class NearestWords(PartStage):
 
     def rows(self, lake: Lake, shard: Shard) -> Iterator[pa.Table]:
         config, wanted = WordConfig(**shard.spec["words"]), NeighboursConfig(**shard.spec["neighbours"])
-        from motionlake.deep_motifs.words.neighbours import search
+        from motionlake.deep_motifs.words.neighbours import SearchConfig, search
+        from motionlake.deep_motifs.words.word_index import WordSet
 
         index = NEIGHBOUR_INDEX.load(lake.path(shard.spec["index"]))
         clips = {clip: i for i, clip in enumerate(index.clips)}
@@ -68,8 +68,8 @@ class NearestWords(PartStage):
         queries, owners = WordSet.of_clips([features for _, features in parts], config)
         groups = np.array([clips.get(clip, ELSEWHERE) for clip, _ in parts])[owners]
         metric: Metric = "geodesic" if config.representation == "rotations" else "euclidean"
-        method = wanted.chosen(len(index.searched.words))
-        found = search(index.searched, queries, groups, wanted.k, method=method, metric=metric)
+        how = SearchConfig(wanted.chosen(len(index.searched.words)), metric)
+        found = search(index.searched, queries, groups, wanted.k, how)
         yield _rows(shard, [clip for clip, _ in parts], owners, found, index)
 
 

@@ -16,13 +16,12 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 import pyarrow as pa
 from motionlake.deep_motifs.config import TransitionsConfig
-from motionlake.deep_motifs.words.windows import windows
 from motionlake.lake import frames
 from motionlake.lake.catalog import Connection, fetch, fetch_table, load_rows
 from motionlake.lake.config import LakeConfig, config_hash
 from motionlake.lake.layout import Lake
 from motionlake.lake.parts import write_part
-from motionlake.motion.features import WordConfig, body_length
+from motionlake.motion.features import WordConfig, body_length, windows
 from motionlake.motion.resampling import resample
 from motionlake.stages.motif_model import MOTIF_MODEL
 from motionlake.stages.reader import LakeReader

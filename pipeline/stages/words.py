@@ -10,13 +10,12 @@ from typing import Any, Final
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
-from motionlake.deep_motifs.words.windows import native_range, windows
 from motionlake.lake import frames
 from motionlake.lake.catalog import Connection
 from motionlake.lake.config import config_hash
 from motionlake.lake.layout import Lake
 from motionlake.lake.parts import write_part
-from motionlake.motion.features import WordConfig, word_features
+from motionlake.motion.features import WordConfig, native_range, windows, word_features
 from motionlake.stages.reader import LakeReader
 from motionlake.stages.shard import Shard
 from motionlake.stages.stage import PART_KEYS, STAGING, Part, PartStage, clips_of, frames_parts

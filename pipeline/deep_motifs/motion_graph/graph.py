@@ -139,16 +139,12 @@ def build_graph(clips: Sequence[GraphClip], transitions: Transitions) -> MotionG
 
 @dataclass(frozen=True)
 class GraphSummary:
-    """What a graph amounts to.
+    """What a graph amounts to; `largest` is its largest strongly connected component.
 
     Attributes:
-        clips: of the graph.
         points: where clips can be left or entered.
-        transitions: all of them.
-        largest_points, largest_transitions, largest_clips, largest_seconds: of the largest strongly connected
-            component.
-        seconds: of all clips.
         components: strongly connected components that a walk can stay in.
+        seconds: of all clips.
     """
 
     clips: int

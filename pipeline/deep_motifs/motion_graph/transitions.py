@@ -146,7 +146,7 @@ class Candidates:
 
 
 def windowed(positions: list[Float64Array], words: list[int], stride: int, window: int) -> Windowed:
-    """Cut clips into windows.
+    """Cut clips into windows of `window` frames.
 
     Args:
         positions: [T, 21, 3] of each clip at the words' rate, metres, y up.
@@ -168,7 +168,10 @@ def windowed(positions: list[Float64Array], words: list[int], stride: int, windo
 def candidates(
     a: Windowed, b: Windowed, agree: BoolArray, config: TransitionsConfig, *, same: bool = False
 ) -> Candidates:
-    """Local minima of the distance between the windows of two groups of clips.
+    """Local minima of the distance between the windows of two groups of clips, in the order of their windows.
+
+    A pair has the least distance among all whose frames differ by at most `radius` in both clips; of equal ones the
+    first. Minima are found in single precision, their distances are exact.
 
     Args:
         a: windows of one group.
@@ -177,11 +180,6 @@ def candidates(
         config: radius and gap.
         same: the groups are one: a pair of clips is then met once, and within a clip only frames at least
             `min_gap` apart.
-
-    Returns:
-        Pairs in the order of their windows. A pair has the least distance among all whose frames differ by
-        at most `radius` in both clips; of equal ones the first. Minima are found in single precision, their
-        distances are exact.
     """
     r = config.radius
     lefts, rights = [], []
@@ -288,7 +286,7 @@ def context_distances(
     ground: Float64Array,
     context: int,
 ) -> Float64Array:
-    """Earth mover's distance between the contexts of the two ends of transitions (section 6.4).
+    """Earth mover's distance [n] between the contexts of the two ends of transitions (section 6.4).
 
     Args:
         motifs: [w] motif of each word, of every clip.
@@ -296,9 +294,6 @@ def context_distances(
         idf: [K] of the motifs.
         ground: [K, K] distances of the motifs.
         context: words of a window; a clip of fewer words is its own context.
-
-    Returns:
-        [n] in the unit of `ground`; windows that several transitions share are compared once.
     """
     last = np.array([max(len(m) - context, 0) for m in motifs], dtype=np.int64)  # first word of each clip's last window
     first = np.concatenate([[0], np.cumsum(last + 1)])

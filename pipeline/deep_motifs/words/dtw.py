@@ -15,6 +15,7 @@ from typing import Final
 
 import numpy as np
 from motionlake.arrays import Float32Array, Int64Array
+from motionlake.deep_motifs.words.word_index import WordSet
 from motionlake.motion.dtw import Metric, frame_distances, operands, product, squared_geodesics
 from numba import njit
 
@@ -29,7 +30,7 @@ TILE_WORDS: Final = 32
 def word_distances(
     a: Float32Array, b: Float32Array, metric: Metric = "euclidean", *, average: bool = True
 ) -> Float32Array:
-    """Distances of every word of `a` from every word of `b`.
+    """[n, m] float32 distances of every word of `a` from every word of `b`.
 
     Args:
         a: [n, length, D] words; views are welcome.
@@ -38,35 +39,31 @@ def word_distances(
         average: divide by the number of matched pairs (equation 3's text); False gives the plain sum that
             DTW packages compute with squared Euclidean distances.
 
-    Returns:
-        [n, m] float32.
-
     Raises:
         ValueError: shapes that do not fit.
     """
-    _check_words(a, b, metric)
+    if a.ndim != 3 or b.ndim != 3 or a.shape[2] != b.shape[2] or not (a.shape[1] and b.shape[1]):
+        raise ValueError(f"words of shapes {a.shape} and {b.shape} cannot be compared")
+    if metric == "geodesic" and a.shape[2] % 4:
+        raise ValueError(f"{a.shape[2]} numbers a frame are no whole number of quaternions")
     n_a, n_b = len(a), len(b)
-    result = np.empty((n_a, n_b), dtype=np.float32)
     if not (n_a and n_b):
-        return result
+        return np.empty((n_a, n_b), dtype=np.float32)
     n_blocks = -(-n_b // LANES)
     lanes = np.minimum(np.arange(n_blocks * LANES), n_b - 1).reshape(n_blocks, LANES)
     left, right = operands(a.reshape(-1, a.shape[2]), b.reshape(-1, b.shape[2]), metric)
-    left = left.reshape(n_a, a.shape[1], -1)
-    right = right.reshape(n_b, b.shape[1], -1)
-    block_columns = b.shape[1] * LANES
+    left, right = left.reshape(n_a, a.shape[1], -1), right.reshape(n_b, b.shape[1], -1)
     distances = np.empty((n_a, n_blocks * LANES), dtype=np.float32)
     for first in range(0, n_blocks, CHUNK_BLOCKS_B):
         block_words = lanes[first : first + CHUNK_BLOCKS_B]
-        columns = right[block_words].transpose(0, 2, 1, 3).reshape(len(block_words) * block_columns, -1)
+        columns = right[block_words].transpose(0, 2, 1, 3).reshape(-1, right.shape[2])
         columns = np.ascontiguousarray(columns.T)
+        columns_out = slice(first * LANES, (first + len(block_words)) * LANES)
         for start in range(0, n_a, CHUNK_WORDS_A):
             rows = left[start : start + CHUNK_WORDS_A]
             frames = product(rows.reshape(-1, rows.shape[2]), columns, metric)
-            columns_out = slice(first * LANES, (first + len(block_words)) * LANES)
             _align(frames, a.shape[1], b.shape[1], average, distances[start : start + len(rows), columns_out])
-    result[:] = distances[:, :n_b]
-    return result
+    return np.ascontiguousarray(distances[:, :n_b])
 
 
 def clip_pair_dtw(
@@ -85,7 +82,7 @@ def clip_pair_dtw(
     wherever words come as clips.
 
     Args:
-        features_a: [Ta, D] frames (`windows.padded` for short clips); starts_a: [n] first frames of words.
+        features_a: [Ta, D] frames (`padded` for short clips); starts_a: [n] first frames of words.
         features_b: [Tb, D] frames; starts_b: [m] first frames of words.
         length: frames of a word.
         metric: the frame distance.
@@ -105,13 +102,6 @@ def clip_pair_dtw(
         frames = frame_distances(features_a, features_b, metric)
         _align_shared(frames, starts_a.astype(np.int64), starts_b.astype(np.int64), length, average, distances)
     return distances
-
-
-def _check_words(a: Float32Array, b: Float32Array, metric: Metric) -> None:
-    if a.ndim != 3 or b.ndim != 3 or a.shape[2] != b.shape[2] or not (a.shape[1] and b.shape[1]):
-        raise ValueError(f"words of shapes {a.shape} and {b.shape} cannot be compared")
-    if metric == "geodesic" and a.shape[2] % 4:
-        raise ValueError(f"{a.shape[2]} numbers a frame are no whole number of quaternions")
 
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
@@ -198,12 +188,9 @@ def _align_shared(
 
 
 def listed_distances(
-    frames_a: Float32Array,
-    starts_a: Int64Array,
-    frames_b: Float32Array,
-    starts_b: Int64Array,
+    a: WordSet,
+    b: WordSet,
     lists: Int64Array,
-    length: int = 16,
     metric: Metric = "euclidean",
     *,
     centre: Float32Array | None = None,
@@ -213,10 +200,8 @@ def listed_distances(
     Runs without the interpreter's lock, so that threads can share the work.
 
     Args:
-        frames_a: [Ta, D] C-contiguous; starts_a: [n] first frames of words.
-        frames_b: [Tb, D] C-contiguous; starts_b: [m] first frames of words.
-        lists: [n, C] indices into `starts_b`; -1 where a list is shorter, in its last places.
-        length: frames of a word.
+        a, b: words of one length.
+        lists: [n, C] indices into `b` for each of the n words of `a`; -1 where a list is shorter, in its last places.
         metric: the frame distance.
         centre: [D] about the mean frame, zero if not given. Changes no Euclidean distance and keeps
             cancellation small.
@@ -225,10 +210,9 @@ def listed_distances(
         [n, C] float32, average distances as in `word_distances`; infinite where there is no word.
     """
     distances = np.full(lists.shape, np.inf, dtype=np.float32)
-    if metric not in ("euclidean", "geodesic"):
-        raise ValueError(f"metric is {metric!r}, not euclidean or geodesic")
-    middle = np.zeros(frames_b.shape[1], np.float32) if centre is None else centre.astype(np.float32)
-    _align_listed(frames_a, starts_a, frames_b, starts_b, lists, length, metric == "geodesic", middle, distances)
+    middle = np.zeros(b.width, np.float32) if centre is None else centre.astype(np.float32)
+    geodesic = metric == "geodesic"
+    _align_listed(a.frames, a.starts, b.frames, b.starts, lists, b.length, geodesic, middle, distances)
     return distances
 
 

@@ -46,7 +46,9 @@ def linear_embedding(
     start: Float32Array | None = None,
     alike: Float32Array | None = None,
 ) -> Float32Array:
-    """The matrix that embeds flattened words.
+    """The matrix [d, length * D] that embeds flattened words, d = at most `components`.
+
+    Embedded words lie a median distance of 1 apart. Where no other clip has words, neighbours are left out.
 
     Args:
         words: [n, length, D].
@@ -55,10 +57,6 @@ def linear_embedding(
         seed: of the draw of anchors.
         start: [d, length * D] an embedding to go on from, in the place of principal components.
         alike: [n, length, D] what each word counts as alike with, beside its neighbours.
-
-    Returns:
-        [d, length * D], d = at most `components`; embedded words lie a median distance of 1 apart. Where no other
-        clip has words, neighbours are left out.
     """
     flat = words.reshape(len(words), -1)
     centred = flat - flat.mean(axis=0, dtype=np.float64).astype(np.float32)

@@ -93,20 +93,14 @@ def survivors(queries: WordBounds, words: WordBounds, thresholds: Float32Array) 
         )  # fmt: skip
         for query in range(len(queries)):
             found[query].append(np.flatnonzero(passed[query]) + first)
-    left = [np.concatenate(f) if f else np.zeros(0, np.int64) for f in found]
-    return [some[_paths_below(queries, i, words, some, slack[i])] for i, some in enumerate(left)]
-
-
-def _paths_below(
-    queries: WordBounds, query: int, words: WordBounds, some: Int64Array, threshold: np.float32
-) -> BoolArray:
-    """Which of some words have a path to a query whose costs less the threshold sum to zero or less."""
-    below = np.ones(len(some), dtype=np.bool_)
-    if np.isfinite(threshold):
-        starts = np.arange(len(words), dtype=np.int64) * words.length
-        own = queries.frames[query * words.length : (query + 1) * words.length]
-        _test_paths(own, words.frames, starts, some, threshold, below)
-    return below
+    left = [np.concatenate([np.zeros(0, np.int64), *some]) for some in found]
+    starts = np.arange(len(words), dtype=np.int64) * words.length
+    for i in np.flatnonzero(np.isfinite(slack)):
+        below = np.empty(len(left[i]), dtype=np.bool_)
+        own = queries.frames[i * words.length : (i + 1) * words.length]
+        _test_paths(own, words.frames, starts, left[i], slack[i], below)
+        left[i] = left[i][below]
+    return left
 
 
 def _squared(a: Float32Array, b: Float32Array) -> Float32Array:
@@ -142,20 +136,18 @@ def _test(
         most = longest * threshold
         for b in range(out.shape[1]):
             gap = max(np.float32(0), np.sqrt(max(centres[a, b], np.float32(0))) - radii_a[a] - radii_b[b])
+            out[a, b] = False
             if ends[a, b] + others * gap * gap > most:
-                out[a, b] = False
                 continue
             if ends[a, b] + others * _gap(low_a[a], high_a[a], low_b[b], high_b[b]) > most:
-                out[a, b] = False
                 continue
-            first = _between(frames_a[a * length], frames_b[b * length])
+            first = _outside(frames_a[a * length], frames_b[b * length], frames_b[b * length])
             for i in range(length):
                 rows[i] = first if i == 0 else _outside(frames_a[a * length + i], low_b[b], high_b[b])
             # Further cells may lie in the first row too, beside its first cell.
             beside = _outside(frames_a[a * length], low_b[b], high_b[b])
             total, least = rows.sum(), min(beside, rows[1:].min()) if length > 1 else np.float32(0)
             if total + (length - 1) * min(least, threshold) > most:
-                out[a, b] = False
                 continue
             for j in range(length):
                 columns[j] = first if j == 0 else _outside(frames_b[b * length + j], low_a[a], high_a[a])
@@ -168,15 +160,6 @@ def _paid(rows: Float32Array, columns: Float32Array, threshold: float) -> float:
     total = float(rows.sum())
     for j in range(1, len(columns)):
         total += min(columns[j], threshold)
-    return total
-
-
-@njit(cache=True, nogil=True, fastmath={"reassoc", "nsz", "contract"})  # type: ignore[untyped-decorator]
-def _between(a: Float32Array, b: Float32Array) -> np.float32:
-    total = np.float32(0)
-    for number in range(len(a)):
-        step = a[number] - b[number]
-        total += step * step
     return total
 
 

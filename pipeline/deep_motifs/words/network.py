@@ -132,11 +132,7 @@ class InceptionBody(nn.Module):
 
 
 def build(architecture: str, length: int, dimension: int) -> WordNetwork:
-    """A network by name, with random weights from torch's generator.
-
-    Raises:
-        ValueError: an unknown name.
-    """
+    """A network by name, with random weights from torch's generator; `ValueError` for an unknown name."""
     bodies: dict[str, Callable[[], nn.Module]] = {
         "linear": lambda: LinearBody(length, dimension),
         "conv": lambda: ConvBody(length, dimension),
@@ -194,11 +190,7 @@ class TrainedNetwork:
 
 
 def load_network(path: Path) -> TrainedNetwork:
-    """Read a network that `TrainedNetwork.save` wrote.
-
-    Raises:
-        ValueError: the file holds something else.
-    """
+    """Read a network that `TrainedNetwork.save` wrote; `ValueError` where the file holds something else."""
     tensors, kept = read_network(path, METADATA_KEY)
     words = WordConfig(**kept["words"])
     network = build(kept["architecture"], words.length, words.dimension)

@@ -230,8 +230,7 @@ def _copies(words: Float32Array, rng: np.random.Generator, reversible: WordConfi
 def _triplet_loss(positives: Tensor, kinds: Tensor, squared: Tensor, negative: Tensor, margin: float) -> Tensor:
     """Equation 2, averaged over every positive of an anchor and every negative of the pool.
 
-    positives [p, B] and squared [B, P] are squared embedding distances, kinds [p] weights, negative [B, P]
-    a mask.
+    Squared embedding distances of positives [p, B] (of weights `kinds` [p]) and of the pool [B, P]; a mask [B, P].
     """
     hinge = torch.relu(positives[:, :, None] - squared[None] + margin) * kinds[:, None, None]
     return (hinge * negative).sum() / (kinds.sum() * negative.sum().clamp(min=1))

@@ -14,9 +14,8 @@ import numpy as np
 from motionlake.arrays import BoolArray, Float32Array, Int64Array
 from motionlake.deep_motifs.words.dtw import word_distances
 from motionlake.deep_motifs.words.linear import LinearConfig, linear_embedding
-from motionlake.deep_motifs.words.windows import windows, word_windows
 from motionlake.motion.dtw import Metric, frame_distances
-from motionlake.motion.features import WordConfig
+from motionlake.motion.features import WordConfig, windows, word_windows
 
 
 @dataclass(frozen=True)
@@ -81,8 +80,7 @@ def training_words(
     Args:
         features: [T, D] of each clip.
         words: how words are cut, and which frame distance compares them.
-        config: what is drawn.
-        linear: how the linear embedding is learned.
+        config, linear: what is drawn, and how the linear embedding is learned.
         max_words: at most this many words are kept, drawn at random.
         seed: of every draw.
 
@@ -118,8 +116,7 @@ def sample_words(
 ) -> tuple[Float32Array, Int64Array, Int64Array]:
     """At most `max_words` words drawn at random from clips: [n, length, D] words, [n] clips, [n] first frames.
 
-    Raises:
-        ValueError: fewer than two words.
+    Raises `ValueError` for fewer than two words.
     """
     counts = [len(windows(len(clip), words)) for clip in features]
     if sum(counts) < 2:

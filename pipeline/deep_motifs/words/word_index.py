@@ -1,4 +1,4 @@
-"""Candidates for the nearest words under DTW: a low-dimensional embedding in an inverted file.
+"""Sets of motion words, and an index of them for the search of nearest words under DTW: an inverted file.
 
 Words that DTW brings together pass through the same poses at different speeds. So a word is described by its path
 however fast it is walked: its frames in the P directions of largest variance, at eight points equally far apart along
@@ -8,13 +8,14 @@ nearest to its own.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Final, Self
 
 import numpy as np
 from motionlake.arrays import Float32Array, Int64Array
-from motionlake.deep_motifs.words.windows import WordSet
+from motionlake.motion.features import WordConfig, padded, windows
 from numba import njit
 from threadpoolctl import threadpool_limits
 
@@ -24,6 +25,73 @@ CELL_ROWS: Final = 4096  # words that meet all centroids at a time
 SAMPLE: Final = 20_000  # words that the embedding is fitted to
 FRAME_SAMPLE: Final = 5_000  # words that the directions of frames are fitted to
 CELL_SAMPLE: Final = 40  # words that a cell's centroid is fitted to
+
+
+@dataclass(frozen=True)
+class WordSet:
+    """N words of `length` frames: word i is `frames[starts[i] : starts[i] + length]`.
+
+    Words of stride 4 and length 16 share their frames, so that N words of clips take 4 N frames of memory.
+
+    Attributes:
+        frames: [T, D] float32, C-contiguous.
+        starts: [N] first frame of each word.
+        length: frames of a word.
+
+    Raises:
+        ValueError: frames that are not two-dimensional, or a word that reaches beyond them.
+    """
+
+    frames: Float32Array
+    starts: Int64Array
+    length: int
+
+    def __post_init__(self) -> None:
+        if self.frames.ndim != 2 or self.length < 1:
+            raise ValueError(f"frames of shape {self.frames.shape} hold no words of {self.length} frames")
+        if len(self) and (self.starts.min() < 0 or self.starts.max() + self.length > len(self.frames)):
+            raise ValueError("a word reaches beyond its clip")
+
+    @classmethod
+    def of_words(cls, words: Float32Array) -> Self:
+        """`words` [N, length, D], each with frames of its own."""
+        if words.ndim != 3 or not words.shape[1]:
+            raise ValueError(f"words have shape {words.shape}, not [N, length, D]")
+        n, length, width = words.shape
+        frames = np.ascontiguousarray(words, dtype=np.float32).reshape(n * length, width)
+        return cls(frames, np.arange(n, dtype=np.int64) * length, length)
+
+    @classmethod
+    def of_clips(cls, features: Sequence[Float32Array], config: WordConfig) -> tuple[Self, Int64Array]:
+        """The words of clips of [T, D] frames each, and [N] the index of the clip each word is of.
+
+        Raises:
+            ValueError: no clip, or a clip without frames.
+        """
+        if not features:
+            raise ValueError("no clips: no words")
+        filled = [padded(np.asarray(clip, dtype=np.float32), config) for clip in features]
+        firsts = np.cumsum([0, *(len(clip) for clip in filled[:-1])])
+        starts = [windows(len(clip), config) for clip in features]
+        clips = np.repeat(np.arange(len(features)), [len(s) for s in starts])
+        placed = np.concatenate([first + s for first, s in zip(firsts, starts, strict=True)])
+        return cls(np.ascontiguousarray(np.concatenate(filled)), placed, config.length), clips
+
+    def __len__(self) -> int:
+        return len(self.starts)
+
+    @property
+    def width(self) -> int:
+        """D: numbers a frame."""
+        return int(self.frames.shape[1])
+
+    def take(self, chosen: slice | Int64Array) -> Float32Array:
+        """[n, length, D] copies of chosen words."""
+        return np.asarray(self.frames[self.starts[chosen][:, None] + np.arange(self.length)])
+
+    def chosen(self, chosen: slice | Int64Array) -> WordSet:
+        """Some of the words, with the same frames."""
+        return WordSet(self.frames, self.starts[chosen], self.length)
 
 
 @dataclass(frozen=True)
@@ -69,56 +137,41 @@ class WordSpace:
         """[n, d] of projected words [n, length, P]."""
         return np.ascontiguousarray((describe(projected) - self.mean) @ self.components)
 
+    def embed_all(self, words: WordSet) -> Float32Array:
+        """[N, d] of all words of a set."""
+        parts = [self.embed(self.project(words, rows)) for rows in _blocks(len(words))]
+        return np.concatenate([np.zeros((0, self.components.shape[1]), np.float32), *parts])
+
 
 @dataclass(frozen=True)
 class WordIndex:
-    """N embedded words in the order of their cells.
+    """N words prepared for search, in cells.
 
     Attributes:
+        words: N of them.
+        groups: [N] numbers; words of alike numbers are no neighbours, see `neighbours.search`.
         space: of the embedding.
         centroids: [K, d] of the cells.
         order: [N] words, cell by cell.
         offsets: [K + 1]: cell c holds `order[offsets[c] : offsets[c + 1]]`.
         embedded: [N, d] in that order.
-        projected: [N * length, P] frames of the words, in that order.
-        length: frames of a word.
     """
 
+    words: WordSet
+    groups: Int64Array
     space: WordSpace
     centroids: Float32Array
     order: Int64Array
     offsets: Int64Array
     embedded: Float32Array
-    projected: Float32Array
-    length: int
-
-    @classmethod
-    def of(
-        cls,
-        space: WordSpace,
-        words: WordSet,
-        centroids: Float32Array,
-        order: Int64Array,
-        offsets: Int64Array,
-        embedded: Float32Array,
-    ) -> Self:
-        """The index of words whose embedding is known."""
-        projected = np.empty((len(words), words.length, space.basis.shape[1]), dtype=np.float32)
-        for first in _starts(len(words)):
-            rows = slice(first, first + ROWS)
-            projected[rows] = space.project(words, order[rows])
-        flat = projected.reshape(-1, projected.shape[2])
-        return cls(space, centroids, order, offsets, embedded, flat, words.length)
-
-    @property
-    def projected_words(self) -> Float32Array:
-        """[N, length, P]."""
-        return self.projected.reshape(len(self.order), self.length, -1)
 
     @cached_property
-    def starts(self) -> Int64Array:
-        """[N] first row of each word in `projected`."""
-        return np.arange(len(self.order), dtype=np.int64) * self.length
+    def projected(self) -> WordSet:
+        """The projected words, in the order of the cells."""
+        found = np.empty((len(self.words), self.words.length, self.space.basis.shape[1]), dtype=np.float32)
+        for rows in _blocks(len(found)):
+            found[rows] = self.space.project(self.words, self.order[rows])
+        return WordSet.of_words(found)
 
     @cached_property
     def norms(self) -> Float32Array:
@@ -135,24 +188,33 @@ class WordIndex:
         return np.concatenate([np.arange(self.offsets[c], self.offsets[c + 1]) for c in taken])
 
 
-def fit_index(words: WordSet, config: IndexConfig) -> WordIndex:
+def fit_index(words: WordSet, groups: Int64Array | None = None, config: IndexConfig | None = None) -> WordIndex:
     """Embed words and group them into cells; depends on the words and the seed alone.
 
+    Args:
+        words: N words.
+        groups: [N] see `WordIndex.groups`; by default every word has its own.
+        config: what the index is made of.
+
     Raises:
-        ValueError: no words, or features that are not finite.
+        ValueError: no words, features that are not finite, or groups of another number.
     """
+    config = config or IndexConfig()
+    numbers = np.arange(len(words)) if groups is None else np.asarray(groups, dtype=np.int64)
+    if numbers.shape != (len(words),):
+        raise ValueError(f"groups of shape {numbers.shape} do not fit {len(words)} words")
     if not len(words):
         raise ValueError("no words: nothing can be searched")
-    if not all(np.isfinite(words.frames[first : first + ROWS]).all() for first in _starts(len(words.frames))):
+    if not all(np.isfinite(words.frames[rows]).all() for rows in _blocks(len(words.frames))):
         raise ValueError("words hold features that are not finite")
     with threadpool_limits(limits=1):
-        space = fit_space(words, config)
-        embedded = np.concatenate([_embed(space, words, first) for first in _starts(len(words))])
+        space = _fit_space(words, config)
+        embedded = space.embed_all(words)
         centroids = _cells(embedded, config)
         cells = nearest_centroids(embedded, centroids)
         order = np.argsort(cells, kind="stable").astype(np.int64)
         offsets = np.searchsorted(cells[order], np.arange(len(centroids) + 1)).astype(np.int64)
-        return WordIndex.of(space, words, centroids, order, offsets, embedded[order])
+        return WordIndex(words, numbers, space, centroids, order, offsets, embedded[order])
 
 
 def nearest_centroids(vectors: Float32Array, centroids: Float32Array) -> Int64Array:
@@ -163,11 +225,7 @@ def nearest_centroids(vectors: Float32Array, centroids: Float32Array) -> Int64Ar
     return np.concatenate([np.zeros(0, np.int64), *cells])
 
 
-def _embed(space: WordSpace, words: WordSet, first: int) -> Float32Array:
-    return space.embed(space.project(words, slice(first, first + ROWS)))
-
-
-def fit_space(words: WordSet, config: IndexConfig) -> WordSpace:
+def _fit_space(words: WordSet, config: IndexConfig) -> WordSpace:
     """Principal directions of frames, then of descriptions, from a sample of words."""
     rng = np.random.default_rng(config.seed)
     sample = np.sort(rng.permutation(len(words))[:SAMPLE])
@@ -175,8 +233,7 @@ def fit_space(words: WordSet, config: IndexConfig) -> WordSpace:
     centre = frames.mean(axis=0, dtype=np.float64).astype(np.float32)
     basis = _principal(frames - centre, config.directions)
     empty = np.zeros(0, np.float32)
-    projected = WordSpace(centre, basis, empty, empty).project(words, sample)
-    descriptions = describe(projected)
+    descriptions = describe(WordSpace(centre, basis, empty, empty).project(words, sample))
     mean = descriptions.mean(axis=0, dtype=np.float64).astype(np.float32)
     return WordSpace(centre, basis, mean, _principal(descriptions - mean, config.dimension))
 
@@ -194,20 +251,8 @@ def along_path(words: Float32Array, points: int) -> Float32Array:
     return sampled
 
 
-def nearest_positions(
-    distances: Float32Array, groups: Int64Array, others: Int64Array, apart: int, count: int
-) -> Int64Array:
-    """[q, count] columns of the smallest of `distances` [q, M], in no order; -1 where there are fewer.
-
-    Left out are columns whose group in `others` [M] is closer than `apart` to the row's in `groups` [q].
-    """
-    chosen = np.full((len(distances), count), -1, dtype=np.int64)
-    _smallest(distances, groups, others, apart, chosen)
-    return chosen
-
-
-def _starts(n: int) -> range:
-    return range(0, n, ROWS)
+def _blocks(n: int) -> list[slice]:
+    return [slice(first, min(first + ROWS, n)) for first in range(0, n, ROWS)]
 
 
 def _principal(rows: Float32Array, count: int) -> Float32Array:
@@ -252,42 +297,3 @@ def _along_path(words: Float32Array, out: Float32Array) -> None:
             for number in range(width):
                 here = words[word, frame, number]
                 out[word, point, number] = here + share * (words[word, after, number] - here)
-
-
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
-def _smallest(distances: Float32Array, groups: Int64Array, others: Int64Array, apart: int, out: Int64Array) -> None:
-    """A buffer of twice the wanted size is cut to its smaller half whenever it is full."""
-    count = out.shape[1]
-    values = np.empty(2 * count, dtype=np.float32)
-    columns = np.empty(2 * count, dtype=np.int64)
-    for row in range(len(distances)):
-        held, bound = 0, np.float32(np.inf)
-        for column in range(distances.shape[1]):
-            value = distances[row, column]
-            if value < bound and abs(others[column] - groups[row]) >= apart:
-                values[held], columns[held] = value, column
-                held += 1
-                if held == 2 * count:
-                    bound = np.partition(values, count - 1)[count - 1]
-                    held = _keep(values, columns, held, bound, count)
-        if held > count:
-            held = _keep(values, columns, held, np.partition(values[:held], count - 1)[count - 1], count)
-        out[row, :held] = columns[:held]
-
-
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
-def _keep(values: Float32Array, columns: Int64Array, held: int, bound: float, count: int) -> int:
-    """Move what is below `bound`, then the first of what equals it, to the front; returns `count`."""
-    kept = 0
-    equal = count
-    for i in range(held):
-        if values[i] < bound:
-            equal -= 1
-    for i in range(held):
-        value = values[i]
-        if value < bound or (value == bound and equal > 0):
-            if value == bound:
-                equal -= 1
-            values[kept], columns[kept] = value, columns[i]
-            kept += 1
-    return kept
