@@ -12,7 +12,7 @@ from typing import Any
 import duckdb
 import numpy as np
 import pytest
-from motionlake.cli.view import safe_name
+from motionlake.cli.look import safe_name
 from motionlake.lake.frames import read_clip
 from motionlake.lake.layout import open_lake
 from motionlake.pictures.bands import Segment

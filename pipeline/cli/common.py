@@ -1,4 +1,4 @@
-"""What commands share: the option types, output for people or machines, progress on stderr."""
+"""What commands share: option types, output for people or machines, progress on stderr, runs of jobs."""
 
 from __future__ import annotations
 
@@ -17,9 +17,10 @@ import typer
 from motionlake.errors import UserError
 
 if TYPE_CHECKING:
+    from motionlake.jobs.session import Session
     from motionlake.lake.catalog import Connection
     from motionlake.lake.layout import Lake
-    from motionlake.retrieval.protocol import Query, Scope
+    from motionlake.retrieval.protocol import Query
     from rich.progress import Progress
 
 # Of every typer application.
@@ -29,43 +30,47 @@ SETTINGS: Final[dict[str, Any]] = {
     "pretty_exceptions_enable": False,
     "context_settings": {"help_option_names": ["-h", "--help"]},
 }
-LakeOption = Annotated[
-    Path, typer.Option("--lake", "-l", envvar="MOTIONLAKE_LAKE", help="Folder of the lake.", show_default=False)
-]
-# For commands on a lake alone, which name its folder as the argument or as elsewhere.
-FolderArgument = Annotated[Path | None, typer.Argument(help="Folder of the lake.", show_default=False)]
-FolderOption = Annotated[
-    Path | None,
-    typer.Option("--lake", "-l", envvar="MOTIONLAKE_LAKE", help="The same, as elsewhere.", show_default=False),
-]
+
+
+def argument(help: str) -> Any:  # noqa: A002
+    """An argument whose default is not shown."""
+    return typer.Argument(help=help, show_default=False)
+
+
+def option(*names: str, help: str, **settings: Any) -> Any:  # noqa: A002
+    """An option whose default is not shown, since `help` tells it."""
+    return typer.Option(*names, help=help, show_default=False, **settings)
+
+
+def dataset_name(value: str | None) -> str | None:
+    """Callback of options that name a dataset: raises `UserError` for what can be no dataset's name."""
+    from motionlake.lake.layout import check_dataset
+
+    return None if value is None else check_dataset(value)
+
+
+def positive(param: typer.CallbackParam, value: float | None) -> float | None:
+    """Callback of options whose number must be more than 0: raises `UserError` where it is not."""
+    if value is not None and not value > 0:
+        raise UserError(f"{param.opts[0]} {value:g}: must be more than 0")
+    return value
+
+
+LakeOption = Annotated[Path, option("--lake", "-l", envvar="MOTIONLAKE_LAKE", help="Folder of the lake.")]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON, for machines.")]
-KOption = Annotated[int, typer.Option("-k", min=1, help="How many answers.")]
+ClipArgument = Annotated[str, argument("A clip of the lake, or a clip file.")]
+ClipsArgument = Annotated[list[str] | None, argument("Clips of the lake, or clip files.")]
 DatasetOption = Annotated[
-    str | None, typer.Option("--dataset", help="Only clips of this dataset (default: of all).", show_default=False)
+    str | None, option("--dataset", help="Only clips of this dataset (default: of all).", callback=dataset_name)
 ]
-SplitOption = Annotated[
-    str | None,
-    typer.Option("--split", help="Only clips of this split of labels.csv, such as train.", show_default=False),
-]
-MirroredOption = Annotated[
-    bool, typer.Option("--mirrored", help="Look for the mirror image too: left and right exchanged.")
-]
-OwnOption = Annotated[
-    bool, typer.Option("--own", help="The query itself may be an answer, where it is a clip of the lake.")
-]
+SplitOption = Annotated[str | None, option("--split", help="Only clips of this split of labels.csv, such as train.")]
 RecordedOnlyOption = Annotated[
     bool, typer.Option("--recorded-only", help="Only recorded clips, none that a generator made.")
 ]
 LabelColumn = Annotated[str, typer.Option("--label-column", help="Column of labels.csv that holds the classes.")]
-WorkersOption = Annotated[
-    int | None,
-    typer.Option("--workers", min=1, help="Local worker processes (default: one a core).", show_default=False),
-]
+WorkersOption = Annotated[int | None, option("--workers", min=1, help="Local worker processes (default: one a core).")]
 SchedulerOption = Annotated[
-    str | None,
-    typer.Option(
-        "--scheduler", help="Address of a running Dask scheduler, such as tcp://host:8786.", show_default=False
-    ),
+    str | None, option("--scheduler", help="Address of a running Dask scheduler, such as tcp://host:8786.")
 ]
 
 
@@ -82,34 +87,27 @@ class FrameOrSeconds:
 
 
 def frame_or_seconds(text: str) -> FrameOrSeconds:
-    """Read "120" (a frame) or "3s", "1.5s" (seconds).
-
-    Raises:
-        typer.BadParameter: it is neither.
-    """
+    """Read "120" (a frame) or "3s", "1.5s" (seconds). Raises `typer.BadParameter` for anything else."""
     found = re.fullmatch(r"(\d+)|(\d+\.?\d*|\.\d+) ?s", text.strip())
     if found is None:
         raise typer.BadParameter(f"'{text}' is neither a frame, such as 120, nor seconds, such as 3s or 1.5s.")
     return FrameOrSeconds(float(found[1] or found[2]), found[1] is None)
 
 
+_PLACE: Final[dict[str, Any]] = {"parser": frame_or_seconds, "metavar": "FRAME|SECONDS"}
 StartOption = Annotated[
     FrameOrSeconds | None,
-    typer.Option(
-        "--from", parser=frame_or_seconds, metavar="FRAME|SECONDS", show_default=False,
-        help="Where to begin: a frame, as in 120, or seconds, as in 1.5s (default: the beginning).",
+    option(
+        "--from", help="Where to begin: a frame, as in 120, or seconds, as in 1.5s (default: the beginning).", **_PLACE
     ),
-]  # fmt: skip
+]
 StopOption = Annotated[
     FrameOrSeconds | None,
-    typer.Option(
-        "--to", parser=frame_or_seconds, metavar="FRAME|SECONDS", show_default=False,
-        help="Where to stop: the first frame left out, or its time, as in 3s (default: the end).",
-    ),
-]  # fmt: skip
+    option("--to", help="Where to stop: the first frame left out, or its time, as in 3s (default: the end).", **_PLACE),
+]
 
 
-def asked_for(
+def named_query(
     con: Connection, lake: Lake, name: str, start: FrameOrSeconds | None = None, stop: FrameOrSeconds | None = None
 ) -> Query:
     """The clip file, or the clip of the lake, that a person names, and its frames from `--from` to `--to`.
@@ -117,48 +115,25 @@ def asked_for(
     Raises:
         UserError: no such clip and no such file, or several clips.
     """
+    from motionlake.lake.catalog import fetch
     from motionlake.retrieval.protocol import query_of
 
     query, fps = query_of(con, name), 0.0
     if any(edge is not None and edge.in_seconds for edge in (start, stop)):
         if isinstance(query.source, Path):
-            from motionlake.retrieval.encode import first_body
+            from motionlake.stages.clip_files import first_body
 
             fps = first_body(lake, query.source)[0].fps
         else:
-            from motionlake.lake.catalog import fetch
-
             fps = fetch(con, "clip", {"clip": query.source})[0]["fps"]
     first, last = (None if edge is None else edge.frame(fps) for edge in (start, stop))
     return replace(query, start=first, stop=last)
 
 
-def scope_of(dataset: str | None, split: str | None = None, recorded_only: bool = False, **others: bool) -> Scope:
-    """Which clips the options of a command leave as answers. Raises `UserError` for what can be no dataset's name."""
-    from motionlake.lake.layout import check_dataset
-    from motionlake.retrieval.protocol import Scope
-
-    if dataset is not None:
-        check_dataset(dataset)
-    return Scope(dataset, split, recorded_only, **others)
-
-
-def named_folder(context: typer.Context, folder: Path | None, lake: Path | None) -> Path:
-    """The folder that a command names one way or the other. Raises `UserError` where it names none or two."""
-    if folder and lake and folder != lake and str(context.get_parameter_source("lake")).endswith("COMMANDLINE"):
-        raise UserError(f"{context.info_name}: {folder} and --lake {lake} are two folders; name one")
-    chosen = folder or lake
-    if chosen is None:
-        raise UserError(
-            f"{context.info_name}: name the folder of the lake, as in `motionlake {context.info_name} mylake`"
-        )
-    return chosen
-
-
-def check_positive(option: str, value: float | None) -> None:
-    """Raises `UserError` where the value given for an option is not more than 0."""
-    if value is not None and not value > 0:
-        raise UserError(f"{option} {value:g}: must be more than 0")
+def check_folder_of(file: Path) -> None:
+    """Raises `UserError` where the folder of a file to write is not there."""
+    if not file.parent.is_dir():
+        raise UserError(f"{file.parent}: no such folder")
 
 
 def printable(text: str) -> str:
@@ -174,34 +149,20 @@ def notice(line: str) -> None:
     print(printable(line), file=sys.stderr, flush=True)
 
 
-def print_json(value: Any) -> None:
-    print(json.dumps(value, ensure_ascii=False, indent=2, default=str))
-
-
 def tell(value: Any, shown: str | Sequence[Mapping[str, Any]] | None = None, *, as_json: bool) -> None:
     """The answer of a command: `value` as JSON for machines, else `shown` (default: `value`), a line or a table."""
     answer = value if shown is None else shown
     if as_json:
-        print_json(value)
+        print(json.dumps(value, ensure_ascii=False, indent=2, default=str))
     elif isinstance(answer, str):
         print(printable(answer))
+    elif answer:
+        _print_table(answer)
     else:
-        print_rows(answer, as_json=False)
-
-
-def tell_hits(rows: Sequence[Mapping[str, Any]], *, mirrored: bool, as_json: bool) -> None:
-    """Answers of a search; a table says which are `mirrored` only where mirror images were looked for."""
-    tell(rows, [{n: v for n, v in row.items() if mirrored or n != "mirrored"} for row in rows], as_json=as_json)
-
-
-def print_rows(rows: Sequence[Mapping[str, Any]], *, as_json: bool) -> None:
-    """Rows as a table for people, or as a JSON array."""
-    if as_json:
-        print_json(list(rows))
-        return
-    if not rows:
         notice("no rows")
-        return
+
+
+def _print_table(rows: Sequence[Mapping[str, Any]]) -> None:
     from rich.console import Console
     from rich.table import Table
 
@@ -250,16 +211,39 @@ def stage_progress() -> Iterator[StageProgress]:
     if not sys.stderr.isatty():
         yield StageProgress(None)
         return
+    from rich import progress
     from rich.console import Console
-    from rich.progress import (
-        BarColumn,
-        MofNCompleteColumn,
-        Progress,
-        TextColumn,
-        TimeElapsedColumn,
-        TimeRemainingColumn,
-    )
 
-    columns = (TextColumn("{task.description:>10}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    with Progress(*columns, TimeRemainingColumn(), console=Console(stderr=True)) as bars:
+    columns = (
+        progress.TextColumn("{task.description:>10}"), progress.BarColumn(), progress.MofNCompleteColumn(),
+        progress.TimeElapsedColumn(), progress.TimeRemainingColumn(),
+    )  # fmt: skip
+    with progress.Progress(*columns, console=Console(stderr=True)) as bars:
         yield StageProgress(bars)
+
+
+@contextmanager
+def running(lake: Lake, command: str, workers: int | None = None, scheduler: str | None = None) -> Iterator[Session]:
+    """Hold the lake for a command that writes, with progress on stderr, and record a run that did something."""
+    from motionlake.jobs.session import session
+
+    with stage_progress() as progress, session(lake, command, progress, notice, workers, scheduler) as job:
+        yield job
+        _record_run(job)
+
+
+def _record_run(job: Session) -> None:
+    from datetime import datetime
+
+    from motionlake.lake.catalog import run_sql, writing
+
+    for name, outcome in job.outcomes.items():
+        if outcome.failed:
+            notice(f"{name}: {outcome.failed} shards failed: {outcome.reason}; --retry-failed tries again")
+    totals = {k: sum(getattr(o, k) for o in job.outcomes.values()) for k in ("ok", "failed", "rejected")}
+    if any(totals.values()):
+        with writing(job.lake) as con:
+            run_sql(
+                con, "add_run",
+                {**totals, "command": " ".join(sys.argv[1:]), "started": job.started, "finished": datetime.now()},
+            )  # fmt: skip

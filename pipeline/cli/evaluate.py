@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
@@ -13,14 +13,15 @@ from motionlake.cli.common import (
     JsonOption,
     LabelColumn,
     LakeOption,
-    check_positive,
     notice,
+    option,
+    positive,
     stage_progress,
     tell,
 )
 from motionlake.errors import UserError
 from motionlake.lake.catalog import reading
-from motionlake.lake.layout import Lake, check_dataset, open_lake
+from motionlake.lake.layout import open_lake
 
 if TYPE_CHECKING:
     from motionlake.pictures.html import Picture
@@ -52,22 +53,26 @@ METRICS: Final = {
     "n_known": "words whose class was learned",
 }
 
-OnlyOption = Annotated[
-    str | None, typer.Option("--only", help="COLUMN=VALUE: clips with this value alone.", show_default=False)
-]
+
+def _known_baseline(value: str) -> str:
+    if value not in BASELINES:
+        raise UserError(f"--baseline {value}: use one of {', '.join(BASELINES)}")
+    return value
+
+
+OnlyOption = Annotated[str | None, option("--only", help="COLUMN=VALUE: clips with this value alone.")]
 BaselineOption = Annotated[
-    str, typer.Option(help="Whole-clip DTW beside it: auto (where it takes minutes at most), dtw, none.")
+    str,
+    typer.Option(
+        help="Whole-clip DTW beside it: auto (where it takes minutes at most), dtw, none.", callback=_known_baseline
+    ),
 ]
-PicturesOption = Annotated[
-    Path | None, typer.Option(help="Also draw curves, maps and tables into this folder.", show_default=False)
-]
+PicturesOption = Annotated[Path | None, option(help="Also draw curves, maps and tables into this folder.")]
 SplitOption = Annotated[
-    str | None,
-    typer.Option("--split", help="Clips of labels.csv's split to measure by (default: test).", show_default=False),
+    str | None, option("--split", help="Clips of labels.csv's split to measure by (default: test).")
 ]
 TrainSplitOption = Annotated[
-    str | None,
-    typer.Option("--train-split", help="Clips to find or to learn from (default: train).", show_default=False),
+    str | None, option("--train-split", help="Clips to find or to learn from (default: train).")
 ]
 
 evaluate = typer.Typer(
@@ -96,7 +101,7 @@ def signatures(
     from motionlake.evaluation.clips import LabelledOptions
     from motionlake.evaluation.signatures import evaluate_signatures
 
-    target = _target(lake, dataset, baseline)
+    target = open_lake(lake)
     options = LabelledOptions(dataset, column, _criterion(only), BASELINES[baseline], notice)
     with reading(target) as con:
         found = evaluate_signatures(con, target, options)
@@ -129,7 +134,7 @@ def segmentation(
     from motionlake.deep_motifs.segmentation import SegmentationConfig
     from motionlake.evaluation.segmentation import evaluate_segmentation
 
-    target = _target(lake, dataset)
+    target = open_lake(lake)
     config = SegmentationConfig(window, k, reach)
     with reading(target) as con:
         found = evaluate_segmentation(con, target, dataset=dataset, config=config, mirrored=mirrored).as_dict()
@@ -145,7 +150,7 @@ def pesta(
     only: OnlyOption = None,
     stride: Annotated[
         int | None,
-        typer.Option(min=1, help="Longest step of an alignment (default: 3; 2 for sub-queries).", show_default=False),
+        option(min=1, help="Longest step of an alignment (default: 3; 2 for sub-queries)."),
     ] = None,
     baseline: BaselineOption = "auto",
     pictures: PicturesOption = None,
@@ -163,14 +168,14 @@ def pesta(
     from motionlake.evaluation.clips import LabelledOptions
     from motionlake.evaluation.pesta import evaluate_pesta
 
-    target = _target(lake, dataset, baseline)
+    target = open_lake(lake)
     options = LabelledOptions(dataset, column, _criterion(only), BASELINES[baseline], notice)
     with reading(target) as con:
         found = evaluate_pesta(con, target, options, stride=stride)
     if pictures is not None:
         from motionlake.pictures.evaluation import evaluation_pictures
 
-        _draw(lambda: evaluation_pictures(found), pictures)
+        _draw(evaluation_pictures(found), pictures)
     rows = [
         {"method": method, **{key: value for key, value in row.items() if key not in ("curve", "confusion")}}
         for method, row in found.items()
@@ -203,7 +208,7 @@ def descriptor(
     """
     from motionlake.evaluation.descriptor import evaluate_descriptor
 
-    target = _target(lake, dataset, baseline)
+    target = open_lake(lake)
     with reading(target) as con:
         measured = evaluate_descriptor(
             con, target, dataset=dataset, queries=split, repository=train_split, column=column,
@@ -212,7 +217,7 @@ def descriptor(
     if pictures is not None:
         from motionlake.pictures.evaluation import descriptor_pictures
 
-        _draw(lambda: descriptor_pictures(measured), pictures)
+        _draw(descriptor_pictures(measured), pictures)
     columns = ("top1", "top10", "map", "pr_area", "dtw_error_mm", "retrieval_ms", "n")
     methods: dict[str, Any] = {"descriptor": measured.found, **measured.found["methods"]}
     rows = [{"method": name, **{key: row[key] for key in columns}} for name, row in methods.items() if row]
@@ -231,9 +236,11 @@ def synthesis(
     ] = 10,
     seconds: Annotated[
         float | None,
-        typer.Option(help="Length of motions (default: as long as the recorded ones go on).", show_default=False),
+        option(help="Length of motions (default: as long as the recorded ones go on).", callback=positive),
     ] = None,
-    piece: Annotated[float, typer.Option(help="Seconds; longer clips are cut into pieces as long.")] = 10.0,
+    piece: Annotated[
+        float, typer.Option(help="Seconds; longer clips are cut into pieces as long.", callback=positive)
+    ] = 10.0,
     seed: Annotated[int, typer.Option(help="Another seed makes other motions.")] = 0,
     pictures: PicturesOption = None,
     as_json: JsonOption = False,
@@ -250,9 +257,7 @@ def synthesis(
     """
     from motionlake.evaluation.synthesis import SynthesisPlan, evaluate_synthesis
 
-    check_positive("--seconds", seconds)
-    check_positive("--piece", piece)
-    target = _target(lake, dataset)
+    target = open_lake(lake)
     with reading(target) as con, stage_progress() as progress:
         measured = evaluate_synthesis(
             con, target, SynthesisPlan(count, seed, seconds, piece), dataset=dataset, split=split,
@@ -261,7 +266,7 @@ def synthesis(
     if pictures is not None:
         from motionlake.pictures.synthesis import synthesis_pictures
 
-        _draw(lambda: synthesis_pictures(measured), pictures)
+        _draw(synthesis_pictures(measured), pictures)
     _tell(measured.found, [_synthesis_rows(measured.found)], as_json)
 
 
@@ -291,14 +296,6 @@ def _synthesis_rows(found: dict[str, Any]) -> list[Row]:
     return [{"measure": a, "made": b, "beside": c, "beside is": d} for a, b, c, d in rows]
 
 
-def _target(lake: Path, dataset: str | None, baseline: str = "none") -> Lake:
-    if baseline not in BASELINES:
-        raise UserError(f"--baseline {baseline}: use one of {', '.join(BASELINES)}")
-    if dataset is not None:
-        check_dataset(dataset)
-    return open_lake(lake)
-
-
 def _criterion(text: str | None) -> tuple[str, str] | None:
     if text is None:
         return None
@@ -308,10 +305,10 @@ def _criterion(text: str | None) -> tuple[str, str] | None:
     return column, value
 
 
-def _draw(pictures: Callable[[], Sequence[Picture]], folder: Path) -> None:
+def _draw(pictures: Sequence[Picture], folder: Path) -> None:
     from motionlake.pictures.html import write_pictures
 
-    for path in write_pictures(pictures(), folder):
+    for path in write_pictures(pictures, folder):
         notice(f"wrote {path}")
 
 

@@ -1,4 +1,4 @@
-"""The command line: `motionlake`, one module a command, imported when the command is called."""
+"""The command line: `motionlake`. The module of a command is imported when the command is called."""
 
 from __future__ import annotations
 
@@ -50,6 +50,17 @@ COMMANDS: Final = {
         "evaluate": "How well search, classes and made motion do on the labelled clips of a lake.",
     },
 }
+# The module of every command.
+MODULES: Final = {
+    "fill": ("ingest", "run", "remove"),
+    "lake": ("init", "migrate", "status", "rig"),
+    "search": ("search", "find", "align", "duplicates", "sql"),
+    "look": ("view", "report", "export"),
+    "sort": ("classify", "segment", "cluster"),
+    "make": ("compose", "synthesize"),
+    "train": ("train",),
+    "evaluate": ("evaluate",),
+}
 
 
 class InterruptError(Exception):
@@ -61,13 +72,13 @@ class Commands(TyperGroup):
 
     def __init__(self, **settings: Any) -> None:
         super().__init__(**settings)
-        names = [name for commands in COMMANDS.values() for name in commands]
-        self.commands = dict.fromkeys(names, self)  # for typer to see what there is; `get_command` reads the modules
+        self._modules = {name: module for module, names in MODULES.items() for name in names}
+        self.commands = dict.fromkeys(self._modules, self)  # what there is; `get_command` imports the modules
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
-        if cmd_name not in self.commands:
+        if cmd_name not in self._modules:
             return None
-        found = getattr(importlib.import_module(f"motionlake.cli.{cmd_name}"), cmd_name)
+        found = getattr(importlib.import_module(f"motionlake.cli.{self._modules[cmd_name]}"), cmd_name)
         if not isinstance(found, typer.Typer):
             app = typer.Typer(**SETTINGS)
             app.command(cmd_name)(found)

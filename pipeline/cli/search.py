@@ -1,37 +1,49 @@
-"""motionlake search."""
+"""motionlake search, find, align, duplicates and sql: answers to questions about clips."""
 
 from __future__ import annotations
 
-from typing import Annotated
+import sys
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from motionlake.cli.common import (
+    ClipArgument,
+    ClipsArgument,
     DatasetOption,
     JsonOption,
-    KOption,
     LakeOption,
-    MirroredOption,
-    OwnOption,
     RecordedOnlyOption,
     SplitOption,
     StartOption,
     StopOption,
-    asked_for,
-    print_json,
-    scope_of,
-    tell_hits,
+    argument,
+    named_query,
+    option,
+    tell,
 )
-from motionlake.cli.pictures import PictureOption, check_picture, save_picture
 from motionlake.errors import UserError
-from motionlake.lake.catalog import fetch, reading
-from motionlake.lake.layout import open_lake
+from motionlake.lake.catalog import Connection, fetch, reading
+from motionlake.lake.layout import Lake, open_lake
+
+if TYPE_CHECKING:
+    from motionlake.retrieval.protocol import Query
+
+KOption = Annotated[int, typer.Option("-k", min=1, help="How many answers.")]
+MirroredOption = Annotated[
+    bool, typer.Option("--mirrored", help="Look for the mirror image too: left and right exchanged.")
+]
+OwnOption = Annotated[
+    bool, typer.Option("--own", help="The query itself may be an answer, where it is a clip of the lake.")
+]
+PictureOption = Annotated[Path | None, option("--picture", help="Also draw the answers into this .png or .html file.")]
 
 
 def search(
     lake: LakeOption,
-    clips: Annotated[
-        list[str] | None, typer.Argument(help="Clips of the lake, or clip files.", show_default=False)
-    ] = None,
+    clips: ClipsArgument = None,
     start: StartOption = None,
     stop: StopOption = None,
     k: KOption = 10,
@@ -61,25 +73,224 @@ def search(
 
     By the descriptor network: motionlake search walk_01 --method descriptor --lake mylake
     """
+    from motionlake.retrieval.protocol import Scope
     from motionlake.retrieval.registry import check_method, searcher
 
     target = open_lake(lake)
     check_method("clip", method)
-    scope = scope_of(dataset, split, recorded_only, mirrored=mirrored, own=own)
+    scope = Scope(dataset, split, recorded_only, mirrored, own)
     with reading(target) as con:
         names = [*(clips or []), *(row["clip"] for row in fetch(con, "sample_clips", {"count": sample}))]
         if not names:
             raise UserError("search: name a clip or a clip file, or give --sample N")
-        check_picture(picture, len(names))
+        _check_picture(picture, len(names))
         found = searcher("clip", method, target)
-        queries = [asked_for(con, target, name, start, stop) for name in names]
-        hits = [[hit.as_row() for hit in each] for each in found.search(queries, k, scope)]
-        answers = list(zip(names, hits, strict=True))
-        save_picture(con, target, picture, zip(queries, answers, strict=True))
+        queries = [named_query(con, target, name, start, stop) for name in names]
+        answers = [[hit.as_row() for hit in hits] for hits in found.search(queries, k, scope)]
+        _save_picture(con, target, picture, zip(names, queries, answers, strict=True))
     if as_json:
-        print_json([{"query": name, **row} for name, rows in answers for row in rows])
+        tell([{"query": name, **row} for name, rows in zip(names, answers, strict=True) for row in rows], as_json=True)
         return
-    for name, rows in answers:
-        if len(answers) > 1:
+    for name, rows in zip(names, answers, strict=True):
+        if len(names) > 1:
             print(f"\n{name}")
-        tell_hits(rows, mirrored=mirrored, as_json=False)
+        _tell_hits(rows, mirrored=mirrored, as_json=False)
+
+
+def find(
+    lake: LakeOption,
+    query: ClipArgument,
+    start: StartOption = None,
+    stop: StopOption = None,
+    k: KOption = 10,
+    method: Annotated[
+        str,
+        typer.Option(
+            help="What is compared: words (which short moves occur), alignment (poses in their order), or "
+            "submotion (what a network sees; one answer a clip)."
+        ),
+    ] = "words",
+    dataset: DatasetOption = None,
+    split: SplitOption = None,
+    recorded_only: RecordedOnlyOption = False,
+    mirrored: MirroredOption = False,
+    own: OwnOption = False,
+    picture: PictureOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Where a piece of motion occurs inside other clips, nearest first.
+
+    Frames are the clip's own, from 0. The piece must last 0.6 s for "words" and 0.3 s for "submotion", by default.
+
+    Example: motionlake find 13_29 --from 4s --to 6s -k 5 --lake mylake
+
+    Of a file that is not in the lake: motionlake find shots/new_take.bvh --from 0 --to 120 --lake mylake
+
+    By the network: motionlake find 13_29 --from 480 --to 540 --method submotion --lake mylake
+    """
+    from motionlake.retrieval.protocol import Scope
+    from motionlake.retrieval.registry import check_method, searcher
+
+    target = open_lake(lake)
+    check_method("range", method)
+    _check_picture(picture, 1)
+    with reading(target) as con:
+        found = searcher("range", method, target)
+        piece = named_query(con, target, query, start, stop)
+        (hits,) = found.search([piece], k, Scope(dataset, split, recorded_only, mirrored, own))
+        rows = [hit.as_row() for hit in hits]
+        _save_picture(con, target, picture, [(query, piece, rows)])
+    _tell_hits(rows, mirrored=mirrored, as_json=as_json)
+
+
+def align(
+    lake: LakeOption,
+    query: ClipArgument,
+    start: StartOption = None,
+    stop: StopOption = None,
+    k: KOption = 10,
+    dataset: DatasetOption = None,
+    split: SplitOption = None,
+    recorded_only: RecordedOnlyOption = False,
+    mirrored: MirroredOption = False,
+    own: OwnOption = False,
+    whole: Annotated[bool, typer.Option("--whole", help="Rank whole clips: search --method alignment.")] = False,
+    method: Annotated[
+        str | None, option(help="How poses are matched: sta, dtw or sw (default: as config.toml says).")
+    ] = None,
+    stride: Annotated[
+        int | None,
+        option(help="sta: how many poses a match may step ahead at a time (default: of config.toml)."),
+    ] = None,
+    crossing: Annotated[bool, typer.Option("--crossing", help="A match may go on in the next clip.")] = False,
+    path: Annotated[bool, typer.Option("--path", help="Say which frames match which (with --json).")] = False,
+    picture: PictureOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Where a piece of motion occurs inside other clips, pose by pose, and which poses match.
+
+    The answers are ranges of frames (the clip's own, from 0), those whose postures align at the lowest cost first.
+
+    Example: motionlake align 13_29 --from 4s --to 6s -k 5 --lake mylake
+
+    Whole clips: motionlake align walk_01 --whole --lake mylake
+
+    The best answer, posture by posture: motionlake align 13_29 --from 480 --to 720 --picture best.png --lake mylake
+
+    Of a file that is not in the lake: motionlake align shots/new_take.bvh --path --json --lake mylake
+    """
+    from motionlake.retrieval.alignment import AlignmentRangeSearcher, AlignmentSearcher
+    from motionlake.retrieval.protocol import Scope
+
+    target = open_lake(lake)
+    if whole and (crossing or path):
+        raise UserError("--whole: compares whole clips; leave --crossing and --path out")
+    if path and not as_json:
+        raise UserError("--path: needs --json")
+    _check_picture(picture, 1)
+    scope = Scope(dataset, split, recorded_only, mirrored, own)
+    how: dict[str, Any] = {"method": method, "stride": stride}
+    with reading(target) as con:
+        if whole:
+            searcher: AlignmentSearcher | AlignmentRangeSearcher = AlignmentSearcher(target, **how)
+        else:
+            searcher = AlignmentRangeSearcher(target, **how, crossing=crossing, paths=path or picture is not None)
+        piece = named_query(con, target, query, start, stop)
+        (hits,) = searcher.search([piece], k, scope)
+        if picture is not None:
+            from motionlake.pictures.alignment_page import save_alignments
+            from motionlake.pictures.symbol_material import read_symbols
+            from motionlake.retrieval.encode import query_motion
+
+            material = read_symbols(con, target, searcher.strings.among(replace(scope, recorded_only=False)))
+            fps = query_motion(target, piece).fps
+            save_alignments(material, picture, searcher.symbols_of(piece), fps, hits, searcher.config)
+    rows = [(hit if path else replace(hit, path=None)).as_row() for hit in hits]
+    _tell_hits(rows, mirrored=mirrored, as_json=as_json)
+
+
+def duplicates(
+    lake: LakeOption,
+    dataset: DatasetOption = None,
+    split: SplitOption = None,
+    recorded_only: RecordedOnlyOption = False,
+    mirrored: MirroredOption = False,
+    across: Annotated[bool, typer.Option("--across", help="Only pairs of clips of two datasets.")] = False,
+    max_distance: Annotated[
+        float | None,
+        option("--max-distance", help="How much clips may differ: 0.1 by a tenth of their movement (default)."),
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Clips that are one recording: exported again, resampled, cut, or mirrored.
+
+    Example: motionlake duplicates --across --mirrored --lake mylake
+    """
+    from motionlake.deep_motifs.duplicates import MAX_DISTANCE
+    from motionlake.retrieval.duplicates import near_duplicates
+    from motionlake.retrieval.protocol import Scope
+
+    target, scope = open_lake(lake), Scope(dataset, split, recorded_only, mirrored)
+    most = MAX_DISTANCE if max_distance is None else max_distance
+    with reading(target) as con:
+        found = near_duplicates(con, target, scope, max_distance=most, across=across)
+    tell([asdict(pair) for pair in found], as_json=as_json)
+
+
+def sql(
+    lake: LakeOption,
+    query: Annotated[str, argument("A query, or - to read it from stdin.")],
+    as_json: JsonOption = False,
+) -> None:
+    """Run SQL on a lake (read-only), with the lake's functions and macros.
+
+    Example: motionlake sql "SELECT label, count(*) FROM clips GROUP BY ALL" --lake mylake
+
+    Example: motionlake sql "FROM similar_clips('hdm05/clips/a.amc', 5)" --lake mylake
+    """
+    import duckdb
+    from motionlake.retrieval.connection import connect
+
+    con = connect(lake)
+    try:
+        text = sys.stdin.read() if query == "-" else query
+        if not con.extract_statements(text):
+            raise UserError("sql: there is no statement in the query")
+        cursor = con.execute(text)
+        names = [c[0] for c in cursor.description or ()]
+        rows = [dict(zip(names, row, strict=True)) for row in cursor.fetchall()]
+    except duckdb.Error as error:
+        # What a function of ours says of a mistake stands at the end of what DuckDB says.
+        raise UserError(f"SQL: {str(error).rpartition('UserError: ')[2]}") from error
+    finally:
+        con.close()
+    tell(rows, as_json=as_json)
+
+
+def _check_picture(path: Path | None, queries: int) -> None:
+    """Before the search is made: can so many answers be drawn there? Raises `UserError` if not."""
+    if path is not None:
+        from motionlake.pictures.html import check_hits_file
+
+        check_hits_file(path, queries)
+
+
+def _save_picture(
+    con: Connection, lake: Lake, path: Path | None, answers: Iterable[tuple[str, Query, Sequence[Mapping[str, Any]]]]
+) -> None:
+    """Draw the answers (what the query was called, the query, rows) of a search, if a file is named."""
+    if path is None:
+        return
+    from motionlake.pictures.hits_page import hits_page
+    from motionlake.pictures.html import picture, write_hits
+
+    pages = [
+        picture(f"hits-{i}", f"hits for {name}", "", hits_page(con, lake, query.source, rows, query.start, query.stop))
+        for i, (name, query, rows) in enumerate(answers, start=1)
+    ]
+    write_hits(path, pages)
+
+
+def _tell_hits(rows: Sequence[Mapping[str, Any]], *, mirrored: bool, as_json: bool) -> None:
+    """A table says which answers are `mirrored` only where mirror images were looked for."""
+    tell(rows, [{n: v for n, v in row.items() if mirrored or n != "mirrored"} for row in rows], as_json=as_json)

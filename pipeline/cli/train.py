@@ -8,38 +8,26 @@ from dataclasses import fields, replace
 from typing import Annotated, Any, Final
 
 import typer
-from motionlake.cli.common import SETTINGS, JsonOption, LakeOption, notice, stage_progress, tell
+from motionlake.cli.common import SETTINGS, JsonOption, LakeOption, option, running, tell
 from motionlake.deephums.config import SUPERVISIONS
 from motionlake.errors import UserError
 from motionlake.jobs import models
-from motionlake.jobs.session import session
 from motionlake.lake.layout import open_lake
 from motionlake.stages.model_kind import ModelKind, Selection
 from motionlake.stages.registry import KINDS
 
 OPTIONS: Final[dict[str, tuple[Any, Any]]] = {
     "split": (
-        Annotated[
-            str | None,
-            typer.Option(help="Train on the clips of this split of labels.csv (default: on all).", show_default=False),
-        ],
+        Annotated[str | None, option(help="Train on the clips of this split of labels.csv (default: on all).")],
         None,
     ),
-    "dataset": (
-        Annotated[
-            str | None, typer.Option(help="Train on clips of this dataset (default: of all).", show_default=False)
-        ],
-        None,
-    ),
+    "dataset": (Annotated[str | None, option(help="Train on clips of this dataset (default: of all).")], None),
     "fine_tune": (
         Annotated[bool, typer.Option("--fine-tune", help="Go on from the lake's network or the pretrained weights.")],
         False,
     ),
     "supervision": (
-        Annotated[
-            str | None,
-            typer.Option(help=f"{', '.join(SUPERVISIONS)} (default: as config.toml says).", show_default=False),
-        ],
+        Annotated[str | None, option(help=f"{', '.join(SUPERVISIONS)} (default: as config.toml says).")],
         None,
     ),
 }
@@ -60,7 +48,7 @@ def _command(kind: ModelKind[Any]) -> Callable[..., None]:
         target = open_lake(lake)
         where = Selection(**{name: value for name, value in given.items() if name in CHOOSING})
         shaping = {name: value for name, value in given.items() if name not in CHOOSING and value is not None}
-        with stage_progress() as progress, session(target, f"train {kind.command}", progress, notice) as job:
+        with running(target, f"train {kind.command}") as job:
             try:
                 config = job.config.replacing(replace(job.config.of(kind.config), **shaping))
                 model = models.train(job, kind, where, config=config)

@@ -6,6 +6,7 @@ which nothing names, the targets of the Makefile and the table in docs/architect
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, Final
 
 from motionlake.stages.descriptors import DESCRIPTORS
@@ -16,6 +17,7 @@ from motionlake.stages.model_kind import ModelKind
 from motionlake.stages.motifs import MOTIFS
 from motionlake.stages.neighbours import NEIGHBOURS
 from motionlake.stages.postures import POSTURES
+from motionlake.stages.reader import LakeReader
 from motionlake.stages.signatures import SIGNATURES
 from motionlake.stages.stage import Stage
 from motionlake.stages.submotions import SUBMOTIONS
@@ -47,3 +49,18 @@ ALL: Final = tuple(stage.name for stage in EVERY if not stage.by_name)
 BY_NAME: Final = tuple(stage.name for stage in EVERY if stage.by_name)
 KINDS: Final[dict[str, ModelKind[Any]]] = {s.model.name: s.model for s in EVERY if s.model is not None}
 FOLDERS: Final = tuple(sorted({"staging", "models", *(f for s in (*EVERY, ON_REQUEST) for f in s.folders)}))
+
+
+def dry_run(at: LakeReader, stages: Sequence[str], *, refit: bool) -> list[str]:
+    """A line for each model that a run of these stages needs: whether it will be trained."""
+    found = [(name, STAGES[name].model) for name in stages]
+    return [f"{name}: {_outlook(at, model, refit=refit)}" for name, model in found if model is not None]
+
+
+def _outlook(at: LakeReader, kind: ModelKind[Any], *, refit: bool) -> str:
+    model = kind.fitting(at)
+    if model is not None and not refit:
+        return f"will not train; {model.model} {kind.use}"
+    if not refit and kind.takes_pretrained(at):
+        return f"will not train; the pretrained {kind.title} {kind.use}"
+    return kind.announce(at)

@@ -1,35 +1,43 @@
-"""motionlake ingest."""
+"""motionlake ingest, run and remove: clips in, what is computed of them, and clips out."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
 import typer
-from motionlake.cli.closing import close_run, say_rejects
 from motionlake.cli.common import (
     JsonOption,
     LakeOption,
     SchedulerOption,
     WorkersOption,
+    argument,
+    dataset_name,
     notice,
-    stage_progress,
+    option,
+    running,
     tell,
 )
 from motionlake.errors import UserError
 from motionlake.formats import readers
 from motionlake.jobs import run as jobs
-from motionlake.jobs.session import session
-from motionlake.lake.catalog import create_catalog, reading
-from motionlake.lake.layout import Lake, check_dataset
+from motionlake.lake.catalog import create_catalog, fetch, reading
+from motionlake.lake.config import load_config
+from motionlake.lake.layout import Lake, check_dataset, open_lake
 from motionlake.motion.rigs import load_rigs
 from motionlake.stages.ingest import with_options
+from motionlake.stages.reader import lake_reader
+from motionlake.stages.registry import ALL, BY_NAME, dry_run
+from motionlake.stages.removal import Removal, gone_sources, remove_dataset, remove_sources, sources_of
 from motionlake.stages.sources import IngestOptions, Root, check_options, known_roots, scan
+
+SHOWN = 5  # files that a notice names
 
 
 def ingest(
-    sources: Annotated[list[Path], typer.Argument(help="Folders of clips, or single clip files.", show_default=False)],
+    sources: Annotated[list[Path], argument("Folders of clips, or single clip files.")],
     lake: LakeOption,
     dataset: Annotated[str | None, typer.Option(help="Name of the dataset (default: the folder's name).")] = None,
     labels: Annotated[
@@ -73,12 +81,11 @@ def ingest(
         create_catalog(target)
     if rig is not None and rig not in load_rigs(target.rigs):
         raise UserError(f"--rig {rig}: no such rig map; known are {', '.join(sorted(load_rigs(target.rigs)))}")
-    with stage_progress() as progress, session(target, "ingest", progress, notice, workers, scheduler) as job:
+    with running(target, "ingest", workers, scheduler) as job:
         with reading(target) as con:
             known = {(r.dataset, r.root): r for r in known_roots(con)}
         roots = [_merged(root, known.get((root.dataset, root.root)), take_back) for root in roots]
         report = jobs.ingest(job, roots, checksum=checksum, retry_failed=retry_failed)
-        close_run(job)
     for label in report.labels:
         if label.unmatched:
             example = f"; a path that matches is {label.example!r}, relative to the CSV file" if label.example else ""
@@ -86,10 +93,8 @@ def ingest(
                 f"{label.file}: {label.unmatched} of {label.rows} rows name no clip file; its first row names "
                 f"{label.first!r}{example}"
             )
-    for path in report.gone[:5]:
-        notice(f"{path}: its source is gone; `motionlake remove` takes it out of the lake")
-    if len(report.gone) > 5:
-        notice(f"… and {len(report.gone) - 5} more whose source is gone")
+    gone = [f"{path}: its source is gone; `motionlake remove` takes it out of the lake" for path in report.gone]
+    _notice_first(gone, " whose source is gone")
     outcome = report.outcome
     figures = {
         "clips": outcome.clips, "frames": outcome.rows, "bytes": outcome.bytes, "unchanged": report.unchanged,
@@ -102,7 +107,7 @@ def ingest(
     }
     line = f"{outcome.clips} clips taken in ({outcome.rows} frames), {report.unchanged} files unchanged"
     tell(figures, line + "".join(f", {count} {what}" for what, count in rest.items() if count), as_json=as_json)
-    say_rejects(target, sorted({r.dataset for r in roots}))
+    _notice_rejects(target, sorted({r.dataset for r in roots}))
     nothing_labelled = any(label.rows and label.unmatched == label.rows for label in report.labels)
     if report.rejects or outcome.failed or nothing_labelled:
         raise typer.Exit(1)
@@ -116,7 +121,7 @@ def _root(source: Path, dataset: str | None, options: IngestOptions) -> Root:
     return Root(check_dataset(dataset or folder.name), str(path), options)
 
 
-def _check_clips(lake: Lake, roots: list[Root]) -> None:
+def _check_clips(lake: Lake, roots: Sequence[Root]) -> None:
     """Raises `UserError` where a folder holds no clip files and none of it was ever taken in."""
     known: set[tuple[str, str]] = set()
     if lake.catalog.exists():
@@ -135,3 +140,93 @@ def _merged(root: Root, known: Root | None, take_back: bool) -> Root:
     if take_back:
         known = replace(known, options=replace(known.options, ignored=()))
     return with_options(known, **{k: v for k, v in vars(root.options).items() if v is not None})
+
+
+def _notice_rejects(lake: Lake, datasets: Sequence[str]) -> None:
+    with reading(lake) as con:
+        rows = [{**r, "dataset": d} for d in datasets for r in fetch(con, "rejects_of", {"dataset": d})]
+    places = [f"{r['dataset']}/{r['path']}" + (f", line {r['line']}" if r["line"] else "") for r in rows]
+    lines = [f"rejected {place}: {r['reason']}" for place, r in zip(places, rows, strict=True)]
+    _notice_first(lines, f": motionlake sql 'FROM rejects' --lake {lake.root}")
+
+
+def run(
+    lake: LakeOption,
+    stage: Annotated[str, typer.Argument(help=f"all, or one of {', '.join(ALL + BY_NAME)}.")] = "all",
+    refit: Annotated[bool, typer.Option("--refit", help="Fit the models of the stage anew.")] = False,
+    retry_failed: Annotated[bool, typer.Option("--retry-failed", help="Take up what failed before.")] = False,
+    dataset: Annotated[str | None, option(help="Transitions of this dataset only.")] = None,
+    workers: WorkersOption = None,
+    scheduler: SchedulerOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Bring a lake up to date: only what is missing is computed.
+
+    Example: motionlake run all --lake mylake
+
+    Fit motifs to all that is in the lake now: motionlake run motifs --refit --lake mylake
+
+    Transitions for motion graphs, which "all" leaves out: motionlake run transitions --dataset dances --lake mylake
+
+    A generator of new motion: motionlake run synth --lake mylake
+    """
+    if stage != "all" and stage not in ALL + BY_NAME:
+        raise UserError(f"{stage}: no such stage; use all, or one of {', '.join(ALL + BY_NAME)}")
+    if dataset is not None and stage != "transitions":
+        raise UserError(f"--dataset {dataset}: only transitions are made for one dataset; leave it out")
+    target = open_lake(lake)
+    stages = ALL if stage == "all" else (stage,)
+    with lake_reader(target, load_config(target.config_file)) as at:
+        first = f"{target.root}: holds no clips yet; take some in with `motionlake ingest FOLDER --lake {target.root}`"
+        for line in dry_run(at, stages, refit=refit) if known_roots(at.con) else [first]:
+            notice(line)
+    with running(target, f"run {stage}", workers, scheduler) as job:
+        report = jobs.run(job, stages, refit=refit, retry_failed=retry_failed, dataset=dataset)
+    rows = [
+        {"stage": name, "shards": o.ok, "failed": o.failed, "rows": o.rows, "bytes": o.bytes}
+        for name, o in job.outcomes.items()
+    ]
+    tell(rows, as_json=as_json)
+    if any(o.failed for o in job.outcomes.values()) or (report and report.rejects):
+        raise typer.Exit(1)
+
+
+def remove(
+    lake: LakeOption,
+    clips: Annotated[list[str] | None, argument("Clips, by name.")] = None,
+    dataset: Annotated[str | None, option(help="Remove a whole dataset.", callback=dataset_name)] = None,
+    gone: Annotated[bool, typer.Option("--gone", help="Remove every clip whose source file is gone.")] = False,
+    for_good: Annotated[
+        bool, typer.Option("--for-good", help="Do not take these files in again (undo: ingest --take-back).")
+    ] = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Take clips out of a lake, with all that was computed of them.
+
+    Source files are not touched. A removed clip comes back when its folder is ingested again, unless it is removed
+    --for-good; `motionlake ingest FOLDER --take-back` takes it in again all the same.
+
+    Example: motionlake remove walk_01 --lake mylake
+
+    Example: motionlake remove --gone --lake mylake
+    """
+    if not clips and dataset is None and not gone:
+        raise UserError("remove: name clips, or give --dataset NAME or --gone")
+    target = open_lake(lake)
+    with running(target, "remove"):
+        removed = Removal(0, 0) if dataset is None else remove_dataset(target, dataset)
+        with reading(target) as con:
+            sources = sources_of(con, clips or []) + (gone_sources(con) if gone else [])
+        removed += remove_sources(target, sources, for_good=for_good)
+    if removed.files and not for_good and dataset is None:
+        notice("remove: the next `motionlake ingest` of their folder takes them in again; --for-good keeps them out")
+    found = {"clips": removed.clips, "files": removed.files}
+    tell(found, f"{removed.clips} clips removed ({removed.files} source files forgotten)", as_json=as_json)
+
+
+def _notice_first(lines: Sequence[str], rest: str) -> None:
+    """Tell the first few lines, and how many more there are of the `rest`."""
+    for line in lines[:SHOWN]:
+        notice(line)
+    if len(lines) > SHOWN:
+        notice(f"… and {len(lines) - SHOWN} more{rest}")

@@ -1,0 +1,206 @@
+"""motionlake view, report and export: clips to look at, and clips as files."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Final
+
+import typer
+from motionlake.cli.common import (
+    ClipArgument,
+    DatasetOption,
+    JsonOption,
+    LakeOption,
+    StartOption,
+    StopOption,
+    argument,
+    check_folder_of,
+    named_query,
+    notice,
+    option,
+    tell,
+)
+from motionlake.errors import UserError
+from motionlake.lake.catalog import Connection, reading
+from motionlake.lake.layout import Lake, open_lake
+from motionlake.lake.resolve import resolve_clip
+
+if TYPE_CHECKING:
+    from motionlake.pictures.player_material import PlayerClip
+    from motionlake.retrieval.protocol import Query
+
+SUFFIXES: Final = (".html", ".gif", ".png")
+LONGEST_NAME: Final = 100
+
+
+def view(
+    lake: LakeOption,
+    clip: ClipArgument,
+    beside: Annotated[
+        str,
+        typer.Option(help="What is shown beside it: a clip, a clip file, nearest (the nearest recorded clip), none."),
+    ] = "nearest",
+    start: StartOption = None,
+    stop: StopOption = None,
+    out: Annotated[
+        Path | None, option("--out", "-o", help="A .html, .gif or .png file (default: CLIP.html here).")
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Play a clip beside the recorded one most like it: an HTML page, a GIF or a PNG.
+
+    The page needs no other file and no network. Frames are the clip's own, from 0.
+
+    Example: motionlake view walk_01 --lake mylake
+
+    Beside another one: motionlake view walk_01 --beside walk_02 --out two_walks.html --lake mylake
+
+    Some seconds of a file that is not in the lake: motionlake view shots/new_take.bvh --from 1.5s --to 4s --out
+    take.gif --beside none --lake mylake
+    """
+    target = open_lake(lake)
+    from motionlake.pictures.html import write_file
+    from motionlake.pictures.player_material import player_clip
+
+    if out is not None:
+        if out.suffix not in SUFFIXES:
+            raise UserError(f"--out {out}: its name must end in one of {', '.join(SUFFIXES)}")
+        _check_no_folder(out)
+        check_folder_of(out)
+    with reading(target) as con:
+        query = named_query(con, target, clip, start, stop)
+        shown = [player_clip(con, target, query)]
+        path = out or Path(f"{safe_name(shown[0].name)}.html")
+        other = _beside(con, target, query, beside)
+        if other is not None:
+            shown.append(other)
+    notes = _left_out(path, shown)
+    write_file(path, _drawn(path, shown))
+    for note in notes:
+        notice(note)
+    found = {"file": str(path), "bytes": path.stat().st_size, "notes": notes, "clips": list(map(_row, shown))}
+    tell(found, str(path), as_json=as_json)
+
+
+def report(
+    lake: LakeOption,
+    out: Annotated[Path, typer.Option("--out", "-o", help="The page to write.")] = Path("report.html"),
+    dataset: DatasetOption = None,
+    pictures: Annotated[
+        Path | None, typer.Option("--pictures", help="Also write each picture as PNG into this folder.")
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """One HTML page that shows what a lake holds: signatures, maps, motifs, sequences, a search.
+
+    Example: motionlake report --lake mylake --out report.html
+
+    One dataset, and its pictures as files: motionlake report --dataset hdm05 --pictures figures --lake mylake
+    """
+    from motionlake.pictures.html import write_file, write_pictures
+    from motionlake.pictures.report import make_report
+
+    target = open_lake(lake)
+    if out.suffix not in (".html", ".htm"):
+        raise UserError(f"{out}: a report is written as .html")
+    _check_no_folder(out)
+    with reading(target) as con:
+        made = make_report(con, target, dataset, notice)
+    files = [str(path) for path in write_pictures(made.pictures, pictures)] if pictures else []
+    write_file(out, made.html.encode())
+    rows = [{"name": p.name, "title": p.title, "caption": p.caption} for p in made.pictures]
+    found = {"report": str(out), "pictures": rows, "files": files}
+    tell(found, f"wrote {out}" + (f" and {len(files)} pictures into {pictures}" if files else ""), as_json=as_json)
+
+
+def export(
+    clip: Annotated[str, argument("A clip of the lake.")],
+    lake: LakeOption,
+    out: Annotated[Path | None, typer.Option("--out", "-o", help="BVH file to write (default: CLIP.bvh here).")] = None,
+    rig: Annotated[str, typer.Option(help="own: the clip's own rig; canonical: retargeted.")] = "own",
+    start: StartOption = None,
+    stop: StopOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Write a clip, or a range of it, as BVH.
+
+    Example: motionlake export walk_01 --lake mylake --rig canonical --from 0s --to 4s -o walk.bvh
+    """
+    from motionlake.formats.bvh_writer import write_bvh
+    from motionlake.lake.export import canonical_rig, own_rig
+    from motionlake.lake.frames import frame_range
+
+    if rig not in ("own", "canonical"):
+        raise UserError(f"--rig {rig}: use own or canonical")
+    target = open_lake(lake)
+    with reading(target) as con:
+        name = resolve_clip(con, clip)
+        source = (own_rig if rig == "own" else canonical_rig)(con, target, name)
+        query = named_query(con, target, name, start, stop)
+    first, last = frame_range(name, query.start, query.stop, len(source.channels))
+    file = out or Path(Path(name.partition("#")[0]).name).with_suffix(".bvh")
+    check_folder_of(file)
+    write_bvh(source, file, first, last)
+    found = {"clip": name, "file": str(file), "frames": last - first, "fps": source.fps}
+    tell(found, f"{file}: {last - first} frames of {name}", as_json=as_json)
+
+
+def safe_name(clip: str) -> str:
+    """A clip's name as that of a file in any folder of any system: letters, digits and ._- without leading dots."""
+    name = re.sub(r"[^A-Za-z0-9._-]+", "-", clip).strip(".-")
+    return name[-LONGEST_NAME:].lstrip(".-") or "clip"
+
+
+def _check_no_folder(out: Path) -> None:
+    if out.is_dir():
+        raise UserError(f"{out}: cannot be written (there is a folder of that name)")
+
+
+def _beside(con: Connection, lake: Lake, query: Query, beside: str) -> PlayerClip | None:
+    from motionlake.pictures.player_material import nearest_real_clip, player_clip
+    from motionlake.retrieval.protocol import Query
+
+    if beside == "none":
+        return None
+    if beside != "nearest":
+        return player_clip(con, lake, named_query(con, lake, beside))
+    try:
+        found = nearest_real_clip(lake, Query(query.source))
+    except UserError as error:
+        notice(f"shown alone, without the nearest recorded clip: {error}")
+        return None
+    return player_clip(con, lake, Query(found[1].clip), nearest=found)
+
+
+def _drawn(path: Path, shown: list[PlayerClip]) -> bytes:
+    if path.suffix == ".gif":
+        from motionlake.pictures.motion_gif import motion_gif
+
+        return motion_gif(shown)
+    if path.suffix == ".png":
+        from motionlake.pictures.film_strip import film_strip
+        from motionlake.pictures.style import png
+
+        return png(film_strip(shown))
+    from motionlake.pictures.player import player_page
+
+    return player_page(shown).encode(errors="replace")
+
+
+def _left_out(path: Path, shown: list[PlayerClip]) -> list[str]:
+    """What is left out of a file that holds so many seconds at most."""
+    from motionlake.pictures.motion_gif import MOST_SECONDS as MOST_OF_GIF
+    from motionlake.pictures.player_material import MOST_SECONDS
+
+    most = {".html": MOST_SECONDS, ".gif": MOST_OF_GIF, ".png": float("inf")}[path.suffix]
+    return [
+        f"{clip.name}: the first {most:g} s of {clip.duration:.1f} s are shown; --from and --to choose others"
+        for clip in shown
+        if clip.duration > most
+    ]
+
+
+def _row(clip: PlayerClip) -> dict[str, object]:
+    stop = clip.first + len(clip.positions)
+    return {"clip": clip.name, "start": clip.first, "stop": stop, "fps": clip.fps, **dict(clip.facts)}

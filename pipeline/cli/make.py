@@ -1,0 +1,260 @@
+"""motionlake compose and synthesize: new motion."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import random
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Final
+
+import typer
+from motionlake.cli.common import (
+    DatasetOption,
+    JsonOption,
+    LakeOption,
+    SchedulerOption,
+    WorkersOption,
+    argument,
+    check_folder_of,
+    dataset_name,
+    notice,
+    option,
+    positive,
+    running,
+    tell,
+)
+from motionlake.errors import UserError
+from motionlake.lake.catalog import Connection, fetch, reading
+from motionlake.lake.config import load_config
+from motionlake.lake.layout import Lake, open_lake
+from motionlake.lake.resolve import resolve_clip
+
+if TYPE_CHECKING:
+    from motionlake.jobs.session import Session
+    from motionlake.retrieval.compose import Composition, LakeGraph
+
+TRIES: Final = 10  # clips that `--sample` tries to start from
+
+
+def compose(
+    lake: LakeOption,
+    out: Annotated[Path, option("--out", "-o", help="BVH file to write.")],
+    clip: Annotated[str | None, argument("Clip of the lake to start with.")] = None,
+    sample: Annotated[bool, typer.Option("--sample", help="Start with a clip drawn by --seed.")] = False,
+    dataset: DatasetOption = None,
+    seconds: Annotated[float, typer.Option(help="Length of the motion.", callback=positive)] = 60.0,
+    seed: Annotated[int, typer.Option(min=0, help="Another seed, another walk.")] = 0,
+    constraint: Annotated[
+        bool,
+        typer.Option("--constraint/--no-constraint", help="Jump only where both clips do alike things."),
+    ] = True,
+    distance_quantile: Annotated[
+        float,
+        typer.Option(min=0.0, max=1.0, help="Share of the possible jumps to use, most alike poses first."),
+    ] = 0.5,
+    context_quantile: Annotated[
+        float,
+        typer.Option(min=0.0, max=1.0, help="Of these, the share to keep, most alike motion first."),
+    ] = 0.25,
+    lineage: Annotated[Path | None, option(help="Also write where every frame comes from: .csv or .json.")] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """A new motion cut together from a dataset's clips, as BVH.
+
+    It jumps from clip to clip where their poses and what happens around them are alike (a walk in a motion graph).
+
+    Example: motionlake compose salsa/01 --seconds 60 --seed 1 -o new.bvh --lineage new.csv --lake mylake
+
+    The transitions are made by: motionlake run transitions --dataset dances --lake mylake
+    """
+    from motionlake.formats.bvh_writer import write_bvh
+    from motionlake.retrieval.compose import compose as compose_motion
+    from motionlake.retrieval.compose import read_graph
+
+    target = open_lake(lake)
+    check_folder_of(out)
+    if lineage is not None:
+        check_folder_of(lineage)
+        if lineage.suffix not in (".csv", ".json"):
+            raise UserError(f"--lineage {lineage}: use a name that ends in .csv or .json")
+    if (clip is None) != sample:
+        raise UserError("compose: name one clip to start with, or give --sample")
+    with reading(target) as con:
+        name = resolve_clip(con, clip) if clip is not None else None
+        chosen = fetch(con, "clip", {"clip": name})[0]["dataset"] if name else _dataset(con, dataset)
+        quantiles = {"distance_quantile": distance_quantile, "context_quantile": context_quantile}
+        graph = read_graph(con, target, chosen, constrained=constraint, **quantiles)
+        made = _first_made(
+            lambda first: compose_motion(con, target, graph, first, seconds, seed),
+            [name] if name else _sampled(graph, seed),
+        )
+    write_bvh(made.clip, out)
+    rows = [source.as_row() for source in made.sources]
+    if lineage is not None:
+        _write_lineage(lineage, rows)
+    frames, fps = len(made.clip.channels), made.clip.fps
+    clips = len({source.clip for source in made.sources})
+    notice(f"{out}: {frames} frames, {frames / fps:.1f} s, from {len(rows)} pieces of {clips} clips")
+    found = {
+        "file": str(out), "frames": frames, "fps": fps, "seconds": frames / fps, "rig": made.rig, "seed": seed,
+        "constraint": constraint, "jump": made.jump, "graph": made.summary.as_row(), "lineage": rows,
+    }  # fmt: skip
+    shown = ("out_start", "out_stop", "clip", "start", "stop", "licence", "distance", "context_distance")
+    tell(found, [{k: row[k] for k in shown} for row in rows], as_json=as_json)
+
+
+def _dataset(con: Connection, wanted: str | None) -> str:
+    """The dataset to draw from: the one that is named, or the only one."""
+    found = [str(row["dataset"]) for row in fetch(con, "status_datasets")]
+    held = f"the lake holds {', '.join(found) or 'none'}"
+    if wanted is not None and wanted not in found:
+        raise UserError(f"{wanted}: no such dataset; {held}")
+    if wanted is None and len(found) != 1:
+        raise UserError(f"--sample: say from which dataset with --dataset; {held}")
+    return wanted or found[0]
+
+
+def _sampled(graph: LakeGraph, seed: int) -> list[str]:
+    """Some clips of the largest component in an order that the seed makes."""
+    from motionlake.deep_motifs.motion_graph.graph import starts
+
+    found = starts(graph.graph)
+    if not found:
+        raise UserError(
+            "no clip has transitions that lead back to it; take more of them with --no-constraint or higher quantiles"
+        )
+    order = random.Random(seed).sample(found, min(len(found), TRIES))
+    return [graph.graph.clips[clip].clip for clip in order]
+
+
+def _first_made(make: Callable[[str], Composition], clips: Sequence[str]) -> Composition:
+    """The motion from the first of some clips that one can be made from."""
+    from motionlake.deep_motifs.motion_graph.graph import NoWalkError
+
+    for clip in clips[:-1]:
+        try:
+            return make(clip)
+        except NoWalkError as error:
+            notice(str(error))
+    return make(clips[-1])
+
+
+def _write_lineage(file: Path, rows: Sequence[dict[str, Any]]) -> None:
+    if file.suffix == ".json":
+        file.write_text(json.dumps(rows, ensure_ascii=False, indent=2) + "\n", encoding="utf-8")
+        return
+    with file.open("w", newline="", encoding="utf-8") as stream:
+        writer = csv.DictWriter(stream, list(rows[0]))
+        writer.writeheader()
+        writer.writerows(rows)
+
+
+def synthesize(
+    lake: LakeOption,
+    wanted: Annotated[
+        list[str] | None, option("--class", "-c", help="Class of the motion; several follow one another.")
+    ] = None,
+    seconds: Annotated[float, typer.Option(help="Length of each motion.")] = 8.0,
+    count: Annotated[int, typer.Option(help="How many motions.")] = 1,
+    seed: Annotated[int, typer.Option(help="Another seed, other motions.")] = 0,
+    dataset: Annotated[
+        str, typer.Option(help="Dataset of the new clips; it may hold no recorded ones.", callback=dataset_name)
+    ] = "synthetic",
+    start: Annotated[str | None, option("--from", help="Start from this clip or clip file (default: drawn).")] = None,
+    split: Annotated[str | None, option("--split", help="Draw clips to start from of this split only.")] = None,
+    pace: Annotated[float, typer.Option(help="2 is twice as fast.")] = 1.0,
+    temperature: Annotated[
+        float, typer.Option(help="Variety: 0 for the likeliest motion, 1 as recordings vary.")
+    ] = 1.0,
+    bvh: Annotated[Path | None, option(help="Also write a BVH file of each here.")] = None,
+    classes: Annotated[bool, typer.Option("--classes", help="List the classes there are, and make nothing.")] = False,
+    workers: WorkersOption = None,
+    scheduler: SchedulerOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """New motion of classes that you name, made by a trained generator.
+
+    The motions become clips of the lake, in a dataset of their own. A generator comes first: motionlake run synth. Each
+    motion goes on from the first poses of a recorded clip of the first class (of any clip, where the lake has no
+    labels), drawn by --seed. The same command makes the same clips; what is there already is left as it is. The table
+    "synthetic" says where every clip comes from.
+
+    Example: motionlake synthesize --class walk --class kick --seconds 8 --count 100 --seed 7 --lake mylake
+
+    Which classes there are: motionlake synthesize --classes --lake mylake
+    """
+    from motionlake.jobs import run as jobs
+    from motionlake.stages.synthesis_wishes import Request, check_request
+
+    target = open_lake(lake)
+    if classes:
+        _list_classes(target, as_json)
+        return
+    name, outside = (None, False) if start is None else _start(target, start)
+    request = Request(tuple(wanted or ()), seconds, seed, name, outside, split, pace, temperature)
+    check_request(request)
+    if count < 1:
+        raise UserError(f"--count {count}: ask for one motion at least")
+    if bvh is not None:
+        _make_folder(bvh)
+    with running(target, "synthesize", workers, scheduler) as job:
+        made = jobs.synthesize(job, request, dataset, count)
+        files = _write_bvh(job, made.clips, bvh) if bvh is not None else 0
+    found = {
+        "model": made.model, "dataset": dataset, "clips": made.clips, "made": made.made, "there": made.there,
+        "seconds": round(made.seconds, 3), "wall_seconds": round(made.wall_seconds, 3), "files": files,
+    }  # fmt: skip
+    there = f" ({made.there} were there already)" if made.there else ""
+    first = f", {made.clips[0]} the first" if made.clips else ""
+    line = (
+        f"{made.made} of {count} motions made{there}: {made.seconds:.1f} s of motion by {made.model} in dataset "
+        f"{dataset}{first}, in {made.wall_seconds:.1f} s; make them searchable: motionlake run all --lake {lake}"
+    )
+    tell(found, line, as_json=as_json)
+    if len(made.clips) < count:
+        raise typer.Exit(1)
+
+
+def _start(lake: Lake, name: str) -> tuple[str, bool]:
+    """A clip file, or the clip of the lake that a name means, and whether it is a file."""
+    from motionlake.formats import is_clip
+
+    if Path(name).is_file() and is_clip(Path(name)):
+        return str(Path(name).absolute()), True
+    with reading(lake) as con:
+        return resolve_clip(con, name), False
+
+
+def _list_classes(lake: Lake, as_json: bool) -> None:
+    from motionlake.stages.synthesis import class_names, served_generator
+
+    with reading(lake) as con:
+        model = served_generator(con, lake, load_config(lake.config_file))
+    names = class_names(model)
+    tell({"model": model.model, "classes": names}, [{"class": name} for name in names], as_json=as_json)
+
+
+def _make_folder(folder: Path) -> None:
+    """Make the folder; raises `UserError` where nothing can be written to it."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise UserError(f"--bvh {folder}: is no folder and cannot be made one ({error.strerror})") from error
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise UserError(f"--bvh {folder}: cannot be written to")
+
+
+def _write_bvh(job: Session, clips: Sequence[str], folder: Path) -> int:
+    """Write every clip on the canonical skeleton; returns how many files that are."""
+    from motionlake.formats.bvh_writer import write_bvh
+    from motionlake.lake.export import own_rig
+
+    job.progress("bvh", 0, len(clips))
+    with reading(job.lake) as con:
+        for done, clip in enumerate(clips, start=1):
+            write_bvh(own_rig(con, job.lake, clip), folder / f"{clip.partition('/')[2]}.bvh")
+            job.progress("bvh", done, len(clips))
+    return len(clips)

@@ -1,0 +1,161 @@
+"""motionlake classify, segment and cluster: clips, and parts of clips, sorted into classes and groups."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from motionlake.cli.common import (
+    ClipArgument,
+    ClipsArgument,
+    DatasetOption,
+    JsonOption,
+    LabelColumn,
+    LakeOption,
+    RecordedOnlyOption,
+    SplitOption,
+    named_query,
+    notice,
+    option,
+    tell,
+)
+from motionlake.errors import UserError
+from motionlake.lake.catalog import reading
+from motionlake.lake.layout import check_dataset, open_lake
+from motionlake.lake.resolve import resolve_clip
+
+if TYPE_CHECKING:
+    from motionlake.deep_motifs.classification import Method
+    from motionlake.retrieval.classes import ClassifiedClip
+    from motionlake.retrieval.labelled_clips import SignedClip
+
+METHODS: dict[str, Method] = {"knn": "knn", "one-vs-all": "one_vs_all"}
+
+
+def classify(
+    lake: LakeOption,
+    clips: ClipsArgument = None,
+    unlabelled: Annotated[bool, typer.Option("--unlabelled", help="Also every clip without a label.")] = False,
+    method: Annotated[str, typer.Option(help="knn, or one-vs-all (a classifier for each class).")] = "knn",
+    k: Annotated[int, typer.Option("-k", min=1, help="knn: nearest clips that vote.")] = 5,
+    dataset: DatasetOption = None,
+    split: SplitOption = None,
+    column: LabelColumn = "label",
+    write_labels: Annotated[Path | None, option("--write-labels", help="Write a labels.csv of the answers.")] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """The class of clips, learned from the labelled clips of the lake.
+
+    Example: motionlake classify walk_01 --lake mylake
+
+    Labels for all clips that have none: motionlake classify --unlabelled --write-labels found.csv --lake mylake
+    """
+    from motionlake.retrieval.classes import LakeClassifier
+    from motionlake.retrieval.labelled_clips import signed_clips
+    from motionlake.retrieval.protocol import Query, Scope
+
+    if method not in METHODS:
+        raise UserError(f"--method {method}: use one of {', '.join(METHODS)}")
+    target = open_lake(lake)
+    teachers = Scope(dataset, split, recorded_only=dataset is None)
+    with reading(target) as con:
+        classifier = LakeClassifier(target, method=METHODS[method], k=k, scope=teachers, column=column)
+        signed = signed_clips(con, column=column).clips
+        queries = [named_query(con, target, name) for name in clips or ()]
+        if unlabelled:
+            named = {query.source for query in queries}
+            queries += [Query(clip.clip) for clip in signed if clip.label is None and clip.clip not in named]
+            notice(f"{len(queries)} clips, learned from {len(classifier.known.clips)}")
+        elif not queries:
+            raise UserError("classify: name a clip or a clip file, or give --unlabelled")
+        found = classifier.classify(queries)
+    if write_labels is not None:
+        _write_labels(write_labels, found, signed, column)
+    tell([each.as_row() for each in found], as_json=as_json)
+
+
+def segment(
+    lake: LakeOption,
+    query: ClipArgument,
+    teach: Annotated[
+        list[str] | None,
+        typer.Option("--dataset", help="Learn from this dataset (repeat it for more; default: all)."),
+    ] = None,
+    teach_clips: Annotated[
+        list[str] | None, typer.Option("--labelled-clip", help="Learn from this clip (repeat it for more).")
+    ] = None,
+    column: LabelColumn = "label",
+    mirrored: Annotated[bool, typer.Option(help="Learn from the mirrored clips too.")] = True,
+    window: Annotated[int, typer.Option(min=1, help="Words of a window.")] = 19,
+    k: Annotated[int, typer.Option("-k", min=1, help="Nearest windows that vote.")] = 5,
+    reach: Annotated[int, typer.Option(min=0, help="How many words from its middle a window votes for.")] = 12,
+    unknown: Annotated[bool, typer.Option(help="Say unknown where no labelled clip is like it.")] = True,
+    as_json: JsonOption = False,
+) -> None:
+    """Which class each part of a clip shows, learned from labelled clips.
+
+    The answers are ranges of frames. Classes come from the segments (segments.csv) of clips; a clip without them
+    counts as one range of its label, where its dataset or itself is named, or where the lake has no segments.
+
+    Example: motionlake segment 14_20 --dataset cmu_exercises --lake mylake
+
+    Of a file that is not in the lake: motionlake segment shots/new_take.bvh --dataset hdm05 --lake mylake
+    """
+    from motionlake.deep_motifs.segmentation import SegmentationConfig
+    from motionlake.retrieval.segments import LakeSegmenter, Lessons
+
+    target = open_lake(lake)
+    for dataset in teach or ():
+        check_dataset(dataset)
+    config = SegmentationConfig(window, k, reach, unknown=1.0 if unknown else None)
+    with reading(target) as con:
+        names = [resolve_clip(con, name) for name in teach_clips or ()] or None
+        segmenter = LakeSegmenter(target, Lessons(teach or None, names, column, mirrored), config)
+        found = segmenter.segment(named_query(con, target, query))
+    tell([band.as_row() for band in found], as_json=as_json)
+
+
+def cluster(
+    lake: LakeOption,
+    k: Annotated[str, typer.Option("--k", "-k", help="How many clusters, or auto.")] = "auto",
+    dataset: DatasetOption = None,
+    split: SplitOption = None,
+    recorded_only: RecordedOnlyOption = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Groups of similar clips; no labels are used.
+
+    Clusters are numbered from 0, the largest first.
+
+    Example: motionlake cluster --k 12 --dataset bandai1 --lake mylake
+    """
+    from motionlake.retrieval.classes import clusters_of_lake
+    from motionlake.retrieval.protocol import Scope
+
+    target = open_lake(lake)
+    if k != "auto" and not k.isdecimal():
+        raise UserError(f"--k {k}: give a number of clusters, or auto")
+    with reading(target) as con:
+        wanted = None if k == "auto" else int(k)
+        rows, silhouette = clusters_of_lake(con, wanted, Scope(dataset, split, recorded_only))
+    notice(f"{len({row.cluster for row in rows})} clusters of {len(rows)} clips, silhouette {silhouette:.3f}")
+    tell([asdict(row) for row in rows], [row.as_row() for row in rows], as_json=as_json)
+
+
+def _write_labels(file: Path, found: Sequence[ClassifiedClip], signed: Sequence[SignedClip], column: str) -> None:
+    """Rows as labels.csv has them: paths as they stand below the folder that was ingested."""
+    known = {clip.clip: clip for clip in signed}
+    try:
+        with file.open("w", newline="", encoding="utf-8") as handle:
+            writer = csv.writer(handle)
+            writer.writerow(["file", column, "confidence", "dataset"])
+            for each in found:
+                clip = known.get(each.clip)
+                path, dataset = (clip.path, clip.dataset) if clip else (each.clip, "")
+                writer.writerow([path, each.label, f"{each.confidence:.4g}", dataset])
+    except OSError as error:
+        raise UserError(f"{file}: cannot be written ({error.strerror})") from error
