@@ -11,8 +11,7 @@ from dataclasses import asdict, replace
 from pathlib import Path
 
 from motionlake.pesta.config import PRETRAINED_POSTURES, PosturesConfig
-from motionlake.pesta.dictionary import PostureDictionary
-from motionlake.pesta.posture_network import recipe_of
+from motionlake.pesta.dictionary import PostureDictionary, recipe_of
 from motionlake.pesta.posture_training import fit_dictionary
 
 from bench.pretrained_words import SETS, SOURCE, clips_of, features_of

@@ -27,7 +27,7 @@ from unittest import mock
 from distributed import LocalCluster
 from motionlake.deep_motifs.segmentation import SegmentationConfig
 from motionlake.pesta.config import PosturesConfig
-from motionlake.pesta.posture_network import AutoencoderRecipe
+from motionlake.pesta.dictionary import AutoencoderRecipe
 
 from bench.small_sets import write_small_sets
 

@@ -11,8 +11,13 @@ import numpy as np
 import pytest
 from motionlake.arrays import Float32Array
 from motionlake.pesta.config import KINDS, DictionaryKind, PosturesConfig
-from motionlake.pesta.dictionary import PostureDictionary, load_dictionary
-from motionlake.pesta.posture_network import AutoencoderRecipe, PostureAutoencoder, recipe_of
+from motionlake.pesta.dictionary import (
+    AutoencoderRecipe,
+    PostureAutoencoder,
+    PostureDictionary,
+    load_dictionary,
+    recipe_of,
+)
 from motionlake.pesta.posture_training import (
     _revive,
     fit_dictionary,

@@ -10,16 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from motionlake.arrays import Int32Array
-from motionlake.pesta.repetitions import (
-    by_period,
-    by_suffixes,
-    maximal_repetitions,
-    ranks,
-    reduce_repeats,
-    suffix_order,
-    without_repetitions,
-)
 from motionlake.pesta.squares import square_free
+from motionlake.pesta.symbols import by_period, by_suffixes, ranks, reduce_repeats, suffix_order, without_repetitions
 from numpy.typing import NDArray
 
 words = st.integers(2, 4).flatmap(lambda m: st.lists(st.integers(0, m - 1), max_size=60))
@@ -164,7 +156,8 @@ def test_a_long_string_becomes_free_of_squares_and_stays_so(m: int) -> None:
     assert 0 < len(kept) < 0.9 * len(text)
     assert kept[0] == 0
     assert all(one < other for one, other in pairwise(kept.tolist()))
-    assert len(maximal_repetitions(text[kept]).starts) == 0
+    left, alphabet = ranks(text[kept])
+    assert len(by_suffixes(left, suffix_order(left, alphabet))[0]) == 0
     np.testing.assert_array_equal(reduce_repeats(text[kept]), np.arange(len(kept)))
 
 

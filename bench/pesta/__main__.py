@@ -12,7 +12,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Final
 
-from motionlake.pesta.posture_network import AutoencoderRecipe, recipe_of
+from motionlake.pesta.dictionary import AutoencoderRecipe, recipe_of
 
 from bench.pesta import ablations, elasticity, ranges, robustness, sub_queries, whole
 from bench.pesta.dictionaries import OWN, Spec

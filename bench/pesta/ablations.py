@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 from motionlake.pesta.config import AlignmentConfig, SymbolsConfig
-from motionlake.pesta.posture_network import AutoencoderRecipe
+from motionlake.pesta.dictionary import AutoencoderRecipe
 from motionlake.pesta.scan import Both
 
 from bench.pesta.dictionaries import Spec, fitted, strings_of

@@ -10,8 +10,7 @@ import numpy as np
 from motionlake.arrays import Float32Array
 from motionlake.deep_motifs.words.linear import linear_embedding
 from motionlake.pesta.config import PRETRAINED_POSTURES, PosturesConfig, SymbolsConfig
-from motionlake.pesta.dictionary import PostureDictionary, load_dictionary
-from motionlake.pesta.posture_network import AutoencoderRecipe, recipe_of
+from motionlake.pesta.dictionary import AutoencoderRecipe, PostureDictionary, load_dictionary, recipe_of
 from motionlake.pesta.posture_training import fit_dictionary, sample_postures
 from motionlake.pesta.symbols import SymbolString, symbolise
 from numpy.typing import NDArray

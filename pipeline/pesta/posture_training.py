@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Final
 
@@ -12,8 +11,14 @@ from motionlake.arrays import Float32Array, Int64Array, Progress
 from motionlake.deep_motifs.motifs import Motifs, assign, fit_motifs
 from motionlake.deep_motifs.words.linear import linear_embedding
 from motionlake.pesta.config import PosturesConfig
-from motionlake.pesta.dictionary import AutoencoderEncoder, NearestCode, PostureDictionary
-from motionlake.pesta.posture_network import AutoencoderRecipe, PostureAutoencoder, recipe_of
+from motionlake.pesta.dictionary import (
+    AutoencoderEncoder,
+    AutoencoderRecipe,
+    NearestCode,
+    PostureAutoencoder,
+    PostureDictionary,
+    recipe_of,
+)
 from motionlake.training import Checkpoint, Loop, on_threads
 from torch import Tensor
 from torch.nn.functional import binary_cross_entropy_with_logits, one_hot
@@ -22,6 +27,7 @@ REPORT_EVERY: Final = 50
 CHECKPOINT_EVERY: Final = 100
 REVIVE_EVERY: Final = 100
 SETTLE_ROWS: Final = 4096
+SOM_EPOCHS: Final = 30
 
 
 def train_autoencoder(
@@ -114,15 +120,15 @@ def _fit(
     checkpoint: Checkpoint | None,
     progress: Progress | None,
 ) -> list[float]:
-    makers, critics = network.autoencoder(), network.critics()
-    optimiser = torch.optim.Adam([*makers, *critics], lr=recipe.learning_rate, betas=(recipe.momentum, 0.999))
+    parameters = [*network.autoencoder(), *network.critics()]
+    optimiser = torch.optim.Adam(parameters, lr=recipe.learning_rate, betas=(recipe.momentum, 0.999))
 
     def train(step: int) -> float:
         if step % REVIVE_EVERY == 0:
             _revive(network, postures, rng, device)
         rows = rng.integers(0, len(postures), recipe.batch)
         optimiser.zero_grad(set_to_none=True)
-        loss = _step(network, postures[rows], recipe, rng, device, makers, critics)
+        loss = _step(network, postures[rows], recipe, rng, device)
         optimiser.step()
         return loss
 
@@ -136,10 +142,9 @@ def _step(
     recipe: AutoencoderRecipe,
     rng: np.random.Generator,
     device: str,
-    makers: list[torch.nn.Parameter],
-    critics: list[torch.nn.Parameter],
 ) -> float:
     """Gradients of one step: reconstruction, fooling the critics, and the critics' own; returns the first loss."""
+    makers, critics = network.autoencoder(), network.critics()
     wanted = torch.from_numpy(postures).to(device)
     classes, style = network.encode(wanted)
     code = network.code(classes, style)
@@ -236,19 +241,6 @@ def _metrics(
     return metrics
 
 
-SOM_EPOCHS = 30
-
-
-def kmeans_dictionary(postures: Float32Array, config: PosturesConfig) -> PostureDictionary:
-    """K-means on postures [n, D]; codes are the centroids, densest first."""
-    return _dictionary(postures, fit_motifs(postures, config.m, config.seed).centroids, config)
-
-
-def som_dictionary(postures: Float32Array, config: PosturesConfig) -> PostureDictionary:
-    """A self-organising map [Wu et al. 2009] on postures [n, D]; codes are its nodes, row by row."""
-    return _dictionary(postures, self_organising_map(postures, *grid(config.m), config.seed), config)
-
-
 def grid(m: int) -> tuple[int, int]:
     """Rows and columns of a map of m nodes, as nearly square as m divides."""
     rows = max(r for r in range(1, int(m**0.5) + 1) if m % r == 0)
@@ -256,7 +248,7 @@ def grid(m: int) -> tuple[int, int]:
 
 
 def self_organising_map(postures: Float32Array, rows: int, columns: int, seed: int) -> Float32Array:
-    """[rows * columns, D] nodes of a map trained in batches.
+    """[rows * columns, D] nodes, row by row, of a map trained in batches [Wu et al. 2009].
 
     Each epoch every node becomes the mean of all postures, weighted by a Gaussian of the distance on the grid
     between it and their nearest nodes; its width falls from half the longer side to a third of a node.
@@ -291,12 +283,6 @@ def _plane(postures: Float32Array, places: np.ndarray, rng: np.random.Generator)
     return np.asarray(flat + 1e-3 * rng.standard_normal(flat.shape) * centred.std(), dtype=np.float32)
 
 
-def _dictionary(postures: Float32Array, codes: Float32Array, config: PosturesConfig) -> PostureDictionary:
-    encoder = NearestCode(np.ascontiguousarray(codes, dtype=np.float32))
-    metrics: dict[str, Any] = {"postures": len(postures), "occupied": len(np.unique(encoder.symbols(postures)))}
-    return PostureDictionary(config, encoder, encoder.codes, encoder.codes, metrics)
-
-
 def sample_postures(features: list[Float32Array], config: PosturesConfig) -> tuple[Float32Array, Int64Array]:
     """Postures [n, D] of clips, drawn at random up to `max_postures`, and the clip of each, in order."""
     stacked = np.concatenate(features)
@@ -313,7 +299,7 @@ def fit_dictionary(
     config: PosturesConfig,
     *,
     checkpoint: Path | None = None,
-    progress: Callable[[int, int, float], None] | None = None,
+    progress: Progress | None = None,
 ) -> PostureDictionary:
     """Train a dictionary without labels on clips.
 
@@ -331,5 +317,10 @@ def fit_dictionary(
         raise ValueError(f"{len(postures)} postures are too few for {config.m} symbols")
     if config.dictionary == "aae":
         return train_autoencoder(postures, clips, config, checkpoint=checkpoint, progress=progress)
-
-    return kmeans_dictionary(postures, config) if config.dictionary == "kmeans" else som_dictionary(postures, config)
+    if config.dictionary == "kmeans":
+        codes = fit_motifs(postures, config.m, config.seed).centroids  # densest first
+    else:
+        codes = self_organising_map(postures, *grid(config.m), config.seed)
+    encoder = NearestCode(np.ascontiguousarray(codes, dtype=np.float32))
+    metrics = {"postures": len(postures), "occupied": len(np.unique(encoder.symbols(postures)))}
+    return PostureDictionary(config, encoder, encoder.codes, encoder.codes, metrics)

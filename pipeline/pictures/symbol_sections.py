@@ -12,9 +12,9 @@ from motionlake.lake.config import load_config
 from motionlake.lake.frames import read_clips
 from motionlake.motion.features import word_features
 from motionlake.pesta.config import AlignmentConfig
-from motionlake.pesta.repetitions import reduce_runs
 from motionlake.pesta.scan import symmetric_costs
 from motionlake.pesta.strings import Repository
+from motionlake.pesta.symbols import reduce_runs
 from motionlake.pictures.alignment_page import about_dictionary, about_matrix, whole_picture
 from motionlake.pictures.html import Picture, picture
 from motionlake.pictures.maps import LEAST, plane, posture_map
