@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING, Protocol
 import pyarrow as pa
 from motionlake.lake.catalog import load_rows, table_of, writing
 from motionlake.lake.layout import Lake
-from motionlake.stages.shard import Shard, ShardResult
-from motionlake.stages.stage import Stage
+from motionlake.stages.stage import Shard, ShardResult, ShardStage
 from threadpoolctl import threadpool_limits
 
 if TYPE_CHECKING:
@@ -59,7 +58,7 @@ class Outcome:
 
 def execute(
     lake: Lake,
-    stage: Stage,
+    stage: ShardStage,
     shards: Sequence[Shard],
     client: Client | None,
     progress: Progress,
@@ -73,7 +72,13 @@ def execute(
     outcome = Outcome()
     if not shards:
         return outcome
-    save_plan(lake, shards)
+    # The cut into shards, before any runs: a resumed run must make the same parts.
+    plan = [
+        {"stage": s.stage, "key": s.key, "part": s.part, "dataset": s.dataset, "spec": json.dumps(s.spec)}
+        for s in shards
+    ]
+    with writing(lake) as con:
+        load_rows(con, "plan_shards", table_of(plan, PLAN_ROWS))
     total = sum(s.items for s in shards)
     progress(stage.name, 0, total)
     waiting: list[ShardResult] = []
@@ -96,7 +101,7 @@ def execute(
     return outcome
 
 
-def _here(lake: Lake, stage: Stage, shards: Sequence[Shard]) -> Iterator[tuple[Shard, ShardResult | Exception]]:
+def _here(lake: Lake, stage: ShardStage, shards: Sequence[Shard]) -> Iterator[tuple[Shard, ShardResult | Exception]]:
     for shard in shards:
         try:
             yield shard, _run_limited(stage.run, lake.root, shard)
@@ -105,7 +110,7 @@ def _here(lake: Lake, stage: Stage, shards: Sequence[Shard]) -> Iterator[tuple[S
 
 
 def _finishing(
-    lake: Lake, stage: Stage, shards: Sequence[Shard], client: Client
+    lake: Lake, stage: ShardStage, shards: Sequence[Shard], client: Client
 ) -> Iterator[tuple[Shard, ShardResult | BaseException]]:
     """Shards as they finish, with a few a worker thread in the cluster's hands: its memory must not grow with them."""
     from distributed import as_completed
@@ -136,19 +141,9 @@ def _run_limited(run: Callable[[Path, Shard], ShardResult], root: Path, shard: S
         return run(root, shard)
 
 
-def save_plan(lake: Lake, shards: Sequence[Shard]) -> None:
-    """Record the cut into shards before any runs: a resumed run must make the same parts."""
-    rows = [
-        {"stage": s.stage, "key": s.key, "part": s.part, "dataset": s.dataset, "spec": json.dumps(s.spec)}
-        for s in shards
-    ]
-    with writing(lake) as con:
-        load_rows(con, "plan_shards", table_of(rows, PLAN_ROWS))
-
-
 def _load(
     lake: Lake,
-    stage: Stage,
+    stage: ShardStage,
     results: Sequence[ShardResult],
     outcome: Outcome,
     failures: Sequence[tuple[Shard, str]] = (),
@@ -156,7 +151,8 @@ def _load(
     if not results and not failures:
         return
     ordered = sorted(results, key=lambda r: (r.shard.dataset, r.shard.key))
-    rows = [_finished(r) for r in ordered] + [_failed(shard, reason) for shard, reason in failures]
+    rows = [_row(r.shard, "ok", rows=r.rows, bytes=r.size, files=list(r.files), seconds=r.seconds) for r in ordered]
+    rows += [_row(shard, "failed", reason=reason) for shard, reason in failures]
     with writing(lake) as con:
         if ordered:
             stage.load(con, lake.root, ordered)
@@ -171,16 +167,7 @@ def _load(
         outcome.reason = failures[-1][1]
 
 
-def _finished(result: ShardResult) -> dict[str, object]:
-    shard = result.shard
-    return {
-        "stage": shard.stage, "key": shard.key, "part": shard.part, "state": "ok", "reason": None,
-        "rows": result.rows, "bytes": result.size, "files": list(result.files), "seconds": result.seconds,
-    }  # fmt: skip
-
-
-def _failed(shard: Shard, reason: str) -> dict[str, object]:
-    return {
-        "stage": shard.stage, "key": shard.key, "part": shard.part, "state": "failed", "reason": reason,
-        "rows": 0, "bytes": 0, "files": [], "seconds": None,
-    }  # fmt: skip
+def _row(shard: Shard, state: str, **result: object) -> dict[str, object]:
+    """A row of the manifest."""
+    nothing = {"reason": None, "rows": 0, "bytes": 0, "files": [], "seconds": None}
+    return {"stage": shard.stage, "key": shard.key, "part": shard.part, "state": state, **nothing, **result}

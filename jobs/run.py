@@ -16,9 +16,8 @@ from motionlake.stages.frames import FRAMES
 from motionlake.stages.labels import LabelReport
 from motionlake.stages.reader import lake_reader
 from motionlake.stages.registry import ALL, STAGES
-from motionlake.stages.shard import Shard
 from motionlake.stages.sources import Root
-from motionlake.stages.stage import Stage
+from motionlake.stages.stage import ShardStage, Stage
 from motionlake.stages.synthesis_wishes import Request
 from motionlake.stages.synthesize import SYNTHESIZE, planned
 
@@ -67,8 +66,13 @@ def update(session: Session, stage: Stage, *, refit: bool = False, dataset: str 
     """
     outcome = Outcome()
     if dataset is not None:
-        _check_dataset(session, dataset)
+        with reading(session.lake) as con:
+            known = sorted({row["dataset"] for row in fetch(con, "frames_parts")})
+        if dataset not in known:
+            raise UserError(f"{dataset}: no such dataset in {session.lake.root}; it holds {', '.join(known) or 'none'}")
     if stage.model is not None and obtain(session, stage.model, stage=stage.name, refit=refit) is None:
+        return outcome
+    if not isinstance(stage, ShardStage):
         return outcome
     tried: set[str] = set()
     while True:
@@ -84,13 +88,6 @@ def update(session: Session, stage: Stage, *, refit: bool = False, dataset: str 
         # What a stage loads may make more of it due.
         tried |= {shard.key for shard in planned}
         outcome += session.execute(stage, planned, at_once=at_once)
-
-
-def _check_dataset(session: Session, dataset: str) -> None:
-    with reading(session.lake) as con:
-        known = sorted({row["dataset"] for row in fetch(con, "frames_parts")})
-    if dataset not in known:
-        raise UserError(f"{dataset}: no such dataset in {session.lake.root}; it holds {', '.join(known) or 'none'}")
 
 
 def ingest(
@@ -134,12 +131,18 @@ def synthesize(session: Session, request: Request, dataset: str, count: int) -> 
     """Make motions 1 to `count` of a request, as clips of a dataset; those that are there are left as they are.
 
     Raises:
-        UserError: as `motionlake.stages.synthesize.planned`.
+        UserError: as `planned`.
     """
     started = time.perf_counter()
     with lake_reader(session.lake, session.config) as at:
         plan = planned(at, request, dataset, count)
-    _forget_unfinished(session, plan.shards)
+    # Shards of another request that was cut short are not planned any more.
+    keys = [shard.key for shard in plan.shards]
+    with reading(session.lake) as con:
+        left = fetch(con, "unfinished_of_stage", {"stage": SYNTHESIZE.name})
+    if any(row["key"] not in keys for row in left):
+        with writing(session.lake) as con:
+            run_sql(con, "forget_unfinished", {"stage": SYNTHESIZE.name, "keys": keys})
     # One shard alone is made in this process, which has the generator in memory already.
     outcome = session.execute(SYNTHESIZE, plan.shards, here=len(plan.shards) == 1 and session.scheduler is None)
     session.outcomes[SYNTHESIZE.name] = outcome
@@ -153,13 +156,3 @@ def synthesize(session: Session, request: Request, dataset: str, count: int) -> 
         sum(row["seconds"] for row in lengths),
         time.perf_counter() - started,
     )
-
-
-def _forget_unfinished(session: Session, shards: Sequence[Shard]) -> None:
-    """Shards of another request that was cut short are not planned any more."""
-    keys = [shard.key for shard in shards]
-    with reading(session.lake) as con:
-        left = fetch(con, "unfinished_of_stage", {"stage": SYNTHESIZE.name})
-    if any(row["key"] not in keys for row in left):
-        with writing(session.lake) as con:
-            run_sql(con, "forget_unfinished", {"stage": SYNTHESIZE.name, "keys": keys})

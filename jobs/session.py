@@ -14,8 +14,7 @@ from motionlake.lake.garbage import collect_garbage
 from motionlake.lake.layout import Lake
 from motionlake.lake.lock import locked
 from motionlake.stages.registry import FOLDERS
-from motionlake.stages.shard import Shard
-from motionlake.stages.stage import Stage
+from motionlake.stages.stage import Shard, ShardStage
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -50,7 +49,9 @@ class Session:
             self._client = self._stack.enter_context(cluster(self.lake, self.workers, self.scheduler))
         return self._client
 
-    def execute(self, stage: Stage, shards: Sequence[Shard], *, here: bool = False, at_once: bool = False) -> Outcome:
+    def execute(
+        self, stage: ShardStage, shards: Sequence[Shard], *, here: bool = False, at_once: bool = False
+    ) -> Outcome:
         """Run shards on the cluster, which starts if there are any; `here`: in this process."""
         client = None if here or not shards else self.client
         return execute(self.lake, stage, shards, client, self.progress, at_once=at_once)

@@ -111,7 +111,7 @@ class Lake:
             UserError: no clip or several are meant, or the file cannot be read.
         """
         from motionlake.lake.export import canonical_motion
-        from motionlake.stages.clip_files import first_body
+        from motionlake.stages.frames import first_body
 
         query = self._query(clip)
         return (

@@ -24,7 +24,7 @@ from motionlake.stages import descriptor_network as descriptor_training
 from motionlake.stages import descriptors
 from motionlake.stages.descriptor_network import DESCRIPTOR_NETWORK
 from motionlake.stages.reader import LakeReader
-from motionlake.stages.shard import Shard, ShardResult
+from motionlake.stages.stage import Shard, ShardResult
 
 from tests.lakes import QUICK, Run, catalog, motionlake, query, quick_lake
 
@@ -77,7 +77,7 @@ def test_every_clip_has_the_descriptor_of_its_frames(built_lake: Path) -> None:
     assert rows.shape == (len(found), DIMENSION)
     np.testing.assert_allclose(np.linalg.norm(rows, axis=1), 1, atol=1e-5)
     with reading(open_lake(built_lake)) as con:
-        network = descriptors.served_network(con)
+        network = descriptors.DESCRIPTORS.served(con)
     assert network is not None
     assert (network.model, network.metrics["pretrained"]) == (model, True)
 
@@ -168,7 +168,7 @@ def test_a_lake_without_descriptors_gets_them(lake: Path, scheduler: str) -> Non
     con.execute("DELETE FROM manifest WHERE stage = 'descriptors'; DELETE FROM models WHERE kind = 'descriptors'")
     con.close()
     with reading(open_lake(lake)) as old:
-        assert descriptors.served_network(old) is None
+        assert descriptors.DESCRIPTORS.served(old) is None
     assert motionlake("status", "--lake", lake).status == 0
     made = run(lake, scheduler, "all")
     assert made.pop("descriptors") == 1

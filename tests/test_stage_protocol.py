@@ -12,10 +12,10 @@ from motionlake import sql
 from motionlake.jobs.execute import execute
 from motionlake.lake.config import load_config
 from motionlake.lake.layout import open_lake
-from motionlake.stages.orphans import PREFIX
+from motionlake.stages.clip_parts import ORPHANS
 from motionlake.stages.reader import lake_reader
 from motionlake.stages.registry import ALL, BY_NAME, EVERY, KINDS, ON_REQUEST, STAGES
-from motionlake.stages.shard import Shard
+from motionlake.stages.stage import Shard
 
 ROOT = Path(__file__).parents[1]
 # What makes a stage due in a lake where it is done: its shards are forgotten; source files were shaped otherwise.
@@ -83,7 +83,7 @@ def test_every_table_is_of_one_stage_and_forgets_its_orphans() -> None:
     own = {"manifest", "models", "runs", "roots", "schema_version"}
     declared = {table for stage in (*EVERY, ON_REQUEST) for table in stage.tables}
     assert declared == schema.keys() - own
-    forgetting = {name.removeprefix(PREFIX) for name in sql.statements() if name.startswith(PREFIX)}
+    forgetting = {name.removeprefix(ORPHANS) for name in sql.statements() if name.startswith(ORPHANS)}
     of_clips = {t for t, columns in schema.items() if re.search(r"^ +(from_)?clip VARCHAR", columns, re.MULTILINE)}
     assert of_clips - {"clips"} <= forgetting
 

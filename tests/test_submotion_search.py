@@ -25,7 +25,7 @@ from motionlake.retrieval.connection import connect
 from motionlake.retrieval.submotion_search import Piece, place
 from motionlake.stages import submotions
 from motionlake.stages.reader import lake_reader
-from motionlake.stages.shard import Shard, ShardResult
+from motionlake.stages.stage import Shard, ShardResult
 from motionlake.stages.submotions import SUBMOTIONS
 
 from tests.lakes import QUICK, Run, catalog, motionlake, query

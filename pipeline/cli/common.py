@@ -121,7 +121,7 @@ def named_query(
     query, fps = query_of(con, name), 0.0
     if any(edge is not None and edge.in_seconds for edge in (start, stop)):
         if isinstance(query.source, Path):
-            from motionlake.stages.clip_files import first_body
+            from motionlake.stages.frames import first_body
 
             fps = first_body(lake, query.source)[0].fps
         else:

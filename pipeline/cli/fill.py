@@ -27,7 +27,6 @@ from motionlake.lake.catalog import create_catalog, fetch, reading
 from motionlake.lake.config import load_config
 from motionlake.lake.layout import Lake, check_dataset, open_lake
 from motionlake.motion.rigs import load_rigs
-from motionlake.stages.ingest import with_options
 from motionlake.stages.reader import lake_reader
 from motionlake.stages.registry import ALL, BY_NAME, dry_run
 from motionlake.stages.removal import Removal, gone_sources, remove_dataset, remove_sources, sources_of
@@ -137,9 +136,10 @@ def _merged(root: Root, known: Root | None, take_back: bool) -> Root:
     """Options not given again stay as they were when the folder was first taken in."""
     if known is None:
         return root
+    given = {name: value for name, value in vars(root.options).items() if value not in (None, ())}
     if take_back:
-        known = replace(known, options=replace(known.options, ignored=()))
-    return with_options(known, **{k: v for k, v in vars(root.options).items() if v is not None})
+        given["ignored"] = ()
+    return replace(known, options=replace(known.options, **given))
 
 
 def _notice_rejects(lake: Lake, datasets: Sequence[str]) -> None:

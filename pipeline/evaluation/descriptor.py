@@ -25,7 +25,7 @@ from motionlake.retrieval.fused import mean_scores, scaled
 from motionlake.retrieval.labelled_clips import DescribedClip, DescribedClips, described_clips, lake_ground
 from motionlake.retrieval.registry import methods as searchers
 from motionlake.retrieval.symbol_strings import read_strings
-from motionlake.stages.descriptors import served_network
+from motionlake.stages.descriptors import DESCRIPTORS
 from scipy.spatial.distance import cdist
 
 TRANSPORTS_PER_SECOND: Final = 8_000  # on one core, from timings
@@ -143,7 +143,7 @@ def evaluate_descriptor(
     Raises:
         UserError: no such column or split, no descriptors, or nothing to measure.
     """
-    network = served_network(con)
+    network = DESCRIPTORS.served(con)
     if network is None:
         raise UserError(f"{lake.root}: has no descriptors yet; make them with `motionlake run descriptors`")
     clips = described_clips(con, dataset, column)

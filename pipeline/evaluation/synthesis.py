@@ -30,7 +30,7 @@ from motionlake.glogen.generator import EmbeddedMotions
 from motionlake.lake.catalog import Connection
 from motionlake.lake.layout import Lake
 from motionlake.lake.models import Model, current_model
-from motionlake.stages.descriptors import served_network
+from motionlake.stages.descriptors import DESCRIPTORS
 from motionlake.stages.synthesis import open_generator
 
 COUNT: Final = 10
@@ -225,7 +225,7 @@ def evaluate_synthesis(
     model = current_model(con, KIND)
     if model is None:
         raise UserError(f"{lake.root}: has no generator yet; train one with `motionlake train synthesis --split train`")
-    network = served_network(con)
+    network = DESCRIPTORS.served(con)
     if network is None:
         raise UserError(f"{lake.root}: has no descriptors yet; make them with `motionlake run descriptors`")
     generator = open_generator(lake, model)

@@ -117,16 +117,15 @@ def clip_tables(part: pq.ParquetFile, clips: Collection[str] | None = None) -> I
 
 def runs(table: pa.Table) -> Iterator[tuple[str, pa.Table]]:
     """(clip, its rows) for rows clip by clip."""
-    start = 0
-    for clip, stop in runs_of(table.column("clip")):
-        yield clip, table.slice(start, stop - start)
-        start = stop
+    for clip, found in runs_of(table.column("clip")):
+        yield clip, table.slice(found.start, found.stop - found.start)
 
 
-def runs_of(column: pa.ChunkedArray) -> Iterator[tuple[str, int]]:
-    """(value, end row) of every run of equal values."""
+def runs_of(column: pa.ChunkedArray) -> Iterator[tuple[str, slice]]:
+    """(value, its rows) of every run of equal values."""
     encoded = pc.run_end_encode(column.combine_chunks())
-    yield from zip(encoded.values.to_pylist(), encoded.run_ends.to_pylist(), strict=True)
+    stops = encoded.run_ends.to_pylist()
+    yield from zip(encoded.values.to_pylist(), map(slice, [0, *stops[:-1]], stops), strict=True)
 
 
 def lengths(path: Path) -> dict[str, tuple[float, int]]:

@@ -16,7 +16,7 @@ from motionlake.lake.catalog import fetch_table, reading
 from motionlake.lake.layout import Lake
 from motionlake.retrieval.encode import query_motion
 from motionlake.retrieval.protocol import EVERYTHING, Hit, LakeSearcher, Query, Scope, clip_hit, not_ready
-from motionlake.stages.descriptors import served_network
+from motionlake.stages.descriptors import DESCRIPTORS
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
@@ -48,7 +48,7 @@ class DescriptorSearcher(LakeSearcher):
     def __init__(self, lake: Lake, *, quick: bool = False) -> None:
         super().__init__(lake)
         with reading(lake) as con:
-            network = served_network(con)
+            network = DESCRIPTORS.served(con)
             if network is None:
                 raise UserError(f"{lake.root}: has no descriptors yet; make them with `motionlake run all`")
             table = fetch_table(con, "descriptor_clips")

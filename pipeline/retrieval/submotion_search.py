@@ -25,7 +25,7 @@ from motionlake.motion.dtw import Stretch, nearest_stretch
 from motionlake.motion.features import WordConfig, word_features
 from motionlake.retrieval.encode import features_of_clips, query_motion
 from motionlake.retrieval.protocol import Hit, LakeSearcher, Query, Scope, range_hit
-from motionlake.stages.submotions import served_network
+from motionlake.stages.submotions import SUBMOTIONS
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
@@ -67,7 +67,7 @@ class SubmotionSearcher(LakeSearcher):
     def __init__(self, lake: Lake) -> None:
         super().__init__(lake)
         with reading(lake) as con:
-            served = served_network(con)
+            served = SUBMOTIONS.served(con)
         if served is None:
             raise UserError(f"{lake.root}: has no windows to find pieces in yet; make them with `motionlake run all`")
         self._file, self._words = served.file, load_config(lake.config_file).words

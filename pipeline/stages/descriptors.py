@@ -7,25 +7,46 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import islice
-from typing import Any, Final
+from typing import Any, ClassVar, Final
 
 import pyarrow as pa
 from motionlake.deephums.config import DIMENSION
-from motionlake.lake import frames
 from motionlake.lake.catalog import Connection, fetch
 from motionlake.lake.layout import Lake
 from motionlake.lake.models import Model, model_of
 from motionlake.stages.descriptor_network import DESCRIPTOR_NETWORK, sequence_of
+from motionlake.stages.model_kind import ModelKind
 from motionlake.stages.reader import LakeReader
-from motionlake.stages.shard import Shard
-from motionlake.stages.stage import Part, PartStage, clips_of
+from motionlake.stages.stage import Part, PartStage, Shard, clips_of, clips_of_shard
 
 AT_ONCE = 64  # clips in memory
 ROWS = pa.schema([("clip", pa.string()), ("descriptor", pa.list_(pa.float32(), DIMENSION)), ("part", pa.string())])
 
 
-class Descriptors(PartStage):
-    """A vector a clip. Those of a new network enter together: the old ones serve until all are there."""
+class VectorStage(PartStage):
+    """A stage that fills the table of its name with vectors by its model.
+
+    Those of a new network enter together: the old ones serve until all are there.
+    """
+
+    model: ClassVar[ModelKind[Any]]
+
+    def shaping(self, at: LakeReader) -> Sequence[Any] | None:
+        network = self.model.fitting(at)
+        return None if network is None else (network.model, at.file_hash(network.file))
+
+    def at_once(self, at: LakeReader) -> bool:
+        served = self.served(at.con)
+        return served is not None and served.model != self.model.serving(at).model
+
+    def served(self, con: Connection) -> Model | None:
+        """The network whose vectors the lake serves: those of another do not compare with them."""
+        rows = fetch(con, f"served_{self.name}")
+        return model_of(rows[0]) if rows else None
+
+
+class Descriptors(VectorStage):
+    """A vector a clip."""
 
     name = "descriptors"
     about = "train the descriptor network if there is none, one vector a clip"
@@ -34,24 +55,16 @@ class Descriptors(PartStage):
     schema = ROWS
     statement = "load_descriptors"
 
-    def shaping(self, at: LakeReader) -> Sequence[Any] | None:
-        network = DESCRIPTOR_NETWORK.fitting(at)
-        return None if network is None else (network.model, at.file_hash(network.file))
-
     def spec(self, at: LakeReader, part: Part) -> Mapping[str, Any]:
         network = DESCRIPTOR_NETWORK.serving(at)
         return {"network": network.file, "model": network.model, "clips": clips_of(at.con, part.part)}
-
-    def at_once(self, at: LakeReader) -> bool:
-        served = served_network(at.con)
-        return served is not None and served.model != DESCRIPTOR_NETWORK.serving(at).model
 
     def rows(self, lake: Lake, shard: Shard) -> Iterator[pa.Table]:
         from motionlake.deephums.trained import load_descriptor
 
         network = load_descriptor(lake.path(shard.spec["network"]))
-        clips = frames.read_part(lake.path(lake.frames_part(shard.dataset, shard.part)), shard.spec["clips"])
-        while some := list(islice(((clip.clip, sequence_of(clip)) for clip in clips), AT_ONCE)):
+        clips = ((clip.clip, sequence_of(clip)) for clip in clips_of_shard(lake, shard))
+        while some := list(islice(clips, AT_ONCE)):
             vectors = network.embed([sequence for _, sequence in some])
             lists = pa.FixedSizeListArray.from_arrays(pa.array(vectors.ravel()), DIMENSION)
             names = pa.array([name for name, _ in some], pa.string())
@@ -59,9 +72,3 @@ class Descriptors(PartStage):
 
 
 DESCRIPTORS: Final = Descriptors()
-
-
-def served_network(con: Connection) -> Model | None:
-    """The network whose descriptors the lake serves: those of another do not compare with them."""
-    rows = fetch(con, "served_descriptors")
-    return model_of(rows[0]) if rows else None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Final
@@ -13,8 +13,7 @@ import pyarrow.parquet as pq
 from motionlake.lake.layout import Lake
 from motionlake.motion.features import WordConfig, word_windows
 from motionlake.stages.reader import LakeReader
-from motionlake.stages.shard import Shard
-from motionlake.stages.stage import PART_KEYS, Part, PartStage
+from motionlake.stages.stage import PART_KEYS, Part, PartStage, Shard, part_keys
 from motionlake.stages.word_network import WORD_NETWORK
 from motionlake.stages.words import WORDS, read_features
 from numpy.typing import NDArray
@@ -32,10 +31,6 @@ class Embed(PartStage):
     folder = "embeddings"
     schema = ROWS
 
-    def shaping(self, at: LakeReader) -> Sequence[Any] | None:
-        network = WORD_NETWORK.fitting(at)
-        return None if network is None else (at.file_hash(network.file),)
-
     def spec(self, at: LakeReader, part: Part) -> Mapping[str, Any]:
         network = WORD_NETWORK.serving(at)
         return {"features": WORDS.file(part.upstream), "network": network.file, "words": asdict(at.config.words)}
@@ -46,18 +41,15 @@ class Embed(PartStage):
         config = WordConfig(**shard.spec["words"])
         network = load_network(lake.path(shard.spec["network"]))
         for clip, features in read_features(lake.path(shard.spec["features"])):
-            yield _rows(clip, shard, network.embed(word_windows(features, config)))
+            vectors = network.embed(word_windows(features, config))
+            count, width = vectors.shape
+            offsets = pa.array(np.arange(0, count * width + 1, width, dtype=np.int32))
+            lists = pa.ListArray.from_arrays(offsets, pa.array(vectors.ravel()))
+            words = pa.array(np.arange(count, dtype=np.int32))
+            yield pa.Table.from_arrays([*part_keys(clip, shard, count), words, lists], schema=ROWS)
 
 
 EMBED: Final = Embed()
-
-
-def _rows(clip: str, shard: Shard, vectors: NDArray[np.float32]) -> pa.Table:
-    count, width = vectors.shape
-    offsets = pa.array(np.arange(0, count * width + 1, width, dtype=np.int32))
-    keys = [pa.repeat(pa.scalar(value), count) for value in (clip, shard.part, shard.key)]
-    lists = pa.ListArray.from_arrays(offsets, pa.array(vectors.ravel()))
-    return pa.Table.from_arrays([*keys, pa.array(np.arange(count, dtype=np.int32)), lists], schema=ROWS)
 
 
 def read_embeddings(path: Path) -> tuple[pa.Table, NDArray[np.float32]]:

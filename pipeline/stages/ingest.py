@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
+import pyarrow as pa
 from motionlake.lake.catalog import fetch, load_rows, reading, run_sql, table_of, writing
 from motionlake.lake.config import LakeConfig
 from motionlake.lake.layout import Lake
-from motionlake.stages.frames import FRAMES, KEY_ROWS, SOURCE_ROWS, Cut, cut
+from motionlake.stages.frames import FRAMES, SOURCE_ROWS, Cut, cut
 from motionlake.stages.labels import LabelReport, apply_labels, labels_hash
 from motionlake.stages.reader import lake_reader
-from motionlake.stages.shard import Shard
 from motionlake.stages.sources import Difference, Root, compare, known_roots, options_json
+from motionlake.stages.stage import Shard
+
+KEY_ROWS = pa.schema({"stage": pa.string(), "key": pa.string()})
 
 
 @dataclass(frozen=True)
@@ -119,9 +122,3 @@ def _label(lake: Lake, root: Root, said: str, *, changed: bool) -> list[LabelRep
         parameters = {"dataset": root.dataset, "root": root.root, "options": options_json(root.options)}
         run_sql(con, "save_root", {**parameters, "labels_hash": said})
     return reports
-
-
-def with_options(root: Root, **options: object) -> Root:
-    """The root with options the user gave now in place of those it was first taken in with."""
-    given = {k: v for k, v in options.items() if v is not None and v != ()}
-    return replace(root, options=replace(root.options, **given))  # type: ignore[arg-type]

@@ -47,36 +47,31 @@ def apply_labels(con: Connection, root: Root) -> list[LabelReport]:
             where one must stand.
     """
     reports = []
-    parameters = {"dataset": root.dataset, "root": str(root.base)}
-    labels = _find(root, root.options.labels, "labels.csv")
-    rows = _label_rows(root, labels) if labels else []
-    licence = {"licence": root.options.licence}
-    load_rows(con, "load_labels", table_of(rows, LABEL_ROWS), {**parameters, **licence})
-    if labels:
-        reports.append(_report(con, root, labels, rows))
-    segments = _find(root, root.options.segments, "segments.csv")
-    rows = _segment_rows(root, segments) if segments else []
-    load_rows(con, "load_segments", table_of(rows, SEGMENT_ROWS), parameters)
-    if segments:
-        reports.append(_report(con, root, segments, rows))
+    parameters = {"dataset": root.dataset, "root": str(root.base), "licence": root.options.licence}
+    kinds = (("load_labels", LABEL_ROWS, _label_rows), ("load_segments", SEGMENT_ROWS, _segment_rows))
+    for file, (statement, schema, read) in zip(_files(root), kinds, strict=True):
+        rows = read(root, file) if file else []
+        load_rows(con, statement, table_of(rows, schema), parameters)
+        if file:
+            reports.append(_report(con, root, file, rows))
     return reports
 
 
 def labels_hash(root: Root) -> str:
-    """sha256 over what the label files of a root say, and how it was asked for."""
-    said = [root.options.licence]
-    for file in (_find(root, root.options.labels, "labels.csv"), _find(root, root.options.segments, "segments.csv")):
-        said.append(hashlib.sha256(file.read_bytes()).hexdigest() if file else None)
-    return config_hash(said)
+    """sha256 over what the label files of a root say, and the licence that was given with it."""
+    said = [hashlib.sha256(file.read_bytes()).hexdigest() if file else None for file in _files(root)]
+    return config_hash([root.options.licence, *said])
 
 
-def _find(root: Root, named: str | None, usual: str) -> Path | None:
-    if named:
-        if not Path(named).is_file():
+def _files(root: Root) -> list[Path | None]:
+    """Labels and segments of a root: the files that the user named, else those that lie in it."""
+    found: list[Path | None] = []
+    for named, usual in ((root.options.labels, "labels.csv"), (root.options.segments, "segments.csv")):
+        if named and not Path(named).is_file():
             raise UserError(f"{named}: no such file")
-        return Path(named)
-    file = root.base / usual
-    return file if Path(root.root).is_dir() and file.is_file() else None
+        lies_there = Path(root.root).is_dir() and (root.base / usual).is_file()
+        found.append(Path(named) if named else root.base / usual if lies_there else None)
+    return found
 
 
 def _rows(file: Path, needed: set[str]) -> Iterator[tuple[int, dict[str, str]]]:

@@ -6,7 +6,7 @@ with the frozen idf, as the clip's own words are.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict
 from typing import Any, Final
 
@@ -16,9 +16,8 @@ from motionlake.lake.layout import Lake
 from motionlake.motion.features import WordConfig, mirrored_features, word_windows
 from motionlake.stages.motif_model import MOTIF_MODEL, read_motifs
 from motionlake.stages.reader import LakeReader
-from motionlake.stages.shard import Shard
 from motionlake.stages.signatures import SIGNATURES
-from motionlake.stages.stage import Part, PartStage
+from motionlake.stages.stage import Part, PartStage, Shard, part_keys
 from motionlake.stages.word_network import WORD_NETWORK
 from motionlake.stages.words import WORDS, read_features
 
@@ -35,14 +34,13 @@ class Mirrored(PartStage):
     schema = ROWS
     statement = "load_mirrored"
 
-    def shaping(self, at: LakeReader) -> Sequence[Any]:
-        return ()
-
     def spec(self, at: LakeReader, part: Part) -> Mapping[str, Any]:
-        network, motifs = WORD_NETWORK.serving(at), MOTIF_MODEL.serving(at)
-        features = WORDS.files(at)[part.part]
-        words = asdict(at.config.words)
-        return {"features": features, "network": network.file, "motifs": motifs.file, "words": words}
+        return {
+            "features": WORDS.files(at)[part.part],
+            "network": WORD_NETWORK.serving(at).file,
+            "motifs": MOTIF_MODEL.serving(at).file,
+            "words": asdict(at.config.words),
+        }
 
     def rows(self, lake: Lake, shard: Shard) -> Iterator[pa.Table]:
         from motionlake.deep_motifs.words.network import load_network
@@ -52,8 +50,8 @@ class Mirrored(PartStage):
         vocabulary = read_motifs(lake.path(shard.spec["motifs"]))
         for clip, features in read_features(lake.path(shard.spec["features"])):
             found = assign(network.embed(word_windows(mirrored_features(features, config), config)), vocabulary)
-            keys = [pa.repeat(pa.scalar(value), len(found)) for value in (clip, shard.part)]
-            yield pa.Table.from_arrays([*keys, pa.array(found, pa.int32())], schema=ROWS)
+            clips, parts, _ = part_keys(clip, shard, len(found))
+            yield pa.Table.from_arrays([clips, parts, pa.array(found, pa.int32())], schema=ROWS)
 
 
 MIRRORED: Final = Mirrored()

@@ -5,9 +5,9 @@ PESTA, sections 5.1 and 5.2.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
 import pyarrow as pa
@@ -20,12 +20,8 @@ from motionlake.lake.models import file_hash
 from motionlake.motion.features import word_features
 from motionlake.stages.posture_dictionary import POSTURE_DICTIONARY
 from motionlake.stages.reader import LakeReader
-from motionlake.stages.shard import Shard
-from motionlake.stages.stage import PART_KEYS, Part, PartStage, clips_of, frames_parts
+from motionlake.stages.stage import PART_KEYS, Part, PartStage, Shard, clips_of, clips_of_shard, frames_parts, part_keys
 from numpy.typing import NDArray
-
-if TYPE_CHECKING:
-    from motionlake.pesta.dictionary import PostureDictionary
 
 ROWS = pa.schema([*PART_KEYS, ("symbol", pa.int32())])
 
@@ -39,10 +35,6 @@ class Postures(PartStage):
     folder = "postures"
     schema = ROWS
 
-    def shaping(self, at: LakeReader) -> Sequence[Any] | None:
-        dictionary = POSTURE_DICTIONARY.fitting(at)
-        return None if dictionary is None else (at.file_hash(dictionary.file),)
-
     def spec(self, at: LakeReader, part: Part) -> Mapping[str, Any]:
         return {"dictionary": POSTURE_DICTIONARY.serving(at).file, "clips": clips_of(at.con, part.part)}
 
@@ -50,9 +42,10 @@ class Postures(PartStage):
         from motionlake.pesta.dictionary import load_dictionary
 
         dictionary = load_dictionary(lake.path(shard.spec["dictionary"]))
-        for clip in frames.read_part(lake.path(lake.frames_part(shard.dataset, shard.part)), shard.spec["clips"]):
-            codes = codes_of(dictionary, clip)
-            keys = [pa.repeat(pa.scalar(value), len(codes)) for value in (clip.clip, shard.part, shard.key)]
+        for clip in clips_of_shard(lake, shard):
+            positions, rotations = clip.positions.astype(float), clip.rotations.astype(float)
+            codes = dictionary.encode(word_features(positions, rotations, clip.fps, dictionary.config.frames))
+            keys = part_keys(clip.clip, shard, len(codes))
             yield pa.Table.from_arrays([*keys, pa.array(codes, pa.int32())], schema=ROWS)
 
 
@@ -66,17 +59,9 @@ def codes_files(con: Connection, dictionary: Path) -> dict[str, str]:
     return {part: POSTURES.file(key) for part, key in keys.items()}
 
 
-def codes_of(dictionary: PostureDictionary, clip: frames.Frames) -> NDArray[np.int32]:
-    """[T] symbols of a clip's postures, at the rate of the dictionary."""
-    positions, rotations = clip.positions.astype(float), clip.rotations.astype(float)
-    return dictionary.encode(word_features(positions, rotations, clip.fps, dictionary.config.frames))
-
-
 def read_codes(path: Path) -> Iterator[tuple[str, NDArray[np.int32]]]:
     """(clip, [T] symbols) of every clip of a part of coded postures, in order."""
     table = pq.read_table(path, columns=["clip", "symbol"])
     symbols = table.column("symbol").to_numpy()
-    start = 0
-    for clip, stop in frames.runs_of(table.column("clip")):
-        yield clip, symbols[start:stop]
-        start = stop
+    for clip, rows in frames.runs_of(table.column("clip")):
+        yield clip, symbols[rows]

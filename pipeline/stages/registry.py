@@ -14,11 +14,10 @@ from motionlake.stages.embed import EMBED
 from motionlake.stages.frames import FRAMES
 from motionlake.stages.mirrored import MIRRORED
 from motionlake.stages.model_kind import ModelKind
-from motionlake.stages.motifs import MOTIFS
 from motionlake.stages.neighbours import NEIGHBOURS
 from motionlake.stages.postures import POSTURES
 from motionlake.stages.reader import LakeReader
-from motionlake.stages.signatures import SIGNATURES
+from motionlake.stages.signatures import MOTIFS, SIGNATURES
 from motionlake.stages.stage import Stage
 from motionlake.stages.submotions import SUBMOTIONS
 from motionlake.stages.symbols import SYMBOLS

@@ -10,8 +10,8 @@ from motionlake.errors import UserError
 from motionlake.lake.catalog import Connection, fetch, load_rows, reading, run_sql, table_of, writing
 from motionlake.lake.layout import Lake
 from motionlake.lake.resolve import resolve_clip
+from motionlake.stages.clip_parts import forget_orphans
 from motionlake.stages.frames import SOURCE_ROWS
-from motionlake.stages.orphans import forget_orphans
 from motionlake.stages.sources import known_roots, options_json
 
 
@@ -24,6 +24,9 @@ class Removal:
 
     def __add__(self, other: Removal) -> Removal:
         return Removal(self.clips + other.clips, self.files + other.files)
+
+    def __sub__(self, other: Removal) -> Removal:
+        return Removal(self.clips - other.clips, self.files - other.files)
 
 
 Source = dict[str, str]  # dataset, path
@@ -83,10 +86,10 @@ def remove_sources(lake: Lake, sources: Sequence[Source], *, for_good: bool = Fa
     with writing(lake) as con:
         if for_good:
             _ignore(con, sources)
-        clips, files = _clips(con), _files(con)
+        before = _held(con)
         load_rows(con, "forget_sources", table_of(sources, SOURCE_ROWS))
         forget_orphans(con)
-        return Removal(clips - _clips(con), files - _files(con))
+        return before - _held(con)
 
 
 def _ignore(con: Connection, sources: Sequence[Source]) -> None:
@@ -100,9 +103,6 @@ def _ignore(con: Connection, sources: Sequence[Source]) -> None:
             run_sql(con, "save_root_options", kept)
 
 
-def _files(con: Connection) -> int:
-    return int(fetch(con, "count_sources")[0]["sources"])
-
-
-def _clips(con: Connection) -> int:
-    return int(fetch(con, "count_clips")[0]["clips"])
+def _held(con: Connection) -> Removal:
+    """What would leave if everything did."""
+    return Removal(fetch(con, "count_clips")[0]["clips"], fetch(con, "count_sources")[0]["sources"])

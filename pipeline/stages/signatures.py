@@ -1,4 +1,4 @@
-"""Stage "signatures": tf-idf histograms of motifs, made in SQL, served together with their motifs."""
+"""Stages "motifs" and "signatures": each word's nearest motif; tf-idf histograms of these, made in SQL, for clips."""
 
 from __future__ import annotations
 
@@ -7,13 +7,34 @@ from pathlib import Path
 from typing import Any, Final
 
 import pyarrow as pa
+from motionlake.deep_motifs.motifs import assign
 from motionlake.lake.catalog import Connection, fetch, run_sql
 from motionlake.lake.layout import Lake
-from motionlake.stages.motif_model import MOTIF_MODEL
-from motionlake.stages.motifs import MOTIFS
+from motionlake.stages.embed import EMBED, read_embeddings
+from motionlake.stages.motif_model import MOTIF_MODEL, read_motifs
 from motionlake.stages.reader import LakeReader
-from motionlake.stages.shard import Shard, ShardResult
-from motionlake.stages.stage import Part, PartStage
+from motionlake.stages.stage import Part, PartStage, Shard, ShardResult
+
+
+class MotifsOfWords(PartStage):
+    """The motif of every word; it enters the catalog together with the signatures, so that the two always agree."""
+
+    name = "motifs"
+    about = "cluster the words if there are no motifs, assign every word"
+    source = EMBED
+    model = MOTIF_MODEL
+    folder = "assigned"
+
+    def spec(self, at: LakeReader, part: Part) -> Mapping[str, Any]:
+        return {"embeddings": EMBED.file(part.upstream), "motifs": MOTIF_MODEL.serving(at).file}
+
+    def rows(self, lake: Lake, shard: Shard) -> Iterator[pa.Table]:
+        rows, vectors = read_embeddings(lake.path(shard.spec["embeddings"]))
+        found = assign(vectors, read_motifs(lake.path(shard.spec["motifs"])))
+        yield rows.append_column("motif", pa.array(found, pa.int32()))
+
+
+MOTIFS: Final = MotifsOfWords()
 
 
 class Signatures(PartStage):
@@ -40,7 +61,7 @@ class Signatures(PartStage):
         yield from ()
 
     def run(self, root: Path, shard: Shard, /) -> ShardResult:
-        return ShardResult(shard, 0, 0, (), 0.0)
+        return ShardResult(shard)
 
     def load(self, con: Connection, root: Path, results: Sequence[ShardResult], /) -> None:
         """Enter assigned words; new motifs replace the old with their idf, which then stays frozen.

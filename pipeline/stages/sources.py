@@ -219,41 +219,35 @@ def compare(
             f"dataset {root.dataset}: holds synthetic clips; give {root.root} a dataset of its own (--dataset NAME)"
         )
     known = {r["path"]: r for r in fetch(con, "sources_of", {"dataset": root.dataset})}
-    rejected = {r["path"] for r in fetch(con, "rejects_of", {"dataset": root.dataset})}
     found = [file for file in scan(Path(root.root), lake) if file.path not in root.options.ignored]
-    _refuse_collisions(root, known, found)
-    suspects, unchanged = [], 0
     for file in found:
+        owner = known[file.path]["root"] if file.path in known else str(base)
+        if owner != str(base):
+            raise UserError(
+                f"{root.root}/{file.path}: dataset {root.dataset} holds a clip of this path from {owner}; "
+                "give this folder a dataset of its own (--dataset NAME)"
+            )
+    rows = fetch(con, "rejects_of", {"dataset": root.dataset}) if retry_failed else []
+    retried = {r["path"] for r in rows}
+
+    def stands(file: SourceFile, *fields: str) -> bool:
+        """Whether the lake knows a file as it is, by some of its fields, and is not to read it again."""
         old = known.get(file.path)
-        same = old and (old["size"], old["mtime_ns"], old["config_hash"]) == (file.size, file.mtime_ns, shaping_hash)
-        if same and not checksum and not (retry_failed and file.path in rejected):
-            unchanged += 1
-        else:
-            suspects.append(file)
-    changed, touched = [], []
-    for file in _hashed(base, suspects, progress):
-        old = known.get(file.path)
-        same = old and (old["content_hash"], old["config_hash"]) == (file.content_hash, shaping_hash)
-        if same and not (retry_failed and file.path in rejected):
-            touched.append(file)
-        else:
-            changed.append(file)
+        if old is None or file.path in retried or old["config_hash"] != shaping_hash:
+            return False
+        return all(old[name] == getattr(file, name) for name in fields)
+
+    suspects = [file for file in found if checksum or not stands(file, "size", "mtime_ns")]
+    hashed = list(_hashed(base, suspects, progress))
+    changed = [file for file in hashed if not stands(file, "content_hash")]
+    touched = [file for file in hashed if stands(file, "content_hash")]
     kept = [old for f in changed if (old := known.get(f.path)) and old["content_hash"] == f.content_hash]
     again = [old["config_hash"] for old in kept if old["config_hash"] != shaping_hash]
     present = {f.path for f in found}
     ours = (p for p, r in known.items() if r["root"] == str(base) and p not in present)
     gone = sorted(p for p in ours if not (base / p).exists())
+    unchanged = len(found) - len(suspects)
     return Difference(changed, touched, unchanged, gone, len(again), again[0] if again else "")
-
-
-def _refuse_collisions(root: Root, known: dict[str, dict[str, Any]], found: list[SourceFile]) -> None:
-    for file in found:
-        old = known.get(file.path)
-        if old and old["root"] != str(root.base):
-            raise UserError(
-                f"{root.root}/{file.path}: dataset {root.dataset} holds a clip of this path from {old['root']}; "
-                "give this folder a dataset of its own (--dataset NAME)"
-            )
 
 
 def _hashed(base: Path, files: list[SourceFile], progress: Callable[[int, int], None] | None) -> Iterator[SourceFile]:

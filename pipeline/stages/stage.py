@@ -1,4 +1,4 @@
-"""What every stage has, and the base of stages that follow the frames part by part.
+"""What every stage has, shards of work, and the base of stages that follow the frames part by part.
 
 A stage plans shards, runs each of them in a worker, and loads what came of them into the catalog. The key of a shard
 covers stage, version, configuration and input; what is not recorded under its key is due.
@@ -9,69 +9,120 @@ from __future__ import annotations
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, ClassVar, Protocol
+from typing import Any, ClassVar
 
 import pyarrow as pa
+from motionlake.lake import frames
 from motionlake.lake.catalog import Connection, fetch, run_sql
 from motionlake.lake.config import config_hash
 from motionlake.lake.layout import Lake
 from motionlake.lake.parts import PartWriter, check_part, replacing
 from motionlake.stages.model_kind import ModelKind
 from motionlake.stages.reader import LakeReader
-from motionlake.stages.shard import Shard, ShardResult
 
 PART_KEYS = [("clip", pa.string()), ("part", pa.string()), ("key", pa.string())]
 STAGING = "staging"  # parts that are of no use once they are loaded
 
 
-class Stage(Protocol):
-    """One stage; `motionlake.stages.registry` lists them all.
+@dataclass(frozen=True)
+class Shard:
+    """Work for seconds to a minute, independent of every other shard.
+
+    Attributes:
+        stage: name of the stage.
+        key: sha256 over stage, version, configuration and inputs.
+        part: the frames part it makes or is derived from.
+        dataset: for people.
+        spec: JSON-able; all that `run` needs beside the lake's folder.
+        items: clips in it, for the progress bar.
+    """
+
+    stage: str
+    key: str
+    part: str
+    dataset: str
+    spec: Mapping[str, Any]
+    items: int
+
+
+@dataclass(frozen=True)
+class ShardResult:
+    """What a worker gives back; bulk data lies in `files` already.
+
+    Attributes:
+        rows: rows written to the stage's own Parquet part.
+        size: bytes of all files.
+        files: relative to the lake.
+        seconds: the worker's time.
+        rejected: source files that gave no clip.
+        tables: rows for the catalog.
+    """
+
+    shard: Shard
+    rows: int = 0
+    size: int = 0
+    files: tuple[str, ...] = ()
+    seconds: float = 0.0
+    rejected: int = 0
+    tables: Mapping[str, pa.Table] = field(default_factory=dict)
+
+
+class Stage(ABC):
+    """One stage; `motionlake.stages.registry` lists them all. One that is no `ShardStage` only has its model made.
 
     Attributes:
         name: of its shards; keys cover it.
         version: of its results; keys cover it.
-        upstream: the stages whose results it reads.
         about: what it does, for people.
         model: kind of model that it needs, and that is made for it; None: none.
         tables: of the catalog that it fills.
-        folders: of the lake that it writes to.
         by_name: made when it is asked for by name, not by `run all`.
     """
 
-    @property
-    def name(self) -> str: ...
-    @property
-    def version(self) -> int: ...
-    @property
-    def upstream(self) -> tuple[str, ...]: ...
-    @property
-    def about(self) -> str: ...
-    @property
-    def model(self) -> ModelKind[Any] | None: ...
-    @property
-    def tables(self) -> tuple[str, ...]: ...
-    @property
-    def folders(self) -> tuple[str, ...]: ...
-    @property
-    def by_name(self) -> bool: ...
+    name: ClassVar[str]
+    version: ClassVar[int] = 1
+    about: ClassVar[str]
+    model: ClassVar[ModelKind[Any] | None] = None
+    tables: ClassVar[tuple[str, ...]] = ()
+    by_name: ClassVar[bool] = False
 
-    def plan(self, at: LakeReader) -> list[Shard]:
-        """Shards for what is due and whose input is there."""
+    @property
+    def upstream(self) -> tuple[str, ...]:
+        """The stages whose results it reads."""
+        return ("frames",)
 
+    @property
+    def folders(self) -> tuple[str, ...]:
+        """Of the lake that it writes to."""
+        return ()
+
+    @abstractmethod
     def due(self, at: LakeReader) -> int:
         """How many parts it still lacks, whether their input is there or not."""
 
+
+class ShardStage(Stage):
+    """A stage whose work is done in shards."""
+
+    @abstractmethod
+    def plan(self, at: LakeReader) -> list[Shard]:
+        """Shards for what is due and whose input is there."""
+
     def lacking(self, at: LakeReader) -> str | None:
         """What must be made before it can plan, for people; None where nothing is missing."""
+        return None
 
     def at_once(self, at: LakeReader) -> bool:
         """Whether all shards must be loaded in one transaction, because they are of use only together."""
+        return False
 
+    @abstractmethod
     def run(self, root: Path, shard: Shard, /) -> ShardResult:
         """Make one shard of the lake in the folder `root`; it writes files and changes no catalog."""
 
+    @abstractmethod
     def load(self, con: Connection, root: Path, results: Sequence[ShardResult], /) -> None:
         """Enter finished shards into the catalog, within the caller's transaction."""
 
@@ -105,7 +156,17 @@ def clips_of(con: Connection, part: str) -> list[str]:
     return [r["clip"] for r in fetch(con, "part_clips", {"part": part})]
 
 
-class PartStage(ABC):
+def clips_of_shard(lake: Lake, shard: Shard) -> Iterator[frames.Frames]:
+    """Those of the clips that its spec names, of the frames part that a shard is derived from."""
+    return frames.read_part(lake.path(lake.frames_part(shard.dataset, shard.part)), shard.spec["clips"])
+
+
+def part_keys(clip: str, shard: Shard, count: int) -> list[pa.Array]:
+    """The columns `PART_KEYS` of so many rows of a clip."""
+    return [pa.repeat(pa.scalar(value), count) for value in (clip, shard.part, shard.key)]
+
+
+class PartStage(ShardStage):
     """A stage derived part by part from the frames: one shard a frames part, one Parquet part of its own a shard.
 
     Attributes:
@@ -116,16 +177,10 @@ class PartStage(ABC):
             "" where the manifest's row is all that is entered.
     """
 
-    name: ClassVar[str]
-    version: ClassVar[int] = 1
-    about: ClassVar[str]
     source: ClassVar[PartStage | None] = None
-    model: ClassVar[ModelKind[Any] | None] = None
-    tables: ClassVar[tuple[str, ...]] = ()
     folder: ClassVar[str] = STAGING
     schema: ClassVar[pa.Schema | None] = None
     statement: ClassVar[str] = ""
-    by_name: ClassVar[bool] = False
 
     @property
     def upstream(self) -> tuple[str, ...]:
@@ -135,9 +190,12 @@ class PartStage(ABC):
     def folders(self) -> tuple[str, ...]:
         return (self.folder,)
 
-    @abstractmethod
     def shaping(self, at: LakeReader) -> Sequence[Any] | None:
-        """What keys cover beside stage, version and input; None where a model that it needs is not made yet."""
+        """What keys cover beside stage, version and input, by default its model; None where that is not made yet."""
+        if self.model is None:
+            return ()
+        model = self.model.fitting(at)
+        return None if model is None else (at.file_hash(model.file),)
 
     @abstractmethod
     def spec(self, at: LakeReader, part: Part) -> Mapping[str, Any]:
@@ -179,16 +237,10 @@ class PartStage(ABC):
     def lacking(self, at: LakeReader) -> str | None:
         return f"what `run {self.upstream[0]}` makes" if self.parts(at) is None else None
 
-    def at_once(self, at: LakeReader) -> bool:
-        return False
-
     def file(self, key: str) -> str:
         """The part that a shard writes, relative to the lake."""
-        return (
-            f"{STAGING}/{self.name}-{key[:16]}.parquet"
-            if self.folder == STAGING
-            else f"{self.folder}/{key[:16]}.parquet"
-        )
+        name = f"{self.name}-{key[:16]}" if self.folder == STAGING else key[:16]
+        return f"{self.folder}/{name}.parquet"
 
     def entered(self, key: str) -> str:
         """The part whose rows enter the catalog."""

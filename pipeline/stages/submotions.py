@@ -13,30 +13,25 @@ import pyarrow as pa
 from motionlake.arrays import Float32Array
 from motionlake.deephums.config import DIMENSION
 from motionlake.deephums.sequence import clip_sequence
-from motionlake.lake import frames
-from motionlake.lake.catalog import Connection, fetch
+from motionlake.lake.catalog import fetch
 from motionlake.lake.layout import Lake
-from motionlake.lake.models import Model, model_of
+from motionlake.stages.descriptors import VectorStage
 from motionlake.stages.reader import LakeReader
-from motionlake.stages.shard import Shard
-from motionlake.stages.stage import Part, PartStage, clips_of
+from motionlake.stages.stage import Part, Shard, clips_of, clips_of_shard
 from motionlake.stages.submotion_encoder import SUBMOTION_ENCODER
 
 ROWS = pa.schema(
     [
-        ("clip", pa.string()),
-        ("start", pa.int64()),
-        ("stop", pa.int64()),
-        ("descriptor", pa.list_(pa.float32(), DIMENSION)),
-        ("part", pa.string()),
+        ("clip", pa.string()), ("start", pa.int64()), ("stop", pa.int64()),
+        ("descriptor", pa.list_(pa.float32(), DIMENSION)), ("part", pa.string()),
     ]
-)
+)  # fmt: skip
 Window = tuple[int, int]
 Embed = Callable[[Sequence[Float32Array]], Float32Array]
 
 
-class Submotions(PartStage):
-    """A vector a window. Those of a new encoder enter together: the old ones serve until all are there."""
+class Submotions(VectorStage):
+    """A vector a window."""
 
     name = "submotions"
     about = "train the sub-motion encoder if there is none, vectors of the windows of clips"
@@ -45,10 +40,6 @@ class Submotions(PartStage):
     schema = ROWS
     statement = "load_submotions"
 
-    def shaping(self, at: LakeReader) -> Sequence[Any] | None:
-        encoder = SUBMOTION_ENCODER.fitting(at)
-        return None if encoder is None else (encoder.model, at.file_hash(encoder.file))
-
     def spec(self, at: LakeReader, part: Part) -> Mapping[str, Any]:
         encoder = SUBMOTION_ENCODER.serving(at)
         described = encoder.metrics.get("descriptors")  # recipe "deephums": the network it was trained to agree with
@@ -56,13 +47,9 @@ class Submotions(PartStage):
         clips = clips_of(at.con, part.part)
         return {"network": encoder.file, "model": encoder.model, "descriptors": first, "clips": clips}
 
-    def at_once(self, at: LakeReader) -> bool:
-        served = served_network(at.con)
-        return served is not None and served.model != SUBMOTION_ENCODER.serving(at).model
-
     def rows(self, lake: Lake, shard: Shard) -> Iterator[pa.Table]:
         embed, cut = _reader(lake, shard.spec)
-        for clip in frames.read_part(lake.path(lake.frames_part(shard.dataset, shard.part)), shard.spec["clips"]):
+        for clip in clips_of_shard(lake, shard):
             ranges = cut(len(clip.positions), clip.fps)
             positions = clip.positions.astype(float)
             vectors = embed([clip_sequence(positions[start:stop], clip.fps) for start, stop in ranges])
@@ -87,9 +74,3 @@ def _reader(lake: Lake, spec: Mapping[str, Any]) -> tuple[Embed, Callable[[int, 
     from motionlake.deephums.trained import load_descriptor
 
     return load_descriptor(lake.path(spec["descriptors"])).embed, lambda n_frames, _fps: [(0, n_frames)]
-
-
-def served_network(con: Connection) -> Model | None:
-    """The encoder whose windows the lake serves: those of another do not compare with them."""
-    rows = fetch(con, "served_submotions")
-    return model_of(rows[0]) if rows else None

@@ -16,8 +16,7 @@ from motionlake.pesta.config import SymbolsConfig
 from motionlake.stages.posture_dictionary import POSTURE_DICTIONARY
 from motionlake.stages.postures import POSTURES, read_codes
 from motionlake.stages.reader import LakeReader
-from motionlake.stages.shard import Shard, ShardResult
-from motionlake.stages.stage import Part, PartStage, clips_of
+from motionlake.stages.stage import Part, PartStage, Shard, ShardResult, clips_of
 from safetensors import safe_open
 
 if TYPE_CHECKING:

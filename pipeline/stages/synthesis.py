@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from difflib import get_close_matches
-from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from motionlake.errors import UserError
@@ -14,7 +12,7 @@ from motionlake.lake.layout import Lake
 from motionlake.lake.models import Model, current_model
 from motionlake.stages.generator_model import GENERATOR
 from motionlake.stages.reader import LakeReader
-from motionlake.stages.shard import Shard, ShardResult
+from motionlake.stages.stage import Stage
 
 if TYPE_CHECKING:
     from motionlake.glogen.generator import TrainedGenerator
@@ -22,36 +20,17 @@ if TYPE_CHECKING:
 SHOWN = 3  # classes offered in place of an unknown one
 
 
-class Synth:
-    """The generator of a lake; it makes no parts, so there are no shards."""
+class Synth(Stage):
+    """The generator of a lake; it makes no parts."""
 
     name = "synth"
-    version = 1
-    upstream = ("frames",)
     about = "a generator of motion, trained on labelled clips or pretrained (then motionlake synthesize)"
     model = GENERATOR
-    tables = ()
-    folders = ()
     by_name = True
-
-    def plan(self, at: LakeReader) -> list[Shard]:
-        return []
 
     def due(self, at: LakeReader) -> int:
         """1 where the lake has a generator, but none for this configuration."""
         return int(current_model(at.con, GENERATOR.name) is not None and GENERATOR.fitting(at) is None)
-
-    def lacking(self, at: LakeReader) -> str | None:
-        return None
-
-    def at_once(self, at: LakeReader) -> bool:
-        return False
-
-    def run(self, root: Path, shard: Shard, /) -> ShardResult:
-        raise NotImplementedError
-
-    def load(self, con: Connection, root: Path, results: Sequence[ShardResult], /) -> None:
-        raise NotImplementedError
 
 
 SYNTH: Final = Synth()
@@ -98,20 +77,16 @@ def class_names(model: Model) -> list[str]:
 
 
 def check_classes(model: Model, classes: tuple[str, ...]) -> None:
-    """Raises `UserError` for no class, or one that a generator does not know."""
+    """Raises `UserError` for no class, or one that a generator does not know: it names those most like it."""
     known = class_names(model)
     if not classes:
         raise UserError("name one class at least, --class NAME; `motionlake synthesize --classes` lists them")
-    for name in classes:
-        if name not in known:
-            raise UserError(
-                f"{name}: {model.model} knows no such class; {_nearest(name, known)}all {len(known)} are listed by "
-                "`motionlake synthesize --classes`"
-            )
-
-
-def _nearest(name: str, known: list[str]) -> str:
-    """The classes whose names are most like another, in words."""
-    folded = {k.casefold(): k for k in reversed(known)}
-    near = get_close_matches(name.casefold(), sorted(folded), SHOWN, 0.5)
-    return f"closest are {', '.join(folded[k] for k in near)}; " if near else ""
+    unknown = next((name for name in classes if name not in known), None)
+    if unknown is not None:
+        folded = {k.casefold(): k for k in reversed(known)}
+        near = [folded[k] for k in get_close_matches(unknown.casefold(), sorted(folded), SHOWN, 0.5)]
+        closest = f"closest are {', '.join(near)}; " if near else ""
+        raise UserError(
+            f"{unknown}: {model.model} knows no such class; {closest}"
+            f"all {len(known)} are listed by `motionlake synthesize --classes`"
+        )

@@ -12,14 +12,18 @@ import numpy as np
 from motionlake.errors import UserError
 from motionlake.lake.catalog import Connection, fetch
 from motionlake.lake.layout import Lake
-from motionlake.stages.clip_files import first_body
+from motionlake.lake.models import Model
+from motionlake.motion.kinematics import continuous_signs, forward_kinematics
+from motionlake.stages.frames import first_body
 from motionlake.stages.generator_model import classed_motions, long_enough
 from motionlake.stages.sources import content_hash
+from motionlake.stages.synthesis import check_classes
 from motionlake.stages.training_clips import check_chosen, frames_of_clips
 
 if TYPE_CHECKING:
     from motionlake.glogen.generator import TrainedGenerator
-    from motionlake.glogen.requests import GeneratedMotion, MotionRequest, SeedClip
+    from motionlake.glogen.requests import GeneratedMotion
+    from motionlake.motion.canonicalise import CanonicalMotion
 
 LONGEST: Final = 3600.0  # seconds of one motion
 
@@ -37,7 +41,7 @@ class Request:
         outside: `start` is the path of a file.
         split: draws from this split only.
         pace: 2 is twice as fast.
-        temperature: how much is left to chance.
+        temperature: of the latent variables: 0 for the likeliest motion, 1 as recordings vary.
     """
 
     classes: tuple[str, ...]
@@ -71,17 +75,9 @@ class Start:
 
 @dataclass(frozen=True)
 class Motion:
-    """One motion of a request: its number from 1, and the index of what it starts from."""
+    """One motion of a request: its number from 1, and what it starts from."""
 
     number: int
-    start: int
-
-
-@dataclass(frozen=True)
-class Made:
-    """A motion, and what it starts from."""
-
-    motion: GeneratedMotion
     start: Start
 
 
@@ -99,15 +95,17 @@ def check_request(request: Request) -> None:
         raise UserError("a motion starts from one clip (--from) or from those of a split (--split): leave one out")
 
 
-def find_starts(con: Connection, lake: Lake, request: Request) -> list[Start]:
+def find_starts(con: Connection, lake: Lake, model: Model, request: Request) -> list[Start]:
     """What the motions of a request may start from, by clip and frame.
 
     Recorded motion of the first class; in a lake that knows of no clip's class, any recorded clip.
 
     Raises:
-        UserError: the clip asked for is synthetic, the file cannot be read, or no recorded clip of the first class is
-            long enough.
+        UserError: no motion can have these numbers, the generator does not know a class, the clip to start from is
+            synthetic, the file cannot be read, or no recorded clip of the first class is long enough.
     """
+    check_request(request)
+    check_classes(model, request.classes)
     if request.start is not None and request.outside:
         return [_outside(lake, Path(request.start))]
     if request.start is not None:
@@ -149,48 +147,50 @@ def _outside(lake: Lake, path: Path) -> Start:
 
 def motions_of(request: Request, starts: Sequence[Start], numbers: Iterable[int]) -> list[Motion]:
     """The motions of these numbers; each draws what it starts from by the seed and its number."""
-    found = []
-    for number in numbers:
-        drawn = np.random.default_rng([request.seed, number]).integers(len(starts))
-        found.append(Motion(number, int(drawn)))
-    return found
+    return [Motion(n, starts[np.random.default_rng([request.seed, n]).integers(len(starts))]) for n in numbers]
 
 
-def make(
-    generator: TrainedGenerator, lake: Lake, request: Request, starts: Sequence[Start], motions: Sequence[Motion]
-) -> list[Made]:
+def make(generator: TrainedGenerator, lake: Lake, request: Request, motions: Sequence[Motion]) -> list[GeneratedMotion]:
     """The motions, in their order.
 
     Raises:
         UserError: a start is shorter than needed.
     """
-    seeds = _seeds(lake, starts, {motion.start for motion in motions})
-    wishes = [_wish(request, motion.number, seeds[motion.start]) for motion in motions]
+    from motionlake.glogen.requests import MotionRequest, SeedClip
+
+    starts = sorted({motion.start for motion in motions}, key=lambda start: (start.clip, start.start, start.stop))
+    clips = {c.clip: c.positions for c in frames_of_clips(lake, [asdict(s) for s in starts if not s.outside])}
+    seeds = {}
+    for start in starts:
+        whole = first_body(lake, Path(start.clip))[1].positions if start.outside else clips[start.clip]
+        offsets = np.array(start.rest_offsets, dtype=float).reshape(-1, 3)
+        seeds[start] = SeedClip(start.clip, whole[start.start : start.stop].astype(float), start.fps, offsets)
+    wanted = []
+    for motion in motions:
+        seed = int(np.random.SeedSequence([request.seed, motion.number]).generate_state(1)[0])
+        options = (seed, seeds[motion.start], request.pace, request.temperature)
+        wanted.append(MotionRequest(request.classes, request.seconds, *options))
     try:
-        made = generator.generate(wishes)
+        return generator.generate(wanted)
     except ValueError as error:
         raise UserError(str(error)) from error
-    return [Made(one, starts[motion.start]) for one, motion in zip(made, motions, strict=True)]
 
 
-def _wish(request: Request, number: int, start: SeedClip) -> MotionRequest:
-    from motionlake.glogen.requests import MotionRequest
+def canonical_motion(made: GeneratedMotion, filled: Sequence[str] = ()) -> CanonicalMotion:
+    """The motion as clips have it; in its own rig, the canonical skeleton's BVH, it is in centimetres.
 
-    seed = int(np.random.SeedSequence([request.seed, number]).generate_state(1)[0])
-    return MotionRequest(request.classes, request.seconds, seed, start, request.pace, request.temperature)
+    Args:
+        made: as a generator gives it.
+        filled: joints that rigs of the training clips lack.
+    """
+    from motionlake.motion.canonicalise import METRES_PER_UNIT, CanonicalMotion, body_height
 
-
-def _seeds(lake: Lake, starts: Sequence[Start], wanted: Iterable[int]) -> dict[int, SeedClip]:
-    from motionlake.glogen.requests import SeedClip
-
-    chosen = sorted(wanted)
-    rows = [asdict(starts[index]) for index in chosen if not starts[index].outside]
-    clips = {clip.clip: clip.positions for clip in frames_of_clips(lake, rows)}
-    found = {}
-    for index in chosen:
-        start = starts[index]
-        whole = first_body(lake, Path(start.clip))[1].positions if start.outside else clips[start.clip]
-        positions = whole[start.start : start.stop].astype(float)
-        offsets = np.array(start.rest_offsets, dtype=float).reshape(-1, 3)
-        found[index] = SeedClip(start.clip, positions, start.fps, offsets)
-    return found
+    positions = np.asarray(made.positions, dtype=float)
+    rotations = continuous_signs(np.asarray(made.rotations, dtype=float))
+    rest_offsets = np.asarray(made.rest_offsets, dtype=float)
+    errors = np.linalg.norm(forward_kinematics(positions[:, 0], rotations, rest_offsets) - positions, axis=-1)
+    return CanonicalMotion(
+        fps=made.fps, root=positions[:, 0], rotations=rotations, positions=positions, rest_offsets=rest_offsets,
+        body_height=body_height(rest_offsets), twist=False, filled=tuple(filled), up="y",
+        metres_per_unit=METRES_PER_UNIT, fk_error=float(errors.max()), fk_error_mean=float(errors.mean()),
+    )  # fmt: skip

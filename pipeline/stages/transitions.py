@@ -10,6 +10,7 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
+from itertools import combinations_with_replacement, groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -18,25 +19,21 @@ import pyarrow as pa
 from motionlake.deep_motifs.config import TransitionsConfig
 from motionlake.lake import frames
 from motionlake.lake.catalog import Connection, fetch, fetch_table, load_rows
-from motionlake.lake.config import LakeConfig, config_hash
+from motionlake.lake.config import config_hash
 from motionlake.lake.layout import Lake
 from motionlake.lake.parts import write_part
 from motionlake.motion.features import WordConfig, body_length, windows
 from motionlake.motion.resampling import resample
 from motionlake.stages.motif_model import MOTIF_MODEL
 from motionlake.stages.reader import LakeReader
-from motionlake.stages.shard import Shard, ShardResult
 from motionlake.stages.signatures import SIGNATURES
-from motionlake.stages.stage import Part, clips_of, frames_parts
+from motionlake.stages.stage import Part, Shard, ShardResult, ShardStage, clips_of, frames_parts
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
     from motionlake.deep_motifs.motion_graph.transitions import Windowed
-    from motionlake.deep_motifs.signatures import Corpus
 
-NAME = "transitions"
 CONTEXTS = "contexts"
-VERSION = 1
 ROWS = pa.schema(
     [
         ("from_clip", pa.string()), ("from_frame", pa.int64()), ("from_word", pa.int32()),
@@ -45,93 +42,70 @@ ROWS = pa.schema(
 )  # fmt: skip
 
 
-def parts_of(con: Connection, dataset: str | None = None) -> dict[str, list[Part]]:
-    """The frames parts of each dataset, or of one, by name."""
-    found: dict[str, list[Part]] = {}
-    for part in frames_parts(con):
-        if dataset in (None, part.dataset):
-            found.setdefault(part.dataset, []).append(part)
-    return {name: sorted(parts, key=lambda p: p.part) for name, parts in sorted(found.items())}
-
-
-def pair_shards(con: Connection, parts: Sequence[Part], config: LakeConfig) -> list[Shard]:
-    """A shard for every pair of parts of one dataset, done or not."""
-    words = config.words
-    shaping = asdict(config.transitions) | {"fps": words.fps, "length": words.length, "stride": words.stride}
-    del shaping["context"]  # compared anew without comparing frames
-    clips = {p.part: clips_of(con, p.part) for p in parts}
-    return [
-        Shard(
-            NAME,
-            config_hash(NAME, VERSION, a.key, b.key, shaping),
-            f"{a.part}+{b.part}",
-            a.dataset,
-            {
-                "parts": [a.part, b.part],
-                "clips": clips[a.part] + (clips[b.part] if b is not a else []),
-                "words": asdict(words),
-                "transitions": asdict(config.transitions),
-            },
-            a.clips,
-        )
-        for i, a in enumerate(parts)
-        for b in parts[i:]
-    ]
-
-
-class Transitions:
+class Transitions(ShardStage):
     """Where clips of one dataset can be joined into motion graphs.
 
     The table `transitions` is filled by the shards of contexts, which are planned once all pairs of a dataset's parts
     are compared.
     """
 
-    name = NAME
-    version = VERSION
+    name = "transitions"
     upstream = ("frames", "signatures")
     about = "where clips of DATASET=name (all datasets) can be joined into motion graphs"
-    model = None
     tables = ("transitions",)
     folders = ("transitions",)
     by_name = True
 
     def plan(self, at: LakeReader) -> list[Shard]:
-        return [shard for dataset in parts_of(at.con) for shard in self.plan_dataset(at, dataset)]
+        return [shard for parts in _parts_of_datasets(at.con).values() for shard in self._plan(at, parts)]
 
-    def plan_dataset(self, at: LakeReader, dataset: str) -> list[Shard]:
+    def _plan(self, at: LakeReader, parts: Sequence[Part]) -> list[Shard]:
         """The pairs of parts of a dataset that are not compared yet, or else the contexts of what was found."""
-        parts = parts_of(at.con, dataset)[dataset]
-        every = pair_shards(at.con, parts, at.config)
-        pairs = [s for s in every if s.key not in at.done(NAME)]
-        return pairs or self._contexts(at, dataset, parts, every)
+        every = self._pairs(at, parts)
+        return [s for s in every if s.key not in at.done(self.name)] or self._contexts(at, parts, every)
 
-    def _contexts(self, at: LakeReader, dataset: str, parts: Sequence[Part], pairs: Sequence[Shard]) -> list[Shard]:
+    def _pairs(self, at: LakeReader, parts: Sequence[Part]) -> list[Shard]:
+        """A shard for every pair of parts of one dataset, done or not."""
+        words, config = at.config.words, at.config.transitions
+        shaping = asdict(config) | {"fps": words.fps, "length": words.length, "stride": words.stride}
+        del shaping["context"]  # compared anew without comparing frames
+        clips = {p.part: clips_of(at.con, p.part) for p in parts}
+        shards = []
+        for a, b in combinations_with_replacement(parts, 2):
+            spec = {
+                "parts": [a.part, b.part],
+                "clips": clips[a.part] + (clips[b.part] if b is not a else []),
+                "words": asdict(words),
+                "transitions": asdict(config),
+            }
+            key = config_hash(self.name, self.version, a.key, b.key, shaping)
+            shards.append(Shard(self.name, key, f"{a.part}+{b.part}", a.dataset, spec, a.clips))
+        return shards
+
+    def _contexts(self, at: LakeReader, parts: Sequence[Part], pairs: Sequence[Shard]) -> list[Shard]:
         signed = {p.part: p.key for p in SIGNATURES.parts(at) or []}
         if not signed:
             return []
         keys = [signed[p.part] for p in parts]
-        key = config_hash(CONTEXTS, VERSION, [s.key for s in pairs], keys, at.config.transitions)
+        key = config_hash(CONTEXTS, self.version, [s.key for s in pairs], keys, at.config.transitions)
         if key in at.done(CONTEXTS) or not at.done(SIGNATURES.name).issuperset(keys):
             return []
         spec = {"files": [candidates_file(s.key) for s in pairs], "transitions": asdict(at.config.transitions)}
+        dataset = parts[0].dataset
         return [Shard(CONTEXTS, key, dataset, dataset, spec, sum(p.clips for p in parts))]
 
     def due(self, at: LakeReader) -> int:
         """Shards due in the datasets whose transitions were ever asked for; contexts only where no pair is."""
-        asked = {r["dataset"] for r in fetch(at.con, "shards", {"stage": NAME})}
-        return sum(len(self.plan_dataset(at, name)) for name in parts_of(at.con) if name in asked)
+        asked = {r["dataset"] for r in fetch(at.con, "shards", {"stage": self.name})}
+        datasets = _parts_of_datasets(at.con)
+        return sum(len(self._plan(at, parts)) for name, parts in datasets.items() if name in asked)
 
     def lacking(self, at: LakeReader) -> str | None:
         return "motifs" if MOTIF_MODEL.fitting(at) is None else None
 
-    def at_once(self, at: LakeReader) -> bool:
-        return False
-
     def run(self, root: Path, shard: Shard, /) -> ShardResult:
         """The nearest transitions between the clips of two frames parts; contexts need no worker."""
-        if shard.stage == CONTEXTS:
-            return ShardResult(shard, 0, 0, (), 0.0)
-        return _compare(root, shard)
+        return ShardResult(shard) if shard.stage == CONTEXTS else _compare(root, shard)
 
     def load(self, con: Connection, root: Path, results: Sequence[ShardResult], /) -> None:
         """Replace the transitions of the datasets whose contexts are in the results; candidates stay in their parts."""
@@ -141,6 +115,12 @@ class Transitions:
 
 
 TRANSITIONS: Final = Transitions()
+
+
+def _parts_of_datasets(con: Connection) -> dict[str, list[Part]]:
+    """The frames parts of each dataset, by name."""
+    by_dataset = sorted(frames_parts(con), key=lambda p: (p.dataset, p.part))
+    return {dataset: list(parts) for dataset, parts in groupby(by_dataset, lambda p: p.dataset)}
 
 
 def candidates_file(key: str) -> str:
@@ -198,15 +178,10 @@ def _read(lake: Lake, shard: Shard, part: str, config: TransitionsConfig) -> _Gr
     return _Group(clips, np.array(fps), bones, np.array(sizes), cut)
 
 
-def blended(window: int, ratio: float) -> int:
-    """Frames of a clip that a window of `window` frames covers, `ratio` of its frames to one of the words'."""
-    return max(2, round(window * ratio))
-
-
 def _usable(sampled: int, count: int, ratio: float, window: int) -> int:
     """How many frames at the words' rate leave every window room to be blended at the clip's own rate."""
     starts = np.arange(max(sampled - window + 1, 0))
-    fits = np.round(starts * ratio) + blended(window, ratio) <= count
+    fits = np.round(starts * ratio) + max(2, round(window * ratio)) <= count
     return int(fits.sum()) + window - 1
 
 
@@ -227,23 +202,19 @@ def _end(group: _Group, rows: NDArray[np.int64], rate: float) -> list[pa.Array]:
 
 
 def _load_contexts(con: Connection, root: Path, shard: Shard) -> None:
+    """Pick the nearest candidates of each word, and compare the signatures around both ends of these transitions."""
+    from motionlake.deep_motifs.motion_graph.transitions import context_distances
     from motionlake.lake.corpus import read_corpus
 
     config = TransitionsConfig(**shard.spec["transitions"])
     parameters = {"files": [str(root / f) for f in shard.spec["files"]], "per_word": config.per_word}
-    found = fetch_table(con, "transition_candidates", parameters)
-    distances = contexts(found, read_corpus(con, shard.dataset), config.context)
-    rows = found.append_column("context_distance", pa.array(distances, pa.float64()))
-    load_rows(con, "load_transitions", rows, {"dataset": shard.dataset})
-
-
-def contexts(found: pa.Table, corpus: Corpus, context: int) -> NDArray[np.float64]:
-    """[n] distance of the signatures around both ends of transitions."""
-    from motionlake.deep_motifs.motion_graph.transitions import context_distances
+    found, corpus = fetch_table(con, "transition_candidates", parameters), read_corpus(con, shard.dataset)
 
     def end(side: str) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         clips = [corpus.positions[name] for name in found.column(f"{side}_clip").to_pylist()]
         return np.array(clips, dtype=np.int64), found.column(f"{side}_word").to_numpy().astype(np.int64)
 
     words: list[NDArray[np.integer[Any]]] = [corpus.motifs[corpus.words_of(i)] for i in range(len(corpus.clips))]
-    return context_distances(words, (end("from"), end("to")), corpus.idf, corpus.ground, context)
+    distances = context_distances(words, (end("from"), end("to")), corpus.idf, corpus.ground, config.context)
+    rows = found.append_column("context_distance", pa.array(distances, pa.float64()))
+    load_rows(con, "load_transitions", rows, {"dataset": shard.dataset})

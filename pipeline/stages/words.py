@@ -17,8 +17,17 @@ from motionlake.lake.layout import Lake
 from motionlake.lake.parts import write_part
 from motionlake.motion.features import WordConfig, native_range, windows, word_features
 from motionlake.stages.reader import LakeReader
-from motionlake.stages.shard import Shard
-from motionlake.stages.stage import PART_KEYS, STAGING, Part, PartStage, clips_of, frames_parts
+from motionlake.stages.stage import (
+    PART_KEYS,
+    STAGING,
+    Part,
+    PartStage,
+    Shard,
+    clips_of,
+    clips_of_shard,
+    frames_parts,
+    part_keys,
+)
 from numpy.typing import NDArray
 
 WORD_ROWS = pa.schema(
@@ -43,12 +52,13 @@ class Words(PartStage):
 
     def rows(self, lake: Lake, shard: Shard) -> Iterator[pa.Table]:
         config = WordConfig(**shard.spec["config"])
-        source = lake.path(lake.frames_part(shard.dataset, shard.part))
         ranges: list[pa.Table] = []
-        for clip in frames.read_part(source, shard.spec["clips"]):
+        for clip in clips_of_shard(lake, shard):
             features = word_features(clip.positions.astype(float), clip.rotations.astype(float), clip.fps, config)
             ranges.append(_ranges(clip.clip, shard.part, len(features), clip.fps, len(clip.positions), config))
-            yield features_table(clip.clip, shard, features)
+            names = [*(name for name, _ in PART_KEYS), *(f"f{i}" for i in range(features.shape[1]))]
+            columns = [*part_keys(clip.clip, shard, len(features)), *frames.columns_of(features)]
+            yield pa.Table.from_arrays(columns, names=names)
         if ranges:
             write_part(lake.path(self.entered(shard.key)), pa.concat_tables(ranges), {})
 
@@ -77,19 +87,10 @@ def _ranges(clip: str, part: str, count: int, fps: float, n_frames: int, config:
     )
 
 
-def features_table(clip: str, shard: Shard, features: NDArray[np.float32]) -> pa.Table:
-    count, width = features.shape
-    keys = [pa.repeat(pa.scalar(value), count) for value in (clip, shard.part, shard.key)]
-    names = [*(name for name, _ in PART_KEYS), *(f"f{i}" for i in range(width))]
-    return pa.Table.from_arrays([*keys, *frames.columns_of(features)], names=names)
-
-
 def read_features(path: Path) -> Iterator[tuple[str, NDArray[np.float32]]]:
     """(clip, [T, D]) of every clip of a features part, in order."""
     table = pq.read_table(path)
     columns = [n for n in table.column_names if n not in {name for name, _ in PART_KEYS}]
     matrix = np.column_stack([table.column(n).to_numpy() for n in columns])
-    start = 0
-    for clip, stop in frames.runs_of(table.column("clip")):
-        yield clip, matrix[start:stop]
-        start = stop
+    for clip, rows in frames.runs_of(table.column("clip")):
+        yield clip, matrix[rows]
