@@ -10,8 +10,8 @@ from typing import Final
 import numpy as np
 from motionlake.formats.bvh_writer import to_bvh, write_bvh
 from motionlake.lake.catalog import Connection
-from motionlake.lake.export import canonical_rig, own_rig
 from motionlake.lake.layout import Lake
+from motionlake.lake.raw import canonical_rig, own_rig
 from motionlake.motion.clip import SourceClip
 from motionlake.motion.skeleton import INDEX, JOINTS, MIRRORED_JOINTS
 

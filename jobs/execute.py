@@ -169,5 +169,5 @@ def _load(
 
 def _row(shard: Shard, state: str, **result: object) -> dict[str, object]:
     """A row of the manifest."""
-    nothing = {"reason": None, "rows": 0, "bytes": 0, "files": [], "seconds": None}
+    nothing: dict[str, object] = {"reason": None, "rows": 0, "bytes": 0, "files": [], "seconds": None}
     return {"stage": shard.stage, "key": shard.key, "part": shard.part, "state": state, **nothing, **result}

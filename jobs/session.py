@@ -9,8 +9,8 @@ from datetime import datetime
 from typing import TYPE_CHECKING
 
 from motionlake.jobs.execute import Outcome, Progress, execute
+from motionlake.lake.catalog import collect_garbage
 from motionlake.lake.config import LakeConfig, load_config
-from motionlake.lake.garbage import collect_garbage
 from motionlake.lake.layout import Lake
 from motionlake.lake.lock import locked
 from motionlake.stages.registry import FOLDERS

@@ -110,7 +110,7 @@ class Lake:
         Raises:
             UserError: no clip or several are meant, or the file cannot be read.
         """
-        from motionlake.lake.export import canonical_motion
+        from motionlake.lake.frames import canonical_motion
         from motionlake.stages.frames import first_body
 
         query = self._query(clip)
@@ -369,23 +369,18 @@ class Lake:
                 that no motion can have.
         """
         from motionlake.lake.config import load_config
-        from motionlake.stages.synthesis import check_classes, open_generator, served_generator
-        from motionlake.stages.synthesis_wishes import Request, check_request, find_starts, make, motions_of
-        from motionlake.stages.synthetic_motion import canonical_motion
+        from motionlake.stages.synthesis import open_generator, served_generator
+        from motionlake.stages.synthesis_wishes import Request, canonical_motion, find_starts, make, motions_of
 
         wanted = (classes,) if isinstance(classes, str) else tuple(classes)
         seed_clip = None if start is None else self._query(start)
         outside = isinstance(seed_clip, Path)
         clip = None if seed_clip is None else str(seed_clip)
         request = Request(wanted, seconds, seed, clip, outside, split, pace, temperature)
-        check_request(request)
         model = served_generator(self._con, self._lake, load_config(self._lake.config_file))
-        check_classes(model, request.classes)
-        starts = find_starts(self._con, self._lake, request)
+        starts = find_starts(self._con, self._lake, model, request)
         generator = self._keep(("synthesize",), lambda: open_generator(self._lake, model))
-        return canonical_motion(
-            make(generator, self._lake, request, starts, motions_of(request, starts, [1]))[0].motion
-        )
+        return canonical_motion(make(generator, self._lake, request, motions_of(request, starts, [1]))[0])
 
     def close(self) -> None:
         """Let go of the catalog; the next call opens it again."""

@@ -133,7 +133,7 @@ def test_ctrl_c_says_how_to_go_on(built_lake: Path, monkeypatch: pytest.MonkeyPa
     def interrupt(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("motionlake.lake.export.own_rig", interrupt)
+    monkeypatch.setattr("motionlake.lake.raw.own_rig", interrupt)
     clip = query(built_lake, "SELECT clip FROM clips LIMIT 1")[0][0]
     assert_clear(motionlake("export", clip, "--lake", built_lake), "interrupted", "the same command goes on")
 

@@ -12,8 +12,7 @@ import pyarrow.parquet as pq
 import pytest
 from motionlake.arrays import Float64Array
 from motionlake.errors import UserError
-from motionlake.lake.frames import lengths, read_clip, read_clips, read_part
-from motionlake.lake.motion_footer import KEY, VERSION
+from motionlake.lake.frames import KEY, VERSION, lengths, read_clip, read_clips, read_part
 
 from tests.lakes import motionlake, query
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pyarrow.parquet as pq
 import pytest
-from motionlake.lake import motion_footer
+from motionlake.lake import frames
 from motionlake.lake.catalog import SCHEMA_VERSION
 from motionlake.motion.skeleton import JOINTS
 from motionlake.stages.registry import FOLDERS
@@ -81,7 +81,7 @@ def test_columns_of_parts_are_as_the_page_says(built_lake: Path, folder: str) ->
 
 def test_the_page_has_the_present_versions_and_the_footer(built_lake: Path) -> None:
     versions = re.findall(r"^\| [^|]+ \| (\d+) \| ", section("## Versions"), re.MULTILINE)
-    assert versions == [str(SCHEMA_VERSION), str(motion_footer.VERSION)]
+    assert versions == [str(SCHEMA_VERSION), str(frames.VERSION)]
     assert query(built_lake, "FROM schema_version") == [(SCHEMA_VERSION,)]
     text = re.search(r"```json\n(.*?)```", PAGE, re.DOTALL)
     assert text is not None

@@ -15,7 +15,7 @@ from motionlake.lake.layout import open_lake
 from motionlake.stages.clip_parts import ORPHANS
 from motionlake.stages.reader import lake_reader
 from motionlake.stages.registry import ALL, BY_NAME, EVERY, KINDS, ON_REQUEST, STAGES
-from motionlake.stages.stage import Shard
+from motionlake.stages.stage import Shard, ShardStage
 
 ROOT = Path(__file__).parents[1]
 # What makes a stage due in a lake where it is done: its shards are forgotten; source files were shaped otherwise.
@@ -28,10 +28,16 @@ def lake(built_lake: Path, tmp_path: Path) -> Path:
     return Path(shutil.copytree(built_lake, tmp_path / "lake"))
 
 
+def shard_stage(name: str) -> ShardStage:
+    stage = STAGES[name]
+    assert isinstance(stage, ShardStage)
+    return stage
+
+
 def plan(lake: Path, stage: str) -> list[Shard]:
     target = open_lake(lake)
     with lake_reader(target, load_config(target.config_file)) as at:
-        return STAGES[stage].plan(at)
+        return shard_stage(stage).plan(at)
 
 
 def contents(lake: Path) -> dict[str, str]:
@@ -48,7 +54,7 @@ def contents(lake: Path) -> dict[str, str]:
 
 @pytest.mark.parametrize("name", ALL)
 def test_a_stage_keeps_to_the_protocol(lake: Path, name: str) -> None:
-    stage, target = STAGES[name], open_lake(lake)
+    stage, target = shard_stage(name), open_lake(lake)
     assert plan(lake, name) == [], "done: a second run plans nothing"
     before = contents(lake)
     with duckdb.connect(str(target.catalog)) as con:

@@ -250,7 +250,7 @@ def _make_folder(folder: Path) -> None:
 def _write_bvh(job: Session, clips: Sequence[str], folder: Path) -> int:
     """Write every clip on the canonical skeleton; returns how many files that are."""
     from motionlake.formats.bvh_writer import write_bvh
-    from motionlake.lake.export import own_rig
+    from motionlake.lake.raw import own_rig
 
     job.progress("bvh", 0, len(clips))
     with reading(job.lake) as con:

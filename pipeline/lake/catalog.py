@@ -8,7 +8,7 @@ have opened, and a killed writer leaves the last whole catalog.
 from __future__ import annotations
 
 import shutil
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
@@ -210,3 +210,16 @@ def remove_stale_copies(lake: Lake) -> None:
     """Delete the unfinished catalogs of killed runs; the caller holds the lake's lock."""
     for path in lake.root.glob(".catalog.duckdb.*.tmp*"):
         path.unlink(missing_ok=True)
+
+
+def collect_garbage(lake: Lake, folders: Iterable[str]) -> None:
+    """Delete what killed runs left, and parts in folders of the lake that the catalog does not name.
+
+    The caller holds the lake's lock.
+    """
+    remove_stale_copies(lake)
+    with reading(lake) as con:
+        live = {row["file"] for row in fetch(con, "live_files")}
+    for path in (path for folder in folders for path in lake.root.joinpath(folder).rglob("*")):
+        if path.is_file() and lake.relative(path) not in live:
+            path.unlink()

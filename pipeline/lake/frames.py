@@ -1,20 +1,25 @@
-"""Canonical frames as table columns, one column a channel, and back to arrays."""
+"""Canonical frames as Parquet parts, one column a channel, with a footer that says what these are; back to arrays."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+import json
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 from motionlake.errors import UserError
-from motionlake.lake.motion_footer import open_frames
-from motionlake.motion.skeleton import JOINTS
-from numpy.typing import NDArray
+from motionlake.lake.catalog import Connection, fetch
+from motionlake.lake.layout import Lake
+from motionlake.motion.skeleton import JOINTS, PARENTS
+from numpy.typing import ArrayLike, NDArray
+
+if TYPE_CHECKING:
+    from motionlake.motion.canonicalise import CanonicalMotion
 
 ROOT_CHANNELS: Final = ("root_x", "root_y", "root_z")
 ROTATION_CHANNELS: Final = tuple(f"{j}_q{c}" for j in JOINTS for c in "wxyz")
@@ -22,6 +27,30 @@ POSITION_CHANNELS: Final = tuple(f"{j}_{c}" for j in JOINTS[1:] for c in "xyz")
 CHANNELS: Final = ROOT_CHANNELS + ROTATION_CHANNELS + POSITION_CHANNELS
 _KEYS: Final = (("clip", pa.string()), ("part", pa.string()), ("frame", pa.int32()), ("fps", pa.float64()))
 SCHEMA: Final = pa.schema([*_KEYS, *((name, pa.float32()) for name in CHANNELS)])
+
+# What a frames part says of itself: JSON below this key of its footer, as docs/lake-format.md describes it. With it a
+# part can be read alone: which joints the columns are of, what rotations turn, and each clip's rate and bones.
+KEY: Final = "motion"
+VERSION: Final = 1  # of frames parts: their columns and this footer
+_CONVENTIONS: Final[Mapping[str, Any]] = {
+    "version": VERSION,
+    "unit": "metre",
+    "up": "y",
+    "handedness": "right",
+    "joints": JOINTS,
+    "parents": PARENTS,
+    "rest_pose": "T-pose facing +z, the body's left towards +x",
+    "rotations": {
+        "order": "wxyz",
+        "of": "local: a joint relative to its parent, in the rest pose the identity",
+        "position": "of the parent + rest offset of the joint turned by the parent's world rotation",
+    },
+    "columns": {
+        "root": ["root_x", "root_y", "root_z"],
+        "rotation": ["{joint}_qw", "{joint}_qx", "{joint}_qy", "{joint}_qz"],
+        "position": ["{joint}_x", "{joint}_y", "{joint}_z"],
+    },
+}
 
 
 @dataclass(frozen=True)
@@ -78,6 +107,37 @@ def from_table(clip: str, table: pa.Table) -> Frames:
     positions = np.concatenate([matrix[:, :3], matrix[:, split:]], axis=1).reshape(count, -1, 3)
     fps = table.column("fps")[0].as_py()
     return Frames(clip, fps, rotations.astype(np.float32), np.ascontiguousarray(positions, dtype=np.float32))
+
+
+def footer_clip(fps: float, rest_offsets: ArrayLike) -> dict[str, Any]:
+    """What a footer says of one clip; `rest_offsets` [21, 3], metres, are rounded to micrometres."""
+    offsets = np.asarray(rest_offsets, dtype=np.float32).astype(float)  # first as the catalog has them
+    offsets = offsets.reshape(len(JOINTS), 3).round(6) + 0.0  # no -0.0
+    return {"fps": float(fps), "rest_offsets": offsets.tolist()}
+
+
+def motion_footer(clips: Mapping[str, Mapping[str, Any]]) -> dict[str, str]:
+    """The footer's key and text for a part of clips as `footer_clip` gives them."""
+    return {KEY: json.dumps({**_CONVENTIONS, "clips": clips}, ensure_ascii=False, separators=(",", ":"))}
+
+
+def open_frames(path: Path) -> pq.ParquetFile:
+    """Open a frames part.
+
+    Raises:
+        UserError: the file is damaged, or its footer is of another version.
+    """
+    try:
+        part = pq.ParquetFile(path)
+        footer = json.loads((part.metadata.metadata or {}).get(KEY.encode(), b'{"version": 0}'))
+        version = footer["version"]
+    except (pa.ArrowInvalid, ValueError, KeyError, TypeError) as error:
+        reason = str(error).splitlines()[0]
+        raise UserError(f"{path}: is a damaged frames part ({reason}); put back a copy, or make a new lake") from error
+    if version != VERSION:
+        todo = "update motionlake" if version > VERSION else "`motionlake migrate` brings a lake up to date"
+        raise UserError(f"{path}: is a frames part of version {version}, and version {VERSION} is read here; {todo}")
+    return part
 
 
 def frame_range(name: str, start: int | None, stop: int | None, frames: int) -> tuple[int, int]:
@@ -158,3 +218,18 @@ def read_clip(path: Path, clip: str) -> Frames:
     if found is None:
         raise UserError(f"{path}: does not hold {clip}; the catalog and its parts do not belong together")
     return found
+
+
+def canonical_motion(con: Connection, lake: Lake, clip: str) -> CanonicalMotion:
+    """The motion of a clip on the canonical skeleton, from its stored frames."""
+    from motionlake.motion.canonicalise import CanonicalMotion
+
+    row = fetch(con, "clip", {"clip": clip})[0]
+    stored = read_clip(lake.path(lake.frames_part(row["dataset"], row["part"])), clip)
+    positions = stored.positions.astype(float)
+    return CanonicalMotion(
+        fps=stored.fps, root=positions[:, 0], rotations=stored.rotations.astype(float), positions=positions,
+        rest_offsets=np.array(row["rest_offsets"], dtype=float).reshape(-1, 3), body_height=row["body_height"],
+        twist=row["twist"], filled=tuple(row["filled"]), up="y", metres_per_unit=1.0, fk_error=row["fk_error"],
+        fk_error_mean=row["fk_error"], notes=tuple(row["notes"]),
+    )  # fmt: skip

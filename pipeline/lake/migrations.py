@@ -32,10 +32,9 @@ from motionlake.lake.catalog import (
     table_of,
     version_of,
 )
-from motionlake.lake.frames import SCHEMA, clip_tables
+from motionlake.lake.frames import KEY, SCHEMA, clip_tables, footer_clip, motion_footer
 from motionlake.lake.layout import Lake
 from motionlake.lake.lock import locked
-from motionlake.lake.motion_footer import KEY, footer_clip, motion_footer
 from motionlake.lake.parts import PartWriter, check_part, replacing
 
 _SIZES: Final = pa.schema({"stage": pa.string(), "key": pa.string(), "bytes": pa.int64()})

@@ -1,17 +1,17 @@
-"""The raw channels of source files: kept so that a clip can be written back in its own rig."""
+"""The raw channels of source files, kept so that a clip can be written back in its own rig; clips as source clips."""
 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
+from motionlake.lake.catalog import Connection, fetch
 from motionlake.lake.config import canonical_json
-from motionlake.lake.frames import columns_of, key_columns
+from motionlake.lake.frames import canonical_motion, columns_of, key_columns
+from motionlake.lake.layout import Lake
 from motionlake.motion.clip import ChannelKind, Hierarchy, SourceClip
 
 DEGREES_STEP = 2.0**-12  # a joint a metre away moves by 2 micrometres
@@ -64,10 +64,11 @@ def _step(channel: str, height: float) -> float:
     return float(2.0 ** np.floor(np.log2(max(height, 1e-9) * 1e-5)))
 
 
-def read_source(
-    path: Path, clip: Mapping[str, Any], layout: Mapping[str, Any], skeleton: Mapping[str, Any]
-) -> SourceClip:
-    """The source clip again, from its raw part and its rows in `clips`, `layouts` and `skeletons`."""
+def own_rig(con: Connection, lake: Lake, clip: str) -> SourceClip:
+    """A clip in its own rig, from its raw channels."""
+    row = fetch(con, "clip", {"clip": clip})[0]
+    layout = fetch(con, "layout", {"layout": row["layout"]})[0]
+    skeleton = fetch(con, "skeleton", {"skeleton": row["skeleton"]})[0]
     joints = len(layout["joints"])
     axes = np.array(skeleton["axes"], dtype=float).reshape(-1, 4)
     ends = np.array(skeleton["ends"], dtype=float).reshape(-1, 4)
@@ -82,7 +83,14 @@ def read_source(
         end_sites=tuple((int(e[0]), (e[1], e[2], e[3])) for e in ends.tolist()),
     )
     names = hierarchy.channel_names
-    table = pq.read_table(path, columns=["frame", *names], filters=[("clip", "==", clip["clip"])])
-    table = table.sort_by("frame")
+    path = lake.path(lake.raw_part(row["layout"], row["part"]))
+    table = pq.read_table(path, columns=["frame", *names], filters=[("clip", "==", clip)]).sort_by("frame")
     channels = np.column_stack([table.column(n).to_numpy() for n in names]).astype(float)
-    return SourceClip(hierarchy, channels, clip["fps"], clip["body"], clip["metres_per_unit"])
+    return SourceClip(hierarchy, channels, row["fps"], row["body"], row["metres_per_unit"])
+
+
+def canonical_rig(con: Connection, lake: Lake, clip: str) -> SourceClip:
+    """A clip retargeted to the canonical skeleton with the body's own bone lengths."""
+    from motionlake.motion.canonicalise import to_source_clip
+
+    return to_source_clip(canonical_motion(con, lake, clip))

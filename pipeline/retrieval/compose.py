@@ -33,8 +33,8 @@ from motionlake.deep_motifs.motion_graph.graph import (
 from motionlake.errors import UserError
 from motionlake.lake.catalog import Connection, fetch, fetch_table
 from motionlake.lake.config import load_config
-from motionlake.lake.export import canonical_rig, own_rig
 from motionlake.lake.layout import Lake
+from motionlake.lake.raw import canonical_rig, own_rig
 from motionlake.motion.clip import SourceClip
 from motionlake.motion.resampling import sample_count
 

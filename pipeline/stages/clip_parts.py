@@ -17,7 +17,6 @@ from motionlake.lake import frames, raw
 from motionlake.lake.catalog import Connection, load_rows, run_sql, table_of
 from motionlake.lake.config import FramesConfig
 from motionlake.lake.layout import Lake
-from motionlake.lake.motion_footer import footer_clip, motion_footer
 from motionlake.lake.parts import PartWriter, check_part, replacing
 from motionlake.motion.clip import SourceClip
 from motionlake.stages.stage import Shard, ShardResult, ShardStage
@@ -78,7 +77,7 @@ class ClipParts:
         part = self._shard.part
         layout, skeleton = raw.layout_row(clip.hierarchy), raw.skeleton_row(clip.hierarchy)
         canonical = frames.Frames(name, clip.fps, motion.rotations, motion.positions)
-        self._footer[name] = footer_clip(clip.fps, motion.rest_offsets)
+        self._footer[name] = frames.footer_clip(clip.fps, motion.rest_offsets)
         self._append(self._frames, frames.to_table(canonical, part, config.position_step, config.rotation_step))
         height = motion.body_height / motion.metres_per_unit
         self._append(self._lake.raw_part(layout["layout"], part), raw.to_table(name, part, clip, height))
@@ -104,7 +103,7 @@ class ClipParts:
         self._writers[name].append(table)
 
     def _close(self, name: str, writer: PartWriter) -> None:
-        writer.close(motion_footer(self._footer) if name == self._frames else {})
+        writer.close(frames.motion_footer(self._footer) if name == self._frames else {})
 
 
 class ClipStage(ShardStage):

@@ -7,7 +7,7 @@ import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, ClassVar, Final
 
 import pyarrow as pa
 from motionlake.errors import ClipError, UserError
@@ -53,7 +53,7 @@ class FramesStage(ClipStage):
     upstream = ()
     about = "source files to canonical frames in Parquet"
     tables = ("sources", "rejects", "clips", "layouts", "skeletons", "segments")
-    schemas: Final = {"sources": SOURCE_ROWS, "clips": CLIP_ROWS, "rejects": REJECT_ROWS, **BODY_ROWS}
+    schemas: ClassVar = {"sources": SOURCE_ROWS, "clips": CLIP_ROWS, "rejects": REJECT_ROWS, **BODY_ROWS}
     replaces = "sources"
 
     def plan(self, at: LakeReader) -> list[Shard]:

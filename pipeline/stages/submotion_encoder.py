@@ -14,7 +14,7 @@ from motionlake.lake.config import LakeConfig
 from motionlake.lake.layout import Lake
 from motionlake.lake.models import Model
 from motionlake.stages.descriptor_network import TrainingSet, training_set
-from motionlake.stages.descriptors import served_network
+from motionlake.stages.descriptors import DESCRIPTORS
 from motionlake.stages.model_kind import CHOSEN, ModelKind, Selection
 from motionlake.stages.reader import LakeReader
 
@@ -83,7 +83,7 @@ SUBMOTION_ENCODER: Final = SubmotionEncoder()
 
 
 def _first(con: Connection, lake: Lake) -> Model:
-    network = served_network(con)
+    network = DESCRIPTORS.served(con)
     if network is None:
         raise UserError(
             f'{lake.root}: has no descriptors yet, and recipe "deephums" trains pieces to agree with them; make them '

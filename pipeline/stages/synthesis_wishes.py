@@ -147,7 +147,8 @@ def _outside(lake: Lake, path: Path) -> Start:
 
 def motions_of(request: Request, starts: Sequence[Start], numbers: Iterable[int]) -> list[Motion]:
     """The motions of these numbers; each draws what it starts from by the seed and its number."""
-    return [Motion(n, starts[np.random.default_rng([request.seed, n]).integers(len(starts))]) for n in numbers]
+    drawn = {n: np.random.default_rng([request.seed, n]).integers(len(starts)) for n in numbers}
+    return [Motion(number, starts[int(index)]) for number, index in drawn.items()]
 
 
 def make(generator: TrainedGenerator, lake: Lake, request: Request, motions: Sequence[Motion]) -> list[GeneratedMotion]:

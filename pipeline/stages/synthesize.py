@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 from dataclasses import asdict, dataclass, replace
 from itertools import groupby
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, ClassVar, Final
 
 import pyarrow as pa
 from motionlake.errors import UserError
@@ -54,7 +54,7 @@ class Synthesize(ClipStage):
     about = "motions that a generator makes, as clips of a dataset of their own"
     tables = ("synthetic", "clips", "segments", "layouts", "skeletons")
     by_name = True
-    schemas: Final = {
+    schemas: ClassVar = {
         "clips": LABELLED_CLIP_ROWS,
         "synthetic_segments": SEGMENT_ROWS,
         "synthetic": LINEAGE_ROWS,

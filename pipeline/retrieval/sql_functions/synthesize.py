@@ -14,9 +14,10 @@ from motionlake.retrieval.sql_functions import Names, Served, sql_function
 
 if TYPE_CHECKING:
     from motionlake.glogen.generator import TrainedGenerator
+    from motionlake.glogen.requests import GeneratedMotion
     from motionlake.lake.config import LakeConfig
     from motionlake.lake.models import Model
-    from motionlake.stages.synthesis_wishes import Made, Request
+    from motionlake.stages.synthesis_wishes import Request
 
 FRAME = {"frame": pa.int32(), "time": float, "class": str, "seed_clip": str} | dict.fromkeys(CHANNELS, pa.float32())
 
@@ -56,37 +57,35 @@ def synthesize(
     A row a frame, with the columns of `frames`, the time, the class and the recorded clip that it goes on from.
     `classes`: 'walk', or ['walk', 'kick'] one after the other; `start`: that clip; `split`: its split.
     """
-    from motionlake.stages.synthesis import check_classes
-    from motionlake.stages.synthesis_wishes import Request, check_request, find_starts, make, motions_of
+    from motionlake.stages.synthesis_wishes import Request, find_starts, make, motions_of
 
     if seconds is None:
         return []
     known: _Generator = served.once(_generator)
     clip = None if start is None else str(served.query(start).source)
     request = Request(tuple(classes), seconds, seed, clip, split=split, pace=pace, temperature=temperature)
-    check_request(request)
-    check_classes(known.model, request.classes)
     with reading(served.lake) as con:
-        starts = find_starts(con, served.lake, request)
-    made = make(known.generator, served.lake, request, starts, motions_of(request, starts, [1]))
-    return _rows(known.config, request, made[0])
+        starts = find_starts(con, served.lake, known.model, request)
+    motions = motions_of(request, starts, [1])
+    (made,) = make(known.generator, served.lake, request, motions)
+    return _rows(known.config, request, made, motions[0].start.clip)
 
 
-def _rows(config: LakeConfig, request: Request, made: Made) -> pa.StructArray:
+def _rows(config: LakeConfig, request: Request, made: GeneratedMotion, seed_clip: str) -> pa.StructArray:
     from motionlake.lake.frames import Frames, to_table
-    from motionlake.stages.synthetic_motion import canonical_motion
+    from motionlake.stages.synthesis_wishes import canonical_motion
 
-    motion, steps = canonical_motion(made.motion), config.frames
+    motion, steps = canonical_motion(made), config.frames
     table = to_table(
         Frames("", motion.fps, motion.rotations, motion.positions), "", steps.position_step, steps.rotation_step
     ).combine_chunks()
     count = len(motion.positions)
-    current = np.searchsorted(made.motion.class_starts, np.arange(count), side="right") - 1
+    current = np.searchsorted(made.class_starts, np.arange(count), side="right") - 1
     columns = [
         table.column("frame").chunk(0),
         pa.array(np.arange(count) / motion.fps),
         pa.array([request.classes[i] for i in current], pa.string()),
-        pa.array([made.start.clip] * count, pa.string()),
+        pa.array([seed_clip] * count, pa.string()),
         *(table.column(name).chunk(0) for name in CHANNELS),
     ]
     return pa.StructArray.from_arrays(columns, names=list(FRAME))
