@@ -93,11 +93,11 @@ def execute(
         progress(stage.name, done, total)
         if waiting and not at_once and time.monotonic() - loaded_at > patience:
             started = time.monotonic()
-            _load(lake, stage, waiting, outcome)
+            outcome += _load(lake, stage, waiting)
             waiting = []
             loaded_at = time.monotonic()
             patience = max(LOAD_EVERY, 10 * (loaded_at - started))
-    _load(lake, stage, waiting, outcome, failures)
+    outcome += _load(lake, stage, waiting, failures)
     return outcome
 
 
@@ -142,14 +142,10 @@ def _run_limited(run: Callable[[Path, Shard], ShardResult], root: Path, shard: S
 
 
 def _load(
-    lake: Lake,
-    stage: ShardStage,
-    results: Sequence[ShardResult],
-    outcome: Outcome,
-    failures: Sequence[tuple[Shard, str]] = (),
-) -> None:
+    lake: Lake, stage: ShardStage, results: Sequence[ShardResult], failures: Sequence[tuple[Shard, str]] = ()
+) -> Outcome:
     if not results and not failures:
-        return
+        return Outcome()
     ordered = sorted(results, key=lambda r: (r.shard.dataset, r.shard.key))
     rows = [_row(r.shard, "ok", rows=r.rows, bytes=r.size, files=list(r.files), seconds=r.seconds) for r in ordered]
     rows += [_row(shard, "failed", reason=reason) for shard, reason in failures]
@@ -157,14 +153,11 @@ def _load(
         if ordered:
             stage.load(con, lake.root, ordered)
         load_rows(con, "finish_shards", table_of(rows, FINISH_ROWS))
-    outcome.ok += len(ordered)
-    outcome.failed += len(failures)
-    outcome.clips += sum(r.shard.items - r.rejected for r in ordered)
-    outcome.rejected += sum(r.rejected for r in ordered)
-    outcome.rows += sum(r.rows for r in ordered)
-    outcome.bytes += sum(r.size for r in ordered)
-    if failures:
-        outcome.reason = failures[-1][1]
+    return Outcome(
+        ok=len(ordered), failed=len(failures), clips=sum(r.shard.items - r.rejected for r in ordered),
+        rejected=sum(r.rejected for r in ordered), rows=sum(r.rows for r in ordered),
+        bytes=sum(r.size for r in ordered), reason=failures[-1][1] if failures else "",
+    )  # fmt: skip
 
 
 def _row(shard: Shard, state: str, **result: object) -> dict[str, object]:

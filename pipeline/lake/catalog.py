@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
 import pyarrow as pa
@@ -77,15 +77,11 @@ def create_catalog(lake: Lake) -> None:
     import duckdb
 
     lake.root.mkdir(parents=True, exist_ok=True)
-    with replacing(lake.catalog) as temporary:
-        con = duckdb.connect(str(temporary))
-        try:
-            for name in sql.names("schema"):
-                run_sql(con, name)
-            refresh_macros(con)
-            run_sql(con, "set_schema_version", {"version": SCHEMA_VERSION})
-        finally:
-            con.close()
+    with replacing(lake.catalog) as temporary, closing(duckdb.connect(str(temporary))) as con:
+        for name in sql.names("schema"):
+            run_sql(con, name)
+        refresh_macros(con)
+        run_sql(con, "set_schema_version", {"version": SCHEMA_VERSION})
 
 
 def version_of(con: Connection) -> int:
@@ -109,14 +105,9 @@ def check_version(con: Connection, lake: Lake) -> None:
         )
 
 
-@contextmanager
-def reading(lake: Lake) -> Iterator[Connection]:
+def reading(lake: Lake) -> closing[Connection]:
     """A read-only connection to the catalog as it stands; relative Parquet paths resolve in the lake."""
-    con = connect_read_only(lake)
-    try:
-        yield con
-    finally:
-        con.close()
+    return closing(connect_read_only(lake))
 
 
 def connect_read_only(lake: Lake, *, apart: bool = False) -> Connection:

@@ -98,19 +98,15 @@ class ClipDataset(Dataset[Item]):
             "positions": self._padded(torch.from_numpy(frames.positions[window].copy())),
             "rotations": self._padded(torch.from_numpy(frames.rotations[window].copy())),
             "mask": self._padded(torch.ones(window.stop - window.start, dtype=torch.bool)),
-            "fps": frames.fps,
-            "clip": row["clip"],
-            "label": row["label"] or "",
-            "target": self.targets[at],
+            "fps": frames.fps, "clip": row["clip"], "label": row["label"] or "", "target": self.targets[at],
             "subject": row["subject"] or "",
-        }
+        }  # fmt: skip
         return item if self._transform is None else self._transform(item)
 
     def _window(self, frames: int) -> slice:
-        if self._length is None or frames <= self._length:
-            return slice(0, frames)
-        start = int(torch.randint(frames - self._length + 1, ()))
-        return slice(start, start + self._length)
+        length = frames if self._length is None else min(frames, self._length)
+        start = int(torch.randint(frames - length + 1, ())) if length < frames else 0
+        return slice(start, start + length)
 
     def _padded(self, values: torch.Tensor) -> torch.Tensor:
         """Values [t, ...] of a clip's frames, followed by zeros (false) up to the length of items."""

@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import groupby
+from operator import itemgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -160,19 +162,10 @@ def read_part(path: Path, clips: Collection[str] | None = None) -> Iterator[Fram
 def clip_tables(part: pq.ParquetFile, clips: Collection[str] | None = None) -> Iterator[tuple[str, pa.Table]]:
     """(clip, its rows) of every clip of an open part, or of those of `clips`, in order."""
     wanted = None if clips is None else frozenset(clips)
-    pending: list[pa.Table] = []
-    current: str | None = None
-    for batch in part.iter_batches(batch_size=65_536):
-        for clip, rows in runs(pa.Table.from_batches([batch])):
-            if wanted is not None and clip not in wanted:
-                continue
-            if clip != current and current is not None:
-                yield current, pa.concat_tables(pending)
-                pending = []
-            current = clip
-            pending.append(rows)
-    if current is not None:
-        yield current, pa.concat_tables(pending)
+    batches = (pa.Table.from_batches([batch]) for batch in part.iter_batches(batch_size=65_536))
+    found = ((clip, rows) for batch in batches for clip, rows in runs(batch) if wanted is None or clip in wanted)
+    for clip, pieces in groupby(found, key=itemgetter(0)):
+        yield clip, pa.concat_tables([rows for _, rows in pieces])
 
 
 def runs(table: pa.Table) -> Iterator[tuple[str, pa.Table]]:

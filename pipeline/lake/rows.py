@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, overload
 
 import pyarrow as pa
@@ -11,8 +12,6 @@ from motionlake.errors import UserError
 if TYPE_CHECKING:
     import pandas as pd
     import polars as pl
-
-_INT64 = pa.int64()
 
 
 class Rows(Sequence[dict[str, Any]]):
@@ -54,10 +53,8 @@ class Rows(Sequence[dict[str, Any]]):
         Raises:
             UserError: pandas is not installed.
         """
-        try:
+        with _installed("df", "pandas"):
             import pandas  # noqa: F401
-        except ImportError as error:
-            raise _missing("df", "pandas") from error
         return self._table.to_pandas()
 
     def pl(self) -> pl.DataFrame:
@@ -66,10 +63,8 @@ class Rows(Sequence[dict[str, Any]]):
         Raises:
             UserError: polars is not installed.
         """
-        try:
+        with _installed("pl", "polars"):
             import polars
-        except ImportError as error:
-            raise _missing("pl", "polars") from error
         frame = polars.from_arrow(self._table)
         assert isinstance(frame, polars.DataFrame)
         return frame
@@ -102,11 +97,16 @@ def _with_whole_numbers(table: pa.Table) -> pa.Table:
     for at, column in enumerate(table.schema):
         if pa.types.is_decimal(column.type) and column.type.scale == 0:
             try:
-                table = table.set_column(at, column.name, table.column(at).cast(_INT64))
+                table = table.set_column(at, column.name, table.column(at).cast(pa.int64()))
             except pa.ArrowInvalid:
                 continue
     return table
 
 
-def _missing(method: str, package: str) -> UserError:
-    return UserError(f"{method}(): {package} is not installed; get it with `pip install 'motionlake[frames]'`")
+@contextmanager
+def _installed(method: str, package: str) -> Iterator[None]:
+    try:
+        yield
+    except ImportError as error:
+        todo = "get it with `pip install 'motionlake[frames]'`"
+        raise UserError(f"{method}(): {package} is not installed; {todo}") from error

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import pyarrow as pa
-from motionlake.lake.catalog import fetch, load_rows, reading, run_sql, table_of, writing
+from motionlake.lake.catalog import Connection, fetch, load_rows, reading, run_sql, table_of, writing
 from motionlake.lake.config import LakeConfig
 from motionlake.lake.layout import Lake
 from motionlake.stages.frames import FRAMES, SOURCE_ROWS, Cut, cut
@@ -89,19 +89,21 @@ def _record(lake: Lake, found: Sequence[tuple[Root, Difference]], fresh: Sequenc
         return
     with writing(lake) as con:
         for root in fresh:
-            parameters = {"dataset": root.dataset, "root": root.root, "options": options_json(root.options)}
-            run_sql(con, "save_root", {**parameters, "labels_hash": ""})
+            _save_root(con, root, "")
         load_rows(con, "touch_sources", table_of(touched, SOURCE_ROWS))
         load_rows(con, "drop_shards", table_of(dropped, KEY_ROWS))
 
 
 def finish(lake: Lake, intake: Intake) -> tuple[list[LabelReport], int]:
     """Enter labels and segments once the files are read; returns what was said, and how many files stand rejected."""
-    labels = [
-        report
-        for (root, _), said in zip(intake.roots, intake.said, strict=True)
-        for report in _label(lake, root, said, changed=bool(intake.shards))
-    ]
+    labels: list[LabelReport] = []
+    with reading(lake) as con:
+        before = {(r["dataset"], r["root"]): r["labels_hash"] for r in fetch(con, "roots")}
+    for (root, _), said in zip(intake.roots, intake.said, strict=True):
+        if intake.shards or before.get((root.dataset, root.root)) != said:
+            with writing(lake) as con:
+                labels += apply_labels(con, root)
+                _save_root(con, root, said)
     with reading(lake) as con:
         rejects = sum(
             r["rejects"]
@@ -111,14 +113,6 @@ def finish(lake: Lake, intake: Intake) -> tuple[list[LabelReport], int]:
     return labels, rejects
 
 
-def _label(lake: Lake, root: Root, said: str, *, changed: bool) -> list[LabelReport]:
-    with reading(lake) as con:
-        rows = fetch(con, "roots")
-    before = {(r["dataset"], r["root"]): r["labels_hash"] for r in rows}
-    if not changed and before.get((root.dataset, root.root)) == said:
-        return []
-    with writing(lake) as con:
-        reports = apply_labels(con, root)
-        parameters = {"dataset": root.dataset, "root": root.root, "options": options_json(root.options)}
-        run_sql(con, "save_root", {**parameters, "labels_hash": said})
-    return reports
+def _save_root(con: Connection, root: Root, labels_hash: str) -> None:
+    parameters = {"dataset": root.dataset, "root": root.root, "options": options_json(root.options)}
+    run_sql(con, "save_root", {**parameters, "labels_hash": labels_hash})

@@ -86,14 +86,18 @@ class Symbols(PartStage):
         compare.
         """
         spec = results[0].shard.spec
-        new = served_model(con) != spec["model"]
+        served = fetch(con, "served_postures")
+        new = not served or served[0]["model"] != spec["model"]
         if new:
             run_sql(con, "clear_symbols")
         super().load(con, root, results)
         if new:
-            codes = [str(root / r.shard.spec["codes"]) for r in results]
-            rows = _postures(root / spec["dictionary"])
-            load_rows(con, "load_postures", rows, {"codes": codes, "model": spec["model"]})
+            with safe_open(root / spec["dictionary"], framework="numpy") as tensors:
+                codes, typical = tensors.get_tensor("codes"), tensors.get_tensor("postures")
+            columns = [pa.array(np.arange(len(codes), dtype=np.int32)), pa.array(list(codes)), pa.array(list(typical))]
+            rows = pa.Table.from_arrays(columns, schema=POSTURE_ROWS)
+            files = [str(root / r.shard.spec["codes"]) for r in results]
+            load_rows(con, "load_postures", rows, {"codes": files, "model": spec["model"]})
 
 
 SYMBOLS: Final = Symbols()
@@ -105,16 +109,3 @@ def _rows(names: list[str], strings: list[SymbolString], part: str) -> pa.Table:
     starts = np.concatenate([s.starts for s in strings]) if strings else np.zeros(0, dtype=np.int64)
     lists = [pa.ListArray.from_arrays(offsets, pa.array(values)) for values in (symbols, starts)]
     return pa.Table.from_arrays([pa.array(names, pa.string()), *lists, pa.repeat(part, len(names))], schema=ROWS)
-
-
-def served_model(con: Connection) -> str | None:
-    """The name of the dictionary whose strings the lake serves."""
-    rows = fetch(con, "served_postures")
-    return str(rows[0]["model"]) if rows else None
-
-
-def _postures(file: Path) -> pa.Table:
-    with safe_open(file, framework="numpy") as tensors:
-        codes, typical = tensors.get_tensor("codes"), tensors.get_tensor("postures")
-    columns = [pa.array(np.arange(len(codes), dtype=np.int32)), pa.array(list(codes)), pa.array(list(typical))]
-    return pa.Table.from_arrays(columns, schema=POSTURE_ROWS)
