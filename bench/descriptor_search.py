@@ -22,10 +22,9 @@ import pyarrow as pa
 from motionlake import sql
 from motionlake.arrays import Float32Array, Int64Array
 from motionlake.deephums.config import DIMENSION, PRETRAINED_DESCRIPTORS
-from motionlake.deephums.nearest import DescriptorScan
-from motionlake.deephums.quick import QuickIndex
+from motionlake.deephums.nearest import DescriptorScan, QuickIndex
+from motionlake.deephums.network import load_descriptor
 from motionlake.deephums.sequence import clip_sequence
-from motionlake.deephums.trained import load_descriptor
 from motionlake.training import on_threads
 from numpy.typing import NDArray
 from sklearn.neighbors import NearestNeighbors

@@ -15,9 +15,9 @@ from typing import Any, Final
 from motionlake.arrays import Float32Array
 from motionlake.deephums.batches import windows
 from motionlake.deephums.config import PRETRAINED_DESCRIPTORS, PRETRAINED_SUBMOTION, DescriptorsConfig, SubmotionConfig
+from motionlake.deephums.network import TrainedDescriptor
 from motionlake.deephums.sequence import clip_sequence
 from motionlake.deephums.submotions import TrainedSubmotion, train_submotion
-from motionlake.deephums.trained import TrainedDescriptor
 from motionlake.deephums.training import TrainingClip, train_descriptor
 from motionlake.formats import read_clips
 from motionlake.motion.canonicalise import canonicalise

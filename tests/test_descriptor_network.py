@@ -12,16 +12,9 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from motionlake.arrays import Float32Array, Float64Array
-from motionlake.deephums.batches import Augmentation, at_speeds, resampled, windows
+from motionlake.deephums.batches import NO_AUGMENTATION, Augmentation, at_speeds, resampled, windows
 from motionlake.deephums.config import DIMENSION, DescriptorsConfig
-from motionlake.deephums.network import (
-    NO_AUGMENTATION,
-    DescriptorRecipe,
-    MissingJoints,
-    class_contrast,
-    contrastive_loss,
-    recipe_of,
-)
+from motionlake.deephums.network import DescriptorRecipe, MissingJoints, load_descriptor, recipe_of
 from motionlake.deephums.sequence import (
     alignment_distances,
     clip_sequence,
@@ -30,8 +23,7 @@ from motionlake.deephums.sequence import (
     neighbourhoods,
     similar_by_motion,
 )
-from motionlake.deephums.trained import load_descriptor
-from motionlake.deephums.training import TrainingClip, train_descriptor
+from motionlake.deephums.training import TrainingClip, class_contrast, contrastive_loss, train_descriptor
 from motionlake.motion.skeleton import COMMON, INDEX, JOINTS
 
 TINY = replace(recipe_of(DescriptorsConfig()), hidden=16, epochs=6, batch=8)

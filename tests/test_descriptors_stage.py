@@ -12,8 +12,8 @@ import numpy as np
 import pyarrow as pa
 import pytest
 from motionlake.deephums.config import DIMENSION, DescriptorsConfig
+from motionlake.deephums.network import load_descriptor
 from motionlake.deephums.sequence import clip_sequence
-from motionlake.deephums.trained import load_descriptor
 from motionlake.jobs.session import Session
 from motionlake.lake.catalog import reading, writing
 from motionlake.lake.config import LakeConfig

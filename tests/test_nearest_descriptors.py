@@ -12,14 +12,13 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from motionlake.arrays import Float32Array
-from motionlake.deephums.nearest import DescriptorScan, Neighbours, nearest
-from motionlake.deephums.quick import QuickIndex
+from motionlake.deephums.nearest import DescriptorScan, Neighbours, QuickIndex
 
 Search = Callable[[Float32Array, Float32Array, int], Neighbours]
 
 
 def by_scan(rows: Float32Array, query: Float32Array, k: int) -> Neighbours:
-    return nearest(query, rows, k)
+    return DescriptorScan(rows).nearest(query, k)
 
 
 def by_quick_index(rows: Float32Array, query: Float32Array, k: int) -> Neighbours:
@@ -112,9 +111,9 @@ def test_many_descriptors(spread: float) -> None:
 def test_batches_larger_than_a_scan_holds(monkeypatch: pytest.MonkeyPatch) -> None:
     rng = np.random.default_rng(3)
     rows = clustered(300, rng, 0.3)
-    whole = nearest(rows, rows, 4)
+    whole = DescriptorScan(rows).nearest(rows, 4)
     monkeypatch.setattr("motionlake.deephums.nearest.SCANNED", 2000)
-    for mine, other in zip(whole, nearest(rows, rows, 4), strict=True):
+    for mine, other in zip(whole, DescriptorScan(rows).nearest(rows, 4), strict=True):
         np.testing.assert_array_equal(mine, other)
     assert whole.indices[:, 0].tolist() == list(range(300))
 
@@ -132,7 +131,7 @@ def test_a_training_that_asked_for_less_precision_changes_nothing(monkeypatch: p
     before = torch.get_float32_matmul_precision()
     torch.set_float32_matmul_precision("medium")
     try:
-        assert nearest(rows, rows, 1).indices[:, 0].tolist() == list(range(9))
+        assert DescriptorScan(rows).nearest(rows, 1).indices[:, 0].tolist() == list(range(9))
         assert seen == ["highest"]
         assert torch.get_float32_matmul_precision() == "medium"
     finally:

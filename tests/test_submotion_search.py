@@ -11,10 +11,9 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from motionlake.deephums import submotions as pieces
 from motionlake.deephums.config import LONGEST, PRETRAINED_DESCRIPTORS, PRETRAINED_SUBMOTION, SHORT, SubmotionConfig
-from motionlake.deephums.sequence import clip_sequence
-from motionlake.deephums.submotions import TrainedSubmotion, frames_of, load_submotion, piece_windows, train_submotion
+from motionlake.deephums.sequence import clip_sequence, frames_of, piece_windows
+from motionlake.deephums.submotions import TrainedSubmotion, load_submotion, train_submotion
 from motionlake.lake.catalog import writing
 from motionlake.lake.config import load_config
 from motionlake.lake.frames import Frames, read_part
@@ -67,7 +66,7 @@ def assert_windows(lake: Path, rows: Rows, model: str) -> None:
     """Every window of every clip, cut out and read on its own."""
     network, found = network_of(lake, model), dict(rows)
     for clip, (motion, fps) in motions(lake).items():
-        for start, stop in pieces.piece_windows(len(motion.positions), fps):
+        for start, stop in piece_windows(len(motion.positions), fps):
             wanted = network.embed([clip_sequence(motion.positions[start:stop].astype(float), fps)])[0]
             np.testing.assert_allclose(found.pop((clip, start, stop)), wanted, atol=2e-5)
     assert not found
@@ -146,7 +145,7 @@ def test_a_long_clip_has_many_windows(lake: Path, monkeypatch: pytest.MonkeyPatc
     con = duckdb.connect(str(lake / "catalog.duckdb"))
     con.execute("DELETE FROM manifest WHERE stage = 'submotions'")
     con.close()
-    monkeypatch.setattr(pieces, "LONGEST", 16)
+    monkeypatch.setattr("motionlake.deephums.sequence.LONGEST", 16)
     target = open_lake(lake)
     with lake_reader(target, load_config(target.config_file)) as at:
         shards = SUBMOTIONS.plan(at)

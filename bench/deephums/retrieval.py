@@ -13,9 +13,8 @@ import torch
 from motionlake.arrays import Float32Array, FloatArray
 from motionlake.deephums.batches import Augmentation, resampled
 from motionlake.deephums.config import DescriptorsConfig
-from motionlake.deephums.network import recipe_of
+from motionlake.deephums.network import TrainedDescriptor, recipe_of
 from motionlake.deephums.sequence import alignment_distances, motion_distance, motion_field
-from motionlake.deephums.trained import TrainedDescriptor
 from motionlake.deephums.training import TrainingClip, train_descriptor
 from motionlake.evaluation.dtw import baseline_features, joint_error
 from motionlake.evaluation.ranking import Questions, first_hits, score_split

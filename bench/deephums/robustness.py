@@ -9,7 +9,7 @@ import numpy as np
 import torch
 from motionlake.arrays import Float32Array
 from motionlake.deephums.batches import resampled
-from motionlake.deephums.trained import TrainedDescriptor
+from motionlake.deephums.network import TrainedDescriptor
 from motionlake.evaluation.ranking import Questions, score_split
 from motionlake.motion.skeleton import COMMON, INDEX
 from numpy.typing import NDArray

@@ -16,8 +16,8 @@ from typing import Any, Final
 import numpy as np
 from motionlake.arrays import Float32Array, Int64Array
 from motionlake.deephums.config import DescriptorsConfig, SubmotionConfig
-from motionlake.deephums.sequence import clip_sequence
-from motionlake.deephums.submotions import TrainedSubmotion, piece_windows, train_submotion
+from motionlake.deephums.sequence import clip_sequence, piece_windows
+from motionlake.deephums.submotions import TrainedSubmotion, train_submotion
 from motionlake.deephums.training import TrainingClip, train_descriptor
 from motionlake.motion.features import WordConfig, word_features
 from motionlake.retrieval.submotion_search import Piece, piece_of, place

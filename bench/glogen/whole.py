@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 from motionlake.arrays import Float32Array
 from motionlake.deephums.config import DescriptorsConfig
-from motionlake.deephums.trained import TrainedDescriptor
+from motionlake.deephums.network import TrainedDescriptor
 from motionlake.deephums.training import TrainingClip, train_descriptor
 from motionlake.evaluation.synthesis_likeness import frechet_distance
 from motionlake.glogen.config import SEEDS, SPARSE, SynthesisConfig

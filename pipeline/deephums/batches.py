@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 import torch
-from motionlake.arrays import BoolArray, Float32Array, Float64Array, Int64Array
+from motionlake.arrays import Float32Array, Float64Array
 from motionlake.motion.resampling import beside
 from motionlake.motion.skeleton import COMMON
 from torch import Tensor
@@ -67,10 +67,10 @@ class Augmentation:
             varied = self._with_limbs(varied, self._moved(partners, rng), rng)
         if self.mirror:
             swapped = varied[:, :, _SWAPPED] * torch.tensor([-1.0, 1.0, 1.0])
-            varied = torch.where(_tensor(rng.random((len(clips), 1, 1, 1)) < self.mirror), swapped, varied)
+            varied = torch.where(torch.from_numpy(rng.random((len(clips), 1, 1, 1)) < self.mirror), swapped, varied)
         if self.missing:
             shares = 2 * self.missing * rng.random((len(clips), 1, 1, 1))
-            varied = varied * _tensor(rng.random((len(clips), 1, len(COMMON), 1)) >= shares)
+            varied = varied * torch.from_numpy(rng.random((len(clips), 1, len(COMMON), 1)) >= shares)
         return varied
 
     def _moved(self, clips: Tensor, rng: np.random.Generator) -> Tensor:
@@ -99,10 +99,6 @@ class Augmentation:
         return torch.where(torch.from_numpy(taken), partners, clips)
 
 
-def _tensor(values: BoolArray) -> Tensor:
-    return torch.from_numpy(values)
-
-
 def _normal(rng: np.random.Generator, shape: tuple[int, ...], deviation: float, mean: float = 0.0) -> Tensor:
     drawn = rng.standard_normal(shape, dtype=np.float32)
     return torch.from_numpy(drawn * np.float32(deviation) + np.float32(mean))
@@ -128,6 +124,7 @@ def _interpolated(clips: Tensor, instants: Float64Array) -> Tensor:
     return earlier + (clips[rows, np.minimum(before + 1, frames - 1)] - earlier) * share
 
 
+NO_AUGMENTATION: Final = Augmentation(0, 0, 0, 0, 0, 0, 0, 0, 0, 0)
 # A longer clip is read in windows of at most so many frames (at 30 a second), each half over the one before.
 LONGEST: Final = 600
 
@@ -146,7 +143,7 @@ def windows(clip: Float32Array, longest: int = LONGEST) -> list[Float32Array]:
         return [clip]
     count = int(np.ceil(2 * len(clip) / longest)) - 1
     starts = np.linspace(0, len(clip) - longest, count).round().astype(int)
-    return [_from_root(clip[start : start + longest]) for start in starts]
+    return [part_of(clip, start, longest) for start in starts]
 
 
 def padded(clips: Sequence[Float32Array]) -> tuple[Tensor, Tensor]:
@@ -161,14 +158,8 @@ def at_speeds(clip: Float32Array) -> list[Float32Array]:
     return [clip, clip[::2], resampled(clip, max(1, 2 * len(clip) - 1))]
 
 
-def _from_root(clip: Float32Array) -> Float32Array:
-    """The clip with its root path starting at zero."""
-    moved = clip.copy()
-    moved[:, 0] -= clip[0, 0]
-    return moved
-
-
-def order(count: int, batch: int, rng: np.random.Generator) -> list[Int64Array]:
-    """Indices of the batches of an epoch: all in random order, no batch smaller than half of `batch`."""
-    shuffled = rng.permutation(count)
-    return np.array_split(shuffled, max(1, round(count / batch)))
+def part_of(clip: Float32Array, start: int, count: int) -> Float32Array:
+    """`count` frames of a clip [T, J, 3] from one on, the root's path starting at zero there."""
+    part = clip[start : start + count].copy()
+    part[:, 0] -= clip[start, 0]
+    return part

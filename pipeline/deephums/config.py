@@ -102,10 +102,8 @@ class SubmotionConfig:
             raise ValueError(f"weights is {self.weights!r}, not pretrained or own")
         if not 0 < self.shortest <= self.longest <= 1:
             raise ValueError(f"pieces of {self.shortest} to {self.longest} of a clip: shares between 0 and 1, in order")
-        if (
-            min(self.steps, self.batch, self.variants, self.hidden) < 1
-            or min(self.temperature, self.learning_rate) <= 0
-        ):
+        counts = (self.steps, self.batch, self.variants, self.hidden)
+        if min(counts) < 1 or min(self.temperature, self.learning_rate) <= 0:
             raise ValueError("steps, batch, variants, hidden, temperature and learning_rate must be positive")
 
 

@@ -1,20 +1,27 @@
-"""The networks that turn clips into descriptors (DeepHuMS, section 3.2): joints and their motion, read in time."""
+"""The networks that turn clips into descriptors (DeepHuMS, section 3.2), and a trained one with its file."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, field, replace
-from typing import Final, Literal
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from typing import Any, Final, Literal
 
+import numpy as np
 import torch
-from motionlake.deephums.batches import Augmentation
+from motionlake.arrays import Float32Array
+from motionlake.deephums.batches import NO_AUGMENTATION, Augmentation, padded, resampled, windows
 from motionlake.deephums.config import DIMENSION, DescriptorsConfig
 from motionlake.motion.skeleton import COMMON
+from motionlake.training import on_threads, read_network, save_network
 from torch import Tensor, nn
 from torch.nn.functional import normalize
 
 CHANNELS: Final = 2 * 3 * len(COMMON)
 NOISE: Final = 0.02  # of a joint that is there, body lengths
+METADATA_KEY: Final = "descriptor_network"
+# Batches of exactly this many, the last one filled up, so that a descriptor does not depend on the clips beside it.
+BATCH: Final = 32
 
 
 class DescriptorNetwork(nn.Module):
@@ -138,7 +145,7 @@ class Lstm(nn.Module):
 
 def positions_and_motion(clips: Tensor) -> Tensor:
     """[B, T, 90] joints and their motion to the next frame (the thesis's input), of clips [B, T, 15, 3]."""
-    return torch.cat([clips.flatten(2), _motion(clips).flatten(2)], dim=2)
+    return torch.cat([clips.flatten(2), motion_of(clips).flatten(2)], dim=2)
 
 
 def displacement_and_motion(clips: Tensor) -> Tensor:
@@ -146,15 +153,16 @@ def displacement_and_motion(clips: Tensor) -> Tensor:
     next frame, each divided by its root mean square over the clip: how a body moves, not how far nor how it stands.
     """
     ends = torch.cat([clips[:, :2], clips[:, -2:]], dim=1).mean(dim=1, keepdim=True)
-    return torch.cat([_unit(clips - ends).flatten(2), _unit(_motion(clips)).flatten(2)], dim=2)
+    return torch.cat([_unit(clips - ends).flatten(2), _unit(motion_of(clips)).flatten(2)], dim=2)
 
 
 def positions_and_speed(clips: Tensor) -> Tensor:
     """[B, T, 90] joints and their velocity, in body lengths a quarter of the clip."""
-    return torch.cat([clips.flatten(2), _motion(clips).flatten(2) * (clips.shape[1] / 4)], dim=2)
+    return torch.cat([clips.flatten(2), motion_of(clips).flatten(2) * (clips.shape[1] / 4)], dim=2)
 
 
-def _motion(clips: Tensor) -> Tensor:
+def motion_of(clips: Tensor) -> Tensor:
+    """[B, T, J, 3] from each frame of clips [B, T, J, 3] to the next; zero in the last."""
     motion = torch.zeros_like(clips)
     motion[:, :-1] = clips[:, 1:] - clips[:, :-1]
     return motion
@@ -179,60 +187,6 @@ def _convolution(inputs: int, outputs: int, width: int, stride: int, dropout: fl
         nn.GELU(),
         nn.Dropout(dropout),
     )
-
-
-def contrastive_loss(descriptors: Tensor, similar: Tensor, margin: float) -> Tensor:
-    """Equation 3.1 over all pairs of a batch, similar and dissimilar pairs weighted alike.
-
-    Args:
-        descriptors: [B, d].
-        similar: [B, B] whether two clips are similar.
-        margin: m, how far apart dissimilar clips are pushed.
-    """
-    squares = (descriptors[:, None] - descriptors[None]).square().sum(dim=-1)
-    # The root has no slope at zero.
-    short = (margin - (squares + 1e-12).sqrt()).clamp(min=0)
-    pairs = torch.triu(torch.ones_like(similar), diagonal=1)
-    attracted, repelled = similar & pairs, ~similar & pairs
-    return (_mean(squares, attracted) + _mean(short.square(), repelled)) / 2
-
-
-def class_contrast(descriptors: Tensor, classes: Tensor, temperature: float) -> Tensor:
-    """Supervised contrast: of all other clips of a batch, those of the same class should be the nearest.
-
-    Khosla et al., Supervised Contrastive Learning, 2020, equation 2.
-
-    Args:
-        descriptors: [B, d].
-        classes: [B].
-        temperature: of the softmax over cosines.
-    """
-    same = classes[:, None] == classes[None]
-    wanted = same & ~_diagonal(same)
-    return neighbour_contrast(descriptors, wanted / wanted.sum(dim=1, keepdim=True).clamp(min=1), temperature)
-
-
-def neighbour_contrast(descriptors: Tensor, wanted: Tensor, temperature: float) -> Tensor:
-    """Cross entropy between wanted neighbours and those that the descriptors give.
-
-    Args:
-        descriptors: [B, d].
-        wanted: [B, B] how much of a clip's neighbourhood each other clip is; rows sum to one, or to zero for clips
-            that have none.
-        temperature: of the softmax over cosines.
-    """
-    unit = normalize(descriptors, dim=1)
-    cosines = (unit @ unit.T / temperature).masked_fill(_diagonal(wanted), -1e9)
-    logarithms = torch.log_softmax(cosines, dim=1).masked_fill(_diagonal(wanted), 0)
-    return -(wanted * logarithms).sum(dim=1).mean()
-
-
-def _diagonal(square: Tensor) -> Tensor:
-    return torch.eye(len(square), dtype=torch.bool, device=square.device)
-
-
-def _mean(values: Tensor, chosen: Tensor) -> Tensor:
-    return (values * chosen).sum() / chosen.sum().clamp(min=1)
 
 
 EncoderKind = Literal["conv_gru", "lstm"]
@@ -279,7 +233,6 @@ class DescriptorRecipe:
     augmentation: Augmentation = field(default_factory=Augmentation)
 
 
-NO_AUGMENTATION: Final = Augmentation(0, 0, 0, 0, 0, 0, 0, 0, 0, 0)
 _RECIPES: Final = {
     "default": DescriptorRecipe(),
     # Section 3.3.2: Adam at 1e-3, batches of 128 (NTU) or 8 (HDM05), faster and slower copies. Widths, epochs, margin
@@ -295,3 +248,70 @@ def recipe_of(config: DescriptorsConfig) -> DescriptorRecipe:
     """The recipe that a configuration names."""
     recipe = _RECIPES[config.recipe]
     return replace(recipe, epochs=config.epochs) if config.epochs else recipe
+
+
+@dataclass(frozen=True)
+class TrainedDescriptor:
+    """A frozen network.
+
+    Attributes:
+        config: what it was trained for.
+        recipe: how it was trained.
+        network: in evaluation mode, on the CPU.
+        classes: [C] it was trained with; empty without labels.
+        metrics: of its training.
+    """
+
+    config: DescriptorsConfig
+    recipe: DescriptorRecipe
+    network: DescriptorNetwork
+    classes: list[str]
+    metrics: Mapping[str, Any]
+
+    def embed(self, sequences: Sequence[Float32Array]) -> Float32Array:
+        """[n, 512] descriptors, of length one, of n clips (`clip_sequence`), each independent of the others.
+
+        That of a clip longer than `batches.LONGEST` frames is the mean over its windows.
+        """
+        if not len(sequences):
+            return np.empty((0, DIMENSION), dtype=np.float32)
+        parts = [windows(sequence) if self.recipe.frames else [sequence] for sequence in sequences]
+        with on_threads(1), torch.inference_mode():
+            found = self._embed([part for several in parts for part in several])
+        stops = np.cumsum([len(several) for several in parts])
+        means = np.add.reduceat(found, np.concatenate([[0], stops[:-1]]), axis=0)
+        return np.asarray(means / np.maximum(np.linalg.norm(means, axis=1, keepdims=True), 1e-12), dtype=np.float32)
+
+    def _embed(self, clips: Sequence[Float32Array]) -> Float32Array:
+        if not self.recipe.frames:
+            rows = [self.network(*padded([clip])) for clip in clips]
+            return normalize(torch.cat(rows), dim=1).numpy()
+        found = np.empty((len(clips), DIMENSION), dtype=np.float32)
+        for start in range(0, len(clips), BATCH):
+            some = [resampled(clip, self.recipe.frames) for clip in clips[start : start + BATCH]]
+            batch, _ = padded([*some, *[some[0]] * (BATCH - len(some))])
+            found[start : start + len(some)] = normalize(self.network(batch), dim=1)[: len(some)].numpy()
+        return found
+
+    def save(self, path: Path) -> None:
+        """Write it as one safetensors file."""
+        kept = {
+            "config": asdict(self.config), "recipe": asdict(self.recipe), "classes": self.classes,
+            "figures": dict(self.metrics),
+        }  # fmt: skip
+        save_network(path, self.network, METADATA_KEY, kept)
+
+
+def load_descriptor(path: Path) -> TrainedDescriptor:
+    """Read what `TrainedDescriptor.save` wrote.
+
+    Raises:
+        ValueError: the file holds something else.
+    """
+    tensors, kept = read_network(path, METADATA_KEY)
+    recipe = DescriptorRecipe(**{**kept["recipe"], "augmentation": Augmentation(**kept["recipe"]["augmentation"])})
+    network = DescriptorNetwork(recipe, len(kept["classes"]))
+    network.load_state_dict(tensors)
+    return TrainedDescriptor(
+        DescriptorsConfig(**kept["config"]), recipe, network.eval(), kept["classes"], kept["figures"]
+    )

@@ -8,6 +8,7 @@ from typing import Final
 
 import numpy as np
 from motionlake.arrays import BoolArray, Float32Array, Float64Array
+from motionlake.deephums.config import LONGEST, SHORT
 from motionlake.motion.resampling import interpolated
 from motionlake.motion.skeleton import COMMON, INDEX
 
@@ -50,7 +51,8 @@ def clip_sequence(positions: Float64Array, fps: float, missing: BoolArray | None
     there = np.array([seen[INDEX[name]] for name in COMMON])
     if not len(positions) or not there.any():
         raise ValueError("a clip without frames or without joints has no descriptor")
-    joints = _sampled(positions[:, [INDEX[name] for name in COMMON]].astype(np.float64), fps)
+    joints = positions[:, [INDEX[name] for name in COMMON]].astype(np.float64)
+    joints = interpolated(joints, np.linspace(0, len(joints) - 1, frames_of(len(joints), fps)))
     joints[:, ~there] = 0
     if not np.isfinite(joints).all():
         raise ValueError("joint positions are not all finite")
@@ -65,11 +67,6 @@ def clip_sequence(positions: Float64Array, fps: float, missing: BoolArray | None
     body[:, 0] = (root - root[0]) @ turn
     body[:, ~there] = 0
     return np.asarray(body / _size(joints, there), dtype=np.float32)
-
-
-def _sampled(joints: Float64Array, fps: float) -> Float64Array:
-    count = max(1, round((len(joints) - 1) / fps * FPS) + 1)
-    return interpolated(joints, np.linspace(0, len(joints) - 1, count))
 
 
 def _at(names: tuple[str, ...]) -> list[int]:
@@ -113,6 +110,29 @@ def _size(joints: Float64Array, there: BoolArray) -> float:
             length += float(np.median(np.linalg.norm(joints[:, a] - joints[:, b], axis=-1)))
             share += part
     return length / share if length > 0 else 1.0
+
+
+def frames_of(n_frames: int, fps: float) -> int:
+    """How many frames `clip_sequence` makes of so many at a rate."""
+    return max(1, round((n_frames - 1) / fps * FPS) + 1)
+
+
+def piece_windows(n_frames: int, fps: float) -> list[tuple[int, int]]:
+    """Windows [start, stop) of a clip of so many frames at its own rate, in order: long ones, and short ones inside.
+
+    Both reach from its first frame to its last; each starts at most half a window after the one before. Long ones have
+    at most `LONGEST` frames at 30 a second, short ones `SHORT`. A clip that is no longer is one window.
+    """
+    return sorted({*_covering(n_frames, fps, LONGEST), *_covering(n_frames, fps, SHORT)})
+
+
+def _covering(n_frames: int, fps: float, longest: int) -> list[tuple[int, int]]:
+    width = int((longest - 1) / FPS * fps) + 1
+    if frames_of(n_frames, fps) <= longest or n_frames <= width:
+        return [(0, n_frames)]
+    count = int(np.ceil((n_frames - width) / (width / 2))) + 1
+    starts = np.linspace(0, n_frames - width, count).round().astype(int).tolist()
+    return [(start, start + width) for start in starts]
 
 
 WARM_UP: Final = 0.3

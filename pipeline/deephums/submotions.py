@@ -10,47 +10,23 @@ no other; descriptors trained to forget who moves, and when, do not.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 import torch
 from motionlake.arrays import Float32Array, Int64Array, Progress
-from motionlake.deephums.batches import Augmentation, padded
-from motionlake.deephums.config import DIMENSION, LONGEST, SHORT, SHORTEST, SubmotionConfig
-from motionlake.deephums.network import CHANNELS, positions_and_motion
-from motionlake.deephums.sequence import BONES, FPS, one_cycle
+from motionlake.deephums.batches import NO_AUGMENTATION, padded, part_of
+from motionlake.deephums.config import DIMENSION, LONGEST, SHORTEST, SubmotionConfig
+from motionlake.deephums.network import CHANNELS, Lstm, motion_of
+from motionlake.deephums.sequence import BONES, one_cycle
 from motionlake.motion.skeleton import COMMON
 from motionlake.training import Checkpoint, Loop, on_threads, read_network, save_network
 from torch import Tensor, nn
 from torch.nn.functional import cross_entropy, gelu, mse_loss, normalize
 
-
-def frames_of(n_frames: int, fps: float) -> int:
-    """How many frames `clip_sequence` makes of so many at a rate."""
-    return max(1, round((n_frames - 1) / fps * FPS) + 1)
-
-
-def piece_windows(n_frames: int, fps: float) -> list[tuple[int, int]]:
-    """Windows [start, stop) of a clip of so many frames at its own rate, in order: long ones, and short ones inside.
-
-    Both reach from its first frame to its last; each starts at most half a window after the one before. Long ones have
-    at most `LONGEST` frames at 30 a second, short ones `SHORT`. A clip that is no longer is one window.
-    """
-    found = {*_covering(n_frames, fps, LONGEST), *_covering(n_frames, fps, SHORT)}
-    return sorted(found)
-
-
-def _covering(n_frames: int, fps: float, longest: int) -> list[tuple[int, int]]:
-    width = int((longest - 1) / FPS * fps) + 1
-    if frames_of(n_frames, fps) <= longest or n_frames <= width:
-        return [(0, n_frames)]
-    count = int(np.ceil((n_frames - width) / (width / 2))) + 1
-    starts = np.linspace(0, n_frames - width, count).round().astype(int).tolist()
-    return [(start, start + width) for start in starts]
-
-
+METADATA_KEY: Final = "submotion_network"
 CHECKPOINT_EVERY: Final = 100
 MINE_EVERY: Final = 25
 NEAR: Final = 3
@@ -58,11 +34,9 @@ REPORT_EVERY: Final = 10
 # Brings joints (body lengths) near the range where weights start.
 SCALE: Final = 4.0
 # Body and stance vary between the clips of a batch, so that people are told apart who were never seen.
-BODIES: Final = Augmentation(
-    crop=0, warp=0, yaw=0.15, tilt=0.05, scale=0.05, offset=0.02, noise=0, missing=0, limbs=0, mirror=0
-)
+BODIES: Final = replace(NO_AUGMENTATION, yaw=0.15, tilt=0.05, scale=0.05, offset=0.02)
 # The filter makes the ends of a piece a little other than the same frames inside its clip.
-VIEWS: Final = Augmentation(crop=0, warp=0, yaw=0, tilt=0, scale=0, offset=0, noise=0.002, missing=0, limbs=0, mirror=0)
+VIEWS: Final = replace(NO_AUGMENTATION, noise=0.002)
 
 
 class FramePooling(nn.Module):
@@ -101,9 +75,7 @@ def frame_by_frame(clips: Tensor) -> Tensor:
         return torch.stack([x * cos - z * sin, y, x * sin + z * cos], dim=-1)
 
     body = torch.cat([torch.zeros_like(clips[:, :, :1]), turned(clips[:, :, 1:])], dim=2)
-    motion = torch.zeros_like(body)
-    motion[:, :-1, 1:] = body[:, 1:, 1:] - body[:, :-1, 1:]
-    motion[:, :, :1] = turned(_root_motion(clips))
+    motion = torch.cat([turned(motion_of(clips[:, :, :1])), motion_of(body[:, :, 1:])], dim=2)
     return torch.cat([body.flatten(2), motion.flatten(2)], dim=2) * SCALE
 
 
@@ -115,29 +87,9 @@ def _sizes(clips: Tensor) -> Tensor:
     return (bones.norm(dim=3).sum(dim=2) / sum(BONES.values())).clamp(min=1e-3)[..., None, None]  # type: ignore[no-any-return]
 
 
-def _root_motion(clips: Tensor) -> Tensor:
-    motion = torch.zeros_like(clips[:, :, :1])
-    motion[:, :-1] = clips[:, 1:, :1] - clips[:, :-1, :1]
-    return motion
-
-
-class PieceLstm(nn.Module):
-    """The thesis's: an LSTM over the frames of a piece; its last state is mapped to a descriptor."""
-
-    def __init__(self, hidden: int) -> None:
-        super().__init__()
-        self.recurrent = nn.LSTM(CHANNELS, hidden, batch_first=True)
-        self.project = nn.Linear(hidden, DIMENSION)
-
-    def forward(self, clips: Tensor, lengths: Tensor) -> Tensor:
-        """[B, 512] of pieces [B, T, 15, 3], of which the first `lengths` [B] frames count."""
-        states, _ = self.recurrent(positions_and_motion(clips))
-        return self.project(states[torch.arange(len(clips)), lengths - 1])  # type: ignore[no-any-return]
-
-
 def network_of(config: SubmotionConfig) -> nn.Module:
     """An untrained network."""
-    return FramePooling(config.hidden) if config.recipe == "default" else PieceLstm(config.hidden)
+    return FramePooling(config.hidden) if config.recipe == "default" else Lstm(config.hidden, DIMENSION)
 
 
 def train_submotion(
@@ -246,31 +198,12 @@ def _rows(count: int, near: Int64Array | None, config: SubmotionConfig, rng: np.
 
 
 def _window(clip: Float32Array, rng: np.random.Generator) -> Float32Array:
-    return _from(clip, int(rng.integers(0, max(1, len(clip) - LONGEST + 1))), LONGEST)
+    return part_of(clip, int(rng.integers(0, max(1, len(clip) - LONGEST + 1))), LONGEST)
 
 
 def _piece(clip: Float32Array, config: SubmotionConfig, rng: np.random.Generator) -> Float32Array:
     count = max(SHORTEST, round(len(clip) * rng.uniform(config.shortest, config.longest)))
-    return _from(clip, int(rng.integers(0, max(1, len(clip) - count + 1))), count)
-
-
-def _from(clip: Float32Array, start: int, count: int) -> Float32Array:
-    """`count` frames from one on, the root's path starting there."""
-    part = clip[start : start + count].copy()
-    part[:, 0] -= part[0, 0].copy()
-    return part
-
-
-def embed_pieces(network: nn.Module, sequences: Sequence[Float32Array]) -> Float32Array:
-    """[n, 512] what the network makes of pieces or clips (`clip_sequence`), of length one, each on its own."""
-    found = np.empty((len(sequences), DIMENSION), dtype=np.float32)
-    with on_threads(1), torch.inference_mode():
-        for row, sequence in zip(found, sequences, strict=True):
-            row[:] = normalize(network(*padded([sequence])), dim=1)[0].numpy()
-    return found
-
-
-METADATA_KEY: Final = "submotion_network"
+    return part_of(clip, int(rng.integers(0, max(1, len(clip) - count + 1))), count)
 
 
 @dataclass(frozen=True)
@@ -289,7 +222,11 @@ class TrainedSubmotion:
 
     def embed(self, sequences: Sequence[Float32Array]) -> Float32Array:
         """[n, 512] vectors, of length one, of n pieces or windows (`clip_sequence`), each independent of the others."""
-        return embed_pieces(self.network, sequences)
+        found = np.empty((len(sequences), DIMENSION), dtype=np.float32)
+        with on_threads(1), torch.inference_mode():
+            for row, sequence in zip(found, sequences, strict=True):
+                row[:] = normalize(self.network(*padded([sequence])), dim=1)[0].numpy()
+        return found
 
     def save(self, path: Path) -> None:
         """Write it as one safetensors file."""

@@ -11,23 +11,20 @@ from typing import Any, Final
 import numpy as np
 import torch
 from motionlake.arrays import Float32Array, Int64Array, Progress
-from motionlake.deephums.batches import at_speeds, order, padded, resampled, windows
+from motionlake.deephums.batches import at_speeds, padded, resampled, windows
 from motionlake.deephums.config import DescriptorsConfig
 from motionlake.deephums.network import (
     DescriptorNetwork,
     DescriptorRecipe,
     MissingJoints,
-    class_contrast,
-    contrastive_loss,
-    neighbour_contrast,
+    TrainedDescriptor,
     recipe_of,
 )
 from motionlake.deephums.sequence import alignment_distances, neighbourhoods, one_cycle, similar_by_motion
-from motionlake.deephums.trained import TrainedDescriptor
 from motionlake.training import Checkpoint, Training, on_threads
 from numpy.typing import NDArray
 from torch import Tensor
-from torch.nn.functional import cross_entropy
+from torch.nn.functional import cross_entropy, normalize
 
 CHECKPOINT_EVERY: Final = 5
 VALIDATE_EVERY: Final = 10
@@ -68,7 +65,7 @@ def train_descriptor(
         `validation`: (epoch, top-1 of the validation clips among those trained on) every so often.
 
     Raises:
-        ValueError: too few clips, or labels that were asked for and are not there.
+        ValueError: too few clips, or labels that are required and are not there.
     """
     recipe = recipe or recipe_of(config)
     device = device or ("cuda" if torch.cuda.is_available() else "cpu")
@@ -88,16 +85,36 @@ def train_descriptor(
         network.to(device)
         data = np.concatenate([clip.sequence.ravel() for clip in used])
         kept = Checkpoint(checkpoint, data, config, recipe) if checkpoint else None
-        followed = _Followed(used, validation, recipe) if validation else None
-        losses = _fit(network, material, recipe, config.seed, rng, device, kept, progress, followed)
+        optimiser = torch.optim.AdamW(
+            network.parameters(), lr=recipe.learning_rate, weight_decay=recipe.weight_decay, eps=1e-7
+        )
+        followed: list[tuple[int, float]] = []
+
+        def rate(share: float) -> float:
+            return recipe.learning_rate * (one_cycle(share) if recipe.warm_up else 1)
+
+        def batches() -> list[Int64Array]:
+            """Of an epoch: all clips in random order, no batch smaller than half of the recipe's."""
+            count = len(material.clips)
+            return np.array_split(rng.permutation(count), max(1, round(count / recipe.batch)))
+
+        def after(done: int) -> None:
+            if validation and (done % VALIDATE_EVERY == 0 or done == recipe.epochs):
+                followed.append((done, _top1(network, recipe, used, validation)))
+
+        losses = Training(
+            network, optimiser, recipe.epochs, rate, batches,
+            lambda rows: _loss(network, material, rows, recipe, rng, device), config.seed, rng, kept,
+            CHECKPOINT_EVERY, progress, after,
+        ).run()  # fmt: skip
     metrics: dict[str, Any] = {
         "clips": offered,
         "classes": len(classes) or None,
         "supervision": "labels" if classes else "none",
         "loss": [round(loss, 5) for loss in losses],
     }
-    if followed is not None:
-        metrics["validation"] = followed.top1
+    if followed:
+        metrics["validation"] = followed
     return TrainedDescriptor(config, recipe, network.cpu().eval(), classes, metrics)
 
 
@@ -134,10 +151,6 @@ class _Material:
         labels = np.array([index[clip.label or ""] for clip in used], dtype=np.int64) if classes else None
         return cls(clips, labels[source] if labels is not None else None, near, source)
 
-    def batch(self, rows: Int64Array) -> tuple[Tensor, Tensor]:
-        """Clips [B, T, 15, 3] and their lengths [B]."""
-        return padded([self.clips[i] for i in rows])
-
     def partners(self, rows: Int64Array, rng: np.random.Generator) -> Tensor | None:
         """A clip of the same class for each, itself at worst; None without classes."""
         if self.targets is None:
@@ -146,23 +159,19 @@ class _Material:
         return padded([self.clips[i] for i in chosen])[0]
 
 
-class _Followed:
-    """Top-1 of validation clips among the clips that are trained on, as training goes on."""
-
-    def __init__(
-        self, used: Sequence[TrainingClip], validation: Sequence[TrainingClip], recipe: DescriptorRecipe
-    ) -> None:
-        self._known, self._asked, self._recipe = used, validation, recipe
-        self.top1: list[tuple[int, float]] = []
-
-    def __call__(self, network: DescriptorNetwork, epoch: int) -> None:
-        network.eval()
-        model = TrainedDescriptor(DescriptorsConfig(), self._recipe, network, [], {})
-        known, asked = (model.embed([clip.sequence for clip in clips]) for clips in (self._known, self._asked))
-        network.train()
-        nearest = (asked @ known.T).argmax(axis=1)
-        right = [clip.label == self._known[hit].label for clip, hit in zip(self._asked, nearest, strict=True)]
-        self.top1.append((epoch, float(np.mean(right))))
+def _top1(
+    network: DescriptorNetwork,
+    recipe: DescriptorRecipe,
+    used: Sequence[TrainingClip],
+    validation: Sequence[TrainingClip],
+) -> float:
+    """Share of the validation clips whose nearest clip that is trained on has their label."""
+    network.eval()
+    model = TrainedDescriptor(DescriptorsConfig(), recipe, network, [], {})
+    known, queries = (model.embed([clip.sequence for clip in clips]) for clips in (used, validation))
+    network.train()
+    nearest = (queries @ known.T).argmax(axis=1)
+    return float(np.mean([clip.label == used[hit].label for clip, hit in zip(validation, nearest, strict=True)]))
 
 
 def _classes(clips: Sequence[TrainingClip], supervision: str) -> list[str]:
@@ -176,35 +185,6 @@ def _classes(clips: Sequence[TrainingClip], supervision: str) -> list[str]:
     return classes
 
 
-def _fit(
-    network: DescriptorNetwork,
-    material: _Material,
-    recipe: DescriptorRecipe,
-    seed: int,
-    rng: np.random.Generator,
-    device: str,
-    checkpoint: Checkpoint | None,
-    progress: Progress | None,
-    followed: _Followed | None,
-) -> list[float]:
-    optimiser = torch.optim.AdamW(
-        network.parameters(), lr=recipe.learning_rate, weight_decay=recipe.weight_decay, eps=1e-7
-    )
-
-    def rate(share: float) -> float:
-        return recipe.learning_rate * one_cycle(share) if recipe.warm_up else recipe.learning_rate
-
-    def after(done: int) -> None:
-        if followed is not None and (done % VALIDATE_EVERY == 0 or done == recipe.epochs):
-            followed(network, done)
-
-    return Training(
-        network, optimiser, recipe.epochs, rate, lambda: order(len(material.clips), recipe.batch, rng),
-        lambda rows: _loss(network, material, rows, recipe, rng, device), seed, rng, checkpoint, CHECKPOINT_EVERY,
-        progress, after,
-    ).run()  # fmt: skip
-
-
 def _loss(
     network: DescriptorNetwork,
     material: _Material,
@@ -213,7 +193,7 @@ def _loss(
     rng: np.random.Generator,
     device: str,
 ) -> Tensor:
-    clips, lengths = material.batch(rows)
+    clips, lengths = padded([material.clips[i] for i in rows])
     if recipe.objective == "contrast":
         if material.targets is None:  # two variants of each clip: its own other variant is its nearest
             rows, clips = np.tile(rows, 2), clips.repeat(2, 1, 1, 1)
@@ -234,3 +214,57 @@ def _loss(
     near = near.masked_fill(torch.eye(len(near), dtype=torch.bool, device=device), 0)
     wanted = near / near.sum(dim=1, keepdim=True)
     return torch.stack([neighbour_contrast(part, wanted, recipe.temperature) for part in parts]).sum()
+
+
+def contrastive_loss(descriptors: Tensor, similar: Tensor, margin: float) -> Tensor:
+    """Equation 3.1 over all pairs of a batch, similar and dissimilar pairs weighted alike.
+
+    Args:
+        descriptors: [B, d].
+        similar: [B, B] whether two clips are similar.
+        margin: m, how far apart dissimilar clips are pushed.
+    """
+    squares = (descriptors[:, None] - descriptors[None]).square().sum(dim=-1)
+    # The root has no slope at zero.
+    short = (margin - (squares + 1e-12).sqrt()).clamp(min=0)
+    pairs = torch.triu(torch.ones_like(similar), diagonal=1)
+    attracted, repelled = similar & pairs, ~similar & pairs
+    return (_mean(squares, attracted) + _mean(short.square(), repelled)) / 2
+
+
+def class_contrast(descriptors: Tensor, classes: Tensor, temperature: float) -> Tensor:
+    """Supervised contrast: of all other clips of a batch, those of the same class should be the nearest.
+
+    Khosla et al., Supervised Contrastive Learning, 2020, equation 2.
+
+    Args:
+        descriptors: [B, d].
+        classes: [B].
+        temperature: of the softmax over cosines.
+    """
+    same = classes[:, None] == classes[None]
+    wanted = same & ~_diagonal(same)
+    return neighbour_contrast(descriptors, wanted / wanted.sum(dim=1, keepdim=True).clamp(min=1), temperature)
+
+
+def neighbour_contrast(descriptors: Tensor, wanted: Tensor, temperature: float) -> Tensor:
+    """Cross entropy between wanted neighbours and those that the descriptors give.
+
+    Args:
+        descriptors: [B, d].
+        wanted: [B, B] how much of a clip's neighbourhood each other clip is; rows sum to one, or to zero for clips
+            that have none.
+        temperature: of the softmax over cosines.
+    """
+    unit = normalize(descriptors, dim=1)
+    cosines = (unit @ unit.T / temperature).masked_fill(_diagonal(wanted), -1e9)
+    logarithms = torch.log_softmax(cosines, dim=1).masked_fill(_diagonal(wanted), 0)
+    return -(wanted * logarithms).sum(dim=1).mean()
+
+
+def _diagonal(square: Tensor) -> Tensor:
+    return torch.eye(len(square), dtype=torch.bool, device=square.device)
+
+
+def _mean(values: Tensor, chosen: Tensor) -> Tensor:
+    return (values * chosen).sum() / chosen.sum().clamp(min=1)

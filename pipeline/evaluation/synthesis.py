@@ -219,7 +219,7 @@ def evaluate_synthesis(
     Raises:
         UserError: no generator, no descriptors, no such split or column, or no clip to measure by.
     """
-    from motionlake.deephums.trained import load_descriptor
+    from motionlake.deephums.network import load_descriptor
     from motionlake.glogen.generator import TrainingMotion, embed_motions
 
     model = current_model(con, KIND)

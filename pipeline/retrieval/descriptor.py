@@ -20,9 +20,8 @@ from motionlake.stages.descriptors import DESCRIPTORS
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
-    from motionlake.deephums.nearest import DescriptorScan
-    from motionlake.deephums.quick import QuickIndex
-    from motionlake.deephums.trained import TrainedDescriptor
+    from motionlake.deephums.nearest import DescriptorScan, QuickIndex
+    from motionlake.deephums.network import TrainedDescriptor
 
 Kept = tuple[str | None, str | None, bool]
 
@@ -122,7 +121,7 @@ class DescriptorSearcher(LakeSearcher):
         return self._scans[kept]
 
     def _index(self, scope: Scope) -> QuickIndex:
-        from motionlake.deephums.quick import QuickIndex
+        from motionlake.deephums.nearest import QuickIndex
 
         kept = (scope.dataset, scope.split, scope.recorded_only)
         if kept not in self._indices:
@@ -131,7 +130,7 @@ class DescriptorSearcher(LakeSearcher):
 
     @cached_property
     def _network(self) -> TrainedDescriptor:
-        from motionlake.deephums.trained import load_descriptor
+        from motionlake.deephums.network import load_descriptor
 
         return load_descriptor(self.lake.path(self._file))
 

@@ -15,8 +15,7 @@ import numpy as np
 from motionlake.arrays import Float32Array, Float64Array
 from motionlake.deep_motifs.signatures import CorpusClip
 from motionlake.deephums.config import SHORTEST
-from motionlake.deephums.sequence import FPS, clip_sequence
-from motionlake.deephums.submotions import frames_of, piece_windows
+from motionlake.deephums.sequence import FPS, clip_sequence, frames_of, piece_windows
 from motionlake.errors import UserError
 from motionlake.lake.catalog import fetch, reading
 from motionlake.lake.config import load_config

@@ -22,7 +22,7 @@ from motionlake.stages.reader import LakeReader
 from motionlake.stages.training_clips import chosen_clips, drawn_clips, frames_of_clips
 
 if TYPE_CHECKING:
-    from motionlake.deephums.trained import TrainedDescriptor
+    from motionlake.deephums.network import TrainedDescriptor
     from motionlake.deephums.training import TrainingClip
 
 # Of more than these, clips are drawn at random.
@@ -125,7 +125,7 @@ class DescriptorNetwork(ModelKind[TrainingSet]):
         return replace(trained, metrics={**data.metrics, **trained.metrics})
 
     def load(self, path: Path) -> TrainedDescriptor:
-        from motionlake.deephums.trained import load_descriptor
+        from motionlake.deephums.network import load_descriptor
 
         return load_descriptor(path)
 

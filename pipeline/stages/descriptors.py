@@ -60,7 +60,7 @@ class Descriptors(VectorStage):
         return {"network": network.file, "model": network.model, "clips": clips_of(at.con, part.part)}
 
     def rows(self, lake: Lake, shard: Shard) -> Iterator[pa.Table]:
-        from motionlake.deephums.trained import load_descriptor
+        from motionlake.deephums.network import load_descriptor
 
         network = load_descriptor(lake.path(shard.spec["network"]))
         clips = ((clip.clip, sequence_of(clip)) for clip in clips_of_shard(lake, shard))

@@ -93,6 +93,6 @@ def _first(con: Connection, lake: Lake) -> Model:
 
 
 def _descriptors(lake: Lake, network: Model, sequences: list[Float32Array]) -> Float32Array:
-    from motionlake.deephums.trained import load_descriptor
+    from motionlake.deephums.network import load_descriptor
 
     return load_descriptor(lake.path(network.file)).embed(sequences)

@@ -12,7 +12,7 @@ import numpy as np
 import pyarrow as pa
 from motionlake.arrays import Float32Array
 from motionlake.deephums.config import DIMENSION
-from motionlake.deephums.sequence import clip_sequence
+from motionlake.deephums.sequence import clip_sequence, piece_windows
 from motionlake.lake.catalog import fetch
 from motionlake.lake.layout import Lake
 from motionlake.stages.descriptors import VectorStage
@@ -68,9 +68,9 @@ def _reader(lake: Lake, spec: Mapping[str, Any]) -> tuple[Embed, Callable[[int, 
     Recipe "deephums" compares pieces with the descriptors that the descriptor network gives to whole clips.
     """
     if spec["descriptors"] is None:
-        from motionlake.deephums.submotions import load_submotion, piece_windows
+        from motionlake.deephums.submotions import load_submotion
 
         return load_submotion(lake.path(spec["network"])).embed, piece_windows
-    from motionlake.deephums.trained import load_descriptor
+    from motionlake.deephums.network import load_descriptor
 
     return load_descriptor(lake.path(spec["descriptors"])).embed, lambda n_frames, _fps: [(0, n_frames)]
