@@ -23,7 +23,8 @@ from motionlake.lake.catalog import writing
 from motionlake.lake.layout import open_lake
 from motionlake.lake.models import add_model, next_file, save_model
 from motionlake.motion.skeleton import INDEX, JOINTS, PARENTS
-from motionlake.pictures.synthesis import beside_map, generator_map, recognised_figure, synthesis_pictures
+from motionlake.pictures.maps import beside_map, generator_map
+from motionlake.pictures.synthesis import recognised_figure, synthesis_pictures
 
 from tests.lakes import motionlake, query
 from tests.test_pictures import NASTY, assert_readable, standing

@@ -17,15 +17,20 @@ from motionlake.motion.features import body_length, word_features
 from motionlake.motion.rotations import from_axis_angle, rotate
 from motionlake.motion.skeleton import COMMON, INDEX
 from motionlake.pesta.config import PosturesConfig
-from motionlake.pictures.alignment_matrix import AlignedPath, SymbolRow, alignment_matrix
-from motionlake.pictures.alignment_page import path_indices
-from motionlake.pictures.maps import plane, posture_map
-from motionlake.pictures.retrieval_figures import confusion_figure, precision_recall_figure, robustness_figure
+from motionlake.pictures.evaluation import confusion_figure, precision_recall_figure, robustness_figure
+from motionlake.pictures.maps import posture_map, tsne
 from motionlake.pictures.stick_figures import postures_view
 from motionlake.pictures.style import motif_colours
+from motionlake.pictures.symbol_figures import (
+    AlignedPath,
+    StripOfSymbols,
+    SymbolRow,
+    alignment_matrix,
+    folds,
+    symbol_strip,
+)
 from motionlake.pictures.symbol_material import SymbolMaterial, posture_bodies, read_symbols
-from motionlake.pictures.symbol_sections import posture_sample, strip_of
-from motionlake.pictures.symbol_strip import StripOfSymbols, folds, symbol_strip
+from motionlake.pictures.symbol_pictures import path_indices, posture_sample, strip_of
 from motionlake.retrieval.alignment import AlignmentRangeSearcher
 from motionlake.retrieval.protocol import Query
 from numpy.typing import NDArray
@@ -58,7 +63,7 @@ def strip_figure(name: str, symbols: int) -> Figure:
     string = np.arange(symbols)
     starts = np.arange(symbols) / 3
     clip = StripOfSymbols(
-        99, symbols / 3, standing(16), (np.arange(16) + 0.5) / 48 * symbols,
+        symbols / 3, standing(16), (np.arange(16) + 0.5) / 48 * symbols,
         string, np.maximum(0, starts), string, starts, standing(symbols),
     )  # fmt: skip
     return symbol_strip(clip, [], COLOURS, name, name)
@@ -165,7 +170,7 @@ def test_folded_repeats_are_told_with_their_period(
     starts = np.maximum(0, (np.arange(len(runs)) * 3 - 0.5) / 30)
     string = np.array(runs)[kept]
     clip = StripOfSymbols(
-        12 * len(runs), len(runs) / 10, standing(2), np.array([0.0, 0.1]),
+        len(runs) / 10, standing(2), np.array([0.0, 0.1]),
         np.array(runs), starts, string, np.ceil(starts[kept] * 120) / 120, standing(len(string)),
     )  # fmt: skip
     found = folds(clip, 1 / 30)
@@ -210,9 +215,7 @@ def test_the_sample_on_the_map_is_coded_as_the_lake_is(material: SymbolMaterial)
     file = query(material.lake.root, "SELECT file FROM models WHERE model = $model", model=material.strings.model)
     dictionary = load_dictionary(material.lake.path(file[0][0]))
     np.testing.assert_array_equal(dictionary.encode(features), symbols)
-    np.testing.assert_array_equal(plane(features[:60]), plane(features[:60]))
-    with pytest.raises(ValueError, match="at least 5"):
-        plane(features[:4])
+    np.testing.assert_array_equal(tsne(features[:60], 30.0), tsne(features[:60], 30.0))
 
 
 def test_a_dictionary_over_rotations_is_drawn_as_moments_of_clips(material: SymbolMaterial) -> None:

@@ -21,23 +21,31 @@ from motionlake.lake.catalog import reading
 from motionlake.lake.layout import open_lake
 from motionlake.motion.rotations import from_axis_angle, rotate
 from motionlake.motion.skeleton import INDEX, JOINTS, PARENTS
-from motionlake.pictures.bands import MotifBand, Segment, SegmentRow, lanes_of, motif_bands, segment_bands, word_edges
+from motionlake.pictures.bands import (
+    MotifBand,
+    QueryCurve,
+    Segment,
+    lanes_of,
+    motif_bands,
+    segment_bands,
+    similarity_along,
+    word_edges,
+)
 from motionlake.pictures.clip_sections import bars
-from motionlake.pictures.film_strip import MotifRow, WordStrip, contact_sheet
 from motionlake.pictures.hits_page import HitStrip, draw_hits, hits_page
-from motionlake.pictures.html import Chapter, page, picture
+from motionlake.pictures.html import page, picture
 from motionlake.pictures.maps import clip_map, plane_of
 from motionlake.pictures.material import dataset_view, discriminative, read_material, sampled, shares
-from motionlake.pictures.report import make_report
-from motionlake.pictures.sequence_sections import agreement
-from motionlake.pictures.signatures import (
-    BarGroup,
-    QueryCurve,
+from motionlake.pictures.motif_figures import (
+    MotifRow,
+    WordStrip,
     bar_colours,
+    contact_sheet,
     motif_order,
     signature_bars,
-    similarity_along,
 )
+from motionlake.pictures.report import make_report
+from motionlake.pictures.sequence_sections import agreement
 from motionlake.pictures.stick_figures import three_quarter_view
 from motionlake.pictures.style import DPI, NONE, class_styles, fitted, plain, png, width_of
 from numpy.typing import NDArray
@@ -71,7 +79,7 @@ def signatures(count: int, k: int, seed: int = 0) -> NDArray[np.float32]:
 
 
 def bars_of(names: list[str]) -> Figure:
-    groups = [BarGroup(name, [name, "clip"], signatures(2, 9)) for name in names]
+    groups = {name: dict(zip([name, "clip"], signatures(2, 9), strict=True)) for name in names}
     return signature_bars(groups, np.arange(9), names[-1], names[0])
 
 
@@ -87,7 +95,7 @@ def bands_of(names: list[str]) -> Figure:
 
 def segments_of(names: list[str]) -> Figure:
     truth = [Segment(i, i + 1.5, name) for i, name in enumerate([*names, "unknown"])]
-    return segment_bands([SegmentRow(n, truth) for n in names[:3]], len(names) + 2.0, names[-1], names[0])
+    return segment_bands(dict.fromkeys(names[:3], truth), len(names) + 2.0, names[-1], names[0])
 
 
 def similarity_of(names: list[str]) -> Figure:
@@ -98,7 +106,7 @@ def similarity_of(names: list[str]) -> Figure:
 
 def sheet_of(names: list[str]) -> Figure:
     words = [WordStrip(n, ", 1.0–1.7 s", standing()) for n in names[:3]]
-    rows = [MotifRow(7, n, np.array([0.1, 0.2, 0.3]), words, [(m, 0.1) for m in names]) for n in names]
+    rows = [MotifRow(7, n, np.array([0.1, 0.2, 0.3]), words, dict.fromkeys(names, 0.1)) for n in names]
     return contact_sheet(rows, names[-1], names[0], "share")
 
 
@@ -161,16 +169,16 @@ def test_bars_have_the_colours_of_the_lake_s_signatures(built_lake: Path) -> Non
         material = read_material(con, open_lake(built_lake))
         view = dataset_view(material, "clips")
         found = bars(material, view)
-        groups = [
-            BarGroup(name, [material.corpus.clips[i].clip for i in clips], material.signatures[clips])
+        groups = {
+            name: dict(zip(material.names(clips), material.signatures[clips], strict=True))
             for name, clips in view.by_class().items()
-        ]
+        }
     assert "class" in found.title
     stored = dict(query(built_lake, "SELECT clip, signature FROM signatures"))
     figure = signature_bars(groups, material.order, "bars")
     blocks = [np.asarray(image.get_array()) for axes in figure.axes for image in axes.images]
     rows = np.concatenate([block[::12] for block in blocks if len(block) > 1])
-    clips = [clip for group in groups for clip in group.clips]
+    clips = [clip for group in groups.values() for clip in group]
     assert len(rows) == len(clips) == len(stored)
     for clip, row in zip(clips, rows, strict=True):
         expected = bar_colours(np.array(stored[clip])[material.order])
@@ -318,7 +326,7 @@ def assert_self_contained(text: str) -> Page:
 
 def test_names_are_escaped_in_a_page() -> None:
     made = picture(NASTY[1], NASTY[1], NASTY[1], Figure((1, 1)))
-    text = page(NASTY[1], [NASTY[1]], [[{NASTY[1]: NASTY[1]}]], [Chapter(NASTY[1], [made])])
+    text = page(NASTY[1], [NASTY[1]], [[{NASTY[1]: NASTY[1]}]], {NASTY[1]: [made]})
     found = assert_self_contained(text)
     assert "b" not in found.tags
     assert found.texts.count(NASTY[1]) == 7

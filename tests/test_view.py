@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import io
 import json
 from html.parser import HTMLParser
@@ -16,10 +17,9 @@ from motionlake.cli.look import safe_name
 from motionlake.lake.frames import read_clip
 from motionlake.lake.layout import open_lake
 from motionlake.pictures.bands import Segment
-from motionlake.pictures.film_strip import film_strip
-from motionlake.pictures.motion_gif import FPS, gif_frames, motion_gif
-from motionlake.pictures.player import player_page
-from motionlake.pictures.player_material import MOST_SECONDS, PlayerClip, pack, unpack
+from motionlake.pictures.clip_images import FPS, film_strip, gif_frames, motion_gif
+from motionlake.pictures.player import pack, player_page
+from motionlake.pictures.player_material import MOST_SECONDS, PlayerClip
 from motionlake.pictures.style import png
 from numpy.typing import NDArray
 from PIL import Image, ImageChops
@@ -65,6 +65,15 @@ def moving(count: int, fps: float = 30.0) -> PlayerClip:
     body[:, 5:13] += 0.2 * np.sin(3 * at)[:, None, None]
     spans = [Segment(0, count / fps / 2, "walk"), Segment(count / fps / 2, count / fps, "kick")]
     return PlayerClip("set/a", body, fps, count, 0, [("label", "walk")], [("classes", spans)])
+
+
+def unpack(text: str) -> NDArray[np.float64]:
+    """[n, 21, 3] metres of what `pack` made."""
+    packed = base64.b64decode(text)
+    count = len(packed) // (12 + 6 * 20)
+    root = np.frombuffer(packed, "<i4", 3 * count).reshape(count, 1, 3)
+    others = np.frombuffer(packed, "<i2", offset=12 * count).reshape(count, 20, 3)
+    return np.concatenate([root, root + others.astype(np.int64)], axis=1) / 1000
 
 
 @pytest.mark.parametrize("away", [0.0, 40.0, 2000.0])

@@ -80,7 +80,7 @@ def measure_robustness(given: argparse.Namespace, aae: Spec) -> tuple[dict[str, 
 
 def _draw(folder: Path, rows: Mapping[str, Found]) -> None:
     """Figure 8 of the autoencoder's main rows."""
-    from motionlake.pictures.retrieval_figures import robustness_figure
+    from motionlake.pictures.evaluation import robustness_figure
     from motionlake.pictures.style import png
 
     by_rate: dict[str, dict[float, list[float]]] = {}

@@ -175,11 +175,11 @@ def _beside(con: Connection, lake: Lake, query: Query, beside: str) -> PlayerCli
 
 def _drawn(path: Path, shown: list[PlayerClip]) -> bytes:
     if path.suffix == ".gif":
-        from motionlake.pictures.motion_gif import motion_gif
+        from motionlake.pictures.clip_images import motion_gif
 
         return motion_gif(shown)
     if path.suffix == ".png":
-        from motionlake.pictures.film_strip import film_strip
+        from motionlake.pictures.clip_images import film_strip
         from motionlake.pictures.style import png
 
         return png(film_strip(shown))
@@ -190,7 +190,7 @@ def _drawn(path: Path, shown: list[PlayerClip]) -> bytes:
 
 def _left_out(path: Path, shown: list[PlayerClip]) -> list[str]:
     """What is left out of a file that holds so many seconds at most."""
-    from motionlake.pictures.motion_gif import MOST_SECONDS as MOST_OF_GIF
+    from motionlake.pictures.clip_images import MOST_SECONDS as MOST_OF_GIF
     from motionlake.pictures.player_material import MOST_SECONDS
 
     most = {".html": MOST_SECONDS, ".gif": MOST_OF_GIF, ".png": float("inf")}[path.suffix]

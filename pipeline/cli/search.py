@@ -198,13 +198,13 @@ def align(
         piece = named_query(con, target, query, start, stop)
         (hits,) = searcher.search([piece], k, scope)
         if picture is not None:
-            from motionlake.pictures.alignment_page import save_alignments
             from motionlake.pictures.symbol_material import read_symbols
+            from motionlake.pictures.symbol_pictures import AlignmentPictures
             from motionlake.retrieval.encode import query_motion
 
             material = read_symbols(con, target, searcher.strings.among(replace(scope, recorded_only=False)))
             fps = query_motion(target, piece).fps
-            save_alignments(material, picture, searcher.symbols_of(piece), fps, hits, searcher.config)
+            AlignmentPictures(material, searcher.symbols_of(piece), fps, searcher.config).save(picture, hits)
     rows = [(hit if path else replace(hit, path=None)).as_row() for hit in hits]
     _tell_hits(rows, mirrored=mirrored, as_json=as_json)
 
@@ -269,10 +269,12 @@ def sql(
 
 def _check_picture(path: Path | None, queries: int) -> None:
     """Before the search is made: can so many answers be drawn there? Raises `UserError` if not."""
-    if path is not None:
-        from motionlake.pictures.html import check_hits_file
-
-        check_hits_file(path, queries)
+    if path is None:
+        return
+    if path.suffix not in (".png", ".html"):
+        raise UserError(f"{path}: pictures of hits are written as .png or .html")
+    if path.suffix == ".png" and queries != 1:
+        raise UserError(f"{path}: one .png holds the answers to one query, not to {queries}; name a .html file")
 
 
 def _save_picture(

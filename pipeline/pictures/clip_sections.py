@@ -1,10 +1,11 @@
-"""The pictures of a report that show clips: signature bars, maps, motif bands, a search."""
+"""The pictures of a report that show clips: signature bars, maps, motif bands, motifs as stick figures, a search."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
-from typing import Final
+from collections.abc import Hashable, Sequence
+from itertools import combinations
+from typing import Final, TypeVar
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -14,25 +15,27 @@ from motionlake.evaluation.dtw import BASELINE, baseline_features
 from motionlake.lake.layout import Lake
 from motionlake.motion.dtw import dtw_matrix, frame_pairs
 from motionlake.pictures.bands import motif_bands
-from motionlake.pictures.film_strip import MotifRow, WordStrip, contact_sheet
 from motionlake.pictures.hits_page import hits_page
-from motionlake.pictures.html import Picture, about_clusters, count, count_of, model, picture, short_names, source
+from motionlake.pictures.html import Picture, picture
 from motionlake.pictures.maps import clip_map, plane_of
 from motionlake.pictures.material import (
     ALL,
-    MOST_CLASSES,
     Material,
     View,
-    closest_pair,
+    count,
+    count_of,
     discriminative,
-    largest,
-    sampled,
+    display_names,
     shares,
 )
-from motionlake.pictures.signatures import BarGroup, signature_bars
+from motionlake.pictures.motif_figures import MotifRow, WordStrip, contact_sheet, signature_bars
+from motionlake.pictures.stick_figures import spread
 from motionlake.pictures.style import UNLABELLED
 from threadpoolctl import threadpool_limits
 
+T = TypeVar("T", bound=Hashable)
+
+MOST_CLASSES: Final = 30
 PER_CLASS: Final = 4
 HITS: Final = 6
 SUBJECTS: Final = range(2, 10)
@@ -40,30 +43,36 @@ A_SUBJECT: Final = 3
 BY_SUBJECT: Final = 60
 LEAST_ON_MAP: Final = 3
 MOST_PAIRS: Final = 400_000_000  # of frames, some seconds of DTW
+LONGEST: Final = 40
+ENOUGH_MOTIFS: Final = 4
 
 
 def bars(material: Material, view: View) -> Picture:
     """Signature bars, four clips a class (figures 1 and 6)."""
-    corpus = material.corpus
     by_class = view.by_class()
-    shown = largest(by_class, MOST_CLASSES)
-    chosen = {
-        name: [clips[j] for j in sampled([corpus.clips[i].clip for i in clips], PER_CLASS)]
+    shown = {name: material.some(clips, PER_CLASS) for name, clips in _largest(by_class, MOST_CLASSES).items()}
+    groups = {
+        name: dict(zip(display_names(material.names(clips)), material.signatures[clips], strict=True))
         for name, clips in shown.items()
     }
-    names = {clip: shown for clips in chosen.values() for clip, shown in short_names(material, clips).items()}
-    groups = [BarGroup(name, [names[i] for i in clips], material.signatures[clips]) for name, clips in chosen.items()]
     of_each = f"the clips of each {view.kind}" if len(by_class) > 1 else "the clips"
     title = f"{view.name}: which motifs {of_each} are made of"
-    note = f"{count_of(len(names), view.total, 'clip')}, at most {PER_CLASS} a {view.kind}; {model(material)}"
+    chosen = count_of(sum(map(len, groups.values())), view.total, "clip")
+    note = f"{chosen}, at most {PER_CLASS} a {view.kind}; {material.about_model}"
     fewer = len(shown) < len(by_class)
     left_out = f" The {len(shown)} largest of {len(by_class)} {view.plural} are shown." if fewer else ""
     caption = (
         "Signatures (Deep Motifs, figures 1 and 6). A row is a clip, a column a motif; the hotter and darker, the "
         f"larger the motif's tf-idf share, grey is none. Clips of one {view.kind} light up in the same columns. "
-        f"Similar motifs stand side by side; the order is not that of time.{left_out}{about_clusters(view)}"
+        f"Similar motifs stand side by side; the order is not that of time.{left_out}{view.about_clusters}"
     )
     return picture(f"{view.name}-signatures", title, caption, signature_bars(groups, material.order, title, note))
+
+
+def _largest(groups: dict[T, list[int]], most: int) -> dict[T, list[int]]:
+    """The groups with most members, in the order they had."""
+    kept = set(sorted(groups, key=lambda name: -len(groups[name]))[:most])
+    return {name: members for name, members in groups.items() if name in kept}
 
 
 def clips_map(material: Material, view: View) -> Picture | None:
@@ -75,7 +84,7 @@ def clips_map(material: Material, view: View) -> Picture | None:
     figure, said = _map(material, view.clips[view.shown].tolist(), view.distances, view.shown_classes, title, chosen)
     caption = (
         "A map of clips (Deep Motifs, figures 7 and 8). A point is a clip; near points have near signatures. "
-        f"{said}{about_clusters(view)}"
+        f"{said}{view.about_clusters}"
     )
     return picture(f"{view.name}-map", title, caption, figure)
 
@@ -84,7 +93,7 @@ def subjects_map(material: Material, view: View) -> Picture | None:
     """A map of the clips of the largest class by who moves (figure 8); None where that cannot be told apart."""
     corpus = material.corpus
     name, members = max(view.by_class().items(), key=lambda group: len(group[1]))
-    clips = [members[i] for i in sampled([corpus.clips[i].clip for i in members], BY_SUBJECT)]
+    clips = material.some(members, BY_SUBJECT)
     subjects = [corpus.clips[i].subject or "" for i in clips]
     counts = Counter(subjects)
     if view.kind != "class" or "" in counts or len(counts) not in SUBJECTS or min(counts.values()) < A_SUBJECT:
@@ -105,7 +114,7 @@ def _map(
 ) -> tuple[Figure, str]:
     """The map, and a sentence on its errors; beside it the map by whole-clip DTW where that is soon made."""
     points, stress = plane_of(distances)
-    note = f"{chosen}; Earth Mover's Distance of signatures, metric MDS, stress {stress:.2f}; {model(material)}"
+    note = f"{chosen}; Earth Mover's Distance of signatures, metric MDS, stress {stress:.2f}; {material.about_model}"
     said = f"Distances on the page are off by {stress:.0%} (Kruskal's stress); the axes have no meaning of their own."
     hidden = len(clips) - len(np.unique(material.signatures[clips], axis=0))
     said += f" Clips of equal signatures share one point ({hidden} are hidden that way)." if hidden else ""
@@ -119,39 +128,52 @@ def _map(
 
 
 def _dtw_distances(material: Material, clips: list[int]) -> Float64Array | None:
-    corpus = material.corpus
     if frame_pairs([round(material.seconds(i) * BASELINE.fps) for i in clips]) > MOST_PAIRS:
         return None
-    positions = material.poses.many([corpus.clips[i].clip for i in clips])
-    features = [
-        baseline_features(positions[corpus.clips[i].clip].astype(np.float64), corpus.clips[i].fps) for i in clips
-    ]
+    known = [material.corpus.clips[i] for i in clips]
+    positions = material.poses.many([clip.clip for clip in known])
+    features = [baseline_features(positions[clip.clip].astype(np.float64), clip.fps) for clip in known]
     with threadpool_limits(limits=1):  # matrices too small for threads
         return dtw_matrix(features)
 
 
 def two_bands(material: Material, view: View) -> Picture | None:
     """Two clips with near signatures as bands of motifs (figure 9)."""
-    pair = closest_pair(material, view)
+    pair = _closest_pair(material, view)
     if pair is None:
         return None
-    names = short_names(material, list(pair))
-    where = {clip: i for i, clip in enumerate(view.clips.tolist())}
-    shown = view.shown.tolist()
-    distance = view.distances[shown.index(where[pair[0]]), shown.index(where[pair[1]])]
-    one, other = (view.classes[where[i]] for i in pair)
+    clips = view.clips[view.shown[list(pair)]].tolist()
+    one, other = (view.shown_classes[i] for i in pair)
     classes = one if one == other else f"{one} and {other}"
     title = f"{view.name}: two clips of near signatures, motif by motif"
     note = "" if classes == ALL else f"{classes}; "
-    note += f"distance of the signatures {distance:.3f}; {model(material)}"
+    note += f"distance of the signatures {view.distances[pair]:.3f}; {material.about_model}"
     caption = (
         "Motif bands (Deep Motifs, figure 9). The upper band of each clip is its motifs in time, one colour a motif; "
         "the lower one its signature, the same motifs sorted and weighted. The order in time may differ, the "
         "signatures hardly do. The pair is the closest among the longest clips shown, of two subjects where there "
         "are such."
     )
-    figure = motif_bands([material.band(i, names[i]) for i in pair], material.order, title, note)
-    return picture(f"{view.name}-bands", title, caption, figure)
+    bands = [material.band(i, name) for i, name in zip(clips, display_names(material.names(clips)), strict=True)]
+    return picture(f"{view.name}-bands", title, caption, motif_bands(bands, material.order, title, note))
+
+
+def _closest_pair(material: Material, view: View) -> tuple[int, int] | None:
+    """The two clips (positions in `view.shown`) of one class with the nearest signatures, among the longest shown.
+
+    Pairs of several motifs come first, then pairs of one class, then of two subjects.
+    """
+    clips, classes = view.clips[view.shown], view.shown_classes
+    long = np.argsort([-material.seconds(i) for i in clips], kind="stable")[:LONGEST]
+    kinds = np.count_nonzero(material.signatures[clips], axis=1)
+    subjects = [material.corpus.clips[i].subject for i in clips]
+
+    def key(pair: tuple[int, int]) -> tuple[int, bool, bool, float, tuple[int, int]]:
+        held = int(min(*kinds[list(pair)], ENOUGH_MOTIFS))
+        a, b = pair
+        return -held, classes[a] != classes[b], subjects[a] == subjects[b], float(view.distances[pair]), pair
+
+    return min(combinations(sorted(long.tolist()), 2), key=key, default=None)
 
 
 def hits_of_one(lake: Lake, material: Material) -> Picture | None:
@@ -159,7 +181,9 @@ def hits_of_one(lake: Lake, material: Material) -> Picture | None:
     corpus = material.corpus
     if len(corpus.clips) < 2:
         return None
-    query = _example(material)
+    lengths = np.diff(corpus.offsets)
+    middling = np.argsort(lengths, kind="stable")[len(lengths) // 2 :].tolist()
+    (query,) = material.some(middling, 1)
     distances = emd_many(material.signatures[query], material.signatures, corpus.ground)
     nearest = [i for i in np.argsort(distances, kind="stable").tolist() if i != query][:HITS]
     rows = [
@@ -175,14 +199,6 @@ def hits_of_one(lake: Lake, material: Material) -> Picture | None:
     return picture("search", title, caption, hits_page(material.con, lake, name, rows))
 
 
-def _example(material: Material) -> int:
-    """A clip to search for, of middling length, the same one every time."""
-    corpus = material.corpus
-    lengths = np.diff(corpus.offsets)
-    middling = np.argsort(lengths, kind="stable")[len(lengths) // 2 :]
-    return int(middling[sampled([corpus.clips[i].clip for i in middling], 1)[0]])
-
-
 WORDS_A_MOTIF: Final = 3
 POSES: Final = 5
 ROWS: Final = 16
@@ -195,7 +211,8 @@ def strongest_motifs(material: Material, view: View) -> Picture:
     counts = material.counts(view.clips).sum(axis=0)
     held = counts >= LEAST_SHARE * counts.sum()
     motifs = [m for m in np.argsort(-material.corpus.strength, kind="stable").tolist() if held[m]][:STRONGEST]
-    rows = _rows(material, view, [(f"strength {material.corpus.strength[m]:.3f}", m, view.clips) for m in motifs])
+    clips = view.clips.tolist()
+    rows = _rows(material, view, [(f"strength {material.corpus.strength[m]:.3f}", m, clips) for m in motifs])
     title = f"The {len(rows)} strongest motifs"
     caption = (
         "Strong motifs are frequent and compact (Deep Motifs, section 4.1: density of the cluster). Those with at "
@@ -203,8 +220,10 @@ def strongest_motifs(material: Material, view: View) -> Picture:
         "left limbs blue, right limbs orange, turned to face the same way. "
         f"On the right: the share of the words of each {view.kind} that belong to the motif."
     )
-    figure = contact_sheet(rows, title, f"{count(view.total, 'clip')}; {model(material)}", f"share by {view.kind}")
-    return picture(f"{view.name}-strongest", title, caption, figure)
+    note = f"{count(view.total, 'clip')}; {material.about_model}"
+    return picture(
+        f"{view.name}-strongest", title, caption, contact_sheet(rows, title, note, f"share by {view.kind}")
+    )  # fmt: skip
 
 
 def class_motifs(material: Material, view: View) -> list[Picture]:
@@ -212,36 +231,37 @@ def class_motifs(material: Material, view: View) -> list[Picture]:
     by_class = view.by_class()
     if len(by_class) < 2:
         return []
-    kept = set(largest({n: c for n, c in by_class.items() if n != UNLABELLED}, MOST_CLASSES))
+    kept = _largest({n: c for n, c in by_class.items() if n != UNLABELLED}, MOST_CLASSES)
     chosen = [(name, motif) for name, motif in discriminative(shares(material, view)) if name in kept]
     pictures = []
     pages = -(-len(chosen) // ROWS)
     for i in range(pages):
         part = chosen[i * len(chosen) // pages : (i + 1) * len(chosen) // pages]
-        rows = _rows(material, view, [(name, motif, np.array(by_class[name])) for name, motif in part])
+        rows = _rows(material, view, [(name, motif, by_class[name]) for name, motif in part])
         title = f"{view.name}: for each {view.kind}, the motif that is most its own"
         title += f" ({i + 1} of {pages})" if pages > 1 else ""
         caption = (
             f"Motifs that are frequent in one {view.kind} and in few others (Deep Motifs, figure 5), shown by words of "
             f"that {view.kind} near the motif's centre. On the right: the share of the words of each {view.kind} that "
             f"belong to the motif, largest first. A motif that stands for two {view.plural} is the most telling of "
-            f"either.{about_clusters(view)}"
+            f"either.{view.about_clusters}"
         )
-        note = f"{count_of(len(view.clips), view.total, 'clip')}; {model(material)}"
+        note = f"{count_of(len(view.clips), view.total, 'clip')}; {material.about_model}"
         figure = contact_sheet(rows, title, note, f"share by {view.kind}")
         pictures.append(picture(f"{view.name}-motifs-{i + 1}", title, caption, figure))
     return pictures
 
 
-def _rows(material: Material, view: View, wanted: Sequence[tuple[str, int, np.ndarray]]) -> list[MotifRow]:
-    corpus = material.corpus
+def _rows(material: Material, view: View, wanted: Sequence[tuple[str, int, list[int]]]) -> list[MotifRow]:
+    """Of (reason, motif, clips that its words are taken from)."""
     by_class = shares(material, view)
     rows = []
-    found = material.nearest_words([m for _, m, _ in wanted], [corpus.clips[i].clip for i in view.clips])
+    found = material.nearest_words([motif for _, motif, _ in wanted], material.names(view.clips))
     for reason, motif, clips in wanted:
-        members = {corpus.clips[i].clip for i in clips}
-        words = [w for w in found[motif] if w.clip in members][:WORDS_A_MOTIF]
-        strips = [WordStrip(*source(material, w), material.poses.sample(w.clip, w.start, w.stop, POSES)) for w in words]
-        common = [(name, float(share[motif])) for name, share in by_class.items()]
+        members = set(material.names(clips))
+        words = [word for word in found[motif] if word.clip in members][:WORDS_A_MOTIF]
+        poses = [spread(material.poses.positions(w.clip)[w.start : w.stop], POSES) for w in words]
+        strips = [WordStrip(*material.source(word), moments) for word, moments in zip(words, poses, strict=True)]
+        common = {name: float(share[motif]) for name, share in by_class.items()}
         rows.append(MotifRow(motif, reason, material.colours[motif], strips, common))
     return rows

@@ -73,7 +73,7 @@ def hits_page(
     Args:
         con: to the lake.
         lake: the same.
-        query: a clip of the lake, by name, or a clip file, of which the first body is drawn.
+        query: a clip of the lake, or a clip file, of which the first body is drawn.
         hits: rows with "rank", "clip" and the measure; "label", "mirrored" and, for ranges of frames, "start" and
             "stop" are used where there are such. At most 30 are drawn.
         start: first frame of the query, where it is a range of frames.
@@ -99,12 +99,11 @@ def _hit_strip(poses: PoseReader, hit: Mapping[str, Any], known: Mapping[str, An
     label = hit.get("label") or known["label"]
     distance = f"{measure} {hit[measure]:.3f}" + (", mirrored" if hit.get("mirrored") else "")
     if start is None or stop is None:
-        when, moments = f"{known['seconds']:.1f} s", poses.whole(clip, MOMENTS)
+        when = f"{known['seconds']:.1f} s"
     else:
         when = f"{start / known['fps']:.1f}–{stop / known['fps']:.1f} s"
-        moments = poses.sample(clip, int(start), int(stop), MOMENTS)
     lines = [line for line in (label, clip, f"{distance}, {when}") if line]
-    return HitStrip(str(hit["rank"]), lines, moments)
+    return HitStrip(str(hit["rank"]), lines, spread(poses.positions(clip)[start:stop], MOMENTS))
 
 
 def _query_strip(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 from pathlib import Path
@@ -13,7 +13,6 @@ from typing import Any, Final
 from matplotlib.figure import Figure
 from motionlake.errors import UserError
 from motionlake.lake.parts import replacing
-from motionlake.pictures.material import ALL, Material, View, Word, display_names
 from motionlake.pictures.style import png
 
 PIXELS_AN_INCH: Final = 100
@@ -56,35 +55,32 @@ def picture(name: str, title: str, caption: str, figure: Figure) -> Picture:
     return Picture(name, title, caption, png(figure), round(figure.get_figwidth() * PIXELS_AN_INCH))
 
 
-@dataclass(frozen=True)
-class Chapter:
-    """Pictures under one heading."""
-
-    title: str
-    pictures: Sequence[Picture]
+def document(title: str, style: str, body: Iterable[str], head: str = "") -> str:
+    """An HTML file with this style sheet in it, and with these elements in its head and its body."""
+    lines = [
+        f'<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">{head}',
+        '<meta name="viewport" content="width=device-width, initial-scale=1">',
+        f"<title>{escape(title)}</title><style>{style}</style></head><body>",
+        *body,
+        "</body></html>\n",
+    ]
+    return "\n".join(lines)
 
 
 def page(
-    title: str, lead: Sequence[str], tables: Sequence[Sequence[Mapping[str, Any]]], chapters: Sequence[Chapter]
-) -> str:
-    """The page: a title, lines and tables that sum up, then chapters of pictures."""
+    title: str, lead: Sequence[str], tables: Sequence[Sequence[Mapping[str, Any]]],
+    chapters: Mapping[str, Sequence[Picture]],
+) -> str:  # fmt: skip
+    """The page: a title, lines and tables that sum up, then pictures by the titles of their chapters."""
     body = [f"<h1>{escape(title)}</h1>", *(f"<p>{escape(line)}</p>" for line in lead)]
     body += [_table(rows) for rows in tables if rows]
     if len(chapters) > 1:
-        links = "".join(f'<a href="#c{i}">{escape(c.title)}</a> ' for i, c in enumerate(chapters))
+        links = "".join(f'<a href="#c{i}">{escape(name)}</a> ' for i, name in enumerate(chapters))
         body.append(f"<nav>{links}</nav>")
-    for i, chapter in enumerate(chapters):
-        body.append(f'<h2 id="c{i}">{escape(chapter.title)}</h2>')
-        body += [_figure(picture) for picture in chapter.pictures]
-    return "\n".join(
-        [
-            '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">',
-            '<meta name="viewport" content="width=device-width">',
-            f"<title>{escape(title)}</title><style>{_CSS}</style></head><body>",
-            *body,
-            "</body></html>\n",
-        ]
-    )
+    for i, (name, pictures) in enumerate(chapters.items()):
+        body.append(f'<h2 id="c{i}">{escape(name)}</h2>')
+        body += map(_figure, pictures)
+    return document(title, _CSS, body)
 
 
 def _table(rows: Sequence[Mapping[str, Any]]) -> str:
@@ -95,9 +91,9 @@ def _table(rows: Sequence[Mapping[str, Any]]) -> str:
         kind = ' class="number"' if name in numeric else ""
         return f"<{tag}{kind}>{escape('' if text is None else str(text))}</{tag}>"
 
-    head = "".join(cell("th", name, name) for name in rows[0])
-    lines = ["".join(cell("td", name, value) for name, value in row.items()) for row in rows]
-    return "<table><tr>" + head + "</tr>" + "".join(f"<tr>{line}</tr>" for line in lines) + "</table>"
+    lines = ["".join(cell("th", name, name) for name in rows[0])]
+    lines += ["".join(cell("td", name, value) for name, value in row.items()) for row in rows]
+    return f"<table>{''.join(f'<tr>{line}</tr>' for line in lines)}</table>"
 
 
 def _figure(picture: Picture) -> str:
@@ -125,55 +121,10 @@ def write_pictures(pictures: Sequence[Picture], folder: Path) -> list[Path]:
     return paths
 
 
-def check_hits_file(path: Path, queries: int) -> None:
-    """Raises `UserError` where the answers to so many queries cannot be drawn into a file of that name."""
-    if path.suffix not in (".png", ".html"):
-        raise UserError(f"{path}: pictures of hits are written as .png or .html")
-    if path.suffix == ".png" and queries != 1:
-        raise UserError(f"{path}: one .png holds the answers to one query, not to {queries}; name a .html file")
-
-
 def write_hits(path: Path, pages: Sequence[Picture]) -> None:
-    """Write pages of hits, one a query, as one PNG file or one HTML file that needs no other.
+    """Write pages of hits as one PNG file, where there is one page, or as one HTML file that needs no other.
 
     Raises:
-        UserError: another suffix, several pages for one PNG, or the file cannot be written.
+        UserError: the file cannot be written.
     """
-    check_hits_file(path, len(pages))
-    if path.suffix == ".png":
-        write_file(path, pages[0].png)
-    else:
-        write_file(path, page("Hits", [], [], [Chapter("Hits", pages)]).encode())
-
-
-def model(material: Material) -> str:
-    return f"{material.corpus.model}, {len(material.corpus.idf)} motifs"
-
-
-def count(number: int, what: str) -> str:
-    return f"{number} {what}" + ("" if number == 1 else "s")
-
-
-def count_of(number: int, total: int, what: str) -> str:
-    """So many of so many, if not all."""
-    return count(number, what) if number == total else f"{number} of {total} {what}s (the same ones every time)"
-
-
-def about_clusters(view: View) -> str:
-    """What clusters are, where a view has them in place of classes."""
-    if view.kind != "cluster":
-        return ""
-    if set(view.classes) == {ALL}:
-        return " The clips have no labels."
-    return " The clips have no labels: the clusters are k-means on their distances (MDS), numbered by size."
-
-
-def short_names(material: Material, clips: list[int]) -> dict[int, str]:
-    """Names of clips (corpus indices) without the folders that all of them share."""
-    return dict(zip(clips, display_names([material.corpus.clips[i].clip for i in clips]), strict=True))
-
-
-def source(material: Material, word: Word) -> tuple[str, str]:
-    """The file of a word, and when in it."""
-    fps = material.corpus.clips[material.corpus.positions[word.clip]].fps
-    return word.clip.rpartition("/")[2], f", {word.start / fps:.1f}–{word.stop / fps:.1f} s"
+    write_file(path, pages[0].png if path.suffix == ".png" else page("Hits", [], [], {"Hits": pages}).encode())

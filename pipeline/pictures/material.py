@@ -5,10 +5,10 @@ from __future__ import annotations
 import hashlib
 import os
 from collections import defaultdict
-from collections.abc import Hashable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Final, TypeVar
+from typing import Final
 
 import numpy as np
 from motionlake.arrays import Float32Array, Float64Array, Int64Array, IntArray
@@ -19,9 +19,13 @@ from motionlake.lake.catalog import Connection, fetch
 from motionlake.lake.corpus import read_corpus
 from motionlake.lake.layout import Lake
 from motionlake.pictures.bands import MotifBand, Segment, word_edges
-from motionlake.pictures.signatures import motif_order
+from motionlake.pictures.motif_figures import motif_order
 from motionlake.pictures.stick_figures import PoseReader
 from motionlake.pictures.style import UNLABELLED, motif_colours
+
+MOST_ON_MAP: Final = 180
+CLUSTERS: Final = 6
+ALL: Final = "all clips"
 
 
 @dataclass(frozen=True)
@@ -60,8 +64,25 @@ class Material:
         """[K, 3]."""
         return motif_colours(self.order)
 
+    @property
+    def about_model(self) -> str:
+        return f"{self.corpus.model}, {len(self.corpus.idf)} motifs"
+
     def seconds(self, clip: int) -> float:
         return self.corpus.clips[clip].frames / self.corpus.clips[clip].fps
+
+    def names(self, clips: Iterable[int]) -> list[str]:
+        """Full names of clips (corpus indices)."""
+        return [self.corpus.clips[i].clip for i in clips]
+
+    def some(self, clips: Sequence[int], count: int) -> list[int]:
+        """At most `count` of some clips (corpus indices), the same ones every time (`sampled`)."""
+        return [clips[i] for i in sampled(self.names(clips), count)]
+
+    def source(self, word: Word) -> tuple[str, str]:
+        """The file of a word, and when in it."""
+        fps = self.corpus.clips[self.corpus.positions[word.clip]].fps
+        return word.clip.rpartition("/")[2], f", {word.start / fps:.1f}–{word.stop / fps:.1f} s"
 
     def counts(self, clips: IntArray) -> Int64Array:
         """[clips, K] how many words of each clip belong to each motif."""
@@ -98,16 +119,6 @@ def read_material(con: Connection, lake: Lake, dataset: str | None = None) -> Ma
     return Material(con, corpus, signatures, dict(segments), PoseReader(con, lake))
 
 
-T = TypeVar("T", bound=Hashable)
-
-MOST_ON_MAP: Final = 180
-MOST_CLASSES: Final = 30
-CLUSTERS: Final = 6
-LONGEST: Final = 40
-ENOUGH_MOTIFS: Final = 4
-ALL: Final = "all clips"
-
-
 @dataclass(frozen=True)
 class View:
     """The clips of a lake or dataset that one part of the report speaks of.
@@ -138,6 +149,15 @@ class View:
     def shown_classes(self) -> list[str]:
         return [self.classes[i] for i in self.shown]
 
+    @property
+    def about_clusters(self) -> str:
+        """What clusters are, where there are clusters in place of classes."""
+        if self.kind != "cluster":
+            return ""
+        if set(self.classes) == {ALL}:
+            return " The clips have no labels."
+        return " The clips have no labels: the clusters are k-means on their distances (MDS), numbered by size."
+
     def by_class(self) -> dict[str, list[int]]:
         """Clips (corpus indices) of each class, classes by name, unlabelled ones last."""
         groups: dict[str, list[int]] = defaultdict(list)
@@ -156,26 +176,22 @@ def dataset_view(material: Material, dataset: str) -> View:
     """The clips of a dataset by their labels; where none has a label, a sample of them by clusters."""
     corpus = material.corpus
     clips = np.array([i for i, c in enumerate(corpus.clips) if c.dataset == dataset], dtype=np.int64)
-    shown = sampled([corpus.clips[i].clip for i in clips], MOST_ON_MAP)
+    shown = sampled(material.names(clips), MOST_ON_MAP)
     distances = emd_matrix(material.signatures[clips[shown]], corpus.ground)
     if any(corpus.clips[i].label for i in clips):
         classes = [corpus.clips[i].label or UNLABELLED for i in clips]
         return View(dataset, len(clips), clips, classes, "class", shown, distances)
-    clusters = clustered(distances)
+    clusters = _clustered(distances)
     return View(dataset, len(clips), clips[shown], clusters, "cluster", np.arange(len(shown)), distances)
 
 
 def lake_view(material: Material) -> View:
     """All clips by their dataset; each dataset has its part of the sample on the map."""
-    corpus = material.corpus
-    datasets = [c.dataset for c in corpus.clips]
-    members_of = {d: [i for i, other in enumerate(datasets) if other == d] for d in sorted(set(datasets))}
-    each = _fair_share([len(members) for members in members_of.values()], MOST_ON_MAP)
-    chosen = []
-    for members in members_of.values():
-        chosen += [members[j] for j in sampled([corpus.clips[i].clip for i in members], each)]
-    shown = np.array(sorted(chosen), dtype=np.int64)
-    distances = emd_matrix(material.signatures[shown], corpus.ground)
+    datasets = [c.dataset for c in material.corpus.clips]
+    members = {d: [i for i, other in enumerate(datasets) if other == d] for d in sorted(set(datasets))}
+    each = _fair_share([len(clips) for clips in members.values()], MOST_ON_MAP)
+    shown = np.array(sorted(i for clips in members.values() for i in material.some(clips, each)), dtype=np.int64)
+    distances = emd_matrix(material.signatures[shown], material.corpus.ground)
     return View("all datasets", len(datasets), np.arange(len(datasets)), datasets, "dataset", shown, distances)
 
 
@@ -189,54 +205,12 @@ def _fair_share(sizes: Sequence[int], total: int) -> int:
     return max(sizes)
 
 
-def clustered(distances: Float64Array) -> list[str]:
+def _clustered(distances: Float64Array) -> list[str]:
     """[n] clusters of clips without labels (section 4.3), the largest first."""
     k = min(CLUSTERS, len(distances) // 4, len(np.unique(distances, axis=0)) - 1)
     if k < 2:
         return [ALL] * len(distances)
     return [f"cluster {i + 1}" for i in cluster_clips(distances, k).clusters.tolist()]
-
-
-def largest(groups: dict[T, list[int]], count: int) -> dict[T, list[int]]:
-    """The `count` groups with most members, in the order they had."""
-    kept = set(sorted(groups, key=lambda name: -len(groups[name]))[:count])
-    return {name: members for name, members in groups.items() if name in kept}
-
-
-def closest_pair(material: Material, view: View) -> tuple[int, int] | None:
-    """The two clips (corpus indices) of one class with the nearest signatures, among the longest on the map.
-
-    Pairs of several motifs come first, then pairs of one class, then of two subjects.
-    """
-    corpus = material.corpus
-    clips = view.clips[view.shown]
-    if len(clips) < 2:
-        return None
-    long = np.argsort([-material.seconds(i) for i in clips], kind="stable")[:LONGEST]
-    kinds = np.count_nonzero(material.signatures[clips], axis=1)
-    best: tuple[tuple[int, bool, bool, float], int, int] | None = None
-    for n, i in enumerate(long):
-        for j in long[:n]:
-            a, b = sorted((int(i), int(j)))
-            other_class = view.shown_classes[a] != view.shown_classes[b]
-            one_subject = corpus.clips[clips[a]].subject == corpus.clips[clips[b]].subject
-            held = int(min(kinds[a], kinds[b], ENOUGH_MOTIFS))
-            key = (-held, other_class, one_subject, float(view.distances[a, b]))
-            if best is None or (key, a, b) < best:
-                best = key, a, b
-    assert best is not None
-    return int(clips[best[1]]), int(clips[best[2]])
-
-
-def most_cut(material: Material, view: View, count: int) -> list[int]:
-    """At most `count` clips (corpus indices) with labelled segments: those of most labels, then most segments."""
-
-    def key(clip: int) -> tuple[int, int, int]:
-        segments = material.segments[material.corpus.clips[clip].clip]
-        return -len({s.label for s in segments}), -len(segments), clip
-
-    labelled = [i for i in view.clips.tolist() if material.corpus.clips[i].clip in material.segments]
-    return sorted(labelled, key=key)[:count]
 
 
 def shares(material: Material, view: View) -> dict[str, Float64Array]:
@@ -257,6 +231,15 @@ def discriminative(by_class: dict[str, Float64Array]) -> list[tuple[str, int]]:
     table = np.stack([by_class[name] for name in names])
     score = table**2 / np.maximum(table.sum(axis=0), 1e-300)
     return [(name, int(motif)) for name, motif in zip(names, score.argmax(axis=1), strict=True)]
+
+
+def count(number: int, what: str) -> str:
+    return f"{number} {what}" + ("" if number == 1 else "s")
+
+
+def count_of(number: int, total: int, what: str) -> str:
+    """So many of so many, if not all."""
+    return count(number, what) if number == total else f"{number} of {total} {what}s (the same ones every time)"
 
 
 def display_names(clips: Sequence[str]) -> list[str]:

@@ -2,14 +2,13 @@
 (() => {
   const page = JSON.parse(document.getElementById("motion").textContent);
   const at = (id) => document.getElementById(id);
+  const within = (value, low, high) => Math.min(high, Math.max(low, value));
   const BAND = 20;
 
   /* Packed millimetres to metres; the body stands on the ground, begins at the origin and faces +z. */
   function unpacked(clip) {
-    const bytes = Uint8Array.from(atob(clip.motion), (c) => c.charCodeAt(0));
-    const view = new DataView(bytes.buffer);
-    const joints = page.parents.length;
-    const count = clip.count;
+    const view = new DataView(Uint8Array.from(atob(clip.motion), (c) => c.charCodeAt(0)).buffer);
+    const joints = page.parents.length, count = clip.count;
     const points = new Float32Array(count * joints * 3);
     const cos = Math.cos(clip.heading), sin = Math.sin(clip.heading);
     const x0 = view.getInt32(0, true), z0 = view.getInt32(8, true);
@@ -35,11 +34,9 @@
       this.canvas = figure.querySelector("canvas");
       this.now = figure.querySelector(".now");
       this.seconds = clip.count / clip.fps;
-      const low = [Infinity, Infinity], high = [-Infinity, -Infinity];
-      for (let f = 0; f < clip.count; f++) {
-        const [x, , z] = this.joint(f, 0);
-        [x, z].forEach((v, i) => { low[i] = Math.min(low[i], v); high[i] = Math.max(high[i], v); });
-      }
+      const path = Array.from({ length: clip.count }, (_, f) => this.joint(f, 0));
+      const low = [0, 2].map((i) => Math.min(...path.map((p) => p[i])));
+      const high = [0, 2].map((i) => Math.max(...path.map((p) => p[i])));
       this.middle = [(low[0] + high[0]) / 2, 0, (low[1] + high[1]) / 2];
       this.reach = Math.hypot(high[0] - low[0], high[1] - low[1]) / 2;
     }
@@ -49,10 +46,12 @@
       return [this.points[i], this.points[i + 1], this.points[i + 2]];
     }
 
+    /* How many seconds of the timeline a second of the clip takes. */
+    pace() { return stretched() ? length() / this.seconds : 1; }
+
     /* Which of the shown frames a moment of the timeline falls on. */
     frame(seconds) {
-      const own = stretched() ? (seconds / length()) * this.seconds : seconds;
-      return Math.min(this.clip.count - 1, Math.max(0, Math.floor(own * this.clip.fps + 1e-6)));
+      return within(Math.floor((seconds / this.pace()) * this.clip.fps + 1e-6), 0, this.clip.count - 1);
     }
   }
 
@@ -67,12 +66,13 @@
   function whole() { return stretched() ? first.clip.seconds : Math.max(...page.clips.map((c) => c.seconds)); }
   function length() { return stretched() ? first.seconds : Math.max(...panes.map((p) => p.seconds)); }
   function steps() { return Math.max(1, Math.round(length() * first.clip.fps)); }
-  function seconds() { return Math.floor(moment + 1e-6) / first.clip.fps; }
+  function frame() { return Math.floor(moment + 1e-6); }
+  function seconds() { return frame() / first.clip.fps; }
 
-  let colours = {};
+  const colours = {};
   function readColours() {
     const style = getComputedStyle(document.documentElement);
-    for (const name of ["ink", "faint", "none", "left", "right", "panel", "edge"]) {
+    for (const name of ["ink", "faint", "left", "right", "panel"]) {
       colours[name] = style.getPropertyValue(`--${name}`).trim();
     }
   }
@@ -96,13 +96,13 @@
 
   function line(ctx, project, points) {
     let pen = false;
-    for (const point of points) {
-      const p = project(point);
-      if (p && pen) ctx.lineTo(p.x, p.y);
-      else if (p) ctx.moveTo(p.x, p.y);
+    for (const p of points.map(project)) {
+      if (p) ctx[pen ? "lineTo" : "moveTo"](p.x, p.y);
       pen = Boolean(p);
     }
   }
+
+  const below = ([x, , z]) => [x, 0, z];
 
   function drawGround(ctx, project, target, reach) {
     const step = reach > 12 ? 2 : reach > 6 ? 1 : 0.5;
@@ -132,25 +132,17 @@
 
   function drawPath(ctx, project, pane, frame) {
     const every = Math.max(1, Math.floor(pane.clip.count / 900));
-    const place = (f) => { const [x, , z] = pane.joint(f, 0); return [x, 0, z]; };
-    const part = (from, to) => {
-      const points = [];
-      for (let f = from; f < to; f += every) points.push(place(f));
-      points.push(place(to));
-      return points;
-    };
-    for (const [points, alpha, wide] of [[part(0, pane.clip.count - 1), 0.45, 1.5], [part(0, frame), 1, 2.5]]) {
+    const place = (f) => below(pane.joint(f, 0));
+    ctx.strokeStyle = ctx.fillStyle = colours.faint;
+    for (const [to, alpha, wide] of [[pane.clip.count - 1, 0.45, 1.5], [frame, 1, 2.5]]) {
       ctx.globalAlpha = alpha;
       ctx.lineWidth = wide;
-      ctx.strokeStyle = colours.faint;
       ctx.beginPath();
-      line(ctx, project, points);
+      line(ctx, project, [...Array.from({ length: Math.ceil(to / every) }, (_, i) => place(i * every)), place(to)]);
       ctx.stroke();
     }
-    ctx.globalAlpha = 1;
     const dot = project(place(frame));
     if (dot) {
-      ctx.fillStyle = colours.faint;
       ctx.beginPath();
       ctx.ellipse(dot.x, dot.y, 0.035 * dot.scale, 0.035 * dot.scale * Math.max(0.15, Math.abs(Math.sin(camera.tilt))), 0, 0, 7);
       ctx.fill();
@@ -165,9 +157,9 @@
     ctx.strokeStyle = colours.ink;
     ctx.globalAlpha = 0.13;
     ctx.beginPath(); // the shadow, straight below, in one stroke so that limbs do not darken one another
-    for (const [j, p] of bones) line(ctx, project, [joints[p], joints[j]].map(([x, , z]) => [x, 0, z]));
-    const below = project([joints[0][0], 0, joints[0][2]]);
-    ctx.lineWidth = 0.03 * tall * (below ? below.scale : 0);
+    for (const [j, p] of bones) line(ctx, project, [joints[p], joints[j]].map(below));
+    const root = project(below(joints[0]));
+    ctx.lineWidth = 0.03 * tall * (root ? root.scale : 0);
     ctx.stroke();
     ctx.globalAlpha = 1;
     const seen = joints.map(project);
@@ -201,14 +193,11 @@
     const { canvas } = pane;
     const ratio = window.devicePixelRatio || 1;
     const [width, height] = [canvas.clientWidth, canvas.clientHeight];
-    if (canvas.width !== Math.round(width * ratio) || canvas.height !== Math.round(height * ratio)) {
-      canvas.width = Math.round(width * ratio);
-      canvas.height = Math.round(height * ratio);
-    }
+    const size = [Math.round(width * ratio), Math.round(height * ratio)];
+    if (canvas.width !== size[0] || canvas.height !== size[1]) [canvas.width, canvas.height] = size;
     const frame = pane.frame(seconds());
-    const root = pane.joint(frame, 0);
-    const target = camera.follow ? [root[0], 0, root[2]] : [...pane.middle];
-    target[1] = 0.5 * pane.clip.height;
+    const [x, , z] = camera.follow ? pane.joint(frame, 0) : pane.middle;
+    const target = [x, 0.5 * pane.clip.height, z];
     const ctx = canvas.getContext("2d");
     ctx.setTransform(ratio, 0, 0, ratio, 0, 0);
     ctx.clearRect(0, 0, width, height);
@@ -230,10 +219,9 @@
     at("time").textContent =
       `frame ${shown[0]} of ${first.clip.frames} · ${seconds().toFixed(2)} s of ${whole().toFixed(2)} s`;
     at("scrub").max = steps() - 1;
-    at("scrub").value = Math.floor(moment + 1e-6);
+    at("scrub").value = frame();
     at("scrub").setAttribute("aria-valuetext", at("time").textContent);
-    const share = steps() > 1 ? Math.floor(moment + 1e-6) / (steps() - 1) : 0;
-    if (at("needle")) at("needle").style.left = `${100 * share}%`;
+    if (at("needle")) at("needle").style.left = `${(100 * frame()) / Math.max(1, steps() - 1)}%`;
   }
 
   let asked = false;
@@ -244,7 +232,7 @@
   }
 
   function seek(to) {
-    moment = Math.min(steps() - 1, Math.max(0, to));
+    moment = within(to, 0, steps() - 1);
     redraw();
   }
 
@@ -265,18 +253,18 @@
     if (on === playing) return;
     playing = on;
     at("play").textContent = on ? "Pause" : "Play";
-    if (!on) { moment = Math.min(Math.floor(moment + 1e-6), steps() - 1); redraw(); return; }
+    if (!on) return seek(frame());
     if (moment >= steps() - 1) moment = 0;
     requestAnimationFrame((time) => { last = time; requestAnimationFrame(tick); });
   }
 
   function turn(across, up) {
     camera.turn += across;
-    camera.tilt = Math.min(1.5, Math.max(-0.1, camera.tilt + up));
+    camera.tilt = within(camera.tilt + up, -0.1, 1.5);
     redraw();
   }
   function zoom(by) {
-    camera.zoom = Math.min(8, Math.max(0.15, camera.zoom * by));
+    camera.zoom = within(camera.zoom * by, 0.15, 8);
     redraw();
   }
   function home() {
@@ -314,7 +302,7 @@
     }
     canvas.addEventListener("wheel", (event) => {
       event.preventDefault();
-      zoom(Math.exp(-Math.max(-300, Math.min(300, event.deltaY)) * 0.0015));
+      zoom(Math.exp(-within(event.deltaY, -300, 300) * 0.0015));
     }, { passive: false });
     canvas.addEventListener("dblclick", home);
     canvas.addEventListener("keydown", (event) => {
@@ -331,8 +319,8 @@
     if (event.ctrlKey || event.metaKey || event.altKey || event.target.tagName === "SELECT") return;
     const far = event.shiftKey ? Math.round(first.clip.fps) : 1;
     const act = {
-      ArrowLeft: () => seek(Math.floor(moment + 1e-6) - far),
-      ArrowRight: () => seek(Math.floor(moment + 1e-6) + far),
+      ArrowLeft: () => seek(frame() - far),
+      ArrowRight: () => seek(frame() + far),
       Home: () => seek(0),
       End: () => seek(steps() - 1),
       f: () => at("follow").click(),
@@ -355,20 +343,7 @@
   at("home").addEventListener("click", home);
   if (at("stretch")) at("stretch").addEventListener("change", () => { seek(moment); placeBands(); });
 
-  function placeBands() {
-    const step = 1 / first.clip.fps;
-    for (const list of document.querySelectorAll(".bands ul")) {
-      const pane = panes[Number(list.dataset.pane)];
-      const spans = pane.clip.bands[Number(list.dataset.band)].spans;
-      const scale = stretched() ? length() / pane.seconds : 1;
-      const whole = Math.max(step, length() - step); // the last frame stands at the end of the bar
-      [...list.children].forEach((item, i) => {
-        const [start, stop] = [spans[i].start * scale, Math.min(spans[i].stop * scale, whole)];
-        item.style.left = `${(100 * start) / whole}%`;
-        item.style.width = `${(100 * Math.max(0, stop - start)) / whole}%`;
-      });
-    }
-  }
+  const items = [];
   for (const list of document.querySelectorAll(".bands ul")) {
     const pane = panes[Number(list.dataset.pane)];
     const { spans, lanes } = pane.clip.bands[Number(list.dataset.band)];
@@ -377,14 +352,19 @@
       const item = document.createElement("li");
       item.textContent = span.label;
       item.title = `${span.label}, ${span.start.toFixed(2)} to ${span.stop.toFixed(2)} s`;
-      item.style.top = `${BAND * span.lane}px`;
-      item.style.background = span.colour;
-      item.style.color = span.ink;
-      item.addEventListener("click", () => {
-        const start = stretched() ? (span.start * length()) / pane.seconds : span.start;
-        seek(Math.ceil(start * first.clip.fps - 1e-6));
-      });
+      Object.assign(item.style, { top: `${BAND * span.lane}px`, background: span.colour, color: span.ink });
+      item.addEventListener("click", () => seek(Math.ceil(span.start * pane.pace() * first.clip.fps - 1e-6)));
       list.append(item);
+      items.push({ item, span, pane });
+    }
+  }
+  function placeBands() {
+    const step = 1 / first.clip.fps;
+    const whole = Math.max(step, length() - step); // the last frame stands at the end of the bar
+    for (const { item, span, pane } of items) {
+      const [start, stop] = [span.start * pane.pace(), Math.min(span.stop * pane.pace(), whole)];
+      item.style.left = `${(100 * start) / whole}%`;
+      item.style.width = `${(100 * Math.max(0, stop - start)) / whole}%`;
     }
   }
 

@@ -1,8 +1,7 @@
-"""A motion as the player shows it: thinned, capped, and packed into few bytes."""
+"""A motion as it is shown: read from a lake or a file, with what is known of it."""
 
 from __future__ import annotations
 
-import base64
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -10,7 +9,7 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from motionlake.arrays import Float64Array, FloatArray
+from motionlake.arrays import FloatArray
 from motionlake.errors import UserError
 from motionlake.lake.catalog import Connection, fetch
 from motionlake.lake.frames import frame_range
@@ -18,6 +17,7 @@ from motionlake.lake.layout import Lake
 from motionlake.motion.skeleton import facing
 from motionlake.pictures.bands import Segment
 from motionlake.pictures.stick_figures import PoseReader, body_height
+from motionlake.pictures.style import ClassStyle, class_styles
 from motionlake.retrieval.encode import first_body
 from motionlake.retrieval.protocol import Hit, Query, Scope
 from motionlake.retrieval.registry import ready, searcher
@@ -49,35 +49,28 @@ class PlayerClip:
     facts: Sequence[tuple[str, str]] = ()
     bands: Sequence[tuple[str, Sequence[Segment]]] = ()
 
-    @cached_property
+    def __post_init__(self) -> None:
+        if not len(self.positions):
+            raise ValueError(f"{self.name}: has no frames")
+
+    @property
     def step(self) -> int:
         """One of so many frames is shown."""
         return max(1, int(np.ceil(self.fps / MOST_FPS - 1e-3)))
 
-    @cached_property
+    @property
     def shown_fps(self) -> float:
         return self.fps / self.step
 
-    @cached_property
+    @property
     def shown(self) -> FloatArray:
         """[n, 21, 3] positions at `shown_fps`, of the first three minutes."""
-        most = round(MOST_SECONDS * self.shown_fps)
-        return self.positions[:: self.step][:most]
-
-    @cached_property
-    def seconds(self) -> float:
-        """How long `shown` lasts."""
-        return len(self.shown) / self.shown_fps
+        return self.positions[:: self.step][: round(MOST_SECONDS * self.shown_fps)]
 
     @property
     def duration(self) -> float:
         """Seconds of `positions`."""
         return len(self.positions) / self.fps
-
-    @property
-    def cut(self) -> bool:
-        """Is it longer than what the player shows?"""
-        return self.duration > MOST_SECONDS
 
     @cached_property
     def floor(self) -> float:
@@ -95,38 +88,15 @@ class PlayerClip:
         return body_height(self.positions)
 
 
-def pack(positions: FloatArray) -> str:
-    """Positions [n, 21, 3] in whole millimetres as base64: [n, 3] int32 roots, then [n, 20, 3] int16 joints off them.
-
-    Numbers are little-endian. Joints are rounded off the rounded root, so that no coordinate is off by more than half
-    a millimetre; joints more than 32 m from their root are moved to there.
-    """
-    millimetres = np.asarray(positions, np.float64) * 1000
-    root = np.round(millimetres[:, 0])
-    joints = np.round(millimetres[:, 1:] - root[:, None])
-    limits = np.iinfo(np.int16)
-    packed = root.astype("<i4").tobytes() + np.clip(joints, limits.min, limits.max).astype("<i2").tobytes()
-    return base64.b64encode(packed).decode("ascii")
-
-
-def unpack(text: str, joints: int = 21) -> Float64Array:
-    """[n, 21, 3] metres of what `pack` made."""
-    packed = base64.b64decode(text)
-    count = len(packed) // (12 + 6 * (joints - 1))
-    root = np.frombuffer(packed, "<i4", 3 * count).reshape(count, 1, 3)
-    others = np.frombuffer(packed, "<i2", offset=12 * count).reshape(count, joints - 1, 3)
-    return np.concatenate([root, root + others.astype(np.int64)], axis=1) / 1000
+def styles_of(clips: Sequence[PlayerClip]) -> dict[str, ClassStyle]:
+    """How the labels of all bands of some clips are drawn."""
+    return class_styles(sorted({span.label for clip in clips for _, spans in clip.bands for span in spans}))
 
 
 NEAREST_BY: Final = ("descriptor", "signature")
 
 
-def player_clip(
-    con: Connection,
-    lake: Lake,
-    query: Query,
-    nearest: tuple[str, Hit] | None = None,
-) -> PlayerClip:
+def player_clip(con: Connection, lake: Lake, query: Query, nearest: tuple[str, Hit] | None = None) -> PlayerClip:
     """A clip of the lake, or the first body of a clip file.
 
     Args:
@@ -141,14 +111,15 @@ def player_clip(
     if isinstance(query.source, Path):
         body, motion = first_body(lake, query.source)
         positions, fps, name = motion.positions.astype(np.float32), body.fps, query.source.name
-        facts, segments = [("file", query.source.suffix.lstrip("."))], []
+        facts, name_of_band, stretches = [("file", query.source.suffix.lstrip("."))], "", []
     else:
         name = query.source
         known = fetch(con, "clip", {"clip": name})[0]
         positions, fps = PoseReader(con, lake).positions(name), float(known["fps"])
-        lineage = _lineage(con, name)
+        lineage = next(iter(fetch(con, "synthetic_clip", {"clip": name})), None)  # None for a recorded one
         facts = _facts(known, lineage)
-        segments = _segments(con, name, len(positions), lineage)
+        name_of_band = "classes" if lineage else "labels"
+        stretches = _stretches(con, name, len(positions), lineage)
     first, last = frame_range(name, query.start, query.stop, len(positions))
     if nearest is not None:
         method, hit = nearest
@@ -156,9 +127,13 @@ def player_clip(
     facts.append(("length", f"{len(positions) / fps:.2f} s at {fps:g} frames a second"))
     if (first, last) != (0, len(positions)):
         facts.append(("shown", f"frames {first} to {last}"))
-    return PlayerClip(
-        name, positions[first:last], fps, len(positions), first, facts, _bands(segments, first, last, fps)
-    )  # fmt: skip
+    spans = [
+        Segment((max(start, first) - first) / fps, (min(stop, last) - first) / fps, label)
+        for start, stop, label in stretches
+        if start < last and stop > first
+    ]
+    bands = [(name_of_band, spans)] if spans else []
+    return PlayerClip(name, positions[first:last], fps, len(positions), first, facts, bands)
 
 
 def nearest_real_clip(lake: Lake, query: Query) -> tuple[str, Hit]:
@@ -189,11 +164,6 @@ def nearest_real_clip(lake: Lake, query: Query) -> tuple[str, Hit]:
     raise failed or UserError(f"{query.name}: the lake has no other recorded clip that it can be compared with")
 
 
-def _lineage(con: Connection, clip: str) -> Mapping[str, Any] | None:
-    """How a synthetic clip was made; None for a recorded one."""
-    return next(iter(fetch(con, "synthetic_clip", {"clip": clip})), None)
-
-
 def _facts(known: Mapping[str, Any], lineage: Mapping[str, Any] | None) -> list[tuple[str, str]]:
     facts = [(name, known[name]) for name in ("label", "subject", "dataset")]
     of_training = "; ".join(lineage["licences"]) if lineage is not None else ""
@@ -208,31 +178,12 @@ def _facts(known: Mapping[str, Any], lineage: Mapping[str, Any] | None) -> list[
     return [(name, str(value)) for name, value in facts if value]
 
 
-def _segments(
+def _stretches(
     con: Connection, clip: str, frames: int, lineage: Mapping[str, Any] | None
-) -> list[tuple[str, list[tuple[int, int, str]]]]:
-    """Rows of labelled stretches in frames: segments, or the classes of a synthetic clip that has none."""
-    found = [(r["start"], r["stop"], r["label"]) for r in fetch(con, "segments_of_clip", {"clip": clip})]
-    if lineage is None:
-        return [("labels", found)] if found else []
-    if not found:
-        classes = lineage["classes"]
-        edges = np.linspace(0, frames, len(classes) + 1).round().astype(int).tolist()
-        found = list(zip(edges[:-1], edges[1:], classes, strict=True))
-    return [("classes", found)]
-
-
-def _bands(
-    rows: list[tuple[str, list[tuple[int, int, str]]]], first: int, last: int, fps: float
-) -> list[tuple[str, list[Segment]]]:
-    """Those within frames [first, last), in seconds from the first."""
-    bands = []
-    for name, stretches in rows:
-        inside = [
-            Segment((max(start, first) - first) / fps, (min(stop, last) - first) / fps, label)
-            for start, stop, label in stretches
-            if start < last and stop > first
-        ]
-        if inside:
-            bands.append((name, inside))
-    return bands
+) -> list[tuple[int, int, str]]:
+    """Labelled stretches in frames: segments, or the classes of a synthetic clip that has none."""
+    found = [(row["start"], row["stop"], row["label"]) for row in fetch(con, "segments_of_clip", {"clip": clip})]
+    if found or lineage is None:
+        return found
+    edges = np.linspace(0, frames, len(lineage["classes"]) + 1).round().astype(int).tolist()
+    return list(zip(edges[:-1], edges[1:], lineage["classes"], strict=True))

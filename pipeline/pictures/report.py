@@ -11,10 +11,10 @@ from typing import Any, Final
 from motionlake.lake.catalog import Connection, fetch
 from motionlake.lake.layout import Lake
 from motionlake.pictures import clip_sections, sequence_sections
-from motionlake.pictures.html import Chapter, Picture, page
-from motionlake.pictures.material import Material, View, dataset_view, lake_view, most_cut, read_material
-from motionlake.pictures.symbol_material import has_strings, read_symbols
-from motionlake.pictures.symbol_sections import string_pictures
+from motionlake.pictures.html import Picture, page
+from motionlake.pictures.material import Material, View, dataset_view, lake_view, read_material
+from motionlake.pictures.symbol_material import read_symbols
+from motionlake.pictures.symbol_pictures import string_pictures
 
 MOST_DATASETS: Final = 8
 MOST_SEGMENTED: Final = 6
@@ -48,55 +48,46 @@ def make_report(
     for name in datasets[:MOST_DATASETS]:
         say(f"report: {name}")
         views.append(dataset_view(material, name))
-    whole = lake_view(material) if len(datasets) > 1 else None
-    chapters = [Chapter(f"Dataset {view.name}", _of_dataset(material, view)) for view in views]
+    drawn = {f"Dataset {view.name}": _of_dataset(material, view) for view in views}
     say("report: the lake as a whole")
-    chapters.insert(0, Chapter("The lake as a whole", _of_lake(lake, material, whole or views[0], len(datasets))))
-    if has_strings(con):
+    whole = lake_view(material) if len(datasets) > 1 else views[0]
+    drawn = {"The lake as a whole": _of_lake(lake, material, whole, len(datasets))} | drawn
+    if fetch(con, "served_postures"):
         say("report: symbol strings")
-        chapters.append(Chapter("Symbol strings", _of_strings(con, lake, dataset)))
-    chapters = _named_apart([chapter for chapter in chapters if chapter.pictures])
-    lead = _lead(material, len(datasets))
+        symbols = read_symbols(con, lake)
+        clips = [i for i, c in enumerate(symbols.strings.clips) if dataset in (None, c.dataset)]
+        drawn["Symbol strings"] = string_pictures(symbols, clips)
+    seen: Counter[str] = Counter()
+    chapters = {title: [_named_apart(p, seen) for p in found if p is not None] for title, found in drawn.items()}
+    chapters = {title: pictures for title, pictures in chapters.items() if pictures}
     tables = [fetch(con, "lake_summary", {"dataset": dataset}), _models(con)]
     title = f"What is in the lake {lake.root.name}" + (f": dataset {dataset}" if dataset else "")
-    pictures = [p for chapter in chapters for p in chapter.pictures]
-    return Report(page(title, lead, tables, chapters), pictures)
+    html = page(title, _lead(material, len(datasets)), tables, chapters)
+    return Report(html, [p for pictures in chapters.values() for p in pictures])
 
 
-def _named_apart(chapters: list[Chapter]) -> list[Chapter]:
+def _named_apart(picture: Picture, seen: Counter[str]) -> Picture:
     """No two pictures of one name: clips of several folders may be called alike."""
-    seen: Counter[str] = Counter()
-
-    def renamed(picture: Picture) -> Picture:
-        seen[picture.name] += 1
-        return replace(picture, name=f"{picture.name}-{seen[picture.name]}") if seen[picture.name] > 1 else picture
-
-    return [Chapter(chapter.title, [renamed(p) for p in chapter.pictures]) for chapter in chapters]
+    seen[picture.name] += 1
+    return replace(picture, name=f"{picture.name}-{seen[picture.name]}") if seen[picture.name] > 1 else picture
 
 
-def _of_lake(lake: Lake, material: Material, view: View, datasets: int) -> list[Picture]:
+def _of_lake(lake: Lake, material: Material, view: View, datasets: int) -> list[Picture | None]:
     found = [clip_sections.clips_map(material, view)] if datasets > 1 else []
-    found += [clip_sections.strongest_motifs(material, view), clip_sections.hits_of_one(lake, material)]
-    return [p for p in found if p is not None]
+    return [*found, clip_sections.strongest_motifs(material, view), clip_sections.hits_of_one(lake, material)]
 
 
-def _of_dataset(material: Material, view: View) -> list[Picture]:
-    found = [
+def _of_dataset(material: Material, view: View) -> list[Picture | None]:
+    cut = sequence_sections.most_cut(material, view, MOST_SEGMENTED)
+    return [
         clip_sections.bars(material, view),
         clip_sections.clips_map(material, view),
         clip_sections.subjects_map(material, view),
         *clip_sections.class_motifs(material, view),
         clip_sections.two_bands(material, view),
         sequence_sections.along(material, view),
+        *(sequence_sections.segmentation(material, view, i) for i in cut),
     ]
-    found += [sequence_sections.segmentation(material, view, i) for i in most_cut(material, view, MOST_SEGMENTED)]
-    return [p for p in found if p is not None]
-
-
-def _of_strings(con: Connection, lake: Lake, dataset: str | None) -> list[Picture]:
-    material = read_symbols(con, lake)
-    clips = [i for i, c in enumerate(material.strings.clips) if dataset in (None, c.dataset)]
-    return string_pictures(material, clips)
 
 
 def _lead(material: Material, datasets: int) -> list[str]:

@@ -1,28 +1,35 @@
-"""How every picture looks: sizes, fonts, palettes that colour-blind readers can tell apart, safe texts, PNG."""
+"""How every picture looks: sizes, fonts, palettes that colour-blind readers can tell apart, safe texts, PNG.
+
+Every figure has a `title` of one line and below it, where there is something to say, a `note` of one line.
+"""
 
 from __future__ import annotations
 
 import io
 from bisect import bisect_right
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cache, cached_property, wraps
-from typing import Any, Final, ParamSpec, TypeVar
+from typing import Any, Final, ParamSpec, TypeAlias, TypeVar
 
 import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.colors import Colormap, LinearSegmentedColormap, to_rgb
+from matplotlib.colors import LinearSegmentedColormap, to_rgb
 from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties, findfont, get_font
 from matplotlib.patches import Rectangle
-from motionlake.arrays import Float64Array, IntArray
+from matplotlib.ticker import MaxNLocator
+from motionlake.arrays import Float64Array, FloatArray, IntArray
 
 P = ParamSpec("P")
 R = TypeVar("R")
+Line: TypeAlias = tuple[str, dict[str, Any]]  # the name of a line, and keywords of `Axes.plot` that say how it looks
 
 DPI: Final = 150
 HINTED: Final = 1.05  # letters on whole pixels take a little more room than their outlines
+TOP: Final = 0.62  # inches that a sheet's title and note take
+LINE: Final = 0.2  # inches from line to line of a legend
 INK: Final = "#222222"
 FAINT: Final = "#777777"
 NONE: Final = "#e4e4e4"
@@ -37,17 +44,21 @@ HATCHES: Final = ("", "///", "...", "xxx", "\\\\\\", "ooo", "+++")
 _STYLE: Final[dict[Any, Any]] = {
     "font.family": "DejaVu Sans",
     "font.size": 8.5,
+    "axes.axisbelow": True,
     "axes.edgecolor": FAINT,
     "axes.labelcolor": INK,
+    "axes.labelsize": 8,
     "axes.linewidth": 0.7,
-    "axes.titlesize": 9.0,
-    "axes.titlelocation": "left",
     "text.color": INK,
     "text.parse_math": False,  # a clip may be called "$1"
     "xtick.color": FAINT,
     "ytick.color": FAINT,
     "xtick.labelcolor": INK,
     "ytick.labelcolor": INK,
+    "xtick.labelsize": 7.5,
+    "ytick.labelsize": 7.5,
+    "xtick.major.size": 2,
+    "ytick.major.size": 2,
     "hatch.linewidth": 0.6,
     "figure.facecolor": "white",
     "savefig.facecolor": "white",
@@ -99,6 +110,10 @@ class Sheet:
             Rectangle((left, top), width, height, facecolor=colour, hatch=hatch, edgecolor="white", linewidth=0)
         )
 
+    def outline(self, left: float, top: float, width: float, height: float, **look: Any) -> None:
+        """A rectangle that is not filled."""
+        self.canvas.add_patch(Rectangle((left, top), width, height, fill=False, **look))
+
     def image(self, left: float, top: float, width: float, height: float, colours: Float64Array) -> None:
         """Rows and columns of colours [rows, columns, 3] as blocks."""
         extent = (left, left + width, top + height, top)
@@ -107,6 +122,29 @@ class Sheet:
     def axes(self, left: float, top: float, width: float, height: float) -> Axes:
         box = (left / self.width, 1 - (top + height) / self.height, width / self.width, height / self.height)
         return self.figure.add_axes(box)
+
+    def bare(self, left: float, top: float, width: float, height: float, *sides: str) -> Axes:
+        """Axes without ticks, and without lines on other sides than those named."""
+        axes = self.axes(left, top, width, height)
+        axes.set(xticks=[], yticks=[])
+        for name, side in axes.spines.items():
+            side.set_visible(name in sides)
+        return axes
+
+    def plot(self, left: float, top: float, width: float, height: float, across: str, up: str) -> Axes:
+        """Axes with a grid, named below and on the left."""
+        axes = self.axes(left, top, width, height)
+        axes.set(xlabel=across, ylabel=up)
+        axes.grid(color="#ececec", linewidth=0.6)
+        axes.spines[["top", "right"]].set_visible(False)
+        return axes
+
+    def line_legend(self, left: float, lines: Iterable[Line]) -> None:
+        """The names of lines below one another, each behind a piece of its line."""
+        for i, (name, look) in enumerate(lines):
+            y = TOP + 0.15 + i * LINE
+            self.canvas.plot([left, left + 0.35], [y, y], **look)
+            self.text(left + 0.43, y, name, size=8, va="center_baseline", room=self.width - left - 0.5)
 
     def text(
         self, x: float, y: float, text: str, *, size: float = 8.5, color: str = INK, weight: str = "normal",
@@ -119,16 +157,11 @@ class Sheet:
         )  # fmt: skip
 
 
-TOP: Final = 0.62  # inches that a sheet's title and note take
-
-
-def bare(axes: Axes, *keep: str) -> Axes:
-    """Without ticks, and without the sides that are not kept."""
-    axes.set_xticks([])
-    axes.set_yticks([])
-    for name, side in axes.spines.items():
-        side.set_visible(name in keep)
-    return axes
+def tick_seconds(axes: Axes, seconds: float) -> None:
+    """The horizontal axis from 0 to so many seconds, with ticks at whole steps."""
+    axes.set_xlim(0, seconds)
+    axes.xaxis.set_major_locator(MaxNLocator(nbins=12, steps=[1, 2, 5, 10]))
+    axes.tick_params(pad=1.5)
 
 
 @cache
@@ -155,6 +188,11 @@ def width_of(text: str, size: float, weight: str = "normal") -> float:
     return HINTED * size * sum(_advance(c, weight) for c in text)
 
 
+def widest(names: Iterable[str], size: float, most: float, weight: str = "normal") -> float:
+    """Inches that the longest of some names takes, at most `most`."""
+    return min(most, max(width_of(plain(name), size, weight) for name in names))
+
+
 def fitted(text: str, inches: float, size: float, weight: str = "normal") -> str:
     """`plain` and at most so wide, cut in the middle: names tend to differ at both ends."""
     text = plain(text)
@@ -177,28 +215,15 @@ class ClassStyle:
     hatch: str
 
 
-def class_styles(names: Sequence[str]) -> dict[str, ClassStyle]:
+def class_styles(names: Iterable[str]) -> dict[str, ClassStyle]:
     """One style a class, in the order given; 63 differ. Unknown and unlabelled are grey."""
-    grey = {
-        UNKNOWN: ClassStyle("#c4c4c4", ".", "////"),
-        UNLABELLED: ClassStyle("#a0a0a0", ".", ""),
-    }
-    named = [n for n in dict.fromkeys(names) if n not in grey]
-    styles = {
-        name: ClassStyle(
-            PALETTE[i % len(PALETTE)],
-            MARKERS[i // len(PALETTE) % len(MARKERS)],
-            HATCHES[i // len(PALETTE) % len(HATCHES)],
-        )
-        for i, name in enumerate(named)
-    }
+    grey = {UNKNOWN: ClassStyle("#c4c4c4", ".", "////"), UNLABELLED: ClassStyle("#a0a0a0", ".", "")}
+    names = dict.fromkeys(names)
+    styles = {}
+    for i, name in enumerate(n for n in names if n not in grey):
+        again, colour = divmod(i, len(PALETTE))
+        styles[name] = ClassStyle(PALETTE[colour], MARKERS[again % len(MARKERS)], HATCHES[again % len(HATCHES)])
     return styles | {name: style for name, style in grey.items() if name in names}
-
-
-def frequency_map() -> Colormap:
-    """From cold and light (rare) to hot and dark (frequent): lightness falls all the way."""
-    stops = ["#a9d0ec", "#6f9fd8", "#7b63b8", "#a63a8d", "#cf2554", "#b01017", "#5c0404"]
-    return LinearSegmentedColormap.from_list("frequency", stops)
 
 
 def motif_colours(order: IntArray) -> Float64Array:
@@ -220,16 +245,13 @@ def motif_colours(order: IntArray) -> Float64Array:
     return colours
 
 
+def shades(values: FloatArray, *stops: str) -> Float64Array:
+    """[..., 3] colours of values from 0 to 1, in even steps from the first to the last of some colours."""
+    return np.asarray(LinearSegmentedColormap.from_list("", stops)(values))[..., :3]
+
+
 def ink_on(colour: str | Float64Array) -> str:
     """Black or white, whichever reads better on a colour."""
     rgb = np.array(to_rgb(colour) if isinstance(colour, str) else colour[:3])
     linear = np.where(rgb <= 0.04045, rgb / 12.92, ((rgb + 0.055) / 1.055) ** 2.4)
     return "black" if linear @ [0.2126, 0.7152, 0.0722] > 0.18 else "white"
-
-
-def percent(share: float) -> str:
-    """A share for reading: one digit after the point below one per cent."""
-    value = 100 * share
-    if 0 < value < 0.05:
-        return "< 0.1 %"
-    return f"{value:.0f} %" if value >= 0.95 or value == 0 else f"{value:.1f} %"

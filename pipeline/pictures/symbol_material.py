@@ -16,7 +16,7 @@ from motionlake.motion.features import WordConfig
 from motionlake.motion.skeleton import INDEX, JOINTS
 from motionlake.pesta.config import PosturesConfig
 from motionlake.pesta.dictionary import METADATA_KEY
-from motionlake.pictures.signatures import motif_order
+from motionlake.pictures.motif_figures import motif_order
 from motionlake.pictures.stick_figures import PoseReader
 from motionlake.pictures.style import motif_colours
 from motionlake.retrieval.symbol_strings import LakeStrings, read_strings
@@ -83,6 +83,19 @@ class SymbolMaterial:
         """What the figures of symbols are, in a few words."""
         return "typical postures of the dictionary" if self._typical is not None else "moments of clips of that symbol"
 
+    @property
+    def about_dictionary(self) -> str:
+        return f"{self.strings.model}, {len(self.codes)} symbols"
+
+    @property
+    def about_matrix(self) -> str:
+        """What one sees in a matrix."""
+        return (
+            "The matrix has the distances of their postures (PESTA, figure 4): the lighter, the nearer. The line is "
+            "what is aligned to what; symbols that it strides over are boxed. Stick figures are "
+            f"{self.about_bodies}, numbers their symbols."
+        )
+
     def bodies(self, symbols: IntArray) -> Float64Array:
         """[n, 21, 3] a body for each symbol; not finite where a symbol of a dictionary over rotations is nowhere.
 
@@ -101,11 +114,6 @@ class SymbolMaterial:
         clip = strings.clips[int(np.searchsorted(strings.repository.offsets, found[0], side="right")) - 1]
         frame = int(strings.starts[found[0]]) + round(clip.fps / self.config.fps / 2)
         return np.asarray(self.poses.positions(clip.clip)[min(frame, clip.frames - 1)], dtype=np.float64)
-
-
-def has_strings(con: Connection) -> bool:
-    """Whether the lake serves symbol strings."""
-    return bool(fetch(con, "served_postures"))
 
 
 def read_symbols(con: Connection, lake: Lake, strings: LakeStrings | None = None) -> SymbolMaterial:

@@ -1,0 +1,322 @@
+"""Pictures of symbol strings: those of a report (strips, the dictionary's map, two clips aligned), and the answers of
+`motionlake align`, for each the matrix of figure 4.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from motionlake.arrays import Float32Array, Int32Array, Int64Array
+from motionlake.lake.catalog import fetch
+from motionlake.lake.config import load_config
+from motionlake.lake.frames import read_clips
+from motionlake.motion.features import word_features
+from motionlake.pesta.config import AlignmentConfig
+from motionlake.pesta.matches import best_matches
+from motionlake.pesta.scan import symmetric_costs
+from motionlake.pesta.strings import Repository
+from motionlake.pesta.symbols import reduce_runs
+from motionlake.pictures.hits_page import hits_page
+from motionlake.pictures.html import Picture, picture, write_hits
+from motionlake.pictures.maps import LEAST, posture_map, tsne
+from motionlake.pictures.material import display_names, sampled
+from motionlake.pictures.symbol_figures import (
+    MOMENTS,
+    AlignedPath,
+    StripOfSymbols,
+    SymbolRow,
+    alignment_matrix,
+    folds,
+    symbol_strip,
+)
+from motionlake.pictures.symbol_material import SymbolMaterial
+from motionlake.retrieval.protocol import Hit, clip_hit, ranked
+from motionlake.retrieval.symbol_strings import LakeStrings, StringQuery, string_query
+
+CONTEXT: Final = 3  # symbols before and after a match
+MOST_WHOLE: Final = 30  # symbols of a clip that is shown whole
+MOST_MATRICES: Final = 10
+STRIPS: Final = 3
+MOST_PAIRED: Final = 80  # clips among which the nearest two are looked for
+ENOUGH: Final = 6  # symbols of a string worth aligning
+MOST_IN_STRIP: Final = 36
+SAMPLED_CLIPS: Final = 60
+SAMPLED: Final = 1000  # postures on the map
+PERPLEXITY: Final = 30.0
+
+
+def string_pictures(material: SymbolMaterial, clips: Sequence[int]) -> list[Picture | None]:
+    """Strips of some of the clips (indices of the strings), the dictionary's map, the two nearest clips aligned."""
+    strips = [_strip(material, clip) for clip in _strip_clips(material, clips)]
+    return [*strips, _dictionary_map(material, clips), _nearest_two(material, clips)]
+
+
+def _strip_clips(material: SymbolMaterial, clips: Sequence[int]) -> list[int]:
+    """Clips worth a strip: those of which most was folded, one of a label (a dataset, where there are none)."""
+    strings = material.strings
+
+    def saved(clip: int) -> float:
+        """Seconds a symbol of the string stands for, of strings that fit on the page and hold a few symbols."""
+        known, length = strings.clips[clip], int(strings.repository.lengths[clip])
+        return known.frames / known.fps / length if ENOUGH <= length <= MOST_IN_STRIP else 0.0
+
+    chosen: dict[str, int] = {}
+    for clip in sorted(clips, key=lambda i: (-saved(i), strings.clips[i].clip)):
+        chosen.setdefault(strings.clips[clip].label or strings.clips[clip].dataset, clip)
+    return list(chosen.values())[:STRIPS]
+
+
+def _strip(material: SymbolMaterial, clip: int) -> Picture | None:
+    """A clip and its string (figure 3); None while its postures are being coded anew."""
+    known = material.strings.clips[clip]
+    drawn = strip_of(material, clip)
+    if drawn is None:
+        return None
+    found = folds(drawn, 1 / material.config.fps)
+    (name,) = display_names([known.clip])
+    title = f"{name}: {known.frames} frames become {len(drawn.symbols)} symbols"
+    note = f"{drawn.seconds:.1f} s; {len(drawn.runs)} runs of one symbol, "
+    note += f"{sum(fold.symbols for fold in found) or 'none'} of them folded as repeats; {material.about_dictionary}"
+    caption = (
+        "A clip and its string (PESTA, figure 3). (a) Moments of the clip, the symbol of each, and all of its symbols "
+        "in time: runs of one symbol, and below them the string, where grey stands for repeats that were folded "
+        f"into the instance before. (b) The string as {material.about_bodies}. Like colours are like postures."
+    )
+    return picture(f"strip-{name}", title, caption, symbol_strip(drawn, found, material.colours, title, note))
+
+
+def strip_of(material: SymbolMaterial, clip: int) -> StripOfSymbols | None:
+    """What the strip of a clip shows."""
+    known, string = material.strings.clips[clip], material.strings.string_of(clip)
+    codes = material.codes_of([known.clip]).get(known.clip)
+    if codes is None:
+        return None
+    runs, seconds = reduce_runs(codes), known.frames / known.fps
+    moments = (np.arange(MOMENTS) + 0.5) / MOMENTS * seconds
+    frames = np.minimum((moments * known.fps).astype(np.int64), known.frames - 1)
+    return StripOfSymbols(
+        seconds, material.poses.positions(known.clip)[frames], moments,
+        codes[runs], np.maximum(0.0, (runs - 0.5) / material.config.fps),
+        string.symbols, string.starts / known.fps, material.bodies(string.symbols),
+    )  # fmt: skip
+
+
+def _dictionary_map(material: SymbolMaterial, clips: Sequence[int]) -> Picture | None:
+    """The dictionary's heads and a sample of the clips' postures (figure 2b); None where there are hardly any."""
+    features, symbols = posture_sample(material, clips)
+    if min(len(material.codes), len(features)) < LEAST:
+        return None
+    title = f"The posture dictionary {material.strings.model}: {len(material.codes)} symbols"
+    used = int(np.count_nonzero(material.share))
+    note = f"{material.config.dictionary}; {used} symbols in use; t-SNE (seed 0) of the codes, and of the postures"
+    caption = (
+        "A map of the dictionary (PESTA, figure 2b). Above the heads of its clusters by the distance of their codes, "
+        "below postures of clips by their features, in the colour of the symbol they are coded as: near heads have "
+        f"like colours. Stick figures are {material.about_bodies}. Neighbours on the page are neighbours; distances "
+        "between groups mean little, and the two maps have nothing to do with each other's places."
+    )
+    figure = posture_map(
+        tsne(material.codes, PERPLEXITY), material.share, material.bodies(np.arange(len(material.codes))),
+        tsne(features, PERPLEXITY), symbols, material.colours, title, note,
+    )  # fmt: skip
+    return picture("dictionary", title, caption, figure)
+
+
+def posture_sample(material: SymbolMaterial, clips: Sequence[int]) -> tuple[Float32Array, Int32Array]:
+    """[n, D] postures spread over some clips, the same ones every time, and the [n] symbols they are coded as."""
+    names = [material.strings.clips[i].clip for i in clips]
+    chosen = [names[i] for i in sampled(names, SAMPLED_CLIPS)]
+    coded = material.codes_of(chosen)
+    parts: dict[tuple[str, str], list[str]] = {}
+    for row in fetch(material.con, "parts_of", {"clips": chosen}):
+        if row["clip"] in coded:
+            parts.setdefault((row["dataset"], row["part"]), []).append(row["clip"])
+    features = [np.zeros((0, material.postures.shape[1]), dtype=np.float32)]
+    symbols = [np.zeros(0, dtype=np.int32)]
+    for (dataset, part), members in sorted(parts.items()):
+        for found in read_clips(material.lake.path(material.lake.frames_part(dataset, part)), members):
+            positions, rotations = found.positions.astype(float), found.rotations.astype(float)
+            features.append(word_features(positions, rotations, found.fps, material.config.frames))
+            symbols.append(coded[found.clip])
+    every = np.concatenate(features)
+    kept = np.unique(np.linspace(0, len(every) - 1, min(SAMPLED, len(every))).round().astype(np.int64))
+    return every[kept], np.concatenate(symbols)[kept]
+
+
+def _nearest_two(material: SymbolMaterial, clips: Sequence[int]) -> Picture | None:
+    """The two nearest clips that are called differently and not the same, aligned (figure 4); None without such."""
+    strings, config = material.strings, load_config(material.lake.config_file).alignment
+    long = [i for i in clips if strings.repository.lengths[i] >= ENOUGH]
+    chosen = [long[i] for i in sampled([strings.clips[i].clip for i in long], MOST_PAIRED)]
+    if len(chosen) < 2:
+        return None
+    one = Repository.of([strings.repository.string(i) for i in chosen])
+    costs = symmetric_costs(one, strings.distances, config).astype(np.float64)
+    files = np.array([_file(strings.clips[i].clip) for i in chosen])
+    costs[(files[:, None] == files) | (costs <= 0)] = np.inf
+    costs[np.tril_indices(len(chosen))] = np.inf
+    first, second = np.unravel_index(int(np.argmin(costs)), costs.shape)
+    if not np.isfinite(costs[first, second]):
+        return None
+    query, known = strings.clips[chosen[first]], strings.clips[chosen[second]]
+    asked = string_query(query.clip, strings.string_of(chosen[first]), query.frames, None, None, query.clip)
+    (hit,) = ranked([clip_hit(known, float(costs[first, second]))])
+    made = AlignmentPictures(material, asked, query.fps, config).whole(hit, "The nearest two clips, aligned")
+    caption = (
+        f"{files[first]} aligned to {files[second]}, the nearest two among {len(chosen)} clips that are not called "
+        f"alike and whose strings differ. {material.about_matrix} `motionlake align CLIP --picture hits.html` draws it "
+        "for any query."
+    )
+    return replace(made, name="alignment", caption=caption)
+
+
+@dataclass(frozen=True)
+class AlignmentPictures:
+    """Draws the answers to one query.
+
+    Attributes:
+        material: of the lake; its strings are those that were searched.
+        query: what was looked for.
+        fps: of its frames.
+        config: how the answers were found.
+    """
+
+    material: SymbolMaterial
+    query: StringQuery
+    fps: float
+    config: AlignmentConfig
+
+    def save(self, path: Path, hits: Sequence[Hit]) -> None:
+        """Draw the best answer as .png; a page of all of them, then one by one, as .html.
+
+        Hits that are ranges of frames have their paths. Where there are no hits, the query alone is drawn.
+
+        Raises:
+            UserError: the file cannot be written.
+        """
+        page = path.suffix == ".html"
+        pages = [self._overview(hits)] if page or not hits else []
+        for hit in hits[: MOST_MATRICES if page else 1]:
+            pages.append(self.whole(hit) if hit.start is None else self._match(hit, hits))
+        write_hits(path, pages)
+
+    def whole(self, hit: Hit, title: str | None = None) -> Picture:
+        """The matrix of a whole clip and one that is like it, with the best match of the first in the second."""
+        strings, query = self.material.strings, self.query
+        clip = strings.positions[hit.clip]
+        string = Repository.of([strings.repository.string(clip)])
+        matches = best_matches(query.symbols, string, strings.distances, 1, self.config, paths=True)
+        paths = [AlignedPath(f"best match, cost {m.cost:.2f}", m.path) for m in matches if m.path is not None]
+        said = f"cost {hit.distance:.3f} for each symbol, of both ways"
+        title = title or f"Clip {hit.rank}: {_file(hit.clip)}, {hit.seconds:.2f} s"
+        caption = f"{query.name} aligned to {hit.clip}, {said}; the path is that of the first in the second."
+        alternative = f"{hit.clip} aligned to {query.name}"
+        return self._picture(hit, strings.symbols_of(clip), paths, title, said, alternative, caption)
+
+    def _match(self, hit: Hit, others: Sequence[Hit]) -> Picture:
+        """The matrix of one match, with what lies around it in its clip; other matches that lie there are dashed."""
+        strings, query = self.material.strings, self.query
+        pairs = path_indices(strings, query, hit)
+        own = strings.symbols_of(strings.positions[hit.clip])
+        first, last = _shown(int(pairs[0, 1]), int(pairs[-1, 1]) + 1, own)
+        paths = [AlignedPath(f"hit {hit.rank}, cost {_cost(hit):.2f}", pairs - (0, first))]
+        for other in others:
+            if other.rank != hit.rank and other.clip == hit.clip and other.path:
+                found = path_indices(strings, query, other)
+                if first <= found[0, 1] and found[-1, 1] < last:
+                    paths.append(AlignedPath(f"hit {other.rank}, cost {_cost(other):.2f}", found - (0, first)))
+        if hit.stop_clip in (None, hit.clip):
+            begin = hit.start_seconds or 0.0
+            said = brief = f"frames {hit.start} to {hit.stop}, {begin:.2f}–{begin + hit.seconds:.2f} s"
+        else:
+            brief = f"from frame {hit.start} to frame {hit.stop} of a later clip, {hit.seconds:.2f} s"
+            said = f"from frame {hit.start} to frame {hit.stop} of {_file(str(hit.stop_clip))}, {hit.seconds:.2f} s"
+        caption = (
+            f"The query {query.name}, frames {query.start} to {query.stop}, aligned to {hit.clip}, {said}; cost "
+            f"{_cost(hit):.3f} ({hit.distance:.3f} for each of {len(query.symbols)} symbols)."
+        )
+        return self._picture(
+            hit, slice(first, last), paths, f"Hit {hit.rank}: {_file(hit.clip)}",
+            f"{brief}; cost {_cost(hit):.3f}, {hit.distance:.3f} for each symbol of the query",
+            f"hit {hit.rank} for {query.name}: {hit.clip}, {said}", caption,
+        )  # fmt: skip
+
+    def _picture(
+        self, hit: Hit, columns: slice, paths: Sequence[AlignedPath], title: str, note: str, alternative: str,
+        caption: str,
+    ) -> Picture:  # fmt: skip
+        """The matrix of the query and some of the lake's symbols; `alternative` is for those who cannot see it."""
+        material, query = self.material, self.query
+        strings = material.strings
+        fps = strings.clips[strings.positions[hit.clip]].fps
+        symbols = strings.repository.symbols[columns]
+        start, stop = int(strings.starts[columns.start]), int(strings.stops[columns.stop - 1])
+        cuts = [int(cut) - columns.start for cut in strings.repository.offsets if columns.start < cut < columns.stop]
+        when = f"from frame {start} on, and on in the next clip" if cuts else _when(start, stop, fps)
+        asked = _when(query.start, query.stop, self.fps)
+        figure = alignment_matrix(
+            SymbolRow(query.name, asked, query.symbols, material.bodies(query.symbols)),
+            SymbolRow(hit.clip, when, symbols, material.bodies(symbols), cuts),
+            strings.distances.matrix[np.ix_(query.symbols, symbols)],
+            paths, material.colours, title, f"{note}; {material.about_dictionary}",
+        )  # fmt: skip
+        return picture(f"alignment-{hit.rank}", alternative, f"{caption} {material.about_matrix}", figure)
+
+    def _overview(self, hits: Sequence[Hit]) -> Picture:
+        material, query = self.material, self.query
+        rows: list[dict[str, Any]] = [hit.as_row() | {"cost": _cost(hit)} for hit in hits]
+        figure = hits_page(
+            material.con, material.lake, query.clip or Path(query.name), rows, query.start, query.stop,
+            "cost", f"costs of alignment; {material.about_dictionary}",
+        )  # fmt: skip
+        caption = "The query, shaded, and the answers, cheapest first."
+        return picture("hits", f"hits for {query.name}", caption, figure)
+
+
+def path_indices(strings: LakeStrings, query: StringQuery, hit: Hit) -> Int64Array:
+    """[L, 2] (symbol of the query, symbol of all strings) of a hit's path, which is in frames.
+
+    Raises:
+        ValueError: a hit without its path.
+    """
+    if not hit.path:
+        raise ValueError(f"{hit.clip}: the hit has no path; ask for it")
+    begin = strings.symbols_of(strings.positions[hit.clip]).start
+    stored = zip(strings.starts[begin:].tolist(), strings.stops[begin:].tolist(), strict=True)
+    rows = _places(map(query.frames_of, range(query.first, query.last)), [step.query for step in hit.path])
+    columns = _places(stored, [step.clip for step in hit.path])
+    return np.stack([rows, columns + begin], axis=1)
+
+
+def _places(ranges: Iterator[tuple[int, int]], wanted: Sequence[tuple[int, int]]) -> Int64Array:
+    """Where ranges of frames stand, each not before the last: a path never goes back."""
+    found, place, here = [], 0, next(ranges)
+    for pair in wanted:
+        while here != pair:
+            place, here = place + 1, next(ranges)
+        found.append(place)
+    return np.array(found, dtype=np.int64)
+
+
+def _shown(first: int, last: int, own: slice) -> tuple[int, int]:
+    """Symbols to show around a match [first, last) of a clip at `own`: the clip, or some before and after."""
+    if last <= own.stop and own.stop - own.start <= MOST_WHOLE:
+        return own.start, own.stop
+    return max(own.start, first - CONTEXT), max(last, min(own.stop, last + CONTEXT))
+
+
+def _cost(hit: Hit) -> float:
+    """A range's own cost; a whole clip has the distance alone."""
+    return hit.distance if hit.cost is None else hit.cost
+
+
+def _when(start: int, stop: int, fps: float) -> str:
+    return f"frames {start} to {stop}, {start / fps:.2f}–{stop / fps:.2f} s"
+
+
+def _file(clip: str) -> str:
+    return clip.rpartition("/")[2] or clip
