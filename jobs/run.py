@@ -7,9 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from motionlake.errors import UserError
-from motionlake.jobs.execute import Outcome
 from motionlake.jobs.models import obtain
-from motionlake.jobs.session import Session
+from motionlake.jobs.session import Outcome, Session
 from motionlake.lake.catalog import fetch, reading, run_sql, writing
 from motionlake.stages import ingest as sources
 from motionlake.stages.frames import FRAMES

@@ -1,23 +1,63 @@
-"""What every job of one command shares: the lake, its configuration, a cluster started when first needed."""
+"""What every job of one command shares: the lake, its configuration, and how shards are run and entered."""
 
 from __future__ import annotations
 
+import json
+import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from datetime import datetime
-from typing import TYPE_CHECKING
+from itertools import islice
+from pathlib import Path
+from typing import TYPE_CHECKING, Protocol
 
-from motionlake.jobs.execute import Outcome, Progress, execute
-from motionlake.lake.catalog import collect_garbage
+import pyarrow as pa
+from motionlake.lake.catalog import collect_garbage, load_rows, table_of, writing
 from motionlake.lake.config import LakeConfig, load_config
 from motionlake.lake.layout import Lake
 from motionlake.lake.lock import locked
-from motionlake.stages.registry import FOLDERS
-from motionlake.stages.stage import Shard, ShardStage
+from motionlake.stages.stage import Shard, ShardResult, ShardStage
+from threadpoolctl import threadpool_limits
 
 if TYPE_CHECKING:
-    from distributed import Client
+    from distributed import Client, Future
+
+_S, _I = pa.string(), pa.int64()
+PLAN_ROWS = pa.schema({"stage": _S, "key": _S, "part": _S, "dataset": _S, "spec": _S})
+FINISH_ROWS = pa.schema(
+    {
+        "stage": _S, "key": _S, "part": _S, "state": _S, "reason": _S, "rows": _I, "bytes": _I,
+        "files": pa.list_(_S), "seconds": pa.float64(),
+    }
+)  # fmt: skip
+AHEAD = 4  # shards submitted for each worker thread
+LOAD_EVERY = 5.0  # seconds; what a killed run has done since it last loaded is done again
+
+
+class Progress(Protocol):
+    """Told of finished clips: (stage, done, all)."""
+
+    def __call__(self, stage: str, done: int, total: int) -> None: ...
+
+
+@dataclass
+class Outcome:
+    """What came of a stage: shards done and failed, clips in them, source files rejected."""
+
+    ok: int = 0
+    failed: int = 0
+    clips: int = 0
+    rejected: int = 0
+    rows: int = 0
+    bytes: int = 0
+    reason: str = ""  # of the last failure
+
+    def __iadd__(self, other: Outcome) -> Outcome:
+        for name in ("ok", "failed", "clips", "rejected", "rows", "bytes"):
+            setattr(self, name, getattr(self, name) + getattr(other, name))
+        self.reason = other.reason or self.reason
+        return self
 
 
 @dataclass
@@ -52,9 +92,43 @@ class Session:
     def execute(
         self, stage: ShardStage, shards: Sequence[Shard], *, here: bool = False, at_once: bool = False
     ) -> Outcome:
-        """Run shards on the cluster, which starts if there are any; `here`: in this process."""
-        client = None if here or not shards else self.client
-        return execute(self.lake, stage, shards, client, self.progress, at_once=at_once)
+        """Run shards, load results every few seconds in one transaction, or `at_once`; record failures and reasons.
+
+        They run on the cluster, which starts if there are any; or `here`, in this process, one after the other: a few
+        seconds less for work that is soon done.
+        """
+        outcome = Outcome()
+        if not shards:
+            return outcome
+        client = None if here else self.client
+        # The cut into shards, before any runs: a resumed run must make the same parts.
+        plan = [
+            {"stage": s.stage, "key": s.key, "part": s.part, "dataset": s.dataset, "spec": json.dumps(s.spec)}
+            for s in shards
+        ]
+        with writing(self.lake) as con:
+            load_rows(con, "plan_shards", table_of(plan, PLAN_ROWS))
+        total = sum(s.items for s in shards)
+        self.progress(stage.name, 0, total)
+        waiting: list[ShardResult] = []
+        failures: list[tuple[Shard, str]] = []
+        loaded_at, done, patience = time.monotonic(), 0, LOAD_EVERY
+        root = self.lake.root
+        for shard, found in _here(root, stage, shards) if client is None else _finishing(root, stage, shards, client):
+            if isinstance(found, ShardResult):
+                waiting.append(found)
+            else:
+                failures.append((shard, f"{type(found).__name__}: {found}".splitlines()[0][:500]))
+            done += shard.items
+            self.progress(stage.name, done, total)
+            if waiting and not at_once and time.monotonic() - loaded_at > patience:
+                started = time.monotonic()
+                outcome += _load(self.lake, stage, waiting)
+                waiting = []
+                loaded_at = time.monotonic()
+                patience = max(LOAD_EVERY, 10 * (loaded_at - started))
+        outcome += _load(self.lake, stage, waiting, failures)
+        return outcome
 
 
 @contextmanager
@@ -71,8 +145,75 @@ def session(
     Raises:
         UserError: another run holds the lake, or its config.toml is at fault.
     """
+    from motionlake.stages.registry import FOLDERS  # workers import this module, and one stage alone
+
     config = load_config(lake.config_file)
     with locked(lake, command), ExitStack() as stack:
         collect_garbage(lake, FOLDERS)
         yield Session(lake, config, progress, notice, workers, scheduler, _stack=stack)
         collect_garbage(lake, FOLDERS)
+
+
+def _here(root: Path, stage: ShardStage, shards: Sequence[Shard]) -> Iterator[tuple[Shard, ShardResult | Exception]]:
+    for shard in shards:
+        try:
+            yield shard, _run_limited(stage.run, root, shard)
+        except Exception as error:
+            yield shard, error
+
+
+def _finishing(
+    root: Path, stage: ShardStage, shards: Sequence[Shard], client: Client
+) -> Iterator[tuple[Shard, ShardResult | BaseException]]:
+    """Shards as they finish, with a few a worker thread in the cluster's hands: its memory must not grow with them."""
+    from distributed import as_completed
+
+    running: dict[Future, Shard] = {}
+    pool = as_completed()
+    left = iter(shards)
+
+    def submit() -> None:
+        wanted = AHEAD * max(1, sum(client.nthreads().values()))
+        for shard in islice(left, max(0, wanted - len(running))):
+            key = f"{stage.name}-{shard.key}"
+            future = client.submit(_run_limited, stage.run, root, shard, key=key, pure=False)
+            running[future] = shard
+            pool.add(future)
+
+    submit()
+    for future in pool:
+        error = future.exception() if future.status != "finished" else None
+        yield running.pop(future), future.result() if error is None else error
+        future.release()
+        submit()
+
+
+def _run_limited(run: Callable[[Path, Shard], ShardResult], root: Path, shard: Shard) -> ShardResult:
+    """Within one worker thread: BLAS and OpenMP on that thread, so that results do not depend on the machine."""
+    with threadpool_limits(1):
+        return run(root, shard)
+
+
+def _load(
+    lake: Lake, stage: ShardStage, results: Sequence[ShardResult], failures: Sequence[tuple[Shard, str]] = ()
+) -> Outcome:
+    if not results and not failures:
+        return Outcome()
+    ordered = sorted(results, key=lambda r: (r.shard.dataset, r.shard.key))
+    rows = [_row(r.shard, "ok", rows=r.rows, bytes=r.size, files=list(r.files), seconds=r.seconds) for r in ordered]
+    rows += [_row(shard, "failed", reason=reason) for shard, reason in failures]
+    with writing(lake) as con:
+        if ordered:
+            stage.load(con, lake.root, ordered)
+        load_rows(con, "finish_shards", table_of(rows, FINISH_ROWS))
+    return Outcome(
+        ok=len(ordered), failed=len(failures), clips=sum(r.shard.items - r.rejected for r in ordered),
+        rejected=sum(r.rejected for r in ordered), rows=sum(r.rows for r in ordered),
+        bytes=sum(r.size for r in ordered), reason=failures[-1][1] if failures else "",
+    )  # fmt: skip
+
+
+def _row(shard: Shard, state: str, **result: object) -> dict[str, object]:
+    """A row of the manifest."""
+    nothing: dict[str, object] = {"reason": None, "rows": 0, "bytes": 0, "files": [], "seconds": None}
+    return {"stage": shard.stage, "key": shard.key, "part": shard.part, "state": state, **nothing, **result}

@@ -9,7 +9,7 @@ from pathlib import Path
 import duckdb
 import pytest
 from motionlake import sql
-from motionlake.jobs.execute import execute
+from motionlake.jobs.session import Session
 from motionlake.lake.config import load_config
 from motionlake.lake.layout import open_lake
 from motionlake.stages.clip_parts import ORPHANS
@@ -69,7 +69,8 @@ def test_a_stage_keeps_to_the_protocol(lake: Path, name: str) -> None:
     assert plan(lake, name) == shards, "a run that is killed before it loads is planned as it was"
     with lake_reader(target, load_config(target.config_file)) as at:
         at_once = stage.at_once(at)
-    outcome = execute(target, stage, shards, None, lambda *_: None, at_once=at_once)
+    session = Session(target, load_config(target.config_file), lambda *_: None, lambda _: None)
+    outcome = session.execute(stage, shards, here=True, at_once=at_once)
     assert (outcome.ok, outcome.failed) == (len(shards), 0), outcome.reason
     assert plan(lake, name) == []
     with lake_reader(target, load_config(target.config_file)) as at:

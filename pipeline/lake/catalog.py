@@ -141,12 +141,8 @@ def open_catalog(lake: Lake, *, apart: bool = False) -> Connection:
         reason = str(error).splitlines()[0]
         todo = next((todo for word, todo in _TO_DO.items() if word in reason), "put back a copy, or make a new lake")
         raise UserError(f"{lake.catalog}: cannot be opened for reading ({reason}); {todo}") from error
-    use_lake_paths(con, lake)
-    return con
-
-
-def use_lake_paths(con: Connection, lake: Lake) -> None:
     run_sql(con, "use_lake", {"root": str(lake.root)})
+    return con
 
 
 @contextmanager
@@ -168,7 +164,7 @@ def changing(lake: Lake) -> Iterator[Connection]:
         shutil.copyfile(lake.catalog, temporary)
         con = duckdb.connect(str(temporary))
         try:
-            use_lake_paths(con, lake)
+            run_sql(con, "use_lake", {"root": str(lake.root)})
             run_sql(con, "one_thread")
             con.begin()
             yield con

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from difflib import get_close_matches
 
 from motionlake.errors import UserError
@@ -33,21 +34,11 @@ def resolve_clip(con: Connection, name: str) -> str:
 def _near(name: str, clips: list[str]) -> list[str]:
     """The clips whose file names are most like a name, or hold it, whatever their case and suffix."""
     wanted = _stem(name)
-    stems: dict[str, str] = {}
-    for clip in clips:
-        stems.setdefault(_stem(clip), clip)
-    holding = [stem for stem in stems if wanted in stem or any(_like(wanted, word) for word in _words(stem))]
+    stems = {_stem(clip): clip for clip in reversed(clips)}  # the first clip of each
     close = get_close_matches(wanted, stems, SHOWN, 0.6)
-    return [stems[stem] for stem in dict.fromkeys([*close, *sorted(holding, key=lambda s: (len(s), s))])][:SHOWN]
+    holding = [s for s in stems if wanted in s or get_close_matches(wanted, re.split("[-_ ]", s), 1, 0.8)]
+    return [stems[s] for s in dict.fromkeys([*close, *sorted(holding, key=lambda s: (len(s), s))])][:SHOWN]
 
 
 def _stem(name: str) -> str:
     return name.rpartition("/")[2].partition("#")[0].split(".")[0].lower()
-
-
-def _words(stem: str) -> list[str]:
-    return stem.replace("-", "_").replace(" ", "_").split("_")
-
-
-def _like(wanted: str, word: str) -> bool:
-    return bool(word) and bool(get_close_matches(wanted, [word], 1, 0.8))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 from motionlake.errors import UserError
 from motionlake.lake.catalog import Connection, fetch, load_rows, reading, run_sql, table_of, writing
@@ -29,7 +30,7 @@ class Removal:
         return Removal(self.clips - other.clips, self.files - other.files)
 
 
-Source = dict[str, str]  # dataset, path
+Source = dict[str, Any]  # a row with a dataset and a path
 
 
 def sources_of(con: Connection, names: Sequence[str]) -> list[Source]:
@@ -42,19 +43,12 @@ def sources_of(con: Connection, names: Sequence[str]) -> list[Source]:
     for name in names:
         if name in known and not fetch(con, "find_clip", {"name": name}):
             raise UserError(f"{name}: is a dataset; `motionlake remove --dataset {name}` removes all of it")
-    return [
-        {"dataset": row["dataset"], "path": row["path"]}
-        for name in names
-        for row in fetch(con, "clip", {"clip": resolve_clip(con, name)})
-    ]
+    return [fetch(con, "clip", {"clip": resolve_clip(con, name)})[0] for name in names]
 
 
 def gone_sources(con: Connection) -> list[Source]:
     """Every source file the lake knows that is not on disk any more."""
-    rows = fetch(con, "all_sources")
-    return [
-        {"dataset": r["dataset"], "path": r["path"]} for r in rows if not Path(r["root"]).joinpath(r["path"]).exists()
-    ]
+    return [row for row in fetch(con, "all_sources") if not Path(row["root"]).joinpath(row["path"]).exists()]
 
 
 def remove_dataset(lake: Lake, dataset: str) -> Removal:

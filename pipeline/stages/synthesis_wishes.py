@@ -13,7 +13,6 @@ from motionlake.errors import UserError
 from motionlake.lake.catalog import Connection, fetch
 from motionlake.lake.layout import Lake
 from motionlake.lake.models import Model
-from motionlake.motion.kinematics import continuous_signs, forward_kinematics
 from motionlake.stages.frames import first_body
 from motionlake.stages.generator_model import classed_motions, long_enough
 from motionlake.stages.sources import content_hash
@@ -185,6 +184,7 @@ def canonical_motion(made: GeneratedMotion, filled: Sequence[str] = ()) -> Canon
         filled: joints that rigs of the training clips lack.
     """
     from motionlake.motion.canonicalise import METRES_PER_UNIT, CanonicalMotion, body_height
+    from motionlake.motion.kinematics import continuous_signs, forward_kinematics
 
     positions = np.asarray(made.positions, dtype=float)
     rotations = continuous_signs(np.asarray(made.rotations, dtype=float))
