@@ -14,7 +14,8 @@ from typing import Any, Final, Literal, Protocol
 import numpy as np
 import torch
 from motionlake.arrays import Float32Array, Int64Array, Progress
-from safetensors import SafetensorError, safe_open
+from motionlake.weights import read_tensors, save_tensors
+from safetensors import safe_open
 from safetensors.torch import save_file
 from threadpoolctl import threadpool_limits
 from torch import Tensor, nn
@@ -38,25 +39,13 @@ def on_threads(count: int) -> Iterator[None]:
 
 def save_network(path: Path, network: nn.Module, key: str, kept: Mapping[str, Any]) -> None:
     """Write the weights, and `kept` (JSON values) under a key of the file's metadata."""
-    tensors = {name: value.contiguous() for name, value in network.state_dict().items()}
-    save_file(tensors, path, metadata={key: json.dumps(kept, sort_keys=True)})
+    save_tensors(path, {name: value.numpy() for name, value in network.state_dict().items()}, key, kept)
 
 
 def read_network(path: Path, key: str) -> tuple[dict[str, Tensor], dict[str, Any]]:
-    """What `save_network` wrote: weights by name, and `kept`.
-
-    Raises:
-        ValueError: the file is damaged, or has no such key.
-    """
-    try:
-        with safe_open(path, framework="pt") as file:
-            metadata = (file.metadata() or {}).get(key)
-            if metadata is None:
-                raise ValueError(f"{path} holds no {key.replace('_', ' ')}")
-            tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
-    except SafetensorError as error:
-        raise ValueError(f"{path} is damaged: {error}") from error
-    return tensors, json.loads(metadata)
+    """What `save_network` wrote: weights by name, and `kept`. Raises `ValueError` as `read_tensors` does."""
+    arrays, kept = read_tensors(path, key)
+    return {name: torch.from_numpy(value) for name, value in arrays.items()}, kept
 
 
 class Checkpoint:

@@ -195,9 +195,9 @@ def test_mistakes_are_named() -> None:
 def test_a_saved_corpus_answers_as_before(tmp_path: Path) -> None:
     words = WordSet.of_words(smooth_words(300, 6, 4, 7))
     searched = fit_index(words, config=CELLS)
-    save_index(searched, tmp_path / "index.safetensors", {"clips": "[]"})
+    save_index(searched, tmp_path / "index.safetensors", {"clips": ["a"]})
     loaded, notes = load_index(tmp_path / "index.safetensors")
-    assert notes == {"clips": "[]"}
+    assert notes == {"clips": ["a"]}
     one, two = (search(s, words, s.groups, 3, SPARSE) for s in (searched, loaded))
     np.testing.assert_array_equal(one.indices, two.indices)
     np.testing.assert_array_equal(one.distances, two.distances)

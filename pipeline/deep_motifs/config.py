@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, Final, Literal
 
 from motionlake.motion.features import WordConfig
-from motionlake.pretrained import Pretrained
+from motionlake.weights import Pretrained
 
 EXACT_WORDS: Final = 30_000
 

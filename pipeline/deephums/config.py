@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from motionlake.pretrained import Pretrained
+from motionlake.weights import Pretrained
 
 DIMENSION: Final = 512
 _WEIGHTS: Final = Path(__file__).parent / "weights"

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final, Literal
 
-from motionlake.pretrained import Pretrained
+from motionlake.weights import Pretrained
 
 RECIPES: Final = ("default", "glogen")
 WEIGHTS: Final = ("auto", "pretrained", "own")

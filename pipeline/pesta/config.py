@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, Final, Literal, get_args
 
 from motionlake.motion.features import Representation, WordConfig
-from motionlake.pretrained import Pretrained
+from motionlake.weights import Pretrained
 
 Method = Literal["sta", "dtw", "sw"]
 
@@ -63,6 +63,7 @@ DictionaryKind = Literal["aae", "kmeans", "som"]
 RecipeName = Literal["default", "pesta"]
 KINDS: Final = ("aae", "kmeans", "som")
 ENOUGH: Final = 25
+DICTIONARY_KEY: Final = "posture_dictionary"  # of the metadata of a dictionary's file
 RECIPES: Final = ("default", "pesta")
 
 

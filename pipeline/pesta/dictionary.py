@@ -16,7 +16,6 @@ The paper leaves open what a cluster head is. Two forms:
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from functools import cached_property
@@ -27,12 +26,11 @@ import numpy as np
 import torch
 from motionlake.arrays import Float32Array, Int32Array
 from motionlake.deep_motifs.words.linear import LinearConfig
-from motionlake.pesta.config import PosturesConfig
+from motionlake.pesta.config import DICTIONARY_KEY, PosturesConfig
 from motionlake.training import on_threads, read_network
-from safetensors.numpy import save_file
+from motionlake.weights import save_tensors
 from torch import Tensor, nn
 
-METADATA_KEY: Final = "posture_dictionary"
 ROWS: Final = 4096  # postures that are compared with the codes at a time
 # Batches of exactly this many, the last one padded, so that a symbol does not depend on the postures beside it.
 BATCH: Final = 512
@@ -210,8 +208,8 @@ class PostureDictionary:
         """Write it as one safetensors file."""
         kept = {"config": asdict(self.config), "figures": dict(self.metrics)}
         tensors = {"codes": self.codes, "postures": self.postures}
-        tensors |= {f"encoder.{name}": np.ascontiguousarray(value) for name, value in self.encoder.tensors().items()}
-        save_file(tensors, path, metadata={METADATA_KEY: json.dumps(kept, sort_keys=True)})
+        tensors |= {f"encoder.{name}": value for name, value in self.encoder.tensors().items()}
+        save_tensors(path, tensors, DICTIONARY_KEY, kept)
 
 
 def load_dictionary(path: Path) -> PostureDictionary:
@@ -220,7 +218,7 @@ def load_dictionary(path: Path) -> PostureDictionary:
     Raises:
         ValueError: the file holds something else.
     """
-    tensors, kept = read_network(path, METADATA_KEY)
+    tensors, kept = read_network(path, DICTIONARY_KEY)
     config = PosturesConfig(**kept["config"])
     own = {name.removeprefix("encoder."): value for name, value in tensors.items() if name.startswith("encoder.")}
     encoder: AutoencoderEncoder | NearestCode

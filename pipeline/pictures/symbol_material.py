@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -14,14 +13,13 @@ from motionlake.lake.catalog import Connection, fetch
 from motionlake.lake.layout import Lake
 from motionlake.motion.features import WordConfig
 from motionlake.motion.skeleton import INDEX, JOINTS
-from motionlake.pesta.config import PosturesConfig
-from motionlake.pesta.dictionary import METADATA_KEY
+from motionlake.pesta.config import DICTIONARY_KEY, PosturesConfig
 from motionlake.pictures.motif_figures import motif_order
 from motionlake.pictures.stick_figures import PoseReader
 from motionlake.pictures.style import motif_colours
 from motionlake.retrieval.symbol_strings import LakeStrings, read_strings
 from motionlake.stages.postures import codes_files, read_codes
-from safetensors import safe_open
+from motionlake.weights import read_tensors
 
 # Joints that no dictionary over positions holds, as shares of two that it does; feet end at the ankles.
 _BETWEEN: Final = {
@@ -124,10 +122,10 @@ def read_symbols(con: Connection, lake: Lake, strings: LakeStrings | None = None
     """
     strings = strings or read_strings(con)
     file = lake.path(fetch(con, "model_file", {"model": strings.model})[0]["file"])
-    with safe_open(file, framework="numpy") as tensors:  # not `load_dictionary`: no encoder is needed, nor torch
-        config = PosturesConfig(**json.loads(tensors.metadata()[METADATA_KEY])["config"])
-        codes, postures = tensors.get_tensor("codes"), tensors.get_tensor("postures")
+    # Not `load_dictionary`: no encoder is needed, nor torch.
+    tensors, kept = read_tensors(file, DICTIONARY_KEY, "codes", "postures")
     share = np.array([row["share"] for row in fetch(con, "posture_shares")], dtype=np.float64)
+    codes, postures, config = tensors["codes"], tensors["postures"], PosturesConfig(**kept["config"])
     return SymbolMaterial(con, lake, strings, codes, postures, share, config, PoseReader(con, lake))
 
 

@@ -16,8 +16,8 @@ from motionlake.errors import UserError
 from motionlake.lake.config import LakeConfig, config_hash
 from motionlake.lake.layout import Lake
 from motionlake.lake.models import Model, checkpoint_file, copy_weights, fitting_model, save_model
-from motionlake.pretrained import Pretrained
 from motionlake.stages.reader import LakeReader
+from motionlake.weights import Pretrained
 
 Data = TypeVar("Data")
 CHOSEN: Final = ("split", "dataset")  # options of a kind that is trained on chosen clips

@@ -7,7 +7,6 @@ a word may then have fewer neighbours.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -68,7 +67,7 @@ class SearchedWords:
         """Write it as one safetensors file."""
         from motionlake.deep_motifs.words.neighbours import save_index
 
-        notes = {"clips": json.dumps(self.clips), "parts": json.dumps(self.parts), "corpus": self.corpus}
+        notes = {"clips": self.clips, "parts": self.parts, "corpus": self.corpus}
         save_index(self.searched, path, notes)
 
 
@@ -76,6 +75,7 @@ class NeighbourIndex(ModelKind[IndexedClips]):
     """Words to search the nearest among."""
 
     name = "neighbours"
+    version = 2
     config = WordConfig
     title = "index of words"
     use = "is searched"
@@ -113,7 +113,7 @@ class NeighbourIndex(ModelKind[IndexedClips]):
         from motionlake.deep_motifs.words.neighbours import load_index
 
         searched, notes = load_index(path)
-        return SearchedWords(searched, json.loads(notes["clips"]), json.loads(notes["parts"]), notes["corpus"])
+        return SearchedWords(searched, **notes)
 
 
 NEIGHBOUR_INDEX: Final = NeighbourIndex()

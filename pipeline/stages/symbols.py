@@ -12,12 +12,12 @@ import pyarrow as pa
 from motionlake.lake import frames
 from motionlake.lake.catalog import Connection, fetch, load_rows, run_sql
 from motionlake.lake.layout import Lake
-from motionlake.pesta.config import SymbolsConfig
+from motionlake.pesta.config import DICTIONARY_KEY, SymbolsConfig
 from motionlake.stages.posture_dictionary import POSTURE_DICTIONARY
 from motionlake.stages.postures import POSTURES, read_codes
 from motionlake.stages.reader import LakeReader
 from motionlake.stages.stage import Part, PartStage, Shard, ShardResult, clips_of
-from safetensors import safe_open
+from motionlake.weights import read_tensors
 
 if TYPE_CHECKING:
     from motionlake.pesta.symbols import SymbolString
@@ -92,9 +92,9 @@ class Symbols(PartStage):
             run_sql(con, "clear_symbols")
         super().load(con, root, results)
         if new:
-            with safe_open(root / spec["dictionary"], framework="numpy") as tensors:
-                codes, typical = tensors.get_tensor("codes"), tensors.get_tensor("postures")
-            columns = [pa.array(np.arange(len(codes), dtype=np.int32)), pa.array(list(codes)), pa.array(list(typical))]
+            found, _ = read_tensors(root / spec["dictionary"], DICTIONARY_KEY, "codes", "postures")
+            codes, typical = list(found["codes"]), list(found["postures"])
+            columns = [pa.array(np.arange(len(codes), dtype=np.int32)), pa.array(codes), pa.array(typical)]
             rows = pa.Table.from_arrays(columns, schema=POSTURE_ROWS)
             files = [str(root / r.shard.spec["codes"]) for r in results]
             load_rows(con, "load_postures", rows, {"codes": files, "model": spec["model"]})

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Final, Literal
+from typing import Any, Final, Literal
 
 import numpy as np
 from motionlake.arrays import Float32Array, Int64Array
@@ -19,15 +19,14 @@ from motionlake.deep_motifs.words.dtw import listed_distances
 from motionlake.deep_motifs.words.lower_bounds import WordBounds, survivors
 from motionlake.deep_motifs.words.word_index import WordIndex, WordSet, WordSpace, nearest_centroids
 from motionlake.motion.dtw import Metric
+from motionlake.weights import read_tensors, save_tensors
 from numba import njit
-from safetensors import safe_open
-from safetensors.numpy import save_file
 from threadpoolctl import threadpool_limits
 
 Method = Literal["exact", "approximate"]
 
 QUERY_ROWS: Final = 256  # queries that meet their candidates in one matrix product
-LENGTH: Final = "length"  # of words, in the notes of an index's file
+METADATA_KEY: Final = "word_index"
 
 
 @dataclass(frozen=True)
@@ -178,7 +177,7 @@ class _Search:
         )
 
 
-def save_index(index: WordIndex, path: Path, notes: Mapping[str, str]) -> None:
+def save_index(index: WordIndex, path: Path, notes: Mapping[str, Any]) -> None:
     """Write an index with notes of the caller's; what can be projected again is left out."""
     tensors = {
         **asdict(index.space),
@@ -190,15 +189,13 @@ def save_index(index: WordIndex, path: Path, notes: Mapping[str, str]) -> None:
         "starts": index.words.starts,
         "groups": index.groups,
     }
-    save_file(tensors, path, {**notes, LENGTH: str(index.words.length)})
+    save_tensors(path, tensors, METADATA_KEY, {**notes, "length": index.words.length})
 
 
-def load_index(path: Path) -> tuple[WordIndex, dict[str, str]]:
-    """What `save_index` wrote, and the notes."""
-    with safe_open(path, framework="numpy") as file:
-        notes = dict(file.metadata())
-        found = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
-    words = WordSet(found.pop("frames"), found.pop("starts"), int(notes.pop(LENGTH)))
+def load_index(path: Path) -> tuple[WordIndex, dict[str, Any]]:
+    """What `save_index` wrote, and the notes. Raises `ValueError` if the file holds something else."""
+    found, notes = read_tensors(path, METADATA_KEY)
+    words = WordSet(found.pop("frames"), found.pop("starts"), notes.pop("length"))
     space = WordSpace(*(found.pop(name) for name in ("centre", "basis", "mean", "components")))
     return WordIndex(words=words, space=space, **found), notes
 
