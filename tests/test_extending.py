@@ -20,7 +20,7 @@ GUIDE = (ROOT / "docs" / "extending.md").read_text(encoding="utf-8")
 NEW = re.compile(r"^New file `([^`]+)`:\n\n```\w+\n(.*?)```$", re.MULTILINE | re.DOTALL)
 LINE = re.compile(r"^Line in `([^`]+)`[^\n]*:\n\n```python\n(.*)\n(.*)\n```$", re.MULTILINE)
 BELOW = re.compile(r"^Line in `([^`]+)`, below `([^`]+)`:\n\n```python\n(.*)\n```$", re.MULTILINE)
-COUNTS = re.compile(r"^\| \[([^\]]+)\]\(#[\w-]+\) \| (\d+) \| (\d+) \|$", re.MULTILINE)
+COUNTS = re.compile(r"^\| \[([^\]]+)\]\(#[\w-]+\)[^|]* \| (\d+) \| (\d+) \|$", re.MULTILINE)
 
 
 def section(title: str) -> str:
@@ -149,3 +149,22 @@ def test_a_way_to_search(tmp_path: Path) -> None:
     outside = json.loads(copy.run("search", "clips/walk81.txt", "-k", "1", "--mirrored", *words))
     assert outside[0]["clip"] == "clips/walk81.txt"
     assert outside[0]["distance"] == pytest.approx(0, abs=0.01)
+
+
+def test_a_trained_model(tmp_path: Path) -> None:
+    copy = Copy(tmp_path, "A trained model")
+    (tmp_path / "clips").mkdir()
+    for name, count in (("walk1", 50), ("walk2", 60), ("walk3", 70)):
+        (tmp_path / "clips" / f"{name}.txt").write_text(deepmimic_text(deepmimic_frames(count)))
+    copy.run("ingest", "clips", "--lake", "mylake", "--workers", "1")
+    (tmp_path / "mylake" / "config.toml").write_text("[novelty]\nwidth = 2\nsteps = 120\n")
+    copy.run("run", "novelty", "--lake", "mylake", "--workers", "1")
+    query = re.findall(r'motionlake sql "(.*)" --lake mylake', section("A trained model"))[0]
+    first = json.loads(copy.run("sql", query, "--lake", "mylake", "--json"))
+    assert sorted(row["clip"] for row in first) == [f"clips/walk{number}.txt" for number in (1, 2, 3)]
+    again = json.loads(copy.run("train", "novelty", "--json", "--lake", "mylake"))
+    assert again["model"] == "novelty-2"
+    assert again["metrics"]["postures"] > 100
+    copy.run("run", "novelty", "--lake", "mylake", "--workers", "1")
+    assert json.loads(copy.run("sql", query, "--lake", "mylake", "--json")) == first, "trained alike, it says the same"
+    assert "novelty-2" in copy.run("status", "--lake", "mylake")
