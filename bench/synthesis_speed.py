@@ -20,8 +20,7 @@ from typing import Any, Final
 
 import numpy as np
 import torch
-from motionlake.glogen.generator import TrainedGenerator, load_generator
-from motionlake.glogen.requests import MotionRequest, SeedClip
+from motionlake.glogen.generator import MotionRequest, SeedClip, TrainedGenerator, load_generator
 from motionlake.glogen.sparse import HEIGHT
 from motionlake.glogen.trajectories import FPS
 from motionlake.lake.catalog import create_catalog

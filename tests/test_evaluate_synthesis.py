@@ -16,9 +16,8 @@ from motionlake.evaluation.synthesis import SynthesisEvaluation, SynthesisPlan, 
 from motionlake.evaluation.synthesis_metrics import MILLISECONDS, body_poses, errors_at
 from motionlake.evaluation.synthesis_trials import RealMotion, following
 from motionlake.glogen.config import SynthesisConfig
-from motionlake.glogen.generator import EmbeddedMotions, TrainingMotion, embed_motions
+from motionlake.glogen.generator import EmbeddedMotions, GeneratedMotion, MotionRequest, TrainingMotion, embed_motions
 from motionlake.glogen.generator_training import train_generator
-from motionlake.glogen.requests import GeneratedMotion, MotionRequest
 from motionlake.lake.catalog import writing
 from motionlake.lake.layout import open_lake
 from motionlake.lake.models import add_model, next_file, save_model

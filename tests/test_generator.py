@@ -9,11 +9,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-from motionlake.glogen.config import GloGenRecipe, SynthesisConfig
-from motionlake.glogen.generator import METADATA_KEY, TrainedGenerator, TrainingMotion, load_generator
+from motionlake.glogen.config import GloGenRecipe, LocGenRecipe, SynthesisConfig
+from motionlake.glogen.generator import (
+    METADATA_KEY,
+    GeneratedMotion,
+    MotionRequest,
+    SeedClip,
+    TrainedGenerator,
+    TrainingMotion,
+    load_generator,
+)
 from motionlake.glogen.generator_training import fit_generator, train_generator
-from motionlake.glogen.inbetweening import LocGenRecipe
-from motionlake.glogen.requests import GeneratedMotion, MotionRequest, SeedClip
 from motionlake.glogen.rollout import FASTEST, Rollout
 from motionlake.glogen.sparse import DURATION, WIDTH
 from motionlake.glogen.training import groups

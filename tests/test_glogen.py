@@ -11,10 +11,9 @@ import numpy as np
 import pytest
 import torch
 from motionlake.glogen.config import SEEDS, GloGenRecipe, glogen_recipe
-from motionlake.glogen.network import ParallelDecoder, Seq2Seq, glogen_network
+from motionlake.glogen.network import ParallelDecoder, Seq2Seq, StartPoses, glogen_network
 from motionlake.glogen.rollout import SPEED, led_over, predict
 from motionlake.glogen.sparse import DURATION, HEIGHT, JOINT_COLUMNS, WIDTH
-from motionlake.glogen.start_poses import StartPoses
 from motionlake.glogen.training import epochs_of, train_glogen, unseen
 
 SMALL = GloGenRecipe(

@@ -17,7 +17,6 @@ from motionlake.glogen.onset import (
     SOFT,
     Onset,
     fit_onset,
-    rows_of,
     state_at,
     with_onset,
 )
@@ -44,7 +43,7 @@ def test_it_goes_on_as_the_kernels_of_all_examples_say(walks: list[BodyMotion]) 
     for motion in (some[0], mirrored(some[0]), some[1], mirrored(some[1])):
         for place in range(3, len(motion) - FRAMES):
             states.append(state_at(motion, np.array([float(place)]))[0])
-            futures.append(rows_of(motion)[[place + knot for knot in KNOTS]] - states[-1][:ROOT])
+            futures.append(motion.rows[[place + knot for knot in KNOTS]] - states[-1][:ROOT])
     n = len(states)
     apart = np.array([[np.linalg.norm((a - b) / SCALES) for a in states] for b in states])
     width = np.median([apart[i, j] for i in range(n) for j in range(i)])
@@ -71,7 +70,7 @@ def test_it_is_nearer_to_what_follows_than_the_last_frame_is(walks: list[BodyMot
             ahead = lead.ahead(state, 1)
             assert ahead is not None
             assert ahead.shape == (FRAMES, ROOT)
-            rows = rows_of(motion)
+            rows = motion.rows
             true = rows[round(place) + np.arange(1, FRAMES + 1)]
             error, held = (np.abs(made - true)[:, :60].mean() for made in (ahead, state[:ROOT]))
             assert error < 0.4 * held
@@ -114,7 +113,7 @@ def test_it_is_led_over_to_the_generated_motion(walks: list[BodyMotion], lead: O
     np.testing.assert_allclose(ahead[round(step / pace) - 1, :60], plain[step - 1, :60], atol=1e-9)
     np.testing.assert_allclose(ahead[round(step / pace) - 1, 61:], pace * plain[step - 1, 61:], atol=1e-9)
     made = with_onset(walks[7], ahead)
-    rows, before = rows_of(made), rows_of(walks[7])
+    rows, before = made.rows, walks[7].rows
     np.testing.assert_allclose(rows[0], ahead[0], atol=0.05)
     np.testing.assert_array_equal(rows[len(ahead) :], before[len(ahead) :])
     np.testing.assert_array_equal(made.stands, walks[7].stands)

@@ -9,19 +9,18 @@ import pytest
 import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from motionlake.glogen.inbetween_training import poses_between, train_locgen
+from motionlake.glogen.config import LocGenRecipe, locgen_recipe
 from motionlake.glogen.inbetweening import (
     DenseDecoder,
     Inbetweener,
-    LocGenRecipe,
     between,
     dense_motions,
     interpolated_motion,
     locgen_network,
-    locgen_recipe,
-    times_of,
+    poses_between,
+    train_locgen,
 )
-from motionlake.glogen.sparse import HEIGHT, STEP, TURN, TrainingPiece, pieces
+from motionlake.glogen.sparse import DURATION, HEIGHT, STEP, TURN, TrainingPiece, pieces
 from motionlake.glogen.trajectories import FPS, body_motion
 
 from tests.test_trajectories import swinging
@@ -52,7 +51,7 @@ def test_equation_4_3_runs_from_a_pose_to_the_next(count: int, seed: int) -> Non
 def test_interpolated_motion_passes_the_sparse_poses_and_keeps_the_way(walks: list[TrainingPiece]) -> None:
     rows, places = walks[0].sparse.rows, walks[0].sparse.places
     times = places / FPS
-    np.testing.assert_allclose(times_of(rows), times, atol=1e-6)
+    np.testing.assert_allclose(np.cumsum(np.exp(rows[1:, DURATION])), times[1:], atol=1e-6)
     found = interpolated_motion(rows, times, times)
     np.testing.assert_allclose(found[:, : HEIGHT + 1], rows[:, : HEIGHT + 1], atol=1e-9)
     # Fine steps from one pose to the next lead as far as the row of the next says.

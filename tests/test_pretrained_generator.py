@@ -8,8 +8,7 @@ import duckdb
 import numpy as np
 import pytest
 from motionlake.glogen.config import PRETRAINED_GENERATOR, SynthesisConfig
-from motionlake.glogen.generator import load_generator
-from motionlake.glogen.requests import MotionRequest, SeedClip
+from motionlake.glogen.generator import MotionRequest, SeedClip, load_generator
 from motionlake.motion.skeleton import JOINTS, PARENTS
 
 from tests.lakes import motionlake, query

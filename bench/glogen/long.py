@@ -13,7 +13,7 @@ from motionlake.evaluation.synthesis_metrics import (
     travel_speed,
     within_range,
 )
-from motionlake.glogen.requests import MotionRequest, SeedClip
+from motionlake.glogen.generator import MotionRequest, SeedClip
 from motionlake.glogen.trajectories import FPS, resampled
 
 from bench.glogen.folds import Measures, Unit, folds, generator_of, parted

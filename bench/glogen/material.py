@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 from motionlake.arrays import Float32Array
-from motionlake.glogen.sparse import HEIGHT, JOINT_COLUMNS, TrainingPiece, pieces, rows_of
+from motionlake.glogen.sparse import HEIGHT, JOINT_COLUMNS, TrainingPiece, pieces
 from motionlake.glogen.trajectories import BodyMotion, body_motion
 from motionlake.motion.skeleton import PARENTS
 from numpy.typing import NDArray
@@ -66,7 +66,8 @@ def split_material(name: str, split: str) -> Material:
 
 def sparse_motions(chosen: Material, made: list[TrainingPiece]) -> tuple[Motions, NDArray[np.float32]]:
     """What baselines read of pieces (joints alone), and all columns [n, 20, 65] of their sparse poses."""
-    rows, targets = rows_of(made)
+    rows = np.stack([piece.sparse.rows for piece in made]).astype(np.float32)
+    targets = np.array([piece.target for piece in made])
     return Motions(rows[..., JOINT_COLUMNS], targets, len(chosen.classes), (), BONES), rows
 
 

@@ -51,78 +51,121 @@ PRETRAINED_GENERATOR: Final = Pretrained(Path(__file__).parent / "weights" / "ge
 
 SPARSE: Final = 20  # sparse poses that stand for a motion
 SEEDS: Final = 5  # t: sparse poses that are given
-Architecture = Literal["ahead", "blocks"]
 
 
 @dataclass(frozen=True)
-class GloGenRecipe:
-    """Sizes and training of GloGen.
+class Recipe:
+    """Sizes and training that both networks have.
 
     Attributes:
-        architecture: "ahead": predicts all poses at once (`ParallelDecoder`); "blocks": the thesis's `Seq2Seq`,
-            five poses from five, again and again (equations 4.1 and 4.2).
-        sparse: number of sparse poses that represent a motion.
         embedding, state: widths of the pose embedding and of the recurrent layers (both directions together).
-        layers, bidirectional, cell: of the recurrent layers ("LSTM" or "GRU"); the ablations of table 4.4.
-        latent: number of latent variables; 0: none.
-        divergence: weight of the divergence of the latent variables from their prior.
+        noise: of the sparse poses that are given while training, body lengths.
         smooth: weight of the error of differences from pose to pose.
-        noise: of the given poses while training, body lengths.
         epochs, steps: of training: so many epochs, more where these have fewer steps than `steps`.
-        going_steps: the same for cyclic classes, whose rollouts feed predictions back many times: a network trained for
-            less ends up standing still.
-        going_dropout: `dropout` for cyclic classes.
-        again: frames between the starts of neighbouring pieces of clips of cyclic classes.
-        missing: share of the joints of given poses that training hides by their mean.
     """
 
-    architecture: Architecture = "ahead"
-    sparse: int = SPARSE
     embedding: int = 128
     state: int = 256
-    layers: int = 2
-    bidirectional: bool = True
-    cell: Literal["LSTM", "GRU"] = "GRU"
-    latent: int = 16
-    divergence: float = 0.0001
+    noise: float = 0.02
     smooth: float = 1.0
     dropout: float = 0.2
-    going_dropout: float = 0.0
-    again: int = 10
-    noise: float = 0.02
-    missing: float = 0.0
-    mirror: bool = False
     optimiser: Literal["adam", "sgd"] = "adam"
     learning_rate: float = 2e-3
     weight_decay: float = 0.01
     batch: int = 64
     epochs: int = 40
     steps: int = 250
-    going_steps: int = 1000
 
     def batches(self, count: int) -> int:
         """How many batches `count` motions make."""
         return max(1, round(count / self.batch))
 
+
+@dataclass(frozen=True)
+class GloGenRecipe(Recipe):
+    """Sizes and training of GloGen.
+
+    Attributes:
+        architecture: "ahead": predicts all poses at once (`ParallelDecoder`); "blocks": the thesis's `Seq2Seq`,
+            five poses from five, again and again (equations 4.1 and 4.2).
+        sparse: number of sparse poses that represent a motion.
+        layers, bidirectional, cell: of the recurrent layers ("LSTM" or "GRU"); the ablations of table 4.4.
+        latent: number of latent variables; 0: none.
+        divergence: weight of the divergence of the latent variables from their prior.
+        going_steps: `steps` for cyclic classes, whose rollouts feed predictions back many times: a network trained for
+            less ends up standing still.
+        going_dropout: `dropout` for cyclic classes.
+        again: frames between the starts of neighbouring pieces of clips of cyclic classes.
+        missing: share of the joints of given poses that training hides by their mean.
+    """
+
+    architecture: Literal["ahead", "blocks"] = "ahead"
+    sparse: int = SPARSE
+    layers: int = 2
+    bidirectional: bool = True
+    cell: Literal["LSTM", "GRU"] = "GRU"
+    latent: int = 16
+    divergence: float = 0.0001
+    going_dropout: float = 0.0
+    again: int = 10
+    missing: float = 0.0
+    mirror: bool = False
+    going_steps: int = 1000
+
     def epochs_of(self, count: int, going: bool) -> int:
-        """How many epochs are trained on `count` motions, of which some may be of classes that go on."""
+        """How many epochs are trained on `count` motions, of which some may be of cyclic classes."""
         steps = max(self.steps, self.going_steps * going)
         return max(self.epochs, -(-steps // self.batches(count)))
 
 
-_RECIPES: Final = {
-    "default": GloGenRecipe(),
-    # Sections 4.2 and 4.3: pose embedding 200, state 1000, SGD at 0.1, batches of 64, mean squared error. For how many
-    # epochs is not said.
-    "glogen": GloGenRecipe(
-        architecture="blocks", embedding=200, state=1000, layers=1, cell="LSTM", latent=0, divergence=0.0, smooth=0.0,
-        dropout=0.0, again=0, noise=0.0, optimiser="sgd", learning_rate=0.1, weight_decay=0.0, epochs=40, steps=0,
-        going_steps=0,
-    ),
+@dataclass(frozen=True)
+class LocGenRecipe(Recipe):
+    """Sizes and training of LocGen.
+
+    Attributes:
+        architecture: "frames": reads a whole interpolated motion at 30 frames a second; "between": the thesis's, reads
+            the poses between two sparse poses alone.
+        between: M of equation 4.3, poses from one sparse pose to the next; "frames" takes as many as the time holds.
+    """
+
+    architecture: Literal["frames", "between"] = "frames"
+    between: int = 0
+    state: int = 192
+    noise: float = 0.004
+    smooth: float = 4.0
+    dropout: float = 0.1
+    batch: int = 16
+    epochs: int = 20
+    steps: int = 200
+
+    def epochs_of(self, count: int) -> int:
+        """How many epochs are trained on `count` pieces."""
+        return max(self.epochs, -(-self.steps // self.batches(count)))
+
+
+# Sections 4.2 and 4.3: pose embedding 200, state 1000, SGD at 0.1, batches of 64, mean squared error; LocGen the same
+# without classes, M = 5. For how many epochs is not said.
+_THESIS: Final[dict[str, Any]] = {
+    "embedding": 200, "state": 1000, "dropout": 0.0, "smooth": 0.0, "noise": 0.0, "optimiser": "sgd",
+    "learning_rate": 0.1, "weight_decay": 0.0, "batch": 64, "steps": 0,
 }  # fmt: skip
+_GLOGEN: Final = {
+    "default": GloGenRecipe(),
+    "glogen": GloGenRecipe(
+        **_THESIS, architecture="blocks", layers=1, cell="LSTM", latent=0, divergence=0.0, again=0, going_steps=0
+    ),
+}
+_LOCGEN: Final = {
+    "default": LocGenRecipe(),
+    "glogen": LocGenRecipe(**_THESIS, architecture="between", between=5, epochs=10),
+}
 
 
 def glogen_recipe(name: str, epochs: int = 0) -> GloGenRecipe:
     """The recipe of a name; `epochs` other than 0 replaces its own."""
-    recipe = _RECIPES[name]
-    return replace(recipe, epochs=epochs, steps=0, going_steps=0) if epochs else recipe
+    return replace(_GLOGEN[name], epochs=epochs, steps=0, going_steps=0) if epochs else _GLOGEN[name]
+
+
+def locgen_recipe(name: str, epochs: int = 0) -> LocGenRecipe:
+    """As `glogen_recipe`."""
+    return replace(_LOCGEN[name], epochs=epochs, steps=0) if epochs else _LOCGEN[name]

@@ -10,52 +10,136 @@ from typing import Any, Final
 import numpy as np
 import torch
 from motionlake.arrays import Float32Array, Float64Array
-from motionlake.glogen.config import GloGenRecipe, SynthesisConfig
-from motionlake.glogen.inbetweening import DenseDecoder, Inbetweener, LocGenRecipe, dense_motions, locgen_network
-from motionlake.glogen.onset import FEATURES, Onset, with_onset
-from motionlake.glogen.requests import SHORTEST, GeneratedMotion, MotionRequest, StartState, start_state
+from motionlake.glogen.config import SEEDS, GloGenRecipe, LocGenRecipe, SynthesisConfig
+from motionlake.glogen.inbetweening import DenseDecoder, Inbetweener, dense_motions, locgen_network
+from motionlake.glogen.network import glogen_network
+from motionlake.glogen.onset import FEATURES, Onset, state_at, with_onset
 from motionlake.glogen.rollout import Rollout, roll_out
-from motionlake.glogen.sparse import WIDTH, ranges, sparse_motion
-from motionlake.glogen.training import ByClass, untrained
-from motionlake.glogen.trajectories import FPS, body_motion, in_world
-from motionlake.motion.skeleton import JOINTS
+from motionlake.glogen.sparse import WIDTH, even_motion, ranges, sparse_motion
+from motionlake.glogen.training import ByClass
+from motionlake.glogen.trajectories import FPS, body_length, body_motion, in_world, measured_length
+from motionlake.motion.skeleton import JOINTS, facing
 from motionlake.training import on_threads, read_network, save_network
 from torch import nn
 
+METADATA_KEY: Final = "motion_generator"
+SHORTEST: Final = 24  # frames at 30 a second that a seed clip has at least: five sparse poses of a cyclic motion
+
 
 @dataclass(frozen=True)
-class EmbeddedMotions:
-    """Motions as the encoder of a generator embeds them.
+class SeedClip:
+    """A recorded clip whose first sparse poses a generated motion continues from.
 
     Attributes:
-        labels: [n] their classes.
-        with_class: [n, E] embeddings of their sparse poses, five by five, with the class prior, as in figure 4.7.
-        alone: [n, E] the same without the class prior.
+        clip: its name.
+        positions: [F, 21, 3] canonical joints, metres, y up.
+        fps: frames a second.
+        rest_offsets: [21, 3] of its body, metres; the motion gets this body.
     """
 
-    labels: list[str]
-    with_class: Float32Array
-    alone: Float32Array
+    clip: str
+    positions: Float64Array
+    fps: float
+    rest_offsets: Float64Array
 
 
-def embed_motions(generator: TrainedGenerator, motions: Sequence[TrainingMotion]) -> EmbeddedMotions:
-    """Embed motions of the generator's classes: the first piece of long motions; short motions are left out."""
-    chosen = [motion for motion in motions if len(motion.positions) / motion.fps * FPS >= SHORTEST]
-    count = generator.glogen.recipe.sparse
-    rows = np.zeros((len(chosen), count, WIDTH), dtype=np.float32)
-    for i, motion in enumerate(chosen):
-        body = body_motion(motion.positions, motion.fps)
-        rows[i] = sparse_motion(body.cut(*ranges(len(body))[0]), count).rows
-    targets = torch.tensor([generator.classes.index(motion.label) for motion in chosen], dtype=torch.int64)
-    with on_threads(1), torch.inference_mode():
-        found = [
-            generator.glogen.embedding(torch.from_numpy(rows), targets, with_class=known).numpy()
-            for known in (True, False)
-        ]
-    return EmbeddedMotions([motion.label for motion in chosen], *found)
+@dataclass(frozen=True)
+class MotionRequest:
+    """One motion to generate.
+
+    Attributes:
+        classes: one after the other, equal shares of the time each.
+        seconds: of motion.
+        seed: of the random latent variables.
+        start: the clip that it continues from.
+        pace: speed relative to the recordings; 2 is twice as fast.
+        temperature: scale of the latent variables; 0 gives the most likely motion.
+    """
+
+    classes: tuple[str, ...]
+    seconds: float
+    seed: int
+    start: SeedClip
+    pace: float = 1.0
+    temperature: float = 1.0
 
 
-METADATA_KEY: Final = "motion_generator"
+@dataclass(frozen=True)
+class GeneratedMotion:
+    """A generated motion; its first frame is 1 / fps seconds after the last pose of its seed clip.
+
+    Attributes:
+        positions: [F, 21, 3] canonical joints, metres, y up.
+        rotations: [F, 21, 4] local rotations (w, x, y, z) relative to the canonical rest pose.
+        rest_offsets: [21, 3] of the body, metres: forward kinematics of the rotations gives the positions.
+        fps: frames a second.
+        class_starts: first frame of each class.
+        seed_start, seed_stop: frames of the seed clip, at its own rate, that it continues from.
+    """
+
+    positions: Float64Array
+    rotations: Float64Array
+    rest_offsets: Float64Array
+    fps: float
+    class_starts: tuple[int, ...]
+    seed_start: int
+    seed_stop: int
+
+
+@dataclass(frozen=True)
+class StartState:
+    """The poses and the place that a generated motion continues from.
+
+    Attributes:
+        rows: [5, 65] sparse poses.
+        state: [244] pose and velocities at the last of them (`onset.state_at`); None unless the class is cyclic.
+        root: [3] hips in the last pose, metres; y is that of the ground.
+        yaw: heading of the last pose, radians.
+        first, last: frames [first, last) of the clip, at its own rate, that the poses are from.
+    """
+
+    rows: Float64Array
+    state: Float64Array | None
+    root: Float64Array
+    yaw: float
+    first: int
+    last: int
+
+
+def start_state(seed: SeedClip, chance: int, sparse: int, going: bool = False) -> StartState:
+    """The first sparse poses of a seed clip, or of one piece of a long clip.
+
+    Args:
+        seed: the clip.
+        chance: seed that picks the piece of a long clip.
+        sparse: number of sparse poses that represent a motion.
+        going: whether the class is cyclic; its sparse poses are then evenly spaced in time (`even_motion`).
+
+    Raises:
+        ValueError: the clip is shorter than needed, or of another skeleton.
+    """
+    if seed.positions.ndim != 3 or seed.positions.shape[1:] != (len(JOINTS), 3):
+        shape = "x".join(map(str, seed.positions.shape[1:]))
+        raise ValueError(f"{seed.clip} is of another skeleton: {shape} numbers a frame, not {len(JOINTS)}x3")
+    frames = round((len(seed.positions) - 1) / seed.fps * FPS) + 1 if len(seed.positions) else 0
+    if frames < SHORTEST:
+        seconds = len(seed.positions) / seed.fps
+        raise ValueError(f"{seed.clip} lasts {seconds:.2f} s; to start from it needs {SHORTEST / FPS:.2f} s at least")
+    if body_length(seed.rest_offsets) < 1e-6:
+        raise ValueError(f"{seed.clip} has a body without length")
+    motion = body_motion(seed.positions, seed.fps)
+    parts = ranges(len(motion))
+    start, stop = parts[int(np.random.default_rng(chance).integers(len(parts)))]
+    piece = motion.cut(start, stop)
+    found = even_motion(piece) if going else sparse_motion(piece, sparse)
+    places = (start + found.places[:SEEDS]) / FPS * seed.fps
+    last = int(min(round(places[-1]), len(seed.positions) - 1))
+    root = seed.positions[last, 0].astype(float)
+    height = motion.height[min(len(motion) - 1, round(start + found.places[SEEDS - 1]))]
+    root[1] -= height * measured_length(seed.positions)
+    yaw = float(facing(seed.positions[last : last + 1])[0])
+    state = state_at(piece, found.places[SEEDS - 1 : SEEDS])[0] if going else None
+    return StartState(found.rows[:SEEDS], state, root, yaw, int(places[0]), last + 1)
 
 
 @dataclass(frozen=True)
@@ -100,11 +184,11 @@ class TrainedGenerator:
                 rows = [np.stack(rollouts[i].rows) for i in chosen]
                 times = [rollouts[i].times() for i in chosen]
                 for i, motion in zip(chosen, dense_motions(self.locgen, rows, times, frames), strict=True):
-                    begun = with_onset(motion, self._ahead(requests[i], starts[i]))
-                    positions, rotations = in_world(
-                        begun, requests[i].start.rest_offsets, starts[i].root, starts[i].yaw
-                    )
-                    made[i] = _given(requests[i], starts[i], rollouts[i], positions, rotations)
+                    start, body = starts[i], requests[i].start.rest_offsets
+                    begun = with_onset(motion, self._ahead(requests[i], start))
+                    positions, rotations = in_world(begun, body, start.root, start.yaw)
+                    begins = tuple(min(frames - 1, round(second * FPS)) for second in rollouts[i].begins)
+                    made[i] = GeneratedMotion(positions, rotations, body, FPS, begins, start.first, start.last)
         return [one for one in made if one is not None]
 
     def _check(self, request: MotionRequest) -> None:
@@ -135,15 +219,8 @@ class TrainedGenerator:
         rng = np.random.default_rng(request.seed)
         latent = request.temperature * rng.standard_normal((len(targets), max(1, self.glogen.recipe.latent)))
         ending = [self.glogen.recipe.architecture == "ahead" and not self.going[target] for target in targets]
-        return Rollout(
-            start.rows,
-            targets,
-            latent,
-            request.seconds,
-            request.pace,
-            ending,
-            [self.reach[target] for target in targets],
-        )
+        reach = [self.reach[target] for target in targets]
+        return Rollout(start.rows, targets, latent, request.seconds, request.pace, ending, reach)
 
     def _networks(self) -> nn.ModuleDict:
         return nn.ModuleDict({"glogen": self.glogen, "locgen": self.locgen, "lead": self.lead})
@@ -163,13 +240,6 @@ def _frames(request: MotionRequest) -> int:
     return max(2, round(request.seconds * FPS))
 
 
-def _given(
-    request: MotionRequest, start: StartState, rollout: Rollout, positions: Float64Array, rotations: Float64Array
-) -> GeneratedMotion:
-    begins = tuple(min(len(positions) - 1, round(second * FPS)) for second in rollout.begins)
-    return GeneratedMotion(positions, rotations, request.start.rest_offsets, FPS, begins, start.first, start.last)
-
-
 def load_generator(path: Path) -> TrainedGenerator:
     """Read what `TrainedGenerator.save` wrote.
 
@@ -181,7 +251,8 @@ def load_generator(path: Path) -> TrainedGenerator:
         raise ValueError(f"{path} was trained on another skeleton: {', '.join(kept['joints'])}")
     if kept.get("lead_features") != FEATURES or "networks" not in kept:
         raise ValueError(f"{path} was made by an earlier version; train one anew with `motionlake train synthesis`")
-    glogen = untrained(GloGenRecipe(**kept["glogen"]), kept["networks"])
+    recipe = GloGenRecipe(**kept["glogen"])
+    glogen = ByClass(recipe, [glogen_network(recipe, len(own)) for own in kept["networks"]], kept["networks"])
     locgen = locgen_network(LocGenRecipe(**kept["locgen"]))
     lead = Onset(len(kept["classes"]), kept["examples"])
     config = SynthesisConfig(**kept["config"])
@@ -190,6 +261,38 @@ def load_generator(path: Path) -> TrainedGenerator:
     )
     generator._networks().load_state_dict(tensors)
     return generator
+
+
+@dataclass(frozen=True)
+class EmbeddedMotions:
+    """Motions as the encoder of a generator embeds them.
+
+    Attributes:
+        labels: [n] their classes.
+        with_class: [n, E] embeddings of their sparse poses, five by five, with the class prior, as in figure 4.7.
+        alone: [n, E] the same without the class prior.
+    """
+
+    labels: list[str]
+    with_class: Float32Array
+    alone: Float32Array
+
+
+def embed_motions(generator: TrainedGenerator, motions: Sequence[TrainingMotion]) -> EmbeddedMotions:
+    """Embed motions of the generator's classes: the first piece of long motions; short motions are left out."""
+    chosen = [motion for motion in motions if len(motion.positions) / motion.fps * FPS >= SHORTEST]
+    count = generator.glogen.recipe.sparse
+    rows = np.zeros((len(chosen), count, WIDTH), dtype=np.float32)
+    for i, motion in enumerate(chosen):
+        body = body_motion(motion.positions, motion.fps)
+        rows[i] = sparse_motion(body.cut(*ranges(len(body))[0]), count).rows
+    targets = torch.tensor([generator.classes.index(motion.label) for motion in chosen], dtype=torch.int64)
+    with on_threads(1), torch.inference_mode():
+        found = [
+            generator.glogen.embedding(torch.from_numpy(rows), targets, with_class=known).numpy()
+            for known in (True, False)
+        ]
+    return EmbeddedMotions([motion.label for motion in chosen], *found)
 
 
 @dataclass(frozen=True)

@@ -9,10 +9,9 @@ from typing import Final
 
 import numpy as np
 from motionlake.arrays import Float32Array, Int64Array, Progress
-from motionlake.glogen.config import SEEDS, GloGenRecipe, SynthesisConfig, glogen_recipe
+from motionlake.glogen.config import SEEDS, GloGenRecipe, LocGenRecipe, SynthesisConfig, glogen_recipe, locgen_recipe
 from motionlake.glogen.generator import TrainedGenerator, TrainingMotion
-from motionlake.glogen.inbetween_training import train_locgen
-from motionlake.glogen.inbetweening import LocGenRecipe, locgen_recipe
+from motionlake.glogen.inbetweening import train_locgen
 from motionlake.glogen.onset import MOST as EXAMPLES
 from motionlake.glogen.onset import fit_onset
 from motionlake.glogen.sparse import PIECE, TrainingPiece, goes_on, pieces, reach
@@ -145,7 +144,9 @@ class _Part:
         some = [motion for motion, target in zip(motions, targets, strict=True) if target in classes]
         own = [classes.index(target) for target in targets if target in classes]
         on = [going[target] for target in classes]
-        again = _again(some, [on[target] for target in own], recipe.again)
+        frames = sum(len(motion) for motion, target in zip(some, own, strict=True) if on[target])
+        # Where there are many clips of cyclic classes, their pieces need not overlap as much.
+        again = min(max(recipe.again, -(-frames // MOST)), PIECE) if recipe.again and frames else 0
         whole, made = (_cut(some, own, on, recipe, each) for each in (0, again))
         share = _frames(whole, on) / max(1, _frames(made, on)) if again else 1.0
         rows = [piece.sparse.rows.astype(np.float32) for piece in made]
@@ -161,16 +162,8 @@ def _cut(
 ) -> list[TrainingPiece]:
     """Pieces with more sparse poses than are given."""
     stride = STRIDE if recipe.architecture == "ahead" else PIECE
-    made = pieces(
-        motions, targets, count=recipe.sparse, stride=stride, mirror=recipe.mirror, going=going, again=again
-    )  # fmt: skip
+    made = pieces(motions, targets, count=recipe.sparse, stride=stride, mirror=recipe.mirror, going=going, again=again)
     return [piece for piece in made if len(piece.sparse.rows) > SEEDS]
-
-
-def _again(motions: Sequence[BodyMotion], going: Sequence[bool], least: int) -> int:
-    """Frames from piece to piece of clips that go on: more where there are so many that pieces need not overlap."""
-    frames = sum(len(motion) for motion, on in zip(motions, going, strict=True) if on)
-    return min(max(least, -(-frames // MOST)), PIECE) if least and frames else 0
 
 
 def _frames(made: Sequence[TrainingPiece], going: Sequence[bool]) -> int:

@@ -1,4 +1,4 @@
-"""LocGen: dense, natural motion between sparse poses (section 4.2, second stage).
+"""LocGen and its training: dense, natural motion between sparse poses (section 4.2, second stage).
 
 Equation 4.3 as printed, alpha X_i + (1 - alpha) X_{i+1} with alpha = j / M, runs from X_{i+1} back to X_i. Here the
 poses run from X_i to X_{i+1}, as its text has it.
@@ -7,22 +7,29 @@ poses run from X_i to X_{i+1}, as its text has it.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Final, Literal
+from pathlib import Path
+from typing import Final
 
 import numpy as np
 import torch
-from motionlake.arrays import Float64Array
-from motionlake.glogen.sparse import DURATION, HEIGHT, STEP, TURN
-from motionlake.glogen.trajectories import FPS, JOINTS_GIVEN, BodyMotion
+from motionlake.arrays import Float64Array, FloatArray, Int64Array, Progress
+from motionlake.glogen.config import LocGenRecipe
+from motionlake.glogen.sparse import HEIGHT, STEP, TURN, TrainingPiece
+from motionlake.glogen.trajectories import FPS, BodyMotion, turned_steps
 from motionlake.motion.resampling import interpolated
-from motionlake.motion.rotations import turn_on_ground
+from motionlake.training import Checkpoint, Training, on_threads, optimiser_of, rate_of
 from scipy.interpolate import PchipInterpolator
 from torch import Tensor, nn
+from torch.nn.functional import binary_cross_entropy_with_logits
 
 JOINT_SCALE: Final = 0.1  # body lengths
 POSE: Final = HEIGHT + 1  # joints and height
 MOVING: Final = POSE + 3  # and velocity and turning
+WIDTH: Final = MOVING + 2  # and where between two poses, seconds there
+WINDOW: Final = 64  # frames that "frames" sees at once while training
+CHECKPOINT_EVERY: Final = 5
+# Batches of exactly this many, the last one filled up, so that a motion does not depend on those beside it.
+BATCH: Final = 16
 
 
 class RowScale(nn.Module):
@@ -93,75 +100,11 @@ def locgen_network(recipe: LocGenRecipe) -> DenseDecoder | Inbetweener:
     return DenseDecoder(recipe) if recipe.architecture == "frames" else Inbetweener(recipe)
 
 
-Architecture = Literal["frames", "between"]
-
-
-@dataclass(frozen=True)
-class LocGenRecipe:
-    """Sizes and training of LocGen.
-
-    Attributes:
-        architecture: "frames": reads a whole interpolated motion at 30 frames a second; "between": the thesis's, reads
-            the poses between two sparse poses alone.
-        between: M of equation 4.3, poses from one sparse pose to the next; "frames" takes as many as the time holds.
-        embedding, state: widths of what is made of a pose, and of the recurrent layers, both directions together.
-        noise: of the sparse poses while training, body lengths.
-        smooth: weight of the error of differences from frame to frame.
-        epochs, steps: of training: so many epochs, more where these have fewer steps than `steps`.
-    """
-
-    architecture: Architecture = "frames"
-    between: int = 0
-    embedding: int = 128
-    state: int = 192
-    noise: float = 0.004
-    smooth: float = 4.0
-    dropout: float = 0.1
-    optimiser: Literal["adam", "sgd"] = "adam"
-    learning_rate: float = 2e-3
-    weight_decay: float = 0.01
-    batch: int = 16
-    epochs: int = 20
-    steps: int = 200
-
-    def batches(self, count: int) -> int:
-        """How many batches `count` pieces make."""
-        return max(1, round(count / self.batch))
-
-    def epochs_of(self, count: int) -> int:
-        """How many epochs are trained on `count` pieces."""
-        return max(self.epochs, -(-self.steps // self.batches(count)))
-
-
-_RECIPES: Final = {
-    "default": LocGenRecipe(),
-    # Sections 4.2 and 4.3: as GloGen without classes, M = 5.
-    "glogen": LocGenRecipe(
-        architecture="between", between=5, embedding=200, state=1000, noise=0.0, smooth=0.0, dropout=0.0,
-        optimiser="sgd", learning_rate=0.1, weight_decay=0.0, batch=64, epochs=10, steps=0,
-    ),
-}  # fmt: skip
-
-
-def locgen_recipe(name: str, epochs: int = 0) -> LocGenRecipe:
-    """The recipe of a name; `epochs` other than 0 replaces its own."""
-    recipe = _RECIPES[name]
-    return replace(recipe, epochs=epochs, steps=0) if epochs else recipe
-
-
-WIDTH: Final = HEIGHT + 1 + 2 + 1 + 2  # joints, height, velocity, turning, where between two poses, seconds there
-
-
 def between(first: Float64Array, second: Float64Array, count: int) -> Float64Array:
     """[M, d] M = `count` poses after the pose `first` [d], the last of them `second`: equation 4.3, forwards."""
     share = np.arange(1, count + 1)[:, None] / count
     poses: Float64Array = (1 - share) * first + share * second
     return poses
-
-
-def times_of(rows: Float64Array) -> Float64Array:
-    """[n] seconds of sparse poses [n, 65], the first at 0."""
-    return np.concatenate([[0.0], np.cumsum(np.exp(rows[1:, DURATION]))])
 
 
 def interpolated_motion(rows: Float64Array, times: Float64Array, at: Float64Array) -> Float64Array:
@@ -182,16 +125,11 @@ def interpolated_motion(rows: Float64Array, times: Float64Array, at: Float64Arra
     seconds = times[index + 1] - times[index]
     share = ((at - times[index]) / seconds)[:, None]
     poses = PchipInterpolator(times, rows[:, : HEIGHT + 1])(at)
-    left, forward = (rows[index + 1, STEP] / seconds[:, None]).T
     turned = rows[index + 1, TURN] * share[:, 0]
     # Steps are seen from the pose before; the body has turned since.
-    velocity = np.stack(turn_on_ground(left, forward, -turned), axis=1)
+    velocity = turned_steps(rows[index + 1, STEP] / seconds[:, None], -turned)
     turning = (rows[index + 1, TURN] / seconds)[:, None]
     return np.concatenate([poses, velocity, turning, share, np.log(seconds)[:, None]], axis=1)
-
-
-# Batches of exactly this many, the last one filled up, so that a motion does not depend on those beside it.
-BATCH: Final = 16
 
 
 def dense_motions(
@@ -218,13 +156,8 @@ def dense_motions(
             scale, mean = network.scale.scale[:MOVING], network.scale.mean[:MOVING]
             moving = (found[..., :MOVING] * scale + mean).double().numpy()
             stands = torch.sigmoid(found[..., MOVING:]).double().numpy()
-        made += [_motion(moving[i], stands[i]) for i in range(len(some))]
+        made += [BodyMotion.of_rows(moving[i], stands[i]) for i in range(len(some))]
     return made
-
-
-def _motion(moving: Float64Array, stands: Float64Array) -> BodyMotion:
-    joints = moving[:, :HEIGHT].reshape(len(moving), JOINTS_GIVEN, 3)
-    return BodyMotion(joints, moving[:, HEIGHT], moving[:, HEIGHT + 1 : HEIGHT + 3], moving[:, HEIGHT + 3], stands)
 
 
 def _between(
@@ -241,4 +174,102 @@ def _between(
     known = np.concatenate([rows[:1, :POSE], natural.reshape(-1, POSE)])
     places = np.interp(np.minimum(at, times[-1]), instants, np.arange(len(instants)))
     pose = interpolated(known, places)
-    return _motion(np.concatenate([pose, given[:, POSE:MOVING]], axis=1), np.zeros((len(at), 2)))
+    return BodyMotion.of_rows(np.concatenate([pose, given[:, POSE:MOVING]], axis=1), np.zeros((len(at), 2)))
+
+
+def train_locgen(
+    pieces: Sequence[TrainingPiece],
+    recipe: LocGenRecipe,
+    seed: int,
+    *,
+    checkpoint: Path | None = None,
+    stays: bool = False,
+    progress: Progress | None = None,
+) -> tuple[DenseDecoder | Inbetweener, list[float]]:
+    """Train on pieces of clips, of any class.
+
+    Args:
+        pieces: with their sparse poses.
+        recipe: how.
+        seed: of weights, order and chance.
+        checkpoint: a file to save training to and to go on from; deleted at the end, unless it `stays`.
+        progress: called with (epochs done, epochs, mean loss).
+
+    Returns:
+        The network in evaluation mode, and the loss of each epoch.
+    """
+    rng = np.random.default_rng(seed)
+    with on_threads(1), torch.random.fork_rng(devices=[]):
+        torch.manual_seed(seed)
+        network = locgen_network(recipe)
+        learn = np.concatenate([_interpolated(piece, piece.sparse.rows) for piece in pieces])
+        network.scale.learn(torch.from_numpy(learn).float())
+        data = np.concatenate([*[piece.sparse.rows.ravel() for piece in pieces], [seed]]).astype(np.float32)
+        kept = Checkpoint(checkpoint, data, recipe) if checkpoint else None
+
+        def loss(chosen: Int64Array) -> Tensor:
+            some = [pieces[i] for i in chosen]
+            if isinstance(network, DenseDecoder):
+                return _frames_loss(network, some, rng)
+            return _between_loss(network, some)
+
+        losses = Training(
+            network, optimiser_of(network, recipe), recipe.epochs_of(len(pieces)), rate_of(recipe),
+            lambda: np.array_split(rng.permutation(len(pieces)), recipe.batches(len(pieces))), loss, seed, rng, kept,
+            CHECKPOINT_EVERY, progress, stays=stays,
+        ).run()  # fmt: skip
+    return network.eval(), losses
+
+
+def _frames_loss(network: DenseDecoder, pieces: Sequence[TrainingPiece], rng: np.random.Generator) -> Tensor:
+    recipe = network.recipe
+    inputs, outputs = [], []
+    for piece in pieces:
+        rows = piece.sparse.rows.copy()
+        rows[:, :HEIGHT] += recipe.noise * rng.standard_normal(rows[:, :HEIGHT].shape)
+        start = int(rng.integers(0, max(1, len(piece.motion) - WINDOW + 1)))
+        inputs.append(_window(_interpolated(piece, rows), start))
+        outputs.append(_window(np.concatenate([piece.motion.rows, piece.motion.stands], axis=1), start))
+    given, wanted = (torch.from_numpy(np.stack(several)).float() for several in (inputs, outputs))
+    made, scaled = network(given), network.scale(wanted[..., :MOVING])
+    moving = made[..., :MOVING]
+    error = _error(moving, scaled) + recipe.smooth * _error(torch.diff(moving, dim=1), torch.diff(scaled, dim=1))
+    feet: Tensor = binary_cross_entropy_with_logits(made[..., MOVING:], wanted[..., MOVING:])
+    return error + 0.1 * feet
+
+
+def _between_loss(network: Inbetweener, pieces: Sequence[TrainingPiece]) -> Tensor:
+    count = network.recipe.between
+    pairs = [pair for piece in pieces for pair in poses_between(piece, count)]
+    given, wanted = (torch.from_numpy(np.stack([pair[i] for pair in pairs])).float() for i in (0, 1))
+    error: Tensor = (network(given) - network.scale(wanted)).square().mean()
+    return error
+
+
+def poses_between(piece: TrainingPiece, count: int) -> list[tuple[Float64Array, Float64Array]]:
+    """Of every two sparse poses that follow each other [M, 61] interpolated and real poses after the first.
+
+    The real ones are, as the sparse poses, equally far apart in moved distance.
+    """
+    rows, places = piece.sparse.rows[:, :POSE], piece.sparse.places
+    frames = piece.motion.rows[:, :POSE]
+    share = np.arange(1, count + 1) / count
+    return [
+        (between(rows[i], rows[i + 1], count), interpolated(frames, places[i] + share * (places[i + 1] - places[i])))
+        for i in range(len(rows) - 1)
+    ]
+
+
+def _interpolated(piece: TrainingPiece, rows: Float64Array) -> Float64Array:
+    at = np.arange(len(piece.motion)) / FPS
+    return interpolated_motion(rows, piece.sparse.places / FPS, at)
+
+
+def _window(rows: Float64Array, start: int) -> FloatArray:
+    """`WINDOW` rows; a short motion stays in its last frame."""
+    return rows[np.minimum(np.arange(start, start + WINDOW), len(rows) - 1)]
+
+
+def _error(made: Tensor, true: Tensor) -> Tensor:
+    squares = (made - true).square()
+    return squares[..., :HEIGHT].mean() + 0.1 * squares[..., HEIGHT:].mean()

@@ -8,12 +8,17 @@ from typing import Final
 import torch
 from motionlake.glogen.config import SEEDS, GloGenRecipe
 from motionlake.glogen.sparse import JOINT_COLUMNS, WIDTH
-from motionlake.glogen.start_poses import KNOWN, StartPoses
 from torch import Tensor, nn
 from torch.nn.functional import one_hot
 
 MOST: Final = 20_000  # windows of motions that regression and start poses are learned from
 JOINT_SCALE: Final = 0.1  # body lengths; all joints alike, so that errors stay distances
+KNOWN: Final = 16  # start poses kept of a cyclic class
+REACH: Final = 0.9  # quantile of the distances of training poses from the start poses of their class
+# How much nearer (in reaches) the start poses of another class are than those of the requested one: below OWN the given
+# poses count as the class's own, above FOREIGN as foreign, and they are blended in between.
+OWN: Final = 0.25
+FOREIGN: Final = 0.5
 
 
 class PoseScale(nn.Module):
@@ -31,12 +36,11 @@ class PoseScale(nn.Module):
 
     def learn(self, rows: Tensor) -> None:
         """From sparse poses [n, 65]."""
-        flat = rows
-        self.mean.copy_(flat.mean(dim=0))
-        self.scale.copy_(flat.std(dim=0).clamp(min=1e-3))
+        self.mean.copy_(rows.mean(dim=0))
+        self.scale.copy_(rows.std(dim=0).clamp(min=1e-3))
         self.scale[JOINT_COLUMNS] = JOINT_SCALE
-        self.low.copy_(flat.amin(dim=0))
-        self.high.copy_(flat.amax(dim=0))
+        self.low.copy_(rows.amin(dim=0))
+        self.high.copy_(rows.amax(dim=0))
 
     def forward(self, rows: Tensor) -> Tensor:
         return (rows - self.mean) / self.scale
@@ -63,13 +67,7 @@ class GloGen(nn.Module):
         self.scale = PoseScale()
 
     def learn(self, motions: Sequence[Tensor], targets: Tensor, going: Sequence[bool]) -> None:
-        """The scale of poses, from motions [n, 65], each of any number of poses.
-
-        Args:
-            motions: sparse poses of each.
-            targets: class of each.
-            going: whether each class is cyclic.
-        """
+        """The scale of poses, from sparse poses [n, 65] of each motion, its class, and whether each class is cyclic."""
         self.scale.learn(torch.cat(list(motions)))
 
     @property
@@ -96,6 +94,68 @@ class GloGen(nn.Module):
         known = torch.zeros(len(rows), self.classes) if targets is None else self.prior(targets)
         poses = rows[:, : fives * SEEDS].reshape(-1, SEEDS, rows.shape[2])
         return self.read(poses, known.repeat_interleave(fives, dim=0)).reshape(len(rows), -1)
+
+
+class StartPoses(nn.Module):
+    """Start poses of each class in the training data.
+
+    Given the poses of another class, the network would predict a mixture of both classes. So foreign poses are replaced
+    by the nearest start poses of the requested class, and the first predicted step bridges the gap.
+    """
+
+    poses: Tensor
+    reach: Tensor
+
+    def __init__(self, classes: int, known: int = 1) -> None:
+        super().__init__()
+        self.register_buffer("poses", torch.zeros(classes, known, SEEDS, WIDTH))
+        self.register_buffer("reach", torch.ones(()))
+
+    def learn(self, given: Sequence[Tensor], going: Sequence[bool]) -> None:
+        """Keep the mean of the scaled start poses [n, 5, 65] of a class, or the most different ones of a cyclic class.
+
+        The reach is the median over classes.
+        """
+        reaches = []
+        for target, (own, on) in enumerate(zip(given, going, strict=True)):
+            if len(own):
+                known = _different(own, self.poses.shape[1]) if on else own.mean(dim=0, keepdim=True)
+                self.poses[target] = known[torch.arange(self.poses.shape[1]) % len(known)]
+                reaches.append(torch.quantile(_between(own, self.poses[target]).amin(dim=1), REACH))
+        if reaches:
+            self.reach.copy_(torch.stack(reaches).median().clamp(min=1e-6))
+
+    def forward(self, given: Tensor, targets: Tensor, anew: Tensor) -> Tensor:
+        """[B, 5, 65] scaled given poses; foreign ones become the nearest start poses of the requested class.
+
+        Args:
+            given: [B, 5, 65].
+            targets: [B] class requested.
+            anew: [B] whether the class starts after these poses, which then count as foreign.
+        """
+        to_all = torch.stack([_between(given, known) for known in self.poses], dim=1)  # [B, C, K]
+        rows = torch.arange(len(given))
+        apart, place = to_all[rows, targets].min(dim=1)
+        further = (apart - to_all.amin(dim=(1, 2))) / self.reach
+        foreign = ((further - OWN) / (FOREIGN - OWN)).clamp(0, 1)
+        foreign = torch.where(anew, 1.0, foreign)
+        return torch.lerp(given, self.poses[targets, place], foreign[:, None, None])
+
+
+def _between(given: Tensor, known: Tensor) -> Tensor:
+    """[n, k] root mean square distance of the joints of the last poses of [n, 5, 65] and [k, 5, 65]."""
+    apart = given[:, None, -1, JOINT_COLUMNS] - known[None, :, -1, JOINT_COLUMNS]
+    return apart.square().mean(dim=2).sqrt()
+
+
+def _different(given: Tensor, count: int) -> Tensor:
+    """Up to `count` of [n, 5, 65], each the furthest from those before it; the first is the nearest to the mean."""
+    chosen = [int(_between(given, given.mean(dim=0, keepdim=True))[:, 0].argmin())]
+    apart = _between(given, given[chosen])[:, 0]
+    while len(chosen) < count and float(apart.max()) > 0:
+        chosen.append(int(apart.argmax()))
+        apart = torch.minimum(apart, _between(given, given[chosen[-1:]])[:, 0])
+    return given[chosen]
 
 
 class ParallelDecoder(GloGen):

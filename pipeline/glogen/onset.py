@@ -8,7 +8,6 @@ This is for classes of cyclic motion, such as walking.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -39,15 +38,9 @@ FURTHEST: Final = 2.0  # widths from the nearest example; beyond, nothing is pre
 SCALES: Final = np.concatenate([np.full(HEIGHT, 0.2), [0.1], [0.6, 0.6], [2.0], np.full(FEATURES - ROOT, 0.6)])
 
 
-def rows_of(motion: BodyMotion) -> Float64Array:
-    """[T, 64] joints, height, velocity and turning."""
-    joints = motion.joints.reshape(len(motion), HEIGHT)
-    return np.concatenate([joints, motion.height[:, None], motion.velocity, motion.turn[:, None]], axis=1)
-
-
 def state_at(motion: BodyMotion, places: Float64Array) -> Float64Array:
     """[n, 244] how a body stands and moves at fractional frames, from these and those before alone."""
-    rows = rows_of(motion)
+    rows = motion.rows
     now = interpolated(rows, places)
     # Velocity and turning are towards the next frame: those of the frame before are known.
     now[:, HEIGHT + 1 :] = interpolated(rows[:, HEIGHT + 1 :], np.maximum(places - 1, 0))
@@ -121,25 +114,22 @@ def fit_onset(
         going: [C] whether each class is cyclic.
         examples: of all classes together, at most.
     """
-    with on_threads(1):  # sums of threads differ from run to run
-        return _fitted(motions, targets, going, max(2, examples // max(1, sum(going))))
-
-
-def _fitted(motions: Sequence[BodyMotion], targets: Sequence[int], going: Sequence[bool], most: int) -> Onset:
+    most = max(2, examples // max(1, sum(going)))
     found = [_examples(motions, targets, target, most) if on else None for target, on in enumerate(going)]
     lead = Onset(len(going), sum(len(one[0]) for one in found if one))
     filled = 0
-    for target, one in enumerate(found):
-        if one is None:
-            continue
-        states, futures = one
-        rows = slice(filled, filled := filled + len(states))
-        apart = _squares(states, states)
-        width = max(float(np.sqrt(np.median(apart[np.triu_indices(len(states), 1)]))), 1e-6)
-        mean = futures.mean(axis=0)
-        lead.classes[rows], lead.states[rows] = target, torch.from_numpy(states)
-        lead.coefficients[rows] = torch.from_numpy(_solved(_kernel(states, states, width), futures - mean))
-        lead.means[target], lead.widths[target] = torch.from_numpy(mean), width
+    with on_threads(1):  # sums of threads differ from run to run
+        for target, one in enumerate(found):
+            if one is None:
+                continue
+            states, futures = one
+            rows = slice(filled, filled := filled + len(states))
+            apart = _squares(states, states)
+            width = max(float(np.sqrt(np.median(apart[np.triu_indices(len(states), 1)]))), 1e-6)
+            mean = futures.mean(axis=0)
+            lead.classes[rows], lead.states[rows] = target, torch.from_numpy(states)
+            lead.coefficients[rows] = torch.from_numpy(_solved(_kernel(states, states, width), futures - mean))
+            lead.means[target], lead.widths[target] = torch.from_numpy(mean), width
     return lead
 
 
@@ -166,7 +156,7 @@ def _examples(
         at = np.array([place for of, place in places if of == i])
         if not len(at):
             continue
-        known, rows = state_at(motion, at.astype(float)), rows_of(motion)
+        known, rows = state_at(motion, at.astype(float)), motion.rows
         states.append(known / SCALES)
         # Velocity and turning of a frame are towards the next one.
         later = rows[at[:, None] + np.array(KNOTS)]
@@ -192,15 +182,8 @@ def with_onset(motion: BodyMotion, ahead: Float64Array | None) -> BodyMotion:
     if ahead is None:
         return motion
     count = min(len(motion), len(ahead))
-    rows = rows_of(motion)
+    rows = motion.rows
     done = np.arange(1, count + 1) / len(ahead)
     share = 0.5 + 0.5 * np.cos(np.pi * np.clip((done - ALONE / FRAMES) / (1 - ALONE / FRAMES), 0, 1))[:, None]
     rows[:count] = share * ahead[:count] + (1 - share) * rows[:count]
-    joints = rows[:, :HEIGHT].reshape(motion.joints.shape)
-    return replace(
-        motion,
-        joints=joints,
-        height=rows[:, HEIGHT],
-        velocity=rows[:, HEIGHT + 1 : HEIGHT + 3],
-        turn=rows[:, HEIGHT + 3],
-    )
+    return BodyMotion.of_rows(rows, motion.stands)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
@@ -22,90 +23,76 @@ FASTEST: Final = 0.75
 BATCH: Final = 32
 
 
+@dataclass
 class Rollout:
     """The sparse poses of one motion, extended prediction by prediction.
 
     Attributes:
+        given: [5, 65] the last poses; at first the seed poses.
+        targets: K classes, each for an equal share of the time.
+        latents: [K, L] latent variables.
+        seconds: length of the motion.
+        pace: speed relative to the recordings.
+        ending: [K] whether a class is an action with an end. Such an action is repeated as often as fits its time
+            best, a little faster or slower. None by default.
+        taken: [K] how many poses of each prediction are kept; all by default.
         rows: sparse poses so far, from the last seed pose on; the logarithm of their seconds includes the pace.
         begins: start of each class, seconds.
+        anew: whether a class, or a repetition of an action, starts with the next poses.
     """
 
-    def __init__(
-        self,
-        given: Float64Array,
-        targets: Sequence[int],
-        latent: Float64Array,
-        seconds: float,
-        pace: float,
-        ending: Sequence[bool] = (),
-        taken: Sequence[int] = (),
-    ) -> None:
-        """An empty rollout.
+    given: Float64Array
+    targets: Sequence[int]
+    latents: Float64Array
+    seconds: float
+    pace: float
+    ending: Sequence[bool] = ()
+    taken: Sequence[int] = ()
+    rows: list[Float64Array] = field(init=False)
+    begins: list[float] = field(init=False, default_factory=lambda: [0.0])
+    anew: bool = field(init=False, default=False)
+    _time: float = field(init=False, default=0.0)
 
-        Args:
-            given: [5, 65] seed poses.
-            targets: K classes, each for an equal share of the time.
-            latent: [K, L] latent variables.
-            seconds: length of the motion.
-            pace: speed relative to the recordings.
-            ending: [K] whether a class is an action with an end. Such an action is repeated as often as fits its time
-                best, a little faster or slower. None by default.
-            taken: [K] how many poses of each prediction are kept; all by default.
-        """
-        self.rows: list[Float64Array] = [given[-1]]
-        self.begins: list[float] = [0.0]
-        self._last = given
-        self._targets, self._latent = list(targets), latent
-        self._seconds, self._pace = seconds, pace
-        self._ending = list(ending) or [False] * len(self._targets)
-        self._taken: list[int | None] = list(taken) or [None] * len(self._targets)
-        self._time = 0.0
-        self._anew = False
+    def __post_init__(self) -> None:
+        self.rows = [self.given[-1]]
 
     @property
     def done(self) -> bool:
-        return self._time >= self._seconds
+        return self._time >= self.seconds
 
     @property
     def target(self) -> int:
-        return self._targets[len(self.begins) - 1]
-
-    @property
-    def anew(self) -> bool:
-        """Whether a class, or a repetition of an action, starts with the next poses."""
-        return self._anew
-
-    @property
-    def given(self) -> Float64Array:
-        """[5, 65] the last poses."""
-        return self._last
+        """The class of the next poses."""
+        return self.targets[len(self.begins) - 1]
 
     @property
     def latent(self) -> Float64Array:
-        latent: Float64Array = self._latent[len(self.begins) - 1]
+        """[L] of the next poses."""
+        latent: Float64Array = self.latents[len(self.begins) - 1]
         return latent
 
     def take(self, made: Float64Array) -> None:
         """Append predicted poses [n, 65], as many as fit the time of the current class."""
-        made = made[: self._taken[len(self.begins) - 1]]
-        until = self._seconds * len(self.begins) / len(self._targets)
-        slower = self._fitting(made, until - self._time) if self._ending[len(self.begins) - 1] else 1.0
+        index = len(self.begins) - 1
+        made = made[: self.taken[index]] if self.taken else made
+        until = self.seconds * len(self.begins) / len(self.targets)
+        self.anew = bool(self.ending) and self.ending[index]
+        slower = self._fitting(made, until - self._time) if self.anew else 1.0
         taken = 0
         while taken < len(made) and self._time < until:
             row = made[taken].copy()
-            row[DURATION] += np.log(slower / self._pace)
+            row[DURATION] += np.log(slower / self.pace)
             self._time += float(np.exp(row[DURATION]))
             self.rows.append(row)
             taken += 1
-        self._last = np.concatenate([self._last, made[:taken]])[-SEEDS:]
-        self._anew = self._ending[len(self.begins) - 1]
-        if self._time >= until and len(self.begins) < len(self._targets):
+        self.given = np.concatenate([self.given, made[:taken]])[-SEEDS:]
+        if self._time >= until and len(self.begins) < len(self.targets):
             self.begins.append(self._time)
-            self._anew = True
+            self.anew = True
 
     def _fitting(self, made: Float64Array, left: float) -> float:
         """The factor to slow an action by, so that whole repetitions fill the time that is left."""
-        once = float(np.exp(made[:, DURATION]).sum()) / self._pace
+        once = float(np.exp(made[:, DURATION]).sum()) / self.pace
         slower = left / (once * max(1, round(left / once)))
         # A hair longer, so that rounding does not start another repetition.
         return float(np.clip(slower * (1 + 1e-6), FASTEST, SLOWEST))

@@ -7,11 +7,10 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from motionlake.arrays import Float32Array, Float64Array, Int64Array
+from motionlake.arrays import Float64Array
 from motionlake.glogen.config import SPARSE
-from motionlake.glogen.trajectories import FPS, JOINTS_GIVEN, BodyMotion, mirrored
+from motionlake.glogen.trajectories import FPS, JOINTS_GIVEN, BodyMotion, mirrored, turned_steps
 from motionlake.motion.resampling import interpolated
-from motionlake.motion.rotations import turn_on_ground
 
 POSES: Final = 500  # that a motion is brought to, at equal moved distances
 PIECE: Final = 100  # frames, of what long clips are broken into
@@ -70,21 +69,15 @@ def even_poses(frames: int) -> int:
 
 def poses_at(motion: BodyMotion, places: Float64Array) -> SparseMotion:
     """Sparse poses at given frames, ascending; two at least."""
-    joints = interpolated(motion.joints.reshape(len(motion), -1), places)
-    height = interpolated(motion.height[:, None], places)
+    poses = interpolated(motion.rows[:, : HEIGHT + 1], places)
     yaw = np.concatenate([[0.0], np.cumsum(motion.turn[:-1]) / FPS])
-    path = np.concatenate([np.zeros((1, 2)), np.cumsum(_turned_steps(motion.velocity, yaw)[:-1], axis=0) / FPS])
+    path = np.concatenate([np.zeros((1, 2)), np.cumsum(turned_steps(motion.velocity, yaw)[:-1], axis=0) / FPS])
     there, facing = interpolated(path, places), interpolated(yaw[:, None], places)[:, 0]
-    steps = _turned_steps(np.diff(there, axis=0), -facing[:-1])
+    steps = turned_steps(np.diff(there, axis=0), -facing[:-1])
     seconds = np.maximum(np.diff(places) / FPS, SHORTEST)
     between = np.concatenate([steps, np.diff(facing)[:, None], np.log(seconds)[:, None]], axis=1)
-    rows = np.concatenate([joints, height, np.concatenate([between[:1], between])], axis=1)
+    rows = np.concatenate([poses, np.concatenate([between[:1], between])], axis=1)
     return SparseMotion(rows, places)
-
-
-def _turned_steps(steps: Float64Array, yaw: Float64Array) -> Float64Array:
-    """[n, 2] steps (left, forward) turned by yaw [n]."""
-    return np.stack(turn_on_ground(steps[:, 0], steps[:, 1], yaw), axis=1)
 
 
 LONGEST: Final = 150  # frames, of a clip that is one piece
@@ -177,8 +170,3 @@ def ranges(frames: int, stride: int = PIECE) -> list[tuple[int, int]]:
         return [(0, frames)]
     starts = [*range(0, frames - PIECE, stride), frames - PIECE]
     return [(start, start + PIECE) for start in starts]
-
-
-def rows_of(made: list[TrainingPiece]) -> tuple[Float32Array, Int64Array]:
-    """Sparse poses [n, count, 65] and classes [n]."""
-    return np.stack([piece.sparse.rows for piece in made]).astype(np.float32), np.array([p.target for p in made])

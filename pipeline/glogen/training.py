@@ -59,9 +59,18 @@ def train_glogen(
         network.learn(rows, labels, on)
         data = np.concatenate([*[motion.ravel() for motion in motions], targets, [seed]]).astype(np.float32)
         kept = Checkpoint(checkpoint, data, recipe) if checkpoint else None
-        losses = _fit(
-            network, _Motions(rows, labels, on, recipe.sparse, share), recipe, seed, rng, kept, stays, progress
-        )
+        material = _Motions(rows, labels, on, recipe.sparse, share)
+        items = material.items()
+        count = len(material.drawn(items, np.random.default_rng(0)))
+
+        def loss(chosen: Int64Array) -> Tensor:
+            return _loss(network, *material.windows(chosen, rng), material.targets[chosen], recipe, rng)
+
+        losses = Training(
+            network, optimiser_of(network, recipe), recipe.epochs_of(count, any(on)), rate_of(recipe),
+            lambda: np.array_split(material.drawn(items, rng), recipe.batches(count)), loss, seed, rng,
+            kept, CHECKPOINT_EVERY, progress, stays=stays,
+        ).run()  # fmt: skip
     return network.eval(), losses
 
 
@@ -112,30 +121,6 @@ class _Motions:
             found.append(rows[places.clamp(max=len(rows) - 1)])
             there.append(places < len(rows))
         return torch.stack(found), torch.stack(there)
-
-
-def _fit(
-    network: ParallelDecoder | Seq2Seq,
-    motions: _Motions,
-    recipe: GloGenRecipe,
-    seed: int,
-    rng: np.random.Generator,
-    checkpoint: Checkpoint | None,
-    stays: bool,
-    progress: Progress | None,
-) -> list[float]:
-    items = motions.items()
-    count = len(motions.drawn(items, np.random.default_rng(0)))
-
-    def loss(chosen: Int64Array) -> Tensor:
-        rows, there = motions.windows(chosen, rng)
-        return _loss(network, rows, there, motions.targets[chosen], recipe, rng)
-
-    return Training(
-        network, optimiser_of(network, recipe), recipe.epochs_of(count, any(motions.going)), rate_of(recipe),
-        lambda: np.array_split(motions.drawn(items, rng), recipe.batches(count)), loss, seed, rng,
-        checkpoint, CHECKPOINT_EVERY, progress, stays=stays,
-    ).run()  # fmt: skip
 
 
 def _loss(
@@ -231,11 +216,6 @@ class ByClass(nn.Module):
                 made = network.embedding(network.scale(rows[mine]), own if with_class else None)
                 found |= dict(zip(mine, made, strict=True))
         return torch.stack([found[i] for i in range(len(rows))])
-
-
-def untrained(recipe: GloGenRecipe, of: Sequence[Sequence[int]]) -> ByClass:
-    """Networks for weights that were saved."""
-    return ByClass(recipe, [glogen_network(recipe, len(classes)) for classes in of], of)
 
 
 def groups(going: Sequence[bool], known: Sequence[bool]) -> list[list[int]]:

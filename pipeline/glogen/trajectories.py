@@ -15,7 +15,7 @@ from motionlake.arrays import Float64Array
 from motionlake.glogen.feet import planted
 from motionlake.motion.kinematics import forward_kinematics, local_rotations, world_from_positions
 from motionlake.motion.resampling import interpolated
-from motionlake.motion.rotations import turn_about_y
+from motionlake.motion.rotations import turn_about_y, turn_on_ground
 from motionlake.motion.skeleton import INDEX, JOINTS, MIRRORED_JOINTS, facing
 from scipy.ndimage import gaussian_filter1d
 from scipy.signal import savgol_filter
@@ -122,8 +122,21 @@ class BodyMotion:
         return len(self.joints)
 
     def cut(self, start: int, stop: int) -> BodyMotion:
-        rows = slice(start, stop)
-        return BodyMotion(self.joints[rows], self.height[rows], self.velocity[rows], self.turn[rows], self.stands[rows])
+        """The frames [start, stop)."""
+        return BodyMotion(*(each[start:stop] for each in vars(self).values()))
+
+    @property
+    def rows(self) -> Float64Array:
+        """[T, 64] joints, height, velocity and turning."""
+        joints = self.joints.reshape(len(self), -1)
+        return np.concatenate([joints, self.height[:, None], self.velocity, self.turn[:, None]], axis=1)
+
+    @classmethod
+    def of_rows(cls, rows: Float64Array, stands: Float64Array) -> BodyMotion:
+        """The motion of which `rows` are the rows."""
+        end = 3 * JOINTS_GIVEN
+        joints = rows[:, :end].reshape(len(rows), JOINTS_GIVEN, 3)
+        return cls(joints, rows[:, end], rows[:, end + 1 : end + 3], rows[:, end + 3], stands)
 
 
 def body_motion(positions: Float64Array, fps: float) -> BodyMotion:
@@ -147,16 +160,20 @@ def body_motion(positions: Float64Array, fps: float) -> BodyMotion:
     sampled = sampled / size
     yaw = facing(sampled)
     root = sampled[:, 0]
-    speed = _forward(root[:, [0, 2]])
     feet = sampled[:, [INDEX[name] for name in FEET]]
     ground = np.quantile(feet[..., 1].min(axis=1), 0.05)
     return BodyMotion(
         turn_about_y(standard_joints(sampled), -yaw)[:, 1:],
         root[:, 1] - ground,
-        turn_about_y(np.stack([speed[:, 0], 0 * yaw, speed[:, 1]], axis=1)[:, None], -yaw)[:, 0, [0, 2]] * FPS,
+        turned_steps(_forward(root[:, [0, 2]]), -yaw) * FPS,
         _forward(yaw) * FPS,
         _standing(feet),
     )
+
+
+def turned_steps(steps: Float64Array, yaw: Float64Array) -> Float64Array:
+    """[n, 2] steps (left, forward) turned by yaw [n]."""
+    return np.stack(turn_on_ground(steps[:, 0], steps[:, 1], yaw), axis=1)
 
 
 def resampled(rows: Float64Array, fps: float, wanted: float) -> Float64Array:
@@ -195,9 +212,7 @@ def in_world(
     yaws = yaw + np.concatenate([[0.0], np.cumsum(motion.turn[:-1] / FPS)])
     joints = np.concatenate([np.zeros((len(motion), 1, 3)), motion.joints], axis=1)
     seen, _ = posed(turn_about_y(joints, yaws), rest_offsets, np.zeros((len(motion), 3)))
-    speed = turn_about_y(np.stack([motion.velocity[:, 0], 0 * yaws, motion.velocity[:, 1]], axis=1)[:, None], yaws)[
-        :, 0
-    ]
+    speed = np.insert(turned_steps(motion.velocity, yaws), 1, 0, axis=1)
     steps = _held(speed * size / FPS, seen, motion.stands)
     path = root + np.concatenate([np.zeros((1, 3)), np.cumsum(steps[:-1], axis=0)])
     path[:, 1] = root[1] + _grounded(motion.height * size, seen, motion.stands, size)

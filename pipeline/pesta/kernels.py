@@ -35,20 +35,14 @@ ZERO = np.float32(0)
 INFINITY = np.float32(np.inf)
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
 def query_profile(query: Int32Array, distances: Float32Array) -> Float32Array:
     """[m * width] flat: the distances of each symbol from the query's, one after another, filled up with zeros.
 
     width: the query's length, rounded up to a multiple of `ROWS`.
     """
-    m = len(distances)
-    width = -(-len(query) // ROWS) * ROWS
-    profile = np.zeros(m * width, dtype=np.float32)
-    for x in range(len(query)):
-        row = distances[query[x]]
-        for symbol in range(m):
-            profile[symbol * width + x] = row[symbol]
-    return profile
+    profile = np.zeros((len(distances), -(-len(query) // ROWS) * ROWS), dtype=np.float32)
+    profile[:, : len(query)] = distances[query].T
+    return profile.ravel()
 
 
 @njit(nogil=True)  # type: ignore[untyped-decorator]
@@ -172,20 +166,13 @@ def scanner(stride: int) -> Callable[..., None]:
                         low = min(low, bottom[(y - first) * LANES + lane])
                     best[target] = low
 
-    kernel: Callable[..., None] = scan
-    return kernel
+    return scan  # type: ignore[no-any-return]
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
 def segment_profile(segments: Int32Array, distances: Float32Array) -> Float32Array:
     """[m * rows * LANES] flat: distances of each symbol from each row of [n <= LANES, rows] segments, one in a lane."""
-    m, n_rows = len(distances), segments.shape[1]
-    profile = np.zeros((m, n_rows, LANES), dtype=np.float32)
-    for lane in range(len(segments)):
-        for x in range(n_rows):
-            row = distances[segments[lane, x]]
-            for symbol in range(m):
-                profile[symbol, x, lane] = row[symbol]
+    profile = np.zeros((len(distances), segments.shape[1], LANES), dtype=np.float32)
+    profile[..., : len(segments)] = distances[segments].T
     return profile.ravel()
 
 
@@ -266,8 +253,7 @@ def segment_scanner(stride: int) -> Callable[..., None]:
         _put(costs, turned_costs, first, filled, ends)
         _put(marks, turned_marks, first, filled, starts)
 
-    kernel: Callable[..., None] = scan
-    return kernel
+    return scan  # type: ignore[no-any-return]
 
 
 @njit(nogil=True)  # type: ignore[untyped-decorator]

@@ -67,17 +67,33 @@ def train_autoencoder(
     outside, inside = np.sort(order[:held]), np.sort(order[held:])
     if len(inside) < config.m:
         raise ValueError(f"{len(inside)} postures to train on are too few for {config.m} symbols")
+    known = postures[inside]
     with on_threads(1), torch.random.fork_rng(devices=[]):
         torch.manual_seed(config.seed)
         network = PostureAutoencoder(postures.shape[1], config.m, recipe.style, recipe.hidden, recipe.heads)
-        _start(network, postures[inside], clips[inside], config, recipe)
-        kept = Checkpoint(checkpoint, postures[inside], config, recipe) if checkpoint else None
-        losses = _fit(network.to(device), postures[inside], recipe, rng, device, kept, progress)
+        _start(network, known, clips[inside], config, recipe)
+        kept = Checkpoint(checkpoint, known, config, recipe) if checkpoint else None
+        network.to(device)
+        parameters = [*network.autoencoder(), *network.critics()]
+        optimiser = torch.optim.Adam(parameters, lr=recipe.learning_rate, betas=(recipe.momentum, 0.999))
+
+        def train(step: int) -> float:
+            if step % REVIVE_EVERY == 0:
+                _revive(network, known, rng, device)
+            optimiser.zero_grad(set_to_none=True)
+            loss = _step(network, known[rng.integers(0, len(known), recipe.batch)], recipe, rng, device)
+            optimiser.step()
+            return loss
+
+        steps = recipe.count(len(known))
+        losses = Loop(
+            network, optimiser, rng, steps, train, kept, CHECKPOINT_EVERY, progress, REPORT_EVERY
+        ).run()  # fmt: skip
         network = network.cpu().eval()
-        _settle(network, postures[inside])
+        _settle(network, known)
         metrics = _metrics(network, postures, outside, losses)
         codes = network.heads.detach().numpy().copy()
-        typical = _typical(network, postures[inside])
+        typical = _typical(network, known)
     return PostureDictionary(config, AutoencoderEncoder(network), codes, typical, metrics)
 
 
@@ -111,31 +127,6 @@ def _padded(rows: Float32Array, width: int) -> Float32Array:
     return np.pad(rows, [(0, 0), (0, width - rows.shape[1])])
 
 
-def _fit(
-    network: PostureAutoencoder,
-    postures: Float32Array,
-    recipe: AutoencoderRecipe,
-    rng: np.random.Generator,
-    device: str,
-    checkpoint: Checkpoint | None,
-    progress: Progress | None,
-) -> list[float]:
-    parameters = [*network.autoencoder(), *network.critics()]
-    optimiser = torch.optim.Adam(parameters, lr=recipe.learning_rate, betas=(recipe.momentum, 0.999))
-
-    def train(step: int) -> float:
-        if step % REVIVE_EVERY == 0:
-            _revive(network, postures, rng, device)
-        rows = rng.integers(0, len(postures), recipe.batch)
-        optimiser.zero_grad(set_to_none=True)
-        loss = _step(network, postures[rows], recipe, rng, device)
-        optimiser.step()
-        return loss
-
-    steps = recipe.count(len(postures))
-    return Loop(network, optimiser, rng, steps, train, checkpoint, CHECKPOINT_EVERY, progress, REPORT_EVERY).run()
-
-
 def _step(
     network: PostureAutoencoder,
     postures: Float32Array,
@@ -155,11 +146,13 @@ def _step(
         soft = classes @ network.heads
         from_head = network.decode(hard + soft - soft.detach())
         loss = loss + recipe.from_head * (from_head - wanted).square().mean() / variance
-    _learn(critics, False)
+    for critic in critics:
+        critic.requires_grad_(False)
     fooled = _is(network.class_critic(classes), 1.0) + _is(network.style_critic(style), 1.0)
     loss = loss + recipe.adversarial * fooled
     loss.backward()  # type: ignore[no-untyped-call]
-    _learn(critics, True)
+    for critic in critics:
+        critic.requires_grad_(True)
     drawn = torch.from_numpy(rng.integers(0, len(network.heads), len(postures))).to(device)
     category = one_hot(drawn, len(network.heads)).float()
     normal = torch.from_numpy(rng.standard_normal(style.shape).astype(np.float32)).to(device)
@@ -173,11 +166,6 @@ def _step(
 
 def _is(judged: Tensor, value: float) -> Tensor:
     return binary_cross_entropy_with_logits(judged, torch.full_like(judged, value))
-
-
-def _learn(parameters: list[torch.nn.Parameter], wanted: bool) -> None:
-    for parameter in parameters:
-        parameter.requires_grad_(wanted)
 
 
 @torch.no_grad()

@@ -104,7 +104,7 @@ def classed_motions(con: Connection, split: str | None = None, label: str | None
 
 def long_enough(row: Mapping[str, Any]) -> bool:
     """Whether frames [start, stop) of a clip are enough to start from, and to learn from."""
-    from motionlake.glogen.requests import SHORTEST
+    from motionlake.glogen.generator import SHORTEST
     from motionlake.glogen.trajectories import FPS
 
     return bool(round((row["stop"] - row["start"] - 1) / row["fps"] * FPS) + 1 >= SHORTEST)

@@ -20,8 +20,7 @@ from motionlake.stages.synthesis import check_classes
 from motionlake.stages.training_clips import check_chosen, frames_of_clips
 
 if TYPE_CHECKING:
-    from motionlake.glogen.generator import TrainedGenerator
-    from motionlake.glogen.requests import GeneratedMotion
+    from motionlake.glogen.generator import GeneratedMotion, TrainedGenerator
     from motionlake.motion.canonicalise import CanonicalMotion
 
 LONGEST: Final = 3600.0  # seconds of one motion
@@ -156,7 +155,7 @@ def make(generator: TrainedGenerator, lake: Lake, request: Request, motions: Seq
     Raises:
         UserError: a start is shorter than needed.
     """
-    from motionlake.glogen.requests import MotionRequest, SeedClip
+    from motionlake.glogen.generator import MotionRequest, SeedClip
 
     starts = sorted({motion.start for motion in motions}, key=lambda start: (start.clip, start.start, start.stop))
     clips = {c.clip: c.positions for c in frames_of_clips(lake, [asdict(s) for s in starts if not s.outside])}

@@ -28,7 +28,7 @@ from motionlake.stages.synthesis_wishes import (
 )
 
 if TYPE_CHECKING:
-    from motionlake.glogen.requests import GeneratedMotion
+    from motionlake.glogen.generator import GeneratedMotion
 
 TRIAL: Final = 1.0  # seconds of a first motion, by which it shows whether there is anything to start from
 TOGETHER: Final = 32  # motions a shard

@@ -13,8 +13,7 @@ from motionlake.lake.layout import Lake
 from motionlake.retrieval.sql_functions import Names, Served, sql_function
 
 if TYPE_CHECKING:
-    from motionlake.glogen.generator import TrainedGenerator
-    from motionlake.glogen.requests import GeneratedMotion
+    from motionlake.glogen.generator import GeneratedMotion, TrainedGenerator
     from motionlake.lake.config import LakeConfig
     from motionlake.lake.models import Model
     from motionlake.stages.synthesis_wishes import Request
