@@ -18,16 +18,7 @@ from motionlake.pictures.bands import motif_bands
 from motionlake.pictures.hits_page import hits_page
 from motionlake.pictures.html import Picture, picture
 from motionlake.pictures.maps import clip_map, plane_of
-from motionlake.pictures.material import (
-    ALL,
-    Material,
-    View,
-    count,
-    count_of,
-    discriminative,
-    display_names,
-    shares,
-)
+from motionlake.pictures.material import ALL, Material, View, count_of, discriminative, shares
 from motionlake.pictures.motif_figures import MotifRow, WordStrip, contact_sheet, signature_bars
 from motionlake.pictures.stick_figures import spread
 from motionlake.pictures.style import UNLABELLED
@@ -52,12 +43,12 @@ def bars(material: Material, view: View) -> Picture:
     by_class = view.by_class()
     shown = {name: material.some(clips, PER_CLASS) for name, clips in _largest(by_class, MOST_CLASSES).items()}
     groups = {
-        name: dict(zip(display_names(material.names(clips)), material.signatures[clips], strict=True))
+        name: dict(zip(material.short_names(clips), material.signatures[clips], strict=True))
         for name, clips in shown.items()
     }
     of_each = f"the clips of each {view.kind}" if len(by_class) > 1 else "the clips"
     title = f"{view.name}: which motifs {of_each} are made of"
-    chosen = count_of(sum(map(len, groups.values())), view.total, "clip")
+    chosen = count_of(sum(map(len, groups.values())), view.total)
     note = f"{chosen}, at most {PER_CLASS} a {view.kind}; {material.about_model}"
     fewer = len(shown) < len(by_class)
     left_out = f" The {len(shown)} largest of {len(by_class)} {view.plural} are shown." if fewer else ""
@@ -80,7 +71,7 @@ def clips_map(material: Material, view: View) -> Picture | None:
     if len(view.shown) < LEAST_ON_MAP:
         return None
     title = f"{view.name}: clips that move alike lie close together"
-    chosen = count_of(len(view.shown), view.total, "clip")
+    chosen = count_of(len(view.shown), view.total)
     figure, said = _map(material, view.clips[view.shown].tolist(), view.distances, view.shown_classes, title, chosen)
     caption = (
         "A map of clips (Deep Motifs, figures 7 and 8). A point is a clip; near points have near signatures. "
@@ -100,7 +91,7 @@ def subjects_map(material: Material, view: View) -> Picture | None:
         return None
     title = f"{view.name}: who moves, within {name}"
     distances = emd_matrix(material.signatures[clips], corpus.ground)
-    chosen = count_of(len(clips), len(members), "clip")
+    chosen = count_of(len(clips), len(members))
     figure, said = _map(material, clips, distances, subjects, title, chosen)
     caption = (
         "Fine differences (Deep Motifs, figure 8): the clips of the largest class alone, coloured by subject. Where "
@@ -154,7 +145,7 @@ def two_bands(material: Material, view: View) -> Picture | None:
         "signatures hardly do. The pair is the closest among the longest clips shown, of two subjects where there "
         "are such."
     )
-    bands = [material.band(i, name) for i, name in zip(clips, display_names(material.names(clips)), strict=True)]
+    bands = [material.band(i, name) for i, name in zip(clips, material.short_names(clips), strict=True)]
     return picture(f"{view.name}-bands", title, caption, motif_bands(bands, material.order, title, note))
 
 
@@ -220,7 +211,7 @@ def strongest_motifs(material: Material, view: View) -> Picture:
         "left limbs blue, right limbs orange, turned to face the same way. "
         f"On the right: the share of the words of each {view.kind} that belong to the motif."
     )
-    note = f"{count(view.total, 'clip')}; {material.about_model}"
+    note = f"{count_of(view.total, view.total)}; {material.about_model}"
     return picture(
         f"{view.name}-strongest", title, caption, contact_sheet(rows, title, note, f"share by {view.kind}")
     )  # fmt: skip
@@ -246,7 +237,7 @@ def class_motifs(material: Material, view: View) -> list[Picture]:
             f"belong to the motif, largest first. A motif that stands for two {view.plural} is the most telling of "
             f"either.{view.about_clusters}"
         )
-        note = f"{count_of(len(view.clips), view.total, 'clip')}; {material.about_model}"
+        note = f"{count_of(len(view.clips), view.total)}; {material.about_model}"
         figure = contact_sheet(rows, title, note, f"share by {view.kind}")
         pictures.append(picture(f"{view.name}-motifs-{i + 1}", title, caption, figure))
     return pictures

@@ -141,13 +141,12 @@ def confusion_figure(
 
 @styled
 def robustness_figure(
-    by_rate: Mapping[str, Mapping[float, float | Sequence[float]]], title: str = "Robustness", note: str = "",
-    measure: str = "MAP",
-) -> Figure:  # fmt: skip
-    """How a measure falls as more of the clips is replaced (figure 8): a line a method.
+    by_rate: Mapping[str, Mapping[float, float | Sequence[float]]], title: str = "Robustness", note: str = ""
+) -> Figure:
+    """How MAP falls as more of the clips is replaced (figure 8): a line a method.
 
-    `by_rate` has of each method the measure by the share replaced (0 to 1); of several values, such as those of
-    seeds, the mean is drawn, and their range as a band.
+    `by_rate` has of each method MAP by the share replaced (0 to 1); of several values, such as those of seeds, the
+    mean is drawn, and their range as a band.
 
     Raises:
         ValueError: no methods, or a method without rates.
@@ -157,7 +156,7 @@ def robustness_figure(
     styles = class_styles(by_rate)
     lines: list[Line] = [(name, {"color": styles[name].colour, "linewidth": 1.5}) for name in by_rate]
     across = "per cent of 10-frame pieces replaced by pieces of other classes"
-    sheet, axes = _plot(title, note, across, measure, lines)
+    sheet, axes = _plot(title, note, across, "MAP", lines)
     for i, ((_, look), values) in enumerate(zip(lines, by_rate.values(), strict=True)):
         rates = sorted(values)
         found = [np.atleast_1d(np.asarray(values[rate], dtype=np.float64)) for rate in rates]

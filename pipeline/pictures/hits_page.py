@@ -10,16 +10,11 @@ from typing import Any, Final
 import numpy as np
 from matplotlib.figure import Figure
 from motionlake.arrays import FloatArray
-from motionlake.errors import ClipError, UserError
-from motionlake.formats import is_clip
 from motionlake.lake.catalog import Connection, fetch
 from motionlake.lake.layout import Lake
-from motionlake.lake.resolve import resolve_clip
-from motionlake.motion.rigs import load_rigs
 from motionlake.pictures.stick_figures import PoseReader, draw_strip, spread
-from motionlake.pictures.style import FAINT, TOP, Sheet, styled
-from motionlake.stages.frames import canonical_motions
-from motionlake.stages.sources import IngestOptions
+from motionlake.pictures.style import FAINT, INK, TOP, Sheet, styled
+from motionlake.stages.frames import first_body
 
 MOST_HITS: Final = 30
 MOMENTS: Final = 14
@@ -52,22 +47,16 @@ def draw_hits(query: HitStrip, hits: Sequence[HitStrip], title: str, note: str =
         top = TOP + ROW * i + (0.08 if i else 0)
         sheet.text(0.12, top + 0.36, row.head, size=10, weight="bold", room=0.6)
         for j, line in enumerate(row.lines):
-            weight, color = ("bold", "#222222") if j == 0 else ("normal", FAINT)
+            weight, color = ("bold", INK) if j == 0 else ("normal", FAINT)
             sheet.text(0.75, top + 0.36 + 0.2 * j, line, size=8, weight=weight, color=color, room=LEFT - 0.9)
-        draw_strip(sheet, LEFT, top, STRIP, ROW - 0.14, row.poses, MOMENTS)
+        draw_strip(sheet, LEFT, top, STRIP, ROW - 0.14, row.poses)
     return sheet.figure
 
 
 def hits_page(
-    con: Connection,
-    lake: Lake,
-    query: str | Path,
-    hits: Sequence[Mapping[str, Any]],
-    start: int | None = None,
-    stop: int | None = None,
-    measure: str = "distance",
-    about: str = "distances of signatures",
-) -> Figure:
+    con: Connection, lake: Lake, query: str | Path, hits: Sequence[Mapping[str, Any]], start: int | None = None,
+    stop: int | None = None, measure: str = "distance", about: str = "distances of signatures",
+) -> Figure:  # fmt: skip
     """A page of the hits of any search.
 
     Args:
@@ -82,45 +71,33 @@ def hits_page(
         about: what that is, for the line below the title.
 
     Raises:
-        UserError: the query is no clip, or a file that cannot be read.
+        UserError: a file that cannot be read.
     """
     poses = PoseReader(con, lake)
     shown = hits[:MOST_HITS]
-    facts = {clip: fetch(con, "clip", {"clip": clip})[0] for clip in {str(h["clip"]) for h in shown}}
+    facts = {clip: fetch(con, "clip", {"clip": clip})[0] for clip in {str(hit["clip"]) for hit in shown}}
     strips = [_hit_strip(poses, hit, facts[str(hit["clip"])], measure) for hit in shown]
-    name, row = _query_strip(con, lake, poses, query, start, stop)
-    counted = f"{len(hits)} hits" if len(hits) != 1 else "1 hit"
-    note = counted + (f", the first {MOST_HITS} are shown" if len(hits) > MOST_HITS else ", nearest first")
-    return draw_hits(row, strips, f"What is most like {name}", f"{note}; {about}")
+    if isinstance(query, Path):
+        body, motion = first_body(lake, query)
+        name, label, fps, positions = query.name, None, body.fps, motion.positions.astype(np.float32)
+    else:
+        known = fetch(con, "clip", {"clip": query})[0]
+        name, label, fps, positions = query, known["label"], known["fps"], poses.positions(query)
+    part = positions[start:stop]
+    first = (start or 0) / fps
+    lines = [line for line in (label, name, f"{first:.1f}–{first + len(part) / fps:.1f} s") if line]
+    note = "1 hit" if len(hits) == 1 else f"{len(hits)} hits"
+    note += f", the first {MOST_HITS} are shown" if len(hits) > MOST_HITS else ", nearest first"
+    asked = HitStrip("query", lines, spread(part, MOMENTS))
+    return draw_hits(asked, strips, f"What is most like {name}", f"{note}; {about}")
 
 
 def _hit_strip(poses: PoseReader, hit: Mapping[str, Any], known: Mapping[str, Any], measure: str) -> HitStrip:
     clip, start, stop = str(hit["clip"]), hit.get("start"), hit.get("stop")
-    label = hit.get("label") or known["label"]
     distance = f"{measure} {hit[measure]:.3f}" + (", mirrored" if hit.get("mirrored") else "")
     if start is None or stop is None:
         when = f"{known['seconds']:.1f} s"
     else:
         when = f"{start / known['fps']:.1f}–{stop / known['fps']:.1f} s"
-    lines = [line for line in (label, clip, f"{distance}, {when}") if line]
+    lines = [line for line in (hit.get("label") or known["label"], clip, f"{distance}, {when}") if line]
     return HitStrip(str(hit["rank"]), lines, spread(poses.positions(clip)[start:stop], MOMENTS))
-
-
-def _query_strip(
-    con: Connection, lake: Lake, poses: PoseReader, query: str | Path, start: int | None, stop: int | None
-) -> tuple[str, HitStrip]:
-    if Path(query).is_file() and is_clip(Path(query)):
-        path = Path(query)
-        try:
-            source, motion, _ = next(iter(canonical_motions(path, load_rigs(lake.rigs), IngestOptions())))
-        except ClipError as error:
-            raise UserError(f"{path}: {error}") from error
-        name, label, fps, positions = path.name, None, source.fps, motion.positions.astype(np.float32)
-    else:
-        name = resolve_clip(con, str(query))
-        row = fetch(con, "clip", {"clip": name})[0]
-        label, fps, positions = row["label"], row["fps"], poses.positions(name)
-    part = positions[start or 0 : stop or len(positions)]
-    first = (start or 0) / fps
-    lines = [line for line in (label, name, f"{first:.1f}–{first + len(part) / fps:.1f} s") if line]
-    return name, HitStrip("query", lines, spread(part, MOMENTS))

@@ -75,6 +75,14 @@ class Material:
         """Full names of clips (corpus indices)."""
         return [self.corpus.clips[i].clip for i in clips]
 
+    def short_names(self, clips: Iterable[int]) -> list[str]:
+        """Names of clips without the folders that all of them share."""
+        names = self.names(clips)
+        if len(names) < 2:
+            return [name.rpartition("/")[2] or name for name in names]
+        shared = os.path.commonpath([name.rpartition("/")[0] for name in names])
+        return [name[len(shared) + 1 :] if shared else name for name in names]
+
     def some(self, clips: Sequence[int], count: int) -> list[int]:
         """At most `count` of some clips (corpus indices), the same ones every time (`sampled`)."""
         return [clips[i] for i in sampled(self.names(clips), count)]
@@ -160,10 +168,10 @@ class View:
 
     def by_class(self) -> dict[str, list[int]]:
         """Clips (corpus indices) of each class, classes by name, unlabelled ones last."""
-        groups: dict[str, list[int]] = defaultdict(list)
+        groups: dict[str, list[int]] = {n: [] for n in sorted(self.classes, key=lambda n: (n == UNLABELLED, n))}
         for clip, name in zip(self.clips.tolist(), self.classes, strict=True):
             groups[name].append(clip)
-        return {name: groups[name] for name in sorted(groups, key=lambda n: (n == UNLABELLED, n))}
+        return groups
 
 
 def sampled(names: Sequence[str], count: int) -> Int64Array:
@@ -215,11 +223,8 @@ def _clustered(distances: Float64Array) -> list[str]:
 
 def shares(material: Material, view: View) -> dict[str, Float64Array]:
     """[K] share of the words of each class that belong to each motif (section 5.2, figure 5)."""
-    found = {}
-    for name, clips in view.by_class().items():
-        counts = material.counts(np.array(clips)).sum(axis=0)
-        found[name] = counts / counts.sum()
-    return found
+    counts = {name: material.counts(np.array(clips)).sum(axis=0) for name, clips in view.by_class().items()}
+    return {name: own / own.sum() for name, own in counts.items()}
 
 
 def discriminative(by_class: dict[str, Float64Array]) -> list[tuple[str, int]]:
@@ -227,24 +232,13 @@ def discriminative(by_class: dict[str, Float64Array]) -> list[tuple[str, int]]:
 
     A motif's score is its share in the class times that share over the sum of its shares in all classes.
     """
-    names = list(by_class)
-    table = np.stack([by_class[name] for name in names])
+    table = np.stack([*by_class.values()])
     score = table**2 / np.maximum(table.sum(axis=0), 1e-300)
-    return [(name, int(motif)) for name, motif in zip(names, score.argmax(axis=1), strict=True)]
+    return list(zip(by_class, score.argmax(axis=1).tolist(), strict=True))
 
 
-def count(number: int, what: str) -> str:
-    return f"{number} {what}" + ("" if number == 1 else "s")
-
-
-def count_of(number: int, total: int, what: str) -> str:
-    """So many of so many, if not all."""
-    return count(number, what) if number == total else f"{number} of {total} {what}s (the same ones every time)"
-
-
-def display_names(clips: Sequence[str]) -> list[str]:
-    """Names without the folders that all of them share."""
-    if len(clips) < 2:
-        return [clip.rpartition("/")[2] or clip for clip in clips]
-    shared = os.path.commonpath([clip.rpartition("/")[0] for clip in clips])
-    return [clip[len(shared) + 1 :] if shared else clip for clip in clips]
+def count_of(number: int, total: int) -> str:
+    """So many clips of so many, if not all."""
+    if number == total:
+        return "1 clip" if total == 1 else f"{total} clips"
+    return f"{number} of {total} clips (the same ones every time)"

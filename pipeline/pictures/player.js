@@ -94,12 +94,19 @@
     };
   }
 
-  function line(ctx, project, points) {
-    let pen = false;
-    for (const p of points.map(project)) {
-      if (p) ctx[pen ? "lineTo" : "moveTo"](p.x, p.y);
-      pen = Boolean(p);
+  /* Lines through points, in one stroke so that they do not darken one another; not behind the viewer. */
+  function stroke(ctx, project, lines, colour, width, alpha) {
+    Object.assign(ctx, { strokeStyle: colour, lineWidth: width, globalAlpha: alpha });
+    ctx.beginPath();
+    for (const points of lines) {
+      let pen = false;
+      for (const p of points.map(project)) {
+        if (p) ctx[pen ? "lineTo" : "moveTo"](p.x, p.y);
+        pen = Boolean(p);
+      }
     }
+    ctx.stroke();
+    ctx.globalAlpha = 1;
   }
 
   const below = ([x, , z]) => [x, 0, z];
@@ -119,30 +126,18 @@
         }
       }
     }
-    ctx.strokeStyle = colours.faint;
-    ctx.lineWidth = 1;
-    levels.forEach((lines, level) => {
-      ctx.globalAlpha = 0.08 + 0.1 * level;
-      ctx.beginPath();
-      for (const ends of lines) line(ctx, project, ends);
-      ctx.stroke();
-    });
-    ctx.globalAlpha = 1;
+    levels.forEach((lines, level) => stroke(ctx, project, lines, colours.faint, 1, 0.08 + 0.1 * level));
   }
 
   function drawPath(ctx, project, pane, frame) {
     const every = Math.max(1, Math.floor(pane.clip.count / 900));
     const place = (f) => below(pane.joint(f, 0));
-    ctx.strokeStyle = ctx.fillStyle = colours.faint;
-    for (const [to, alpha, wide] of [[pane.clip.count - 1, 0.45, 1.5], [frame, 1, 2.5]]) {
-      ctx.globalAlpha = alpha;
-      ctx.lineWidth = wide;
-      ctx.beginPath();
-      line(ctx, project, [...Array.from({ length: Math.ceil(to / every) }, (_, i) => place(i * every)), place(to)]);
-      ctx.stroke();
-    }
+    const upTo = (f) => [...Array.from({ length: Math.ceil(f / every) }, (_, i) => place(i * every)), place(f)];
+    stroke(ctx, project, [upTo(pane.clip.count - 1)], colours.faint, 1.5, 0.45);
+    stroke(ctx, project, [upTo(frame)], colours.faint, 2.5, 1);
     const dot = project(place(frame));
     if (dot) {
+      ctx.fillStyle = colours.faint;
       ctx.beginPath();
       ctx.ellipse(dot.x, dot.y, 0.035 * dot.scale, 0.035 * dot.scale * Math.max(0.15, Math.abs(Math.sin(camera.tilt))), 0, 0, 7);
       ctx.fill();
@@ -153,15 +148,9 @@
     const joints = page.parents.map((_, j) => pane.joint(frame, j));
     const tall = pane.clip.height;
     const bones = page.parents.map((p, j) => [j, p]).filter(([, p]) => p >= 0);
-    ctx.lineCap = "round";
-    ctx.strokeStyle = colours.ink;
-    ctx.globalAlpha = 0.13;
-    ctx.beginPath(); // the shadow, straight below, in one stroke so that limbs do not darken one another
-    for (const [j, p] of bones) line(ctx, project, [joints[p], joints[j]].map(below));
     const root = project(below(joints[0]));
-    ctx.lineWidth = 0.03 * tall * (root ? root.scale : 0);
-    ctx.stroke();
-    ctx.globalAlpha = 1;
+    const shadow = bones.map(([j, p]) => [joints[p], joints[j]].map(below));
+    if (root) stroke(ctx, project, shadow, colours.ink, 0.03 * tall * root.scale, 0.13);
     const seen = joints.map(project);
     const [head, neck] = [joints[page.head], joints[page.neck]];
     const crown = project(head.map((v, i) => v + 0.25 * (v - neck[i])));
@@ -201,6 +190,7 @@
     const ctx = canvas.getContext("2d");
     ctx.setTransform(ratio, 0, 0, ratio, 0, 0);
     ctx.clearRect(0, 0, width, height);
+    ctx.lineCap = "round";
     const project = lens(target, width, height);
     drawGround(ctx, project, target, camera.follow ? 4 : 4 + pane.reach);
     drawPath(ctx, project, pane, frame);

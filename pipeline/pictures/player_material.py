@@ -18,9 +18,9 @@ from motionlake.motion.skeleton import facing
 from motionlake.pictures.bands import Segment
 from motionlake.pictures.stick_figures import PoseReader, body_height
 from motionlake.pictures.style import ClassStyle, class_styles
-from motionlake.retrieval.encode import first_body
 from motionlake.retrieval.protocol import Hit, Query, Scope
 from motionlake.retrieval.registry import ready, searcher
+from motionlake.stages.frames import first_body
 
 MOST_FPS: Final = 30.0
 MOST_SECONDS: Final = 180.0
@@ -97,13 +97,7 @@ NEAREST_BY: Final = ("descriptor", "signature")
 
 
 def player_clip(con: Connection, lake: Lake, query: Query, nearest: tuple[str, Hit] | None = None) -> PlayerClip:
-    """A clip of the lake, or the first body of a clip file.
-
-    Args:
-        con: to the lake.
-        lake: the same.
-        query: a clip's full name or a file, and the frames to show.
-        nearest: what `nearest_real_clip` said of this clip, where it did.
+    """A clip of the lake, or the first body of a clip file, and what `nearest_real_clip` said of it, where it did.
 
     Raises:
         UserError: the clip has no such frames, or the file cannot be read.
@@ -137,14 +131,9 @@ def player_clip(con: Connection, lake: Lake, query: Query, nearest: tuple[str, H
 
 
 def nearest_real_clip(lake: Lake, query: Query) -> tuple[str, Hit]:
-    """The recorded clip nearest to a clip or a file: by descriptor where the lake has them, else by signature.
+    """How the recorded clip nearest to another one or to a file was found, and that clip.
 
-    Args:
-        lake: where to look.
-        query: a clip, itself no answer, or a file.
-
-    Returns:
-        The method, and the hit.
+    By descriptor where the lake has them, else by signature.
 
     Raises:
         UserError: no method of the lake can compare it, or there is no other recorded clip.
@@ -165,17 +154,15 @@ def nearest_real_clip(lake: Lake, query: Query) -> tuple[str, Hit]:
 
 
 def _facts(known: Mapping[str, Any], lineage: Mapping[str, Any] | None) -> list[tuple[str, str]]:
-    facts = [(name, known[name]) for name in ("label", "subject", "dataset")]
-    of_training = "; ".join(lineage["licences"]) if lineage is not None else ""
-    facts.append(("licence", known["licence"] or of_training or "not stated"))
-    if lineage is not None:
-        facts += [
-            ("made by", lineage["model"]),
-            ("classes", ", ".join(lineage["classes"])),
-            ("seed", str(lineage["seed"])),
-            ("starts from", f"{lineage['seed_clip']}, frames {lineage['seed_start']} to {lineage['seed_stop']}"),
-        ]
-    return [(name, str(value)) for name, value in facts if value]
+    facts = {name: known[name] for name in ("label", "subject", "dataset")}
+    of_training = "; ".join(lineage["licences"]) if lineage else ""
+    facts["licence"] = known["licence"] or of_training or "not stated"
+    if lineage:
+        facts["made by"] = lineage["model"]
+        facts["classes"] = ", ".join(lineage["classes"])
+        facts["seed"] = str(lineage["seed"])
+        facts["starts from"] = f"{lineage['seed_clip']}, frames {lineage['seed_start']} to {lineage['seed_stop']}"
+    return [(name, str(value)) for name, value in facts.items() if value]
 
 
 def _stretches(

@@ -31,13 +31,7 @@ class Report:
 def make_report(
     con: Connection, lake: Lake, dataset: str | None = None, say: Callable[[str], None] = lambda line: None
 ) -> Report:
-    """Draw the report of a lake, or of one of its datasets.
-
-    Args:
-        con: to the lake.
-        lake: whose frames are drawn.
-        dataset: restricts all of it.
-        say: is told what is being drawn.
+    """Draw the report of a lake, or of one of its datasets; `say` is told what is being drawn.
 
     Raises:
         UserError: the lake has no motifs or no signed clips yet, or not in that dataset.

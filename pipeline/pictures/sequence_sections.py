@@ -17,7 +17,7 @@ from motionlake.deep_motifs.segmentation import (
 )
 from motionlake.pictures.bands import QueryCurve, Segment, segment_bands, similarity_along
 from motionlake.pictures.html import Picture, picture
-from motionlake.pictures.material import Material, View, Word, display_names
+from motionlake.pictures.material import Material, View, Word
 from motionlake.pictures.stick_figures import spread
 
 QUERY_WORDS: Final = 5
@@ -42,7 +42,7 @@ def along(material: Material, view: View) -> Picture | None:
         middles = window_ranges(corpus, target, QUERY_WORDS).mean(axis=1) / corpus.clips[target].fps
         distances = distances_along(corpus, target, ExampleQuery(corpus.motifs[words]))
         curves.append(QueryCurve(f"{what}: {''.join(material.source(word))}", poses, distances, middles))
-    name = display_names(material.names(view.clips))[view.clips.tolist().index(target)]
+    name = material.short_names(view.clips)[view.clips.tolist().index(target)]
     queries_in = f"{len(curves)} short queries occur" if len(curves) > 1 else "a short query occurs"
     title = f"{view.name}: where {queries_in} in {name}"
     note = f"queries of {QUERY_WORDS} words, Earth Mover's Distance from each window of as many; {material.about_model}"
@@ -122,7 +122,7 @@ def segmentation(material: Material, view: View, clip: int) -> Picture:
             "Segments in time (Deep Motifs, figure 13). Above the labelled truth, below what the signatures of "
             "sliding windows say, learned from the other labelled clips of the dataset; hatched grey is unknown."
         )
-    (file,) = display_names([name])
+    (file,) = material.short_names([clip])
     title = f"{view.name}: what is done when in {file}"
     figure = segment_bands(rows, material.seconds(clip), title, note, _classes(material, view))
     return picture(f"{view.name}-segments-{file}", title, caption, figure)

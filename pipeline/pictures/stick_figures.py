@@ -99,17 +99,11 @@ def body_height(positions: FloatArray) -> float:
     return max(float(bones.sum()) / 2 * 2.05, 1e-3)
 
 
-def draw_strip(
-    sheet: Sheet, left: float, top: float, width: float, height: float, positions: FloatArray,
-    room: int | None = None,
-) -> None:  # fmt: skip
-    """Draw the moments of a motion [n, 21, 3] from left to right into a box, inches.
-
-    `room` says how many moments the width is meant for, if not n, so that strips keep one scale.
-    """
+def draw_strip(sheet: Sheet, left: float, top: float, width: float, height: float, positions: FloatArray) -> None:
+    """Draw the moments of a motion [n, 21, 3] from left to right into a box, inches."""
     view = three_quarter_view(positions) / body_height(positions)
     low, high = min(-0.12, view[..., 1].min() - 0.03), max(1.3, view[..., 1].max() + 0.1)
-    scale = min(width / ((room or len(view)) * APART + 2 * MARGIN - APART), height / (high - low))
+    scale = min(width / ((len(view) - 1) * APART + 2 * MARGIN), height / (high - low))
     places = left + (MARGIN + np.arange(len(view)) * APART) * scale
     _draw_on_ground(sheet, left, places[-1] + MARGIN * scale, top + height + low * scale, view, places, scale)
 
@@ -144,10 +138,8 @@ def draw_bodies(
 
     Args:
         sheet: drawn on.
-        view: [n, 21, 3] as `three_quarter_view` or `postures_view` gives them, in body heights; a body that is not
-            finite is left out.
-        x: [n] inches from the left, or one for all.
-        ground: [n] inches from the top, or one for all.
+        view: [n, 21, 3] in body heights, as `postures_view` gives them; a body that is not finite is left out.
+        x: [n] inches from the left, or one for all; `ground` likewise from the top.
         scale: inches of a body height.
         linewidth: of limbs, points.
     """

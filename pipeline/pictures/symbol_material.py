@@ -60,25 +60,21 @@ class SymbolMaterial:
     def _typical(self) -> Float64Array | None:
         return posture_bodies(self.postures, self.config.frames)
 
-    @cached_property
-    def _codes_files(self) -> dict[str, str]:
-        """Coded postures of each part."""
-        file = fetch(self.con, "model_file", {"model": self.strings.model})[0]["file"]
-        return codes_files(self.con, self.lake.path(file))
-
     def codes_of(self, clips: Sequence[str]) -> dict[str, Int32Array]:
         """[T] symbols of the postures of clips, parts read once; without clips that are being recoded."""
+        model = fetch(self.con, "model_file", {"model": self.strings.model})[0]["file"]
+        files = codes_files(self.con, self.lake.path(model))
         parts = {row["clip"]: row["part"] for row in fetch(self.con, "parts_of", {"clips": list(clips)})}
         found: dict[str, Int32Array] = {}
         for part in sorted(set(parts.values())):
-            file = self.lake.path(self._codes_files[part])
+            file = self.lake.path(files[part])
             if file.exists():
                 found |= {clip: codes for clip, codes in read_codes(file) if parts.get(clip) == part}
         return found
 
     @property
     def about_bodies(self) -> str:
-        """What the figures of symbols are, in a few words."""
+        """What the stick figures of symbols are, in a few words."""
         return "typical postures of the dictionary" if self._typical is not None else "moments of clips of that symbol"
 
     @property
@@ -130,15 +126,10 @@ def read_symbols(con: Connection, lake: Lake, strings: LakeStrings | None = None
 
 
 def posture_bodies(postures: FloatArray, config: WordConfig) -> Float64Array | None:
-    """Joint positions of postures that are kept as features of one frame.
+    """[m, 21, 3] bodies of postures [m, D] that are kept as `word_features` of one frame; None of rotations.
 
-    Args:
-        postures: [m, D], as `word_features` gives them.
-        config: how they were made.
-
-    Returns:
-        [m, 21, 3] body lengths, the hips at the origin, facing +z; None for features of rotations. Joints that the
-        features leave out lie between their neighbours, toes at the ankles.
+    In body lengths, the hips at the origin, facing +z. Joints that the features leave out lie between their
+    neighbours, toes at the ankles.
     """
     if config.representation != "positions":
         return None

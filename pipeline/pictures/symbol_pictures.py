@@ -23,7 +23,7 @@ from motionlake.pesta.symbols import reduce_runs
 from motionlake.pictures.hits_page import hits_page
 from motionlake.pictures.html import Picture, picture, write_hits
 from motionlake.pictures.maps import LEAST, posture_map, tsne
-from motionlake.pictures.material import display_names, sampled
+from motionlake.pictures.material import sampled
 from motionlake.pictures.symbol_figures import (
     MOMENTS,
     AlignedPath,
@@ -77,7 +77,7 @@ def _strip(material: SymbolMaterial, clip: int) -> Picture | None:
     if drawn is None:
         return None
     found = folds(drawn, 1 / material.config.fps)
-    (name,) = display_names([known.clip])
+    name = _file(known.clip)
     title = f"{name}: {known.frames} frames become {len(drawn.symbols)} symbols"
     note = f"{drawn.seconds:.1f} s; {len(drawn.runs)} runs of one symbol, "
     note += f"{sum(fold.symbols for fold in found) or 'none'} of them folded as repeats; {material.about_dictionary}"

@@ -20,7 +20,7 @@ from motionlake.lake.resolve import resolve_clip
 from motionlake.motion.features import WordConfig, mirrored_features, native_range, windows, word_features, word_windows
 from motionlake.motion.skeleton import mirrored_positions, mirrored_rotations
 from motionlake.retrieval.protocol import Query
-from motionlake.stages.frames import first_body as first_body
+from motionlake.stages.frames import first_body
 from motionlake.stages.motif_model import MOTIF_MODEL, read_motifs
 from motionlake.stages.reader import LakeReader
 from motionlake.stages.sources import IngestOptions
