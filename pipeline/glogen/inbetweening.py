@@ -14,6 +14,7 @@ import numpy as np
 import torch
 from motionlake.arrays import Float64Array, FloatArray, Int64Array, Progress
 from motionlake.glogen.config import LocGenRecipe
+from motionlake.glogen.network import RowScale
 from motionlake.glogen.sparse import HEIGHT, STEP, TURN, TrainingPiece
 from motionlake.glogen.trajectories import FPS, BodyMotion, turned_steps
 from motionlake.motion.resampling import interpolated
@@ -22,7 +23,6 @@ from scipy.interpolate import PchipInterpolator
 from torch import Tensor, nn
 from torch.nn.functional import binary_cross_entropy_with_logits
 
-JOINT_SCALE: Final = 0.1  # body lengths
 POSE: Final = HEIGHT + 1  # joints and height
 MOVING: Final = POSE + 3  # and velocity and turning
 WIDTH: Final = MOVING + 2  # and where between two poses, seconds there
@@ -32,34 +32,13 @@ CHECKPOINT_EVERY: Final = 5
 BATCH: Final = 16
 
 
-class RowScale(nn.Module):
-    """Rows of interpolated motion to numbers of about one; joints are scaled alike."""
-
-    mean: Tensor
-    scale: Tensor
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.register_buffer("mean", torch.zeros(WIDTH))
-        self.register_buffer("scale", torch.ones(WIDTH))
-
-    def learn(self, rows: Tensor) -> None:
-        """From interpolated rows [n, 66]."""
-        self.mean.copy_(rows.mean(dim=0))
-        self.scale.copy_(rows.std(dim=0).clamp(min=1e-3))
-        self.scale[:HEIGHT] = JOINT_SCALE
-
-    def forward(self, rows: Tensor) -> Tensor:
-        return (rows - self.mean[: rows.shape[-1]]) / self.scale[: rows.shape[-1]]
-
-
 class DenseDecoder(nn.Module):
     """Reads a whole motion frame by frame, both ways in time; gives what to add, and which foot stands."""
 
     def __init__(self, recipe: LocGenRecipe) -> None:
         super().__init__()
         self.recipe = recipe
-        self.scale = RowScale()
+        self.scale = RowScale(WIDTH)
         self.embed = nn.Sequential(nn.Linear(WIDTH, recipe.embedding), nn.GELU(), nn.Dropout(recipe.dropout))
         self.recurrent = nn.GRU(
             recipe.embedding, recipe.state // 2, 2, batch_first=True, bidirectional=True, dropout=recipe.dropout
@@ -82,7 +61,7 @@ class Inbetweener(nn.Module):
     def __init__(self, recipe: LocGenRecipe) -> None:
         super().__init__()
         self.recipe = recipe
-        self.scale = RowScale()
+        self.scale = RowScale(WIDTH)
         self.embed = nn.Linear(POSE, recipe.embedding)
         self.encoder = nn.LSTM(recipe.embedding, recipe.state // 2, batch_first=True, bidirectional=True)
         self.decoder = nn.LSTM(recipe.state, recipe.state // 2, batch_first=True, bidirectional=True)
@@ -153,8 +132,7 @@ def dense_motions(
         batch = np.concatenate([some, np.repeat(some[:1], BATCH - len(some), axis=0)])
         with torch.inference_mode():
             found = network(torch.from_numpy(batch).float())
-            scale, mean = network.scale.scale[:MOVING], network.scale.mean[:MOVING]
-            moving = (found[..., :MOVING] * scale + mean).double().numpy()
+            moving = network.scale.back(found[..., :MOVING]).double().numpy()
             stands = torch.sigmoid(found[..., MOVING:]).double().numpy()
         made += [BodyMotion.of_rows(moving[i], stands[i]) for i in range(len(some))]
     return made
@@ -167,8 +145,7 @@ def _between(
     count = network.recipe.between
     poses = np.stack([between(rows[i, :POSE], rows[i + 1, :POSE], count) for i in range(len(rows) - 1)])
     with torch.inference_mode():
-        found = network(torch.from_numpy(poses).float())
-        natural = (found * network.scale.scale[:POSE] + network.scale.mean[:POSE]).double().numpy()
+        natural = network.scale.back(network(torch.from_numpy(poses).float())).double().numpy()
     shares = np.arange(1, count + 1) / count
     instants = np.concatenate([[0.0], (times[:-1, None] + np.diff(times)[:, None] * shares).ravel()])
     known = np.concatenate([rows[:1, :POSE], natural.reshape(-1, POSE)])

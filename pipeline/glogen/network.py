@@ -21,32 +21,46 @@ OWN: Final = 0.25
 FOREIGN: Final = 0.5
 
 
-class PoseScale(nn.Module):
-    """Standardises sparse poses, and undoes it."""
+class RowScale(nn.Module):
+    """Standardises rows whose first columns are joints, or their first columns alone, and undoes it."""
 
     mean: Tensor
     scale: Tensor
+
+    def __init__(self, width: int) -> None:
+        super().__init__()
+        self.register_buffer("mean", torch.zeros(width))
+        self.register_buffer("scale", torch.ones(width))
+
+    def learn(self, rows: Tensor) -> None:
+        """From rows [n, width]."""
+        self.mean.copy_(rows.mean(dim=0))
+        self.scale.copy_(rows.std(dim=0).clamp(min=1e-3))
+        self.scale[JOINT_COLUMNS] = JOINT_SCALE
+
+    def forward(self, rows: Tensor) -> Tensor:
+        return (rows - self.mean[: rows.shape[-1]]) / self.scale[: rows.shape[-1]]
+
+    def back(self, scaled: Tensor) -> Tensor:
+        return scaled * self.scale[: scaled.shape[-1]] + self.mean[: scaled.shape[-1]]
+
+
+class PoseScale(RowScale):
+    """Standardises sparse poses; knows their range."""
+
     low: Tensor
     high: Tensor
 
     def __init__(self) -> None:
-        super().__init__()
-        for name in ("mean", "scale", "low", "high"):
-            self.register_buffer(name, torch.ones(WIDTH))
+        super().__init__(WIDTH)
+        self.register_buffer("low", torch.ones(WIDTH))
+        self.register_buffer("high", torch.ones(WIDTH))
 
     def learn(self, rows: Tensor) -> None:
         """From sparse poses [n, 65]."""
-        self.mean.copy_(rows.mean(dim=0))
-        self.scale.copy_(rows.std(dim=0).clamp(min=1e-3))
-        self.scale[JOINT_COLUMNS] = JOINT_SCALE
+        super().learn(rows)
         self.low.copy_(rows.amin(dim=0))
         self.high.copy_(rows.amax(dim=0))
-
-    def forward(self, rows: Tensor) -> Tensor:
-        return (rows - self.mean) / self.scale
-
-    def back(self, scaled: Tensor) -> Tensor:
-        return scaled * self.scale + self.mean
 
     def within(self, rows: Tensor) -> Tensor:
         """Sparse poses clamped to the range of the training data, so that a rollout cannot drift away."""

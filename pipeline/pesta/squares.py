@@ -53,8 +53,7 @@ def square_free(text: Int32Array, alphabet: int) -> tuple[Int32Array, int]:
     gram_before = np.empty(n if long else 0, np.int32)
     sums = np.zeros(n + 1 if long else 0, np.uint32)
     due = np.full(n + 1 if long else 0, -1, np.int32)
-    due_period, due_since = np.empty(64, np.int32), np.empty(64, np.int32)
-    due_at, due_next = np.empty(64, np.int32), np.empty(64, np.int32)
+    events = np.empty((64, 4), np.int32)  # period, length since when and at which it is due, the event before
     n_due = 0
     done = np.zeros(32, np.int32)
     length = 0
@@ -76,7 +75,7 @@ def square_free(text: Int32Array, alphabet: int) -> tuple[Int32Array, int]:
             last_gram[key] = start
             event = due[length] if gone == 0 else -1
             while event >= 0:
-                period = due_period[event]
+                period = events[event, 0]
                 same = 0
                 while same < period and word[length - 1 - same] == word[length - 1 - same - period]:
                     same += 1
@@ -84,7 +83,7 @@ def square_free(text: Int32Array, alphabet: int) -> tuple[Int32Array, int]:
                 if same == period:
                     gone = period
                     break
-                event = due_next[event]
+                event = events[event, 3]
 
         if gone:
             for position in range(length - 1, length - gone - 1, -1):
@@ -93,9 +92,9 @@ def square_free(text: Int32Array, alphabet: int) -> tuple[Int32Array, int]:
                 for start in range(length - BLOCK, max(length - gone - BLOCK, -1), -1):
                     last_gram[_key(sums, start)] = gram_before[start]
                 length -= gone
-                while n_due and due_since[n_due - 1] > length:
+                while n_due and events[n_due - 1, 1] > length:
                     n_due -= 1
-                    due[due_at[n_due]] = due_next[n_due]
+                    due[events[n_due, 2]] = events[n_due, 3]
                 level = 0
                 while level < 32 and done[level]:
                     done[level] = min(done[level], length // (BLOCK << level))
@@ -122,13 +121,10 @@ def square_free(text: Int32Array, alphabet: int) -> tuple[Int32Array, int]:
                         compared += left + 1
                         complete = start - left + period
                         if complete <= n and left < block:
-                            if n_due == len(due_at):
-                                due_period = np.concatenate((due_period, np.empty_like(due_period)))
-                                due_since = np.concatenate((due_since, np.empty_like(due_since)))
-                                due_at = np.concatenate((due_at, np.empty_like(due_at)))
-                                due_next = np.concatenate((due_next, np.empty_like(due_next)))
-                            due_period[n_due], due_since[n_due] = period, start + block
-                            due_at[n_due], due_next[n_due] = complete, due[complete]
+                            if n_due == len(events):
+                                events = np.concatenate((events, np.empty_like(events)))
+                            events[n_due, 0], events[n_due, 1] = period, start + block
+                            events[n_due, 2], events[n_due, 3] = complete, due[complete]
                             due[complete] = n_due
                             n_due += 1
                     earlier = gram_before[earlier]
