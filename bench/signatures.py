@@ -23,8 +23,8 @@ from motionlake.evaluation.clips import LabelledOptions
 from motionlake.evaluation.dtw import dtw_baseline
 from motionlake.evaluation.signatures import evaluate_signatures
 from motionlake.lake.layout import Lake
-from motionlake.retrieval.connection import connect
 from motionlake.retrieval.labelled_clips import lake_ground, signed_clips
+from motionlake.retrieval.sql_functions import connect
 from sklearn.metrics import adjusted_rand_score
 
 from bench.lakes import make_lake, run_all

@@ -26,7 +26,7 @@ from motionlake.deep_motifs.words.dtw import word_distances
 from motionlake.deep_motifs.words.network import TrainedNetwork, load_network
 from motionlake.deep_motifs.words.training import train_words
 from motionlake.motion.features import WordConfig, word_windows
-from motionlake.retrieval.connection import connect
+from motionlake.retrieval.sql_functions import connect
 from threadpoolctl import threadpool_limits
 
 from bench.canonical_sets import SETS, features, load
@@ -44,7 +44,7 @@ QUERY: Final = "FROM similar_clips($clip, k := 10)"
 COLD: Final = f"""
 import sys, time
 start = time.perf_counter()
-from motionlake.retrieval.connection import connect
+from motionlake.retrieval.sql_functions import connect
 imported = time.perf_counter()
 con = connect(sys.argv[1])
 connected = time.perf_counter()

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from motionlake.lake.clip_dataset import ClipDataset, collate
     from motionlake.lake.rows import Rows
     from motionlake.motion.canonicalise import CanonicalMotion
-    from motionlake.retrieval.connection import connect
+    from motionlake.retrieval.sql_functions import connect
 
 __all__ = ["CanonicalMotion", "ClipDataset", "Lake", "Rows", "UserError", "collate", "connect", "open_lake"]
 
@@ -26,7 +26,7 @@ _HOMES: Final = {
     "Rows": "lake.rows",
     "UserError": "errors",
     "collate": "lake.clip_dataset",
-    "connect": "retrieval.connection",
+    "connect": "retrieval.sql_functions",
     "open_lake": "api",
 }
 

@@ -401,7 +401,7 @@ class Lake:
     @property
     def _con(self) -> Connection:
         """A connection to the catalog that is served now: every run of a command puts another in its place."""
-        from motionlake.retrieval.connection import connect
+        from motionlake.retrieval.sql_functions import connect
 
         found = self._lake.catalog.stat()
         if self._connection is None or self._served != (found.st_ino, found.st_mtime_ns):

@@ -10,7 +10,7 @@ import pytest
 from motionlake.arrays import Float64Array
 from motionlake.deep_motifs.classification import classify_knn, classify_one_vs_all
 from motionlake.errors import UserError
-from motionlake.retrieval.connection import connect
+from motionlake.retrieval.sql_functions import connect
 
 from tests.lakes import motionlake, query
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from motionlake.deep_motifs.classification import cluster_clips, mds
 from motionlake.errors import UserError
-from motionlake.retrieval.connection import connect
+from motionlake.retrieval.sql_functions import connect
 from scipy.spatial.distance import cdist
 from sklearn.metrics import adjusted_rand_score
 

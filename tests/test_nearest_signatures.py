@@ -15,8 +15,8 @@ from motionlake.deep_motifs.emd import check_model, emd, emd_many, ground_distan
 from motionlake.deep_motifs.emd_search import SignatureIndex
 from motionlake.errors import UserError
 from motionlake.lake.layout import open_lake
-from motionlake.retrieval.connection import connect
 from motionlake.retrieval.signature import SignatureSearcher
+from motionlake.retrieval.sql_functions import connect
 from numpy.typing import NDArray
 
 from tests.lakes import query

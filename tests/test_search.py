@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from motionlake.deep_motifs.emd import emd, ground_distances
 from motionlake.lake.layout import open_lake
-from motionlake.retrieval.connection import connect
 from motionlake.retrieval.protocol import Query
 from motionlake.retrieval.signature import SignatureSearcher
+from motionlake.retrieval.sql_functions import connect
 
 from tests.lakes import motionlake, query
 
@@ -101,6 +101,34 @@ def test_signatures_are_histograms(built_lake: Path) -> None:
         assert min(signature) >= 0
         assert sum(signature) == pytest.approx(1, abs=1e-5)
         assert words > 0
+
+
+def test_signatures_weigh_words_by_tf_idf(built_lake: Path) -> None:
+    """Those of the lake, those that SQL makes of any words, and that of a query, each against a loop over its words."""
+    idf = [weight for (weight,) in query(built_lake, "SELECT idf FROM motifs ORDER BY motif")]
+
+    def naive(motifs: list[int]) -> np.ndarray:
+        weights = [sum(motif == m for motif in motifs) * idf[m] for m in range(len(idf))]
+        return np.asarray(np.array(weights) / sum(weights), dtype=np.float32)
+
+    text = "SELECT clip, list(motif ORDER BY word), signature FROM word_motifs JOIN signatures USING (clip)"
+    text += " GROUP BY clip, signature ORDER BY clip"
+    rows = query(built_lake, text)
+    assert len({motif for _, motifs, _ in rows for motif in motifs}) > 3
+    for _, motifs, signature in rows:
+        np.testing.assert_array_equal(np.float32(signature), naive(motifs))
+    halves = (
+        "WITH found AS (FROM word_motifs WHERE word % 2 = 0) SELECT signature FROM signatures_of(found) ORDER BY clip"
+    )
+    for (half,), (_, motifs, _) in zip(query(built_lake, halves), rows, strict=True):
+        np.testing.assert_array_equal(np.float32(half), naive(motifs[::2]))
+    searcher = SignatureSearcher(open_lake(built_lake))
+    for clip, motifs, _ in rows:
+        ranges = query(built_lake, "SELECT start, stop FROM words WHERE clip = $clip ORDER BY word", clip=clip)
+        asked = Query(clip, ranges[0][0], ranges[-1][1] - 1)
+        inside = [m for m, (_, stop) in zip(motifs, ranges, strict=True) if stop < ranges[-1][1]]
+        if inside:
+            np.testing.assert_array_equal(searcher.signature(asked), naive(inside))
 
 
 def test_answers_may_be_kept_to_a_dataset(built_lake: Path) -> None:

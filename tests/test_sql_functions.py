@@ -13,7 +13,7 @@ from motionlake.lake.catalog import Connection, reading
 from motionlake.lake.layout import open_lake
 from motionlake.lake.resolve import resolve_clip
 from motionlake.retrieval import sql_functions
-from motionlake.retrieval.connection import connect
+from motionlake.retrieval.sql_functions import connect
 
 from tests.lakes import motionlake, query
 

@@ -20,7 +20,7 @@ from motionlake.lake.frames import Frames, read_part
 from motionlake.lake.layout import open_lake
 from motionlake.lake.parts import write_part
 from motionlake.motion.features import WordConfig
-from motionlake.retrieval.connection import connect
+from motionlake.retrieval.sql_functions import connect
 from motionlake.retrieval.submotion_search import Piece, place
 from motionlake.stages import submotions
 from motionlake.stages.reader import lake_reader

@@ -14,7 +14,7 @@ from motionlake.lake.config import load_config
 from motionlake.lake.frames import read_clip
 from motionlake.lake.layout import open_lake
 from motionlake.motion.kinematics import solve
-from motionlake.retrieval.connection import connect
+from motionlake.retrieval.sql_functions import connect
 from motionlake.stages.descriptor_network import training_set
 from motionlake.stages.generator_model import motion_set
 from motionlake.stages.model_kind import Selection

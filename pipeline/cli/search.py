@@ -249,7 +249,7 @@ def sql(
     Example: motionlake sql "FROM similar_clips('hdm05/clips/a.amc', 5)" --lake mylake
     """
     import duckdb
-    from motionlake.retrieval.connection import connect
+    from motionlake.retrieval.sql_functions import connect
 
     con = connect(lake)
     try:

@@ -32,7 +32,7 @@ def inverse_document_frequency(counts: IntArray) -> Float64Array:
 
 
 def tf_idf(counts: IntArray, idf: Float64Array) -> Float32Array:
-    """[..., K] tf-idf histograms of motif counts [..., K], each of mass 1; `signatures.sql` does it for clips."""
+    """[..., K] tf-idf histograms of motif counts [..., K], each of mass 1; `signatures_of` in SQL does it for clips."""
     weights = counts * idf
     return np.asarray(weights / weights.sum(axis=-1, keepdims=True), dtype=np.float32)
 

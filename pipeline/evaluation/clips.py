@@ -15,7 +15,7 @@ from motionlake.lake.catalog import Connection
 from motionlake.lake.layout import Lake
 from motionlake.lake.models import Model
 from motionlake.retrieval.labelled_clips import DescribedClip, FramedClip, SignedClips, signed_clips
-from motionlake.retrieval.protocol import Scope
+from motionlake.retrieval.protocol import ClipFilter
 
 LEAVE_ONE_OUT: Final = "leave one out"
 Notice = Callable[[str], None]
@@ -41,7 +41,7 @@ class LabelledOptions:
 
     def signed(self, con: Connection) -> SignedClips:
         """The recorded clips that have a signature. Raises `UserError` where there is no such column."""
-        return signed_clips(con, Scope(self.dataset, recorded_only=True), self.column, self.only)
+        return signed_clips(con, ClipFilter(self.dataset, recorded_only=True), self.column, self.only)
 
 
 @dataclass(frozen=True)

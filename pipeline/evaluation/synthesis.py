@@ -11,12 +11,10 @@ from typing import Any, Final
 from motionlake.arrays import FloatArray, StepProgress
 from motionlake.deephums.sequence import clip_sequence
 from motionlake.errors import UserError
-from motionlake.evaluation.clips import Notice
-from motionlake.evaluation.synthesis_likeness import Describe, Likeness, frechet_distance
-from motionlake.evaluation.synthesis_measures import Aligned, copying, errors, movement, of_made, of_real, to_align
-from motionlake.evaluation.synthesis_metrics import energy
+from motionlake.evaluation.clips import Notice, told
+from motionlake.evaluation.synthesis_likeness import Aligned, Describe, Likeness, copying, frechet_distance
+from motionlake.evaluation.synthesis_metrics import Movement, energy, errors, movement
 from motionlake.evaluation.synthesis_trials import (
-    Begun,
     Generator,
     RealMotion,
     Trial,
@@ -33,9 +31,6 @@ from motionlake.lake.models import Model, current_model
 from motionlake.stages.descriptors import DESCRIPTORS
 from motionlake.stages.synthesis import open_generator
 
-COUNT: Final = 10
-PIECE: Final = 10.0  # seconds
-
 
 @dataclass(frozen=True)
 class SynthesisPlan:
@@ -48,10 +43,10 @@ class SynthesisPlan:
         piece: seconds; longer clips are cut into pieces as long, each a clip to go on from.
     """
 
-    count: int = COUNT
+    count: int = 10
     seed: int = 0
     seconds: float | None = None
-    piece: float = PIECE
+    piece: float = 10.0
 
 
 DEFAULT: Final = SynthesisPlan()
@@ -119,72 +114,64 @@ def measure_generator(
     )  # fmt: skip
     trials = [*own, *other]
     measure = Likeness(trials, begins, known, describe)
+    moves = _Moves(trials, [*test, *training])
     found = {
         **errors(likely),
         "fid": _fid(measure.real, measure.made[: len(own)]),
         "fid_other_seeds": _fid(measure.real, measure.made[len(own) :]),
         "fid_real": _fid(measure.real, measure.known),
-    }
-    moving = _Moving(trials, [*test, *training])
-    found |= moving.of(range(len(trials)))
-    found["recognised"] = measure.recognised(range(len(own), len(trials)), range(len(own)))
-    found["nearest_real"] = copying(
-        [to_align(t.made.positions, t.made.fps, t.seed.motion.clip, t.real.motion.clip) for t in trials],
-        _followed(begins), _followed(known), [to_align(m.positions, m.fps, m.clip) for m in training], progress,
-    )  # fmt: skip
-    found["by_class"] = {
-        name: {
+        **moves.of(range(len(trials))),
+        "recognised": measure.recognised(range(len(own), len(trials)), range(len(own))),
+        "nearest_real": copying(
+            [Aligned.of(t.made.positions, t.made.fps, t.seed.motion.clip, t.real.motion.clip) for t in trials],
+            [Aligned.of(each.after, each.fps, each.motion.clip) for each in begins],
+            [Aligned.of(each.after, each.fps, each.motion.clip) for each in known],
+            [Aligned.of(m.positions, m.fps, m.clip) for m in training], progress,
+        ),
+        "by_class": {},
+    }  # fmt: skip
+    for name in sorted({trial.wanted for trial in trials}):
+        rows = [i for i, trial in enumerate(trials) if trial.wanted == name]
+        found["by_class"][name] = {
             "n": len(rows),
             **errors([t for t in likely if t.wanted == name]),
-            **moving.of(rows),
+            **moves.of(rows),
             "recognised": measure.recognised([i for i in rows if i >= len(own)], [i for i in rows if i < len(own)]),
         }
-        for name in sorted({trial.wanted for trial in trials})
-        for rows in [[i for i, trial in enumerate(trials) if trial.wanted == name]]
-    }
     found["n"] = {
         "test": len(begins), "training": len(known), "own_seeds": len(own), "other_seeds": len(other),
         "classes": len(found["by_class"]), "test_clips": len(test),
     }  # fmt: skip
-    return SynthesisEvaluation(
-        found, trials, len(own), measure.real, [each.motion.label for each in begins], measure.made
-    )
-
-
-def _followed(begins: Sequence[Begun]) -> list[Aligned]:
-    return [to_align(each.after, each.fps, each.motion.clip) for each in begins]
+    labels = [each.motion.label for each in begins]
+    return SynthesisEvaluation(found, trials, len(own), measure.real, labels, measure.made)
 
 
 def _fid(real: FloatArray, made: FloatArray) -> float | None:
     return frechet_distance(real, made) if min(len(real), len(made)) > 1 else None
 
 
-class _Moving:
-    """How motions and the real clips beside them move."""
+class _Moves:
+    """How the trials and the real clips beside them move."""
 
     def __init__(self, trials: Sequence[Trial], clips: Sequence[RealMotion]) -> None:
         self._classes = [trial.wanted for trial in trials]
-        self._made = [of_made(trial) for trial in trials]
-        real = {id(trial.real): trial.real for trial in trials}
-        measured = {key: of_real(each) for key, each in real.items()}
-        self._real = [measured[id(trial.real)] for trial in trials]
+        self._made = [Movement.of(t.made.positions, t.made.fps, t.made.rest_offsets) for t in trials]
+        beside = {
+            real: Movement.of(real.after, real.fps, real.motion.rest_offsets) for real in {t.real for t in trials}
+        }
+        self._real = [beside[trial.real] for trial in trials]
         fps = trials[0].made.fps
+        long = [clip for clip in clips if len(clip.positions) > 3 * clip.fps / fps]
         self._ranges = {
-            name: [
-                energy(following(m, 1, fps), fps)
-                for m in clips
-                if m.label == name and len(m.positions) > 3 * m.fps / fps
-            ]
+            name: [energy(following(clip, 1, fps), fps) for clip in long if clip.label == name]
             for name in set(self._classes)
         }
 
     def of(self, rows: Sequence[int]) -> dict[str, Any]:
-        return movement(
-            [self._made[i] for i in rows], [self._real[i] for i in rows], [self._classes[i] for i in rows], self._ranges
-        )
+        made, real = ([side[i] for i in rows] for side in (self._made, self._real))
+        return movement(made, real, [self._classes[i] for i in rows], self._ranges)
 
 
-KIND: Final = "synthesis"
 UNITS: Final = {
     "mean_per_joint_error": "mm", "euclidean": "mm", "errors_ms": "mm", "euclidean_ms": "mm",
     "sparse": "body lengths (leg plus torso) of the standard skeleton", "foot_sliding": "m/s",
@@ -201,8 +188,7 @@ def evaluate_synthesis(
     """Measure the lake's generator on test clips, by the descriptor network that the lake serves.
 
     Args:
-        con: to the lake.
-        lake: for models and frames.
+        con, lake: the lake.
         plan: what is made.
         dataset: its clips only.
         split, repository: values of the column split, of the clips to go on from and compare with, and of those that
@@ -222,7 +208,7 @@ def evaluate_synthesis(
     from motionlake.deephums.network import load_descriptor
     from motionlake.glogen.generator import TrainingMotion, embed_motions
 
-    model = current_model(con, KIND)
+    model = current_model(con, "synthesis")
     if model is None:
         raise UserError(f"{lake.root}: has no generator yet; train one with `motionlake train synthesis --split train`")
     network = DESCRIPTORS.served(con)
@@ -243,14 +229,10 @@ def evaluate_synthesis(
         notice(f"warning: {warning}")
     measured.found["n"]["other_classes_left_out"] = clips.strangers
     measured.found.update(
-        protocol=clips.protocol, units=UNITS, model=_told(model), descriptor=_told(network), warning=warning
+        protocol=clips.protocol, units=UNITS, model=told(model), descriptor=told(network), warning=warning
     )
     read = [TrainingMotion(clip.positions, clip.fps, clip.label) for clip in clips.test]
     return replace(measured, embedded=embed_motions(generator, read))
-
-
-def _told(model: Model) -> dict[str, Any]:
-    return {"model": model.model, **{name: value for name, value in model.metrics.items() if name != "loss"}}
 
 
 def _warning(model: Model, test: Sequence[RealMotion], split: str | None) -> str | None:

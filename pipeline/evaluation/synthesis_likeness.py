@@ -2,16 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import Any
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, Final
 
 import numpy as np
-from motionlake.arrays import BoolArray, Float32Array, Float64Array, FloatArray
+from motionlake.arrays import Float32Array, Float64Array, FloatArray, StepProgress
+from motionlake.evaluation.dtw import baseline_features
 from motionlake.evaluation.synthesis_trials import Begun, Trial
-from motionlake.motion.dtw import clip_dtw
+from motionlake.motion.dtw import nearest_stretch
 from numpy.typing import NDArray
 from scipy.linalg import cholesky, qr, solve_triangular
 from scipy.spatial.distance import cdist
+
+MOST_ALIGNED: Final = 200  # motions of a kind that are aligned with every training clip
+NEAR: Final = 0.05  # quantile of the distances of real clips below which a motion is near
+# [n, d] descriptors of n motions, each positions [F, 21, 3] and frames a second.
+Describe = Callable[[Sequence[tuple[Float64Array, float]]], FloatArray]
 
 
 def frechet_distance(real: FloatArray, made: FloatArray) -> float:
@@ -44,42 +52,11 @@ def _factor(vectors: FloatArray) -> Float64Array:
     return np.asarray(qr(centred, mode="r", check_finite=True)[0][: min(centred.shape)], dtype=np.float64)
 
 
-def nearest_real_distances(
-    asked: Sequence[Float32Array],
-    real: Sequence[Float32Array],
-    allowed: BoolArray | None = None,
-    distance: Callable[[Float32Array, Float32Array], float] = clip_dtw,
-    progress: Callable[[int, int], None] | None = None,
-) -> Float64Array:
-    """[q] distance of each of q motions from the real clip nearest to it.
-
-    Args:
-        asked: q motions, each [T, D].
-        real: r real clips, each [T, D].
-        allowed: [q, r] which clips count; not the clip itself, where the motions are real clips too.
-        distance: of two motions; whole-clip DTW by default.
-        progress: hears motions done and q.
-
-    Raises:
-        ValueError: `allowed` of another shape.
-    """
-    may = np.ones((len(asked), len(real)), dtype=bool) if allowed is None else allowed
-    if may.shape != (len(asked), len(real)):
-        raise ValueError(f"allowed of shape {may.shape} does not fit {len(asked)} motions and {len(real)} clips")
-    found = np.full(len(asked), np.nan)
-    for i, motion in enumerate(asked):
-        near = [distance(motion, real[j]) for j in np.flatnonzero(may[i]).tolist()]
-        found[i] = min(near, default=np.nan)
-        if progress is not None:
-            progress(i + 1, len(asked))
-    return found
-
-
 def recognise(
     known: FloatArray,
     labels: Sequence[str],
     asked: FloatArray,
-    left_out: Sequence[Sequence[int]] | None = None,
+    left_out: Sequence[Collection[int]] | None = None,
 ) -> list[str]:
     """The class of each of q vectors by linear discriminant analysis of n labelled ones.
 
@@ -94,13 +71,8 @@ def recognise(
 
     Returns:
         [q] classes, "" where nothing is left to learn from.
-
-    Raises:
-        ValueError: shapes that do not fit.
     """
-    given = [()] * len(asked) if left_out is None else [tuple(sorted(rows)) for rows in left_out]
-    if not len(known) == len(labels) or not len(given) == len(asked):
-        raise ValueError(f"{len(labels)} labels and {len(given)} exceptions: {len(known)} and {len(asked)} are needed")
+    given = [tuple(sorted(rows)) for rows in left_out or [()] * len(asked)]
     names = np.asarray(labels)
     found = np.full(len(asked), "", dtype=object)
     for rows in dict.fromkeys(given):
@@ -124,23 +96,14 @@ def _nearest_means(known: FloatArray, labels: NDArray[np.str_], asked: FloatArra
     return np.asarray(classes[apart.argmin(axis=1)])
 
 
-def recognised(wanted: Sequence[str], seen: Sequence[str]) -> float:
-    """Share of motions whose class is seen to be the wanted one.
-
-    Raises:
-        ValueError: no motions, or lists of different lengths.
-    """
-    if len(wanted) != len(seen) or not wanted:
-        raise ValueError(f"{len(wanted)} classes wanted and {len(seen)} seen do not compare")
-    return float(np.mean([a == b for a, b in zip(wanted, seen, strict=True)]))
-
-
-# [n, d] descriptors of n motions, each positions [F, 21, 3] and frames a second.
-Describe = Callable[[Sequence[tuple[Float64Array, float]]], FloatArray]
-
-
 class Likeness:
-    """Descriptors of motions, and the classes that they are recognised as."""
+    """Descriptors of motions, and the classes that they are recognised as.
+
+    Attributes:
+        real: [b, d] of what really follows in the test clips.
+        known: [n, d] of what follows in the training clips.
+        made: [t, d] of the trials.
+    """
 
     def __init__(
         self, trials: Sequence[Trial], begins: Sequence[Begun], known: Sequence[Begun], describe: Describe
@@ -148,28 +111,91 @@ class Likeness:
         self.real = describe([(each.after, each.fps) for each in begins])
         self.known = describe([(each.after, each.fps) for each in known])
         self.made = describe([(trial.made.positions, trial.made.fps) for trial in trials])
-        place = {id(each): i for i, each in enumerate(begins)}
-        self._wanted = [trial.wanted for trial in trials]
-        self._beside = [place[id(trial.real)] for trial in trials]
-        rows: dict[str, list[int]] = {}
+        rows: dict[str, set[int]] = {}
         for i, each in enumerate(known):
-            rows.setdefault(each.motion.clip, []).append(i)
+            rows.setdefault(each.motion.clip, set()).add(i)
+
+        def of(*clips: Begun) -> set[int]:
+            return set().union(*(rows.get(each.motion.clip, ()) for each in clips))
+
         labels = [each.motion.label for each in known]
-        own = [rows.get(each.motion.clip, []) for each in begins]
-        either = [
-            sorted({*rows.get(trial.seed.motion.clip, []), *rows.get(trial.real.motion.clip, [])}) for trial in trials
-        ]
-        self._seen = recognise(self.known, labels, self.made, either)
-        self._seen_real = recognise(self.known, labels, self.real, own)
+        seen = recognise(self.known, labels, self.made, [of(trial.seed, trial.real) for trial in trials])
+        seen_real = recognise(self.known, labels, self.real, [of(each) for each in begins])
+        beside = dict(zip(begins, seen_real, strict=True))
+        self._right = np.array([trial.wanted == name for trial, name in zip(trials, seen, strict=True)])
+        self._right_real = np.array([trial.wanted == beside[trial.real] for trial in trials])
 
     def recognised(self, others: Sequence[int], own: Sequence[int]) -> dict[str, Any] | None:
         """Of trials from other classes' seeds and from own ones, as many real clips beside the former."""
         if not others:
             return None
-        wanted = [self._wanted[i] for i in others]
-        made = recognised(wanted, [self._seen[i] for i in others])
-        real = recognised(wanted, [self._seen_real[self._beside[i]] for i in others])
-        alone = recognised([self._wanted[i] for i in own], [self._seen[i] for i in own]) if own else None
+        made, real = (float(np.mean(right[list(others)])) for right in (self._right, self._right_real))
+        alone = float(np.mean(self._right[list(own)])) if own else None
         return {
             "made": made, "real": real, "ratio": made / real if real else None, "own_seeds": alone, "n": len(others)
         }  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Aligned:
+    """A motion to align: its frames [T, D] as DTW compares them, and the clips that it has to do with."""
+
+    frames: Float32Array
+    clips: frozenset[str]
+
+    @classmethod
+    def of(cls, positions: Float64Array, fps: float, *clips: str) -> Aligned:
+        return cls(baseline_features(positions, fps), frozenset(clips))
+
+
+def nearest_real_distances(
+    motions: Sequence[Aligned], real: Sequence[Aligned], progress: Callable[[int, int], None] = lambda done, total: None
+) -> Float64Array:
+    """[q] cost of aligning each of q motions with the nearest stretch of a real clip that it has nothing to do with.
+
+    NaN where there is none; `progress` hears motions done and q.
+    """
+    found = np.full(len(motions), np.nan)
+    for i, motion in enumerate(motions):
+        apart = [known for known in real if not known.clips & motion.clips]
+        found[i] = min((nearest_stretch(motion.frames, known.frames).cost for known in apart), default=np.nan)
+        progress(i + 1, len(motions))
+    return found
+
+
+def copying(
+    made: Sequence[Aligned], test: Sequence[Aligned], followed: Sequence[Aligned], training: Sequence[Aligned],
+    progress: StepProgress,
+) -> dict[str, Any]:  # fmt: skip
+    """How near the nearest stretch of a training clip is, in body lengths (the frame distance of `baseline_features`).
+
+    Where there are more than `MOST_ALIGNED` of a kind, so many at even distances are aligned.
+
+    Args:
+        made: motions.
+        test: what really follows the seeds.
+        followed: the same of training clips, each to be compared with all other training clips.
+        training: whole clips.
+        progress: hears motions done.
+
+    Returns:
+        n, mean, median and 5 % quantile of "made", "test" and "training"; `near`: share of the made motions that are
+        nearer than the nearest 5 % of "test".
+    """
+    found = {}
+    for name, motions in (("made", made), ("test", test), ("training", followed)):
+        some = [motions[i] for i in np.unique(np.linspace(0, len(motions) - 1, MOST_ALIGNED).round().astype(int))]
+        far = nearest_real_distances(some, training, partial(progress, f"align {name}"))
+        found[name] = far[np.isfinite(far)]
+    if not all(len(far) for far in found.values()):
+        return {}
+    medians = {name: float(np.median(far)) for name, far in found.items()}
+    quantiles = {name: float(np.quantile(far, NEAR)) for name, far in found.items()}
+    return {
+        **{
+            name: {"mean": float(far.mean()), "median": medians[name], "q05": quantiles[name], "n": len(far)}
+            for name, far in found.items()
+        },
+        "ratio": medians["made"] / max(medians["test"], 1e-12),
+        "near": float(np.mean(found["made"] < quantiles["test"])),
+    }

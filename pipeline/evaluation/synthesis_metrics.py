@@ -1,4 +1,4 @@
-"""How far a generated motion is from the recorded one, and whether it could be real (section 4.3.3 of the thesis).
+"""How far a generated motion is from the recorded one, and whether it moves as one (section 4.3.3 of the thesis).
 
 Errors (tables 4.1 to 4.3) compare poses as `body_poses` gives them, hips at the origin and facing one way, in the unit
 of the joints and in real time; or at sparse poses as the thesis has them, in body lengths (`sparse_poses`). The thesis
@@ -11,21 +11,31 @@ something.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Final
+from operator import attrgetter
+from typing import Any, Final
 
 import numpy as np
 from motionlake.arrays import Float64Array, FloatArray
+from motionlake.evaluation.synthesis_trials import Trial, poses_at
 from motionlake.glogen.sparse import uniform_places
 from motionlake.glogen.trajectories import body_motion
 from motionlake.motion.features import body_length
-from motionlake.motion.resampling import beside, interpolated
+from motionlake.motion.resampling import TOLERANCE, interpolated
 from motionlake.motion.rotations import turn_about_y
 from motionlake.motion.skeleton import INDEX, PARENTS, facing
 
 MILLISECONDS: Final = (80, 160, 240, 320, 400, 480, 560, 640)
 SPARSE: Final = 15  # poses that GloGen makes (section 4.3.5)
+MM: Final = 1000.0
+FEET: Final = (("left_ankle", "right_ankle"), ("left_toe", "right_toe"))
+# A joint of a foot lower than this above its ground may stand: 2.5 cm of a person whose leg and torso measure 1.35 m.
+LOW: Final = 0.0185  # body lengths
+GROUND: Final = 0.05  # quantile over time of the lower foot's height
+SPAN: Final = 0.1  # seconds over which speeds of joints are taken, so that jitter of sensors counts little
+SHORTEST: Final = 0.01  # metres; shorter bones are those a rig lacks
+STEP: Final = 1.0  # seconds
 
 
 def body_poses(positions: FloatArray) -> Float64Array:
@@ -34,74 +44,8 @@ def body_poses(positions: FloatArray) -> Float64Array:
     return turn_about_y(joints, -facing(positions))
 
 
-def joint_error(made: Float64Array, true: Float64Array) -> float:
-    """Mean per-joint error: mean Euclidean distance of a joint over poses [F, J, 3].
-
-    Raises:
-        ValueError: no poses, or arrays of different shapes.
-    """
-    return float(np.linalg.norm(_difference(made, true), axis=-1).mean())
-
-
-def euclidean_error(made: Float64Array, true: Float64Array) -> float:
-    """Euclidean distance of poses [F, J, 3] as vectors of 3 J numbers, mean over poses.
-
-    Raises:
-        ValueError: no poses, or arrays of different shapes.
-    """
-    return float(np.linalg.norm(_difference(made, true).reshape(len(made), -1), axis=-1).mean())
-
-
-def _difference(made: Float64Array, true: Float64Array) -> Float64Array:
-    if made.shape != true.shape or made.ndim != 3 or not len(made):
-        raise ValueError(f"poses of shapes {made.shape} and {true.shape} cannot be compared")
-    return np.asarray(made - true, dtype=np.float64)
-
-
-def poses_at(poses: Float64Array, fps: float, seconds: float) -> Float64Array | None:
-    """[J, 3] the pose so long after the one that a motion follows, between frames by linear interpolation.
-
-    Args:
-        poses: [F, J, 3]; frame 0 is 1 / fps after the last pose of the seed, frame k is (k + 1) / fps after it.
-        fps: frames a second.
-        seconds: since the last pose of the seed.
-
-    Returns:
-        None where the motion has no such moment.
-    """
-    at = seconds * fps - 1
-    if not -1e-9 <= at <= len(poses) - 1 + 1e-9:
-        return None
-    before, after, share = beside(np.asarray(at), len(poses), 1e-9)
-    share = np.clip(share, 0.0, 1.0)
-    return np.asarray((1 - share) * poses[before] + share * poses[after])
-
-
-def errors_at(
-    made: Float64Array, true: Float64Array, fps: float, milliseconds: Sequence[int] = MILLISECONDS
-) -> Float64Array:
-    """Error of the pose at real times after the seed (table 4.3).
-
-    Args:
-        made: [F, 21, 3] joints in the world or seen from the body; frame 0 is 1 / fps after the seed's last pose.
-        true: [G, 21, 3] likewise.
-        fps: frames a second of both.
-        milliseconds: [t] after the seed's last pose.
-
-    Returns:
-        [t, 2] mean per-joint error and Euclidean distance, in the unit of the joints; NaN where either motion is over.
-    """
-    poses = body_poses(made), body_poses(true)
-    found = np.full((len(milliseconds), 2), np.nan)
-    for row, time in zip(found, milliseconds, strict=True):
-        pair = [poses_at(each, fps, time / 1000) for each in poses]
-        if pair[0] is not None and pair[1] is not None:
-            row[:] = joint_error(pair[0][None], pair[1][None]), euclidean_error(pair[0][None], pair[1][None])
-    return found
-
-
-def sparse_poses(positions: FloatArray, fps: float, count: int = SPARSE) -> Float64Array:
-    """[count, 20, 3] joints of a motion [F, 21, 3] at equal moved distances, its last frame among them (section 4.3.2).
+def sparse_poses(positions: FloatArray, fps: float) -> Float64Array:
+    """[15, 20, 3] joints of a motion [F, 21, 3] at equal moved distances, its last frame among them (section 4.3.2).
 
     Seen from the body, of the standard skeleton, in body lengths (`trajectories`): neither timing nor the size
     of the body counts.
@@ -110,17 +54,80 @@ def sparse_poses(positions: FloatArray, fps: float, count: int = SPARSE) -> Floa
         ValueError: fewer than two frames.
     """
     motion = body_motion(positions.astype(np.float64), fps)
-    places = uniform_places(motion, count + 1)[1:]
-    return interpolated(motion.joints.reshape(len(motion), -1), places).reshape(count, -1, 3)
+    places = uniform_places(motion, SPARSE + 1)[1:]
+    return interpolated(motion.joints.reshape(len(motion), -1), places).reshape(SPARSE, -1, 3)
 
 
-FEET: Final = (("left_ankle", "right_ankle"), ("left_toe", "right_toe"))
-# A joint of a foot lower than this above its ground may stand: 2.5 cm of a person whose leg and torso measure 1.35 m.
-LOW: Final = 0.0185  # body lengths
-GROUND: Final = 0.05  # quantile over time of the lower foot's height
-SPAN: Final = 0.1  # seconds over which speeds of joints are taken, so that jitter of sensors counts little
-SHORTEST: Final = 0.01  # metres; shorter bones are those a rig lacks
-STEP: Final = 1.0  # seconds
+def pose_errors(made: Float64Array, true: Float64Array) -> tuple[float, float]:
+    """Mean per-joint error and Euclidean distance of poses [F, J, 3], in the unit of the joints.
+
+    The former is the mean distance of a joint, the latter that of poses as vectors of 3 J numbers.
+
+    Raises:
+        ValueError: arrays of different shapes.
+    """
+    if made.shape != true.shape:
+        raise ValueError(f"poses of shapes {made.shape} and {true.shape} cannot be compared")
+    apart = made - true
+    whole = apart.reshape(len(apart), -1)
+    return float(np.linalg.norm(apart, axis=-1).mean()), float(np.linalg.norm(whole, axis=-1).mean())
+
+
+def errors_at(
+    made: Float64Array, true: Float64Array, fps: float, milliseconds: Sequence[int] = MILLISECONDS
+) -> Float64Array:
+    """Errors of the pose at real times after the seed (table 4.3), between frames by linear interpolation.
+
+    Args:
+        made: [F, 21, 3] joints in the world or seen from the body; frame 0 is 1 / fps after the seed's last pose.
+        true: [G, 21, 3] likewise.
+        fps: frames a second of both.
+        milliseconds: [t] after the seed's last pose.
+
+    Returns:
+        [t, 2] `pose_errors`; NaN where either motion is over.
+    """
+    at = np.array(milliseconds) / 1000 * fps - 1
+    there = (at >= -TOLERANCE) & (at <= min(len(made), len(true)) - 1 + TOLERANCE)
+    found = np.full((len(at), 2), np.nan)
+    pairs = zip(*(poses_at(body_poses(each), at[there]) for each in (made, true)), strict=True)
+    found[there] = np.reshape([pose_errors(a[None], b[None]) for a, b in pairs], (-1, 2))
+    return found
+
+
+def errors(trials: Sequence[Trial]) -> dict[str, Any]:
+    """Errors of motions that go on from a clip in its own class, against what really follows; as `--json` prints it."""
+    still = [np.repeat(trial.seed.last_pose[None], len(trial.real.after), axis=0) for trial in trials]
+    return {**_errors([trial.made.positions for trial in trials], trials), "zero_velocity": _errors(still, trials)}
+
+
+def _errors(made: Sequence[Float64Array], trials: Sequence[Trial]) -> dict[str, Any]:
+    """Means over trials; in millimetres, but for sparse poses (body lengths)."""
+    dense, sparse, timed = [], [], []
+    for positions, trial in zip(made, trials, strict=True):
+        after, fps = trial.real.after, trial.real.fps
+        count = min(len(positions), len(after))
+        pair = positions[:count], after[:count]
+        dense.append(pose_errors(*map(body_poses, pair)))
+        sparse.append(pose_errors(*(sparse_poses(each, fps) for each in pair)))
+        timed.append(errors_at(positions, after, fps))
+    at = np.stack(timed) * MM
+    known = np.isfinite(at[..., 0]).sum(axis=0)
+    joint_ms, euclidean_ms = (np.nansum(at, axis=0) / np.where(known, known, np.nan)[:, None]).T
+    joint, euclidean = (np.mean(dense, axis=0) * MM).tolist()
+    sparse_joint, sparse_euclidean = np.mean(sparse, axis=0).tolist()
+    return {
+        "mean_per_joint_error": joint,
+        "euclidean": euclidean,
+        "sparse": {"mean_per_joint_error": sparse_joint, "euclidean": sparse_euclidean},
+        "errors_ms": _by_time(joint_ms),
+        "euclidean_ms": _by_time(euclidean_ms),
+        "n_ms": {str(time): int(n) for time, n in zip(MILLISECONDS, known, strict=True)},
+    }
+
+
+def _by_time(values: Float64Array) -> dict[str, float | None]:
+    return {str(t): float(v) if np.isfinite(v) else None for t, v in zip(MILLISECONDS, values, strict=True)}
 
 
 @dataclass(frozen=True)
@@ -160,31 +167,22 @@ def foot_sliding(positions: FloatArray, fps: float) -> FootSliding:
         heights.append((joints[1:, :, 1] + joints[:-1, :, 1]) / 2 - ground)
     speed, height = np.stack(speeds), np.stack(heights) / (LOW * size)
     weight = 2 - np.exp2(np.clip(height, 0, 1))
-    total = float(weight.sum())
-    return FootSliding(
-        float((speed * weight).mean()), float((height < 1).mean()),
-        float((speed * weight).sum()) / total if total > 0 else 0.0,
-    )  # fmt: skip
+    total, slid = float(weight.sum()), speed * weight
+    standing = float(slid.sum()) / total if total > 0 else 0.0
+    return FootSliding(float(slid.mean()), float((height < 1).mean()), standing)
 
 
 def bone_length_drift(positions: FloatArray, rest_offsets: FloatArray | None = None) -> float:
     """The largest relative deviation of a bone's length over the frames, in per cent.
 
     From the length in `rest_offsets` [21, 3], or in the first frame. Bones below a centimetre are left out.
-
-    Raises:
-        ValueError: no frames.
     """
-    if not len(positions):
-        raise ValueError("a motion without frames has no bones")
     children = [joint for joint, parent in enumerate(PARENTS) if parent >= 0]
     joints = positions.astype(np.float64)
     lengths = np.linalg.norm(joints[:, children] - joints[:, [PARENTS[joint] for joint in children]], axis=-1)
     known = lengths[0] if rest_offsets is None else np.linalg.norm(rest_offsets[children].astype(np.float64), axis=-1)
     kept = known > SHORTEST
-    if not kept.any():
-        return 0.0
-    return 100 * float(np.max(np.abs(lengths[:, kept] / known[kept] - 1)))
+    return 100 * float(np.max(np.abs(lengths[:, kept] / known[kept] - 1), initial=0.0))
 
 
 @dataclass(frozen=True)
@@ -201,10 +199,10 @@ class Energy:
     high: float
 
 
-def energy(positions: FloatArray, fps: float, window: float = STEP) -> Energy:
+def energy(positions: FloatArray, fps: float) -> Energy:
     """How much the joints move, root and facing apart (`body_poses`).
 
-    Speeds are taken over a tenth of a second. A motion shorter than `window` seconds is one window.
+    Speeds are taken over a tenth of a second. A motion shorter than a second is one window.
 
     Raises:
         ValueError: fewer than two frames.
@@ -215,7 +213,7 @@ def energy(positions: FloatArray, fps: float, window: float = STEP) -> Energy:
     step = min(max(1, round(SPAN * fps)), len(poses) - 1)
     speeds = np.linalg.norm(poses[step:] - poses[:-step], axis=-1) * (fps / step)
     squares = np.square(speeds).mean(axis=1)
-    width = min(max(1, round(window * fps)), len(squares))
+    width = min(max(1, round(STEP * fps)), len(squares))
     windows = np.lib.stride_tricks.sliding_window_view(squares, width).mean(axis=1)
     return Energy(float(squares.mean()), float(windows.min()), float(windows.max()))
 
@@ -231,7 +229,7 @@ def within_range(made: Sequence[Energy], real: Sequence[Energy]) -> list[bool]:
     if not real:
         raise ValueError("a range needs real clips")
     low, high = min(each.low for each in real), max(each.high for each in real)
-    return [bool(low <= each.low and each.high <= high) for each in made]
+    return [low <= each.low and each.high <= high for each in made]
 
 
 def travel_speed(positions: FloatArray, fps: float) -> float:
@@ -248,3 +246,56 @@ def travel_speed(positions: FloatArray, fps: float) -> float:
     root = positions[:, INDEX["hips"]][:, [0, 2]].astype(np.float64)
     step = min(max(1, round(STEP * fps)), len(root) - 1)
     return float(np.linalg.norm(root[step:] - root[:-step], axis=1).mean() * fps / step)
+
+
+@dataclass(frozen=True)
+class Movement:
+    """What the feet, bones and joints of one motion do."""
+
+    sliding: FootSliding
+    drift: float
+    energy: Energy
+    travel: float
+
+    @classmethod
+    def of(cls, positions: Float64Array, fps: float, rest_offsets: Float64Array) -> Movement:
+        return cls(
+            foot_sliding(positions, fps), bone_length_drift(positions, rest_offsets), energy(positions, fps),
+            travel_speed(positions, fps),
+        )  # fmt: skip
+
+
+def movement(
+    made: Sequence[Movement], real: Sequence[Movement], classes: Sequence[str], ranges: Mapping[str, Sequence[Energy]]
+) -> dict[str, Any]:
+    """Made motions beside as many real ones; as `--json` prints it.
+
+    Args:
+        made: n.
+        real: n, the clips that they are compared with.
+        classes: n wanted classes.
+        ranges: energies of the real clips of each class.
+    """
+    within = [within_range([one.energy], ranges[name])[0] for one, name in zip(made, classes, strict=True)]
+    known = [each for name in set(classes) for each in ranges[name]]
+
+    def beside(measure: str) -> dict[str, float | None]:
+        """Means, and their ratio where the real one is not zero."""
+        own, others = (float(np.mean([attrgetter(measure)(m) for m in side])) for side in (made, real))
+        return {"made": own, "real": others, "ratio": own / others if others > 0 else None}
+
+    return {
+        "foot_sliding": {
+            **beside("sliding.speed"),
+            "standing": beside("sliding.standing_speed"),
+            "contact": beside("sliding.contact"),
+        },
+        "bone_length_drift": max(m.drift for m in made),
+        "energy": {
+            **beside("energy.mean"),
+            "made_range": [min(m.energy.low for m in made), max(m.energy.high for m in made)],
+            "real_range": [min(each.low for each in known), max(each.high for each in known)],
+            "within": float(np.mean(within)),
+        },
+        "travel_speed": beside("travel"),
+    }

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from typing import Final, Protocol
 
 import numpy as np
-from motionlake.arrays import Float64Array, StepProgress
+from motionlake.arrays import Float64Array, FloatArray, StepProgress
 from motionlake.errors import UserError
 from motionlake.evaluation.clips import LEAVE_ONE_OUT, read_positions, split_of
 from motionlake.glogen.generator import GeneratedMotion, MotionRequest, SeedClip
@@ -160,7 +160,7 @@ class Generator(Protocol):
     def generate(self, requests: Sequence[MotionRequest]) -> list[GeneratedMotion]: ...
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Begun:
     """A recorded clip whose first poses are the seed of a generated motion.
 
@@ -232,11 +232,16 @@ def begun(
 
 def following(motion: RealMotion, stop: int, fps: float) -> Float64Array:
     """[F, 21, 3] a clip at `fps` after frame `stop` - 1, linearly interpolated."""
-    step, frames = motion.fps / fps, motion.positions
-    at = stop - 1 + step * np.arange(1, int(np.floor((len(frames) - stop) / step + TOLERANCE)) + 1)
-    before, after, share = beside(at, len(frames), TOLERANCE)
+    step = motion.fps / fps
+    count = int(np.floor((len(motion.positions) - stop) / step + TOLERANCE))
+    return poses_at(motion.positions, stop - 1 + step * np.arange(1, count + 1))
+
+
+def poses_at(poses: Float64Array, at: FloatArray) -> Float64Array:
+    """[t, J, 3] poses [F, J, 3] at fractional frames [t], by linear interpolation."""
+    before, after, share = beside(at, len(poses), TOLERANCE)
     share = np.clip(share, 0, 1)[:, None, None]
-    return np.asarray((1 - share) * frames[before] + share * frames[after])
+    return np.asarray((1 - share) * poses[before] + share * poses[after])
 
 
 def continued(

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from functools import cached_property
+from typing import Final
 
 import numpy as np
 from motionlake.arrays import Float32Array, Float64Array
@@ -14,8 +15,10 @@ from motionlake.errors import UserError
 from motionlake.lake.catalog import Connection, reading
 from motionlake.lake.layout import Lake
 from motionlake.retrieval.labelled_clips import lake_ground, signed_clips
-from motionlake.retrieval.protocol import EVERYTHING, Query, Scope
+from motionlake.retrieval.protocol import EVERYTHING, ClipFilter, Query
 from motionlake.retrieval.signature import SignatureSearcher
+
+RECORDED: Final = ClipFilter(recorded_only=True)
 
 
 @dataclass(frozen=True)
@@ -35,7 +38,7 @@ class LakeClassifier:
     """Classifies clips by the labelled clips of a lake, which are read once."""
 
     def __init__(
-        self, lake: Lake, *, method: Method = "knn", k: int = 5, scope: Scope | None = None, column: str = "label"
+        self, lake: Lake, *, method: Method = "knn", k: int = 5, scope: ClipFilter = RECORDED, column: str = "label"
     ) -> None:
         """Read the labelled clips.
 
@@ -52,7 +55,7 @@ class LakeClassifier:
         self._lake, self._method, self._k = lake, method, k
         with reading(lake) as con:
             self.ground = lake_ground(con)
-            self.known = signed_clips(con, scope or Scope(recorded_only=True), column).labelled()
+            self.known = signed_clips(con, scope, column).labelled()
         if not self.known.clips:
             raise UserError(f"no clip has a {column} to learn from; labels.csv beside the clips gives them")
 
@@ -95,7 +98,9 @@ class ClusteredClip:
         return asdict(self)
 
 
-def clusters_of_lake(con: Connection, k: int | None, scope: Scope = EVERYTHING) -> tuple[list[ClusteredClip], float]:
+def clusters_of_lake(
+    con: Connection, k: int | None, scope: ClipFilter = EVERYTHING
+) -> tuple[list[ClusteredClip], float]:
     """The cluster of every clip with a signature, by cluster and name, and the mean silhouette; see `cluster_clips`.
 
     Raises:

@@ -119,12 +119,6 @@ def words_of_file(lake: Lake, config: WordConfig, path: Path, options: IngestOpt
     return FileWords(features, np.array(ranges, dtype=np.int64), frames, clip.fps)
 
 
-def signature_of_motifs(con: Connection, found: NDArray[np.int32]) -> NDArray[np.float32]:
-    """[K] signature of words by their motifs, weighed as those of the lake are."""
-    rows = fetch(con, "weigh_motifs", {"motifs": found.tolist()})
-    return np.array(rows[0]["signature"], dtype=np.float32)
-
-
 @dataclass(frozen=True)
 class QueryMotion:
     """A clip that was asked for, whole: positions [F, 21, 3], rotations [F, 21, 4]; the query is frames `asked`."""

@@ -11,7 +11,7 @@ from motionlake.arrays import Float32Array, Float64Array
 from motionlake.deep_motifs.emd import ground_distances
 from motionlake.errors import UserError
 from motionlake.lake.catalog import Connection, fetch
-from motionlake.retrieval.protocol import EVERYTHING, Scope
+from motionlake.retrieval.protocol import EVERYTHING, ClipFilter
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,7 +56,7 @@ class SignedClips:
 
 def signed_clips(
     con: Connection,
-    scope: Scope = EVERYTHING,
+    scope: ClipFilter = EVERYTHING,
     column: str = "label",
     only: tuple[str, str] | None = None,
 ) -> SignedClips:

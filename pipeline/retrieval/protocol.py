@@ -9,12 +9,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal, Protocol, TypeAlias
 
 import numpy as np
-from motionlake.arrays import Float64Array
+from motionlake.arrays import Float64Array, Int64Array
 from motionlake.errors import UserError
 from motionlake.lake.catalog import Connection, reading
 from motionlake.lake.layout import Lake
 from motionlake.lake.resolve import resolve_clip
-from numpy.typing import NDArray
 
 if TYPE_CHECKING:
     from motionlake.deep_motifs.signatures import CorpusClip
@@ -52,22 +51,18 @@ class Query:
 
 
 @dataclass(frozen=True)
-class Scope:
-    """Which clips may be answers.
+class ClipFilter:
+    """Which clips of a lake count.
 
     Attributes:
         dataset: of this dataset only.
         split: of this split only ("train", "test", ... of labels.csv).
         recorded_only: no synthetic clips.
-        mirrored: look for the mirror image of the query as well (left for right); the nearer of both counts.
-        own: the query's own clip, or its own frames where ranges are found, may be an answer.
     """
 
     dataset: str | None = None
     split: str | None = None
     recorded_only: bool = False
-    mirrored: bool = False
-    own: bool = False
 
     def admits(self, clip: CorpusClip) -> bool:
         return (
@@ -76,14 +71,27 @@ class Scope:
             and not (self.recorded_only and clip.synthetic)
         )
 
-    def chosen(self, clips: Sequence[CorpusClip], without: str | None = None) -> NDArray[np.int64]:
-        """Int64Array of the clips that may be answers; `without`: the query's, unless it may be one."""
-        kept = [i for i, clip in enumerate(clips) if self.admits(clip) and (self.own or clip.clip != without)]
-        return np.array(kept, dtype=np.int64)
-
     def as_parameters(self) -> dict[str, object]:
         """For a statement in SQL that leaves clips out."""
         return {"dataset": self.dataset, "split": self.split, "recorded_only": self.recorded_only}
+
+
+@dataclass(frozen=True)
+class Scope(ClipFilter):
+    """Which clips may be answers, and to what.
+
+    Attributes:
+        mirrored: look for the mirror image of the query as well (left for right); the nearer of both counts.
+        own: the query's own clip, or its own frames where ranges are found, may be an answer.
+    """
+
+    mirrored: bool = False
+    own: bool = False
+
+    def chosen(self, clips: Sequence[CorpusClip], without: str | None = None) -> Int64Array:
+        """Indices of the clips that may be answers; `without`: the query's, unless it may be one."""
+        kept = [i for i, clip in enumerate(clips) if self.admits(clip) and (self.own or clip.clip != without)]
+        return np.array(kept, dtype=np.int64)
 
 
 EVERYTHING = Scope()

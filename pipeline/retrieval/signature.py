@@ -8,7 +8,7 @@ import numpy as np
 from motionlake.arrays import Float64Array
 from motionlake.deep_motifs.emd import check_model, check_signature, emd_many, ground_distances
 from motionlake.deep_motifs.emd_search import SignatureIndex
-from motionlake.deep_motifs.signatures import CorpusClip
+from motionlake.deep_motifs.signatures import CorpusClip, motif_counts, tf_idf
 from motionlake.errors import UserError
 from motionlake.lake.catalog import fetch, fetch_table, reading
 from motionlake.lake.layout import Lake
@@ -48,6 +48,7 @@ class SignatureSearcher(LakeSearcher):
         if not motifs:
             raise UserError(f"{lake.root}: has no motifs yet; make them with `motionlake run all`")
         self.ground = ground_distances(np.array([row["centroid"] for row in motifs], dtype=np.float32))
+        self._idf = np.array([row["idf"] for row in motifs], dtype=np.float64)
         self.strength = np.array([row["strength"] for row in motifs], dtype=np.float64)
         weights = rows["signature"].combine_chunks().flatten().to_numpy(zero_copy_only=False)
         self.signatures = weights.reshape(len(rows), len(motifs))
@@ -69,10 +70,11 @@ class SignatureSearcher(LakeSearcher):
             if not kept:
                 raise not_ready(self.lake, query.clip, "mirrored signature" if mirrored else "signature")
             return np.array(kept[0]["signature"], dtype=np.float32)
-        from motionlake.retrieval.encode import query_motifs, signature_of_motifs
+        from motionlake.retrieval.encode import query_motifs
 
         with reading(self.lake) as con:
-            return signature_of_motifs(con, query_motifs(con, self.lake, query, mirrored=mirrored))
+            found = query_motifs(con, self.lake, query, mirrored=mirrored)
+        return tf_idf(motif_counts(found, len(self.ground)), self._idf)
 
     def like(
         self,

@@ -22,49 +22,17 @@ DELETE FROM manifest WHERE stage = 'contexts';
 -- name: centroids
 SELECT centroid FROM motifs ORDER BY motif;
 
--- name: weigh_motifs
--- The same weighing as in make_signatures.sql, for words that are not in the lake.
-WITH counts AS (
-    SELECT motif, count(*) AS n FROM (SELECT unnest($motifs::INTEGER[]) AS motif) GROUP BY ALL
-), weights AS (
-    SELECT map_from_entries(list((motif, n * idf) ORDER BY motif)) AS mass,
-        list_sum(list(n * idf ORDER BY motif)) AS total
-    FROM counts JOIN motifs USING (motif)
-)
-SELECT list_transform(range((SELECT count(*) FROM motifs)), lambda m: coalesce(mass[m::INTEGER], 0) / total)::FLOAT[] AS signature
-FROM weights;
-
 -- name: make_signatures
 DELETE FROM signatures WHERE clip IN (SELECT clip FROM clips WHERE part IN (SELECT unnest($parts::VARCHAR[])));
 INSERT INTO signatures BY NAME
-WITH counts AS (
-    SELECT clip, motif, count(*) AS n FROM word_motifs
-    WHERE part IN (SELECT unnest($parts::VARCHAR[])) GROUP BY ALL
-), weights AS (
-    SELECT clip, sum(n)::BIGINT AS words, map_from_entries(list((motif, n * idf) ORDER BY motif)) AS mass,
-        list_sum(list(n * idf ORDER BY motif)) AS total
-    FROM counts JOIN motifs USING (motif) GROUP BY clip
-)
-SELECT clip, words,
-    list_transform(range((SELECT count(*) FROM motifs)), lambda m: coalesce(mass[m::INTEGER], 0) / total)::FLOAT[] AS signature
-FROM weights ORDER BY clip;
+WITH found AS (FROM word_motifs WHERE part IN (SELECT unnest($parts::VARCHAR[])))
+FROM signatures_of(found);
 
 -- name: load_mirrored
--- The same weighing as in make_signatures.sql, for the words of mirrored clips.
 DELETE FROM mirrored_signatures WHERE clip IN (SELECT clip FROM clips WHERE part IN (SELECT unnest($parts::VARCHAR[])));
 INSERT INTO mirrored_signatures BY NAME
-WITH counts AS (
-    SELECT a.clip, a.motif, count(*) AS n
-    FROM read_parquet($files) a SEMI JOIN clips c ON c.clip = a.clip AND c.part = a.part
-    GROUP BY ALL
-), weights AS (
-    SELECT clip, map_from_entries(list((motif, n * idf) ORDER BY motif)) AS mass,
-        list_sum(list(n * idf ORDER BY motif)) AS total
-    FROM counts JOIN motifs USING (motif) GROUP BY clip
-)
-SELECT clip,
-    list_transform(range((SELECT count(*) FROM motifs)), lambda m: coalesce(mass[m::INTEGER], 0) / total)::FLOAT[] AS signature
-FROM weights ORDER BY clip;
+WITH found AS (FROM read_parquet($files) a SEMI JOIN clips c ON c.clip = a.clip AND c.part = a.part)
+SELECT * EXCLUDE (words) FROM signatures_of(found);
 
 -- name: corpus_motifs
 SELECT model, centroid, idf, strength FROM motifs ORDER BY motif;

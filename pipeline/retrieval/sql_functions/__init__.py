@@ -1,4 +1,4 @@
-"""Functions in SQL that are written in Python: every module here holds some, which `register` finds by itself.
+"""Functions in SQL that are written in Python: every module here holds some, which `connect` finds by itself.
 
     @sql_function(columns(Hit, "rank", "clip", "distance"))
     def similar_clips(served: Served, query: str, k: int = 10) -> list[Hit]: ...
@@ -14,21 +14,23 @@ from __future__ import annotations
 import inspect
 import pkgutil
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import MISSING, dataclass, fields, is_dataclass
 from functools import cache, cached_property, partial
 from importlib import import_module
+from pathlib import Path
 from types import NoneType, UnionType
 from typing import TYPE_CHECKING, Any, TypeAlias, Union, get_args, get_origin, get_type_hints
 
 import pyarrow as pa
-from motionlake.lake.catalog import Connection, fetch, reading
-from motionlake.lake.layout import Lake
+from motionlake.lake.catalog import Connection, connect_read_only, fetch, reading
+from motionlake.lake.layout import Lake, open_lake
 
 if TYPE_CHECKING:
     from motionlake.retrieval.protocol import Finds, Query, Searcher
 
 Columns: TypeAlias = Mapping[str, Any]  # a Python or an Arrow type by name
 Names: TypeAlias = str | list[str]
+REQUIRED = inspect.Parameter.empty
 # What SQL and Arrow call the types of Python.
 _SQL = {str: "VARCHAR", int: "BIGINT", float: "DOUBLE", bool: "BOOLEAN", list[str]: "VARCHAR[]", Names: "VARCHAR[]",
         list[int]: "INTEGER[]", list[float]: "FLOAT[]"}  # fmt: skip
@@ -77,7 +79,10 @@ def partial_of(make: Callable[..., Any], *arguments: Any) -> Callable[..., Any]:
 
 @dataclass(frozen=True)
 class SqlFunction:
-    """A function of `Served` and its arguments in SQL, and the columns of its rows; None: it returns a number."""
+    """A function of `Served` and its arguments in SQL, and the columns of its rows; None: it returns a number.
+
+    Its rows are a sequence of objects that have those attributes, or an Arrow array of structs.
+    """
 
     answer: Callable[..., Any]
     columns: Columns | None
@@ -94,24 +99,30 @@ def columns(row: type, *names: str) -> dict[str, Any]:
     return {name: _plain(hints[name]) for name in names or hints}
 
 
-def register(con: Connection, lake: Lake) -> None:
-    """Make the functions of every module of this package known to a connection."""
-    served = Served(lake)
+def connect(lake: Path | str, *, apart: bool = False) -> Connection:
+    """Open a lake for reading: its tables, views, macros, and the functions of every module of this package.
+
+    Close the connection to see what later runs have added: it reads the catalog as it stood when it was opened, and a
+    process that opens it twice sees the older one.
+
+    Args:
+        lake: its folder.
+        apart: whatever else this process has open, see the catalog of now; cursors of the connection need `USE lake`.
+
+    Raises:
+        UserError: there is no lake, or its catalog is open for writing elsewhere.
+    """
+    target = open_lake(lake)
+    con, served = connect_read_only(target, apart=apart), Served(target)
     for module in pkgutil.iter_modules(__path__):
         for name, found in vars(import_module(f"{__name__}.{module.name}")).items():
             if isinstance(found, SqlFunction):
-                table_function(con, name, found.columns, partial(found.answer, served))
+                _register(con, name, found.columns, partial(found.answer, served))
+    return con
 
 
-def table_function(con: Connection, name: str, row: Columns | None, answer: Callable[..., Any]) -> None:
-    """Make one function known to a connection, as a table of rows, or of `row` None as a number for each row.
-
-    Args:
-        con: the connection.
-        name: of the function.
-        row: the columns: a Python or an Arrow type by name.
-        answer: gives a sequence of objects that have those attributes, or an Arrow array of structs.
-    """
+def _register(con: Connection, name: str, row: Columns | None, answer: Callable[..., Any]) -> None:
+    """Make one function known to a connection, as a table of rows, or of `row` None as a number for each row."""
     import duckdb
     from duckdb.func import ARROW, SPECIAL
 
@@ -148,7 +159,7 @@ class _Parameter:
 
     name: str
     hint: Any
-    default: Any = inspect.Parameter.empty
+    default: Any = REQUIRED
     part_of: tuple[str, type] | None = None
 
     @property
@@ -157,7 +168,7 @@ class _Parameter:
 
     @property
     def required(self) -> bool:
-        return self.default is inspect.Parameter.empty
+        return self.default is REQUIRED
 
 
 def _parameters(answer: Callable[..., Any]) -> list[_Parameter]:
@@ -167,7 +178,10 @@ def _parameters(answer: Callable[..., Any]) -> list[_Parameter]:
         if is_dataclass(hints[name]):
             own = get_type_hints(hints[name])
             part_of = (name, hints[name])
-            found += [_Parameter(each.name, own[each.name], each.default, part_of) for each in fields(hints[name])]
+            found += [
+                _Parameter(each.name, own[each.name], REQUIRED if each.default is MISSING else each.default, part_of)
+                for each in fields(hints[name])
+            ]
         else:
             found.append(_Parameter(name, hints[name], parameter.default))
     return found

@@ -5,7 +5,7 @@ from __future__ import annotations
 from motionlake.deep_motifs.duplicates import MAX_DISTANCE, Duplicate
 from motionlake.lake.catalog import reading
 from motionlake.retrieval.classes import ClassifiedClip, ClusteredClip, LakeClassifier, clusters_of_lake
-from motionlake.retrieval.protocol import Scope
+from motionlake.retrieval.protocol import EVERYTHING, ClipFilter, Scope
 from motionlake.retrieval.segments import LabelledBand, LakeSegmenter, Lessons, corpus_of
 from motionlake.retrieval.sql_functions import Served, columns, sql_function
 
@@ -35,13 +35,10 @@ def segment_clip(
 
 
 @sql_function(columns(ClusteredClip))
-def clip_clusters(
-    served: Served, k: int | None = None, dataset: str | None = None, split: str | None = None,
-    recorded_only: bool = False,
-) -> list[ClusteredClip]:  # fmt: skip
+def clip_clusters(served: Served, k: int | None = None, clips: ClipFilter = EVERYTHING) -> list[ClusteredClip]:
     """Every clip in one of k clusters, as `motionlake cluster`; NULL takes the best number."""
     with reading(served.lake) as con:
-        return clusters_of_lake(con, k, Scope(dataset, split, recorded_only))[0]
+        return clusters_of_lake(con, k, clips)[0]
 
 
 @sql_function(columns(Duplicate))

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, cast
 
-from motionlake.retrieval.protocol import EVERYTHING, Hit, Scope
+from motionlake.retrieval.protocol import EVERYTHING, ClipFilter, Hit, Query, Scope
 from motionlake.retrieval.sql_functions import Served, columns, sql_function
 
 if TYPE_CHECKING:
@@ -19,6 +20,30 @@ RANGE = columns(
 ALIGNED = columns(
     Hit, "rank", "clip", "start", "stop", "distance", "cost", "mirrored", "label", "dataset", "start_seconds", "seconds"
 )
+
+
+@dataclass(frozen=True)
+class Part:
+    """Frames [start, stop) of a clip, and how many answers there are at most."""
+
+    query: str
+    start: int | None = None
+    stop: int | None = None
+    k: int = 10
+
+    def of(self, served: Served) -> Query:
+        return served.query(self.query, self.start, self.stop)
+
+
+@dataclass(frozen=True)
+class Way:
+    """How alignment compares; NULL: as config.toml says."""
+
+    stride: int | None = None
+    method: str | None = None
+
+
+AS_CONFIGURED = Way()
 
 
 @sql_function(CLIP)
@@ -37,87 +62,56 @@ def clips_like(
     mirrored_signature: list[float] | None = None,
     without: str | None = None,
     model: str | None = None,
-    dataset: str | None = None,
-    split: str | None = None,
-    recorded_only: bool = False,
+    clips: ClipFilter = EVERYTHING,
 ) -> list[Hit]:
     """The same for any signature; `without`: a clip that is no answer, `model`: the motifs that it was made with."""
     return _signatures(served).like(
-        query_signature, ALL if k is None else k, Scope(dataset, split, recorded_only), mirrored=mirrored_signature,
-        without=without, model=model,
-    )  # fmt: skip
+        query_signature,
+        ALL if k is None else k,
+        Scope(**vars(clips)),
+        mirrored=mirrored_signature,
+        without=without,
+        model=model,
+    )
 
 
 @sql_function(CLIP)
 def aligned_clips(
-    served: Served,
-    query: str,
-    k: int = 10,
-    stride: int | None = None,
-    method: str | None = None,
-    scope: Scope = EVERYTHING,
+    served: Served, query: str, k: int = 10, way: Way = AS_CONFIGURED, scope: Scope = EVERYTHING
 ) -> list[Hit]:
     """The clips most like one by alignment, as `motionlake align --whole`."""
-    return served.searcher("clip", "alignment", stride=stride, method=method).search([served.query(query)], k, scope)[0]
+    return served.searcher("clip", "alignment", **asdict(way)).search([served.query(query)], k, scope)[0]
 
 
 @sql_function(RANGE)
-def find_motion(
-    served: Served,
-    query: str,
-    start: int | None = None,
-    stop: int | None = None,
-    k: int = 10,
-    scope: Scope = EVERYTHING,
-) -> list[Hit]:
+def find_motion(served: Served, part: Part, scope: Scope = EVERYTHING) -> list[Hit]:
     """Where frames [start, stop) of a clip occur inside the clips, as `motionlake find`."""
-    return served.searcher("range", "words").search([served.query(query, start, stop)], k, scope)[0]
+    return served.searcher("range", "words").search([part.of(served)], part.k, scope)[0]
 
 
 @sql_function(ALIGNED)
-def find_submotion(
-    served: Served,
-    query: str,
-    start: int | None = None,
-    stop: int | None = None,
-    k: int = 10,
-    scope: Scope = EVERYTHING,
-) -> list[Hit]:
+def find_submotion(served: Served, part: Part, scope: Scope = EVERYTHING) -> list[Hit]:
     """The same by the sub-motion encoder, as `motionlake find --method submotion`."""
-    return served.searcher("range", "submotion").search([served.query(query, start, stop)], k, scope)[0]
+    return served.searcher("range", "submotion").search([part.of(served)], part.k, scope)[0]
 
 
 @sql_function(ALIGNED)
-def align_motion(
-    served: Served,
-    query: str,
-    start: int | None = None,
-    stop: int | None = None,
-    k: int = 10,
-    stride: int | None = None,
-    method: str | None = None,
-    scope: Scope = EVERYTHING,
-) -> list[Hit]:
+def align_motion(served: Served, part: Part, way: Way = AS_CONFIGURED, scope: Scope = EVERYTHING) -> list[Hit]:
     """The same by alignment, as `motionlake align`."""
-    asked = [served.query(query, start, stop)]
-    return served.searcher("range", "alignment", stride=stride, method=method).search(asked, k, scope)[0]
+    return _aligner(served, way).search([part.of(served)], part.k, scope)[0]
 
 
 @sql_function(ALIGNED)
 def align_symbols(
-    served: Served,
-    query_symbols: list[int],
-    k: int = 10,
-    stride: int | None = None,
-    method: str | None = None,
-    model: str | None = None,
-    dataset: str | None = None,
-    split: str | None = None,
-    recorded_only: bool = False,
-) -> list[Hit]:
+    served: Served, query_symbols: list[int], k: int = 10, way: Way = AS_CONFIGURED, model: str | None = None,
+    clips: ClipFilter = EVERYTHING,
+) -> list[Hit]:  # fmt: skip
     """The same for a list of symbols; `model` names their dictionary: another than the lake's is an error."""
-    searcher = cast("AlignmentRangeSearcher", served.searcher("range", "alignment", stride=stride, method=method))
-    return searcher.in_symbols(query_symbols, k, Scope(dataset, split, recorded_only), model=model)
+    return _aligner(served, way).in_symbols(query_symbols, k, Scope(**vars(clips)), model=model)
+
+
+def _aligner(served: Served, way: Way) -> AlignmentRangeSearcher:
+    return cast("AlignmentRangeSearcher", served.searcher("range", "alignment", **asdict(way)))
 
 
 @sql_function()
