@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, Any, TypeAlias, TypedDict, TypeVar, Unpack
 
 from motionlake.errors import UserError
 from motionlake.lake import layout
@@ -16,10 +16,20 @@ if TYPE_CHECKING:
     from motionlake.lake.catalog import Connection
     from motionlake.lake.clip_dataset import ClipDataset
     from motionlake.motion.canonicalise import CanonicalMotion
-    from motionlake.retrieval.protocol import Finds, Scope
+    from motionlake.retrieval.protocol import Finds
 
 T = TypeVar("T")
 Clip: TypeAlias = str | Path  # a clip of the lake by its name or the end of it, or a clip file
+
+
+class ScopeOptions(TypedDict, total=False):
+    """Which clips may be answers (`motionlake.retrieval.protocol.Scope`)."""
+
+    dataset: str | None
+    split: str | None
+    recorded_only: bool
+    mirrored: bool
+    own: bool
 
 
 def open_lake(path: str | Path) -> Lake:
@@ -165,11 +175,7 @@ class Lake:
         start: int | None = None,
         stop: int | None = None,
         method: str = "signature",
-        dataset: str | None = None,
-        split: str | None = None,
-        recorded_only: bool = False,
-        mirrored: bool = False,
-        own: bool = False,
+        **scope: Unpack[ScopeOptions],
     ) -> Rows:
         """The clips most like one, nearest first.
 
@@ -189,19 +195,14 @@ class Lake:
                 postures; PESTA, section 6), "descriptor" (one vector a clip; DeepHuMS, section 3.2) or "fused" (all).
             start: first frame of the part of it that counts, at its own rate; None: its first.
             stop: frame after the last; None: after its last.
-            dataset: from its clips only.
-            split: from clips of this split only.
-            recorded_only: synthetic clips are no answers.
-            mirrored: search for the mirror image too; the nearer of both counts.
-            own: the query may be an answer itself.
+            scope: `dataset`: from its clips only; `split`: from clips of this split only; `recorded_only`: synthetic
+                clips are no answers; `mirrored`: search for the mirror image too, the nearer of both counts; `own`: the
+                query may be an answer itself.
 
         Raises:
             UserError: as `motion`; an unknown method, or the lake is not ready for it.
         """
-        from motionlake.retrieval.protocol import Scope
-
-        scope = Scope(dataset, split, recorded_only, mirrored, own)
-        return self._search("clip", method, query, start, stop, k, scope)
+        return self._search("clip", method, (query, start, stop), k, scope)
 
     def find(
         self,
@@ -211,11 +212,7 @@ class Lake:
         k: int = 10,
         *,
         method: str = "words",
-        dataset: str | None = None,
-        split: str | None = None,
-        recorded_only: bool = False,
-        mirrored: bool = False,
-        own: bool = False,
+        **scope: Unpack[ScopeOptions],
     ) -> Rows:
         """Where a motion occurs inside the clips: ranges of frames, nearest first.
 
@@ -231,19 +228,12 @@ class Lake:
             k: how many at most.
             method: "words" (histograms of motion words; Deep Motifs, section 6.1), "alignment" (see `align`) or
                 "submotion" (a network that says which clips hold the motion; DeepHuMS, section 3.3.5).
-            dataset: from its clips only.
-            split: from clips of this split only.
-            recorded_only: synthetic clips are no answers.
-            mirrored: look for the mirror image too; the nearer of both counts.
-            own: ranges that overlap the query in its own clip may be answers.
+            scope: as of `search`; `own`: ranges that overlap the query in its own clip may be answers.
 
         Raises:
             UserError: as `search`; the query has no such frames, or too few.
         """
-        from motionlake.retrieval.protocol import Scope
-
-        scope = Scope(dataset, split, recorded_only, mirrored, own)
-        return self._search("range", method, query, start, stop, k, scope)
+        return self._search("range", method, (query, start, stop), k, scope)
 
     def align(
         self,
@@ -252,15 +242,11 @@ class Lake:
         stop: int | None = None,
         k: int = 10,
         *,
-        dataset: str | None = None,
-        split: str | None = None,
-        recorded_only: bool = False,
-        mirrored: bool = False,
-        own: bool = False,
         method: str | None = None,
         stride: int | None = None,
         crossing: bool = False,
         path: bool = False,
+        **scope: Unpack[ScopeOptions],
     ) -> Rows:
         """Where a motion occurs inside the clips, by alignment of postures: ranges, cheapest first (PESTA, section 6).
 
@@ -274,24 +260,17 @@ class Lake:
             start: its first frame that is asked for, at its own rate; by default 0.
             stop: the frame after the last; by default that after its last.
             k: how many at most.
-            dataset: from its clips only.
-            split: from clips of this split only.
-            recorded_only: synthetic clips are no answers.
-            mirrored: look for the mirror image too; the nearer of both counts.
-            own: ranges that overlap the query in its own clip may be answers.
             method: "sta" (strided temporal alignment), "dtw" or "sw" (Smith-Waterman); by default that of config.toml.
             stride: how many symbols "sta" may skip at a time, plus one; by default that of config.toml.
             crossing: a match may begin in one clip and end in a later one.
             path: tell which frames are aligned to which.
+            scope: as of `find`.
 
         Raises:
             UserError: as `find`.
         """
-        from motionlake.retrieval.protocol import Scope
-
-        scope = Scope(dataset, split, recorded_only, mirrored, own)
         how = {"method": method, "stride": stride, "crossing": crossing, "paths": path}
-        return self._search("range", "alignment", query, start, stop, k, scope, **how)
+        return self._search("range", "alignment", (query, start, stop), k, scope, **how)
 
     def sql(self, text: str, parameters: Mapping[str, Any] | Sequence[Any] | None = None) -> Rows:
         """The answer to a query in SQL, with the lake's tables, macros and functions.
@@ -443,21 +422,20 @@ class Lake:
     def _search(
         self,
         finds: Finds,
-        way: str,
-        query: Clip,
-        start: int | None,
-        stop: int | None,
+        method: str,
+        part: tuple[Clip, int | None, int | None],
         k: int,
-        scope: Scope,
+        scope: ScopeOptions,
         /,
         **how: Any,
     ) -> Rows:
-        from motionlake.retrieval.protocol import Query
+        """The answers to frames [start, stop) of a clip."""
+        from motionlake.retrieval.protocol import Query, Scope
         from motionlake.retrieval.registry import searcher
 
-        asked = Query(self._query(query), start, stop)
-        found = self._keep((finds, way, *how.items()), lambda: searcher(finds, way, self._lake, **how))
-        return Rows.of(hit.as_row() for hit in found.search([asked], k, scope)[0])
+        query = Query(self._query(part[0]), *part[1:])
+        found = self._keep((finds, method, *how.items()), lambda: searcher(finds, method, self._lake, **how))
+        return Rows.of(hit.as_row() for hit in found.search([query], k, Scope(**scope))[0])
 
 
 def _asked(ask: Callable[[], T]) -> T:

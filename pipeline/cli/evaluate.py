@@ -137,7 +137,7 @@ def segmentation(
     target = open_lake(lake)
     config = SegmentationConfig(window, k, reach)
     with reading(target) as con:
-        found = evaluate_segmentation(con, target, dataset=dataset, config=config, mirrored=mirrored).as_dict()
+        found = evaluate_segmentation(con, target, dataset=dataset, config=config, mirrored=mirrored)
     rows = [{"clip": clip, **scores} for clip, scores in found["per_clip"].items()]
     _tell(found, [[*rows, {"clip": "mean", **{k: v for k, v in found.items() if k != "per_clip"}}]], as_json)
 

@@ -7,6 +7,7 @@ import json
 import os
 import random
 from collections.abc import Callable, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
@@ -92,7 +93,7 @@ def compose(
             [name] if name else _sampled(graph, seed),
         )
     write_bvh(made.clip, out)
-    rows = [source.as_row() for source in made.sources]
+    rows = [asdict(source) for source in made.sources]
     if lineage is not None:
         _write_lineage(lineage, rows)
     frames, fps = len(made.clip.channels), made.clip.fps

@@ -75,7 +75,7 @@ def classify(
         found = classifier.classify(queries)
     if write_labels is not None:
         _write_labels(write_labels, found, signed, column)
-    tell([each.as_row() for each in found], as_json=as_json)
+    tell([asdict(each) for each in found], as_json=as_json)
 
 
 def segment(
@@ -116,7 +116,7 @@ def segment(
         names = [resolve_clip(con, name) for name in teach_clips or ()] or None
         segmenter = LakeSegmenter(target, Lessons(teach or None, names, column, mirrored), config)
         found = segmenter.segment(named_query(con, target, query))
-    tell([band.as_row() for band in found], as_json=as_json)
+    tell([asdict(band) for band in found], as_json=as_json)
 
 
 def cluster(
@@ -143,7 +143,7 @@ def cluster(
         wanted = None if k == "auto" else int(k)
         rows, silhouette = clusters_of_lake(con, wanted, Scope(dataset, split, recorded_only))
     notice(f"{len({row.cluster for row in rows})} clusters of {len(rows)} clips, silhouette {silhouette:.3f}")
-    tell([asdict(row) for row in rows], [row.as_row() for row in rows], as_json=as_json)
+    tell([asdict(row) for row in rows], as_json=as_json)
 
 
 def _write_labels(file: Path, found: Sequence[ClassifiedClip], signed: Sequence[SignedClip], column: str) -> None:

@@ -84,27 +84,13 @@ def mean_scores(clips: Sequence[SegmentationScores]) -> SegmentationScores:
         return _mean([getattr(each, name) for each in clips if getattr(each, name) is not None])
 
     return SegmentationScores(
-        mean("accuracy"),
-        mean("accuracy_known"),
-        mean("accuracy_known_or_unknown"),
-        sum(each.n for each in clips),
-        sum(each.n_known for each in clips),
-    )
+        mean("accuracy"), mean("accuracy_known"), mean("accuracy_known_or_unknown"),
+        sum(each.n for each in clips), sum(each.n_known for each in clips),
+    )  # fmt: skip
 
 
 def _mean(values: Sequence[float]) -> float | None:
     return float(np.mean(values)) if len(values) else None
-
-
-@dataclass(frozen=True)
-class SegmentationResult:
-    """Scores of each clip, and their means."""
-
-    clips: dict[str, SegmentationScores]
-    mean: SegmentationScores
-
-    def as_dict(self) -> dict[str, Any]:
-        return {**asdict(self.mean), "per_clip": {clip: asdict(each) for clip, each in self.clips.items()}}
 
 
 def evaluate_segmentation(
@@ -114,15 +100,17 @@ def evaluate_segmentation(
     dataset: str | None = None,
     config: SegmentationConfig | None = None,
     mirrored: bool = True,
-) -> SegmentationResult:
+) -> dict[str, Any]:
     """Segment each clip that has segments by those of the other clips (section 6.2).
 
     Args:
-        con: to the lake.
-        lake: for the mirrored words.
+        con, lake: the lake.
         dataset: its clips only.
         config: how words are classified.
         mirrored: mirrored clips are examples too.
+
+    Returns:
+        `SegmentationScores` of each clip in `per_clip`, and their means.
 
     Raises:
         UserError: fewer than two clips have segments.
@@ -141,7 +129,8 @@ def evaluate_segmentation(
         taught = [r for r in ranges if r.clip != clip]
         truth = [r for r in ranges if r.clip == clip]
         scores[corpus.clips[clip].clip] = segmentation_scores(corpus, clip, taught, truth, config, turned)
-    return SegmentationResult(scores, mean_scores(list(scores.values())))
+    means = asdict(mean_scores(list(scores.values())))
+    return {**means, "per_clip": {clip: asdict(each) for clip, each in scores.items()}}
 
 
 def segments_of(con: Connection, corpus: Corpus) -> list[LabelledRange]:

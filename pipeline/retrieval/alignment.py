@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
 import numpy as np
 from motionlake.arrays import Float64Array
@@ -15,7 +15,6 @@ from motionlake.lake.catalog import fetch, reading
 from motionlake.lake.config import load_config
 from motionlake.lake.layout import Lake
 from motionlake.motion.features import word_features
-from motionlake.pesta.config import AlignmentConfig
 from motionlake.pesta.long_query import LongQuery
 from motionlake.pesta.matches import Match, best_matches
 from motionlake.pesta.scan import Both, nearest_strings, pairwise
@@ -29,6 +28,7 @@ from motionlake.retrieval.protocol import (
     PathStep,
     Query,
     Scope,
+    about,
     clip_hit,
     not_ready,
     range_hit,
@@ -48,15 +48,24 @@ if TYPE_CHECKING:
     from motionlake.pesta.dictionary import PostureDictionary
 
 
-class _Aligner(LakeSearcher):
-    """What both ways to align share: the strings of a lake, read once, and queries as symbols of its dictionary.
+class AlignmentOptions(TypedDict, total=False):
+    """How strings are aligned.
 
-    Args:
-        lake: which holds the dictionary and the configuration.
+    Attributes:
         method: "sta", "dtw" or "sw"; by default that of config.toml.
         stride: symbols that "sta" may stride over, plus one; by default that of config.toml.
         strings: of the lake, where they have been read already.
         threads: which share a scan; answers do not depend on their number. By default one a core.
+    """
+
+    method: str | None
+    stride: int | None
+    strings: LakeStrings | None
+    threads: int | None
+
+
+class _Aligner(LakeSearcher):
+    """What both ways to align share: the strings of a lake, read once, and queries as symbols of its dictionary.
 
     Raises:
         UserError: the lake has no symbol strings yet, or an unfit setting.
@@ -64,23 +73,16 @@ class _Aligner(LakeSearcher):
 
     name = "alignment"
 
-    def __init__(
-        self,
-        lake: Lake,
-        *,
-        method: str | None = None,
-        stride: int | None = None,
-        strings: LakeStrings | None = None,
-        threads: int | None = None,
-    ) -> None:
+    def __init__(self, lake: Lake, **options: Unpack[AlignmentOptions]) -> None:
         super().__init__(lake)
-        given = {name: value for name, value in (("method", method), ("stride", stride)) if value is not None}
+        given: dict[str, Any] = {"method": options.get("method"), "stride": options.get("stride")}
         settings = load_config(lake.config_file)
         try:
-            self.config: AlignmentConfig = replace(settings.alignment, **given)  # type: ignore[arg-type]
+            self.config = replace(settings.alignment, **{k: v for k, v in given.items() if v is not None})
         except ValueError as error:
             raise UserError(str(error)) from error
-        self._symbols, self._threads = settings.symbols, threads or os.cpu_count() or 1
+        self._symbols, self._threads = settings.symbols, options.get("threads") or os.cpu_count() or 1
+        strings = options.get("strings")
         if strings is None:
             with reading(lake) as con:
                 strings = read_strings(con)
@@ -100,10 +102,8 @@ class _Aligner(LakeSearcher):
             string, frames = strings.string_of(index), strings.clips[index].frames
         else:
             motion, coding = query_motion(self.lake, Query(query.source), mirrored=mirrored), self._dictionary.config
-            frames = len(motion.positions)
-            codes = self._dictionary.encode(
-                word_features(motion.positions, motion.rotations, motion.fps, coding.frames)
-            )  # fmt: skip
+            features = word_features(motion.positions, motion.rotations, motion.fps, coding.frames)
+            codes, frames = self._dictionary.encode(features), len(motion.positions)
             string = symbolise(codes, codes_fps=coding.fps, fps=motion.fps, n_frames=frames, config=self._symbols)
         return string_query(query.name, string, frames, query.start, query.stop, query.clip)
 
@@ -128,6 +128,10 @@ class AlignmentSearcher(_Aligner):
 
     The distance of a clip is the cost of its best match for each symbol of the query. A short query is found in many
     clips, so the clip is looked for in the query as well, and the greater cost counts (section 6).
+
+    Args:
+        lake: which holds the dictionary and the configuration.
+        options: `AlignmentOptions`.
     """
 
     finds = "clip"
@@ -143,13 +147,11 @@ class AlignmentSearcher(_Aligner):
         """
         strings = self.strings.among(scope)
         own = strings.positions.get(query.clip) if query.clip and not scope.own else None
-        try:
+        with about(query.name):
             found = nearest_strings(
                 query.symbols, strings.repository, strings.distances, k, self.config, both=both, without=own,
                 threads=self._threads,
             )  # fmt: skip
-        except ValueError as error:
-            raise UserError(f"{query.name}: {error}") from error
         return [clip_hit(strings.clips[index], cost) for index, cost in found]
 
     def distances(self, queries: Sequence[Query], gallery: Sequence[Query]) -> Float64Array:
@@ -168,24 +170,16 @@ class AlignmentRangeSearcher(_Aligner):
     Args:
         crossing: a match may begin in one clip and end in a later one.
         paths: give every answer its path.
-        lake, method, stride, strings, threads: as of `AlignmentSearcher`.
+        options: as of `AlignmentSearcher`.
     """
 
     finds = "range"
     several = True
 
     def __init__(
-        self,
-        lake: Lake,
-        *,
-        method: str | None = None,
-        stride: int | None = None,
-        strings: LakeStrings | None = None,
-        threads: int | None = None,
-        crossing: bool = False,
-        paths: bool = False,
+        self, lake: Lake, *, crossing: bool = False, paths: bool = False, **options: Unpack[AlignmentOptions]
     ) -> None:
-        super().__init__(lake, method=method, stride=stride, strings=strings, threads=threads)
+        super().__init__(lake, **options)
         self._crossing, self._paths = crossing, paths
 
     def in_symbols(
@@ -210,10 +204,8 @@ class AlignmentRangeSearcher(_Aligner):
             UserError: as `symbols_of`; Smith-Waterman.
         """
         long, strings = self.symbols_of(query), self.strings.among(scope)
-        try:
+        with about(long.name):
             kept = LongQuery(long.symbols, strings.repository, strings.distances, self.config)
-        except ValueError as error:
-            raise UserError(f"{long.name}: {error}") from error
         return LongAlignment(long, strings, kept)
 
     def distances(self, queries: Sequence[Query], gallery: Sequence[Query]) -> Float64Array:
@@ -224,22 +216,22 @@ class AlignmentRangeSearcher(_Aligner):
 
     def _matches(self, query: StringQuery, k: int, scope: Scope) -> list[Hit]:
         strings = self.strings.among(scope)
-        try:
+        with about(query.name):
             found = best_matches(
                 query.symbols, strings.repository, strings.distances, k, self.config,
                 boundaries="crossed" if self._crossing else "kept",
                 barred=None if scope.own else barred_symbols(strings, query), paths=self._paths, threads=self._threads,
             )  # fmt: skip
-        except ValueError as error:
-            raise UserError(f"{query.name}: {error}") from error
         return [_hit(strings, query, match, query.first, self._crossing) for match in found]
 
 
+@dataclass(frozen=True)
 class LongAlignment:
     """A long query, of which every segment is aligned at most once: look for as many ranges of it as you like."""
 
-    def __init__(self, query: StringQuery, strings: LakeStrings, kept: LongQuery) -> None:
-        self._query, self._strings, self._kept = query, strings, kept
+    query: StringQuery
+    strings: LakeStrings
+    kept: LongQuery
 
     def matches(self, start: int | None, stop: int | None, k: int, *, paths: bool = False) -> list[Hit]:
         """The k best matches of frames [start, stop) of the long query, at its own rate.
@@ -247,11 +239,11 @@ class LongAlignment:
         Raises:
             UserError: there are no such frames, or they are one symbol.
         """
-        whole = self._query
+        whole = self.query
         part = string_query(whole.name, whole.string, whole.stop, start, stop, whole.clip)
-        barred = barred_symbols(self._strings, part)
-        found = self._kept.best_matches(part.first, part.last, k, barred=barred, paths=paths)
-        return ranked([_hit(self._strings, part, match, 0) for match in found])
+        barred = barred_symbols(self.strings, part)
+        found = self.kept.best_matches(part.first, part.last, k, barred=barred, paths=paths)
+        return ranked([_hit(self.strings, part, match, 0) for match in found])
 
 
 def _hit(strings: LakeStrings, query: StringQuery, match: Match, path_from: int, crossing: bool = False) -> Hit:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Final
 
@@ -29,9 +29,6 @@ class ClassifiedClip:
     label: str
     confidence: float
     distance: float
-
-    def as_row(self) -> dict[str, object]:
-        return asdict(self)
 
 
 class LakeClassifier:
@@ -93,9 +90,6 @@ class ClusteredClip:
     cluster: int
     label: str | None
     dataset: str
-
-    def as_row(self) -> dict[str, object]:
-        return asdict(self)
 
 
 def clusters_of_lake(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import cache, reduce
 from typing import Any, Final
 
@@ -89,9 +89,6 @@ class Source:
     distance: float | None
     context_distance: float | None
 
-    def as_row(self) -> dict[str, Any]:
-        return asdict(self)
-
 
 @dataclass(frozen=True)
 class Composition:
@@ -125,8 +122,7 @@ def read_graph(
     """The motion graph of a dataset, constrained by signatures or not (Deep Motifs, section 6.4).
 
     Args:
-        con: to the lake.
-        lake: for its configuration.
+        con, lake: the lake.
         dataset: whose clips are joined.
         constrained: take only transitions between alike contexts.
         distance_quantile: share of the lake's transitions taken, nearest first.
@@ -167,7 +163,7 @@ def read_graph(
 
 
 def graph_summary(con: Connection, lake: Lake, dataset: str, *, constrained: bool = True) -> GraphSummary:
-    """Figures of a dataset's graph; see `read_graph`."""
+    """The size of a dataset's graph; see `read_graph`."""
     return summarise(read_graph(con, lake, dataset, constrained=constrained).graph)
 
 
@@ -254,17 +250,16 @@ def compose(
     places = placements(pieces, poses)
     made = assemble(pieces, places, poses)
     limits = smooth.limits(piece.clip for piece in pieces)
+    t = found.graph.transitions
     sources = []
     for piece, place in zip(pieces, places, strict=True):
-        x, y, z = place.shift
-        row, taken = found.rows[piece.clip], piece.transition >= 0
-        t = found.graph.transitions
+        row, taken = found.rows[piece.clip], piece.transition
+        costs = (float(t.distance[taken]), float(t.context[taken])) if taken >= 0 else (None, None)
+        stop = piece.out + piece.stop - piece.start
+        native = _native(piece, row, found.fps)
         sources.append(
             Source(
-                piece.out, piece.out + piece.stop - piece.start, row["clip"],
-                *_native(piece, row, found.fps), row["licence"], row["label"], place.degrees, x, y, z,
-                float(t.distance[piece.transition]) if taken else None,
-                float(t.context[piece.transition]) if taken else None,
+                piece.out, stop, row["clip"], *native, row["licence"], row["label"], place.degrees, *place.shift, *costs
             )
         )  # fmt: skip
     return Composition(made.clip(), rig, sources, steps(made).excess(limits), summarise(found.graph))

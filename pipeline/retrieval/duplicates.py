@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections import OrderedDict
-from collections.abc import Mapping
-from pathlib import Path
+from functools import lru_cache
 
 import numpy as np
 from motionlake.arrays import Float32Array
@@ -61,24 +59,13 @@ def near_duplicates(
     )
     config = load_config(lake.config_file).words
     files = {part: lake.path(file) for part, file in words.features_files(con, config).items()}
-    features = _Features({row["clip"]: files[row["part"]] for row in rows})
+    parts = {row["clip"]: row["part"] for row in rows}
+    held = lru_cache(HELD_PARTS)(lambda file: dict(words.read_features(file)))
+
+    def features(clip: str) -> Float32Array:
+        file = files[parts[clip]]
+        if not file.exists():
+            raise UserError(f"{clip}: has no words under this configuration; make them with `motionlake run all`")
+        return held(file)[clip]
+
     return find_duplicates(clips, features, config, max_distance=max_distance, across=across)
-
-
-class _Features:
-    """Features of clips by name; the parts last used are held."""
-
-    def __init__(self, files: Mapping[str, Path]) -> None:
-        self._files = files
-        self._held: OrderedDict[Path, dict[str, Float32Array]] = OrderedDict()
-
-    def __call__(self, clip: str) -> Float32Array:
-        file = self._files[clip]
-        if file not in self._held:
-            if not file.exists():
-                raise UserError(f"{clip}: has no words under this configuration; make them with `motionlake run all`")
-            self._held[file] = dict(words.read_features(file))
-            if len(self._held) > HELD_PARTS:
-                self._held.popitem(last=False)
-        self._held.move_to_end(file)
-        return self._held[file][clip]

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from motionlake.arrays import Float32Array, Float64Array
@@ -13,7 +14,7 @@ from motionlake.deep_motifs.motifs import Motifs, assign
 from motionlake.deep_motifs.query_by_example import words_within
 from motionlake.errors import UserError
 from motionlake.lake.catalog import Connection, fetch, reading
-from motionlake.lake.config import LakeConfig, load_config
+from motionlake.lake.config import load_config
 from motionlake.lake.frames import frame_range, read_clip
 from motionlake.lake.layout import Lake
 from motionlake.lake.resolve import resolve_clip
@@ -23,10 +24,12 @@ from motionlake.retrieval.protocol import Query
 from motionlake.stages.frames import first_body
 from motionlake.stages.motif_model import MOTIF_MODEL, read_motifs
 from motionlake.stages.reader import LakeReader
-from motionlake.stages.sources import IngestOptions
 from motionlake.stages.word_network import WORD_NETWORK
 from motionlake.stages.words import features_files, read_features
 from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from motionlake.deep_motifs.words.network import TrainedNetwork
 
 
 @dataclass(frozen=True)
@@ -34,24 +37,25 @@ class Models:
     """The network and the motifs that a lake serves, read when first used."""
 
     lake: Lake
-    config: LakeConfig
+    config: WordConfig
     network_file: str
     motifs_file: str
 
-    @cached_property
-    def vocabulary(self) -> Motifs:
-        return read_motifs(self.lake.path(self.motifs_file))
+    def motifs_of(self, features: Float32Array, *, mirrored: bool = False) -> NDArray[np.int32]:
+        """[n] motif of each word of a clip, or of the mirrored clip, with features [T, D]."""
+        if mirrored:
+            features = mirrored_features(features, self.config)
+        return assign(self._network.embed(word_windows(features, self.config)), self._vocabulary)
 
-    def motifs_of(self, features: Float32Array) -> NDArray[np.int32]:
-        """[n] motif of each word of a clip's features [T, D]."""
+    @cached_property
+    def _network(self) -> TrainedNetwork:
         from motionlake.deep_motifs.words.network import load_network
 
-        network = load_network(self.lake.path(self.network_file))
-        return assign(network.embed(word_windows(features, self.config.words)), self.vocabulary)
+        return load_network(self.lake.path(self.network_file))
 
-    def mirrored_motifs_of(self, features: Float32Array) -> NDArray[np.int32]:
-        """[n] motif of each word of the mirrored clip."""
-        return self.motifs_of(mirrored_features(features, self.config.words))
+    @cached_property
+    def _vocabulary(self) -> Motifs:
+        return read_motifs(self.lake.path(self.motifs_file))
 
 
 @dataclass(frozen=True)
@@ -75,16 +79,7 @@ def serving_models(con: Connection, lake: Lake) -> Models:
     network, model = WORD_NETWORK.fitting(at), MOTIF_MODEL.fitting(at)
     if network is None or model is None:
         raise UserError(f"{lake.root}: has no motifs yet; make them with `motionlake run all`")
-    return Models(lake, config, network.file, model.file)
-
-
-def features_of_clip(con: Connection, lake: Lake, config: WordConfig, clip: str) -> Float32Array:
-    """[T, D] features of a clip of the lake.
-
-    Raises:
-        UserError: the lake has no words of it yet.
-    """
-    return features_of_clips(con, lake, config, [clip])[0]
+    return Models(lake, config.words, network.file, model.file)
 
 
 def features_of_clips(con: Connection, lake: Lake, config: WordConfig, clips: Sequence[str]) -> list[Float32Array]:
@@ -106,13 +101,13 @@ def features_of_clips(con: Connection, lake: Lake, config: WordConfig, clips: Se
     return [found[clip] for clip in clips]
 
 
-def words_of_file(lake: Lake, config: WordConfig, path: Path, options: IngestOptions | None = None) -> FileWords:
+def words_of_file(lake: Lake, config: WordConfig, path: Path) -> FileWords:
     """The words of a clip file's first body.
 
     Raises:
         UserError: the file cannot be read.
     """
-    clip, motion = first_body(lake, path, options)
+    clip, motion = first_body(lake, path)
     features = word_features(motion.positions, motion.rotations, clip.fps, config)
     frames = len(motion.positions)
     ranges = [native_range(int(s), clip.fps, frames, config) for s in windows(len(features), config)]
@@ -140,13 +135,12 @@ def query_motion(lake: Lake, query: Query, *, mirrored: bool = False) -> QueryMo
     Raises:
         UserError: no such clip or file, or it has no such frames.
     """
-    if isinstance(query.source, Path):
-        body, motion = first_body(lake, query.source)
-        fps = body.fps
-        positions, rotations = motion.positions, motion.rotations
+    if query.clip is None:
+        body, motion = first_body(lake, Path(query.source))
+        positions, rotations, fps = motion.positions, motion.rotations, body.fps
     else:
         with reading(lake) as con:
-            row = fetch(con, "clip", {"clip": resolve_clip(con, query.source)})[0]
+            row = fetch(con, "clip", {"clip": resolve_clip(con, query.clip)})[0]
         stored = read_clip(lake.path(lake.frames_part(row["dataset"], row["part"])), row["clip"])
         positions, rotations, fps = stored.positions.astype(np.float64), stored.rotations.astype(np.float64), stored.fps
     if mirrored:
@@ -164,15 +158,15 @@ def query_motifs(
         UserError: no such clip or file, it has no such frames, no words yet, or fewer than `least` in these frames.
     """
     config = load_config(lake.config_file).words
-    if isinstance(query.source, Path):
-        file = words_of_file(lake, config, query.source)
+    if query.clip is None:
+        file = words_of_file(lake, config, Path(query.source))
         starts, stops, frames, fps = file.ranges[:, 0], file.ranges[:, 1], file.frames, file.fps
     else:
-        row = fetch(con, "clip", {"clip": resolve_clip(con, query.source)})[0]
+        row = fetch(con, "clip", {"clip": resolve_clip(con, query.clip)})[0]
         frames, fps = row["frames"], row["fps"]
-        known = fetch(con, "clip_motifs", {"clip": query.source})
+        known = fetch(con, "clip_motifs", {"clip": query.clip})
         if not known:
-            raise UserError(f"{query.source}: has no signature yet; make it with `motionlake run all`")
+            raise UserError(f"{query.clip}: has no signature yet; make it with `motionlake run all`")
         starts, stops = (np.array([word[end] for word in known], dtype=np.int64) for end in ("start", "stop"))
     first, last = frame_range(query.name, query.start, query.stop, frames)
     chosen = words_within(starts, stops, first, last)
@@ -182,11 +176,10 @@ def query_motifs(
             f"{query.name}: frames {first} to {last} last {(last - first) / fps:.2f} s, too short to compare; take a "
             f"range of at least {needed + 0.05:.1f} s"
         )
-    if isinstance(query.source, Path):
-        models = serving_models(con, lake)
+    if query.clip is None:
         features = file.features
     elif mirrored:
-        models, features = serving_models(con, lake), features_of_clip(con, lake, config, query.source)
+        (features,) = features_of_clips(con, lake, config, [query.clip])
     else:
         return np.array([word["motif"] for word in known], dtype=np.int32)[chosen]
-    return (models.mirrored_motifs_of if mirrored else models.motifs_of)(features)[chosen]
+    return serving_models(con, lake).motifs_of(features, mirrored=mirrored)[chosen]

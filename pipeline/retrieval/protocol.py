@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, Protocol, TypeAlias
@@ -178,13 +179,11 @@ def nearer_of_both(plain: Sequence[Hit], mirrored: Sequence[Hit], k: int, *, apa
 
 
 def _apart(one: Hit, other: Hit) -> bool:
-    assert one.start is not None
-    assert one.stop is not None
-    assert other.start is not None
-    assert other.stop is not None
-    if one.stop_clip not in (None, one.clip) or other.stop_clip not in (None, other.clip):
+    """Whether the frames of two hits in one clip do not overlap; those that cross into the next clip count as if."""
+    if any(hit.stop_clip not in (None, hit.clip) for hit in (one, other)):
         return False
-    return one.stop <= other.start or other.stop <= one.start
+    (_, stop), (start, _) = sorted((hit.start or 0, hit.stop or 0) for hit in (one, other))
+    return stop <= start
 
 
 class Searcher(Protocol):
@@ -260,6 +259,15 @@ def check_k(k: int) -> None:
     """Raises `UserError` where fewer than no answers are wanted."""
     if k < 0:
         raise UserError(f"k is {k}: it is at least 0")
+
+
+@contextmanager
+def about(name: str) -> Iterator[None]:
+    """A `ValueError` about a query as the `UserError` that names it."""
+    try:
+        yield
+    except ValueError as error:
+        raise UserError(f"{name}: {error}") from error
 
 
 def query_of(con: Connection, name: str, start: int | None = None, stop: int | None = None) -> Query:

@@ -61,9 +61,6 @@ class LabelledBand:
     start_seconds: float
     seconds: float
 
-    def as_row(self) -> dict[str, object]:
-        return asdict(self)
-
 
 def corpus_of(lake: Lake) -> Corpus:
     """The encoded words of a lake, which may serve several segmenters."""
@@ -96,7 +93,7 @@ class LakeSegmenter:
         if query.clip is None:
             with reading(self._lake) as con:
                 models = serving_models(con, self._lake)
-            file = words_of_file(self._lake, models.config.words, Path(query.source))
+            file = words_of_file(self._lake, models.config, Path(query.source))
             found = self.segmenter(None).label_words(models.motifs_of(file.features), self.corpus.idf)
             centres = (file.ranges[:, 0] + file.ranges[:, 1] - 1) / 2
             return _timed(bands(found, centres, file.frames), file.fps)
@@ -128,11 +125,11 @@ def mirrored_motifs(con: Connection, lake: Lake, corpus: Corpus, clips: Iterable
     wanted = {corpus.clips[clip].clip: clip for clip in clips}
     parts = {row["part"] for row in fetch(con, "words_per_clip") if row["clip"] in wanted}
     found = {}
-    for part, file in words.features_files(con, models.config.words).items():
+    for part, file in words.features_files(con, models.config).items():
         if part in parts:
             for name, features in words.read_features(lake.path(file)):
                 if name in wanted:
-                    found[wanted[name]] = models.mirrored_motifs_of(features)
+                    found[wanted[name]] = models.motifs_of(features, mirrored=True)
     return found
 
 

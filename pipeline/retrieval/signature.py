@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+import pyarrow.compute as pc
 from motionlake.arrays import Float64Array
 from motionlake.deep_motifs.emd import check_model, check_signature, emd_many, ground_distances
 from motionlake.deep_motifs.emd_search import SignatureIndex
@@ -50,8 +51,7 @@ class SignatureSearcher(LakeSearcher):
         self.ground = ground_distances(np.array([row["centroid"] for row in motifs], dtype=np.float32))
         self._idf = np.array([row["idf"] for row in motifs], dtype=np.float64)
         self.strength = np.array([row["strength"] for row in motifs], dtype=np.float64)
-        weights = rows["signature"].combine_chunks().flatten().to_numpy(zero_copy_only=False)
-        self.signatures = weights.reshape(len(rows), len(motifs))
+        self.signatures = pc.list_flatten(rows["signature"]).to_numpy().reshape(len(rows), len(motifs))
         self.clips = [CorpusClip(**row) for row in rows.drop_columns(["signature"]).to_pylist()]
         self._rows = {clip.clip: row for row, clip in enumerate(self.clips)}
         self._index = SignatureIndex.build(self.signatures, self.ground, motifs[0]["model"])

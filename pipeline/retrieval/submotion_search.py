@@ -23,7 +23,7 @@ from motionlake.lake.layout import Lake
 from motionlake.motion.dtw import Stretch, nearest_stretch
 from motionlake.motion.features import WordConfig, word_features
 from motionlake.retrieval.encode import features_of_clips, query_motion
-from motionlake.retrieval.protocol import Hit, LakeSearcher, Query, Scope, range_hit
+from motionlake.retrieval.protocol import Hit, LakeSearcher, Query, Scope, about, range_hit
 from motionlake.stages.submotions import SUBMOTIONS
 from numpy.typing import NDArray
 
@@ -134,10 +134,8 @@ def piece_of(
             f"{name}: {len(positions)} frames of {fps:g} a second are {count} at {FPS:g}; a piece to find needs at "
             f"least {SHORTEST} ({SHORTEST / FPS:.1f} s); take a longer range"
         )
-    try:
+    with about(name):
         return Piece(clip_sequence(positions, fps), word_features(positions, rotations, fps, config), own)
-    except ValueError as error:
-        raise UserError(f"{name}: {error}") from error
 
 
 def place(piece: Piece, row: Mapping[str, Any], features: Float32Array, config: WordConfig) -> Stretch:

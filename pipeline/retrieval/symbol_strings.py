@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import compress
 from typing import Final
 
 import numpy as np
-import pyarrow as pa
 import pyarrow.compute as pc
 from motionlake.arrays import Int64Array
 from motionlake.deep_motifs.signatures import CorpusClip
@@ -62,24 +62,21 @@ class LakeStrings:
         if all(wanted):
             return self
         if wanted not in self._taken:
-            self._taken[wanted] = self._of(list(wanted))
+            chosen = np.array(wanted, dtype=np.bool_)
+            kept = np.repeat(chosen, self.repository.lengths)
+            offsets = np.concatenate([[0], np.cumsum(self.repository.lengths[chosen])]).astype(np.int64)
+            self._taken[wanted] = replace(
+                self,
+                clips=list(compress(self.clips, wanted)),
+                repository=Repository(self.repository.symbols[kept], offsets),
+                starts=self.starts[kept],
+                stops=self.stops[kept],
+            )
         return self._taken[wanted]
 
     @cached_property
     def _taken(self) -> dict[tuple[bool, ...], LakeStrings]:
         return {}
-
-    def _of(self, wanted: list[bool]) -> LakeStrings:
-        chosen = np.array(wanted, dtype=np.bool_)
-        kept = np.repeat(chosen, self.repository.lengths)
-        offsets = np.concatenate([[0], np.cumsum(self.repository.lengths[chosen])]).astype(np.int64)
-        return replace(
-            self,
-            clips=[c for c, kept_too in zip(self.clips, wanted, strict=True) if kept_too],
-            repository=Repository(self.repository.symbols[kept], offsets),
-            starts=self.starts[kept],
-            stops=self.stops[kept],
-        )
 
 
 def read_strings(con: Connection) -> LakeStrings:
@@ -95,7 +92,7 @@ def read_strings(con: Connection) -> LakeStrings:
     known = rows.drop_columns(["symbols", "starts"]).to_pylist()
     lengths = pc.list_value_length(rows.column("symbols")).to_numpy().astype(np.int64)
     offsets = np.concatenate([[0], np.cumsum(lengths)]).astype(np.int64)
-    starts = _flat(rows.column("starts")).astype(np.int64)
+    starts = pc.list_flatten(rows.column("starts")).to_numpy().astype(np.int64)
     stops = np.append(starts[1:], 0)
     stops[offsets[1:] - 1] = rows.column("frames").to_numpy()
     from scipy.spatial.distance import cdist
@@ -103,16 +100,12 @@ def read_strings(con: Connection) -> LakeStrings:
     points = np.array([row["code"] for row in codes], dtype=np.float64)
     return LakeStrings(
         [CorpusClip(**row) for row in known],
-        Repository(_flat(rows.column("symbols")).astype(np.int32), offsets),
+        Repository(pc.list_flatten(rows.column("symbols")).to_numpy().astype(np.int32), offsets),
         starts,
         stops,
         SymbolDistances(cdist(points, points).astype(np.float32)),
         codes[0]["model"],
     )
-
-
-def _flat(lists: pa.ChunkedArray) -> NDArray[np.int64]:
-    return np.concatenate([np.zeros(0, dtype=np.int64), *(chunk.flatten().to_numpy() for chunk in lists.chunks)])
 
 
 @dataclass(frozen=True)

@@ -47,38 +47,27 @@ SELECT dataset, split, count(*)::BIGINT AS clips FROM clips WHERE format <> 'syn
 
 -- name: labelled_clips
 -- Clips with a signature, or the recorded ones of them, with one column of what labels.csv says of them, and another to choose by.
-SELECT clip, dataset, path, part, fps, subject, signature, label
-FROM (
-    SELECT c.clip, c.dataset, c.path, c.part, c.fps, c.subject, s.signature,
-        CASE $column WHEN 'label' THEN label WHEN 'subject' THEN subject WHEN 'split' THEN split
-            WHEN 'dataset' THEN dataset ELSE attributes[$column] END AS label,
-        CASE $only_column::VARCHAR WHEN 'label' THEN label WHEN 'subject' THEN subject WHEN 'split' THEN split
-            WHEN 'dataset' THEN dataset ELSE attributes[$only_column::VARCHAR] END AS criterion
-    FROM clips c JOIN signatures s USING (clip)
-    WHERE NOT ($recorded_only AND c.format = 'synthetic') AND ($split::VARCHAR IS NULL OR c.split = $split)
-)
-WHERE ($dataset::VARCHAR IS NULL OR dataset = $dataset) AND ($only_column::VARCHAR IS NULL OR criterion = $only_value)
+SELECT clip, dataset, path, part, fps, subject, signature, says[$column] AS label
+FROM (SELECT *, map_concat(attributes, MAP {'label': label, 'subject': subject, 'split': split, 'dataset': dataset}) AS says FROM clips)
+JOIN signatures USING (clip)
+WHERE NOT ($recorded_only AND format = 'synthetic') AND ($split::VARCHAR IS NULL OR split = $split)
+    AND ($dataset::VARCHAR IS NULL OR dataset = $dataset)
+    AND ($only_column::VARCHAR IS NULL OR says[$only_column::VARCHAR] = $only_value)
 ORDER BY clip;
 
 -- name: described_clips
 -- Recorded clips with a descriptor, one column of what labels.csv says of them as label, and the signature where there is one.
-SELECT clip, dataset, part, fps, split, descriptor, signature, label
-FROM (
-    SELECT c.clip, c.dataset, c.part, c.fps, c.split, d.descriptor, s.signature,
-        CASE $column WHEN 'label' THEN label WHEN 'subject' THEN subject WHEN 'split' THEN split
-            WHEN 'dataset' THEN dataset ELSE attributes[$column] END AS label
-    FROM clips c JOIN descriptors d USING (clip) LEFT JOIN signatures s USING (clip)
-    WHERE c.format <> 'synthetic'
-)
-WHERE label IS NOT NULL AND ($dataset::VARCHAR IS NULL OR dataset = $dataset)
+SELECT clip, dataset, c.part, fps, split, descriptor, signature, says[$column] AS label
+FROM (SELECT *, map_concat(attributes, MAP {'label': label, 'subject': subject, 'split': split, 'dataset': dataset}) AS says FROM clips) c
+JOIN descriptors USING (clip) LEFT JOIN signatures USING (clip)
+WHERE format <> 'synthetic' AND says[$column] IS NOT NULL AND ($dataset::VARCHAR IS NULL OR dataset = $dataset)
 ORDER BY clip;
 
 -- name: taught_clips
 -- What clips teach as a whole: their label, where they have no segments. NULL for datasets and for clips: all that are
 -- recorded.
 SELECT clip, 0 AS start, frames AS stop,
-    CASE $column WHEN 'label' THEN label WHEN 'subject' THEN subject WHEN 'split' THEN split
-        WHEN 'dataset' THEN dataset ELSE attributes[$column] END AS taught
+    map_concat(attributes, MAP {'label': label, 'subject': subject, 'split': split, 'dataset': dataset})[$column] AS taught
 FROM clips
 WHERE clip IN (SELECT clip FROM signatures) AND clip NOT IN (SELECT clip FROM segments) AND taught IS NOT NULL
     AND (($datasets::VARCHAR[] IS NULL AND $clips::VARCHAR[] IS NULL AND format <> 'synthetic')

@@ -24,8 +24,7 @@ ORDER BY clip;
 SELECT clip, dataset, part, fps, split, rest_offsets, start, stop, label
 FROM (
     SELECT * EXCLUDE (label), 0::BIGINT AS start, frames AS stop,
-        CASE $column WHEN 'label' THEN label WHEN 'subject' THEN subject WHEN 'split' THEN split
-            WHEN 'dataset' THEN dataset ELSE attributes[$column] END AS label
+        map_concat(attributes, MAP {'label': label, 'subject': subject, 'split': split, 'dataset': dataset})[$column] AS label
     FROM clips
     UNION ALL BY NAME
     SELECT c.* EXCLUDE (label), s.start, s.stop, s.label

@@ -17,6 +17,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import MISSING, dataclass, fields, is_dataclass
 from functools import cache, cached_property, partial
 from importlib import import_module
+from itertools import accumulate
 from pathlib import Path
 from types import NoneType, UnionType
 from typing import TYPE_CHECKING, Any, TypeAlias, Union, get_args, get_origin, get_type_hints
@@ -47,13 +48,11 @@ class Served:
 
     def __init__(self, lake: Lake) -> None:
         self.lake = lake
-        self.once = cache(lambda make, *options: make(lake, **dict(options)))
+        self.once = cache(lambda make, *arguments, **options: make(lake, *arguments, **options))
 
     def searcher(self, finds: Finds, name: str, /, **options: Any) -> Searcher:
         """A way to search, made once for the same options."""
-        from motionlake.retrieval.registry import searcher
-
-        found: Searcher = self.once(partial_of(searcher, finds, name), *options.items())
+        found: Searcher = self.once(_searcher, finds, name, **options)
         return found
 
     def query(self, name: str, start: int | None = None, stop: int | None = None) -> Query:
@@ -71,10 +70,10 @@ class Served:
             return {row["clip"] for row in fetch(con, "clip_names")}
 
 
-@cache
-def partial_of(make: Callable[..., Any], *arguments: Any) -> Callable[..., Any]:
-    """`make` of these arguments and those that follow; the same object for the same ones."""
-    return partial(make, *arguments)
+def _searcher(lake: Lake, finds: Finds, name: str, **options: Any) -> Searcher:
+    from motionlake.retrieval.registry import searcher
+
+    return searcher(finds, name, lake, **options)
 
 
 @dataclass(frozen=True)
@@ -236,7 +235,5 @@ def _rows(rows: Any, struct: pa.StructType) -> pa.StructArray:
 
 def _lists(rows: Sequence[pa.StructArray], struct: pa.StructType) -> pa.ListArray:
     """One list for each call."""
-    ends = [0]
-    for each in rows:
-        ends.append(ends[-1] + len(each))
-    return pa.ListArray.from_arrays(pa.array(ends, pa.int32()), pa.concat_arrays([pa.array([], struct), *rows]))
+    ends = pa.array([0, *accumulate(map(len, rows))], pa.int32())
+    return pa.ListArray.from_arrays(ends, pa.concat_arrays([pa.array([], struct), *rows]))

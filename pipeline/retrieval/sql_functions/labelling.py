@@ -16,7 +16,7 @@ def classify_clip(
 ) -> list[ClassifiedClip]:
     """The class of a clip by a vote of its k nearest labelled, recorded clips, as `motionlake classify`."""
     scope = Scope(dataset, split, recorded_only=dataset is None)
-    classifier: LakeClassifier = served.once(LakeClassifier, ("k", k), ("scope", scope))
+    classifier: LakeClassifier = served.once(LakeClassifier, k=k, scope=scope)
     return classifier.classify([served.query(query)])
 
 
