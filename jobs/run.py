@@ -93,16 +93,16 @@ def ingest(
     session: Session, roots: Sequence[Root] | None = None, *, checksum: bool = False, retry_failed: bool = False
 ) -> IngestReport:
     """Bring the lake up to date with source folders (default: all it knows)."""
-    intake = sources.prepare(
+    found, lines = sources.prepare(
         session.lake, session.config, roots, checksum=checksum, retry_failed=retry_failed,
         progress=lambda done, total: session.progress("hash", done, total),
     )  # fmt: skip
-    for line in intake.notices:
+    for line in lines:
         session.notice(line)
-    outcome = session.outcomes[FRAMES.name] = session.execute(FRAMES, intake.shards)
-    labels, rejects = sources.finish(session.lake, intake)
-    gone = [f"{root.dataset}/{path}" for root, difference in intake.roots for path in difference.gone]
-    return IngestReport(outcome, sum(d.unchanged for _, d in intake.roots), gone, labels, rejects)
+    outcome = session.outcomes[FRAMES.name] = session.execute(FRAMES, [shard for one in found for shard in one.shards])
+    labels, rejects = sources.finish(session.lake, found)
+    gone = [f"{one.root.dataset}/{path}" for one in found for path in one.difference.gone]
+    return IngestReport(outcome, sum(one.difference.unchanged for one in found), gone, labels, rejects)
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import fcntl
-import json
 import os
 import socket
 from collections.abc import Iterator
@@ -22,28 +21,16 @@ def locked(lake: Lake, command: str) -> Iterator[None]:
             fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
             handle.seek(0)
-            raise UserError(f"{lake.root}: {_holder(handle.read())}; wait for it to end, then try again") from None
+            text = handle.read()
+            holder = f" ({text})" if text else ""
+            raise UserError(
+                f"{lake.root}: another run is using this lake{holder}; wait for it to end, then try again"
+            ) from None
         handle.truncate(0)
-        holder = {
-            "pid": os.getpid(),
-            "host": socket.gethostname(),
-            "command": command,
-            "since": datetime.now().isoformat(timespec="seconds"),
-        }
-        handle.write(json.dumps(holder))
+        since = datetime.now().isoformat(timespec="seconds")
+        handle.write(f"{command}, process {os.getpid()} on {socket.gethostname()}, since {since}")
         handle.flush()
         try:
             yield
         finally:
             handle.truncate(0)
-
-
-def _holder(text: str) -> str:
-    try:
-        holder = json.loads(text)
-    except ValueError:
-        return "another run is using this lake"
-    return (
-        f"another run is using this lake ({holder['command']}, process {holder['pid']} on {holder['host']}, "
-        f"since {holder['since']})"
-    )

@@ -22,6 +22,7 @@ from motionlake.stages.reader import LakeReader
 from motionlake.stages.sources import (
     FRAMES_VERSION,
     Difference,
+    Hashing,
     IngestOptions,
     Root,
     SourceFile,
@@ -57,11 +58,7 @@ class FramesStage(ClipStage):
     replaces = "sources"
 
     def plan(self, at: LakeReader) -> list[Shard]:
-        found: list[Shard] = []
-        for root in known_roots(at.con):
-            shaping = root.shaping_hash(at.config.frames, at.lake)
-            found += cut(at, root, compare(at.con, at.lake, root, shaping), shaping).shards
-        return found
+        return [shard for root in known_roots(at.con) for shard in intake_of(at, root).shards]
 
     def due(self, at: LakeReader) -> int:
         """Planned shards that have not run; folders are not searched."""
@@ -100,38 +97,50 @@ FRAMES: Final = FramesStage()
 
 
 @dataclass(frozen=True)
-class Cut:
-    """The shards of a root: those that a run which was cut short left, then new ones.
+class Intake:
+    """What a root holds against what the lake knows of it, and what of it is to be read.
 
     Attributes:
+        shards: those that a run which was cut short left, then new ones.
         dropped: keys of planned shards whose files have changed since.
         failed: (files, reason) of shards that failed before and are left alone.
     """
 
+    root: Root
+    difference: Difference
     shards: list[Shard]
     dropped: list[str]
     failed: list[tuple[int, str]]
 
 
-def cut(at: LakeReader, root: Root, difference: Difference, shaping: str, *, retry_failed: bool = False) -> Cut:
-    """What of a root is to be read, in the shards in which it was planned before, where it was."""
+def intake_of(
+    at: LakeReader, root: Root, *, checksum: bool = False, retry_failed: bool = False, progress: Hashing | None = None
+) -> Intake:
+    """Compare a root with the lake, as `compare`, and cut what is to be read into shards: the planned ones, then new.
+
+    Raises:
+        UserError: as `compare`.
+    """
+    shaping = root.shaping_hash(at.config.frames, at.lake)
+    difference = compare(
+        at.con, at.lake, root, shaping, checksum=checksum, retry_failed=retry_failed, progress=progress
+    )
+    found = Intake(root, difference, [], [], [])
     rest = {(f.path, f.content_hash): f for f in difference.changed}
-    found = Cut([], [], [])
     for row in fetch(at.con, "unfinished_shards", {"dataset": root.dataset}):
         spec = json.loads(row["spec"])
-        shard = Shard(FRAMES.name, row["key"], row["part"], row["dataset"], spec, len(spec["files"]))
-        if shard.spec["base"] != str(root.base):
+        if spec["base"] != str(root.base):
             continue
-        wanted = [(f["path"], f["content_hash"]) for f in shard.spec["files"]]
-        if shard.spec["shaping_hash"] != shaping or not all(w in rest for w in wanted):
-            found.dropped.append(shard.key)
+        wanted = [(f["path"], f["content_hash"]) for f in spec["files"]]
+        if spec["shaping_hash"] != shaping or not all(w in rest for w in wanted):
+            found.dropped.append(row["key"])
             continue
         for file in wanted:
             del rest[file]
         if row["state"] == "planned" or retry_failed:
-            found.shards.append(shard)
+            found.shards.append(Shard(FRAMES.name, row["key"], row["part"], row["dataset"], spec, len(wanted)))
         else:
-            found.failed.append((shard.items, row["reason"]))
+            found.failed.append((len(wanted), row["reason"]))
     found.shards.extend(_new_shards(root, list(rest.values()), at.config.frames, shaping))
     return found
 

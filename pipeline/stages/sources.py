@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 from motionlake.errors import ClipError, UserError
 from motionlake.formats import companions, is_clip
@@ -21,6 +21,7 @@ UNITS = {"m": 1.0, "dm": 0.1, "cm": 0.01, "mm": 0.001, "in": 0.0254, "ft": 0.304
 UPS = ("x", "y", "z", "-x", "-y", "-z")
 FRAMES_VERSION = 1
 HASHED_TOGETHER = 256
+Hashing: TypeAlias = Callable[[int, int], None]  # told of (files hashed, all files)
 
 
 @dataclass(frozen=True)
@@ -203,7 +204,7 @@ def compare(
     *,
     checksum: bool = False,
     retry_failed: bool = False,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Hashing | None = None,
 ) -> Difference:
     """What is new, changed and gone in a root.
 
@@ -250,7 +251,7 @@ def compare(
     return Difference(changed, touched, unchanged, gone, len(again), again[0] if again else "")
 
 
-def _hashed(base: Path, files: list[SourceFile], progress: Callable[[int, int], None] | None) -> Iterator[SourceFile]:
+def _hashed(base: Path, files: list[SourceFile], progress: Hashing | None) -> Iterator[SourceFile]:
     with ThreadPoolExecutor(min(8, os.cpu_count() or 1)) as pool:
         for start in range(0, len(files), HASHED_TOGETHER):
             batch = files[start : start + HASHED_TOGETHER]
