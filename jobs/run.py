@@ -17,7 +17,7 @@ from motionlake.stages.reader import lake_reader
 from motionlake.stages.registry import ALL, STAGES
 from motionlake.stages.sources import Root
 from motionlake.stages.stage import ShardStage, Stage
-from motionlake.stages.synthesis_wishes import Request
+from motionlake.stages.synthesis_requests import Request
 from motionlake.stages.synthesize import SYNTHESIZE, planned
 
 

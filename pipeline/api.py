@@ -349,7 +349,7 @@ class Lake:
         """
         from motionlake.lake.config import load_config
         from motionlake.stages.synthesis import open_generator, served_generator
-        from motionlake.stages.synthesis_wishes import Request, canonical_motion, find_starts, make, motions_of
+        from motionlake.stages.synthesis_requests import Request, canonical_motion, find_starts, make, motions_of
 
         wanted = (classes,) if isinstance(classes, str) else tuple(classes)
         seed_clip = None if start is None else self._query(start)

@@ -95,7 +95,7 @@ def ingest(
     gone = [f"{path}: its source is gone; `motionlake remove` takes it out of the lake" for path in report.gone]
     _notice_first(gone, " whose source is gone")
     outcome = report.outcome
-    figures = {
+    metrics = {
         "clips": outcome.clips, "frames": outcome.rows, "bytes": outcome.bytes, "unchanged": report.unchanged,
         "rejected": report.rejects, "failed": outcome.failed, "gone": len(report.gone),
     }  # fmt: skip
@@ -105,7 +105,7 @@ def ingest(
         "source files gone": len(report.gone),
     }
     line = f"{outcome.clips} clips taken in ({outcome.rows} frames), {report.unchanged} files unchanged"
-    tell(figures, line + "".join(f", {count} {what}" for what, count in rest.items() if count), as_json=as_json)
+    tell(metrics, line + "".join(f", {count} {what}" for what, count in rest.items() if count), as_json=as_json)
     _notice_rejects(target, sorted({r.dataset for r in roots}))
     nothing_labelled = any(label.rows and label.unmatched == label.rows for label in report.labels)
     if report.rejects or outcome.failed or nothing_labelled:

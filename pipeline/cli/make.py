@@ -188,7 +188,7 @@ def synthesize(
     Which classes there are: motionlake synthesize --classes --lake mylake
     """
     from motionlake.jobs import run as jobs
-    from motionlake.stages.synthesis_wishes import Request, check_request
+    from motionlake.stages.synthesis_requests import Request, check_request
 
     target = open_lake(lake)
     if classes:

@@ -76,9 +76,13 @@ class ClipDataset(Dataset[Item]):
         with reading(self._lake) as con:
             self._rows = fetch(con, "dataset_clips", {"split": split, "dataset": dataset})
         if not self._rows:
-            asked = [f"{name} {value}" for name, value in (("split", split), ("dataset", dataset)) if value is not None]
+            wanted = [
+                f"{name} {value}" for name, value in (("split", split), ("dataset", dataset)) if value is not None
+            ]
             raise UserError(
-                f"{lake}: has no clips" + (f" of {' and '.join(asked)}" if asked else "") + "; list what there is with "
+                f"{lake}: has no clips"
+                + (f" of {' and '.join(wanted)}" if wanted else "")
+                + "; list what there is with "
                 "`motionlake sql 'SELECT dataset, split, count(*) FROM clips GROUP BY ALL'`"
             )
         labels = {row["label"] for row in self._rows if row["label"] is not None}

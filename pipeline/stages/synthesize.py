@@ -17,7 +17,7 @@ from motionlake.stages.clip_parts import BODY_ROWS, CLIP_ROWS, ClipParts, ClipSt
 from motionlake.stages.reader import LakeReader
 from motionlake.stages.stage import Shard
 from motionlake.stages.synthesis import open_generator, served_generator
-from motionlake.stages.synthesis_wishes import (
+from motionlake.stages.synthesis_requests import (
     Motion,
     Request,
     Start,
@@ -177,8 +177,8 @@ def _path(request: Request, number: int) -> str:
 def _identity(request: Request, motion: Motion) -> list[Any]:
     """All that a motion follows from but the generator."""
     start = motion.start
-    wished = {name: value for name, value in asdict(request).items() if name not in ("start", "outside", "split")}
-    return [wished, motion.number, start.clip, start.content_hash, start.start, start.stop]
+    shaping = {name: value for name, value in asdict(request).items() if name not in ("start", "outside", "split")}
+    return [shaping, motion.number, start.clip, start.content_hash, start.start, start.stop]
 
 
 def _segments(name: str, request: Request, made: GeneratedMotion) -> list[dict[str, Any]]:

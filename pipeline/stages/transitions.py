@@ -95,10 +95,10 @@ class Transitions(ShardStage):
         return [Shard(CONTEXTS, key, dataset, dataset, spec, sum(p.clips for p in parts))]
 
     def due(self, at: LakeReader) -> int:
-        """Shards due in the datasets whose transitions were ever asked for; contexts only where no pair is."""
-        asked = {r["dataset"] for r in fetch(at.con, "shards", {"stage": self.name})}
+        """Shards due in the datasets whose transitions were ever made; contexts only where no pair is."""
+        made = {r["dataset"] for r in fetch(at.con, "shards", {"stage": self.name})}
         datasets = _parts_of_datasets(at.con)
-        return sum(len(self._plan(at, parts)) for name, parts in datasets.items() if name in asked)
+        return sum(len(self._plan(at, parts)) for name, parts in datasets.items() if name in made)
 
     def lacking(self, at: LakeReader) -> str | None:
         return "motifs" if MOTIF_MODEL.fitting(at) is None else None

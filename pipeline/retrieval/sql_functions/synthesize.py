@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from motionlake.glogen.generator import GeneratedMotion, TrainedGenerator
     from motionlake.lake.config import LakeConfig
     from motionlake.lake.models import Model
-    from motionlake.stages.synthesis_wishes import Request
+    from motionlake.stages.synthesis_requests import Request
 
 FRAME = {"frame": pa.int32(), "time": float, "class": str, "seed_clip": str} | dict.fromkeys(CHANNELS, pa.float32())
 
@@ -56,7 +56,7 @@ def synthesize(
     A row a frame, with the columns of `frames`, the time, the class and the recorded clip that it goes on from.
     `classes`: 'walk', or ['walk', 'kick'] one after the other; `start`: that clip; `split`: its split.
     """
-    from motionlake.stages.synthesis_wishes import Request, find_starts, make, motions_of
+    from motionlake.stages.synthesis_requests import Request, find_starts, make, motions_of
 
     if seconds is None:
         return []
@@ -72,7 +72,7 @@ def synthesize(
 
 def _rows(config: LakeConfig, request: Request, made: GeneratedMotion, seed_clip: str) -> pa.StructArray:
     from motionlake.lake.frames import Frames, to_table
-    from motionlake.stages.synthesis_wishes import canonical_motion
+    from motionlake.stages.synthesis_requests import canonical_motion
 
     motion, steps = canonical_motion(made), config.frames
     table = to_table(

@@ -1,4 +1,4 @@
-"""What people ask a generator for: the motions of one request, the recorded clips they start from, and making them."""
+"""Requests of new motion: what they may say, the recorded clips that their motions start from, and making these."""
 
 from __future__ import annotations
 
