@@ -76,15 +76,10 @@ class ClipDataset(Dataset[Item]):
         with reading(self._lake) as con:
             self._rows = fetch(con, "dataset_clips", {"split": split, "dataset": dataset})
         if not self._rows:
-            wanted = [
-                f"{name} {value}" for name, value in (("split", split), ("dataset", dataset)) if value is not None
-            ]
-            raise UserError(
-                f"{lake}: has no clips"
-                + (f" of {' and '.join(wanted)}" if wanted else "")
-                + "; list what there is with "
-                "`motionlake sql 'SELECT dataset, split, count(*) FROM clips GROUP BY ALL'`"
-            )
+            chosen = {"split": split, "dataset": dataset}
+            wanted = " and ".join(f"{name} {value}" for name, value in chosen.items() if value is not None)
+            todo = "`motionlake sql 'SELECT dataset, split, count(*) FROM clips GROUP BY ALL'`"
+            raise UserError(f"{lake}: has no clips{' of ' * bool(wanted)}{wanted}; list what there is with {todo}")
         labels = {row["label"] for row in self._rows if row["label"] is not None}
         self.clips: list[str] = [row["clip"] for row in self._rows]
         self.classes: list[str] = sorted(labels) if classes is None else list(classes)

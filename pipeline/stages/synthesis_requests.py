@@ -86,7 +86,7 @@ def check_request(request: Request) -> None:
     if not (request.pace > 0 and math.isfinite(request.pace)):
         raise UserError(f"pace {request.pace:g}: must be more than 0; 1 is as recorded, 2 twice as fast")
     if not (request.temperature >= 0 and math.isfinite(request.temperature)):
-        raise UserError(f"temperature {request.temperature:g}: must be 0 or more; 0 leaves nothing to chance")
+        raise UserError(f"temperature {request.temperature:g}: must be 0 or more; 0 gives the likeliest motion")
     if request.seed < 0:
         raise UserError(f"seed {request.seed}: must be 0 or more")
     if request.start is not None and request.split is not None:
