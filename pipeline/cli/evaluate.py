@@ -24,6 +24,7 @@ from motionlake.lake.catalog import reading
 from motionlake.lake.layout import open_lake
 
 if TYPE_CHECKING:
+    from motionlake.evaluation.clips import LabelledOptions
     from motionlake.pictures.html import Picture
 
 Row = Mapping[str, Any]
@@ -98,13 +99,11 @@ def signatures(
 
     The partners of a dance: motionlake evaluate signatures --label-column subject --only label=salsa --lake mylake
     """
-    from motionlake.evaluation.clips import LabelledOptions
     from motionlake.evaluation.signatures import evaluate_signatures
 
     target = open_lake(lake)
-    options = LabelledOptions(dataset, column, _criterion(only), BASELINES[baseline], notice)
     with reading(target) as con:
-        found = evaluate_signatures(con, target, options)
+        found = evaluate_signatures(con, target, _labelled(dataset, column, only, baseline))
     keys = ("nn", "top5", "first_tier", "second_tier", "map", "cross_subject_nn")
     measured = {"signatures": found, "whole-clip DTW": found["dtw"]}
     rows = [
@@ -165,13 +164,11 @@ def pesta(
 
     Drawn: motionlake evaluate pesta --dataset hdm05 --pictures figures --lake mylake
     """
-    from motionlake.evaluation.clips import LabelledOptions
     from motionlake.evaluation.pesta import evaluate_pesta
 
     target = open_lake(lake)
-    options = LabelledOptions(dataset, column, _criterion(only), BASELINES[baseline], notice)
     with reading(target) as con:
-        found = evaluate_pesta(con, target, options, stride=stride)
+        found = evaluate_pesta(con, target, _labelled(dataset, column, only, baseline), stride=stride)
     if pictures is not None:
         from motionlake.pictures.evaluation import evaluation_pictures
 
@@ -296,13 +293,14 @@ def _synthesis_rows(found: dict[str, Any]) -> list[Row]:
     return [{"measure": a, "made": b, "beside": c, "beside is": d} for a, b, c, d in rows]
 
 
-def _criterion(text: str | None) -> tuple[str, str] | None:
-    if text is None:
-        return None
-    column, equals, value = text.partition("=")
-    if not (column and equals):
-        raise UserError(f"--only {text}: give COLUMN=VALUE")
-    return column, value
+def _labelled(dataset: str | None, column: str, only: str | None, baseline: str) -> LabelledOptions:
+    from motionlake.evaluation.clips import LabelledOptions
+
+    name, equals, value = (only or "").partition("=")
+    if only is not None and not (name and equals):
+        raise UserError(f"--only {only}: give COLUMN=VALUE")
+    criterion = None if only is None else (name, value)
+    return LabelledOptions(dataset, column, criterion, BASELINES[baseline], notice)
 
 
 def _draw(pictures: Sequence[Picture], folder: Path) -> None:
