@@ -11,6 +11,7 @@ signatures; it starts from the classical solution, hence no random starts. K-mea
 from __future__ import annotations
 
 import warnings
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final, Literal
@@ -61,11 +62,8 @@ def classify_knn(distances: Float64Array, labels: Sequence[str], k: int = 5) -> 
     predictions = []
     for row in distances:
         order = np.argsort(row, kind="stable")[:k].tolist()
-        votes: dict[str, int] = {}
-        for i in order:
-            votes[labels[i]] = votes.get(labels[i], 0) + 1
-        label = max(votes, key=lambda name: votes[name])  # the first of equals is the nearest
-        predictions.append(Prediction(label, votes[label] / len(order), float(row[order[0]])))
+        ((label, votes),) = Counter(labels[i] for i in order).most_common(1)  # the first of equals is the nearest
+        predictions.append(Prediction(label, votes / len(order), float(row[order[0]])))
     return predictions
 
 
@@ -89,28 +87,17 @@ def classify_one_vs_all(distances: Float64Array, labelled: Float64Array, labels:
     classes = np.unique(np.asarray(labels))
     if len(classes) < 2:
         raise UserError(f"all labelled clips are of one class ({classes[0]}): there is nothing to tell apart")
-    scale = _scale(labelled)
-    kernel, queries = _kernel(labelled, scale), _kernel(distances, scale)
+    scale = float(np.median(labelled[np.triu_indices(len(labels), 1)])) or 1.0
+    kernel, queries = (np.exp(-((each / scale) ** 2)) for each in (labelled, distances))
     scores = np.empty((len(queries), len(classes)))
     for i, name in enumerate(classes):
         machine = SVC(C=_C, kernel="precomputed").fit(kernel, np.asarray(labels) == name)
         scores[:, i] = machine.decision_function(queries)
-    ranked = np.sort(scores, axis=1)
+    lead = np.ptp(np.sort(scores, axis=1)[:, -2:], axis=1)
     return [
-        Prediction(str(classes[scores[q].argmax()]), float(ranked[q, -1] - ranked[q, -2]), float(distances[q].min()))
-        for q in range(len(scores))
+        Prediction(str(classes[best]), float(ahead), float(nearest))
+        for best, ahead, nearest in zip(scores.argmax(axis=1), lead, distances.min(axis=1), strict=True)
     ]
-
-
-def _scale(labelled: Float64Array) -> float:
-    """Median distance of different clips."""
-    apart = labelled[np.triu_indices(len(labelled), 1)]
-    scale = float(np.median(apart))
-    return scale if scale > 0 else 1.0
-
-
-def _kernel(distances: Float64Array, scale: float) -> Float64Array:
-    return np.asarray(np.exp(-((distances / scale) ** 2)), dtype=np.float64)
 
 
 def _check(distances: Float64Array, labels: Sequence[str]) -> None:
@@ -201,8 +188,5 @@ def _classical(distances: Float64Array, dimensions: int) -> Float64Array:
 
 def _by_size(clusters: Int64Array) -> Int64Array:
     """Numbers by size, the largest first, equal sizes by their first clip."""
-    names, first, counts = np.unique(clusters, return_index=True, return_counts=True)
-    order = np.lexsort((first, -counts))
-    rank = np.empty(len(names), dtype=np.int64)
-    rank[order] = np.arange(len(names))
-    return np.asarray(rank[np.searchsorted(names, clusters)], dtype=np.int64)
+    _, first, where, counts = np.unique(clusters, return_index=True, return_inverse=True, return_counts=True)
+    return np.asarray(np.argsort(np.lexsort((first, -counts)))[where], dtype=np.int64)

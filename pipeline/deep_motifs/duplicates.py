@@ -24,28 +24,20 @@ from motionlake.motion.rotations import to_matrix
 from motionlake.motion.skeleton import INDEX
 from numba import njit
 
-# Part of the movement that may differ.
-MAX_DISTANCE: Final = 0.1
-# Radius of signatures, in mean distances of two motifs.
-RADIUS: Final = 0.3
-# Least overlap, as a share of the shorter clip: a copy may have been cut.
-SHARE: Final = 0.8
-# Movement (radians, on average over bones and frames) below which a clip stands still.
-STILL: Final = 0.01
+MAX_DISTANCE: Final = 0.1  # part of the movement that may differ
+RADIUS: Final = 0.3  # of signatures, in mean distances of two motifs
+SHARE: Final = 0.8  # least overlap, as a share of the shorter clip: a copy may have been cut
+STILL: Final = 0.01  # movement (radians, mean over bones and frames) below which a clip stands still
 # Clips of a block are compared with those of another; clips held ready to be aligned, some 50 kB each.
 _BLOCK: Final = 1024
 _HELD: Final = 4 * _BLOCK
 # Copies need not be cut on the words' frames: (part of a frame, whole frames) by which the best offset is refined.
 FRACTIONS: Final = (*((i / 8, 0) for i in range(1, 5)), *((i / 8, 1) for i in range(4, 8)))
 # Trunk, head and limbs. Shoulders and hips are left out: rigs differ in where they attach limbs to the trunk.
+_LIMBS: Final = (("shoulder", "elbow"), ("elbow", "wrist"), ("hip", "knee"), ("knee", "ankle"))
 BONES: Final = (
-    ("hips", "neck"),
-    ("neck", "head"),
-    *(
-        (f"{side}_{start}", f"{side}_{end}")
-        for side in ("left", "right")
-        for start, end in (("shoulder", "elbow"), ("elbow", "wrist"), ("hip", "knee"), ("knee", "ankle"))
-    ),
+    *(("hips", "neck"), ("neck", "head")),
+    *((f"{side}_{start}", f"{side}_{end}") for side in ("left", "right") for start, end in _LIMBS),
 )
 SHORTEST: Final = 1e-6  # body lengths; what is shorter points nowhere
 
@@ -160,7 +152,7 @@ def _candidates(clips: SignatureSet, across: bool) -> Int64Array:
 
 
 def poses(features: Float32Array, config: WordConfig) -> Float32Array:
-    """What `align` compares of a clip's features: which way each bone points, seen from the body.
+    """Which way each bone points, seen from the body: what `align` compares of a clip's features.
 
     Directions survive what exports do to a clip: other bone lengths, and rigid bones where sensors gave none.
 
@@ -227,8 +219,7 @@ def align(first: Track, second: Track, share: float, limit: float = np.inf) -> A
     a constant difference does not count: rigs attach limbs in slightly different places.
 
     Args:
-        first: a clip of n frames.
-        second: a clip of m frames.
+        first, second: the clips.
         share: least overlap, as a share of the shorter clip, in (0, 1].
         limit: offsets with a larger distance are of no interest.
     """

@@ -7,7 +7,7 @@ exceeds the k-th smallest distance. Answers are those of solving them all, to th
 
 from __future__ import annotations
 
-import heapq
+from bisect import insort
 from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
@@ -62,7 +62,8 @@ class SignatureIndex:
         Raises:
             ValueError: a signature of another length, with negative weights or without mass.
         """
-        lengths, motifs, masses, projected = [np.zeros(1, np.int64)], [], [], []
+        lengths, motifs = [np.zeros(1, np.int64)], [np.zeros(0, np.int32)]
+        masses, projected = [np.zeros(0)], [np.zeros((0, len(ground)), np.float32)]
         for start in range(0, len(signatures), ROWS):
             rows = unit_masses(signatures[start : start + ROWS], ground)
             at = np.nonzero(rows)
@@ -70,15 +71,9 @@ class SignatureIndex:
             motifs.append(at[1].astype(np.int32))
             masses.append(rows[at])
             projected.append((rows @ ground).astype(np.float32))
-        return cls(
-            ground,
-            np.cumsum(np.concatenate(lengths)),
-            np.concatenate([np.zeros(0, np.int32), *motifs]),
-            np.concatenate([np.zeros(0), *masses]),
-            np.concatenate([np.zeros((0, len(ground)), np.float32), *projected]),
-            np.argsort(ground, axis=1, kind="stable").astype(np.int32),
-            model,
-        )
+        neighbours = np.argsort(ground, axis=1, kind="stable").astype(np.int32)
+        columns = (np.concatenate(parts) for parts in (motifs, masses, projected))
+        return cls(ground, np.cumsum(np.concatenate(lengths)), *columns, neighbours, model)
 
     def __len__(self) -> int:
         return len(self.offsets) - 1
@@ -139,12 +134,12 @@ class _Answers:
     mass: Float64Array
     k: int
     found: dict[int, float] = field(default_factory=dict)
-    largest: list[float] = field(default_factory=list)
+    ranked: list[float] = field(default_factory=list)
 
     @property
     def threshold(self) -> float:
         """What is farther is no answer."""
-        return -self.largest[0] if len(self.largest) == self.k else np.inf
+        return self.ranked[self.k - 1] if len(self.ranked) >= self.k else np.inf
 
     def solve(self, candidates: Int64Array, bounds: Float64Array, at_most: int | None = None) -> None:
         """Solve candidates in the order of their bounds until one exceeds the threshold."""
@@ -152,14 +147,9 @@ class _Answers:
             if bounds[at] > self.threshold:
                 break
             candidate = int(candidates[at])
-            if candidate in self.found:
-                continue
-            distance = transport(self.mass, self.index.mass(candidate), self.index.ground)
-            self.found[candidate] = distance
-            if len(self.largest) < self.k:
-                heapq.heappush(self.largest, -distance)
-            else:
-                heapq.heappushpop(self.largest, -distance)
+            if candidate not in self.found:
+                self.found[candidate] = transport(self.mass, self.index.mass(candidate), self.index.ground)
+                insort(self.ranked, self.found[candidate])
 
     def best(self) -> Nearest:
         indices = np.array(list(self.found), dtype=np.int64)

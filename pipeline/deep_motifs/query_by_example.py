@@ -98,9 +98,7 @@ def find_ranges(
         without: (clip, start, stop): windows of that clip that overlap these frames are left out.
     """
     windows = _Windows(corpus, query.n_words, clips, without)
-    if k < 1 or not len(windows.clip):
-        return []
-    return _nearest_apart(corpus, windows, query, k)
+    return _nearest_apart(corpus, windows, query, k) if k > 0 and len(windows.clip) else []
 
 
 def distances_along(corpus: Corpus, clip: int, query: ExampleQuery) -> Float64Array:
@@ -143,16 +141,14 @@ class _Windows:
         self, corpus: Corpus, n_words: int, clips: Collection[int] | None, without: tuple[int, int, int] | None
     ) -> None:
         chosen = range(len(corpus.clips)) if clips is None else sorted(clips)
-        ranges = [window_ranges(corpus, clip, n_words) for clip in chosen]
+        ranges = [np.zeros((0, 2), np.int64), *(window_ranges(corpus, clip, n_words) for clip in chosen)]
         bags = [_bags(corpus.motifs[corpus.words_of(clip)], n_words) for clip in chosen]
-        self.clip = np.repeat(np.array(list(chosen), dtype=np.int64), [len(r) for r in ranges])
-        frames = np.concatenate(ranges) if ranges else np.zeros((0, 2), dtype=np.int64)
-        kept = np.ones(len(frames), dtype=np.bool_)
-        if without is not None:
-            clip, start, stop = without
-            kept = ~((self.clip == clip) & (frames[:, 0] < stop) & (frames[:, 1] > start))
-        self.clip, self.start, self.stop = self.clip[kept], frames[kept, 0], frames[kept, 1]
-        all_bags = np.concatenate(bags)[kept] if bags else np.zeros((0, n_words), dtype=np.int32)
+        owners = np.repeat(np.array(list(chosen), dtype=np.int64), [len(bag) for bag in bags])
+        start, stop = np.concatenate(ranges).T
+        clip, first, last = without or (-1, 0, 0)
+        kept = ~((owners == clip) & (start < last) & (stop > first))
+        self.clip, self.start, self.stop = owners[kept], start[kept], stop[kept]
+        all_bags = np.concatenate([np.zeros((0, n_words), np.int32), *bags])[kept]
         unique, where = np.unique(all_bags, axis=0, return_inverse=True)
         self.kind = where.ravel()
         self.signatures = _signatures(unique, corpus.idf)

@@ -16,6 +16,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
+from itertools import pairwise
 from typing import Final
 
 import numpy as np
@@ -58,9 +59,7 @@ class SegmentationConfig:
         if self.window < 1 or self.k < 1:
             raise UserError(f"a window of {self.window} words and {self.k} neighbours: both must be at least 1")
         if self.reach < 0 or self.mirror_factor < 1:
-            raise UserError(
-                f"a reach of {self.reach} words (at least 0), a factor of {self.mirror_factor} (at least 1)"
-            )
+            raise UserError(f"a reach of {self.reach} words (at least 0), a factor {self.mirror_factor} (at least 1)")
         if self.unknown is not None and not 0 <= self.unknown <= 1:
             raise UserError(f"the quantile beyond which a word is unknown is {self.unknown}, not between 0 and 1")
 
@@ -126,10 +125,7 @@ def word_centres(corpus: Corpus, clip: int) -> Float64Array:
 
 
 def labelled_windows(
-    corpus: Corpus,
-    ranges: Sequence[LabelledRange],
-    n_words: int,
-    mirrored: Mapping[int, IntArray] | None = None,
+    corpus: Corpus, ranges: Sequence[LabelledRange], n_words: int, mirrored: Mapping[int, IntArray] | None = None
 ) -> Teaching:
     """The windows around the words whose centre lies in a labelled range.
 
@@ -218,7 +214,8 @@ class Segmenter:
         if self.config.unknown is not None and not forced:
             far = distances > self.thresholds[votes.argmax(axis=1)]
             votes = np.column_stack([votes * ~far[:, None], far])
-        votes = _shared_out(votes, self.config.reach)
+        first, last = _span(len(votes), 2 * self.config.reach + 1)
+        votes = range_sums(votes, first, last) / (last - first)[:, None]
         labels = np.append(self.classes, UNKNOWN)[votes.argmax(axis=1)]
         return WordLabels(labels, distances, votes.max(axis=1) / votes.sum(axis=1))
 
@@ -284,30 +281,18 @@ def bands(found: WordLabels, centres: Float64Array, frames: int) -> list[Segment
     Each frame belongs to the word whose centre ([w], ascending, see `word_centres`) is nearest.
     """
     starts = np.flatnonzero(np.concatenate([[True], found.labels[1:] != found.labels[:-1]]))
-    stops = np.append(starts[1:], len(found.labels))
     # Frame f belongs to the later word once it is past the middle of both centres.
     edges = np.ceil((centres[starts[1:] - 1] + centres[starts[1:]]) / 2).astype(np.int64)
-    limits = np.concatenate([[0], edges, [frames]])
+    words, limits = [*starts.tolist(), len(found.labels)], [0, *edges.tolist(), frames]
     return [
         SegmentRange(
-            int(limits[i]),
-            int(limits[i + 1]),
-            str(found.labels[a]),
-            float(found.distances[a:b].mean()),
-            float(found.confidence[a:b].mean()),
+            start, stop, str(found.labels[a]), float(found.distances[a:b].mean()), float(found.confidence[a:b].mean())
         )
-        for i, (a, b) in enumerate(zip(starts.tolist(), stops.tolist(), strict=True))
+        for (start, stop), (a, b) in zip(pairwise(limits), pairwise(words), strict=True)
     ]
 
 
 def _span(w: int, n_words: int) -> tuple[Int64Array, Int64Array]:
     """Half-open ranges of words, [w] each, that the window around each of w words holds."""
-    middle = np.arange(w)
-    first = middle - n_words // 2
+    first = np.arange(w) - n_words // 2
     return np.clip(first, 0, w), np.clip(first + n_words, 0, w)
-
-
-def _shared_out(votes: Float64Array, reach: int) -> Float64Array:
-    """[w, c] mean of the votes [w, c] of all windows up to `reach` from each word."""
-    first, last = _span(len(votes), 2 * reach + 1)
-    return np.asarray(range_sums(votes, first, last) / (last - first)[:, None], dtype=np.float64)

@@ -103,12 +103,7 @@ class CanonicalMotion:
 
 
 def canonicalise(
-    clip: SourceClip,
-    motion: SolvedMotion,
-    rig: RigMap,
-    *,
-    up: str | None = None,
-    metres_per_unit: float | None = None,
+    clip: SourceClip, motion: SolvedMotion, rig: RigMap, *, up: str | None = None, metres_per_unit: float | None = None
 ) -> CanonicalMotion:
     """Map a motion onto the canonical skeleton.
 

@@ -18,11 +18,7 @@ def _acos_squared_coefficients(degree: int = 7) -> tuple[float, ...]:
 
     acos(1 - x)^2 is analytic up to x = 2, so a Chebyshev fit converges fast and needs no square root.
     """
-
-    def target(x: Float64Array) -> Float64Array:
-        return np.arccos(1 - x) ** 2 / x
-
-    fit = np.polynomial.Chebyshev.interpolate(target, degree, domain=[0.0, 1.0])
+    fit = np.polynomial.Chebyshev.interpolate(lambda x: np.arccos(1 - x) ** 2 / x, degree, domain=[0.0, 1.0])
     return tuple(float(c) for c in fit.convert(kind=np.polynomial.Polynomial).coef)
 
 

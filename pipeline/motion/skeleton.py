@@ -40,26 +40,19 @@ TWIST_AXES: Final[dict[str, tuple[float, float, float]]] = {
     "left_toe": (0.0, 0.0, 1.0), "right_toe": (0.0, 0.0, 1.0),
 }  # fmt: skip
 
+
+def _all_but(*left_out: str) -> tuple[str, ...]:
+    """All joints but these, named without their side."""
+    return tuple(name for name in JOINTS if name.split("_")[-1] not in left_out)
+
+
 # 15 joints that every rig measures itself (none is filled in by interpolation).
-COMMON: Final[tuple[str, ...]] = (
-    "hips", "neck", "head",
-    "left_shoulder", "left_elbow", "left_wrist", "right_shoulder", "right_elbow", "right_wrist",
-    "left_hip", "left_knee", "left_ankle", "right_hip", "right_knee", "right_ankle",
-)  # fmt: skip
+COMMON: Final = _all_but("spine", "chest", "clavicle", "toe")
 # Deep Motifs, section 5.1: the m = 16 most informative joints with their relative joint angles. The hips'
 # own rotation is the body's orientation in the world, which words are invariant to.
-DEEP_MOTIFS: Final[tuple[str, ...]] = (
-    "spine", "chest", "neck", "head",
-    "left_shoulder", "left_elbow", "left_wrist", "right_shoulder", "right_elbow", "right_wrist",
-    "left_hip", "left_knee", "left_ankle", "right_hip", "right_knee", "right_ankle",
-)  # fmt: skip
+DEEP_MOTIFS: Final = _all_but("hips", "clavicle", "toe")
 # PESTA, section 5.1: root, thorax, head, clavicles, humeri, radii, wrists, femurs, tibiae, feet.
-PESTA: Final[tuple[str, ...]] = (
-    "hips", "chest", "head",
-    "left_clavicle", "left_shoulder", "left_elbow", "left_wrist",
-    "right_clavicle", "right_shoulder", "right_elbow", "right_wrist",
-    "left_hip", "left_knee", "left_ankle", "right_hip", "right_knee", "right_ankle",
-)  # fmt: skip
+PESTA: Final = _all_but("spine", "neck", "toe")
 
 
 def chained(offsets: Float64Array, parents: Sequence[int] = PARENTS) -> Float64Array:

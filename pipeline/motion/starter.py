@@ -119,9 +119,10 @@ def _trunk(hierarchy: Hierarchy, limbs: dict[str, int], sides: list[str | None])
             chain.append(hierarchy.parents[chain[-1]])
         return chain
 
-    lower = [ancestors(limbs[name]) for name in ("left_hip", "right_hip") if name in limbs]
-    shared = [j for j in lower[0] if all(j in chain for chain in lower)] if len(lower) == 2 else []
-    found = {"hips": shared[0] if shared else 0}
+    found = {"hips": 0}
+    if {"left_hip", "right_hip"} <= limbs.keys():
+        right = ancestors(limbs["right_hip"])
+        found["hips"] = next((j for j in ancestors(limbs["left_hip"]) if j in right), 0)
     middle = [index for index, side in enumerate(sides) if side is None]
     names = {index: hierarchy.joints[index].lower() for index in middle}
     taken = {*found.values(), *limbs.values()}

@@ -104,13 +104,10 @@ class MotionGraph:
 
     def seconds(self) -> Float64Array:
         """[components] seconds of the pieces within each."""
-        found = np.zeros(int(self.component.max()) + 1 if len(self.component) else 0)
         fps = np.array([c.fps for c in self.clips])
-        follows = (self.clip[1:] == self.clip[:-1]) & (self.component[1:] == self.component[:-1])
-        rows = np.flatnonzero(follows)
+        rows = np.flatnonzero((np.diff(self.clip) == 0) & (np.diff(self.component) == 0))
         spans = (self.frame[rows + 1] - self.frame[rows]) / fps[self.clip[rows]]
-        np.add.at(found, self.component[rows], spans)
-        return found
+        return np.bincount(self.component[rows], spans, minlength=self.component.max(initial=-1) + 1)
 
     def largest(self) -> int:
         """The component with the most seconds; -1 where there is no point."""
@@ -172,7 +169,7 @@ def summarise(graph: MotionGraph) -> GraphSummary:
         transitions=len(graph.transitions),
         components=len(np.unique(graph.component[graph.leave[inner]])),
         largest_points=int(members.sum()),
-        largest_transitions=int((inner & members[graph.leave]).sum()) if len(graph.transitions) else 0,
+        largest_transitions=int((inner & members[graph.leave]).sum()),
         largest_clips=len(np.unique(graph.clip[members])),
         largest_seconds=float(graph.seconds()[largest]) if largest >= 0 else 0.0,
         seconds=float(sum(c.frames / c.fps for c in graph.clips)),

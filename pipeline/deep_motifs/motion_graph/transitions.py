@@ -119,14 +119,12 @@ class Windowed:
         clip: [n] which clip a window belongs to.
         frame: [n] its first frame, at the words' rate.
         word: [n] the motion word it stands for: the last that starts no later.
-        words: [clips] number of words of each clip.
     """
 
     clouds: Clouds
     clip: Int64Array
     frame: Int64Array
     word: Int64Array
-    words: Int64Array
 
 
 @dataclass(frozen=True)
@@ -146,13 +144,9 @@ class Candidates:
 
 
 def windowed(positions: list[Float64Array], words: list[int], stride: int, window: int) -> Windowed:
-    """Cut clips into windows of `window` frames.
+    """Cut clips ([T, 21, 3] positions at the words' rate, metres, y up) into windows of `window` frames.
 
-    Args:
-        positions: [T, 21, 3] of each clip at the words' rate, metres, y up.
-        words: how many motion words each clip has.
-        stride: frames between the starts of words.
-        window: frames of a window.
+    `words`: how many motion words each clip has; `stride`: frames between the starts of words.
     """
     clouds = [window_clouds(p, window) for p in positions]
     frames = [np.arange(len(c), dtype=np.int64) for c in clouds]
@@ -161,7 +155,6 @@ def windowed(positions: list[Float64Array], words: list[int], stride: int, windo
         np.repeat(np.arange(len(clouds)), [len(c) for c in clouds]).astype(np.int64),
         np.concatenate(frames),
         np.concatenate([np.minimum(f // stride, w - 1) for f, w in zip(frames, words, strict=True)]),
-        np.array(words, dtype=np.int64),
     )
 
 
@@ -197,10 +190,8 @@ def candidates(
             tile = squared_distances(a.clouds.at(rows), b.clouds.at(columns))
             own = (row - rows.start, min(row + TILE, len(a.frame)) - rows.start)
             its = (column - columns.start, min(column + TILE, len(b.frame)) - columns.start)
-            i, j = _minima(
-                tile, *own, *its, a.clip[rows], b.clip[columns], a.frame[rows], b.frame[columns],
-                agree, r, config.min_gap if same else 0, same,
-            )  # fmt: skip
+            windows = a.clip[rows], b.clip[columns], a.frame[rows], b.frame[columns]
+            i, j = _minima(tile, *own, *its, *windows, agree, r, config.min_gap, same)
             lefts.append(i + rows.start)
             rights.append(j + columns.start)
     none = np.zeros(0, np.int64)
@@ -220,13 +211,10 @@ def _minima(  # type: ignore[no-untyped-def]
     rows, columns = [], []
     for i in range(row, row_stop):
         for j in range(column, column_stop):
-            if not agree[row_clip[i], column_clip[j]]:
+            if not agree[row_clip[i], column_clip[j]] or (same and row_clip[i] > column_clip[j]):
                 continue
-            if same:
-                if row_clip[i] > column_clip[j]:
-                    continue
-                if row_clip[i] == column_clip[j] and column_frame[j] - row_frame[i] < gap:
-                    continue
+            if same and row_clip[i] == column_clip[j] and column_frame[j] - row_frame[i] < gap:
+                continue
             if _is_minimum(tile, i, j, row_clip, column_clip, r):
                 rows.append(i)
                 columns.append(j)
@@ -274,8 +262,7 @@ def _ranked(clip: Int64Array, word: Int64Array, to: Int64Array, distance: Float6
 def _starts(*keys: Int64Array) -> BoolArray:
     """[n] where a run of equal keys starts."""
     starts = np.ones(len(keys[0]), dtype=bool)
-    if len(starts):
-        starts[1:] = np.any([k[1:] != k[:-1] for k in keys], axis=0)
+    starts[1:] = np.diff(keys).any(axis=0)
     return starts
 
 

@@ -76,20 +76,16 @@ def clip_pair_dtw(
     *,
     average: bool = True,
 ) -> Float32Array:
-    """Distances of every word of one clip from every word of another, computing each frame pair once.
+    """[n, m] distances of every word of one clip from every word of another, computing each frame pair once.
 
-    Words of stride 4 and length 16 share all but a sixteenth of their frame pairs, so this is the fast way
-    wherever words come as clips.
+    Equal to `word_distances` of the same words up to rounding. Words of stride 4 and length 16 share all but a
+    sixteenth of their frame pairs, so this is the fast way wherever words come as clips.
 
     Args:
         features_a: [Ta, D] frames (`padded` for short clips); starts_a: [n] first frames of words.
         features_b: [Tb, D] frames; starts_b: [m] first frames of words.
         length: frames of a word.
-        metric: the frame distance.
-        average: as in `word_distances`.
-
-    Returns:
-        [n, m] float32, equal to `word_distances` of the same words up to rounding.
+        metric, average: as in `word_distances`.
 
     Raises:
         ValueError: a word that reaches beyond its clip.
@@ -106,20 +102,12 @@ def clip_pair_dtw(
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
 def align_block(
-    frames: Float32Array,
-    row: int,
-    column: int,
-    n: int,
-    m: int,
-    scratch: Float32Array,
-    out: Float32Array,
-    average: bool,
+    frames: Float32Array, row: int, column: int, n: int, m: int, scratch: Float32Array, out: Float32Array, average: bool
 ) -> None:
     """Align one word of n frames with `LANES` words of m frames.
 
     frames: frame distances, C-contiguous; those of frame i of the one with frame j of the others stand in
-    row `row + i` from column `column + j * LANES`. scratch: 4 * (m + 1) * LANES floats, two rows of path
-    costs and of path lengths. out: [LANES].
+    row `row + i` from column `column + j * LANES`. scratch: 4 * (m + 1) * LANES floats. out: [LANES].
     """
     one, zero, infinity = np.float32(1), np.float32(0), np.float32(np.inf)
     width = (m + 1) * LANES
@@ -188,16 +176,12 @@ def _align_shared(
 
 
 def listed_distances(
-    a: WordSet,
-    b: WordSet,
-    lists: Int64Array,
-    metric: Metric = "euclidean",
-    *,
-    centre: Float32Array | None = None,
+    a: WordSet, b: WordSet, lists: Int64Array, metric: Metric = "euclidean", *, centre: Float32Array | None = None
 ) -> Float32Array:
-    """Distances of each word of one set from those words of another that its list names.
+    """[n, C] float32 distances of each word of one set from those words of another that its list names.
 
-    Runs without the interpreter's lock, so that threads can share the work.
+    Average distances as in `word_distances`; infinite where there is no word. Runs without the interpreter's lock, so
+    that threads can share the work.
 
     Args:
         a, b: words of one length.
@@ -205,9 +189,6 @@ def listed_distances(
         metric: the frame distance.
         centre: [D] about the mean frame, zero if not given. Changes no Euclidean distance and keeps
             cancellation small.
-
-    Returns:
-        [n, C] float32, average distances as in `word_distances`; infinite where there is no word.
     """
     distances = np.full(lists.shape, np.inf, dtype=np.float32)
     middle = np.zeros(b.width, np.float32) if centre is None else centre.astype(np.float32)

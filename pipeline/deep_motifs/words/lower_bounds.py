@@ -141,16 +141,16 @@ def _test(
                 continue
             if ends[a, b] + others * _gap(low_a[a], high_a[a], low_b[b], high_b[b]) > most:
                 continue
-            first = _outside(frames_a[a * length], frames_b[b * length], frames_b[b * length])
+            one, other = frames_a[a * length : (a + 1) * length], frames_b[b * length : (b + 1) * length]
             for i in range(length):
-                rows[i] = first if i == 0 else _outside(frames_a[a * length + i], low_b[b], high_b[b])
-            # Further cells may lie in the first row too, beside its first cell.
-            beside = _outside(frames_a[a * length], low_b[b], high_b[b])
-            total, least = rows.sum(), min(beside, rows[1:].min()) if length > 1 else np.float32(0)
-            if total + (length - 1) * min(least, threshold) > most:
+                rows[i] = _gap(one[i], one[i], low_b[b], high_b[b])
+            least = rows.min()  # further cells may lie in the first row too, beside its first cell
+            rows[0] = _gap(one[0], one[0], other[0], other[0])
+            if rows.sum() + (length - 1) * min(least, threshold) > most:
                 continue
             for j in range(length):
-                columns[j] = first if j == 0 else _outside(frames_b[b * length + j], low_a[a], high_a[a])
+                columns[j] = _gap(other[j], other[j], low_a[a], high_a[a])
+            columns[0] = rows[0]
             out[a, b] = max(_paid(rows, columns, threshold), _paid(columns, rows, threshold)) <= most
 
 
@@ -165,20 +165,10 @@ def _paid(rows: Float32Array, columns: Float32Array, threshold: float) -> float:
 
 @njit(cache=True, nogil=True, fastmath={"reassoc", "nsz", "contract"})  # type: ignore[untyped-decorator]
 def _gap(low_a: Float32Array, high_a: Float32Array, low_b: Float32Array, high_b: Float32Array) -> np.float32:
-    """Squared distance of two boxes."""
+    """Squared distance of two boxes; a frame is a box too."""
     total = np.float32(0)
     for number in range(len(low_a)):
         step = max(max(low_b[number] - high_a[number], low_a[number] - high_b[number]), np.float32(0))
-        total += step * step
-    return total
-
-
-@njit(cache=True, nogil=True, fastmath={"reassoc", "nsz", "contract"})  # type: ignore[untyped-decorator]
-def _outside(frame: Float32Array, low: Float32Array, high: Float32Array) -> np.float32:
-    """Squared distance of a frame from a box."""
-    total = np.float32(0)
-    for number in range(len(frame)):
-        step = max(max(low[number] - frame[number], frame[number] - high[number]), np.float32(0))
         total += step * step
     return total
 

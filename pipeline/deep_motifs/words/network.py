@@ -20,7 +20,6 @@ from motionlake.motion.features import WordConfig
 from motionlake.training import on_threads, read_network, save_network
 from torch import Tensor, nn
 
-ARCHITECTURES: Final = ("linear", "conv", "inception736")
 EMBEDDING: Final = 48
 
 
@@ -30,11 +29,10 @@ class WordNetwork(nn.Module):
     mean: Tensor
     scale: Tensor
 
-    def __init__(self, length: int, dimension: int, body: nn.Module) -> None:
+    def __init__(self, dimension: int, body: nn.Module) -> None:
         super().__init__()
         self.register_buffer("mean", torch.zeros(dimension))
         self.register_buffer("scale", torch.ones(()))
-        self.length = length
         self.body = body
 
     def forward(self, words: Tensor) -> Tensor:
@@ -87,9 +85,7 @@ class ConvBody(LinearBody):
 
 def _convolution(inputs: int, outputs: int, kernel: int, stride: int = 1) -> nn.Sequential:
     return nn.Sequential(
-        nn.Conv2d(inputs, outputs, kernel, stride, padding=kernel // 2, bias=False),
-        nn.BatchNorm2d(outputs),
-        nn.ReLU(),
+        nn.Conv2d(inputs, outputs, kernel, stride, padding=kernel // 2, bias=False), nn.BatchNorm2d(outputs), nn.ReLU()
     )
 
 
@@ -139,8 +135,8 @@ def build(architecture: str, length: int, dimension: int) -> WordNetwork:
         "inception736": InceptionBody,
     }
     if architecture not in bodies:
-        raise ValueError(f"unknown word network {architecture!r}; known are {', '.join(ARCHITECTURES)}")
-    return WordNetwork(length, dimension, bodies[architecture]())
+        raise ValueError(f"unknown word network {architecture!r}; known are {', '.join(bodies)}")
+    return WordNetwork(dimension, bodies[architecture]())
 
 
 METADATA_KEY: Final = "word_network"
@@ -177,10 +173,10 @@ class TrainedNetwork:
         batches = []
         with on_threads(1), torch.inference_mode():
             for start in range(0, max(len(words), 1), EMBED_BATCH):
+                some = words[start : start + EMBED_BATCH]
                 batch = np.zeros((EMBED_BATCH, *expected), dtype=np.float32)
-                count = len(words[start : start + EMBED_BATCH])
-                batch[:count] = words[start : start + EMBED_BATCH]
-                batches.append(self.network(torch.from_numpy(batch))[:count].numpy())
+                batch[: len(some)] = some
+                batches.append(self.network(torch.from_numpy(batch))[: len(some)].numpy())
         return np.concatenate(batches)
 
     def save(self, path: Path) -> None:

@@ -75,6 +75,8 @@ def train_words(
 ) -> TrainedNetwork:
     """Train a word network on clips.
 
+    It is the same for the same input, configuration, seed and threads, interrupted or not (on CUDA: up to rounding).
+
     Args:
         features: [T, D] of each clip, as `word_features` gives them.
         words: how words are cut.
@@ -84,10 +86,6 @@ def train_words(
         checkpoint: a file to save training to and to go on from; deleted at the end.
         device: of the computation; CUDA where there is one, else the CPU.
         progress: called with (steps done, steps, loss) every so often.
-
-    Returns:
-        The network; the same for the same input, configuration, seed and threads, interrupted or not (on CUDA:
-        up to rounding).
 
     Raises:
         ValueError: fewer than two words, an unknown architecture, or a start of other words or architecture.
@@ -105,7 +103,7 @@ def train_words(
             material = training_words(features, words, recipe.triplets, recipe.linear, config.max_words, config.seed)
             _initialise(network, material.words, material.linear, start)
             kept = Checkpoint(checkpoint, material.words, config, words, recipe) if checkpoint else None
-            losses = _fit(network.to(device), material, recipe, words, config, device, kept, progress)
+            losses = _Fit(network.to(device), material, recipe, words, config, device).run(kept, progress)
             metrics = {"words": len(material.words), "anchors": len(material.anchors), "loss": _curve(losses)}
     return TrainedNetwork(network.cpu().eval(), config.architecture, words, metrics)
 
@@ -145,32 +143,70 @@ def _initialise(network: WordNetwork, words: Float32Array, linear: Float32Array,
         network.body.start_from(torch.from_numpy(linear) * scale)
 
 
-def _fit(
-    network: WordNetwork,
-    material: TrainingWords,
-    recipe: Recipe,
-    words: WordConfig,
-    config: NetworkConfig,
-    device: str,
-    checkpoint: Checkpoint | None,
-    progress: Progress | None,
-) -> list[float]:
-    rng = np.random.default_rng(config.seed)
-    optimiser = torch.optim.Adam(network.parameters(), lr=recipe.learning_rate)
-    network.train()
+@dataclass(frozen=True)
+class _Fit:
+    """Training of a network by steps."""
 
-    def train(step: int) -> float:
-        for group in optimiser.param_groups:
-            group["lr"] = recipe.learning_rate * _rate(step, config.steps)
-        loss = _loss(network, material, recipe, rng, device, words if config.reversible else None)
-        optimiser.zero_grad(set_to_none=True)
-        loss.backward()  # type: ignore[no-untyped-call]
-        optimiser.step()
-        return float(loss.detach())
+    network: WordNetwork
+    material: TrainingWords
+    recipe: Recipe
+    words: WordConfig
+    config: NetworkConfig
+    device: str
 
-    return Loop(
-        network, optimiser, rng, config.steps, train, checkpoint, CHECKPOINT_EVERY, progress, REPORT_EVERY
-    ).run()
+    def run(self, checkpoint: Checkpoint | None, progress: Progress | None) -> list[float]:
+        """The loss of each step."""
+        rng = np.random.default_rng(self.config.seed)
+        optimiser = torch.optim.Adam(self.network.parameters(), lr=self.recipe.learning_rate)
+        self.network.train()
+
+        def train(step: int) -> float:
+            for group in optimiser.param_groups:
+                group["lr"] = self.recipe.learning_rate * _rate(step, self.config.steps)
+            loss = self._loss(rng)
+            optimiser.zero_grad(set_to_none=True)
+            loss.backward()  # type: ignore[no-untyped-call]
+            optimiser.step()
+            return float(loss.detach())
+
+        return Loop(
+            self.network, optimiser, rng, self.config.steps, train, checkpoint, CHECKPOINT_EVERY, progress, REPORT_EVERY
+        ).run()
+
+    def _loss(self, rng: np.random.Generator) -> Tensor:
+        """Of one step: anchors against a pool of random words, their neighbours and their positives."""
+        material, recipe = self.material, self.recipe
+        rows = rng.integers(0, len(material.anchors), recipe.batch)
+        pick = np.arange(recipe.batch)
+        near, temporal, neighbours = (
+            table[rows, rng.integers(0, table.shape[1], recipe.batch)]
+            for table in (material.nearest, material.temporal, material.neighbours)
+        )
+        random = rng.integers(0, len(material.words), recipe.pool)
+        anchors = material.words[material.anchors[rows]]
+        pool = np.concatenate([near, temporal, neighbours, random])
+        batch = np.concatenate([anchors, self._copies(anchors, rng), material.words[pool]])
+        embedded = self.network(torch.from_numpy(batch).to(self.device))
+        anchor, warped, others = embedded.split([recipe.batch, recipe.batch, len(pool)])
+        target = torch.from_numpy(material.distances[rows[:, None], pool]).to(self.device)
+        squared = (anchor[:, None] - others[None]).square().sum(dim=2)
+        positives = torch.stack(
+            [squared[pick, pick], squared[pick, pick + recipe.batch], (anchor - warped).square().sum(dim=1)]
+        )
+        kinds = torch.tensor([1.0, recipe.temporal_weight, 1.0], device=self.device)
+        negative = target > recipe.triplets.far
+        loss = recipe.triplet_weight * _triplet_loss(positives, kinds, squared, negative, recipe.margin)
+        if recipe.metric_weight:
+            loss = loss + recipe.metric_weight * _metric_loss(squared, target)
+        return loss
+
+    def _copies(self, words: Float32Array, rng: np.random.Generator) -> Float32Array:
+        """Time-warped copies; half of them played backwards where these count as alike."""
+        warped = time_warped(words, rng)
+        if not self.config.reversible:
+            return warped
+        chosen = rng.random(len(words)) < 0.5
+        return np.where(chosen[:, None, None], time_reversed(warped, self.words), warped)
 
 
 def _rate(step: int, steps: int, warm_up: float = 0.1) -> float:
@@ -182,49 +218,6 @@ def _rate(step: int, steps: int, warm_up: float = 0.1) -> float:
 def _curve(losses: list[float]) -> list[float]:
     """Mean loss of every `REPORT_EVERY` steps."""
     return [round(float(np.mean(losses[i : i + REPORT_EVERY])), 5) for i in range(0, len(losses), REPORT_EVERY)]
-
-
-def _loss(
-    network: WordNetwork,
-    material: TrainingWords,
-    recipe: Recipe,
-    rng: np.random.Generator,
-    device: str,
-    reversible: WordConfig | None,
-) -> Tensor:
-    """One step: anchors against a pool of random words, their neighbours and their positives."""
-    rows = rng.integers(0, len(material.anchors), recipe.batch)
-    pick = np.arange(recipe.batch)
-    near, temporal, neighbours = (
-        table[rows, rng.integers(0, table.shape[1], recipe.batch)]
-        for table in (material.nearest, material.temporal, material.neighbours)
-    )
-    random = rng.integers(0, len(material.words), recipe.pool)
-    anchors = material.words[material.anchors[rows]]
-    pool = np.concatenate([near, temporal, neighbours, random])
-    batch = np.concatenate([anchors, _copies(anchors, rng, reversible), material.words[pool]])
-    embedded = network(torch.from_numpy(batch).to(device))
-    anchor, warped, others = embedded.split([recipe.batch, recipe.batch, len(pool)])
-    target = torch.from_numpy(material.distances[rows[:, None], pool]).to(device)
-    squared = (anchor[:, None] - others[None]).square().sum(dim=2)
-    positives = torch.stack(
-        [squared[pick, pick], squared[pick, pick + recipe.batch], (anchor - warped).square().sum(dim=1)]
-    )
-    kinds = torch.tensor([1.0, recipe.temporal_weight, 1.0], device=device)
-    negative = target > recipe.triplets.far
-    loss = recipe.triplet_weight * _triplet_loss(positives, kinds, squared, negative, recipe.margin)
-    if recipe.metric_weight:
-        loss = loss + recipe.metric_weight * _metric_loss(squared, target)
-    return loss
-
-
-def _copies(words: Float32Array, rng: np.random.Generator, reversible: WordConfig | None) -> Float32Array:
-    """Time-warped copies; half of them played backwards where these count as alike."""
-    warped = time_warped(words, rng)
-    if reversible is None:
-        return warped
-    chosen = rng.random(len(words)) < 0.5
-    return np.where(chosen[:, None, None], time_reversed(warped, reversible), warped)
 
 
 def _triplet_loss(positives: Tensor, kinds: Tensor, squared: Tensor, negative: Tensor, margin: float) -> Tensor:

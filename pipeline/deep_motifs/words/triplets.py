@@ -93,22 +93,11 @@ def training_words(
     metric: Metric = "geodesic" if words.representation == "rotations" else "euclidean"
     projection = linear_embedding(stacked, clips, linear, seed)
     distances = _distances(stacked, anchors, projection, metric, config.elastic)
-    return TrainingWords(
-        stacked,
-        clips,
-        starts,
-        anchors,
-        distances,
-        projection,
-        _temporal(clips, starts, anchors, words.length, config.temporal),
-        _nearest(distances, anchors, clips[anchors][:, None] != clips, config.nearest),
-        _nearest(
-            distances,
-            anchors,
-            np.arange(len(clips)) != anchors[:, None],
-            max(config.nearest, round(config.neighbourhood * len(clips))),
-        ),
-    )
+    temporal = _temporal(clips, starts, anchors, words.length, config.temporal)
+    elsewhere = _nearest(distances, anchors, clips[anchors][:, None] != clips, config.nearest)
+    count = max(config.nearest, round(config.neighbourhood * len(clips)))
+    neighbours = _nearest(distances, anchors, np.arange(len(clips)) != anchors[:, None], count)
+    return TrainingWords(stacked, clips, starts, anchors, distances, projection, temporal, elsewhere, neighbours)
 
 
 def sample_words(
@@ -173,8 +162,7 @@ def _distances(
         total += found * np.float32(elastic / (float(np.median(found)) or 1.0))
     if elastic < 1:
         embedded = words.reshape(len(words), -1) @ projection.T
-        squared = frame_distances(embedded[anchors], embedded)
-        found = np.sqrt(squared)
+        found = np.sqrt(frame_distances(embedded[anchors], embedded))
         total += found * np.float32((1 - elastic) / (float(np.median(found)) or 1.0))
     return total / np.float32(float(np.median(total)) or 1.0)
 
@@ -186,9 +174,8 @@ def _temporal(clips: Int64Array, starts: Int64Array, anchors: Int64Array, length
         apart = np.abs(starts[low:high] - starts[anchor])
         order = np.argsort(apart, kind="stable")
         chosen = order[apart[order] >= length][:count]
-        positives[row, : len(chosen)] = low + chosen
-        if 0 < len(chosen) < count:  # few: repeat them rather than the anchor
-            positives[row, len(chosen) :] = low + chosen[np.arange(count - len(chosen)) % len(chosen)]
+        if len(chosen):
+            positives[row] = low + np.resize(chosen, count)  # few: repeat them rather than the anchor
     return positives
 
 
@@ -199,6 +186,5 @@ def _nearest(distances: Float32Array, anchors: Int64Array, allowed: BoolArray, c
     candidates = np.argpartition(masked, count - 1, axis=1)[:, :count]
     reached = np.take_along_axis(masked, candidates, axis=1)
     order = np.lexsort((candidates, reached), axis=1)
-    found = np.take_along_axis(candidates, order, axis=1)
-    reached = np.take_along_axis(reached, order, axis=1)
+    found, reached = (np.take_along_axis(each, order, axis=1) for each in (candidates, reached))
     return np.where(np.isfinite(reached), found, anchors[:, None]).astype(np.int64)
