@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from motionlake.arrays import Float32Array, Float64Array, Int64Array
@@ -173,8 +173,7 @@ def poses(features: Float32Array, config: WordConfig) -> Float32Array:
     return np.ascontiguousarray(bones / np.maximum(lengths, SHORTEST), dtype=np.float32)
 
 
-@dataclass(frozen=True)
-class Track:
+class Track(NamedTuple):
     """A clip prepared to be aligned with many others.
 
     Attributes:
@@ -186,8 +185,8 @@ class Track:
 
     frames: Float32Array
     sums: Float64Array
-    movement: float
-    step: float
+    movement: float = 0.0
+    step: float = 0.0
 
     @classmethod
     def of(cls, frames: Float32Array) -> Track:
@@ -227,14 +226,13 @@ def align(first: Track, second: Track, share: float, limit: float = np.inf) -> A
     least = max(1, int(np.ceil(share * min(n, m))))
     # The best offset is up to half a frame from a whole one.
     loose = limit + max(first.step, second.step) / 2
-    distance, offset = _best_offset(first.frames, second.frames, first.sums, second.sums, least, float(loose))
+    distance, offset = _best_offset(first, second, least, float(loose))
     best = Alignment(float(distance), float(offset), _overlap(n, m, offset))
     for fraction, begin in FRACTIONS if np.isfinite(distance) else ():
         overlap = _overlap(n, m - 1, offset + begin)
         if overlap >= max(1, least - 1):
             between = second.frames[:-1] + np.float32(fraction) * (second.frames[1:] - second.frames[:-1])
-            sums = first.sums, _running(between)
-            found = _offset_distance(first.frames, between, *sums, offset + begin, best.distance)
+            found = _offset_distance(first, Track(between, _running(between)), offset + begin, best.distance)
             if found < best.distance:
                 best = Alignment(float(found), offset + begin - fraction, overlap)
     return best if best.distance <= limit else Alignment(float("inf"), 0.0, 0)
@@ -252,30 +250,24 @@ def _running(frames: Float32Array) -> Float64Array:
 
 
 @njit(cache=True)  # type: ignore[untyped-decorator]
-def _offset_distance(
-    first: Float32Array,
-    second: Float32Array,
-    first_sums: Float64Array,
-    second_sums: Float64Array,
-    offset: int,
-    limit: float,
-) -> float:
+def _offset_distance(first: Track, second: Track, offset: int, limit: float) -> float:
     """Mean distance of bones with second[j] on first[j + offset]; inf once it is certain to exceed `limit`."""
-    begin, end = max(0, -offset), min(len(second), len(first) - offset)
-    n_joints, width = first.shape[1], first.shape[2]
+    ours, theirs = first.frames, second.frames
+    begin, end = max(0, -offset), min(len(theirs), len(ours) - offset)
+    n_joints, width = ours.shape[1], ours.shape[2]
     count = (end - begin) * n_joints
     constant = np.empty((n_joints, width))
     for joint in range(n_joints):
         for c in range(width):
-            ours = first_sums[end + offset, joint, c] - first_sums[begin + offset, joint, c]
-            theirs = second_sums[end, joint, c] - second_sums[begin, joint, c]
-            constant[joint, c] = (ours - theirs) / (end - begin)
+            shown = first.sums[end + offset, joint, c] - first.sums[begin + offset, joint, c]
+            other = second.sums[end, joint, c] - second.sums[begin, joint, c]
+            constant[joint, c] = (shown - other) / (end - begin)
     total = 0.0
     for j in range(begin, end):
         for joint in range(n_joints):
             square = 0.0
             for c in range(width):
-                gap = first[j + offset, joint, c] - second[j, joint, c] - constant[joint, c]
+                gap = ours[j + offset, joint, c] - theirs[j, joint, c] - constant[joint, c]
                 square += gap * gap
             total += np.sqrt(square)
         if total > limit * count:
@@ -284,17 +276,10 @@ def _offset_distance(
 
 
 @njit(cache=True)  # type: ignore[untyped-decorator]
-def _best_offset(
-    first: Float32Array,
-    second: Float32Array,
-    first_sums: Float64Array,
-    second_sums: Float64Array,
-    least: int,
-    limit: float,
-) -> tuple[float, int]:
+def _best_offset(first: Track, second: Track, least: int, limit: float) -> tuple[float, int]:
     best, best_offset = np.inf, 0
-    for offset in range(least - len(second), len(first) - least + 1):
-        distance = _offset_distance(first, second, first_sums, second_sums, offset, min(best, limit))
+    for offset in range(least - len(second.frames), len(first.frames) - least + 1):
+        distance = _offset_distance(first, second, offset, min(best, limit))
         if distance < best:
             best, best_offset = distance, offset
     return best, best_offset

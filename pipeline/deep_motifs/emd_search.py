@@ -71,9 +71,10 @@ class SignatureIndex:
             motifs.append(at[1].astype(np.int32))
             masses.append(rows[at])
             projected.append((rows @ ground).astype(np.float32))
+        offsets = np.cumsum(np.concatenate(lengths))
         neighbours = np.argsort(ground, axis=1, kind="stable").astype(np.int32)
-        columns = (np.concatenate(parts) for parts in (motifs, masses, projected))
-        return cls(ground, np.cumsum(np.concatenate(lengths)), *columns, neighbours, model)
+        sparse = offsets, np.concatenate(motifs), np.concatenate(masses)
+        return cls(ground, *sparse, np.concatenate(projected), neighbours, model)
 
     def __len__(self) -> int:
         return len(self.offsets) - 1

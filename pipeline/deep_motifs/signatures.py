@@ -57,15 +57,10 @@ def window_signatures(motifs: IntArray, idf: Float64Array, n_words: int) -> Floa
     A clip of fewer words than a window gives one, of all its words.
 
     Args:
-        motifs: [w] motif of each word of a clip, in time.
+        motifs: [w] motif of each word of a clip, in time, one at least.
         idf: [K].
         n_words: words of a window.
-
-    Raises:
-        ValueError: a clip without words, or `n_words` < 1.
     """
-    if len(motifs) == 0 or n_words < 1:
-        raise ValueError(f"{len(motifs)} words have no windows of {n_words}")
     width = min(n_words, len(motifs))
     first = np.arange(len(motifs) - width + 1)
     return range_signatures(motifs, idf, first, first + width)

@@ -13,16 +13,10 @@ from numba import njit
 Metric = Literal["euclidean", "geodesic"]
 
 
-def _acos_squared_coefficients(degree: int = 7) -> tuple[float, ...]:
-    """Polynomial p, lowest power first, with acos(1 - x)^2 = x p(x) on 0 <= x <= 1.
-
-    acos(1 - x)^2 is analytic up to x = 2, so a Chebyshev fit converges fast and needs no square root.
-    """
-    fit = np.polynomial.Chebyshev.interpolate(lambda x: np.arccos(1 - x) ** 2 / x, degree, domain=[0.0, 1.0])
-    return tuple(float(c) for c in fit.convert(kind=np.polynomial.Polynomial).coef)
-
-
-_P0, _P1, _P2, _P3, _P4, _P5, _P6, _P7 = (np.float32(c) for c in _acos_squared_coefficients())
+# acos(1 - x)^2 = x p(x) on 0 <= x <= 1, p of these coefficients, lowest power first: analytic up to x = 2, it needs no
+# square root and 8 numbers of a Chebyshev fit.
+_P0, _P1, _P2, _P3 = (np.float32(p) for p in (1.9999999, 0.33334178, 0.08871449, 0.029919637))
+_P4, _P5, _P6, _P7 = (np.float32(p) for p in (0.0051539424, 0.013589262, -0.008310923, 0.004992857))
 
 
 def frame_distances(a: Float32Array, b: Float32Array, metric: Metric = "euclidean") -> Float32Array:

@@ -162,10 +162,7 @@ def mirrored_features(features: Float32Array, config: WordConfig) -> Float32Arra
 
     Reflecting the world across x = 0 and exchanging left and right joints turns the heading around, so seen from
     the body every x changes its sign, and so does the yaw rate. A local rotation (w, x, y, z) becomes
-    (w, x, -y, -z), since the canonical rest pose is its own mirror image.
-
-    Raises:
-        ValueError: features of another width.
+    (w, x, -y, -z), since the canonical rest pose is its own mirror image. `ValueError` for features of another width.
     """
     columns, signs = _mirroring(config)
     if features.shape[1] != len(columns):

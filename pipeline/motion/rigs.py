@@ -17,7 +17,7 @@ from motionlake.motion.skeleton import JOINTS, TWIST_AXES
 
 UP_AXES: Final = ("x", "y", "z", "-x", "-y", "-z")
 MAX_LISTED: Final = 8
-# A prefix such as "Character1_" is a namespace where this share of the joints carry it.
+# A prefix such as "Character1_" is a namespace where this share of the joints has it.
 NAMESPACE_SHARE: Final = 0.8
 
 

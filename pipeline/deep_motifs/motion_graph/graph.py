@@ -107,7 +107,8 @@ class MotionGraph:
         fps = np.array([c.fps for c in self.clips])
         rows = np.flatnonzero((np.diff(self.clip) == 0) & (np.diff(self.component) == 0))
         spans = (self.frame[rows + 1] - self.frame[rows]) / fps[self.clip[rows]]
-        return np.bincount(self.component[rows], spans, minlength=self.component.max(initial=-1) + 1)
+        found = np.bincount(self.component[rows], spans, minlength=self.component.max(initial=-1) + 1)
+        return np.asarray(found, dtype=np.float64)
 
     def largest(self) -> int:
         """The component with the most seconds; -1 where there is no point."""

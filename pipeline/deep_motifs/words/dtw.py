@@ -11,7 +11,7 @@ aligned side by side in the lanes of one kernel.
 
 from __future__ import annotations
 
-from typing import Final
+from typing import Final, NamedTuple, Self
 
 import numpy as np
 from motionlake.arrays import Float32Array, Int64Array
@@ -192,9 +192,34 @@ def listed_distances(
     """
     distances = np.full(lists.shape, np.inf, dtype=np.float32)
     middle = np.zeros(b.width, np.float32) if centre is None else centre.astype(np.float32)
-    geodesic = metric == "geodesic"
-    _align_listed(a.frames, a.starts, b.frames, b.starts, lists, b.length, geodesic, middle, distances)
+    words = a.frames, a.starts, b.frames, b.starts
+    _align_listed(*words, lists, metric == "geodesic", middle, Room.of(b.length, b.width), distances)
     return distances
+
+
+class Room(NamedTuple):
+    """Where frames of one word stand beside those of `LANES` others.
+
+    Attributes:
+        left: [length, D] frames of the one, and norms_left: [length] their squared norms.
+        right: [LANES * length, D] frames of the others, and norms_right: [LANES * length].
+        products: [length, LANES * length] of both.
+        lanes: [length, length * LANES] distances of both.
+    """
+
+    left: Float32Array
+    norms_left: Float32Array
+    right: Float32Array
+    norms_right: Float32Array
+    products: Float32Array
+    lanes: Float32Array
+
+    @classmethod
+    def of(cls, length: int, width: int) -> Self:
+        """For words of `length` frames of `width` numbers."""
+        many = LANES * length
+        shapes = (length, width), (length,), (many, width), (many,), (length, many), (length, many)
+        return cls(*(np.zeros(shape, np.float32) for shape in shapes))
 
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
@@ -204,72 +229,54 @@ def _align_listed(
     frames_b: Float32Array,
     starts_b: Int64Array,
     lists: Int64Array,
-    length: int,
     geodesic: bool,
     centre: Float32Array,
+    room: Room,
     out: Float32Array,
 ) -> None:
     """lists [n, C] -> out [n, C]: the frames of `LANES` listed words are gathered for one matrix product."""
-    width = frames_b.shape[1]
-    left = np.empty((length, width), dtype=np.float32)
-    right = np.zeros((LANES * length, width), dtype=np.float32)
-    norms_left = np.empty(length, dtype=np.float32)
-    norms_right = np.zeros(LANES * length, dtype=np.float32)
-    products = np.empty((length, LANES * length), dtype=np.float32)
-    lanes = np.empty((length, length * LANES), dtype=np.float32)
+    length = len(room.left)
     scratch = np.empty(4 * (length + 1) * LANES, dtype=np.float32)
     aligned = np.empty(LANES, dtype=np.float32)
     for query in range(len(starts_a)):
-        centred(frames_a, starts_a[query], centre, geodesic, left, norms_left)
+        centred(frames_a, starts_a[query], centre, geodesic, room.left, room.norms_left)
         for first in range(0, lists.shape[1], LANES):
             some = lists[query, first : first + LANES]
-            listed = lane_frames(
-                left, norms_left, frames_b, starts_b, some, centre, geodesic, right, norms_right, products, lanes
-            )
+            listed = lane_frames(frames_b, starts_b, some, centre, geodesic, room)
             if listed == 0:
                 break
-            align_block(lanes, 0, 0, length, length, scratch, aligned, True)
+            align_block(room.lanes, 0, 0, length, length, scratch, aligned, True)
             out[query, first : first + listed] = aligned[:listed]
 
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
 def lane_frames(
-    left: Float32Array,
-    norms_left: Float32Array,
-    frames: Float32Array,
-    starts: Int64Array,
-    words: Int64Array,
-    centre: Float32Array,
-    geodesic: bool,
-    right: Float32Array,
-    norms_right: Float32Array,
-    products: Float32Array,
-    lanes: Float32Array,
+    frames: Float32Array, starts: Int64Array, words: Int64Array, centre: Float32Array, geodesic: bool, room: Room
 ) -> int:
-    """lanes [length, length * LANES]: distances of one word's frames from those of at most `LANES` words.
+    """Fill `room.lanes`: distances of the word in `room.left` from at most `LANES` words.
 
-    Returns how many of `words` there are before the first -1. left [length, D] and norms_left are `centred`; right
-    [LANES * length, D], norms_right and products [length, LANES * length] are scratch.
+    Returns how many of `words` there are before the first -1.
     """
-    length = len(left)
+    length = len(room.left)
     listed = 0
     while listed < len(words) and words[listed] >= 0:
         rows = slice(listed * length, (listed + 1) * length)
-        centred(frames, starts[words[listed]], centre, geodesic, right[rows], norms_right[rows])
+        centred(frames, starts[words[listed]], centre, geodesic, room.right[rows], room.norms_right[rows])
         listed += 1
     if listed == 0:
         return 0
     if geodesic:
-        squared_geodesics(left, right.T, products)
+        squared_geodesics(room.left, room.right.T, room.products)
     else:
-        np.dot(left, right.T, products)
+        np.dot(room.left, room.right.T, room.products)
     for i in range(length):
         for j in range(length):
             for lane in range(LANES):
-                between = products[i, lane * length + j]
+                between = room.products[i, lane * length + j]
                 if not geodesic:
-                    between = norms_left[i] + norms_right[lane * length + j] - np.float32(2) * between
-                lanes[i, j * LANES + lane] = between
+                    norms = room.norms_left[i] + room.norms_right[lane * length + j]
+                    between = norms - np.float32(2) * between
+                room.lanes[i, j * LANES + lane] = between
     return listed
 
 

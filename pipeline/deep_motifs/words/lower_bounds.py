@@ -23,12 +23,12 @@ All look at frames projected orthogonally, which brings no two frames further ap
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from motionlake.arrays import BoolArray, Float32Array, Int64Array
-from motionlake.deep_motifs.words.dtw import LANES, centred, lane_frames
+from motionlake.deep_motifs.words.dtw import LANES, Room, centred, lane_frames
+from motionlake.motion.dtw import squared_distances
 from numba import njit
 
 COLUMN_WORDS: Final = 8192  # words that meet a block of queries at a time
@@ -36,8 +36,7 @@ COLUMN_WORDS: Final = 8192  # words that meet a block of queries at a time
 RELATIVE_SLACK, ABSOLUTE_SLACK = 1e-3, 1e-5
 
 
-@dataclass(frozen=True)
-class WordBounds:
+class WordBounds(NamedTuple):
     """What the tests need of n words.
 
     Attributes:
@@ -68,8 +67,10 @@ class WordBounds:
             ends, centres, radii, projected.min(axis=1), projected.max(axis=1), length,
         )  # fmt: skip
 
-    def __len__(self) -> int:
-        return len(self.radii)
+    def part(self, start: int, stop: int) -> WordBounds:
+        """Words [start, stop)."""
+        sides = {name: getattr(self, name)[start:stop] for name in ("ends", "centres", "radii", "low", "high")}
+        return self._replace(frames=self.frames[start * self.length : stop * self.length], **sides)
 
 
 def survivors(queries: WordBounds, words: WordBounds, thresholds: Float32Array) -> list[Int64Array]:
@@ -81,77 +82,56 @@ def survivors(queries: WordBounds, words: WordBounds, thresholds: Float32Array) 
         thresholds: [n] word distances; infinite rules nothing out.
     """
     slack = (thresholds * np.float32(1 + RELATIVE_SLACK) + np.float32(ABSOLUTE_SLACK)).astype(np.float32)
-    found: list[list[Int64Array]] = [[] for _ in range(len(queries))]
-    for first in range(0, len(words), COLUMN_WORDS):
-        some = slice(first, min(first + COLUMN_WORDS, len(words)))
-        passed = np.empty((len(queries), some.stop - first), dtype=np.bool_)
-        _test(
-            _squared(queries.ends, words.ends[some]), _squared(queries.centres, words.centres[some]),
-            queries.frames, queries.radii, queries.low, queries.high,
-            words.frames[first * words.length : some.stop * words.length], words.radii[some], words.low[some],
-            words.high[some], words.length, slack, passed,
-        )  # fmt: skip
-        for query in range(len(queries)):
-            found[query].append(np.flatnonzero(passed[query]) + first)
+    n = len(words.radii)
+    found: list[list[Int64Array]] = [[] for _ in slack]
+    for first in range(0, n, COLUMN_WORDS):
+        some = words.part(first, min(first + COLUMN_WORDS, n))
+        passed = np.empty((len(slack), len(some.radii)), dtype=np.bool_)
+        ends, centres = squared_distances(queries.ends, some.ends), squared_distances(queries.centres, some.centres)
+        _test(ends, centres, queries, some, slack, passed)
+        for row, kept in zip(found, passed, strict=True):
+            row.append(np.flatnonzero(kept) + first)
     left = [np.concatenate([np.zeros(0, np.int64), *some]) for some in found]
-    starts = np.arange(len(words), dtype=np.int64) * words.length
+    starts = np.arange(n, dtype=np.int64) * words.length
+    room = Room.of(words.length, words.frames.shape[1])
     for i in np.flatnonzero(np.isfinite(slack)):
         below = np.empty(len(left[i]), dtype=np.bool_)
         own = queries.frames[i * words.length : (i + 1) * words.length]
-        _test_paths(own, words.frames, starts, left[i], slack[i], below)
+        _test_paths(own, words.frames, starts, left[i], slack[i], room, below)
         left[i] = left[i][below]
     return left
 
 
-def _squared(a: Float32Array, b: Float32Array) -> Float32Array:
-    """[n, m] squared distances, a rounding error below zero at worst."""
-    total = np.float32(-2) * (a @ b.T)
-    total += np.einsum("nd,nd->n", a, a)[:, None]
-    total += np.einsum("nd,nd->n", b, b)
-    return np.asarray(total)
-
-
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
 def _test(
-    ends: Float32Array,
-    centres: Float32Array,
-    frames_a: Float32Array,
-    radii_a: Float32Array,
-    low_a: Float32Array,
-    high_a: Float32Array,
-    frames_b: Float32Array,
-    radii_b: Float32Array,
-    low_b: Float32Array,
-    high_b: Float32Array,
-    length: int,
-    thresholds: Float32Array,
-    out: BoolArray,
+    ends: Float32Array, centres: Float32Array, a: WordBounds, b: WordBounds, thresholds: Float32Array, out: BoolArray
 ) -> None:
-    """out[a, b]: word b may be as near to word a as the threshold; ends, centres [n, m] squared distances."""
+    """out[i, j]: word j of b may be as near to word i of a as the threshold; ends, centres [n, m] squared distances."""
+    length = a.length
     longest = 2 * length - 1
     others = longest - min(length, 2)
     rows, columns = np.empty(length, dtype=np.float32), np.empty(length, dtype=np.float32)
-    for a in range(out.shape[0]):
-        threshold = thresholds[a]
+    for i in range(out.shape[0]):
+        one, threshold = a.frames[i * length : (i + 1) * length], thresholds[i]
         most = longest * threshold
-        for b in range(out.shape[1]):
-            gap = max(np.float32(0), np.sqrt(max(centres[a, b], np.float32(0))) - radii_a[a] - radii_b[b])
-            out[a, b] = False
-            if ends[a, b] + others * gap * gap > most:
+        for j in range(out.shape[1]):
+            gap = max(np.float32(0), np.sqrt(max(centres[i, j], np.float32(0))) - a.radii[i] - b.radii[j])
+            out[i, j] = False
+            if ends[i, j] + others * gap * gap > most:
                 continue
-            if ends[a, b] + others * _gap(low_a[a], high_a[a], low_b[b], high_b[b]) > most:
+            if ends[i, j] + others * _gap(a.low[i], a.high[i], b.low[j], b.high[j]) > most:
                 continue
-            one, other = frames_a[a * length : (a + 1) * length], frames_b[b * length : (b + 1) * length]
-            for i in range(length):
-                rows[i] = _gap(one[i], one[i], low_b[b], high_b[b])
+            other = b.frames[j * length : (j + 1) * length]
+            for frame in range(length):
+                rows[frame] = _gap(one[frame], one[frame], b.low[j], b.high[j])
             least = rows.min()  # further cells may lie in the first row too, beside its first cell
             rows[0] = _gap(one[0], one[0], other[0], other[0])
             if rows.sum() + (length - 1) * min(least, threshold) > most:
                 continue
-            for j in range(length):
-                columns[j] = _gap(other[j], other[j], low_a[a], high_a[a])
+            for frame in range(length):
+                columns[frame] = _gap(other[frame], other[frame], a.low[i], a.high[i])
             columns[0] = rows[0]
-            out[a, b] = max(_paid(rows, columns, threshold), _paid(columns, rows, threshold)) <= most
+            out[i, j] = max(_paid(rows, columns, threshold), _paid(columns, rows, threshold)) <= most
 
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
@@ -175,22 +155,23 @@ def _gap(low_a: Float32Array, high_a: Float32Array, low_b: Float32Array, high_b:
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
 def _test_paths(
-    query: Float32Array, frames: Float32Array, starts: Int64Array, words: Int64Array, threshold: float, out: BoolArray
+    query: Float32Array,
+    frames: Float32Array,
+    starts: Int64Array,
+    words: Int64Array,
+    threshold: float,
+    room: Room,
+    out: BoolArray,
 ) -> None:
     """out[w]: the cheapest path from the query [length, P] to word w costs no more than the threshold a cell."""
     length, width = query.shape
     zero = np.zeros(width, dtype=np.float32)
-    left, norms_left = np.empty((length, width), dtype=np.float32), np.empty(length, dtype=np.float32)
-    right, norms_right = np.zeros((LANES * length, width), np.float32), np.zeros(LANES * length, np.float32)
-    products = np.empty((length, LANES * length), dtype=np.float32)
-    lanes = np.empty((length, length * LANES), dtype=np.float32)
     costs = np.empty((2, (length + 1) * LANES), dtype=np.float32)
     sums = np.empty(LANES, dtype=np.float32)
-    centred(query, 0, zero, False, left, norms_left)
+    centred(query, 0, zero, False, room.left, room.norms_left)
     for first in range(0, len(words), LANES):
-        some = words[first : first + LANES]
-        n = lane_frames(left, norms_left, frames, starts, some, zero, False, right, norms_right, products, lanes)
-        _least_sums(lanes, length, np.float32(threshold), costs, sums)
+        n = lane_frames(frames, starts, words[first : first + LANES], zero, False, room)
+        _least_sums(room.lanes, length, np.float32(threshold), costs, sums)
         for lane in range(n):
             out[first + lane] = sums[lane] <= 0
 

@@ -39,7 +39,7 @@ class WordSet:
         length: frames of a word.
 
     Raises:
-        ValueError: frames that are not two-dimensional, or a word that reaches beyond them.
+        ValueError: a word that reaches beyond the frames.
     """
 
     frames: Float32Array
@@ -47,16 +47,12 @@ class WordSet:
     length: int
 
     def __post_init__(self) -> None:
-        if self.frames.ndim != 2 or self.length < 1:
-            raise ValueError(f"frames of shape {self.frames.shape} hold no words of {self.length} frames")
         if len(self) and (self.starts.min() < 0 or self.starts.max() + self.length > len(self.frames)):
             raise ValueError("a word reaches beyond its clip")
 
     @classmethod
     def of_words(cls, words: Float32Array) -> Self:
         """`words` [N, length, D], each with frames of its own."""
-        if words.ndim != 3 or not words.shape[1]:
-            raise ValueError(f"words have shape {words.shape}, not [N, length, D]")
         n, length, width = words.shape
         frames = np.ascontiguousarray(words, dtype=np.float32).reshape(n * length, width)
         return cls(frames, np.arange(n, dtype=np.int64) * length, length)
