@@ -13,12 +13,12 @@ from typing import Any
 
 import numpy as np
 from motionlake.arrays import Float32Array
-from motionlake.deep_motifs.words.dtw import clip_pair_dtw, word_distances
+from motionlake.deep_motifs.words.dtw import word_distances
 from threadpoolctl import threadpool_limits
 
 from bench.record import installed, interleave, record
 
-LENGTH, WIDTH, STRIDE = 16, 64, 4
+LENGTH, WIDTH = 16, 64
 ANCHORS, WORDS = 300, 1000
 BARS = {"aeon": 2.0, "dtaidistance": 6.0}
 
@@ -35,10 +35,7 @@ def main() -> None:
     wide_a, wide_b = a.astype(np.float64).transpose(0, 2, 1), b.astype(np.float64).transpose(0, 2, 1)
     series = list(np.concatenate([a, b[:200]]).astype(np.float64))
     block = ((0, ANCHORS), (ANCHORS, len(series)))
-    clips = [rng.standard_normal((STRIDE * n + LENGTH, WIDTH)).astype(np.float32) for n in (ANCHORS, WORDS)]
-    starts = [np.arange(0, STRIDE * n, STRIDE) for n in (ANCHORS, WORDS)]
     quaternions_a, quaternions_b = unit_quaternions(a), unit_quaternions(b)
-    turning = [unit_quaternions(clip) for clip in clips]
 
     def aeon() -> Any:
         from aeon.distances import dtw_pairwise_distance
@@ -56,8 +53,6 @@ def main() -> None:
         "sum": lambda: word_distances(a, b, average=False),
         "average": lambda: word_distances(a, b),
         "geodesic": lambda: word_distances(quaternions_a, quaternions_b, "geodesic"),
-        "clips": lambda: clip_pair_dtw(clips[0], starts[0], clips[1], starts[1], LENGTH),
-        "clips_geodesic": lambda: clip_pair_dtw(turning[0], starts[0], turning[1], starts[1], LENGTH, "geodesic"),
     }
     functions |= {peer: peers[peer] for peer in found}
     with threadpool_limits(limits=1):

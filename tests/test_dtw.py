@@ -11,9 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from motionlake.arrays import Float32Array, Float64Array
-from motionlake.deep_motifs.words.dtw import LANES, clip_pair_dtw, word_distances
+from motionlake.deep_motifs.words.dtw import LANES, word_distances
 from motionlake.motion.dtw import Metric, frame_distances
-from motionlake.motion.features import WordConfig, padded, windows, word_windows
 
 
 def naive_frame_distance(a: Float32Array, b: Float32Array, metric: Metric) -> float:
@@ -91,17 +90,6 @@ def test_averaging_divides_by_the_length_of_the_path() -> None:
     assert word_distances(a, b).item() == pytest.approx(10 / 4)
 
 
-@pytest.mark.parametrize("metric", ["euclidean", "geodesic"])
-@pytest.mark.parametrize(("frames_a", "frames_b"), [(16, 300), (141, 60), (9, 17)])
-def test_clips_share_frame_distances_without_changing_them(frames_a: int, frames_b: int, metric: Metric) -> None:
-    config = WordConfig()
-    a = padded(random_words(1, frames_a, 8, metric, 6)[0], config)
-    b = padded(random_words(1, frames_b, 8, metric, 7)[0], config)
-    shared = clip_pair_dtw(a, windows(frames_a, config), b, windows(frames_b, config), config.length, metric)
-    direct = word_distances(word_windows(a, config), word_windows(b, config), metric)
-    np.testing.assert_allclose(shared, direct, rtol=1e-4, atol=1e-5)
-
-
 def test_a_time_warped_word_is_close() -> None:
     time = np.linspace(0, 1, 16)
     curve: Callable[[Float64Array], Float64Array] = lambda t: np.column_stack([np.sin(6 * t), np.cos(6 * t)])  # noqa: E731
@@ -117,6 +105,4 @@ def test_shapes_that_do_not_fit_are_refused() -> None:
         word_distances(words, words[:, :, :4])
     with pytest.raises(ValueError, match="no whole number of quaternions"):
         word_distances(words[:, :, :6], words[:, :, :6], "geodesic")
-    with pytest.raises(ValueError, match="beyond its clip"):
-        clip_pair_dtw(words[0], np.array([1]), words[1], np.array([0]))
     assert word_distances(words[:0], words).shape == (0, 2)

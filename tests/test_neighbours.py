@@ -9,7 +9,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from motionlake.arrays import Float32Array, Int64Array
-from motionlake.deep_motifs.words.dtw import LANES, clip_pair_dtw, listed_distances, word_distances
+from motionlake.deep_motifs.words.dtw import LANES, listed_distances, word_distances
 from motionlake.deep_motifs.words.lower_bounds import WordBounds, survivors
 from motionlake.deep_motifs.words.neighbours import (
     Method,
@@ -125,7 +125,7 @@ def test_words_of_clips_share_frames_without_changing_distances() -> None:
     clips = [smooth_words(1, frames, 6, frames)[0] for frames in (7, 60, 33, 16)]
     words, owners = WordSet.of_clips(clips, WordConfig(length=16, stride=4))
     assert owners.tolist() == [0] + [1] * 12 + [2] * 5 + [3]
-    found = clip_pair_dtw(words.frames, words.starts, words.frames, words.starts)
+    found = listed_distances(words, words, np.tile(np.arange(len(words)), (len(words), 1)))
     every = words.take(slice(None))
     np.testing.assert_allclose(found, word_distances(every, every), rtol=1e-4, atol=1e-4)
 
@@ -230,7 +230,8 @@ def recorded_words(recordings: Path, clips: int) -> tuple[WordSet, Int64Array]:
 def test_both_methods_find_the_neighbours_of_recorded_words(recordings: Path) -> None:
     words, owners = recorded_words(recordings, 24)
     assert len(words) > 2.5 * SPARSE.probed
-    distances = clip_pair_dtw(words.frames, words.starts, words.frames, words.starts, words.length)
+    every = words.take(slice(None))
+    distances = word_distances(every, every)
     allowed = np.where(owners[:, None] != owners, distances, np.inf)
     truth = np.sort(np.partition(allowed, 5, axis=1)[:, :5], axis=1)
     exact = nearest_words(words, 5, owners)

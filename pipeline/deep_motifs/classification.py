@@ -29,13 +29,10 @@ _C: Final = 100.0
 
 @dataclass(frozen=True)
 class Prediction:
-    """The class of one clip.
+    """The class of one clip, and its distance from the nearest labelled clip.
 
-    Attributes:
-        label: the class.
-        confidence: "knn": share of the votes; "one_vs_all": lead of the class over the next in the distance
-            from its classifier's border (in margins).
-        distance: from the nearest labelled clip.
+    `confidence`: "knn": share of the votes; "one_vs_all": lead of the class over the next in the distance from its
+    classifier's border (in margins).
     """
 
     label: str

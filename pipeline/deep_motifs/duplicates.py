@@ -177,8 +177,7 @@ class Track(NamedTuple):
     """A clip prepared to be aligned with many others.
 
     Attributes:
-        frames: [T, J, C] `poses`.
-        sums: [T + 1, J, C] sums of all frames before each.
+        frames, sums: [T, J, C] `poses`, and [T + 1, J, C] sums of all before each.
         movement: mean distance of the bones from what they are on average: how much the clip moves.
         step: mean distance of the bones from what they are a frame later.
     """

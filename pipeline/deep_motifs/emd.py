@@ -125,8 +125,7 @@ def emd_deep_motifs(p: Signature, q: Signature, strength: FloatArray, ground: Fl
         strength: [K] densities of the motifs, in any unit.
         ground: [K, K] distances of the motifs, a metric.
 
-    Raises:
-        ValueError: signatures or densities that do not fit the motifs.
+    Raises `ValueError` where signatures or densities do not fit the motifs.
     """
     density = check_signature(strength, len(ground))
     return emd_partial(check_signature(p, len(ground)) * density, check_signature(q, len(ground)) * density, ground)

@@ -40,8 +40,7 @@ class SignatureIndex:
     Attributes:
         ground: [K, K] distances of the motifs, a metric.
         offsets: [n + 1]; signature i is `masses` at `motifs`, from `offsets[i]` to `offsets[i + 1]`.
-        motifs: [nnz] motifs where a signature has mass.
-        masses: [nnz] their mass, 1 in all for a signature.
+        motifs, masses: [nnz] motifs where a signature has mass, and their mass, 1 in all for a signature.
         projected: [n, K] float32 means of the distance from each motif.
         neighbours: [K, K] motifs by their distance from each.
         model: name of the motifs, where it is known.

@@ -129,12 +129,11 @@ def frame_distances_along(corpus: Corpus, clip: int, query: ExampleQuery) -> Flo
 
 
 class _Windows:
-    """Every window of n words of some clips: where it lies, and which row of the distinct ones it is.
+    """Every window of n words of some clips: where it lies, and which of the distinct ones it is.
 
     Attributes:
         clip, start, stop: [v] of each window, by clip and start.
-        kind: [v] row of `signatures`.
-        signatures: [u, K] of windows that hold different motifs.
+        kind: [v] row of `signatures` [u, K], of windows that hold different motifs.
     """
 
     def __init__(

@@ -13,7 +13,7 @@ from motionlake.arrays import Float64Array
 from motionlake.errors import ClipError
 from motionlake.formats.amc_frames import Layout
 from motionlake.formats.registry import Remembered, load_bytes
-from motionlake.motion.clip import ChannelKind, Hierarchy
+from motionlake.motion.clip import POSITION_CHANNELS, ChannelKind, Hierarchy
 from motionlake.motion.rotations import from_euler
 
 ROOT: Final = "root"
@@ -66,7 +66,7 @@ class Bone:
         rotations = tuple(CHANNELS[channel] for channel in self.dof if channel.startswith("r"))
         if self.name == ROOT:
             return tuple(CHANNELS[channel] for channel in self.dof if channel != LENGTH)
-        return ("Xposition", "Yposition", "Zposition", *rotations) if self.moves else rotations
+        return (*POSITION_CHANNELS, *rotations) if self.moves else rotations
 
 
 @dataclass

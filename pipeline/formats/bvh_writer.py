@@ -10,12 +10,11 @@ from typing import Final, TextIO
 
 import numpy as np
 from motionlake.arrays import Float64Array
-from motionlake.motion.clip import ChannelKind, Hierarchy, SourceClip
+from motionlake.motion.clip import POSITION_CHANNELS, ChannelKind, Hierarchy, SourceClip
 from motionlake.motion.kinematics import channel_starts, solve
 from motionlake.motion.rotations import IDENTITY, to_euler
 
 _ORDER: Final = "ZYX"
-_POSITIONS: Final = ("Xposition", "Yposition", "Zposition")
 _ROTATIONS: Final = tuple(f"{axis}rotation" for axis in _ORDER)
 # Degrees and file units to 1e-8: far below what a recording resolves.
 _DECIMALS: Final = 8
@@ -99,7 +98,7 @@ def _rotations_to_bvh(clip: SourceClip) -> tuple[Hierarchy, Float64Array]:
     starts = channel_starts(hierarchy)
     parts, layout = [], []
     for joint, names in enumerate(hierarchy.channels):
-        positions = [i for i, name in enumerate(names) if name in _POSITIONS]
+        positions = [i for i, name in enumerate(names) if name in POSITION_CHANNELS]
         angles = np.unwrap(to_euler(local[:, joint], _ORDER), period=360.0, axis=0)
         parts += [clip.channels[:, [starts[joint] + i for i in positions]], angles]
         layout.append((*(names[i] for i in positions), *_ROTATIONS))
@@ -114,7 +113,7 @@ def _positions_to_bvh(clip: SourceClip) -> tuple[Hierarchy, Float64Array]:
     relative[:, parents >= 0] -= positions[:, parents[parents >= 0]]
     # The first frame's bones make a rest pose that a viewer can show; the channels replace it.
     offsets = np.where(parents[:, None] < 0, 0.0, relative[0])
-    layout = (_POSITIONS,) * len(parents)
+    layout = (POSITION_CHANNELS,) * len(parents)
     channels = _rounded(relative.reshape(len(positions), -1))
     return _plain(hierarchy, _rounded(offsets), layout), channels
 

@@ -17,7 +17,7 @@ import numpy as np
 from motionlake.arrays import Float64Array
 from motionlake.errors import ClipError
 from motionlake.formats.repair import FARTHEST
-from motionlake.motion.clip import ChannelKind, Hierarchy, SourceClip
+from motionlake.motion.clip import POSITION_CHANNELS, QUATERNION_CHANNELS, ChannelKind, Hierarchy, SourceClip
 from scipy.spatial.transform import Rotation, Slerp
 
 BALL: Final = 4
@@ -47,9 +47,7 @@ END_SITES: Final = (
     (5, (0.1335, -0.0225, 0.0)),
     (11, (0.1335, -0.0225, 0.0)),
 )
-POSITION: Final = ("Xposition", "Yposition", "Zposition")
-QUATERNION: Final = ("Wquaternion", "Xquaternion", "Yquaternion", "Zquaternion")
-FRAME_VALUES: Final = 1 + len(POSITION) + sum(values for _, _, values, _ in CHARACTER)
+FRAME_VALUES: Final = 1 + len(POSITION_CHANNELS) + sum(values for _, _, values, _ in CHARACTER)
 DURATION_TOLERANCE: Final = 1e-3
 # A damaged duration must not ask for endless resampled frames.
 MAX_STRETCH: Final = 100
@@ -179,8 +177,8 @@ def _hierarchy() -> Hierarchy:
         parents=tuple(parent for _, parent, _, _ in CHARACTER),
         offsets=np.array([offset for _, _, _, offset in CHARACTER]),
         channels=(
-            POSITION + QUATERNION,
-            *(QUATERNION if values else () for _, _, values, _ in CHARACTER[1:]),
+            POSITION_CHANNELS + QUATERNION_CHANNELS,
+            *(QUATERNION_CHANNELS if values else () for _, _, values, _ in CHARACTER[1:]),
         ),
         kind=ChannelKind.QUATERNION,
         axes=np.tile([1.0, 0.0, 0.0, 0.0], (len(CHARACTER), 1)),

@@ -163,7 +163,7 @@ def canonicalise(
         rest_offsets=rest_offsets,
         body_height=height,
         twist=in_rest is not None,
-        filled=binding.filled,
+        filled=tuple(JOINTS[joint] for joint in sorted(binding.rules)),
         up=up,
         metres_per_unit=scale,
         fk_error=float(errors.max()),

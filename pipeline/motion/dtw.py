@@ -89,11 +89,7 @@ def frame_pairs(lengths: Sequence[int]) -> int:
 
 
 def clip_dtw(a: Float32Array, b: Float32Array) -> float:
-    """Distance of two clips [n, D] and [m, D].
-
-    Raises:
-        ValueError: a clip without frames.
-    """
+    """Distance of two clips [n, D] and [m, D]; `ValueError` for a clip without frames."""
     if not (len(a) and len(b)):
         raise ValueError("a clip without frames cannot be aligned")
     return float(_aligned(squared_distances(a, b)))

@@ -208,8 +208,7 @@ def continuous_signs(q: Float64Array) -> Float64Array:
     signs = np.ones((*q.shape[:-1], 1))
     signs[0] = np.where(q[0, :, :1] < 0, -1.0, 1.0)
     signs[1:] = np.where(np.sum(q[1:] * q[:-1], axis=-1, keepdims=True) < 0, -1.0, 1.0)
-    continuous: Float64Array = q * np.cumprod(signs, axis=0)
-    return continuous
+    return np.asarray(q * np.cumprod(signs, axis=0))
 
 
 # The joints that span the line from right to left by which a joint's frame is known.

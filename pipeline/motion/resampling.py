@@ -36,8 +36,7 @@ def interpolated(frames: Float64Array, at: Float64Array) -> Float64Array:
     """[T, ...] frames [F, ...] at fractional places [T]."""
     before, after, share = beside(at, len(frames))
     share = share.reshape(-1, *[1] * (frames.ndim - 1))
-    mixed: Float64Array = frames[before] * (1 - share) + frames[after] * share
-    return mixed
+    return np.asarray(frames[before] * (1 - share) + frames[after] * share)
 
 
 def resample(frames: Float64Array, fps: float, wanted: float, *, spherical: bool = False) -> Float64Array:

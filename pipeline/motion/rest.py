@@ -1,4 +1,4 @@
-"""A rig bound to one file: the file's joints as canonical ones, what a rig lacks placed by rules, and the rest pose."""
+"""From the joints of one file to canonical joints: measured ones, those that rules of the rig place, the rest pose."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ from motionlake.motion.rotations import (
 from motionlake.motion.skeleton import BONES, INDEX, JOINTS, PARENTS, TWIST_AXES, chained
 
 SAMPLED_FRAMES: Final = 64
-# Rest poses are modelled along the axes of the file; what is this near to them (degrees) is meant to be.
+# Rest poses are modelled along the file's axes: a direction this near to an axis (degrees) is taken for it.
 SNAP_DEGREES: Final = 15.0
-# Cosine to the vertical that legs and torso of a standing rest pose reach at least.
+# Least cosine of the angle between legs or torso and the vertical in a rest pose that stands.
 STANDING: Final = 0.5
 
 
@@ -45,11 +45,6 @@ class Binding:
     source: dict[int, int]
     rules: dict[int, Fill]
     names: dict[str, int]
-
-    @property
-    def filled(self) -> tuple[str, ...]:
-        """Names of the filled joints in canonical order."""
-        return tuple(JOINTS[joint] for joint in sorted(self.rules))
 
     def end_site(self, name: str) -> tuple[int, Float64Array]:
         """Index of a joint of the file, and the offset of its first end site in file units."""

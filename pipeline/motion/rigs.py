@@ -85,8 +85,7 @@ class RigMap:
 def load_rigs(folder: Path | None = None) -> dict[str, RigMap]:
     """The rig maps of the package and those of `folder` (a folder that is absent holds none), by name.
 
-    Raises:
-        UserError: a TOML file of `folder` is no rig map.
+    Raises `UserError` where a TOML file of `folder` is no rig map.
     """
     shipped = resources.files("motionlake.motion").joinpath("rigs").iterdir()
     files = [(file.name, file) for file in shipped if file.name.endswith(".toml")]

@@ -51,26 +51,22 @@ def _rotate(q, v, out):  # type: ignore[no-untyped-def]
 
 def multiply(a: Float64Array, b: Float64Array) -> Float64Array:
     """Product a b of quaternions [..., 4], broadcast."""
-    product: Float64Array = _multiply(a, b)
-    return product
+    return np.asarray(_multiply(a, b))
 
 
 def rotate(q: Float64Array, v: Float64Array) -> Float64Array:
     """Vectors v [..., 3] turned by q [..., 4], broadcast."""
-    turned: Float64Array = _rotate(q, v)
-    return turned
+    return np.asarray(_rotate(q, v))
 
 
 def conjugate(q: Float64Array) -> Float64Array:
     """Inverse of unit quaternions [..., 4]."""
-    inverse: Float64Array = q * np.array([1.0, -1.0, -1.0, -1.0])
-    return inverse
+    return np.asarray(q * np.array([1.0, -1.0, -1.0, -1.0]))
 
 
 def normalise(q: Float64Array) -> Float64Array:
     """Quaternions or vectors [..., n] scaled to length 1."""
-    unit: Float64Array = q / np.linalg.norm(q, axis=-1, keepdims=True)
-    return unit
+    return np.asarray(q / np.linalg.norm(q, axis=-1, keepdims=True))
 
 
 def from_axis_angle(axis: Float64Array, degrees: Float64Array | float) -> Float64Array:
@@ -154,8 +150,7 @@ def angle(a: Float64Array, b: Float64Array) -> Float64Array:
     """Angle in degrees [...] of the rotation between a and b [..., 4], in [0, 180]."""
     relative = multiply(conjugate(a), b)
     half = np.arctan2(np.linalg.norm(relative[..., 1:], axis=-1), np.abs(relative[..., 0]))
-    degrees: Float64Array = np.rad2deg(2 * half)
-    return degrees
+    return np.asarray(np.rad2deg(2 * half))
 
 
 def turn_on_ground(x: FloatArray, z: FloatArray, angles: FloatArray | float) -> tuple[Float64Array, Float64Array]:

@@ -21,8 +21,8 @@ _OTHER_SIDE: Final = {"left": "right", "right": "left"}
 # Index of each joint's counterpart on the other side; a joint of the middle is its own.
 MIRRORED_JOINTS: Final = tuple(INDEX["_".join(_OTHER_SIDE.get(w, w) for w in name.split("_"))] for name in JOINTS)
 
-# Direction of the bone from a joint to the next one of its limb in the canonical rest pose. Joints that are
-# missing here bear several bones (hips, chest) or none: their orientation comes from the source rest pose.
+# The next joint of each joint's limb, and where it lies in the canonical rest pose. Joints that are missing here
+# start several bones (hips, chest) or none: their orientation comes from the rest pose of the file.
 BONES: Final[dict[str, tuple[str, tuple[float, float, float]]]] = {
     "spine": ("chest", (0.0, 1.0, 0.0)), "neck": ("head", (0.0, 1.0, 0.0)),
     "left_clavicle": ("left_shoulder", (1.0, 0.0, 0.0)),
@@ -33,7 +33,7 @@ BONES: Final[dict[str, tuple[str, tuple[float, float, float]]]] = {
     "left_knee": ("left_ankle", (0.0, -1.0, 0.0)), "right_knee": ("right_ankle", (0.0, -1.0, 0.0)),
     "left_ankle": ("left_toe", (0.0, 0.0, 1.0)), "right_ankle": ("right_toe", (0.0, 0.0, 1.0)),
 }  # fmt: skip
-# Axis that a rest pose is twisted about: the bone's, hands and toes with the bone before them.
+# The axis about which a joint's rest orientation is twisted: its bone; of hands and toes, the bone before them.
 TWIST_AXES: Final[dict[str, tuple[float, float, float]]] = {
     **{name: direction for name, (_, direction) in BONES.items()},
     "left_wrist": (1.0, 0.0, 0.0), "right_wrist": (-1.0, 0.0, 0.0),

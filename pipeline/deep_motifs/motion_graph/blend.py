@@ -8,11 +8,11 @@ from itertools import pairwise
 from typing import Final
 
 import numpy as np
-from motionlake.arrays import Float64Array, Int64Array
+from motionlake.arrays import BoolArray, Float64Array, Int64Array
 from motionlake.deep_motifs.motion_graph.graph import WalkPiece
 from motionlake.errors import ClipError
 from motionlake.motion.clip import POSITION_CHANNELS, QUATERNION_CHANNELS, ChannelKind, Hierarchy, SourceClip
-from motionlake.motion.kinematics import channel_starts, solve
+from motionlake.motion.kinematics import solve
 from motionlake.motion.resampling import samples
 from motionlake.motion.rotations import IDENTITY, angle, from_axis_angle, multiply, rotate
 
@@ -54,15 +54,10 @@ class RigPoses:
 
     def clip(self) -> SourceClip:
         """As a clip whose channels are quaternions."""
-        starts = channel_starts(self.hierarchy)
-        channels = np.empty((len(self), int(starts[-1])))
-        channels[:, :3], used = self.root, 0
-        for joint, names in enumerate(self.hierarchy.channels):
-            count = len(names) - 4
-            if joint:
-                channels[:, starts[joint] : starts[joint] + count] = self.shifts[:, used : used + count]
-                used += count
-            channels[:, starts[joint] + count : starts[joint + 1]] = self.rotations[:, joint]
+        moving = _moving(self.hierarchy)
+        channels = np.empty((len(self), len(moving)))
+        channels[:, moving] = np.column_stack([self.root, self.shifts])
+        channels[:, ~moving] = self.rotations.reshape(len(self), -1)
         return SourceClip(self.hierarchy, channels, self.fps, metres_per_unit=self.metres_per_unit)
 
     def positions(self) -> Float64Array:
@@ -84,13 +79,7 @@ def poses_of(clip: SourceClip, up: str, metres_per_unit: float) -> RigPoses:
     hierarchy, local = clip.hierarchy, solve(clip).local
     if not can_pose(hierarchy.kind.value, hierarchy.channels[0]) or local is None:
         raise ClipError("a rig without rotations, or without a position of the root, cannot be posed")
-    starts = channel_starts(hierarchy)
-    columns = [
-        starts[joint] + i
-        for joint, channels in enumerate(hierarchy.channels)
-        for i, name in enumerate(channels)
-        if joint and name in POSITION_CHANNELS
-    ]
+    positions = clip.channels[:, _moving(hierarchy)]
     plain = replace(
         hierarchy,
         channels=tuple(
@@ -100,7 +89,12 @@ def poses_of(clip: SourceClip, up: str, metres_per_unit: float) -> RigPoses:
         axes=np.tile(IDENTITY, (len(hierarchy.joints), 1)),
         fixed_axes=False,
     )
-    return RigPoses(plain, clip.channels[:, :3], clip.channels[:, columns], local, clip.fps, metres_per_unit, up)
+    return RigPoses(plain, positions[:, :3], positions[:, 3:], local, clip.fps, metres_per_unit, up)
+
+
+def _moving(hierarchy: Hierarchy) -> BoolArray:
+    """[C] which channels are positions; the root's come first."""
+    return np.isin([name for joint in hierarchy.channels for name in joint], POSITION_CHANNELS)
 
 
 def resampled(poses: RigPoses, fps: float) -> RigPoses:
@@ -177,8 +171,7 @@ def _turn(up: str, degrees: float) -> Float64Array:
 def ease(count: int) -> Float64Array:
     """[count] weight of what is entered, from nearly 0 to 1, without a jump in speed (Kovar et al. 2002)."""
     t = np.arange(1, count + 1) / count
-    weights: Float64Array = 3 * t**2 - 2 * t**3
-    return weights
+    return np.asarray(3 * t**2 - 2 * t**3)
 
 
 def mixture(a: RigPoses, b: RigPoses, weight: Float64Array) -> RigPoses:
@@ -203,8 +196,7 @@ def slerp(a: Float64Array, b: Float64Array, weight: Float64Array) -> Float64Arra
     left = np.where(near, 1 - weight, np.sin((1 - weight) * half) / safe)
     right = np.where(near, weight, np.sin(weight * half) / safe)
     mixed = left[..., None] * a + right[..., None] * b
-    result: Float64Array = mixed / np.linalg.norm(mixed, axis=-1, keepdims=True)
-    return result
+    return np.asarray(mixed / np.linalg.norm(mixed, axis=-1, keepdims=True))
 
 
 def placements(pieces: Sequence[WalkPiece], poses: Callable[[int], RigPoses]) -> list[Placement]:

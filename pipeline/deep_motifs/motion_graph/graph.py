@@ -227,7 +227,7 @@ def starts(graph: MotionGraph) -> list[int]:
 def random_walk(
     graph: MotionGraph, clip: int, frames: int, seed: int, blending: Blending | None = None
 ) -> list[WalkPiece]:
-    """A walk of `frames` frames that starts with the first frame of a clip.
+    """A walk of `frames` frames, at least two blends, that starts with the first frame of a clip.
 
     The next transition is drawn evenly among those that leave the clip at least a second after it was entered
     (earlier ones where there are none) and do not lead to within a second of where the walk last left or
@@ -236,7 +236,6 @@ def random_walk(
     Args:
         graph: its clips all of one rate, that of the walk.
         clip: index of the clip to start with.
-        frames: at least two blends.
         seed: of the draws.
         blending: how many frames a transition blends, by default as many as the clips say.
 

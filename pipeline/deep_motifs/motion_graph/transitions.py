@@ -49,10 +49,6 @@ class Clouds:
     def __len__(self) -> int:
         return len(self.norm)
 
-    @property
-    def points(self) -> int:
-        return int(self.height.shape[1])
-
     def at(self, rows: IntArray | slice) -> Clouds:
         """Some of the windows."""
         return Clouds(*(values[rows] for values in vars(self).values()))
@@ -92,7 +88,7 @@ def paired_distance(a: Clouds, b: Clouds) -> Float64Array:
     across = np.einsum("ij,ij->i", a.ground, _quarter_turned(b.ground))
     heights = np.einsum("ij,ij->i", a.height, b.height)
     squares = a.norm + b.norm - 2 * (heights + np.hypot(along, across))
-    return np.asarray(np.sqrt(np.maximum(squares, 0.0) / a.points), dtype=np.float64)
+    return np.asarray(np.sqrt(np.maximum(squares, 0.0) / a.height.shape[1]), dtype=np.float64)
 
 
 def squared_distances(a: Clouds, b: Clouds) -> Float32Array:
@@ -106,7 +102,7 @@ def squared_distances(a: Clouds, b: Clouds) -> Float32Array:
     along *= -2
     along += a.norm.astype(np.float32)[:, None]
     along += b.norm.astype(np.float32)[None]
-    along /= a.points
+    along /= a.height.shape[1]
     return along
 
 

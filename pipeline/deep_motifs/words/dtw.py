@@ -16,15 +16,13 @@ from typing import Final, NamedTuple, Self
 import numpy as np
 from motionlake.arrays import Float32Array, Int64Array
 from motionlake.deep_motifs.words.word_index import WordSet
-from motionlake.motion.dtw import Metric, frame_distances, operands, product, squared_geodesics
+from motionlake.motion.dtw import Metric, operands, product, squared_geodesics
 from numba import njit
 
 LANES: Final = 32
 # Words of one matrix product: keeps frame distances of a chunk (words * length * length floats) in cache.
 CHUNK_WORDS_A: Final = 8
 CHUNK_BLOCKS_B: Final = 4
-# Consecutive words of a clip aligned from one copy of their frame distances, again to stay in cache.
-TILE_WORDS: Final = 32
 
 
 def word_distances(
@@ -64,40 +62,6 @@ def word_distances(
             frames = product(rows.reshape(-1, rows.shape[2]), columns, metric)
             _align(frames, a.shape[1], b.shape[1], average, distances[start : start + len(rows), columns_out])
     return np.ascontiguousarray(distances[:, :n_b])
-
-
-def clip_pair_dtw(
-    features_a: Float32Array,
-    starts_a: Int64Array,
-    features_b: Float32Array,
-    starts_b: Int64Array,
-    length: int = 16,
-    metric: Metric = "euclidean",
-    *,
-    average: bool = True,
-) -> Float32Array:
-    """[n, m] distances of every word of one clip from every word of another, computing each frame pair once.
-
-    Equal to `word_distances` of the same words up to rounding. Words of stride 4 and length 16 share all but a
-    sixteenth of their frame pairs, so this is the fast way wherever words come as clips.
-
-    Args:
-        features_a: [Ta, D] frames (`padded` for short clips); starts_a: [n] first frames of words.
-        features_b: [Tb, D] frames; starts_b: [m] first frames of words.
-        length: frames of a word.
-        metric, average: as in `word_distances`.
-
-    Raises:
-        ValueError: a word that reaches beyond its clip.
-    """
-    for features, starts in ((features_a, starts_a), (features_b, starts_b)):
-        if len(starts) and (np.min(starts) < 0 or np.max(starts) + length > len(features)):
-            raise ValueError("a word reaches beyond its clip")
-    distances = np.empty((len(starts_a), len(starts_b)), dtype=np.float32)
-    if distances.size:
-        frames = frame_distances(features_a, features_b, metric)
-        _align_shared(frames, starts_a.astype(np.int64), starts_b.astype(np.int64), length, average, distances)
-    return distances
 
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
@@ -149,30 +113,6 @@ def _align(frames: Float32Array, n: int, m: int, average: bool, out: Float32Arra
         for block in range(frames.shape[1] // (m * LANES)):
             align_block(frames, word * n, block * m * LANES, n, m, scratch, aligned, average)
             out[word, block * LANES : (block + 1) * LANES] = aligned
-
-
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
-def _align_shared(
-    frames: Float32Array, starts_a: Int64Array, starts_b: Int64Array, length: int, average: bool, out: Float32Array
-) -> None:
-    """frames [Ta, Tb] -> out [n, m], lanes filled with consecutive words of b."""
-    lanes = np.empty((frames.shape[0], length * LANES), dtype=np.float32)
-    scratch = np.empty(4 * (length + 1) * LANES, dtype=np.float32)
-    aligned = np.empty(LANES, dtype=np.float32)
-    for first in range(0, len(starts_b), LANES):
-        width = min(LANES, len(starts_b) - first)
-        for tile in range(0, len(starts_a), TILE_WORDS):
-            words = starts_a[tile : tile + TILE_WORDS]
-            low, high = words.min(), words.max() + length
-            for t in range(low, high):
-                for j in range(length):
-                    for lane in range(width):
-                        lanes[t - low, j * LANES + lane] = frames[t, starts_b[first + lane] + j]
-                    for lane in range(width, LANES):
-                        lanes[t - low, j * LANES + lane] = np.float32(0)
-            for word in range(len(words)):
-                align_block(lanes, words[word] - low, 0, length, length, scratch, aligned, average)
-                out[tile + word, first : first + width] = aligned[:width]
 
 
 def listed_distances(

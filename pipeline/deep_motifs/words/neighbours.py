@@ -179,16 +179,8 @@ class _Search:
 
 def save_index(index: WordIndex, path: Path, notes: Mapping[str, Any]) -> None:
     """Write an index with notes of the caller's; what can be projected again is left out."""
-    tensors = {
-        **asdict(index.space),
-        "centroids": index.centroids,
-        "order": index.order,
-        "offsets": index.offsets,
-        "embedded": index.embedded,
-        "frames": index.words.frames,
-        "starts": index.words.starts,
-        "groups": index.groups,
-    }
+    own = {name: getattr(index, name) for name in ("groups", "centroids", "order", "offsets", "embedded")}
+    tensors = {**asdict(index.space), **own, "frames": index.words.frames, "starts": index.words.starts}
     save_tensors(path, tensors, METADATA_KEY, {**notes, "length": index.words.length})
 
 

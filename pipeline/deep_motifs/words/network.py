@@ -164,8 +164,7 @@ class TrainedNetwork:
     def embed(self, words: Float32Array) -> Float32Array:
         """Embed `words` [n, length, D] as [n, d]; on one thread, each word independent of the others.
 
-        Raises:
-            ValueError: words of another shape than the network was trained on.
+        Raises `ValueError` for words of another shape than the network was trained on.
         """
         expected = (self.words.length, self.words.dimension)
         if words.shape[1:] != expected:

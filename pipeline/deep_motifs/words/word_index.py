@@ -61,8 +61,7 @@ class WordSet:
     def of_clips(cls, features: Sequence[Float32Array], config: WordConfig) -> tuple[Self, Int64Array]:
         """The words of clips of [T, D] frames each, and [N] the index of the clip each word is of.
 
-        Raises:
-            ValueError: no clip, or a clip without frames.
+        Raises `ValueError` for no clip, or a clip without frames.
         """
         if not features:
             raise ValueError("no clips: no words")
@@ -189,7 +188,7 @@ def fit_index(words: WordSet, groups: Int64Array | None = None, config: IndexCon
 
     Args:
         words: N words.
-        groups: [N] see `WordIndex.groups`; by default every word has its own.
+        groups: [N] see `WordIndex`; by default every word has its own.
         config: what the index is made of.
 
     Raises:
