@@ -26,7 +26,7 @@ from motionlake.arrays import Float32Array, Float64Array, Int32Array
 from motionlake.deep_motifs.emd import emd_many, ground_distances
 from motionlake.deep_motifs.emd_search import SignatureIndex
 from motionlake.deep_motifs.motifs import assign, fit_motifs
-from motionlake.deep_motifs.signatures import inverse_document_frequency, motif_counts, signature
+from motionlake.deep_motifs.signatures import inverse_document_frequency, signature
 from motionlake.motion.features import WordConfig
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
@@ -69,7 +69,7 @@ def read_words() -> Words:
     embedded = shallow(clips, config, 0)
     motifs = fit_motifs(np.concatenate(embedded), K, 0)
     assigned = [assign(vectors, motifs) for vectors in embedded]
-    counts = np.stack([motif_counts(words, motifs.k) for words in assigned])
+    counts = np.stack([np.bincount(words, minlength=motifs.k) for words in assigned])
     idf = inverse_document_frequency(counts)
     return Words(assigned, sets, idf, ground_distances(motifs.centroids))
 
@@ -98,7 +98,7 @@ def _window(stream: Int32Array, shortest: int, longest: int, rng: np.random.Gene
 
 
 def _sign(words: Words, parts: list[Int32Array]) -> NDArray[np.float32]:
-    return signature(motif_counts(np.concatenate(parts), len(words.idf)), words.idf)
+    return signature(np.bincount(np.concatenate(parts), minlength=len(words.idf)), words.idf)
 
 
 def scan_support(

@@ -24,7 +24,7 @@ from typing import Final
 
 import numpy as np
 from motionlake.arrays import Float32Array, Float64Array
-from motionlake.deep_motifs.query_by_example import ExampleQuery, frame_distances_along
+from motionlake.deep_motifs.query_by_example import ExampleQuery, distances_along, window_ranges
 from motionlake.deep_motifs.signatures import Corpus
 from motionlake.lake.catalog import reading
 from motionlake.lake.config import load_config
@@ -102,6 +102,17 @@ def queries_of(takes: Takes, n_words: int) -> Iterator[Query]:
 def _span(takes: Takes, n_words: int) -> int:
     """Frames that so many words cover."""
     return takes.config.length + takes.config.stride * (n_words - 1)
+
+
+def frame_distances_along(corpus: Corpus, clip: int, query: ExampleQuery) -> Float64Array:
+    """[F] distance of the nearest window that covers each frame of a clip; beyond its last word, that word's."""
+    frames = np.full(corpus.clips[clip].frames, np.inf)
+    ranges = window_ranges(corpus, clip, query.n_words)
+    for (start, stop), distance in zip(ranges, distances_along(corpus, clip, query), strict=True):
+        np.minimum(frames[start:stop], distance, out=frames[start:stop])
+    known = np.flatnonzero(np.isfinite(frames))
+    frames[known[-1] + 1 :] = frames[known[-1]]
+    return frames
 
 
 def motionlake(takes: Takes) -> Scorer:

@@ -17,11 +17,10 @@ from motionlake.deep_motifs.query_by_example import (
     RangeHit,
     distances_along,
     find_ranges,
-    frame_distances_along,
     window_ranges,
     words_within,
 )
-from motionlake.deep_motifs.signatures import Corpus, CorpusClip, motif_counts, signature
+from motionlake.deep_motifs.signatures import Corpus, CorpusClip, signature
 from motionlake.errors import UserError
 from motionlake.formats import read_clips
 from motionlake.formats.bvh_writer import write_bvh
@@ -29,6 +28,7 @@ from motionlake.lake.layout import open_lake
 from motionlake.retrieval.protocol import Query, Scope
 from motionlake.retrieval.query_by_example import WordsSearcher
 
+from bench.query_by_example import frame_distances_along
 from tests.lakes import motionlake, query
 
 K = 8
@@ -58,7 +58,7 @@ def by_definition(
     """Every window compared, sorted by distance, clip and start; those that overlap a better one struck out."""
 
     def signed(motifs: np.ndarray) -> np.ndarray:
-        return signature(motif_counts(motifs, len(corpus.idf)), corpus.idf)
+        return signature(np.bincount(motifs, minlength=len(corpus.idf)), corpus.idf)
 
     sides = [signed(m) for m in (asked.motifs, asked.mirrored) if m is not None]
     windows = []

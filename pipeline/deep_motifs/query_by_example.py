@@ -117,17 +117,6 @@ def window_ranges(corpus: Corpus, clip: int, n_words: int) -> Int64Array:
     return np.column_stack([starts[: len(starts) - width + 1], stops[width - 1 :]])
 
 
-def frame_distances_along(corpus: Corpus, clip: int, query: ExampleQuery) -> Float64Array:
-    """[F] distance of the nearest window that covers each frame of a clip; beyond its last word, that word's."""
-    frames = np.full(corpus.clips[clip].frames, np.inf)
-    ranges = window_ranges(corpus, clip, query.n_words)
-    for (start, stop), distance in zip(ranges, distances_along(corpus, clip, query), strict=True):
-        np.minimum(frames[start:stop], distance, out=frames[start:stop])
-    known = np.flatnonzero(np.isfinite(frames))
-    frames[known[-1] + 1 :] = frames[known[-1]]
-    return frames
-
-
 class _Windows:
     """Every window of n words of some clips: where it lies, and which of the distinct ones it is.
 
