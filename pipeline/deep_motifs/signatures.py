@@ -20,6 +20,11 @@ from numpy.typing import NDArray
 Number = TypeVar("Number", bound=np.number)
 
 
+def motif_counts(motifs: IntArray, k: int) -> Int64Array:
+    """[K] how many of a clip's words ([n] motif indices) belong to each of `k` motifs."""
+    return np.asarray(np.bincount(motifs, minlength=k), dtype=np.int64)
+
+
 def inverse_document_frequency(counts: IntArray) -> Float64Array:
     """[K] idf from the motif counts [clips, K] of a corpus."""
     clips_with_motif = np.count_nonzero(counts, axis=0)
@@ -41,7 +46,7 @@ def signature(counts: IntArray, idf: Float64Array) -> Float32Array:
 
 def signatures(clips: Sequence[IntArray], k: int) -> tuple[Float32Array, Float64Array]:
     """Signatures [clips, K] of a corpus, and its idf [K], from the motif indices of each clip's words."""
-    counts = np.stack([np.bincount(motifs, minlength=k) for motifs in clips])
+    counts = np.stack([motif_counts(motifs, k) for motifs in clips])
     idf = inverse_document_frequency(counts)
     return np.stack([signature(row, idf) for row in counts]), idf
 
