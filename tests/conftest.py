@@ -14,8 +14,11 @@ from distributed import LocalCluster
 from tests.lakes import made_clips, made_once, motionlake, quick_lake, real_clips
 
 # The longest files first: where processes share the files out, no long one is left for the end.
-LONGEST = ("test_readme", "test_lake_faults", "test_training", "test_lake_cluster", "test_lake_updates",
-           "test_motion_graph", "test_synthesize_faults", "test_align", "test_alignment")  # fmt: skip
+LONGEST = ("test_lake_faults", "test_readme", "test_lake_cluster", "test_lake_updates", "test_extending",
+           "test_pictures", "test_synthesize_faults", "test_training", "test_glogen", "test_searcher_protocol",
+           "test_command_line", "test_evaluate_synthesis", "test_align", "test_packaging")  # fmt: skip
+# The processes of pytest-xdist keep all cores busy: threads of their own would only wait for one another.
+os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 
 @pytest.fixture(scope="session")

@@ -213,7 +213,7 @@ def test_a_class_that_goes_on_is_learned_from_any_pose_on() -> None:
             made.append((0.2 * wave).astype(np.float32))
         return made
 
-    recipe = replace(SMALL, epochs=100, state=64, noise=0.0)
+    recipe = replace(SMALL, epochs=25, state=64, noise=0.0)
     motions = [*waves(10, 60), *waves(4, 14)]
     network, _ = train_glogen(motions, np.zeros(14, dtype=np.int64), 1, recipe, 0, going=[True])
     asked = np.stack(waves(20, 20))

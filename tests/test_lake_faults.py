@@ -44,10 +44,10 @@ def many(tmp_path_factory: pytest.TempPathFactory, clips_folder: Path) -> Path:
 
 
 @pytest.fixture(scope="module")
-def undisturbed(tmp_path_factory: pytest.TempPathFactory, many: Path) -> dict[str, list[str]]:
+def undisturbed(tmp_path_factory: pytest.TempPathFactory, many: Path, scheduler: str) -> dict[str, list[str]]:
     lake = quick_lake(tmp_path_factory.mktemp("lakes") / "lake")
     for words in (["ingest", many], ["run", "all"]):
-        run = motionlake(*words, "--lake", lake)
+        run = motionlake(*words, "--lake", lake, "--scheduler", scheduler)
         assert run.status == 0, run.err
     return tables(lake)
 
@@ -84,12 +84,12 @@ def kill_driver_at(lake: Path, words: Sequence[str | Path], moments: Sequence[Se
     return caught
 
 
-def test_a_killed_driver(tmp_path: Path, many: Path, undisturbed: dict[str, list[str]]) -> None:
+def test_a_killed_driver(tmp_path: Path, many: Path, undisturbed: dict[str, list[str]], scheduler: str) -> None:
     lake = quick_lake(tmp_path / "lake")
     caught = kill_driver_at(lake, ["ingest", many], FRAMES_MOMENTS)
-    assert motionlake("ingest", many, "--lake", lake).status == 0
+    assert motionlake("ingest", many, "--lake", lake, "--scheduler", scheduler).status == 0
     caught += kill_driver_at(lake, ["run", "all"], RUN_MOMENTS)
-    assert motionlake("run", "all", "--lake", lake).status == 0
+    assert motionlake("run", "all", "--lake", lake, "--scheduler", scheduler).status == 0
     assert caught >= len(FRAMES_MOMENTS) + len(RUN_MOMENTS) - 2
     assert_same(undisturbed, tables(lake))
     assert not [p for p in lake.rglob("*") if p.name.endswith(".tmp")]
@@ -115,9 +115,9 @@ def kill_a_worker(process: subprocess.Popen[str], lake: Path, pattern: str) -> R
 
 def test_a_killed_worker(tmp_path: Path, many: Path, undisturbed: dict[str, list[str]]) -> None:
     lake = quick_lake(tmp_path / "lake")
-    run = kill_a_worker(start("ingest", many, "--lake", lake), lake, "frames/**/.*.tmp")
+    run = kill_a_worker(start("ingest", many, "--workers", "2", "--lake", lake), lake, "frames/**/.*.tmp")
     assert run.status == 0, run.err
-    run = kill_a_worker(start("run", "all", "--lake", lake), lake, "features/.*.tmp")
+    run = kill_a_worker(start("run", "all", "--workers", "2", "--lake", lake), lake, "features/.*.tmp")
     assert run.status == 0, run.err
     assert "leaked" not in run.err
     assert_same(undisturbed, tables(lake))
@@ -125,7 +125,7 @@ def test_a_killed_worker(tmp_path: Path, many: Path, undisturbed: dict[str, list
 
 def test_the_second_of_two_runs_says_so_and_exits(tmp_path: Path, many: Path) -> None:
     lake = quick_lake(tmp_path / "lake")
-    first = start("ingest", many, "--lake", lake)
+    first = start("ingest", many, "--workers", "1", "--lake", lake)
     while first.poll() is None and not (lake / ".lock").exists():
         time.sleep(0.001)
     while not (lake / ".lock").read_text(encoding="utf-8"):
@@ -141,12 +141,13 @@ def test_searches_work_while_a_run_writes(lake: Path, many: Path) -> None:
     name = query(lake, "SELECT min(clip) FROM clips")[0][0]
     expected = motionlake("search", name, "--dataset", "clips", "-k", "3", "--json", "--lake", lake).json
     answered = 0
-    writer = start("ingest", many, "--lake", lake)
+    writer = start("ingest", many, "--workers", "1", "--lake", lake)
     while writer.poll() is None:
         run = motionlake("search", name, "--dataset", "clips", "-k", "3", "--json", "--lake", lake)
         assert run.status == 0, run.err
         assert run.json == expected
         answered += 1
+        time.sleep(0.1)  # the writer needs the processor too
     assert finish(writer).status == 0
     assert answered > 2
 

@@ -62,7 +62,7 @@ def test_readme_s_commands_run(motions: Path, scheduler: str, monkeypatch: pytes
         line for block in re.findall(r"```sh\n(.*?)```", README, re.DOTALL) for line in block.strip().splitlines()
     ]
     assert len(commands) > 10
-    quick_lake(base / "mylake")
+    quick_lake(base / "mylake", QUICK + "[descriptors]\nepochs = 3\n")
     for command in commands:
         run = run_line(command, scheduler)
         # 1: the robot dog among the fetched motions is rejected

@@ -204,7 +204,7 @@ class KilledError(Exception):
 
 
 # Steps of a whole training, and those after which a checkpoint is made and the training is killed.
-@pytest.mark.parametrize(("architecture", "steps", "every"), [("conv", 130, 100), ("inception736", 7, 4)])
+@pytest.mark.parametrize(("architecture", "steps", "every"), [("conv", 130, 100), ("inception736", 4, 2)])
 def test_training_resumed_from_a_checkpoint_gives_the_same_weights(
     architecture: str, steps: int, every: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
