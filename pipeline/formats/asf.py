@@ -11,9 +11,8 @@ from typing import Final
 import numpy as np
 from motionlake.arrays import Float64Array
 from motionlake.errors import ClipError
-from motionlake.formats.amc_frames import Layout
 from motionlake.formats.registry import Remembered, load_bytes
-from motionlake.motion.clip import POSITION_CHANNELS, ChannelKind, Hierarchy
+from motionlake.motion.clip import POSITION_CHANNELS, ChannelKind, Hierarchy, depth_first
 from motionlake.motion.rotations import from_euler
 
 ROOT: Final = "root"
@@ -38,9 +37,9 @@ class Bone:
     """
 
     name: str
-    direction: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    direction: tuple[float, ...] = (0.0, 0.0, 0.0)
     length: float = 0.0
-    angles: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    angles: tuple[float, ...] = (0.0, 0.0, 0.0)
     order: str = "XYZ"
     dof: tuple[str, ...] = ()
 
@@ -66,7 +65,7 @@ class Bone:
         rotations = tuple(CHANNELS[channel] for channel in self.dof if channel.startswith("r"))
         if self.name == ROOT:
             return tuple(CHANNELS[channel] for channel in self.dof if channel != LENGTH)
-        return (*POSITION_CHANNELS, *rotations) if self.moves else rotations
+        return POSITION_CHANNELS + rotations if self.moves else rotations
 
 
 @dataclass
@@ -83,7 +82,7 @@ class Skeleton:
 
     bones: dict[str, Bone] = field(default_factory=lambda: {ROOT: Bone(ROOT)})
     parents: dict[str, str] = field(default_factory=dict)
-    position: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    position: tuple[float, ...] = (0.0, 0.0, 0.0)
     length_unit: float = 1.0
     radians: bool = False
 
@@ -99,12 +98,12 @@ class Skeleton:
         return not special and not any(self.position)
 
     @functools.cached_property
-    def layout(self) -> Layout:
-        """What an AMC's lines hold for this skeleton; `ClipError` where no bone moves."""
+    def widths(self) -> dict[str, int]:
+        """How many values an AMC has of each bone that moves; `ClipError` where none does."""
         widths = {bone.name: len(bone.dof) for bone in self.bones.values() if bone.dof}
         if not widths:
             raise ClipError("its skeleton has no bone that moves")
-        return Layout.of(widths)
+        return widths
 
     def hierarchy(self) -> Hierarchy:
         """The skeleton as joints at the bones' starts; bones without children end in an end site."""
@@ -141,15 +140,11 @@ class _Lines:
             if words:
                 yield words
 
-    def push_back(self) -> None:
-        """Give the last line again."""
-        self.number -= 1
-
     def section(self) -> Iterator[list[str]]:
         """The lines up to the next section's heading."""
         for words in self:
             if words[0].startswith(":"):
-                self.push_back()
+                self.number -= 1  # give this line again
                 return
             yield words
 
@@ -166,11 +161,6 @@ class _Lines:
         if len(values) != count or not np.isfinite(values).all():
             raise self.fault(f"{count} number(s) expected, not {' '.join(words)[:60]!r}")
         return values
-
-    def vector(self, words: list[str]) -> tuple[float, float, float]:
-        """Three numbers."""
-        x, y, z = self.numbers(words, 3)
-        return x, y, z
 
     def order(self, words: list[str]) -> str:
         """A word such as "XYZ"."""
@@ -208,9 +198,9 @@ def _read_root(lines: _Lines, skeleton: Skeleton) -> None:
             case "axis":
                 root.order = lines.order(words[1:])
             case "position":
-                skeleton.position = lines.vector(words[1:])
+                skeleton.position = lines.numbers(words[1:], 3)
             case "orientation":
-                root.angles = lines.vector(words[1:])
+                root.angles = lines.numbers(words[1:], 3)
 
 
 def _read_bone(lines: _Lines) -> Bone:
@@ -224,11 +214,11 @@ def _read_bone(lines: _Lines) -> Bone:
             case "name":
                 bone.name = " ".join(words[1:])
             case "direction":
-                bone.direction = lines.vector(words[1:])
+                bone.direction = lines.numbers(words[1:], 3)
             case "length":
                 (bone.length,) = lines.numbers(words[1:], 1)
             case "axis":
-                bone.angles, bone.order = lines.vector(words[1:]), lines.order(words[4:])
+                bone.angles, bone.order = lines.numbers(words[1:], 3), lines.order(words[4:])
             case "dof":
                 bone.dof = lines.dof(words[1:])
     raise lines.fault("a bone without 'end'")
@@ -259,14 +249,10 @@ def _read_hierarchy(lines: _Lines, skeleton: Skeleton) -> None:
 
 def _sort(skeleton: Skeleton, name: str) -> None:
     """Put the bones into depth-first order."""
-    children: dict[str, list[str]] = {}
-    for child, parent in skeleton.parents.items():
-        children.setdefault(parent, []).append(child)
-    ordered, waiting = {}, [ROOT]
-    while waiting:
-        bone = waiting.pop()
-        ordered[bone] = skeleton.bones[bone]
-        waiting.extend(reversed(children.get(bone, [])))
+    names = [ROOT, *skeleton.parents]
+    places = {name: place for place, name in enumerate(names)}
+    parents = [places.get(parent, len(names)) for parent in skeleton.parents.values()]
+    ordered = {names[place]: skeleton.bones[names[place]] for place in depth_first([-1, *parents])}
     loose = next((bone for bone in skeleton.bones if bone not in ordered), None)
     if loose is not None:
         raise ClipError(f"{name}: bone {loose!r} does not hang from the root")
@@ -274,23 +260,10 @@ def _sort(skeleton: Skeleton, name: str) -> None:
 
 
 def parse_asf(data: bytes, name: str) -> Skeleton:
-    """Read an ASF file.
-
-    Args:
-        data: the file.
-        name: its name, for messages.
-
-    Raises:
-        ClipError: with the file's name and line.
-    """
+    """Read an ASF file; `ClipError` with its `name` and the line where it fails."""
     lines = _Lines(data.decode("latin-1"), name)
     skeleton = Skeleton()
-    sections = {
-        ":units": _read_units,
-        ":root": _read_root,
-        ":bonedata": _read_bones,
-        ":hierarchy": _read_hierarchy,
-    }
+    sections = {":units": _read_units, ":root": _read_root, ":bonedata": _read_bones, ":hierarchy": _read_hierarchy}
     seen = set()
     for words in lines:
         heading = words[0].lower()
@@ -303,8 +276,7 @@ def parse_asf(data: bytes, name: str) -> Skeleton:
     _sort(skeleton, name)
     if skeleton.radians:
         for bone in skeleton.bones.values():
-            x, y, z = np.rad2deg(bone.angles).tolist()
-            bone.angles = (x, y, z)
+            bone.angles = tuple(np.rad2deg(bone.angles).tolist())
     return skeleton
 
 

@@ -6,6 +6,7 @@ import math
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from itertools import chain
 from pathlib import Path
 from typing import Final
 
@@ -13,11 +14,11 @@ import numpy as np
 from motionlake.errors import ClipError
 from motionlake.formats.numbers import line_of, parse_table
 from motionlake.formats.registry import MAX_FPS, MIN_FPS
-from motionlake.motion.clip import ChannelKind, Hierarchy, SourceClip
+from motionlake.motion.clip import POSITION_CHANNELS, ROTATION_CHANNELS, ChannelKind, Hierarchy, SourceClip
 from motionlake.motion.rotations import IDENTITY
 
 MAX_HEADER_BYTES: Final = 8 * 1024**2
-_CHANNELS: Final = {f"{axis}{what}".lower(): f"{axis}{what}" for axis in "XYZ" for what in ("position", "rotation")}
+_CHANNELS: Final = {name.lower(): name for name in POSITION_CHANNELS + ROTATION_CHANNELS}
 _MOTION: Final = re.compile(rb"^[ \t]*MOTION[ \t\r]*$", re.IGNORECASE | re.MULTILINE)
 _FRAMES: Final = re.compile(rb"\s*Frames[ \t]*:[ \t]*(\S+)[ \t\r]*(?:\n|\Z)", re.IGNORECASE)
 _FRAME_TIME: Final = re.compile(rb"\s*Frame[ \t]+Time[ \t]*:[ \t]*(\S*)[ \t\r]*(?:\n|\Z)", re.IGNORECASE)
@@ -34,10 +35,8 @@ class _Tokens:
 
     @classmethod
     def of(cls, text: str) -> _Tokens:
-        found = [
-            (word, number) for number, line in enumerate(text.split("\n"), start=1) for word in _TOKEN.findall(line)
-        ]
-        return cls([word for word, _ in found], [number for _, number in found])
+        found = [_TOKEN.findall(line) for line in text.split("\n")]
+        return cls(list(chain(*found)), [number for number, words in enumerate(found, start=1) for _ in words])
 
     @property
     def line(self) -> int:

@@ -5,12 +5,13 @@ from __future__ import annotations
 import os
 import uuid
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Final, TextIO
 
 import numpy as np
 from motionlake.arrays import Float64Array
-from motionlake.motion.clip import POSITION_CHANNELS, ChannelKind, Hierarchy, SourceClip
+from motionlake.motion.clip import POSITION_CHANNELS, ChannelKind, Hierarchy, SourceClip, depth_first
 from motionlake.motion.kinematics import channel_starts, solve
 from motionlake.motion.rotations import IDENTITY, to_euler
 
@@ -21,16 +22,10 @@ _DECIMALS: Final = 8
 
 
 def write_bvh(clip: SourceClip, target: Path | TextIO, start: int = 0, stop: int | None = None) -> None:
-    """Write frames [start, stop) of a clip as BVH, in file units.
+    """Write frames [start, stop) of a clip as BVH, in file units, to a stream or a path (whole or not at all).
 
     A BVH's own channels are written as they are. Other rotations become Euler angles ZYX, continuous along
     time, at the same rest pose; a clip of positions becomes joints that move without turning.
-
-    Args:
-        clip: what `read_clips` gives.
-        target: a text stream, or a path, whose file appears whole or not at all.
-        start: first frame.
-        stop: one past the last frame; None for all.
 
     Raises:
         IndexError: no frame in that range.
@@ -41,9 +36,7 @@ def write_bvh(clip: SourceClip, target: Path | TextIO, start: int = 0, stop: int
     stop = frames if stop is None else stop
     if not 0 <= start < stop <= frames:
         raise IndexError(f"frames {start} to {stop} of a clip of {frames}")
-    hierarchy, channels = to_bvh(
-        SourceClip(clip.hierarchy, clip.channels[start:stop], clip.fps, clip.body, clip.metres_per_unit)
-    )
+    hierarchy, channels = to_bvh(replace(clip, channels=clip.channels[start:stop]))
     if isinstance(target, Path):
         _write_whole(hierarchy, channels, clip.fps, target)
     else:
@@ -52,40 +45,29 @@ def write_bvh(clip: SourceClip, target: Path | TextIO, start: int = 0, stop: int
 
 def to_bvh(clip: SourceClip) -> tuple[Hierarchy, Float64Array]:
     """The clip's joint tree, depth first, and channels [F, C] as BVH can hold them."""
-    return _depth_first(*_convert(clip))
-
-
-def _convert(clip: SourceClip) -> tuple[Hierarchy, Float64Array]:
     hierarchy = clip.hierarchy
     if hierarchy.kind is ChannelKind.POSITIONS:
-        return _positions_to_bvh(clip)
+        return _depth_first(*_positions_to_bvh(clip))
     own = hierarchy.kind is ChannelKind.EULER and not hierarchy.fixed_axes
     if own and (hierarchy.axes == IDENTITY).all():
-        return hierarchy, clip.channels
-    return _rotations_to_bvh(clip)
+        return _depth_first(hierarchy, clip.channels)
+    return _depth_first(*_rotations_to_bvh(clip))
 
 
 def _depth_first(hierarchy: Hierarchy, channels: Float64Array) -> tuple[Hierarchy, Float64Array]:
     """The same with joints in the only order that BVH's nested braces can have."""
-    children: dict[int, list[int]] = {}
-    for joint, parent in enumerate(hierarchy.parents):
-        children.setdefault(parent, []).append(joint)
-    order, waiting = [], [0]
-    while waiting:
-        joint = waiting.pop()
-        order.append(joint)
-        waiting.extend(reversed(children.get(joint, [])))
+    order = depth_first(hierarchy.parents)
     if order == sorted(order):
         return hierarchy, channels
     place = {joint: i for i, joint in enumerate(order)} | {-1: -1}
     starts = channel_starts(hierarchy)
     columns = np.concatenate([np.arange(starts[joint], starts[joint + 1]) for joint in order])
-    return Hierarchy(
+    return replace(
+        hierarchy,
         joints=tuple(hierarchy.joints[joint] for joint in order),
         parents=tuple(place[hierarchy.parents[joint]] for joint in order),
         offsets=hierarchy.offsets[order],
         channels=tuple(hierarchy.channels[joint] for joint in order),
-        kind=hierarchy.kind,
         axes=hierarchy.axes[order],
         end_sites=tuple((place[joint], offset) for joint, offset in hierarchy.end_sites),
     ), channels[:, columns]
@@ -127,13 +109,13 @@ def _plain(hierarchy: Hierarchy, offsets: Float64Array, channels: tuple[tuple[st
     """The same tree with channels as BVH has them; every branch ends in an end site, as some readers want."""
     ended = {*hierarchy.parents, *(joint for joint, _ in hierarchy.end_sites)}
     open_ends = tuple((j, (0.0, 0.0, 0.0)) for j in range(len(hierarchy.joints)) if j not in ended)
-    return Hierarchy(
-        joints=hierarchy.joints,
-        parents=hierarchy.parents,
+    return replace(
+        hierarchy,
         offsets=offsets,
         channels=channels,
         kind=ChannelKind.EULER,
         axes=np.tile(IDENTITY, (len(hierarchy.joints), 1)),
+        fixed_axes=False,
         end_sites=hierarchy.end_sites + open_ends,
     )
 

@@ -18,6 +18,7 @@ from motionlake.arrays import Float64Array
 from motionlake.errors import ClipError
 from motionlake.formats.repair import FARTHEST
 from motionlake.motion.clip import POSITION_CHANNELS, QUATERNION_CHANNELS, ChannelKind, Hierarchy, SourceClip
+from motionlake.motion.rotations import IDENTITY
 from scipy.spatial.transform import Rotation, Slerp
 
 BALL: Final = 4
@@ -171,20 +172,16 @@ def _resampled(channels: Float64Array, durations: Float64Array, step: float) -> 
     return np.concatenate(columns, axis=1)
 
 
-def _hierarchy() -> Hierarchy:
-    return Hierarchy(
-        joints=tuple(joint for joint, _, _, _ in CHARACTER),
-        parents=tuple(parent for _, parent, _, _ in CHARACTER),
-        offsets=np.array([offset for _, _, _, offset in CHARACTER]),
-        channels=(
-            POSITION_CHANNELS + QUATERNION_CHANNELS,
-            *(QUATERNION_CHANNELS if values else () for _, _, values, _ in CHARACTER[1:]),
-        ),
-        kind=ChannelKind.QUATERNION,
-        axes=np.tile([1.0, 0.0, 0.0, 0.0], (len(CHARACTER), 1)),
-        end_sites=END_SITES,
-    )
-
-
-_HIERARCHY: Final = _hierarchy()
+_HIERARCHY: Final = Hierarchy(
+    joints=tuple(joint for joint, _, _, _ in CHARACTER),
+    parents=tuple(parent for _, parent, _, _ in CHARACTER),
+    offsets=np.array([offset for _, _, _, offset in CHARACTER]),
+    channels=(
+        POSITION_CHANNELS + QUATERNION_CHANNELS,
+        *(QUATERNION_CHANNELS if values else () for _, _, values, _ in CHARACTER[1:]),
+    ),
+    kind=ChannelKind.QUATERNION,
+    axes=np.tile(IDENTITY, (len(CHARACTER), 1)),
+    end_sites=END_SITES,
+)
 READER: Final = DeepMimicReader()

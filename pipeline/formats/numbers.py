@@ -16,15 +16,10 @@ from motionlake.errors import ClipError
 from numba import njit, uint64
 from numpy.typing import NDArray
 
-OK: Final = 0
-BAD_NUMBER: Final = 1
-SHORT_ROW: Final = 2
-LONG_ROW: Final = 3
-EXTRA_ROW: Final = 4
+# UNDECIDED: a number that `scan_number` leaves to Python's `float`.
+OK, BAD_NUMBER, SHORT_ROW, LONG_ROW, EXTRA_ROW, UNDECIDED = range(6)
 # Python's `float` takes quadratic time: no endless digits.
 MAX_DIGITS: Final = 800
-# A number that `scan_number` leaves to Python's `float`.
-UNDECIDED: Final = 5
 
 _NEWLINE: Final = 10
 # Unsigned indices spare the check for negative ones.
@@ -100,12 +95,7 @@ def _decimal_to_float(mantissa, exponent):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def scan_number(data, begin, end):  # type: ignore[no-untyped-def]
-    """Read the number that starts at byte `begin` and runs up to white space or `end`.
-
-    Args:
-        data: uint8 [n].
-        begin: index of the first byte, not white space.
-        end: one past the last byte.
+    """Read the number that starts at byte `begin` of `data` (uint8 [n]) and runs up to white space or `end`.
 
     Returns:
         (status, value, next): OK, BAD_NUMBER or UNDECIDED; the value where OK; the index after the token.
@@ -183,13 +173,9 @@ def skip_blanks(data, begin, end):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _scan_table(data, start, table, undecided):  # type: ignore[no-untyped-def]
-    """Fill `table` row by row from text lines; blank lines are skipped.
+    """Fill `table`, float64 [rows, columns], from the text lines of `data`, uint8 [n]; blank lines are skipped.
 
-    Args:
-        data: uint8 [n].
-        start: first byte.
-        table: float64 [rows, columns], filled in place.
-        undecided: int64 [rows * columns, 2], receives (flat index, first byte) of numbers for Python.
+    `undecided`, int64 [rows * columns, 2], receives (flat index, first byte) of numbers for Python.
 
     Returns:
         (status, byte where it stopped, rows filled, numbers undecided, values in the last row).
@@ -237,13 +223,12 @@ def token_at(data: bytes, offset: int) -> str:
     return words[0].decode("latin-1") if words else ""
 
 
-def settle(data: bytes, values: Float64Array, undecided: Int64Array) -> None:
-    """Let Python's `float` read the numbers the kernel left undecided.
+def not_finite(data: bytes, offset: int) -> ClipError:
+    return ClipError(f"{token_at(data, offset)!r} is not a finite number", line_of(data, offset))
 
-    Args:
-        data: the file.
-        values: contiguous; written in place by flat index.
-        undecided: [n, 2] flat index and first byte.
+
+def settle(data: bytes, values: Float64Array, undecided: Int64Array) -> None:
+    """Let Python's `float` read the undecided numbers, [n, 2] flat index and first byte, into `values` in place.
 
     Raises:
         ClipError: a number beyond float64's range.
@@ -252,7 +237,7 @@ def settle(data: bytes, values: Float64Array, undecided: Int64Array) -> None:
     for index, offset in undecided.tolist():
         value = float(data[offset : offset + 2 * MAX_DIGITS].split(maxsplit=1)[0])
         if not math.isfinite(value):
-            raise ClipError(f"{token_at(data, offset)!r} is not a finite number", line_of(data, offset))
+            raise not_finite(data, offset)
         flat[index] = value
 
 
@@ -270,7 +255,7 @@ def parse_table(data: bytes, start: int, rows: int, columns: int) -> Float64Arra
     buffer = np.frombuffer(data, np.uint8)
     status, offset, filled, left, values = _scan_table(buffer, start, table, undecided)
     if status == BAD_NUMBER:
-        raise ClipError(f"{token_at(data, offset)!r} is not a finite number", line_of(data, offset))
+        raise not_finite(data, offset)
     if status == SHORT_ROW:
         raise ClipError(f"the row has {values} values, not {columns}", line_of(data, offset))
     if status == LONG_ROW:

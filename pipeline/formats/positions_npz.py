@@ -7,6 +7,7 @@ cannot ask for more memory than the member holds.
 from __future__ import annotations
 
 import io
+import math
 import struct
 import tokenize
 import zipfile
@@ -18,7 +19,7 @@ import numpy as np
 from motionlake.arrays import Float64Array
 from motionlake.errors import ClipError
 from motionlake.formats.repair import fill_missing, missing_samples, repair_note
-from motionlake.motion.clip import ChannelKind, Hierarchy, SourceClip
+from motionlake.motion.clip import Hierarchy, SourceClip, depth_first
 from numpy.typing import NDArray
 
 MEMBERS: Final = ("positions", "joints", "parents", "fps")
@@ -65,29 +66,20 @@ class PositionsReader:
 
 
 def parents_first(parents: list[int]) -> list[int]:
-    """The joints' indices, every parent before its children and otherwise in file order.
-
-    Args:
-        parents: J indices, -1 (any negative number) at the root.
+    """The joints' indices, parents before children; `parents` are J indices, any negative one at the root.
 
     Raises:
         ClipError: an index out of range, no root, several roots, or a joint not under the root.
     """
-    children: dict[int, list[int]] = {}
     for joint, parent in enumerate(parents):
         if parent >= len(parents):
             raise ClipError(f"joint {joint} has parent {parent}, but there are {len(parents)} joints")
-        children.setdefault(max(parent, -1), []).append(joint)
-    roots = children.get(-1, [])
-    if len(roots) != 1:
-        raise ClipError(f"has {len(roots)} root joints; one body has one")
+    roots = sum(parent < 0 for parent in parents)
+    if roots != 1:
+        raise ClipError(f"has {roots} root joints; one body has one")
     if all(parent < joint for joint, parent in enumerate(parents)):
         return list(range(len(parents)))
-    order, stack = [], roots
-    while stack:
-        joint = stack.pop()
-        order.append(joint)
-        stack.extend(reversed(children.get(joint, [])))
+    order = depth_first([max(parent, -1) for parent in parents])
     if len(order) < len(parents):
         raise ClipError(f"{len(parents) - len(order)} joints are their own ancestors")
     return order
@@ -99,14 +91,7 @@ def _clip(positions: Float64Array, names: list[str], parents: list[int], order: 
     joints = tuple(names[joint] for joint in order)
     filled, repaired = fill_missing(positions, missing_samples(positions), joints)
     rank = {joint: place for place, joint in enumerate(order)} | {-1: -1}
-    hierarchy = Hierarchy(
-        joints=joints,
-        parents=tuple(rank[max(parents[joint], -1)] for joint in order),
-        offsets=np.zeros((len(order), 3)),
-        channels=(("x", "y", "z"),) * len(order),
-        kind=ChannelKind.POSITIONS,
-        axes=np.tile([1.0, 0.0, 0.0, 0.0], (len(order), 1)),
-    )
+    hierarchy = Hierarchy.of_positions(joints, tuple(rank[max(parents[joint], -1)] for joint in order))
     notes = ("joints reordered: parents before children",) if reordered else ()
     return SourceClip(
         hierarchy=hierarchy,
@@ -143,10 +128,7 @@ def _array(archive: zipfile.ZipFile, name: str) -> NDArray[Any]:
     if dtype.hasobject:
         raise ClipError(f"array {name!r} holds Python objects, which are never loaded")
     payload = stream.getbuffer()[stream.tell() :]
-    count = 1
-    for size in shape:
-        count *= size
-    if min(shape, default=0) < 0 or count * dtype.itemsize != len(payload):
+    if min(shape, default=0) < 0 or math.prod(shape) * dtype.itemsize != len(payload):
         raise ClipError(f"array {name!r} is {len(payload)} bytes long, but its header says {shape} {dtype}")
     return np.frombuffer(payload, dtype=dtype).reshape(shape, order="F" if fortran else "C")
 

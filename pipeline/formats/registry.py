@@ -24,18 +24,12 @@ T = TypeVar("T")
 # again under the same stamp.
 SETTLED_NS: Final = 2_000_000_000
 
-State = tuple[int, int, int, int, int]
-
 
 class Remembered(Generic[T]):
     """A function of a path that is called again only when the file or folder there has changed.
 
-    A change shows in device, inode, size, and times of modification and status change. An answer for what
-    changed less than 2 s ago is not kept.
-
-    Args:
-        function: what to remember. Its exceptions are not remembered.
-        size: how many answers are kept, those used last.
+    A change shows in device, inode, size, and times of modification and status change. The last `size` answers are
+    kept, but none for what changed less than 2 s ago, and no exceptions.
     """
 
     def __init__(self, function: Callable[[Path], T], size: int) -> None:
@@ -49,7 +43,7 @@ class Remembered(Generic[T]):
             return self._function(path)
         return self._cached(path, (stat.st_dev, stat.st_ino, stat.st_size, stat.st_mtime_ns, stat.st_ctime_ns))
 
-    def _call(self, path: Path, state: State) -> T:
+    def _call(self, path: Path, state: tuple[int, ...]) -> T:
         del state
         return self._function(path)
 
@@ -68,9 +62,9 @@ MAX_REASON: Final = 200
 class Reader(Protocol):
     """One file format.
 
-    A reader may also have a method `companions(path: Path) -> list[Path]`: further files that belong to the
-    clip's content, such as the .asf of an .amc; and a method `sniff(head: bytes) -> bool`: whether a file
-    that begins so is of this format, where its suffixes are not this format's alone.
+    A reader may also have `companions(path: Path) -> list[Path]`, further files that belong to the clip, such as the
+    .asf of an .amc; and `sniff(head: bytes) -> bool`, whether a file that begins so is of this format, where other
+    files have its suffixes too.
 
     Attributes:
         name: the format's name, as users see it.
@@ -173,11 +167,7 @@ def _decompress(raw: BinaryIO, limit: int) -> bytes:
 
 
 def read_clips(path: Path, fps: float | None = None) -> list[SourceClip]:
-    """Read every body's clip of a file and check what holds for all formats.
-
-    Args:
-        path: the file.
-        fps: frames a second, in place of what the file says, which then is not looked at.
+    """Read every body's clip of a file and check what holds for all formats; `fps` stands in place of the file's.
 
     Raises:
         ClipError: no reader for the name, or the file cannot be read, or it has fewer than two frames,

@@ -18,30 +18,22 @@ MIN_SEEN: Final = 2
 def missing_samples(positions: Float64Array) -> BoolArray:
     """[F, J] where a joint has no position: a coordinate is not finite or absurd, or all three are zero.
 
-    A root at the origin in every frame that has it is a root-centred recording, not a missing joint.
-
-    Args:
-        positions: [F, J, 3], the root first.
+    `positions` are [F, J, 3], the root first. A root at the origin in every frame that has it is a root-centred
+    recording, not a missing joint.
     """
     with np.errstate(invalid="ignore"):
         sound = np.all(np.abs(positions) <= FARTHEST, axis=2)
     at_origin = np.all(positions == 0.0, axis=2)
     if np.all(at_origin[:, 0] | ~sound[:, 0]):
         at_origin[:, 0] = at_origin.all(axis=1)
-    missing: BoolArray = at_origin | ~sound
-    return missing
+    return np.asarray(at_origin | ~sound)
 
 
 def fill_missing(positions: Float64Array, missing: BoolArray, joints: Sequence[str]) -> tuple[Float64Array, int]:
-    """Interpolate every missing joint linearly between the frames that show it; hold it at both ends.
-
-    Args:
-        positions: [F, J, 3].
-        missing: [F, J].
-        joints: J names, for the reason of a rejection.
+    """Interpolate every `missing` joint [F, J] linearly between the frames that show it; hold it at both ends.
 
     Returns:
-        The filled positions, finite everywhere, and how many frames needed it.
+        The filled positions [F, J, 3], finite everywhere, and how many frames needed it.
 
     Raises:
         ClipError: a joint is missing in more than half of the frames, or seen in fewer than two.
@@ -69,15 +61,9 @@ def rarely_seen(missing: BoolArray) -> BoolArray:
 
 
 def carry(positions: Float64Array, missing: BoolArray, joint: int, carrier: int) -> None:
-    """Place a joint where it is missing as it was seen from another that is known throughout, in place.
+    """Place a joint where it is missing [F, J] relative to `carrier`, which is known in every frame, in place.
 
     Its offset is interpolated over time and held at both ends; zero where it was never seen.
-
-    Args:
-        positions: [F, J, 3].
-        missing: [F, J].
-        joint: to be placed.
-        carrier: its column of `positions` is sound in every frame.
     """
     gaps = missing[:, joint]
     times = np.arange(len(positions))

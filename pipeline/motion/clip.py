@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Final
 
+import numpy as np
 from motionlake.arrays import Float64Array
 
 POSITION_CHANNELS: Final = ("Xposition", "Yposition", "Zposition")
@@ -52,10 +54,30 @@ class Hierarchy:
     fixed_axes: bool = False
     end_sites: tuple[tuple[int, tuple[float, float, float]], ...] = ()
 
+    @classmethod
+    def of_positions(cls, joints: tuple[str, ...], parents: tuple[int, ...]) -> Hierarchy:
+        """The tree of a clip of positions."""
+        count = len(joints)
+        axes = np.tile([1.0, 0.0, 0.0, 0.0], (count, 1))
+        return cls(joints, parents, np.zeros((count, 3)), (("x", "y", "z"),) * count, ChannelKind.POSITIONS, axes)
+
     @property
     def channel_names(self) -> tuple[str, ...]:
         """Every channel in file order, as "joint.channel"."""
         return tuple(f"{j}.{c}" for j, cs in zip(self.joints, self.channels, strict=True) for c in cs)
+
+
+def depth_first(parents: Sequence[int]) -> list[int]:
+    """The joints that hang from the roots (parent -1), every branch whole before the next; siblings as they come."""
+    children: dict[int, list[int]] = {}
+    for joint, parent in enumerate(parents):
+        children.setdefault(parent, []).append(joint)
+    order: list[int] = []
+    waiting = children.get(-1, [])[::-1]
+    while waiting:
+        order.append(waiting.pop())
+        waiting += reversed(children.get(order[-1], []))
+    return order
 
 
 @dataclass(frozen=True)
