@@ -288,12 +288,11 @@ def _to_channels(raw: Float64Array, skeleton: Skeleton) -> tuple[Float64Array, l
     return np.concatenate(parts, axis=1), notes
 
 
-@dataclass(frozen=True)
 class AmcReader:
     """Reader of .amc files with their .asf."""
 
-    name: str = "ASF/AMC"
-    suffixes: tuple[str, ...] = (".amc",)
+    name = "ASF/AMC"
+    suffixes = (".amc",)
 
     def companions(self, path: Path) -> list[Path]:
         """The .asf file; `ClipError` where there is none."""
@@ -310,9 +309,8 @@ class AmcReader:
         """Read an AMC file and the ASF file it belongs to; `fps` stands in place of the file's rate.
 
         Raises:
-            ClipError: with the line, for frames that are not numbered one after another, bones unknown,
-                missing or doubled in a frame, and tokens that are no number; also where no skeleton is found
-                or the skeleton cannot be read.
+            ClipError: with the line, for frames that are not numbered one after another, bones unknown, missing or
+                doubled in a frame, and tokens that are no number; or where its skeleton is not found or not readable.
         """
         preamble = _Preamble.of(data)
         asf, why = find_skeleton(path, preamble.asf)

@@ -6,7 +6,7 @@ import math
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from itertools import chain
+from itertools import chain, count
 from pathlib import Path
 from typing import Final
 
@@ -151,15 +151,15 @@ def _read_tree(tokens: _Tokens) -> _Tree:
 
 def _unique(names: list[str]) -> Iterator[str]:
     """The names, every repetition with a number that makes it another name ("Hand", "Hand.2")."""
-    seen = set(names)
-    used: set[str] = set()
-    repeats: dict[str, int] = {}
+    taken = set(names)
+    repeats: dict[str, Iterator[int]] = {}
     for name in names:
         fresh = name
-        while fresh in used or (fresh != name and fresh in seen):
-            repeats[name] = repeats.get(name, 1) + 1
-            fresh = f"{name}.{repeats[name]}"
-        used.add(fresh)
+        if name in repeats:
+            fresh = next(new for i in repeats[name] if (new := f"{name}.{i}") not in taken)
+            taken.add(fresh)
+        else:
+            repeats[name] = count(2)
         yield fresh
 
 
@@ -200,12 +200,11 @@ def _decode(header: bytes) -> str:
         return header.decode("latin-1")
 
 
-@dataclass(frozen=True)
 class BvhReader:
     """Reader of .bvh files."""
 
-    name: str = "BVH"
-    suffixes: tuple[str, ...] = (".bvh",)
+    name = "BVH"
+    suffixes = (".bvh",)
 
     def read(self, data: bytes, path: Path, fps: float | None = None) -> list[SourceClip]:
         """Read a BVH file; `fps` stands in place of its frame time.
@@ -214,21 +213,20 @@ class BvhReader:
             ClipError: with the line, for a header that is no joint tree, a token that is no number, rows that
                 do not fit the channels or the declared number of frames, or a frame time outside 1/1000 to 1 s.
         """
-        del path
         motion = _MOTION.search(data, 0, MAX_HEADER_BYTES)
         if motion is None:
             raise ClipError("is no BVH file, or cut short: no line MOTION")
         tree = _read_tree(_Tokens.of(_decode(data[: motion.start()])))
-        count = _FRAMES.match(data, motion.end())
-        if count is None:
+        declared = _FRAMES.match(data, motion.end())
+        if declared is None:
             raise ClipError("no 'Frames:' after MOTION", line_of(data, motion.end()))
-        frames = count[1].decode("latin-1")
+        frames = declared[1].decode("latin-1")
         if not frames.isascii() or not frames.isdigit() or len(frames) > 12:
-            raise ClipError(f"{frames[:40]!r} is not a number of frames", line_of(data, count.start(1)))
-        timing = _FRAME_TIME.match(data, count.end())
+            raise ClipError(f"{frames[:40]!r} is not a number of frames", line_of(data, declared.start(1)))
+        timing = _FRAME_TIME.match(data, declared.end())
         if fps is None:
             if timing is None:
-                raise ClipError("no 'Frame Time:' after 'Frames:': say --fps", line_of(data, count.end()))
+                raise ClipError("no 'Frame Time:' after 'Frames:': say --fps", line_of(data, declared.end()))
             fps = _rate(timing[1].decode("latin-1"), line_of(data, timing.start(1)))
         columns = sum(map(len, tree.channels))
         if not columns:
@@ -245,7 +243,7 @@ class BvhReader:
             end_sites=tuple(tree.end_sites),
         )
         notes = (f"joint names used twice, renamed: {', '.join(renamed)}",) if renamed else ()
-        table = parse_table(data, (timing or count).end(), int(frames), columns)
+        table = parse_table(data, (timing or declared).end(), int(frames), columns)
         return [SourceClip(hierarchy, table, fps, notes=notes)]
 
 
