@@ -30,7 +30,7 @@ from motionlake.training import save_network
 
 from tests.test_trajectories import swinging
 
-SMALL = GloGenRecipe(embedding=16, state=16, layers=1, latent=4, epochs=20, steps=0, going_steps=0)
+SMALL = GloGenRecipe(embedding=16, state=16, layers=1, latent=4, epochs=20, steps=0, cyclic_steps=0)
 DENSE = LocGenRecipe(embedding=16, state=16, epochs=2, steps=0)
 BODY = 1.3 * STANDARD
 
@@ -70,7 +70,7 @@ def test_motions_are_those_of_a_body(generator: TrainedGenerator) -> None:
 
 def test_a_motion_begins_where_the_clip_is(generator: TrainedGenerator) -> None:
     asked = wish()
-    made = generator.generate([asked])[0]
+    made = generator.generate([request])[0]
     there = asked.start.positions[made.seed_stop - 1]
     assert np.linalg.norm(made.positions[0, 0] - there[0]) < 0.15
 
@@ -78,14 +78,14 @@ def test_a_motion_begins_where_the_clip_is(generator: TrainedGenerator) -> None:
 def test_the_same_wish_gives_the_same_motion_whatever_is_beside_it(generator: TrainedGenerator) -> None:
     wishes = [wish(seed=i, seconds=2.0 + i % 3) for i in range(7)]
     together = generator.generate(wishes)
-    for asked, made in zip(wishes, together, strict=True):
-        alone = generator.generate([asked])[0]
+    for request, made in zip(wishes, together, strict=True):
+        alone = generator.generate([request])[0]
         np.testing.assert_array_equal(alone.positions, made.positions)
 
 
 def test_the_seed_and_the_temperature_say_what_chance_does(generator: TrainedGenerator) -> None:
     if not generator.glogen.recipe.latent:
-        pytest.skip("the thesis's network leaves nothing to chance")
+        pytest.skip("the thesis's network has no latent variables")
     one, other = generator.generate([wish(seed=1), wish(seed=2)])
     assert np.abs(one.positions - other.positions).max() > 1e-3
     cold = generator.generate([wish(seed=1, temperature=0.0), wish(seed=2, temperature=0.0)])
@@ -194,7 +194,7 @@ def test_other_files_are_refused(generator: TrainedGenerator, tmp_path: Path, mo
 )
 def test_what_cannot_be_made_is_said(generator: TrainedGenerator, asked: MotionRequest, said: str) -> None:
     with pytest.raises(ValueError, match=said):
-        generator.generate([asked])
+        generator.generate([request])
 
 
 def test_long_motion_neither_freezes_nor_runs_away(generator: TrainedGenerator) -> None:
@@ -244,7 +244,7 @@ def test_a_class_that_goes_on_learns_from_its_own_motions_alone() -> None:
     read = [body_motion(motion, 30.0) for motion in motions]
     both = fit_generator(read, labels, SynthesisConfig(), glogen=SMALL, locgen=DENSE)
     alone = fit_generator(read[:8], labels[:8], SynthesisConfig(), glogen=SMALL, locgen=DENSE)
-    assert (both.classes, both.going, both.glogen.of) == (["back", "walk"], [True, True], [[0], [1]])
+    assert (both.classes, both.cyclic, both.glogen.of) == (["back", "walk"], [True, True], [[0], [1]])
     for name, value in alone.glogen.network(0).state_dict().items():
         torch.testing.assert_close(both.glogen.network(1).state_dict()[name], value, rtol=0, atol=0)
 

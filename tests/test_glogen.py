@@ -17,7 +17,7 @@ from motionlake.glogen.sparse import DURATION, HEIGHT, JOINT_COLUMNS, WIDTH
 from motionlake.glogen.training import epochs_of, train_glogen, unseen
 
 SMALL = GloGenRecipe(
-    embedding=16, state=32, layers=1, latent=4, dropout=0.0, epochs=30, batch=16, steps=0, going_steps=0
+    embedding=16, state=32, layers=1, latent=4, dropout=0.0, epochs=30, batch=16, steps=0, cyclic_steps=0
 )
 
 
@@ -215,7 +215,7 @@ def test_a_class_that_goes_on_is_learned_from_any_pose_on() -> None:
 
     recipe = replace(SMALL, epochs=25, state=64, noise=0.0)
     motions = [*waves(10, 60), *waves(4, 14)]
-    network, _ = train_glogen(motions, np.zeros(14, dtype=np.int64), 1, recipe, 0, going=[True])
+    network, _ = train_glogen(motions, np.zeros(14, dtype=np.int64), 1, recipe, 0, cyclic=[True])
     asked = np.stack(waves(20, 20))
     made = following(network, asked, np.zeros(20, dtype=np.int64))
     error = np.abs(made - asked[:, SEEDS:]).mean()
@@ -230,7 +230,7 @@ def test_motions_that_overlap_make_epochs_no_longer() -> None:
     told: list[int] = []
     for share in (1.0, 0.25):
         train_glogen(
-            motions, targets, 2, recipe, 0, going=[True, False], share=share,
+            motions, targets, 2, recipe, 0, cyclic=[True, False], share=share,
             progress=lambda done, of, _: told.append(of),
         )  # fmt: skip
         assert told[-1] == epochs_of([20] * 40, targets.tolist(), [True, False], recipe, share)

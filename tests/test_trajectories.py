@@ -17,7 +17,7 @@ from motionlake.glogen.sparse import (
     STEP,
     TURN,
     even_motion,
-    goes_on,
+    cyclic_classes,
     pieces,
     poses_at,
     ranges,
@@ -237,13 +237,13 @@ def test_a_walk_goes_on_and_a_gesture_comes_to_its_end() -> None:
         positions = swinging(90, i)
         positions[70:] = positions[70]
         gestures.append(body_motion(positions, 30.0))
-    assert goes_on([*walks, *gestures], [0, 0, 0, 1, 1, 1], 3) == [True, False, False]
+    assert cyclic_classes([*walks, *gestures], [0, 0, 0, 1, 1, 1], 3) == [True, False, False]
     long = body_motion(swinging(LONGEST + 1), 30.0)
-    assert goes_on([long], [0], 1) == [True]
-    made = pieces([long, gestures[0]], [0, 1], going=[True, False])
+    assert cyclic_classes([long], [0], 1) == [True]
+    made = pieces([long, gestures[0]], [0, 1], cyclic=[True, False])
     assert [len(piece.motion) for piece in made] == [LONGEST + 1, 90]
     assert [len(piece.sparse.rows) for piece in made] == [30, 20]
-    again = pieces([long, gestures[0]], [0, 1], going=[True, False], again=20)
+    again = pieces([long, gestures[0]], [0, 1], cyclic=[True, False], again=20)
     assert [len(piece.motion) for piece in again] == [PIECE, PIECE, PIECE, 90]
     assert not np.allclose(again[0].sparse.rows[5:10], again[1].sparse.rows[5:10])
 

@@ -159,7 +159,7 @@ def continued(
 
 def _ahead(generator: TrainedGenerator, piece: TrainingPiece, target: int) -> Float64Array | None:
     place = piece.sparse.places[SEEDS - 1 : SEEDS]
-    return generator.lead.ahead(state_at(piece.motion, place)[0], target) if generator.going[target] else None
+    return generator.lead.ahead(state_at(piece.motion, place)[0], target) if generator.cyclic[target] else None
 
 
 def _apart(made: Float32Array, one: Asked, place: float) -> NDArray[np.float64]:

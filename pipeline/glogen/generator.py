@@ -106,14 +106,14 @@ class StartState:
     last: int
 
 
-def start_state(seed: SeedClip, chance: int, sparse: int, going: bool = False) -> StartState:
+def start_state(seed: SeedClip, chance: int, sparse: int, cyclic: bool = False) -> StartState:
     """The first sparse poses of a seed clip, or of one piece of a long clip.
 
     Args:
         seed: the clip.
         chance: seed that picks the piece of a long clip.
         sparse: number of sparse poses that represent a motion.
-        going: whether the class is cyclic; its sparse poses are then evenly spaced in time (`even_motion`).
+        cyclic: whether the class is cyclic; its sparse poses are then evenly spaced in time (`even_motion`).
 
     Raises:
         ValueError: the clip is shorter than needed, or of another skeleton.
@@ -131,14 +131,14 @@ def start_state(seed: SeedClip, chance: int, sparse: int, going: bool = False) -
     parts = ranges(len(motion))
     start, stop = parts[int(np.random.default_rng(chance).integers(len(parts)))]
     piece = motion.cut(start, stop)
-    found = even_motion(piece) if going else sparse_motion(piece, sparse)
+    found = even_motion(piece) if cyclic else sparse_motion(piece, sparse)
     places = (start + found.places[:SEEDS]) / FPS * seed.fps
     last = int(min(round(places[-1]), len(seed.positions) - 1))
     root = seed.positions[last, 0].astype(float)
     height = motion.height[min(len(motion) - 1, round(start + found.places[SEEDS - 1]))]
     root[1] -= height * measured_length(seed.positions)
     yaw = float(facing(seed.positions[last : last + 1])[0])
-    state = state_at(piece, found.places[SEEDS - 1 : SEEDS])[0] if going else None
+    state = state_at(piece, found.places[SEEDS - 1 : SEEDS])[0] if cyclic else None
     return StartState(found.rows[:SEEDS], state, root, yaw, int(places[0]), last + 1)
 
 
@@ -149,7 +149,7 @@ class TrainedGenerator:
     Attributes:
         config: what it was trained for.
         classes: [C] it was trained on.
-        going: [C] whether the motion of a class is cyclic, as walking, or comes to its end, as a kick (`goes_on`).
+        cyclic: [C] whether the motion of a class is cyclic, as walking, or ends, as a kick (`cyclic_classes`).
         reach: [C] median number of poses that follow the first five in training motions (`reach`); later predictions
             are not used, since the network had no examples of them.
         glogen, locgen: networks in evaluation mode, on the CPU; GloGen has one for each cyclic class.
@@ -159,7 +159,7 @@ class TrainedGenerator:
 
     config: SynthesisConfig
     classes: list[str]
-    going: list[bool]
+    cyclic: list[bool]
     reach: list[int]
     glogen: ByClass
     locgen: DenseDecoder | Inbetweener
@@ -207,8 +207,8 @@ class TrainedGenerator:
             )
 
     def _start(self, request: MotionRequest) -> StartState:
-        going = self.going[self.classes.index(request.classes[0])]
-        return start_state(request.start, request.seed, self.glogen.recipe.sparse, going)
+        cyclic = self.cyclic[self.classes.index(request.classes[0])]
+        return start_state(request.start, request.seed, self.glogen.recipe.sparse, cyclic)
 
     def _ahead(self, request: MotionRequest, start: StartState) -> Float64Array | None:
         target = self.classes.index(request.classes[0])
@@ -218,7 +218,7 @@ class TrainedGenerator:
         targets = [self.classes.index(name) for name in request.classes]
         rng = np.random.default_rng(request.seed)
         latent = request.temperature * rng.standard_normal((len(targets), max(1, self.glogen.recipe.latent)))
-        ending = [self.glogen.recipe.architecture == "ahead" and not self.going[target] for target in targets]
+        ending = [self.glogen.recipe.architecture == "ahead" and not self.cyclic[target] for target in targets]
         reach = [self.reach[target] for target in targets]
         return Rollout(start.rows, targets, latent, request.seconds, request.pace, ending, reach)
 
@@ -228,7 +228,7 @@ class TrainedGenerator:
     def save(self, path: Path) -> None:
         """Write it as one safetensors file."""
         kept = {
-            "config": asdict(self.config), "classes": self.classes, "going": self.going, "reach": self.reach,
+            "config": asdict(self.config), "classes": self.classes, "going": self.cyclic, "reach": self.reach,
             "figures": dict(self.metrics), "examples": len(self.lead.classes), "lead_features": FEATURES,
             "joints": list(JOINTS), "glogen": asdict(self.glogen.recipe), "networks": self.glogen.of,
             "locgen": asdict(self.locgen.recipe),

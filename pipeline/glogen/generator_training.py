@@ -14,7 +14,7 @@ from motionlake.glogen.generator import TrainedGenerator, TrainingMotion
 from motionlake.glogen.inbetweening import train_locgen
 from motionlake.glogen.onset import MOST as EXAMPLES
 from motionlake.glogen.onset import fit_onset
-from motionlake.glogen.sparse import PIECE, TrainingPiece, goes_on, pieces, reach
+from motionlake.glogen.sparse import PIECE, TrainingPiece, cyclic_classes, pieces, reach
 from motionlake.glogen.training import ByClass, epochs_of, groups, train_glogen
 from motionlake.glogen.trajectories import BodyMotion, body_motion
 
@@ -69,14 +69,14 @@ def fit_generator(
     second = locgen or locgen_recipe(config.recipe, config.epochs)
     classes = sorted(set(labels))
     targets = [classes.index(label) for label in labels]
-    going = goes_on(motions, targets, len(classes)) if first.architecture == "ahead" else [False] * len(classes)
-    whole = _cut(motions, targets, going, first)
+    cyclic = cyclic_classes(motions, targets, len(classes)) if first.architecture == "ahead" else [False] * len(classes)
+    whole = _cut(motions, targets, cyclic, first)
     if not whole:
         raise ValueError("all clips are too short to train on")
     known = {piece.target for piece in whole}
     parts = [
-        _Part.of(motions, targets, going, own, first)
-        for own in groups(going, [target in known for target in range(len(classes))])
+        _Part.of(motions, targets, cyclic, own, first)
+        for own in groups(cyclic, [target in known for target in range(len(classes))])
     ]
     epochs = sum(part.epochs(first) for part in parts) + second.epochs_of(len(whole))
     done_before = 0
@@ -91,7 +91,7 @@ def fit_generator(
     networks, losses = [], []
     for i, part in enumerate(parts):
         network, found = train_glogen(
-            part.rows, part.targets, len(part.classes), first, config.seed, going=part.going, share=part.share,
+            part.rows, part.targets, len(part.classes), first, config.seed, cyclic=part.cyclic, share=part.share,
             checkpoint=beside(f"glogen-{i}"), stays=True, progress=tell(),
         )  # fmt: skip
         networks.append(network)
@@ -108,9 +108,9 @@ def fit_generator(
         "locgen_loss": [round(loss, 5) for loss in dense_losses],
     }  # fmt: skip
     return TrainedGenerator(
-        config, classes, going, reach(motions, targets, going, SEEDS, first.sparse),
+        config, classes, cyclic, reach(motions, targets, cyclic, SEEDS, first.sparse),
         ByClass(first, networks, [part.classes for part in parts]), locgen_network,
-        fit_onset(motions, targets, going, examples), metrics,
+        fit_onset(motions, targets, cyclic, examples), metrics,
     )  # fmt: skip
 
 
@@ -122,14 +122,14 @@ class _Part:
         classes: that it knows.
         rows: sparse poses of each piece.
         targets: class of each, one of its own.
-        going: whether each of its classes is cyclic.
+        cyclic: whether each of its classes is cyclic.
         share: of the pieces of these that an epoch takes, which overlap.
     """
 
     classes: list[int]
     rows: list[Float32Array]
     targets: Int64Array
-    going: list[bool]
+    cyclic: list[bool]
     share: float
 
     @classmethod
@@ -137,13 +137,13 @@ class _Part:
         cls,
         motions: Sequence[BodyMotion],
         targets: Sequence[int],
-        going: Sequence[bool],
+        cyclic: Sequence[bool],
         classes: list[int],
         recipe: GloGenRecipe,
     ) -> _Part:
         some = [motion for motion, target in zip(motions, targets, strict=True) if target in classes]
         own = [classes.index(target) for target in targets if target in classes]
-        on = [going[target] for target in classes]
+        on = [cyclic[target] for target in classes]
         frames = sum(len(motion) for motion, target in zip(some, own, strict=True) if on[target])
         # Where there are many clips of cyclic classes, their pieces need not overlap as much.
         again = min(max(recipe.again, -(-frames // MOST)), PIECE) if recipe.again and frames else 0
@@ -154,18 +154,20 @@ class _Part:
 
     def epochs(self, recipe: GloGenRecipe) -> int:
         """How many its network is trained for."""
-        return epochs_of([len(rows) for rows in self.rows], self.targets.tolist(), self.going, recipe, self.share)
+        return epochs_of([len(rows) for rows in self.rows], self.targets.tolist(), self.cyclic, recipe, self.share)
 
 
 def _cut(
-    motions: Sequence[BodyMotion], targets: Sequence[int], going: Sequence[bool], recipe: GloGenRecipe, again: int = 0
+    motions: Sequence[BodyMotion], targets: Sequence[int], cyclic: Sequence[bool], recipe: GloGenRecipe, again: int = 0
 ) -> list[TrainingPiece]:
     """Pieces with more sparse poses than are given."""
     stride = STRIDE if recipe.architecture == "ahead" else PIECE
-    made = pieces(motions, targets, count=recipe.sparse, stride=stride, mirror=recipe.mirror, going=going, again=again)
+    made = pieces(
+        motions, targets, count=recipe.sparse, stride=stride, mirror=recipe.mirror, cyclic=cyclic, again=again
+    )
     return [piece for piece in made if len(piece.sparse.rows) > SEEDS]
 
 
-def _frames(made: Sequence[TrainingPiece], going: Sequence[bool]) -> int:
+def _frames(made: Sequence[TrainingPiece], cyclic: Sequence[bool]) -> int:
     """How many frames pieces of classes that go on hold."""
-    return sum(len(piece.motion) for piece in made if going[piece.target])
+    return sum(len(piece.motion) for piece in made if cyclic[piece.target])

@@ -80,7 +80,7 @@ class GloGen(nn.Module):
         self.classes = classes
         self.scale = PoseScale()
 
-    def learn(self, motions: Sequence[Tensor], targets: Tensor, going: Sequence[bool]) -> None:
+    def learn(self, motions: Sequence[Tensor], targets: Tensor, cyclic: Sequence[bool]) -> None:
         """The scale of poses, from sparse poses [n, 65] of each motion, its class, and whether each class is cyclic."""
         self.scale.learn(torch.cat(list(motions)))
 
@@ -125,13 +125,13 @@ class StartPoses(nn.Module):
         self.register_buffer("poses", torch.zeros(classes, known, SEEDS, WIDTH))
         self.register_buffer("reach", torch.ones(()))
 
-    def learn(self, given: Sequence[Tensor], going: Sequence[bool]) -> None:
+    def learn(self, given: Sequence[Tensor], cyclic: Sequence[bool]) -> None:
         """Keep the mean of the scaled start poses [n, 5, 65] of a class, or the most different ones of a cyclic class.
 
         The reach is the median over classes.
         """
         reaches = []
-        for target, (own, on) in enumerate(zip(given, going, strict=True)):
+        for target, (own, on) in enumerate(zip(given, cyclic, strict=True)):
             if len(own):
                 known = _different(own, self.poses.shape[1]) if on else own.mean(dim=0, keepdim=True)
                 self.poses[target] = known[torch.arange(self.poses.shape[1]) % len(known)]
@@ -201,17 +201,17 @@ class ParallelDecoder(GloGen):
         self.latent = nn.Linear(2 * width, 2 * recipe.latent)
         self.beginnings = StartPoses(classes, KNOWN)
 
-    def learn(self, motions: Sequence[Tensor], targets: Tensor, going: Sequence[bool]) -> None:
+    def learn(self, motions: Sequence[Tensor], targets: Tensor, cyclic: Sequence[bool]) -> None:
         """The scale of poses, the mean motion of every class, and the regression from given poses to it.
 
         Of a cyclic class the mean motion is its mean pose, since its clips start at any phase.
         """
-        super().learn(motions, targets, going)
+        super().learn(motions, targets, cyclic)
         scaled = [self.scale(rows) for rows in motions]
-        self._learn_beginnings(scaled, targets, going)
+        self._learn_beginnings(scaled, targets, cyclic)
         for target in range(self.classes):
             own = [rows for rows, of in zip(scaled, targets.tolist(), strict=True) if of == target]
-            if own and going[target]:
+            if own and cyclic[target]:
                 self.course[target] = torch.cat(own).mean(dim=0)
             elif own:
                 self.course[target] = torch.stack(own).mean(dim=0)
@@ -226,13 +226,13 @@ class ParallelDecoder(GloGen):
             windows = torch.stack([scaled[i][start : start + self.recipe.sparse] for i, start in some])
             self._learn_lead(windows, targets[[i for i, _ in some]])
 
-    def _learn_beginnings(self, scaled: Sequence[Tensor], targets: Tensor, going: Sequence[bool]) -> None:
+    def _learn_beginnings(self, scaled: Sequence[Tensor], targets: Tensor, cyclic: Sequence[bool]) -> None:
         places: list[list[tuple[int, int]]] = [[] for _ in range(self.classes)]
         for i, target in enumerate(targets.tolist()):
-            last = len(scaled[i]) - SEEDS if going[target] else 0
+            last = len(scaled[i]) - SEEDS if cyclic[target] else 0
             places[target] += [(i, start) for start in range(last + 1)]
         given = [[scaled[i][start : start + SEEDS] for i, start in _some(own)] for own in places]
-        self.beginnings.learn([torch.stack(own) if own else torch.zeros(0) for own in given], going)
+        self.beginnings.learn([torch.stack(own) if own else torch.zeros(0) for own in given], cyclic)
 
     def _learn_lead(self, scaled: Tensor, targets: Tensor) -> None:
         apart = _apart(scaled[:, :SEEDS], self.course[targets]).double()

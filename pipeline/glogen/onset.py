@@ -104,19 +104,19 @@ class Onset(nn.Module):
 
 
 def fit_onset(
-    motions: Sequence[BodyMotion], targets: Sequence[int], going: Sequence[bool], examples: int = MOST
+    motions: Sequence[BodyMotion], targets: Sequence[int], cyclic: Sequence[bool], examples: int = MOST
 ) -> Onset:
     """Fit the kernels of every cyclic class.
 
     Args:
         motions: whole clips.
         targets: class of each.
-        going: [C] whether each class is cyclic.
+        cyclic: [C] whether each class is cyclic.
         examples: of all classes together, at most.
     """
-    most = max(2, examples // max(1, sum(going)))
-    found = [_examples(motions, targets, target, most) if on else None for target, on in enumerate(going)]
-    lead = Onset(len(going), sum(len(one[0]) for one in found if one))
+    most = max(2, examples // max(1, sum(cyclic)))
+    found = [_examples(motions, targets, target, most) if on else None for target, on in enumerate(cyclic)]
+    lead = Onset(len(cyclic), sum(len(one[0]) for one in found if one))
     filled = 0
     with on_threads(1):  # sums of threads differ from run to run
         for target, one in enumerate(found):

@@ -102,7 +102,7 @@ def pieces(
     count: int = SPARSE,
     stride: int = PIECE,
     mirror: bool = False,
-    going: Sequence[bool] = (),
+    cyclic: Sequence[bool] = (),
     again: int = 0,
 ) -> list[TrainingPiece]:
     """Clips of at most `LONGEST` frames as they are, longer ones in pieces of `PIECE`, one every `stride` frames.
@@ -113,14 +113,14 @@ def pieces(
         count: of sparse poses of each piece.
         stride: frames; `PIECE`: contiguous pieces, as the thesis has them.
         mirror: adds every piece reflected left to right.
-        going: whether each class is cyclic (`goes_on`); none by default. Clips of such classes are not cut, and have as
-            many sparse poses as their length asks for (`even_motion`).
+        cyclic: whether each class is cyclic (`cyclic_classes`); none by default. Clips of such classes are not cut, and
+            have as many sparse poses as their length asks for (`even_motion`).
         again: frames from one piece of `PIECE` frames to the next that clips of such classes are read in, so that their
             sparse poses lie elsewhere in each; 0: they are read whole.
     """
     made = []
     for motion, target in zip(motions, targets, strict=True):
-        on = bool(going) and going[target]
+        on = bool(cyclic) and cyclic[target]
         for start, stop in overlapping(len(motion), again) if on else ranges(len(motion), stride):
             piece = motion.cut(start, stop)
             for one in (piece, mirrored(piece)) if mirror else (piece,):
@@ -135,7 +135,7 @@ def overlapping(frames: int, again: int) -> list[tuple[int, int]]:
     return [(start, start + PIECE) for start in range(0, frames - PIECE + 1, again)]
 
 
-def goes_on(motions: Sequence[BodyMotion], targets: Sequence[int], classes: int) -> list[bool]:
+def cyclic_classes(motions: Sequence[BodyMotion], targets: Sequence[int], classes: int) -> list[bool]:
     """[C] whether the motion of a class is cyclic, as walking, or an action with an end, as a kick.
 
     A class is cyclic if most of its clips end while they move, or are longer than `LONGEST`.
@@ -149,18 +149,18 @@ def goes_on(motions: Sequence[BodyMotion], targets: Sequence[int], classes: int)
 
 
 def reach(
-    motions: Sequence[BodyMotion], targets: Sequence[int], going: Sequence[bool], given: int, count: int = SPARSE
+    motions: Sequence[BodyMotion], targets: Sequence[int], cyclic: Sequence[bool], given: int, count: int = SPARSE
 ) -> list[int]:
     """[C] how many sparse poses after the `given` ones the motions of a class have, of `count` in all: their median.
 
     Of a class that comes to its end all; of clips too short to have any, one.
     """
-    poses: list[list[int]] = [[] for _ in going]
+    poses: list[list[int]] = [[] for _ in cyclic]
     for motion, target in zip(motions, targets, strict=True):
         poses[target].append(even_poses(len(motion)) - given)
     return [
         max(1, min(count - given, int(np.median(own)))) if on and own else count - given
-        for own, on in zip(poses, going, strict=True)
+        for own, on in zip(poses, cyclic, strict=True)
     ]
 
 

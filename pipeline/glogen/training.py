@@ -28,7 +28,7 @@ def train_glogen(
     recipe: GloGenRecipe,
     seed: int,
     *,
-    going: Sequence[bool] = (),
+    cyclic: Sequence[bool] = (),
     share: float = 1.0,
     checkpoint: Path | None = None,
     stays: bool = False,
@@ -42,7 +42,7 @@ def train_glogen(
         classes: how many there are.
         recipe: how.
         seed: of weights, order and chance.
-        going: whether each class is cyclic, so that prediction may start at any pose; none by default.
+        cyclic: whether each class is cyclic, so that prediction may start at any pose; none by default.
         share: of the motions of classes that go on that an epoch takes, drawn anew: less than 1 where they overlap.
         checkpoint: a file to save training to and to go on from; deleted at the end, unless it `stays`.
         progress: called with (epochs done, epochs, mean loss).
@@ -51,7 +51,7 @@ def train_glogen(
         The network in evaluation mode, and the loss of each epoch.
     """
     rng = np.random.default_rng(seed)
-    on = list(going) or [False] * classes
+    on = list(cyclic) or [False] * classes
     with on_threads(1), torch.random.fork_rng(devices=[]):
         torch.manual_seed(seed)
         network = glogen_network(replace(recipe, dropout=recipe.going_dropout) if any(on) else recipe, classes)
@@ -75,16 +75,16 @@ def train_glogen(
 
 
 def epochs_of(
-    lengths: Sequence[int], targets: Sequence[int], going: Sequence[bool], recipe: GloGenRecipe, share: float = 1.0
+    lengths: Sequence[int], targets: Sequence[int], cyclic: Sequence[bool], recipe: GloGenRecipe, share: float = 1.0
 ) -> int:
     """How many epochs `train_glogen` trains on motions of so many sparse poses."""
-    items = _items(lengths, targets, going)
-    drawn = sum(going[targets[i]] for i in items.tolist())
-    return recipe.epochs_of(len(items) - drawn + round(share * drawn), any(going))
+    items = _items(lengths, targets, cyclic)
+    drawn = sum(cyclic[targets[i]] for i in items.tolist())
+    return recipe.epochs_of(len(items) - drawn + round(share * drawn), any(cyclic))
 
 
-def _items(lengths: Sequence[int], targets: Sequence[int], going: Sequence[bool]) -> Int64Array:
-    counts = [max(1, n // SEEDS - 1) if going[t] else 1 for n, t in zip(lengths, targets, strict=True)]
+def _items(lengths: Sequence[int], targets: Sequence[int], cyclic: Sequence[bool]) -> Int64Array:
+    counts = [max(1, n // SEEDS - 1) if cyclic[t] else 1 for n, t in zip(lengths, targets, strict=True)]
     return np.repeat(np.arange(len(lengths)), counts)
 
 
@@ -94,19 +94,19 @@ class _Motions:
 
     rows: list[Tensor]
     targets: Tensor
-    going: list[bool]
+    cyclic: list[bool]
     sparse: int
     share: float
 
     def items(self) -> Int64Array:
         """Motions as an epoch takes them: once; those of classes that go on as often as they hold five poses."""
-        return _items([len(rows) for rows in self.rows], self.targets.tolist(), self.going)
+        return _items([len(rows) for rows in self.rows], self.targets.tolist(), self.cyclic)
 
     def drawn(self, items: Int64Array, rng: np.random.Generator) -> Int64Array:
         """What one epoch takes of the items, in its order."""
         if self.share == 1.0:
             return rng.permutation(items)
-        on = np.array(self.going)[self.targets.numpy()[items]]
+        on = np.array(self.cyclic)[self.targets.numpy()[items]]
         some = rng.permutation(items[on])[: round(self.share * int(on.sum()))]
         return rng.permutation(np.concatenate([items[~on], some]))
 
@@ -116,7 +116,7 @@ class _Motions:
         for i in chosen.tolist():
             rows = self.rows[i]
             last = max(0, len(rows) - SEEDS - LEAST)
-            start = int(rng.integers(0, last + 1)) if self.going[int(self.targets[i])] else 0
+            start = int(rng.integers(0, last + 1)) if self.cyclic[int(self.targets[i])] else 0
             places = torch.arange(start, start + self.sparse)
             found.append(rows[places.clamp(max=len(rows) - 1)])
             there.append(places < len(rows))
@@ -218,15 +218,15 @@ class ByClass(nn.Module):
         return torch.stack([found[i] for i in range(len(rows))])
 
 
-def groups(going: Sequence[bool], known: Sequence[bool]) -> list[list[int]]:
+def groups(cyclic: Sequence[bool], known: Sequence[bool]) -> list[list[int]]:
     """The classes of each network: each cyclic class alone, all others together.
 
     Args:
-        going: [C] whether each is cyclic.
+        cyclic: [C] whether each is cyclic.
         known: [C] whether there are motions of it; one without joins the others, or the first where there are none.
     """
-    alone = [[target] for target, on in enumerate(going) if on and known[target]]
-    others = [target for target, on in enumerate(going) if not (on and known[target])]
+    alone = [[target] for target, on in enumerate(cyclic) if on and known[target]]
+    others = [target for target, on in enumerate(cyclic) if not (on and known[target])]
     if not alone or any(known[target] for target in others):
         return [others, *alone]
     return [[*alone[0], *others], *alone[1:]]
