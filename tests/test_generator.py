@@ -70,7 +70,7 @@ def test_motions_are_those_of_a_body(generator: TrainedGenerator) -> None:
 
 def test_a_motion_begins_where_the_clip_is(generator: TrainedGenerator) -> None:
     asked = wish()
-    made = generator.generate([request])[0]
+    made = generator.generate([asked])[0]
     there = asked.start.positions[made.seed_stop - 1]
     assert np.linalg.norm(made.positions[0, 0] - there[0]) < 0.15
 
@@ -194,7 +194,7 @@ def test_other_files_are_refused(generator: TrainedGenerator, tmp_path: Path, mo
 )
 def test_what_cannot_be_made_is_said(generator: TrainedGenerator, asked: MotionRequest, said: str) -> None:
     with pytest.raises(ValueError, match=said):
-        generator.generate([request])
+        generator.generate([asked])
 
 
 def test_long_motion_neither_freezes_nor_runs_away(generator: TrainedGenerator) -> None:

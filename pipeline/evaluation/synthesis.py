@@ -18,11 +18,11 @@ from motionlake.evaluation.synthesis_trials import (
     Generator,
     RealMotion,
     Trial,
-    begun,
     continued,
     following,
     from_other_classes,
     real_clips,
+    seeded_clips,
 )
 from motionlake.glogen.generator import EmbeddedMotions
 from motionlake.lake.catalog import Connection
@@ -104,16 +104,16 @@ def measure_generator(
         UserError: no clip is long enough to go on from.
     """
     pieces = [list(chain.from_iterable(motion.pieces(plan.piece) for motion in some)) for some in (test, training)]
-    begins = begun(generator, pieces[0], plan.seed, "test seeds", progress)
-    known = begun(generator, pieces[1], plan.seed, "training seeds", progress)
-    likely = continued(generator, begins, temperature=0.0, seconds=None, what="likely", progress=progress)
-    own = continued(generator, begins, temperature=1.0, seconds=plan.seconds, what="own seeds", progress=progress)
+    seeded = seeded_clips(generator, pieces[0], plan.seed, "test seeds", progress)
+    known = seeded_clips(generator, pieces[1], plan.seed, "training seeds", progress)
+    likely = continued(generator, seeded, temperature=0.0, seconds=None, what="likely", progress=progress)
+    own = continued(generator, seeded, temperature=1.0, seconds=plan.seconds, what="own seeds", progress=progress)
     other = from_other_classes(
-        generator, begins, plan.count, seconds=plan.seconds, seed=plan.seed + len(pieces[0]), what="other seeds",
+        generator, seeded, plan.count, seconds=plan.seconds, seed=plan.seed + len(pieces[0]), what="other seeds",
         progress=progress,
     )  # fmt: skip
     trials = [*own, *other]
-    measure = Likeness(trials, begins, known, describe)
+    measure = Likeness(trials, seeded, known, describe)
     moves = _Moves(trials, [*test, *training])
     found = {
         **errors(likely),
@@ -124,7 +124,7 @@ def measure_generator(
         "recognised": measure.recognised(range(len(own), len(trials)), range(len(own))),
         "nearest_real": copying(
             [Aligned.of(t.made.positions, t.made.fps, t.seed.motion.clip, t.real.motion.clip) for t in trials],
-            [Aligned.of(each.after, each.fps, each.motion.clip) for each in begins],
+            [Aligned.of(each.after, each.fps, each.motion.clip) for each in seeded],
             [Aligned.of(each.after, each.fps, each.motion.clip) for each in known],
             [Aligned.of(m.positions, m.fps, m.clip) for m in training], progress,
         ),
@@ -139,10 +139,10 @@ def measure_generator(
             "recognised": measure.recognised([i for i in rows if i >= len(own)], [i for i in rows if i < len(own)]),
         }
     found["n"] = {
-        "test": len(begins), "training": len(known), "own_seeds": len(own), "other_seeds": len(other),
+        "test": len(seeded), "training": len(known), "own_seeds": len(own), "other_seeds": len(other),
         "classes": len(found["by_class"]), "test_clips": len(test),
     }  # fmt: skip
-    labels = [each.motion.label for each in begins]
+    labels = [each.motion.label for each in seeded]
     return SynthesisEvaluation(found, trials, len(own), measure.real, labels, measure.made)
 
 

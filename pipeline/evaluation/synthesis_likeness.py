@@ -10,7 +10,7 @@ from typing import Any, Final
 import numpy as np
 from motionlake.arrays import Float32Array, Float64Array, FloatArray, StepProgress
 from motionlake.evaluation.dtw import baseline_features
-from motionlake.evaluation.synthesis_trials import Begun, Trial
+from motionlake.evaluation.synthesis_trials import SeededClip, Trial
 from motionlake.motion.dtw import nearest_stretch
 from numpy.typing import NDArray
 from scipy.linalg import cholesky, qr, solve_triangular
@@ -53,9 +53,9 @@ def _factor(vectors: FloatArray) -> Float64Array:
 
 
 def recognise(
-    known: FloatArray,
+    gallery: FloatArray,
     labels: Sequence[str],
-    asked: FloatArray,
+    queries: FloatArray,
     left_out: Sequence[Collection[int]] | None = None,
 ) -> list[str]:
     """The class of each of q vectors by linear discriminant analysis of n labelled ones.
@@ -64,35 +64,35 @@ def recognise(
     Ledoit and Wolf do, so vectors may be fewer than their numbers. Of equal ones the first by name.
 
     Args:
-        known: [n, d].
+        gallery: [n, d].
         labels: [n].
-        asked: [q, d].
-        left_out: [q] rows of `known` that each must do without, such as those of the same clip.
+        queries: [q, d].
+        left_out: [q] rows of `gallery` that each must do without, such as those of the same clip.
 
     Returns:
         [q] classes, "" where nothing is left to learn from.
     """
-    given = [tuple(sorted(rows)) for rows in left_out or [()] * len(asked)]
+    given = [tuple(sorted(rows)) for rows in left_out or [()] * len(queries)]
     names = np.asarray(labels)
-    found = np.full(len(asked), "", dtype=object)
+    found = np.full(len(queries), "", dtype=object)
     for rows in dict.fromkeys(given):
-        kept = np.setdiff1d(np.arange(len(known)), rows)
+        kept = np.setdiff1d(np.arange(len(gallery)), rows)
         at = [i for i, own in enumerate(given) if own == rows]
         if len(kept):
-            found[at] = _nearest_means(known[kept], names[kept], asked[at])
+            found[at] = _nearest_means(gallery[kept], names[kept], queries[at])
     return [str(name) for name in found]
 
 
-def _nearest_means(known: FloatArray, labels: NDArray[np.str_], asked: FloatArray) -> NDArray[np.str_]:
+def _nearest_means(gallery: FloatArray, labels: NDArray[np.str_], queries: FloatArray) -> NDArray[np.str_]:
     from sklearn.covariance import ledoit_wolf
 
     classes, places = np.unique(labels, return_inverse=True)
-    means = np.stack([known[places == c].astype(np.float64).mean(axis=0) for c in range(len(classes))])
-    within = known.astype(np.float64) - means[places]
-    covariance = ledoit_wolf(within, assume_centered=True)[0] if within.any() else np.eye(known.shape[1])
+    means = np.stack([gallery[places == c].astype(np.float64).mean(axis=0) for c in range(len(classes))])
+    within = gallery.astype(np.float64) - means[places]
+    covariance = ledoit_wolf(within, assume_centered=True)[0] if within.any() else np.eye(gallery.shape[1])
     covariance += 1e-9 * np.trace(covariance) / len(covariance) * np.eye(len(covariance))
     factor = cholesky(covariance, lower=True)
-    apart = cdist(*(solve_triangular(factor, each.T, lower=True).T for each in (asked.astype(np.float64), means)))
+    apart = cdist(*(solve_triangular(factor, each.T, lower=True).T for each in (queries.astype(np.float64), means)))
     return np.asarray(classes[apart.argmin(axis=1)])
 
 
@@ -101,27 +101,27 @@ class Likeness:
 
     Attributes:
         real: [b, d] of what really follows in the test clips.
-        known: [n, d] of what follows in the training clips.
+        gallery: [n, d] of what follows in the training clips.
         made: [t, d] of the trials.
     """
 
     def __init__(
-        self, trials: Sequence[Trial], begins: Sequence[Begun], known: Sequence[Begun], describe: Describe
+        self, trials: Sequence[Trial], seeded: Sequence[SeededClip], gallery: Sequence[SeededClip], describe: Describe
     ) -> None:
-        self.real = describe([(each.after, each.fps) for each in begins])
-        self.known = describe([(each.after, each.fps) for each in known])
+        self.real = describe([(each.after, each.fps) for each in seeded])
+        self.gallery = describe([(each.after, each.fps) for each in gallery])
         self.made = describe([(trial.made.positions, trial.made.fps) for trial in trials])
         rows: dict[str, set[int]] = {}
-        for i, each in enumerate(known):
+        for i, each in enumerate(gallery):
             rows.setdefault(each.motion.clip, set()).add(i)
 
-        def of(*clips: Begun) -> set[int]:
+        def of(*clips: SeededClip) -> set[int]:
             return set().union(*(rows.get(each.motion.clip, ()) for each in clips))
 
-        labels = [each.motion.label for each in known]
-        seen = recognise(self.known, labels, self.made, [of(trial.seed, trial.real) for trial in trials])
-        seen_real = recognise(self.known, labels, self.real, [of(each) for each in begins])
-        beside = dict(zip(begins, seen_real, strict=True))
+        labels = [each.motion.label for each in gallery]
+        seen = recognise(self.gallery, labels, self.made, [of(trial.seed, trial.real) for trial in trials])
+        seen_real = recognise(self.gallery, labels, self.real, [of(each) for each in seeded])
+        beside = dict(zip(seeded, seen_real, strict=True))
         self._right = np.array([trial.wanted == name for trial, name in zip(trials, seen, strict=True)])
         self._right_real = np.array([trial.wanted == beside[trial.real] for trial in trials])
 
@@ -157,8 +157,8 @@ def nearest_real_distances(
     """
     found = np.full(len(motions), np.nan)
     for i, motion in enumerate(motions):
-        apart = [known for known in real if not known.clips & motion.clips]
-        found[i] = min((nearest_stretch(motion.frames, known.frames).cost for known in apart), default=np.nan)
+        apart = [other for other in real if not other.clips & motion.clips]
+        found[i] = min((nearest_stretch(motion.frames, other.frames).cost for other in apart), default=np.nan)
         progress(i + 1, len(motions))
     return found
 

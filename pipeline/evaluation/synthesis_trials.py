@@ -118,11 +118,11 @@ def real_clips(
             f"({', '.join(sorted(classes)[:5])}{', …' if len(classes) > 5 else ''}); --label-column names another "
             "column of labels.csv"
         )
-    asked, known = _spread(test, MOST_TEST), _spread(training, MOST_TRAINING)
-    motions = _motions(lake, list(dict.fromkeys([*asked, *known])))
+    queries, known = _spread(test, MOST_TEST), _spread(training, MOST_TRAINING)
+    motions = _motions(lake, list(dict.fromkeys([*queries, *known])))
     protocol = "{} clips, {} clips known".format(*parted.names) if parted.names else LEAVE_ONE_OUT
     return RealClips(
-        [motions[row] for row in asked], [motions[row] for row in known], protocol,
+        [motions[row] for row in queries], [motions[row] for row in known], protocol,
         parted.names[0] if parted.names else None, len(parted.queries) - len(test),
     )  # fmt: skip
 
@@ -161,7 +161,7 @@ class Generator(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class Begun:
+class SeededClip:
     """A recorded clip whose first poses are the seed of a generated motion.
 
     Attributes:
@@ -201,20 +201,20 @@ class Trial:
 
     wanted: str
     made: GeneratedMotion
-    seed: Begun
-    real: Begun
+    seed: SeededClip
+    real: SeededClip
 
 
-def begun(
+def seeded_clips(
     generator: Generator, motions: Sequence[RealMotion], seed: int, what: str, progress: StepProgress
-) -> list[Begun]:
+) -> list[SeededClip]:
     """The clips that are long enough to be continued, each with the recorded frames after its seed.
 
     Raises:
         UserError: none is.
     """
     requests = [_request(motion, motion.label, 1e-3, seed + i, 0.0) for i, motion in enumerate(motions)]
-    found: list[Begun] = []
+    found: list[SeededClip] = []
     refused = "no clips"
     for start in range(0, len(requests), AT_ONCE):
         made, reason = _those_possible(generator, requests[start : start + AT_ONCE])
@@ -223,7 +223,7 @@ def begun(
             if one is not None:
                 after = following(motions[i], one.seed_stop, one.fps)
                 if len(after) >= LEAST * one.fps:
-                    found.append(Begun(motions[i], one.seed_stop, after, one.fps, requests[i].seed))
+                    found.append(SeededClip(motions[i], one.seed_stop, after, one.fps, requests[i].seed))
         progress(what, min(start + AT_ONCE, len(requests)), len(requests))
     if not found:
         raise UserError(f"none of {len(motions)} clips is long enough to go on from and compare with ({refused})")
@@ -245,18 +245,18 @@ def poses_at(poses: Float64Array, at: FloatArray) -> Float64Array:
 
 
 def continued(
-    generator: Generator, begins: Sequence[Begun], *, temperature: float, seconds: float | None, what: str,
+    generator: Generator, seeded: Sequence[SeededClip], *, temperature: float, seconds: float | None, what: str,
     progress: StepProgress,
 ) -> list[Trial]:  # fmt: skip
     """Continue each clip in its own class, for `seconds`, or for as long as the recording continues."""
     requests = [
-        _request(each.motion, each.motion.label, seconds or each.seconds, each.chance, temperature) for each in begins
+        _request(each.motion, each.motion.label, seconds or each.seconds, each.chance, temperature) for each in seeded
     ]
-    return _trials(generator, requests, [(each, each) for each in begins], what, progress)
+    return _trials(generator, requests, [(each, each) for each in seeded], what, progress)
 
 
 def from_other_classes(
-    generator: Generator, begins: Sequence[Begun], count: int, *, seconds: float | None, seed: int, what: str,
+    generator: Generator, seeded: Sequence[SeededClip], count: int, *, seconds: float | None, seed: int, what: str,
     progress: StepProgress,
 ) -> list[Trial]:  # fmt: skip
     """Generate `count` motions of each class that has recorded clips, each from a clip of another class.
@@ -266,9 +266,9 @@ def from_other_classes(
     """
     random = np.random.default_rng(seed)
     pairs = []
-    for name in sorted({each.motion.label for each in begins}):
-        real = [each for each in begins if each.motion.label == name]
-        others = [each for each in begins if each.motion.label != name]
+    for name in sorted({each.motion.label for each in seeded}):
+        real = [each for each in seeded if each.motion.label == name]
+        others = [each for each in seeded if each.motion.label != name]
         for i in range(count if others else 0):
             beside = real[i % len(real) if count > len(real) else i * len(real) // count]
             near = [each for each in others if each.motion.dataset == beside.motion.dataset] or others
@@ -283,7 +283,7 @@ def from_other_classes(
 def _trials(
     generator: Generator,
     requests: Sequence[MotionRequest],
-    pairs: Sequence[tuple[Begun, Begun]],
+    pairs: Sequence[tuple[SeededClip, SeededClip]],
     what: str,
     progress: StepProgress,
 ) -> list[Trial]:
