@@ -119,7 +119,7 @@ def measure_generator(
         **errors(likely),
         "fid": _fid(measure.real, measure.made[: len(own)]),
         "fid_other_seeds": _fid(measure.real, measure.made[len(own) :]),
-        "fid_real": _fid(measure.real, measure.known),
+        "fid_real": _fid(measure.real, measure.gallery),
         **moves.of(range(len(trials))),
         "recognised": measure.recognised(range(len(own), len(trials)), range(len(own))),
         "nearest_real": copying(

@@ -54,7 +54,7 @@ class Step:
     does: str
     due: Callable[[Lake], list[Path]]
     rewrite: Callable[[Connection, Path], None]
-    enter: Callable[[Lake, Connection], None]
+    enter: Callable[[Lake, Connection], object]
 
 
 @dataclass(frozen=True)
@@ -186,5 +186,11 @@ STEPS: Final[Mapping[int, Step]] = {
         _frames_due,
         _rewrite_frames,
         _enter_frames,
+    ),
+    1: Step(
+        "what training gave is called metrics (column models.metrics)",
+        lambda lake: [],
+        lambda con, path: None,
+        lambda lake, con: run_sql(con, "migrations/1_to_2.sql"),
     ),
 }

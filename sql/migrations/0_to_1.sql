@@ -4,5 +4,3 @@ CREATE TABLE schema_version (
 );
 INSERT INTO schema_version VALUES (1);
 UPDATE manifest SET bytes = r.bytes FROM rows r WHERE manifest.stage = r.stage AND manifest.key = r.key;
-ALTER TABLE models RENAME COLUMN figures TO metrics;
-UPDATE models SET metrics = replace(metrics, '"ready_made":true', '"pretrained":true');
