@@ -1,8 +1,8 @@
 """Bringing a lake of an earlier version up to date, one version after the other.
 
-A step first rewrites files, each whole or not at all and so that the lake stays readable as the version it was; then
-the catalog becomes that of the next version at once. A migration that is killed therefore leaves the old lake or the
-new one, and the same command goes on where it was.
+Steps first rewrite files, each whole or not at all and so that the lake stays readable as the version it was; then the
+catalog becomes that of this version at once. A migration that is killed therefore leaves the old lake or the new one,
+and the same command goes on where it was.
 """
 
 from __future__ import annotations
@@ -102,24 +102,25 @@ def migrate(lake: Lake, progress: StepProgress) -> list[Planned]:
         remove_stale_copies(lake)
         steps = plan(lake)
         for planned in steps:
-            _take(lake, planned, STEPS[planned.from_version], progress)
+            _rewrite(lake, planned, progress)
+        if steps:
+            with changing(lake) as con:
+                for planned in steps:
+                    STEPS[planned.from_version].enter(lake, con)
+                _check_columns(con, lake)
+                refresh_macros(con)
+                refresh_views(con, lake)
         return steps
 
 
-def _take(lake: Lake, planned: Planned, step: Step, progress: StepProgress) -> None:
-    con = open_catalog(lake)
+def _rewrite(lake: Lake, planned: Planned, progress: StepProgress) -> None:
+    step, con = STEPS[planned.from_version], open_catalog(lake)
     try:
         for done, file in enumerate(step.due(lake), 1):
             step.rewrite(con, file)
             progress(f"version {planned.to_version}", done, planned.files)
     finally:
         con.close()
-    with changing(lake) as con:
-        step.enter(lake, con)
-        if planned.to_version == SCHEMA_VERSION:
-            _check_columns(con, lake)
-            refresh_macros(con)
-            refresh_views(con, lake)
 
 
 def _check_columns(con: Connection, lake: Lake) -> None:
