@@ -30,7 +30,7 @@ from motionlake.training import save_network
 
 from tests.test_trajectories import swinging
 
-SMALL = GloGenRecipe(embedding=16, state=16, layers=1, latent=4, epochs=20, steps=0, cyclic_steps=0)
+SMALL = GloGenRecipe(embedding=16, state=16, layers=1, latent=4, epochs=20, steps=0, going_steps=0)
 DENSE = LocGenRecipe(embedding=16, state=16, epochs=2, steps=0)
 BODY = 1.3 * STANDARD
 

@@ -17,7 +17,7 @@ from motionlake.glogen.sparse import DURATION, HEIGHT, JOINT_COLUMNS, WIDTH
 from motionlake.glogen.training import epochs_of, train_glogen, unseen
 
 SMALL = GloGenRecipe(
-    embedding=16, state=32, layers=1, latent=4, dropout=0.0, epochs=30, batch=16, steps=0, cyclic_steps=0
+    embedding=16, state=32, layers=1, latent=4, dropout=0.0, epochs=30, batch=16, steps=0, going_steps=0
 )
 
 

@@ -135,7 +135,7 @@ def _glogen(
     unit: Unit, train: Float32Array, targets: NDArray[np.int64], test: Float32Array, wanted: NDArray[np.int64]
 ) -> tuple[Float32Array, Float32Array]:
     recipe = GLOGEN[unit.method]
-    recipe = replace(recipe, epochs=unit.epochs, steps=0, cyclic_steps=0) if unit.epochs else recipe
+    recipe = replace(recipe, epochs=unit.epochs, steps=0, going_steps=0) if unit.epochs else recipe
     network, _ = train_glogen(list(train), targets, len(task().train.classes), recipe, unit.seed)
     rng = np.random.default_rng(unit.seed)
     chance = rng.standard_normal((len(test), max(1, recipe.latent)))

@@ -92,7 +92,7 @@ class GloGenRecipe(Recipe):
         layers, bidirectional, cell: of the recurrent layers ("LSTM" or "GRU"); the ablations of table 4.4.
         latent: number of latent variables; 0: none.
         divergence: weight of the divergence of the latent variables from their prior.
-        cyclic_steps: `steps` for cyclic classes, whose rollouts feed predictions back many times: a network trained for
+        going_steps: `steps` for cyclic classes, whose rollouts feed predictions back many times: a network trained for
             less ends up standing still.
         going_dropout: `dropout` for cyclic classes.
         again: frames between the starts of neighbouring pieces of clips of cyclic classes.
@@ -110,11 +110,11 @@ class GloGenRecipe(Recipe):
     again: int = 10
     missing: float = 0.0
     mirror: bool = False
-    cyclic_steps: int = 1000
+    going_steps: int = 1000
 
     def epochs_of(self, count: int, cyclic: bool) -> int:
         """How many epochs are trained on `count` motions, of which some may be of cyclic classes."""
-        steps = max(self.steps, self.cyclic_steps * cyclic)
+        steps = max(self.steps, self.going_steps * cyclic)
         return max(self.epochs, -(-steps // self.batches(count)))
 
 
@@ -152,7 +152,7 @@ _THESIS: Final[dict[str, Any]] = {
 _GLOGEN: Final = {
     "default": GloGenRecipe(),
     "glogen": GloGenRecipe(
-        **_THESIS, architecture="blocks", layers=1, cell="LSTM", latent=0, divergence=0.0, again=0, cyclic_steps=0
+        **_THESIS, architecture="blocks", layers=1, cell="LSTM", latent=0, divergence=0.0, again=0, going_steps=0
     ),
 }
 _LOCGEN: Final = {
@@ -163,7 +163,7 @@ _LOCGEN: Final = {
 
 def glogen_recipe(name: str, epochs: int = 0) -> GloGenRecipe:
     """The recipe of a name; `epochs` other than 0 replaces its own."""
-    return replace(_GLOGEN[name], epochs=epochs, steps=0, cyclic_steps=0) if epochs else _GLOGEN[name]
+    return replace(_GLOGEN[name], epochs=epochs, steps=0, going_steps=0) if epochs else _GLOGEN[name]
 
 
 def locgen_recipe(name: str, epochs: int = 0) -> LocGenRecipe:
