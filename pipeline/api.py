@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 Clip: TypeAlias = str | Path  # a clip of the lake by its name or the end of it, or a clip file
+ClipRange: TypeAlias = tuple[Clip, int | None, int | None]  # its frames [start, stop)
 
 
 class ScopeOptions(TypedDict, total=False):
@@ -62,27 +63,19 @@ class Lake:
     A lake may be written to while it is open here: the next call answers from what there is then. Use one `Lake` for
     each thread. Close it, or open it `with motionlake.open_lake(path) as lake:`.
 
-    Args:
+    Attributes:
         path: its folder.
-
-    Raises:
-        UserError: there is no lake, or it is of another version.
     """
 
     def __init__(self, path: str | Path) -> None:
         from motionlake.lake.catalog import reading
 
-        self._lake, self._path = layout.open_lake(path), Path(path)
+        self._lake, self.path = layout.open_lake(path), Path(path)
         with reading(self._lake):
             pass  # a lake of another version is told of here, not by the first question
         self._connection: Connection | None = None
         self._served: tuple[int, int] | None = None
         self._kept: dict[tuple[object, ...], Any] = {}
-
-    @property
-    def path(self) -> Path:
-        """Its folder."""
-        return self._path
 
     def clips(self, where: str | None = None, **equal: str | float | None) -> Rows:
         """The clips and what is known of each: dataset, rig, frames, fps, seconds, label, subject, split and more.
@@ -124,11 +117,9 @@ class Lake:
         from motionlake.stages.frames import first_body
 
         query = self._query(clip)
-        return (
-            first_body(self._lake, query)[1]
-            if isinstance(query, Path)
-            else canonical_motion(self._con, self._lake, query)
-        )
+        if isinstance(query, Path):
+            return first_body(self._lake, query)[1]
+        return canonical_motion(self._con, self._lake, query)
 
     def frames(
         self,
@@ -353,9 +344,8 @@ class Lake:
 
         wanted = (classes,) if isinstance(classes, str) else tuple(classes)
         seed_clip = None if start is None else self._query(start)
-        outside = isinstance(seed_clip, Path)
         clip = None if seed_clip is None else str(seed_clip)
-        request = Request(wanted, seconds, seed, clip, outside, split, pace, temperature)
+        request = Request(wanted, seconds, seed, clip, isinstance(seed_clip, Path), split, pace, temperature)
         model = served_generator(self._con, self._lake, load_config(self._lake.config_file))
         starts = find_starts(self._con, self._lake, model, request)
         generator = self._keep(("synthesize",), lambda: open_generator(self._lake, model))
@@ -375,7 +365,7 @@ class Lake:
         self.close()
 
     def __repr__(self) -> str:
-        return f"<motionlake.Lake {self._path}>"
+        return f"<motionlake.Lake {self.path}>"
 
     @property
     def _con(self) -> Connection:
@@ -419,17 +409,7 @@ class Lake:
             found = found.filter(column.isnull() if value is None else column == duckdb.ConstantExpression(value))
         return found if where is None else found.filter(where)
 
-    def _search(
-        self,
-        finds: Finds,
-        method: str,
-        part: tuple[Clip, int | None, int | None],
-        k: int,
-        scope: ScopeOptions,
-        /,
-        **how: Any,
-    ) -> Rows:
-        """The answers to frames [start, stop) of a clip."""
+    def _search(self, finds: Finds, method: str, part: ClipRange, k: int, scope: ScopeOptions, /, **how: Any) -> Rows:
         from motionlake.retrieval.protocol import Query, Scope
         from motionlake.retrieval.registry import searcher
 

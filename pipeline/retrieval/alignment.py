@@ -55,13 +55,11 @@ class AlignmentOptions(TypedDict, total=False):
         method: "sta", "dtw" or "sw"; by default that of config.toml.
         stride: symbols that "sta" may stride over, plus one; by default that of config.toml.
         strings: of the lake, where they have been read already.
-        threads: which share a scan; answers do not depend on their number. By default one a core.
     """
 
     method: str | None
     stride: int | None
     strings: LakeStrings | None
-    threads: int | None
 
 
 class _Aligner(LakeSearcher):
@@ -75,13 +73,13 @@ class _Aligner(LakeSearcher):
 
     def __init__(self, lake: Lake, **options: Unpack[AlignmentOptions]) -> None:
         super().__init__(lake)
-        given: dict[str, Any] = {"method": options.get("method"), "stride": options.get("stride")}
         settings = load_config(lake.config_file)
+        given: dict[str, Any] = {k: v for k, v in options.items() if k != "strings" and v is not None}
         try:
-            self.config = replace(settings.alignment, **{k: v for k, v in given.items() if v is not None})
+            self.config = replace(settings.alignment, **given)
         except ValueError as error:
             raise UserError(str(error)) from error
-        self._symbols, self._threads = settings.symbols, options.get("threads") or os.cpu_count() or 1
+        self._symbols, self._threads = settings.symbols, os.cpu_count() or 1
         strings = options.get("strings")
         if strings is None:
             with reading(lake) as con:
@@ -117,10 +115,9 @@ class _Aligner(LakeSearcher):
 
     def _pairwise(self, queries: Sequence[StringQuery], gallery: Sequence[StringQuery]) -> Float64Array:
         """[q, g] least cost of each query in each of some strings, for each symbol of the query."""
-        parts = [Repository.of([each.symbols for each in side]) for side in (queries, gallery)]
-        own = [each.symbols for each in queries]
-        costs = pairwise(own, parts[1], self.strings.distances, self.config, threads=self._threads)
-        return np.asarray(costs / parts[0].lengths[:, None].astype(np.float32), dtype=np.float64)
+        own, known = ([each.symbols for each in side] for side in (queries, gallery))
+        costs = pairwise(own, Repository.of(known), self.strings.distances, self.config, threads=self._threads)
+        return np.asarray(costs / np.array([len(each) for each in own], np.float32)[:, None], dtype=np.float64)
 
 
 class AlignmentSearcher(_Aligner):

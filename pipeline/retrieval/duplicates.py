@@ -19,12 +19,7 @@ HELD_PARTS = 64  # of features, a few MB each
 
 
 def near_duplicates(
-    con: Connection,
-    lake: Lake,
-    scope: Scope = EVERYTHING,
-    *,
-    max_distance: float = MAX_DISTANCE,
-    across: bool = False,
+    con: Connection, lake: Lake, scope: Scope = EVERYTHING, *, max_distance: float = MAX_DISTANCE, across: bool = False
 ) -> list[Duplicate]:
     """Pairs of near-duplicates of a lake, nearest first; see `find_duplicates`.
 

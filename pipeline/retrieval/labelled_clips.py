@@ -55,10 +55,7 @@ class SignedClips:
 
 
 def signed_clips(
-    con: Connection,
-    scope: ClipFilter = EVERYTHING,
-    column: str = "label",
-    only: tuple[str, str] | None = None,
+    con: Connection, scope: ClipFilter = EVERYTHING, column: str = "label", only: tuple[str, str] | None = None
 ) -> SignedClips:
     """The lake's clips that have a signature, by name.
 

@@ -194,11 +194,8 @@ class Searcher(Protocol):
         finds: whole clips, or ranges of frames inside them.
     """
 
-    @property
-    def name(self) -> str: ...
-
-    @property
-    def finds(self) -> Finds: ...
+    name: str
+    finds: Finds
 
     def search(self, queries: Sequence[Query], k: int, scope: Scope = EVERYTHING) -> list[list[Hit]]:
         """The k answers nearest to each query, nearest first, ties by name.

@@ -9,32 +9,18 @@ import numpy as np
 from motionlake.arrays import Float64Array
 from motionlake.deep_motifs.emd import emd_many
 from motionlake.deep_motifs.query_by_example import LEAST_WORDS, ExampleQuery, find_ranges
-from motionlake.deep_motifs.signatures import Corpus, window_signatures
+from motionlake.deep_motifs.signatures import window_signatures
 from motionlake.lake.catalog import reading
 from motionlake.lake.corpus import read_corpus
 from motionlake.lake.layout import Lake
 from motionlake.retrieval.encode import query_motifs
-from motionlake.retrieval.protocol import (
-    EVERYTHING,
-    Finds,
-    Hit,
-    Query,
-    Scope,
-    check_k,
-    not_ready,
-    range_hit,
-    ranked,
-)
+from motionlake.retrieval.protocol import EVERYTHING, Finds, Hit, Query, Scope, check_k, not_ready, range_hit, ranked
 
 
 class WordsSearcher:
     """Ranges by the signatures of their words (Deep Motifs, section 6.1); a `Searcher`.
 
     The query needs two words at least. A clip may have several answers, which do not overlap.
-
-    Args:
-        lake: what is searched.
-        corpus: its encoded words, where they have been read already.
 
     Raises:
         UserError: the lake has no motifs yet.
@@ -43,12 +29,10 @@ class WordsSearcher:
     name = "words"
     finds: Finds = "range"
 
-    def __init__(self, lake: Lake, *, corpus: Corpus | None = None) -> None:
+    def __init__(self, lake: Lake) -> None:
         self.lake = lake
-        if corpus is None:
-            with reading(lake) as con:
-                corpus = read_corpus(con)
-        self.corpus = corpus
+        with reading(lake) as con:
+            self.corpus = read_corpus(con)
 
     def search(self, queries: Sequence[Query], k: int, scope: Scope = EVERYTHING) -> list[list[Hit]]:
         """As `Searcher.search`."""

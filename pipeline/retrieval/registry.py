@@ -6,6 +6,7 @@ from importlib import import_module
 from typing import Any, Final
 
 from motionlake.errors import UserError
+from motionlake.lake.catalog import fetch, reading
 from motionlake.lake.layout import Lake
 from motionlake.retrieval.protocol import Finds, Searcher
 
@@ -56,8 +57,6 @@ def searcher(finds: Finds, name: str, lake: Lake, /, **options: Any) -> Searcher
 
 def ready(lake: Lake, finds: Finds) -> list[str]:
     """The methods whose tables the lake has, without reading them."""
-    from motionlake.lake.catalog import fetch, reading
-
     with reading(lake) as con:
         (there,) = fetch(con, "searchable")
     return [name for name in SEARCHERS[finds] if there.get(name, any(there.values()))]

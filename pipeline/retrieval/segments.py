@@ -39,25 +39,16 @@ class Lessons:
         mirrored: clips teach their mirror images too.
     """
 
-    datasets: Sequence[str] | None = None
-    clips: Sequence[str] | None = None
+    datasets: list[str] | None = None
+    clips: list[str] | None = None
     column: str = "label"
     mirrored: bool = True
 
-    @property
-    def all(self) -> bool:
-        return self.datasets is None and self.clips is None
-
 
 @dataclass(frozen=True)
-class LabelledBand:
-    """Frames [start, stop) of a clip, at its own rate, that show one class."""
+class LabelledBand(SegmentRange):
+    """A range with its times."""
 
-    start: int
-    stop: int
-    label: str
-    distance: float
-    confidence: float
     start_seconds: float
     seconds: float
 
@@ -141,12 +132,9 @@ def taught_ranges(con: Connection, corpus: Corpus, lessons: Lessons) -> list[Lab
     Raises:
         UserError: a named dataset or clip teaches nothing.
     """
-    chosen = {
-        "datasets": None if lessons.datasets is None else list(lessons.datasets),
-        "clips": None if lessons.clips is None else list(lessons.clips),
-    }
+    chosen = {"datasets": lessons.datasets, "clips": lessons.clips}
     rows = fetch(con, "taught_segments", chosen)
-    if not lessons.all or not rows:
+    if chosen != {"datasets": None, "clips": None} or not rows:
         whole = fetch(con, "taught_clips", {**chosen, "column": lessons.column})
         rows += [{"clip": r["clip"], "start": r["start"], "stop": r["stop"], "label": r["taught"]} for r in whole]
     taught = {r["clip"] for r in rows}

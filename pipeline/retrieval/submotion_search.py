@@ -75,7 +75,7 @@ class SubmotionSearcher(LakeSearcher):
         known = [self._windows(query) for query in gallery]
         found = [
             [np.linalg.norm(windows - query, axis=1).min() for windows in known]
-            for query in self._network.embed([self._piece(query)[0].sequence for query in queries])
+            for query in self._network.embed([self._piece(query).sequence for query in queries])
         ]
         return np.array(found, dtype=np.float64).reshape(len(queries), len(gallery))
 
@@ -83,9 +83,9 @@ class SubmotionSearcher(LakeSearcher):
         return [self._answers(query, k, scope, mirrored) for query in queries]
 
     def _answers(self, query: Query, k: int, scope: Scope, mirrored: bool) -> list[Hit]:
-        piece, (first, last) = self._piece(query, own=scope.own, mirrored=mirrored)
+        piece = self._piece(query, own=scope.own, mirrored=mirrored)
         descriptor = self._network.embed([piece.sequence])[0].tolist()
-        without = {"clip": piece.own and query.clip, "first": first, "last": last}
+        without = dict(zip(("clip", "first", "last"), piece.own or (None, 0, 0), strict=True))
         with reading(self.lake) as con:
             rows = fetch(con, "clips_holding", scope.as_parameters() | without | {"descriptor": descriptor, "k": k})
             features = features_of_clips(con, self.lake, self._words, [row["clip"] for row in rows])
@@ -96,10 +96,10 @@ class SubmotionSearcher(LakeSearcher):
             hits.append(range_hit(clip, start, stop, distance, cost=cost))
         return hits
 
-    def _piece(self, query: Query, *, own: bool = True, mirrored: bool = False) -> tuple[Piece, tuple[int, int]]:
+    def _piece(self, query: Query, *, own: bool = True, mirrored: bool = False) -> Piece:
         motion = query_motion(self.lake, query, mirrored=mirrored)
         barred = None if own or query.clip is None else (query.clip, *motion.asked)
-        return piece_of(query.name, *motion.cut(), motion.fps, self._words, barred), motion.asked
+        return piece_of(query.name, *motion.cut(), motion.fps, self._words, barred)
 
     def _windows(self, query: Query) -> Float32Array:
         """[w, 512] of the windows of a clip, file or range, cut as those of the lake's clips are."""

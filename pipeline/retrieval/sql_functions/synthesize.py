@@ -2,42 +2,30 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pyarrow as pa
 from motionlake.lake.catalog import reading
-from motionlake.lake.frames import CHANNELS
+from motionlake.lake.config import LakeConfig, load_config
+from motionlake.lake.frames import CHANNELS, Frames, to_table
 from motionlake.lake.layout import Lake
 from motionlake.retrieval.sql_functions import Names, Served, sql_function
 
 if TYPE_CHECKING:
     from motionlake.glogen.generator import GeneratedMotion, TrainedGenerator
-    from motionlake.lake.config import LakeConfig
     from motionlake.lake.models import Model
     from motionlake.stages.synthesis_requests import Request
 
 FRAME = {"frame": pa.int32(), "time": float, "class": str, "seed_clip": str} | dict.fromkeys(CHANNELS, pa.float32())
 
 
-@dataclass(frozen=True)
-class _Generator:
-    """The generator that a connection serves."""
-
-    config: LakeConfig
-    model: Model
-    generator: TrainedGenerator
-
-
-def _generator(lake: Lake) -> _Generator:
-    from motionlake.lake.config import load_config
+def _generator(lake: Lake) -> tuple[Model, TrainedGenerator]:
     from motionlake.stages.synthesis import open_generator, served_generator
 
-    config = load_config(lake.config_file)
     with reading(lake) as con:
-        model = served_generator(con, lake, config)
-    return _Generator(config, model, open_generator(lake, model))
+        model = served_generator(con, lake, load_config(lake.config_file))
+    return model, open_generator(lake, model)
 
 
 @sql_function(FRAME)
@@ -60,31 +48,27 @@ def synthesize(
 
     if seconds is None:
         return []
-    known: _Generator = served.once(_generator)
+    model, generator = served.once(_generator)
     clip = None if start is None else str(served.query(start).source)
     request = Request(tuple(classes), seconds, seed, clip, split=split, pace=pace, temperature=temperature)
     with reading(served.lake) as con:
-        starts = find_starts(con, served.lake, known.model, request)
+        starts = find_starts(con, served.lake, model, request)
     motions = motions_of(request, starts, [1])
-    (made,) = make(known.generator, served.lake, request, motions)
-    return _rows(known.config, request, made, motions[0].start.clip)
+    (made,) = make(generator, served.lake, request, motions)
+    return _rows(load_config(served.lake.config_file), request, made, motions[0].start.clip)
 
 
 def _rows(config: LakeConfig, request: Request, made: GeneratedMotion, seed_clip: str) -> pa.StructArray:
-    from motionlake.lake.frames import Frames, to_table
     from motionlake.stages.synthesis_requests import canonical_motion
 
     motion, steps = canonical_motion(made), config.frames
-    table = to_table(
-        Frames("", motion.fps, motion.rotations, motion.positions), "", steps.position_step, steps.rotation_step
-    ).combine_chunks()
-    count = len(motion.positions)
-    current = np.searchsorted(made.class_starts, np.arange(count), side="right") - 1
-    columns = [
-        table.column("frame").chunk(0),
-        pa.array(np.arange(count) / motion.fps),
-        pa.array([request.classes[i] for i in current], pa.string()),
-        pa.array([seed_clip] * count, pa.string()),
-        *(table.column(name).chunk(0) for name in CHANNELS),
-    ]
-    return pa.StructArray.from_arrays(columns, names=list(FRAME))
+    frames = Frames("", motion.fps, motion.rotations, motion.positions)
+    table, at = to_table(frames, "", steps.position_step, steps.rotation_step), np.arange(len(motion.positions))
+    current = np.searchsorted(made.class_starts, at, side="right") - 1
+    added = {
+        "time": pa.array(at / motion.fps),
+        "class": pa.array([request.classes[i] for i in current], pa.string()),
+        "seed_clip": pa.array([seed_clip] * len(at), pa.string()),
+    }
+    rows = pa.table({name: added[name] if name in added else table[name] for name in FRAME})
+    return rows.to_struct_array().combine_chunks()
