@@ -10,8 +10,12 @@ from pathlib import Path
 
 import pytest
 from distributed import LocalCluster
+from hypothesis import settings
 
 from tests.lakes import made_clips, made_once, motionlake, quick_lake, real_clips
+
+settings.register_profile("motionlake", deadline=None)  # tests assert what is right, not how fast it comes
+settings.load_profile("motionlake")
 
 # The longest files first: where processes share the files out, no long one is left for the end.
 LONGEST = ("test_lake_faults", "test_readme", "test_lake_cluster", "test_lake_updates", "test_extending",
