@@ -17,7 +17,7 @@ def save_tensors(path: Path, tensors: Mapping[str, NDArray[Any]], key: str, kept
     """Write arrays by name, and `kept` (JSON values) under a key of the file's metadata."""
     from safetensors.numpy import save_file
 
-    whole = {name: np.ascontiguousarray(value) for name, value in tensors.items()}
+    whole = {name: np.asarray(value, order="C") for name, value in tensors.items()}
     save_file(whole, path, metadata={key: json.dumps(kept, sort_keys=True)})
 
 

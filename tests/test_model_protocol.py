@@ -8,6 +8,7 @@ from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from motionlake.deep_motifs.config import NetworkConfig
 from motionlake.deephums.config import DescriptorsConfig, SubmotionConfig
@@ -18,6 +19,7 @@ from motionlake.lake.layout import Lake, open_lake
 from motionlake.stages.model_kind import ModelKind, Selection
 from motionlake.stages.reader import lake_reader
 from motionlake.stages.registry import KINDS
+from motionlake.weights import read_tensors, save_tensors
 
 Kind = ModelKind[Any]
 # Trainings of seconds that are long enough to leave a checkpoint; other kinds are fitted at one stroke.
@@ -152,3 +154,14 @@ def test_an_empty_lake_has_nothing_to_train_on(kind: Kind, tmp_path: Path) -> No
                 kind.data(at, Selection())
         else:
             assert kind.data(at, Selection()) is None
+
+
+def test_arrays_keep_their_shapes_in_files(tmp_path: Path) -> None:
+    """Of any number of dimensions, none included."""
+    given = {"scalar": np.float32(3), "turned": np.arange(6.0).reshape(2, 3).T, "row": np.arange(3)}
+    save_tensors(tmp_path / "arrays", {name: np.asarray(value) for name, value in given.items()}, "arrays", {"n": 1})
+    found, kept = read_tensors(tmp_path / "arrays", "arrays")
+    assert kept == {"n": 1}
+    for name, value in given.items():
+        assert found[name].shape == np.shape(value)
+        np.testing.assert_array_equal(found[name], value)
