@@ -51,7 +51,9 @@ class SignatureSearcher(LakeSearcher):
         self.ground = ground_distances(np.array([row["centroid"] for row in motifs], dtype=np.float32))
         self._idf = np.array([row["idf"] for row in motifs], dtype=np.float64)
         self.strength = np.array([row["strength"] for row in motifs], dtype=np.float64)
-        self.signatures = pc.list_flatten(rows["signature"]).to_numpy().reshape(len(rows), len(motifs))
+        # Not `to_numpy`, which imports pandas.
+        flat = np.array(np.from_dlpack(pc.list_flatten(rows["signature"]).combine_chunks()))
+        self.signatures = flat.reshape(len(rows), len(motifs))
         self.clips = [CorpusClip(**row) for row in rows.drop_columns(["signature"]).to_pylist()]
         self._rows = {clip.clip: row for row, clip in enumerate(self.clips)}
         self._index = SignatureIndex.build(self.signatures, self.ground, motifs[0]["model"])
