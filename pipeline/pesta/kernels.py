@@ -18,6 +18,7 @@ import numpy as np
 from motionlake.arrays import Float32Array, Int32Array, Int64Array
 from motionlake.pesta.vectors import (
     LANES,
+    MAX_UNROLLED,
     ROWS,
     chosen,
     least,
@@ -28,6 +29,8 @@ from motionlake.pesta.vectors import (
     spread,
     store,
     transpose,
+    window,
+    window_from,
 )
 from numba import njit
 
@@ -35,23 +38,25 @@ ZERO = np.float32(0)
 INFINITY = np.float32(np.inf)
 
 
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
 def query_profile(query: Int32Array, distances: Float32Array) -> Float32Array:
     """[m * width] flat: the distances of each symbol from the query's, one after another, filled up with zeros.
 
     width: the query's length, rounded up to a multiple of `ROWS`.
     """
-    profile = np.zeros((len(distances), -(-len(query) // ROWS) * ROWS), dtype=np.float32)
-    profile[:, : len(query)] = distances[query].T
-    return profile.ravel()
+    m = len(distances)
+    width = -(-len(query) // ROWS) * ROWS
+    profile = np.zeros(m * width, dtype=np.float32)
+    for x in range(len(query)):
+        row = distances[query[x]]
+        for symbol in range(m):
+            profile[symbol * width + x] = row[symbol]
+    return profile
 
 
 @njit(nogil=True)  # type: ignore[untyped-decorator]
-def _window(ring: Float32Array, columns: Int64Array, row: int, above: Any, distance: Any, stride: int) -> Any:
-    """Least W(m, n) + D * p over the window of one cell (section 6).
-
-    columns[k]: where the column k steps back begins in `ring`; row: the cell's row * LANES; above: W of the row before
-    in this column; distance: D.
-    """
+def _wide_window(ring: Float32Array, columns: Int64Array, row: int, above: Any, distance: Any, stride: int) -> Any:
+    """`vectors.window` for any stride."""
     best = plus(above, distance)
     for p in range(stride, 0, -1):
         low = load(ring, columns[p] + row)
@@ -68,6 +73,7 @@ def _window(ring: Float32Array, columns: Int64Array, row: int, above: Any, dista
 @cache
 def scanner(stride: int) -> Callable[..., None]:
     """The kernel that scans strings with one stride."""
+    unrolled = stride <= MAX_UNROLLED
 
     @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
     def scan(
@@ -143,8 +149,10 @@ def scanner(stride: int) -> Callable[..., None]:
                         lowest = least(lowest, cost)
                     elif x == 0:
                         cost = distance
+                    elif unrolled:
+                        cost = window(ring, columns, row, above, distance, stride)
                     else:
-                        cost = _window(ring, columns, row, above, distance, stride)
+                        cost = _wide_window(ring, columns, row, above, distance, stride)
                     store(ring, columns[0] + row, cost)
                     above = cost
                 store(bottom, t * LANES, lowest if local else above)
@@ -169,22 +177,24 @@ def scanner(stride: int) -> Callable[..., None]:
     return scan  # type: ignore[no-any-return]
 
 
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
 def segment_profile(segments: Int32Array, distances: Float32Array) -> Float32Array:
     """[m * rows * LANES] flat: distances of each symbol from each row of [n <= LANES, rows] segments, one in a lane."""
-    profile = np.zeros((len(distances), segments.shape[1], LANES), dtype=np.float32)
-    profile[..., : len(segments)] = distances[segments].T
+    m, n_rows = len(distances), segments.shape[1]
+    profile = np.zeros((m, n_rows, LANES), dtype=np.float32)
+    for lane in range(len(segments)):
+        for x in range(n_rows):
+            row = distances[segments[lane, x]]
+            for symbol in range(m):
+                profile[symbol, x, lane] = row[symbol]
     return profile.ravel()
 
 
 @njit(nogil=True)  # type: ignore[untyped-decorator]
-def _window_from(
+def _wide_window_from(
     ring: Float32Array, origins: Int32Array, columns: Int64Array, row: int, distance: Any, stride: int
 ) -> tuple[Any, Any]:
-    """As `_window`, and the origin that the first of the best cells carries.
-
-    Cells in the order in which ties are decided: the fewest steps p away; of these the diagonal, then those p rows back
-    by falling column, then those p columns back by falling row.
-    """
+    """`vectors.window_from` for any stride."""
     best, origin = spread(INFINITY), spread(np.int32(0))
     for p in range(1, stride + 1):
         penalty = scaled(distance, np.float32(p))
@@ -204,6 +214,7 @@ def _window_from(
 @cache
 def segment_scanner(stride: int) -> Callable[..., None]:
     """The kernel that aligns up to `LANES` segments to strings at once, with one stride."""
+    unrolled = stride <= MAX_UNROLLED
 
     @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
     def scan(
@@ -238,7 +249,10 @@ def segment_scanner(stride: int) -> Callable[..., None]:
                 for x in range(1, n_rows):
                     row = x * LANES
                     distance = load(profile, at + row)
-                    cost, origin = _window_from(ring, origins, columns, row, distance, stride)
+                    if unrolled:
+                        cost, origin = window_from(ring, origins, columns, row, distance, stride)
+                    else:
+                        cost, origin = _wide_window_from(ring, origins, columns, row, distance, stride)
                     store(ring, columns[0] + row, cost)
                     store(origins, columns[0] + row, origin)
                 store(costs, filled * LANES, cost)

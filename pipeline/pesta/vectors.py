@@ -14,6 +14,8 @@ from numba.extending import intrinsic, models, register_model
 
 LANES: Final = 16
 ROWS: Final = LANES // 2  # of the query, whose distances are loaded at once
+# Strides whose window is written out in full; a wider window is a loop.
+MAX_UNROLLED: Final = 3
 
 _FLOATS = ir.VectorType(ir.FloatType(), LANES)
 _FLOAT_ROWS = ir.VectorType(ir.FloatType(), ROWS)
@@ -66,6 +68,10 @@ def _spread(builder: Any, number: Any, vector: Any) -> Any:
     return builder.shuffle_vector(one, nothing, ir.Constant(_INTS, [0] * LANES))
 
 
+def _least(builder: Any, a: Any, b: Any) -> Any:
+    return builder.select(builder.fcmp_ordered("<", b, a), b, a)
+
+
 @intrinsic  # type: ignore[untyped-decorator]
 def load(typing: Any, array: Any, offset: Any) -> Any:
     """array[offset + lane] of a flat float32 or int32 array."""
@@ -104,8 +110,7 @@ def least(typing: Any, a: Any, b: Any) -> Any:
     """The lesser of two float vectors, lane by lane."""
 
     def emit(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        a, b = arguments
-        return builder.select(builder.fcmp_ordered("<", b, a), b, a)
+        return _least(builder, *arguments)
 
     return Floats(Floats, Floats), emit
 
@@ -190,3 +195,93 @@ def _transposed(builder: Any, rows: list[Any], size: int) -> list[Any]:
         rows = swapped
         step *= 2
     return rows
+
+
+def window_cells(p: int) -> list[tuple[int, int]]:
+    """(rows back, columns back) of the cells p steps away, in the order in which ties are decided.
+
+    The diagonal first, then those p rows back by falling column, then those p columns back by falling row.
+    """
+    return [(p, p), *((p, k) for k in range(p - 1, -1, -1)), *((k, p) for k in range(p - 1, -1, -1))]
+
+
+@intrinsic(prefer_literal=True)  # type: ignore[untyped-decorator]
+def window(typing: Any, ring: Any, columns: Any, row: Any, above: Any, distance: Any, stride: Any) -> Any:
+    """Least W(m, n) + D * p over the window of one cell, for a stride that is a constant (section 6).
+
+    ring: flat float32; columns[k]: where the column k steps back begins in it; row: the cell's row * LANES;
+    above: W of the row before in this column; distance: D.
+    """
+    if not isinstance(stride, types.IntegerLiteral):
+        return None
+
+    def emit(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        read = _Window(context, builder, signature, arguments)
+        best = None
+        for p in range(stride.literal_value, 0, -1):
+            cells = [read.cost(*cell) for cell in window_cells(p) if cell != (1, 0)]
+            if p == 1:
+                cells.append(arguments[3])
+            low = cells[0]
+            for cell in cells[1:]:
+                low = _least(builder, low, cell)
+            cost = builder.fadd(low, read.penalty(arguments[4], p))
+            best = cost if best is None else _least(builder, best, cost)
+        return best
+
+    return Floats(ring, columns, types.intp, Floats, Floats, stride), emit
+
+
+@intrinsic(prefer_literal=True)  # type: ignore[untyped-decorator]
+def window_from(typing: Any, ring: Any, origins: Any, columns: Any, row: Any, distance: Any, stride: Any) -> Any:
+    """As `window`, and the origin (int32) that the first of the best cells carries: a pair of vectors."""
+    if not isinstance(stride, types.IntegerLiteral):
+        return None
+    pair = types.Tuple((Floats, Ints))
+
+    def emit(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        costs = _Window(context, builder, signature, arguments)
+        marks = _data(context, builder, signature.args[1], arguments[1])
+        rivals = []
+        for p in range(1, stride.literal_value + 1):
+            penalty = costs.penalty(arguments[4], p)
+            for cell in window_cells(p):
+                mark = _read(builder, marks, costs.place(*cell), _INTS)
+                rivals.append((builder.fadd(costs.cost(*cell), penalty), mark))
+        while len(rivals) > 1:  # by pairs, the first of equals kept: no long chain of comparisons
+            pairs = [rivals[i : i + 2] for i in range(0, len(rivals), 2)]
+            rivals = [_first_least(builder, *pair) if len(pair) > 1 else pair[0] for pair in pairs]
+        best, origin = rivals[0]
+        return context.make_tuple(builder, signature.return_type, (best, origin))
+
+    return pair(ring, origins, columns, types.intp, Floats, stride), emit
+
+
+def _first_least(builder: Any, a: tuple[Any, Any], b: tuple[Any, Any]) -> tuple[Any, Any]:
+    less = builder.fcmp_ordered("<", b[0], a[0])
+    return builder.select(less, b[0], a[0]), builder.select(less, b[1], a[1])
+
+
+class _Window:
+    """The cells around one cell, as a window intrinsic's arguments (ring, ..., columns, row, ...) give them."""
+
+    def __init__(self, context: Any, builder: Any, signature: Any, arguments: Any) -> None:
+        where = 1 if len(signature.args) and signature.args[1].dtype == types.intp else 2
+        self._builder = builder
+        self._data = _data(context, builder, signature.args[0], arguments[0])
+        self._row = arguments[where + 1]
+        columns = _data(context, builder, signature.args[where], arguments[where])
+        last = signature.args[-1].literal_value
+        self._columns = [builder.load(builder.gep(columns, [ir.Constant(_INT64, k)])) for k in range(last + 1)]
+
+    def place(self, rows: int, columns: int) -> Any:
+        up = ir.Constant(_INT64, rows * LANES)
+        return self._builder.sub(self._builder.add(self._columns[columns], self._row), up)
+
+    def cost(self, rows: int, columns: int) -> Any:
+        return _read(self._builder, self._data, self.place(rows, columns), _FLOATS)
+
+    def penalty(self, distance: Any, p: int) -> Any:
+        if p == 1:
+            return distance
+        return self._builder.fmul(distance, ir.Constant(_FLOATS, [float(p)] * LANES))
