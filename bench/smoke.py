@@ -16,6 +16,7 @@ import sys
 import tempfile
 import time
 import traceback
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, redirect_stdout
 from dataclasses import dataclass, field
@@ -33,13 +34,20 @@ from bench.small_sets import write_small_sets
 
 
 @dataclass(frozen=True)
+class First:
+    """The first entries of a table of a module."""
+
+    count: int
+
+
+@dataclass(frozen=True)
 class Smoke:
     """How one bench runs small.
 
     Attributes:
         module: to run, as in `python -m`.
         words: its command line; OUT stands for a folder that is thrown away.
-        smaller: constants of modules, "module.NAME", and what they are instead.
+        smaller: constants of modules, "module.NAME", and what they are instead (`First`: as many of their entries).
         recordings: whether it needs any.
         peers: packages that it is nothing without.
     """
@@ -93,6 +101,7 @@ SMOKES: Final[Sequence[Smoke]] = (
           "bench.representation.CONV_STEPS": 2}),
     Smoke("bench.words_speed", (), {"bench.words_speed.ROUNDS": 1, "bench.words_speed.CONV_STEPS": 1,
           "bench.words_speed.EMBED_SECONDS": 0.1, "bench.words_speed.COLD_QUERIES": 1,
+          "bench.words_speed.PROCESSES": (2,),
           "bench.words_speed.K": 8, **_FEW_K}),
     Smoke("bench.motion_graph", (), {"bench.motion_graph.SEEDS": ONE_SEED, "bench.motion_graph.WALKS": range(2),
           "bench.motion_graph.SECONDS": 5.0, **_FEW_K}),
@@ -113,12 +122,14 @@ SMOKES: Final[Sequence[Smoke]] = (
     Smoke("bench.pretrained_generator", ("--epochs", "1", "--out", "OUT/generator.safetensors"),
           {"bench.pretrained_generator.EXAMPLES": 50}),
     Smoke("bench.synthesis_speed", ("--counts", "1", "--workers", "1", "--epochs", "1"),
-          {"bench.synthesis_speed.TOGETHER": 2, "bench.synthesis_speed.UNITS": 32}),
+          {"bench.synthesis_speed.TOGETHER": 2, "bench.synthesis_speed.UNITS": 32,
+          "bench.synthesis_speed.SECONDS": 2.0}),
     *_parts("bench.pesta", "whole ranges sub_queries robustness elasticity ablations", "--seeds", "1",
             "--processes", "1", "--hidden", "8", **_FEW_SYMBOLS, **{"bench.pesta.elasticity.SIZES": (8, 24),
             "bench.pesta.elasticity.SIZES_OF_AAE": (24,), "bench.pesta.elasticity.ROUNDS": 1,
             "bench.pesta.ablations.variants": lambda aae: {"default": aae, "style 12": aae}}),
-    *_parts("bench.deephums", "retrieval choices submotion", "--seeds", "1", "--epochs", "1", "--steps", "1"),
+    *_parts("bench.deephums", "retrieval choices submotion", "--seeds", "1", "--epochs", "1", "--steps", "1",
+            **{"bench.deephums.choices.CHOICES": First(6)}),
     Smoke("bench.deephums", ("curves", "--seeds", "1", "--epochs", "10")),
     *_parts("bench.glogen", "sparse", "--seeds", "1", "--epochs", "1", "--methods", "zero_velocity", "seq2seq",
             "motionlake"),
@@ -140,7 +151,9 @@ def run(smoke: Smoke, out: Path) -> None:
         stack.enter_context(mock.patch.object(sys, "argv", [smoke.module, *words]))
         for name, value in smoke.smaller.items():
             where, _, constant = name.rpartition(".")
-            stack.enter_context(mock.patch.object(importlib.import_module(where), constant, value))
+            owner = importlib.import_module(where)
+            less = dict(list(getattr(owner, constant).items())[: value.count]) if isinstance(value, First) else value
+            stack.enter_context(mock.patch.object(owner, constant, less))
         module.main()
 
 
@@ -167,39 +180,60 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("modules", nargs="*", metavar="MODULE", help="these alone, such as emd or pesta")
     parser.add_argument("--processes", type=int, default=1, help="that share the modules out")
+    parser.add_argument("--taken", type=Path, help="folder in which processes enter the modules that they take")
     given = parser.parse_args()
     modules = list(dict.fromkeys(smoke.module for smoke in SMOKES))
     wanted = [f"bench.{name.removeprefix('bench.')}" for name in given.modules] or modules
     if unknown := sorted(set(wanted) - set(modules)):
         parser.error(f"{', '.join(unknown)}: no such bench")
     if given.processes > 1:
-        shares = [wanted[first :: given.processes] for first in range(given.processes)]
-        started = [subprocess.Popen([sys.executable, "-m", "bench.smoke", *share]) for share in shares if share]
-        sys.exit(max(process.wait() for process in started))
-    sys.exit(1 if run_all([smoke for smoke in SMOKES if smoke.module in wanted]) else 0)
+        with tempfile.TemporaryDirectory(prefix="bench-smoke-taken-") as taken:
+            command = [sys.executable, "-m", "bench.smoke", "--taken", taken, *wanted]
+            started = [subprocess.Popen(command) for _ in range(given.processes)]
+            sys.exit(max(process.wait() for process in started))
+    sys.exit(1 if run_all([smoke for smoke in SMOKES if smoke.module in wanted], given.taken) else 0)
 
 
-def run_all(chosen: Sequence[Smoke]) -> int:
-    """Run benches one after the other and say of each how it went; how many failed."""
-    failed, left_out = 0, 0
+def takes(module: str, taken: Path | None) -> bool:
+    """Whether this process is the first of those that share a folder to take a module."""
+    if taken is None:
+        return True
+    try:
+        (taken / module).touch(exist_ok=False)
+    except FileExistsError:
+        return False
+    return True
+
+
+def run_all(chosen: Sequence[Smoke], taken: Path | None = None) -> int:
+    """Run benches one after the other and say of each how it went; how many failed.
+
+    Those of modules that another process has entered in the folder `taken` are left to it.
+    """
+    outcomes: Counter[str] = Counter()
     with prepared() as folder:
-        for smoke in chosen:
-            if reason := smoke.lacks():
-                left_out += 1
-                print(f"left out  {smoke}: {reason}", flush=True)
-                continue
-            before, said = _spent(), io.StringIO()
-            try:
-                with redirect_stdout(said):
-                    run(smoke, folder)
-            except (Exception, SystemExit):  # a bench may leave with a message
-                failed += 1
-                print(f"FAILED    {smoke}\n{said.getvalue()}{traceback.format_exc()}", flush=True)
-            else:
-                clock, processor = (after - then for after, then in zip(_spent(), before, strict=True))
-                print(f"{clock:7.1f} s, of processors {processor:5.1f}: {smoke}", flush=True)
-    print(f"benches: {len(chosen) - failed - left_out} ran, {left_out} left out, {failed} failed")
-    return failed
+        for module in dict.fromkeys(smoke.module for smoke in chosen):
+            if takes(module, taken):
+                outcomes.update(run_one(smoke, folder) for smoke in chosen if smoke.module == module)
+    print(f"benches: {outcomes['ran']} ran, {outcomes['left out']} left out, {outcomes['FAILED']} failed")
+    return outcomes["FAILED"]
+
+
+def run_one(smoke: Smoke, folder: Path) -> str:
+    """Run a bench and say how it went: "ran", "left out" or "FAILED"."""
+    if reason := smoke.lacks():
+        print(f"left out  {smoke}: {reason}", flush=True)
+        return "left out"
+    before, said = _spent(), io.StringIO()
+    try:
+        with redirect_stdout(said):
+            run(smoke, folder)
+    except (Exception, SystemExit):  # a bench may leave with a message
+        print(f"FAILED    {smoke}\n{said.getvalue()}{traceback.format_exc()}", flush=True)
+        return "FAILED"
+    clock, processor = (after - then for after, then in zip(_spent(), before, strict=True))
+    print(f"{clock:7.1f} s, of processors {processor:5.1f}: {smoke}", flush=True)
+    return "ran"
 
 
 if __name__ == "__main__":

@@ -40,6 +40,7 @@ CONV_STEPS: Final = 20
 PAPER_SAVED: Final = 0.8
 EMBED_SECONDS: Final = 5.0
 COLD_QUERIES: Final = 5
+PROCESSES: Final = (1, 2)
 QUERY: Final = "FROM similar_clips($clip, k := 10)"
 COLD: Final = f"""
 import sys, time
@@ -92,12 +93,12 @@ def embedded_a_second(network: TrainedNetwork, words: Float32Array, seconds: flo
 
 
 def throughput(clips: list[Float32Array], folder: Path) -> dict[str, float]:
-    """Words a second of the pretrained network by one process and by two, which each report at the same time."""
+    """Words a second of the pretrained network by one process and by two that start at the same time."""
     words = np.ascontiguousarray(np.concatenate([word_windows(clip, WordConfig()) for clip in clips]))
     file = folder / "words.npy"
     np.save(file, words)
     rates = {}
-    for processes in (1, 2):
+    for processes in PROCESSES:
         context = multiprocessing.get_context("spawn")
         with context.Manager() as manager, ProcessPoolExecutor(processes, context) as pool:
             gate = manager.Barrier(processes)
