@@ -372,10 +372,10 @@ class Lake:
         """A connection to the catalog that is served now: every run of a command puts another in its place."""
         from motionlake.retrieval.sql_functions import connect
 
-        found = self._lake.catalog.stat()
-        if self._connection is None or self._served != (found.st_ino, found.st_mtime_ns):
+        served = self._lake.served()
+        if self._connection is None or self._served != served:
             self.close()
-            self._connection, self._served = connect(self._lake.root, apart=True), (found.st_ino, found.st_mtime_ns)
+            self._connection, self._served = connect(self._lake.root, apart=True), served
         return self._connection
 
     def _keep(self, key: tuple[object, ...], make: Callable[[], T]) -> T:

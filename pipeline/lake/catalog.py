@@ -8,13 +8,16 @@ have opened, and a killed writer leaves the last whole catalog.
 from __future__ import annotations
 
 import shutil
+import weakref
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import closing, contextmanager
+from contextlib import ExitStack, closing, contextmanager
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
 import pyarrow as pa
 from motionlake import sql
 from motionlake.errors import UserError
+from motionlake.lake.host import attached
 from motionlake.lake.layout import Lake
 from motionlake.lake.parts import replacing
 
@@ -105,13 +108,28 @@ def check_version(con: Connection, lake: Lake) -> None:
         )
 
 
-def reading(lake: Lake) -> closing[Connection]:
-    """A read-only connection to the catalog as it stands; relative Parquet paths resolve in the lake."""
-    return closing(connect_read_only(lake))
+@contextmanager
+def reading(lake: Lake) -> Iterator[Connection]:
+    """A read-only connection to the catalog as it stands, or as this process has it open already; relative Parquet
+    paths resolve in the lake.
+
+    Raises:
+        UserError: as `connect_read_only`.
+    """
+    with ExitStack() as stack:
+        opened = _cursor(lake)
+        if opened is not None:
+            con = stack.enter_context(closing(opened))
+        else:
+            with _told(lake):
+                con = stack.enter_context(attached(lake.catalog))
+        run_sql(con, "use_lake", {"root": str(lake.root)})
+        check_version(con, lake)
+        yield con
 
 
 def connect_read_only(lake: Lake, *, apart: bool = False) -> Connection:
-    """Open the catalog for reading.
+    """Open the catalog for reading, with a DuckDB of its own.
 
     Args:
         apart: the catalog of now. Otherwise a process that has it open already sees that, perhaps older, one; but
@@ -126,23 +144,49 @@ def connect_read_only(lake: Lake, *, apart: bool = False) -> Connection:
     except BaseException:
         con.close()
         raise
+    if not apart:
+        _opened[lake.catalog] = weakref.ref(con)
     return con
+
+
+_opened: Final[dict[Path, weakref.ref[Connection]]] = {}  # catalogs that this process reads as they were
+
+
+def _cursor(lake: Lake) -> Connection | None:
+    """A cursor of the connection that this process has to a catalog."""
+    import duckdb
+
+    con = _opened[lake.catalog]() if lake.catalog in _opened else None
+    try:
+        return con.cursor() if con is not None else None
+    except duckdb.ConnectionException:
+        return None  # it was closed
 
 
 def open_catalog(lake: Lake, *, apart: bool = False) -> Connection:
     """Open the catalog of a lake of any version for reading. Raises `UserError` where that cannot be done."""
     import duckdb
 
-    try:
+    with _told(lake):
         con = duckdb.connect() if apart else duckdb.connect(str(lake.catalog), read_only=True)
         if apart:
-            run_sql(con, "open_catalog", {"catalog": str(lake.catalog)})
+            run_sql(con, "attach", {"catalog": str(lake.catalog)})
+            run_sql(con, "use_catalog")
+    run_sql(con, "use_lake", {"root": str(lake.root)})
+    return con
+
+
+@contextmanager
+def _told(lake: Lake) -> Iterator[None]:
+    """Say in one line why a catalog cannot be opened."""
+    import duckdb
+
+    try:
+        yield
     except duckdb.Error as error:
         reason = str(error).splitlines()[0]
         todo = next((todo for word, todo in _TO_DO.items() if word in reason), "put back a copy, or make a new lake")
         raise UserError(f"{lake.catalog}: cannot be opened for reading ({reason}); {todo}") from error
-    run_sql(con, "use_lake", {"root": str(lake.root)})
-    return con
 
 
 @contextmanager
@@ -150,28 +194,29 @@ def writing(lake: Lake) -> Iterator[Connection]:
     """A transaction over the whole catalog: all of it is served when the block ends well, else nothing."""
     with changing(lake) as con:
         check_version(con, lake)
-        refresh_macros(con)
+        if _written.get(lake.catalog) != lake.served():
+            refresh_macros(con)
         yield con
         refresh_views(con, lake)
+    _written[lake.catalog] = lake.served()
+
+
+_written: Final[dict[Path, tuple[int, int]]] = {}  # catalogs that have their macros from this process
 
 
 @contextmanager
 def changing(lake: Lake) -> Iterator[Connection]:
     """The same for a lake of any version; macros and views stay as they are."""
-    import duckdb
-
     with replacing(lake.catalog) as temporary:
         shutil.copyfile(lake.catalog, temporary)
-        con = duckdb.connect(str(temporary))
         try:
-            run_sql(con, "use_lake", {"root": str(lake.root)})
-            run_sql(con, "one_thread")
-            con.begin()
-            yield con
-            con.commit()
-            con.execute("CHECKPOINT")
+            with attached(temporary, writable=True) as con:
+                run_sql(con, "use_lake", {"root": str(lake.root)})
+                con.begin()
+                yield con
+                con.commit()
+                con.execute("CHECKPOINT")
         finally:
-            con.close()
             temporary.with_name(temporary.name + ".wal").unlink(missing_ok=True)
 
 

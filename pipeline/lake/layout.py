@@ -26,6 +26,11 @@ class Lake:
     def catalog(self) -> Path:
         return self.root / "catalog.duckdb"
 
+    def served(self) -> tuple[int, int]:
+        """What tells the catalog that is served now from those before it."""
+        found = self.catalog.stat()
+        return found.st_ino, found.st_mtime_ns
+
     @property
     def config_file(self) -> Path:
         return self.root / "config.toml"

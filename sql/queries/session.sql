@@ -1,14 +1,17 @@
--- name: one_thread
--- While writing: choices among equals do not depend on the machine, and memory stays small.
-SET threads = 1;
-
 -- name: use_lake
 SET file_search_path = $root;
 
--- name: open_catalog
--- In a database instance of its own: others in this process may have an earlier catalog open.
+-- name: attach
 ATTACH $catalog AS lake (READ_ONLY);
+
+-- name: attach_for_writing
+ATTACH $catalog AS lake;
+
+-- name: use_catalog
 USE lake;
+
+-- name: detach
+DETACH lake;
 
 -- name: schema_version
 SELECT coalesce(max(version), 0) AS version FROM schema_version;
