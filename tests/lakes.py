@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import csv
 import fcntl
 import io
@@ -164,6 +165,9 @@ def quick_lake(root: Path, config: str = QUICK) -> Path:
 def plain_duckdb() -> duckdb.DuckDBPyConnection:
     """A DuckDB of this process: to start one takes seven times as long as to attach a catalog to it."""
     return duckdb.connect()
+
+
+atexit.register(plain_duckdb.cache_clear)  # else DuckDB may tell of objects that are left
 
 
 @contextmanager

@@ -17,7 +17,7 @@ from motionlake.glogen.sparse import DURATION, HEIGHT, JOINT_COLUMNS, WIDTH
 from motionlake.glogen.training import epochs_of, train_glogen, unseen
 
 SMALL = GloGenRecipe(
-    embedding=16, state=32, layers=1, latent=4, dropout=0.0, epochs=30, batch=16, steps=0, going_steps=0
+    embedding=16, state=32, layers=1, latent=4, dropout=0.0, epochs=20, batch=16, steps=0, going_steps=0
 )
 
 
@@ -114,7 +114,7 @@ def test_chance_makes_as_many_kinds_of_motion_as_there_are() -> None:
     rows = 0.002 * rng.standard_normal((96, 20, WIDTH)).astype(np.float32)
     rows[::2, SEEDS:, :30] += 0.2
     rows[1::2, SEEDS:, :30] -= 0.2
-    network, _ = train_glogen(list(rows), np.zeros(96, dtype=np.int64), 1, replace(SMALL, epochs=60, noise=0.0), 0)
+    network, _ = train_glogen(list(rows), np.zeros(96, dtype=np.int64), 1, replace(SMALL, noise=0.0), 0)
     given = np.repeat(rows[:1, :SEEDS], 200, axis=0)
     made = predict(network, given, np.zeros(200, dtype=np.int64), rng.standard_normal((200, 4)))[:, -1, :30].mean(
         axis=1
@@ -161,7 +161,7 @@ def test_a_class_can_be_had_from_poses_of_another(architecture: Literal["ahead",
     """Classes that begin far apart; the thesis's network is given the foreign poses as they are."""
     rows, targets = toy(64)
     rows[..., :HEIGHT] += 2 * targets[:, None, None]
-    recipe = replace(SMALL, architecture=architecture, latent=4 if architecture == "ahead" else 0, epochs=60)
+    recipe = replace(SMALL, architecture=architecture, latent=4 if architecture == "ahead" else 0)
     network, _ = train_glogen(list(rows), targets, 2, recipe, 0)
     made = predict(network, rows[:8, :SEEDS], 1 - targets[:8], np.zeros((8, 4)))
     assert made.shape == (8, 15, WIDTH)
@@ -182,13 +182,13 @@ def test_joints_that_are_not_seen_stand_at_their_mean() -> None:
 
 def test_training_goes_on_from_its_checkpoint(tmp_path: Path) -> None:
     rows, targets = toy(32)
-    recipe = replace(SMALL, epochs=24, dropout=0.1, steps=0)
+    recipe = replace(SMALL, epochs=14, dropout=0.1, steps=0)
     whole, losses = train_glogen(list(rows), targets, 2, recipe, 3)
     again, _ = train_glogen(list(rows), targets, 2, recipe, 3)
     file = tmp_path / "glogen.safetensors"
 
     def stop(done: int, _epochs: int, _loss: float) -> None:
-        if done == 15:
+        if done == 12:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
@@ -213,7 +213,7 @@ def test_a_class_that_goes_on_is_learned_from_any_pose_on() -> None:
             made.append((0.2 * wave).astype(np.float32))
         return made
 
-    recipe = replace(SMALL, epochs=25, state=64, noise=0.0)
+    recipe = replace(SMALL, epochs=10, state=64, noise=0.0)
     motions = [*waves(10, 60), *waves(4, 14)]
     network, _ = train_glogen(motions, np.zeros(14, dtype=np.int64), 1, recipe, 0, cyclic=[True])
     asked = np.stack(waves(20, 20))

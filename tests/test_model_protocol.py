@@ -22,13 +22,21 @@ from motionlake.stages.registry import KINDS
 from motionlake.weights import read_tensors, save_tensors
 
 Kind = ModelKind[Any]
-# Trainings of seconds that are long enough to leave a checkpoint; other kinds are fitted at one stroke.
+# Trainings that are long enough to leave a checkpoint after EVERY steps; other kinds are fitted at one stroke.
 SHORT: dict[str, Any] = {
-    "network": NetworkConfig(architecture="conv", weights="own", steps=102, max_words=64),
-    "descriptors": DescriptorsConfig(weights="own", epochs=6),
-    "submotion": SubmotionConfig(weights="own", steps=102, batch=4, hidden=16),
-    "synthesis": SynthesisConfig(weights="own", epochs=11),
+    "network": NetworkConfig(architecture="conv", weights="own", steps=5, max_words=64),
+    "descriptors": DescriptorsConfig(weights="own", epochs=3),
+    "submotion": SubmotionConfig(weights="own", steps=5, batch=4, hidden=16),
+    "synthesis": SynthesisConfig(weights="own", epochs=3),
 }
+EVERY = 2
+TRAININGS = (
+    "deep_motifs.words.training",
+    "deephums.training",
+    "deephums.submotions",
+    "glogen.training",
+    "glogen.inbetweening",
+)
 PRETRAINED = [kind for kind in KINDS.values() if kind.pretrained is not None]
 
 
@@ -51,7 +59,12 @@ def training(lake: Path, kind: Kind) -> tuple[Lake, LakeConfig, Any]:
 
 
 @pytest.mark.parametrize("kind", KINDS.values(), ids=named)
-def test_a_training_repeats_and_goes_on_where_it_was_killed(kind: Kind, built_lake: Path, tmp_path: Path) -> None:
+def test_a_training_repeats_and_goes_on_where_it_was_killed(
+    kind: Kind, built_lake: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in TRAININGS:
+        monkeypatch.setattr(f"motionlake.{name}.CHECKPOINT_EVERY", EVERY)
+        monkeypatch.setattr(f"motionlake.{name}.REPORT_EVERY", EVERY, raising=False)
     lake, config, data = training(built_lake, kind)
     assert data is not None
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +22,8 @@ from safetensors.numpy import save_file
 from threadpoolctl import threadpool_limits
 
 CONFIG = WordConfig(length=16, stride=4, root_weight=0.0, velocity_weight=0.0, smoothing=0.0)
+FEW = Recipe(batch=16, pool=32)  # words a step
+QUICK = Recipe(TripletConfig(anchors=60), batch=8, pool=16)
 
 
 def clips(n: int, seed: int = 0) -> list[Float32Array]:
@@ -48,7 +51,7 @@ def correlation(network: TrainedNetwork, words: Float32Array) -> float:
 
 @pytest.fixture(scope="module")
 def trained() -> TrainedNetwork:
-    return train_words(clips(40), CONFIG, NetworkConfig("conv", steps=60, seed=3))
+    return train_words(clips(40), CONFIG, NetworkConfig("conv", steps=60, seed=3), recipe=QUICK)
 
 
 def test_positives_and_distances_are_what_they_claim() -> None:
@@ -97,24 +100,25 @@ def test_training_depends_on_input_and_seed_alone(trained: TrainedNetwork) -> No
     words = word_windows(clips(40)[7], CONFIG)
     torch.manual_seed(999)
     before = torch.get_num_threads(), torch.initial_seed()
-    again = train_words(clips(40), CONFIG, NetworkConfig("conv", steps=60, seed=3))
+    again = train_words(clips(40), CONFIG, NetworkConfig("conv", steps=60, seed=3), recipe=QUICK)
     assert (torch.get_num_threads(), torch.initial_seed()) == before
     np.testing.assert_array_equal(again.embed(words), trained.embed(words))
-    other = train_words(clips(40), CONFIG, NetworkConfig("conv", steps=60, seed=4))
+    other = train_words(clips(40), CONFIG, NetworkConfig("conv", steps=60, seed=4), recipe=QUICK)
     assert not np.array_equal(other.embed(words), trained.embed(words))
 
 
 def test_the_metric_term_makes_the_embedding_follow_the_word_distance() -> None:
     words = np.concatenate([word_windows(c, CONFIG) for c in clips(8, seed=50)])
     start = train_words(clips(40), CONFIG, NetworkConfig("conv", steps=0))
-    recipe = Recipe(TripletConfig(elastic=1.0), triplet_weight=0.0)
-    followed = train_words(clips(40), CONFIG, NetworkConfig("conv", steps=150), recipe=recipe)
+    recipe = replace(FEW, triplets=TripletConfig(elastic=1.0), triplet_weight=0.0)
+    followed = train_words(clips(40), CONFIG, NetworkConfig("conv", steps=80), recipe=recipe)
     assert correlation(followed, words) > correlation(start, words) + 0.01
 
 
 def test_the_triplet_loss_brings_positives_closer_than_negatives() -> None:
     config = NetworkConfig("conv", steps=100)
-    recipe = Recipe(TripletConfig(elastic=1.0), LinearConfig.principal(), margin=1.0, metric_weight=0.0)
+    triplets, linear = TripletConfig(elastic=1.0), LinearConfig.principal()
+    recipe = replace(FEW, triplets=triplets, linear=linear, margin=1.0, metric_weight=0.0)
     material = training_words(clips(40), CONFIG, recipe.triplets, recipe.linear, config.max_words, config.seed)
 
     def violations(network: TrainedNetwork) -> float:
@@ -178,7 +182,7 @@ def test_neighbours_are_the_nearest_of_other_clips() -> None:
 @pytest.mark.parametrize(("architecture", "share"), [("linear", 0.8), ("conv", 0.9)])
 def test_words_played_backwards_are_alike_by_choice(architecture: str, share: float) -> None:
     words = np.concatenate([word_windows(c, CONFIG) for c in clips(8, seed=50)])
-    recipe = Recipe(TripletConfig(anchors=200), metric_weight=0.2)
+    recipe = replace(FEW, triplets=TripletConfig(anchors=200), metric_weight=0.2)
 
     def apart(reversible: bool) -> float:
         config = NetworkConfig(architecture, steps=60, reversible=reversible)
@@ -204,15 +208,14 @@ class KilledError(Exception):
 
 
 # Steps of a whole training, and those after which a checkpoint is made and the training is killed.
-@pytest.mark.parametrize(("architecture", "steps", "every"), [("conv", 130, 100), ("inception736", 4, 2)])
+@pytest.mark.parametrize(("architecture", "steps", "every"), [("conv", 26, 20), ("inception736", 4, 2)])
 def test_training_resumed_from_a_checkpoint_gives_the_same_weights(
     architecture: str, steps: int, every: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(training, "CHECKPOINT_EVERY", every)
     monkeypatch.setattr(training, "REPORT_EVERY", every)
     config = NetworkConfig(architecture, steps=steps, max_words=150)
-    recipe = Recipe(TripletConfig(anchors=60), batch=8, pool=16)
-    whole = train_words(clips(12), CONFIG, config, recipe=recipe)
+    whole = train_words(clips(12), CONFIG, config, recipe=QUICK)
 
     def killed(step: int, steps: int, loss: float) -> None:
         if step == every:
@@ -220,11 +223,11 @@ def test_training_resumed_from_a_checkpoint_gives_the_same_weights(
 
     kept = tmp_path / "checkpoint"
     with pytest.raises(KilledError):
-        train_words(clips(12), CONFIG, config, recipe=recipe, checkpoint=kept, progress=killed)
+        train_words(clips(12), CONFIG, config, recipe=QUICK, checkpoint=kept, progress=killed)
     assert kept.is_file()
     seen: list[int] = []
     resumed = train_words(
-        clips(12), CONFIG, config, recipe=recipe, checkpoint=kept, progress=lambda step, steps, loss: seen.append(step)
+        clips(12), CONFIG, config, recipe=QUICK, checkpoint=kept, progress=lambda step, steps, loss: seen.append(step)
     )
     assert seen[0] > every
     assert not kept.exists()
@@ -297,6 +300,7 @@ def test_progress_is_reported() -> None:
         clips(4),
         CONFIG,
         NetworkConfig("conv", steps=60),
+        recipe=QUICK,
         progress=lambda step, steps, loss: seen.append((step, steps)),
     )
     assert seen == [(50, 60), (60, 60)]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -53,6 +54,9 @@ class _Host:
 def _host(process: int, *, writable: bool) -> _Host:
     """That of this process: one that was forked cannot use its parent's."""
     return _Host(writable=writable)
+
+
+atexit.register(_host.cache_clear)  # else DuckDB may tell of objects that are left
 
 
 @contextmanager
