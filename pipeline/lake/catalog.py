@@ -8,11 +8,12 @@ have opened, and a killed writer leaves the last whole catalog.
 from __future__ import annotations
 
 import shutil
-import weakref
+from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, closing, contextmanager
+from contextlib import ExitStack, closing, contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, TypeAlias
+from weakref import WeakSet
 
 import pyarrow as pa
 from motionlake import sql
@@ -145,22 +146,21 @@ def connect_read_only(lake: Lake, *, apart: bool = False) -> Connection:
         con.close()
         raise
     if not apart:
-        _opened[lake.catalog] = weakref.ref(con)
+        _opened[lake.catalog].add(con)
     return con
 
 
-_opened: Final[dict[Path, weakref.ref[Connection]]] = {}  # catalogs that this process reads as they were
+_opened: Final[dict[Path, WeakSet[Connection]]] = defaultdict(WeakSet)  # what this process reads as it was
 
 
 def _cursor(lake: Lake) -> Connection | None:
     """A cursor of the connection that this process has to a catalog."""
     import duckdb
 
-    con = _opened[lake.catalog]() if lake.catalog in _opened else None
-    try:
-        return con.cursor() if con is not None else None
-    except duckdb.ConnectionException:
-        return None  # it was closed
+    for con in list(_opened[lake.catalog]):
+        with suppress(duckdb.ConnectionException):  # it was closed
+            return con.cursor()
+    return None
 
 
 def open_catalog(lake: Lake, *, apart: bool = False) -> Connection:

@@ -1,0 +1,110 @@
+"""Connections to catalogs: which state each sees, however many are open in a process."""
+
+from __future__ import annotations
+
+import os
+import signal
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import pytest
+from motionlake.lake.catalog import Connection, reading, run_sql, writing
+from motionlake.lake.layout import Lake, open_lake
+from motionlake.retrieval.sql_functions import connect
+
+from tests.lakes import quick_lake
+
+
+@pytest.fixture
+def target(tmp_path: Path) -> Lake:
+    return open_lake(quick_lake(tmp_path / "lake"))
+
+
+def save_root(con: Connection, name: str) -> None:
+    run_sql(con, "save_root", {"dataset": name, "root": f"/{name}", "options": "{}", "labels_hash": ""})
+
+
+def add_root(lake: Lake, name: str) -> None:
+    with writing(lake) as con:
+        save_root(con, name)
+
+
+def roots(con: Connection) -> list[str]:
+    return [row[0] for row in con.execute("SELECT dataset FROM roots ORDER BY ALL").fetchall()]
+
+
+def test_a_reader_sees_the_catalog_of_now_and_keeps_it(target: Lake) -> None:
+    add_root(target, "a")
+    with reading(target) as con:
+        add_root(target, "b")
+        assert roots(con) == ["a"]
+        with reading(target) as second:
+            assert roots(second) == ["a"], "beside one that is open"
+        assert roots(con) == ["a"]
+    with reading(target) as con:
+        assert roots(con) == ["a", "b"]
+
+
+def test_what_a_process_has_open_it_reads_on(target: Lake) -> None:
+    con, again = connect(target.root), connect(target.root)
+    add_root(target, "a")
+    with reading(target) as second:
+        assert roots(second) == []
+    again.close()
+    with reading(target) as second:
+        assert roots(second) == []
+    con.close()
+    with reading(target) as third:
+        assert roots(third) == ["a"]
+
+
+def test_a_change_that_fails_leaves_nothing(target: Lake) -> None:
+    def fail() -> None:
+        with writing(target) as con:
+            save_root(con, "a")
+            raise RuntimeError("stop")
+
+    with pytest.raises(RuntimeError, match="stop"):
+        fail()
+    add_root(target, "b")
+    with reading(target) as con:
+        assert roots(con) == ["b"]
+    assert not list(target.root.glob(".catalog*"))
+
+
+def test_two_lakes_are_read_and_written_at_once(target: Lake, tmp_path: Path) -> None:
+    other = open_lake(quick_lake(tmp_path / "other"))
+    with writing(target) as one, writing(other) as two:
+        save_root(one, "a")
+        save_root(two, "b")
+    with reading(target) as one, reading(other) as two:
+        assert (roots(one), roots(two)) == (["a"], ["b"])
+
+
+def test_threads_and_forks_read(target: Lake) -> None:
+    add_root(target, "a")
+
+    def read(_: int) -> list[str]:
+        with reading(target) as con:
+            return roots(con)
+
+    with ThreadPoolExecutor(4) as pool:
+        assert list(pool.map(read, range(40))) == [["a"]] * 40
+    child = os.fork()
+    if child == 0:
+        signal.alarm(60)
+        os._exit(read(0) != ["a"])
+    assert os.waitpid(child, 0)[1] == 0
+
+
+def test_macros_of_an_earlier_program_are_replaced(target: Lake) -> None:
+    import duckdb
+
+    add_root(target, "a")
+    with duckdb.connect(str(target.catalog)) as con:
+        con.execute("CREATE OR REPLACE MACRO find_clip(name) AS TABLE SELECT 'old' AS clip")
+    with reading(target) as con:
+        assert con.execute("FROM find_clip('x')").fetchall() == [("old",)]
+    add_root(target, "b")
+    with reading(target) as con:
+        assert con.execute("FROM find_clip('x')").fetchall() == []
