@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from motionlake.deep_motifs.emd import emd, emd_deep_motifs, emd_many, emd_matrix, emd_partial, ground_distances
 from numpy.typing import NDArray
 from scipy.optimize import linprog
+from scipy.spatial.distance import cdist
 
 
 def naive_emd(p: NDArray[np.float64], q: NDArray[np.float64], matrix: NDArray[np.float64]) -> float:
@@ -97,3 +98,10 @@ def test_a_signature_without_meaning_is_refused(weights: list[float]) -> None:
             distance(np.array(weights), np.ones(3), ground)
         with pytest.raises(ValueError, match="signature"):
             distance(np.ones(3), np.array(weights), ground)
+
+
+@pytest.mark.parametrize("k", [1, 12, 100])
+def test_ground_distances_are_those_of_scipy(k: int) -> None:
+    centroids = np.random.default_rng(k).standard_normal((k, 48)).astype(np.float32)
+    expected = cdist(centroids.astype(np.float64), centroids.astype(np.float64))
+    np.testing.assert_allclose(ground_distances(centroids), expected, rtol=1e-15)
