@@ -80,7 +80,7 @@ def ingest_sets(data: Path, workers: int, names: Sequence[str] = ()) -> dict[str
     ]
     with tempfile.TemporaryDirectory(prefix="bench-lake-") as folder, _session(Path(folder) / "lake", workers) as job:
         examples = [str(next(p for p in sorted((s / "clips").rglob("*")) if is_clip(p))) for s in sets]
-        job.client.run(_load_code, examples)
+        job.client(workers).run(_load_code, examples)
         return {s.name: _measure(job, s, Path(folder), workers) for s in sets}
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import os
 import uuid
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -19,8 +18,8 @@ _ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM
 
 
 @contextmanager
-def cluster(lake: Lake, workers: int | None = None, scheduler: str | None = None) -> Iterator[Client]:
-    """A Dask client: `workers` local processes (default: one a core), or the cluster at `scheduler`.
+def cluster(lake: Lake, workers: int, scheduler: str | None = None) -> Iterator[Client]:
+    """A Dask client: `workers` local processes, or the cluster at `scheduler`.
 
     Raises:
         UserError: the scheduler does not answer, has no workers, or a worker cannot see the lake's folder.
@@ -34,9 +33,8 @@ def cluster(lake: Lake, workers: int | None = None, scheduler: str | None = None
     }
     with dask.config.set(settings):
         if scheduler is None:
-            count = workers or os.cpu_count() or 1
             with (
-                LocalCluster(n_workers=count, threads_per_worker=1, dashboard_address="127.0.0.1:0") as local,
+                LocalCluster(n_workers=workers, threads_per_worker=1, dashboard_address="127.0.0.1:0") as local,
                 Client(local) as client,
             ):
                 yield client
@@ -48,6 +46,13 @@ def cluster(lake: Lake, workers: int | None = None, scheduler: str | None = None
         with client:
             _check_workers(client, scheduler, lake)
             yield client
+
+
+def grow(client: Client, workers: int) -> None:
+    """Have a local cluster start more workers, up to so many."""
+    if len(client.cluster.worker_spec) < workers:
+        client.cluster.scale(workers)
+        client.wait_for_workers(workers)
 
 
 def _check_workers(client: Client, scheduler: str, lake: Lake) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
@@ -81,12 +82,15 @@ class Session:
     _stack: ExitStack = field(default_factory=ExitStack)
     _client: Client | None = None
 
-    @property
-    def client(self) -> Client:
-        if self._client is None:
-            from motionlake.jobs.cluster import cluster  # Dask takes half a second to import
+    def client(self, shards: int) -> Client:
+        """The cluster: one of its own has a worker for each shard, up to `workers` (default: one a core)."""
+        from motionlake.jobs.cluster import cluster, grow  # Dask takes half a second to import
 
-            self._client = self._stack.enter_context(cluster(self.lake, self.workers, self.scheduler))
+        wanted = min(self.workers or os.cpu_count() or 1, shards)
+        if self._client is None:
+            self._client = self._stack.enter_context(cluster(self.lake, wanted, self.scheduler))
+        elif self.scheduler is None:
+            grow(self._client, wanted)
         return self._client
 
     def execute(
@@ -100,7 +104,7 @@ class Session:
         outcome = Outcome()
         if not shards:
             return outcome
-        client = None if here else self.client
+        client = None if here else self.client(len(shards))
         # The cut into shards, before any runs: a resumed run must make the same parts.
         plan = [
             {"stage": s.stage, "key": s.key, "part": s.part, "dataset": s.dataset, "spec": json.dumps(s.spec)}

@@ -12,6 +12,8 @@ from contextlib import closing, contextmanager
 from pathlib import Path
 
 import pytest
+from motionlake.jobs.session import session
+from motionlake.lake.layout import open_lake
 
 from tests.lakes import assert_same, motionlake, quick_lake, tables
 
@@ -64,6 +66,12 @@ def test_any_number_of_workers_makes_the_same_tables(tmp_path: Path, clips_folde
 def test_a_running_cluster_makes_the_same_tables(tmp_path: Path, clips_folder: Path, built_lake: Path) -> None:
     with running_cluster() as address:
         assert_same(tables(built_lake), build(tmp_path / "lake", clips_folder, "--scheduler", address))
+
+
+def test_there_are_no_more_workers_than_shards(tmp_path: Path) -> None:
+    lake = open_lake(quick_lake(tmp_path / "lake"))
+    with session(lake, "test", lambda *_: None, lambda _: None, workers=2) as job:
+        assert [len(job.client(shards).nthreads()) for shards in (1, 3, 1)] == [1, 2, 2]
 
 
 def test_a_worker_that_cannot_see_the_lake_is_a_clear_error(
