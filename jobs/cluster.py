@@ -15,6 +15,7 @@ from motionlake.lake.layout import Lake
 
 # Workers hold one shard a thread, and a shard's mathematics runs on that one thread.
 _ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")
+_CONNECT = "10s"
 
 
 @contextmanager
@@ -27,7 +28,7 @@ def cluster(lake: Lake, workers: int, scheduler: str | None = None) -> Iterator[
     logging.getLogger("distributed").setLevel(logging.CRITICAL)
     settings = {
         "distributed.nanny.pre-spawn-environ": _ONE_THREAD,
-        "distributed.comm.timeouts.connect": "10s",
+        "distributed.comm.timeouts.connect": _CONNECT,
         "distributed.scheduler.allowed-failures": 3,
         "distributed.worker.memory.terminate": False,
     }
@@ -40,7 +41,7 @@ def cluster(lake: Lake, workers: int, scheduler: str | None = None) -> Iterator[
                 yield client
             return
         try:
-            client = Client(scheduler, timeout="10s")
+            client = Client(scheduler, timeout=_CONNECT)
         except (OSError, TimeoutError, ValueError) as error:
             raise UserError(f"--scheduler {scheduler}: no Dask scheduler answers there ({error})") from error
         with client:

@@ -8,11 +8,13 @@ from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
+import dask
 import pytest
 from distributed import LocalCluster
 from hypothesis import settings
 
 from tests.lakes import made_clips, made_once, motionlake, quick_lake, real_clips
+from tests.processes import serve_forks
 
 settings.register_profile("motionlake", deadline=None)  # tests assert what is right, not how fast it comes
 settings.load_profile("motionlake")
@@ -22,7 +24,8 @@ LONGEST = ("test_lake_faults", "test_readme", "test_lake_cluster", "test_lake_up
            "test_pictures", "test_synthesize_faults", "test_training", "test_glogen", "test_searcher_protocol",
            "test_command_line", "test_evaluate_synthesis", "test_align", "test_packaging")  # fmt: skip
 # The processes of pytest-xdist keep all cores busy: threads of their own would only wait for one another.
-os.environ.setdefault("OMP_NUM_THREADS", "1")
+for name in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS"):
+    os.environ.setdefault(name, "1")
 
 
 @pytest.fixture(scope="session")
@@ -53,7 +56,11 @@ def clips_folder(shared: Path) -> Path:
 @pytest.fixture(scope="session")
 def scheduler() -> Iterator[str]:
     """The address of a Dask cluster that all tests of a process share."""
-    with LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address="127.0.0.1:0") as cluster:
+    serve_forks()
+    with (
+        dask.config.set({"distributed.worker.multiprocessing-method": "forkserver"}),
+        LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address="127.0.0.1:0") as cluster,
+    ):
         yield cluster.scheduler_address
 
 

@@ -7,9 +7,7 @@ import csv
 import fcntl
 import io
 import json
-import os
 import shutil
-import subprocess
 import sys
 import uuid
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -26,6 +24,7 @@ import pytest
 from motionlake.cli.main import main
 from motionlake.lake.frames import read_part
 
+from tests.processes import Started
 from tests.samples import (
     KINECT_1,
     KINECT_1_PARENTS,
@@ -123,21 +122,14 @@ class Run:
         return json.loads(self.out)
 
 
-def start(*words: str | Path) -> subprocess.Popen[str]:
-    """The command line in a process group of its own."""
-    return subprocess.Popen(
-        [sys.executable, "-m", "motionlake.cli.main", *map(str, words)],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        start_new_session=True,
-        env={k: v for k, v in os.environ.items() if k != "MOTIONLAKE_DEBUG"},
-    )
-
-
-def finish(process: subprocess.Popen[str]) -> Run:
-    out, err = process.communicate(timeout=300)
-    return Run(process.returncode, out, err)
+def finish(process: Started) -> Run:
+    """Wait for a command to end."""
+    process.wait(300)
+    status = process.poll()
+    assert status is not None
+    run = Run(status, process.said("out"), process.said("err"))
+    shutil.rmtree(process.folder)
+    return run
 
 
 def motionlake(*words: object) -> Run:

@@ -20,7 +20,8 @@ from motionlake.cli.main import COMMANDS, MODULES
 from motionlake.motion import rigs
 from motionlake.stages.registry import ALL, BY_NAME
 
-from tests.lakes import QUICK, Run, assert_same, finish, motionlake, query, quick_lake, start, tables
+from tests.lakes import QUICK, Run, assert_same, finish, motionlake, query, quick_lake, tables
+from tests.processes import start_fresh
 from tests.samples import BVH, KINECT_1, KINECT_1_PARENTS, npz_bytes, swinging_body
 
 NAMES = [name for commands in COMMANDS.values() for name in commands]
@@ -200,7 +201,7 @@ def test_a_mistake_in_the_configuration(tmp_path: Path, text: str, parts: list[s
 
 
 def test_debug_shows_the_traceback(tmp_path: Path) -> None:
-    run = finish(start("--debug", "status", "--lake", tmp_path))
+    run = finish(start_fresh("--debug", "status", "--lake", tmp_path))
     assert run.status != 0
     assert "Traceback" in run.err
 
@@ -385,7 +386,7 @@ def test_what_a_terminal_would_obey_is_spelled_out(capsys: pytest.CaptureFixture
 
 
 def test_errors_spell_out_what_they_name(tmp_path: Path) -> None:
-    run = finish(start("export", "\x1b[2Jx\udce9", "--lake", tmp_path / "no\x1blake"))
+    run = finish(start_fresh("export", "\x1b[2Jx\udce9", "--lake", tmp_path / "no\x1blake"))
     assert_clear(run, "no\\x1blake", "no lake here")
 
 

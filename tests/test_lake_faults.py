@@ -2,23 +2,21 @@
 
 from __future__ import annotations
 
-import os
 import shutil
-import signal
-import subprocess
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
 
 import psutil
 import pytest
 
-from tests.lakes import Run, assert_same, finish, motionlake, query, quick_lake, start, tables
+from tests.lakes import Run, assert_same, finish, motionlake, query, quick_lake, tables
+from tests.processes import Started, start, start_fresh
 
 # What has appeared on disk, one after the other, when the driver dies.
 CATALOG = ".catalog.duckdb.*.tmp"
-FRAMES_MOMENTS = ((CATALOG,), ("frames/**/.*.tmp",), ("frames/**/[!.]*.parquet", CATALOG))
+FRAMES_MOMENTS = ((CATALOG,), ("frames/*/.*.tmp",), ("frames/*/[!.]*.parquet", CATALOG))
 RUN_MOMENTS = (
     ("features/[!.]*.parquet",),
     ("models/network*",),
@@ -61,14 +59,14 @@ def seen(lake: Path, pattern: str) -> set[tuple[Path, int]]:
     return found
 
 
-def waits_for(process: subprocess.Popen[str], lake: Path, patterns: Sequence[str]) -> bool:
+def waits_for(process: Started, lake: Path, patterns: Sequence[str]) -> bool:
     """Wait until each pattern in turn has a file it had not before; False if the process ends first."""
     for pattern in patterns:
         before = seen(lake, pattern)
         while not seen(lake, pattern) - before:
             if process.poll() is not None:
                 return False
-            time.sleep(0.001)
+            time.sleep(0.004)
     return True
 
 
@@ -78,9 +76,9 @@ def kill_driver_at(lake: Path, words: Sequence[str | Path], moments: Sequence[Se
     for patterns in moments:
         process = start(*words, "--workers", "1", "--lake", lake)
         if waits_for(process, lake, patterns):
-            process.send_signal(signal.SIGKILL)
+            process.kill()
             caught += 1
-        process.communicate()
+        finish(process)
     return caught
 
 
@@ -95,31 +93,50 @@ def test_a_killed_driver(tmp_path: Path, many: Path, undisturbed: dict[str, list
     assert not [p for p in lake.rglob("*") if p.name.endswith(".tmp")]
 
 
-def worker_processes(driver: int) -> list[psutil.Process]:
-    """The Dask workers of a driver."""
+def forks() -> set[psutil.Process]:
+    """The processes below this one that are forks of a process that serves forks."""
+
+    def serves(process: psutil.Process | None) -> bool:
+        return process is not None and any("forkserver" in word for word in process.cmdline())
+
+    found = set()
+    for process in psutil.Process().children(recursive=True):
+        with suppress(psutil.NoSuchProcess):
+            if serves(process) and serves(process.parent()):
+                found.add(process)
+    return found
+
+
+def alive(process: psutil.Process) -> bool:
     try:
-        children = psutil.Process(driver).children(recursive=True)
-        return [c for c in children if any("spawn_main" in word for word in c.cmdline())]
+        return bool(process.status() != psutil.STATUS_ZOMBIE)
     except psutil.NoSuchProcess:
-        return []
+        return False
 
 
-def kill_a_worker(process: subprocess.Popen[str], lake: Path, pattern: str) -> Run:
-    """kill -9 one worker when a file of the pattern has appeared, and let the run go on."""
+def kill_a_worker(starts: Callable[..., Started], words: Sequence[str | Path], lake: Path, pattern: str) -> Run:
+    """kill -9 one of two workers when a file of the pattern has appeared, and let the command go on."""
+    before = forks()
+    process = starts(*words, "--workers", "2", "--lake", lake)
     assert waits_for(process, lake, [pattern])
-    workers = worker_processes(process.pid)
-    assert workers
-    os.kill(workers[0].pid, signal.SIGKILL)
+    workers = [fork for fork in forks() - before if fork.pid != process.pid]
+    assert len(workers) == 2
+    family = psutil.Process(process.pid).children(recursive=True)
+    workers[0].kill()
+    process.wait(300)
+    while any(map(alive, family)):
+        time.sleep(0.01)  # they may say something when the driver has gone
     return finish(process)
 
 
 def test_a_killed_worker(tmp_path: Path, many: Path, undisturbed: dict[str, list[str]]) -> None:
     lake = quick_lake(tmp_path / "lake")
-    run = kill_a_worker(start("ingest", many, "--workers", "2", "--lake", lake), lake, "frames/**/.*.tmp")
-    assert run.status == 0, run.err
-    run = kill_a_worker(start("run", "all", "--workers", "2", "--lake", lake), lake, "features/.*.tmp")
-    assert run.status == 0, run.err
-    assert "leaked" not in run.err
+    for run in (
+        kill_a_worker(start_fresh, ["ingest", many], lake, "frames/*/.*.tmp"),
+        kill_a_worker(start, ["run", "all"], lake, "features/.*.tmp"),
+    ):
+        assert run.status == 0, run.err
+        assert "leaked" not in run.err
     assert_same(undisturbed, tables(lake))
 
 

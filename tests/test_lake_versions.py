@@ -22,8 +22,9 @@ from motionlake.lake.frames import lengths, runs
 from motionlake.lake.layout import open_lake
 from motionlake.lake.parts import PartWriter, replacing
 
-from tests.lakes import assert_same, query, quick_lake, start, tables
+from tests.lakes import assert_same, finish, query, quick_lake, tables
 from tests.lakes import motionlake as command
+from tests.processes import start
 
 
 @pytest.fixture
@@ -206,7 +207,7 @@ def test_a_killed_migration(old: Path, new: Path) -> None:
     while process.poll() is None and not list(old.glob("frames/*/.*.tmp")):
         time.sleep(0.001)
     process.kill()
-    process.communicate()
+    finish(process)
     as_it_was(old)
     assert command("migrate", old).status == 0
     assert_same(tables(old), tables(new))
