@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import logging
+import multiprocessing
+import os
+import sys
 import uuid
 from collections.abc import Iterator
 from contextlib import contextmanager
+from multiprocessing import forkserver
 from pathlib import Path
 
 import dask
@@ -15,6 +19,9 @@ from motionlake.lake.layout import Lake
 
 # Workers hold one shard a thread, and a shard's mathematics runs on that one thread.
 _ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")
+# Workers are forks of a process without threads that has imported what each of them needs; macOS does not fork well.
+_METHOD = "forkserver" if sys.platform == "linux" else "spawn"
+_PRELOAD = ["distributed", "motionlake.jobs.session"]
 _CONNECT = "10s"
 
 
@@ -27,6 +34,7 @@ def cluster(lake: Lake, workers: int, scheduler: str | None = None) -> Iterator[
     """
     logging.getLogger("distributed").setLevel(logging.CRITICAL)
     settings = {
+        "distributed.worker.multiprocessing-method": _METHOD,
         "distributed.nanny.pre-spawn-environ": _ONE_THREAD,
         "distributed.comm.timeouts.connect": _CONNECT,
         "distributed.scheduler.allowed-failures": 3,
@@ -34,6 +42,7 @@ def cluster(lake: Lake, workers: int, scheduler: str | None = None) -> Iterator[
     }
     with dask.config.set(settings):
         if scheduler is None:
+            _serve_forks()
             with (
                 LocalCluster(n_workers=workers, threads_per_worker=1, dashboard_address="127.0.0.1:0") as local,
                 Client(local) as client,
@@ -47,6 +56,18 @@ def cluster(lake: Lake, workers: int, scheduler: str | None = None) -> Iterator[
         with client:
             _check_workers(client, scheduler, lake)
             yield client
+
+
+def _serve_forks() -> None:
+    """Start the process that workers are forked of, unless it runs; Dask would, with less imported."""
+    if _METHOD != "forkserver":
+        return
+    os.environ.update(_ONE_THREAD)  # as Dask does before it starts a worker
+    safe = os.environ.get("PYTHONSAFEPATH", "")
+    os.environ["PYTHONSAFEPATH"] = "1"  # modules in the folder where the command runs are not to be imported
+    multiprocessing.set_forkserver_preload(_PRELOAD)
+    forkserver.ensure_running()
+    os.environ["PYTHONSAFEPATH"] = safe
 
 
 def grow(client: Client, workers: int) -> None:

@@ -64,11 +64,13 @@ def start(*words: str | Path) -> Started:
 
 
 def start_fresh(*words: str | Path) -> Started:
-    """A command in an interpreter of its own, as people start it."""
+    """A command in an interpreter of its own, as people start it: in any folder, whose modules are not its own."""
     folder = Path(tempfile.mkdtemp(prefix="command-"))
+    (folder / "distributed.py").write_text("raise SystemExit('not this one')", encoding="utf-8")
     with (folder / "out").open("wb") as out, (folder / "err").open("wb") as err:
         process = subprocess.Popen(
-            [sys.executable, "-m", "motionlake.cli.main", *map(str, words)],
+            [Path(sys.executable).with_name("motionlake"), *map(str, words)],
+            cwd=folder,
             stdin=subprocess.DEVNULL,
             stdout=out,
             stderr=err,
