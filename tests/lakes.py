@@ -7,12 +7,14 @@ import csv
 import fcntl
 import io
 import json
+import os
 import shutil
+import subprocess
 import sys
 import uuid
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, redirect_stderr, redirect_stdout
-from dataclasses import dataclass
+from contextlib import ExitStack, contextmanager, redirect_stderr, redirect_stdout
+from dataclasses import astuple, dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -21,6 +23,7 @@ from unittest import mock
 import duckdb
 import numpy as np
 import pytest
+from distributed import LocalCluster
 from motionlake.cli.main import main
 from motionlake.lake.frames import read_part
 
@@ -143,6 +146,39 @@ def motionlake(*words: object) -> Run:
     ):
         main()
     return Run(int(stopped.value.code or 0), out.getvalue(), err.getvalue())
+
+
+DISTRIBUTED = {"ingest", "run", "synthesize"}
+
+
+def on_cluster(words: Sequence[object], scheduler: str) -> Run:
+    """Run the command line within this process; what workers do, on a running cluster."""
+    return motionlake(*words, *(["--scheduler", scheduler] if words[0] in DISTRIBUTED else []))
+
+
+def elsewhere(site: Path, folder: Path, *lines: Sequence[str]) -> list[Run]:
+    """Run command lines of the program that lies in `site`: in one new process, on one worker of its own."""
+    program = f"""
+import motionlake, tests.lakes
+assert motionlake.__file__.startswith({str(site)!r}), motionlake.__file__
+tests.lakes.run_and_tell({lines!r})
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", program], cwd=folder, capture_output=True, text=True, check=False, timeout=300,
+        env=os.environ | {"PYTHONPATH": f"{site}{os.pathsep}{Path(__file__).parents[1]}"},
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    return [Run(*run) for run in json.loads(done.stdout)]
+
+
+def run_and_tell(lines: Sequence[Sequence[str]]) -> None:
+    """The other side of `elsewhere`."""
+    with ExitStack() as stack:
+        scheduler = ""
+        if any(words[0] in DISTRIBUTED for words in lines):
+            local = LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address="127.0.0.1:0")
+            scheduler = stack.enter_context(local).scheduler_address
+        print(json.dumps([astuple(on_cluster(words, scheduler)) for words in lines]))
 
 
 def quick_lake(root: Path, config: str = QUICK) -> Path:

@@ -5,15 +5,15 @@ from __future__ import annotations
 import json
 import os
 import re
+import shlex
 import shutil
-import subprocess
-import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from tests.lakes import motionlake
+from tests.lakes import elsewhere, motionlake, quick_lake
 from tests.samples import KINECT_1, KINECT_1_PARENTS, deepmimic_frames, deepmimic_text, swinging_body
 
 ROOT = Path(__file__).parents[1]
@@ -62,13 +62,12 @@ class Copy:
             assert text.count(above) == 1, above
             path.write_text(text.replace(above, f"{above}\n{line}"), encoding="utf-8")
 
-    def run(self, *words: str) -> str:
-        done = subprocess.run(
-            [sys.executable, "-m", "motionlake.cli.main", *words], cwd=self.folder, capture_output=True, text=True,
-            check=False, timeout=300, env=os.environ | {"PYTHONPATH": str(self.folder / "site")},
-        )  # fmt: skip
-        assert done.returncode == 0, done.stderr
-        return done.stdout
+    def run(self, *lines: Sequence[str]) -> list[str]:
+        """What command lines say."""
+        runs = elsewhere(self.folder / "site", self.folder, *lines)
+        for words, run in zip(lines, runs, strict=True):
+            assert run.status == 0, f"{words}: {run.err}"
+        return [run.out for run in runs]
 
 
 def take_in(folder: Path, scheduler: str) -> None:
@@ -96,9 +95,8 @@ def test_a_format(tmp_path: Path) -> None:
     (tmp_path / "clips").mkdir()
     text = f"{' '.join(KINECT_1)}\n{' '.join(map(str, KINECT_1_PARENTS))}\n{rows}\n"
     (tmp_path / "clips" / "swing.joints").write_text(text)
-    copy.run("ingest", "clips", "--lake", "lake", "--workers", "1")
     text = "SELECT format, frames, min(root_z) AS z FROM clips JOIN frames USING (clip) GROUP BY ALL"
-    found = copy.run("sql", text, "--lake", "lake", "--json")
+    _, found = copy.run(("ingest", "clips", "--lake", "lake"), ("sql", text, "--lake", "lake", "--json"))
     assert '"format": "joint table"' in found
     assert '"frames": 45' in found
     assert np.isclose(float(re.findall(r'"z": ([\d.]+)', found)[0]), 3.0, atol=0.01)
@@ -109,13 +107,12 @@ def test_a_stage(tmp_path: Path) -> None:
     (tmp_path / "clips").mkdir()
     for count in (41, 51):
         (tmp_path / "clips" / f"walk{count}.txt").write_text(deepmimic_text(deepmimic_frames(count)))
-    copy.run("ingest", "clips", "--lake", "mylake", "--workers", "1")
-    copy.run("run", "speeds", "--lake", "mylake", "--workers", "1")
     query = re.findall(r'motionlake sql "(.*)" --lake mylake', section("A stage"))[0]
-    fastest = json.loads(copy.run("sql", query, "--lake", "mylake", "--json"))
-    for row, count in zip(fastest, (41, 51), strict=True):
+    lines = (("ingest", "clips"), ("run", "speeds"), ("sql", query, "--json"), ("status",))
+    _, _, fastest, status = copy.run(*((*words, "--lake", "mylake") for words in lines))
+    for row, count in zip(json.loads(fastest), (41, 51), strict=True):
         assert row["fastest"] == pytest.approx(30 / (count - 1), rel=0.02)  # a metre in so many frames
-    assert "speeds" in copy.run("status", "--lake", "mylake")
+    assert "speeds" in status
 
 
 def test_a_sql_macro(tmp_path: Path) -> None:
@@ -123,12 +120,8 @@ def test_a_sql_macro(tmp_path: Path) -> None:
     (tmp_path / "clips").mkdir()
     for count in (40, 50, 60):
         (tmp_path / "clips" / f"walk{count}.txt").write_text(deepmimic_text(deepmimic_frames(count)))
-    copy.run("ingest", "clips", "--lake", "mylake", "--workers", "1")
     command = re.findall(r"```sh\nmotionlake (.*)\n```", section("A SQL macro"))[0]
-    answer = subprocess.run(
-        f"{sys.executable} -m motionlake.cli.main {command}", shell=True, cwd=tmp_path, capture_output=True, text=True,
-        check=True, env=os.environ | {"PYTHONPATH": str(tmp_path / "site")},
-    ).stdout  # fmt: skip
+    _, answer = copy.run(("ingest", "clips", "--lake", "mylake"), shlex.split(command))
     assert re.findall(r"walk\d+", answer) == ["walk60", "walk50"]
 
 
@@ -139,7 +132,7 @@ def test_a_python_function_in_sql(tmp_path: Path, scheduler: str) -> None:
         (tmp_path / "clips" / f"walk{count}.txt").write_text(deepmimic_text(deepmimic_frames(count)))
     take_in(tmp_path, scheduler)
     command = re.findall(r"```sh\nmotionlake sql \"(.*)\" --lake mylake\n```", section("A Python function in SQL"))[0]
-    answer = copy.run("sql", command, "--lake", "mylake")
+    (answer,) = copy.run(("sql", command, "--lake", "mylake"))
     assert sorted(re.findall(r"walk\d+", answer)) == ["walk40", "walk70"]
 
 
@@ -150,10 +143,11 @@ def test_a_way_to_search(tmp_path: Path, scheduler: str) -> None:
         (tmp_path / "clips" / f"walk{count}.txt").write_text(deepmimic_text(deepmimic_frames(count)))
     take_in(tmp_path, scheduler)
     words = ("--method", "pace", "--lake", "mylake", "--json")
-    hits = json.loads(copy.run("search", "walk41", *words))
+    of_lake = ("search", "walk41", *words)
+    of_file = ("search", "clips/walk81.txt", "-k", "1", "--mirrored", *words)
+    hits, outside = map(json.loads, copy.run(of_lake, of_file))
     assert [(hit["rank"], hit["clip"]) for hit in hits] == [(1, "clips/walk46.txt"), (2, "clips/walk81.txt")]
     assert hits[0]["distance"] == pytest.approx(30 / 40 - 30 / 45, rel=0.05)
-    outside = json.loads(copy.run("search", "clips/walk81.txt", "-k", "1", "--mirrored", *words))
     assert outside[0]["clip"] == "clips/walk81.txt"
     assert outside[0]["distance"] == pytest.approx(0, abs=0.01)
 
@@ -163,15 +157,17 @@ def test_a_trained_model(tmp_path: Path) -> None:
     (tmp_path / "clips").mkdir()
     for name, count in (("walk1", 50), ("walk2", 60), ("walk3", 70)):
         (tmp_path / "clips" / f"{name}.txt").write_text(deepmimic_text(deepmimic_frames(count)))
-    copy.run("ingest", "clips", "--lake", "mylake", "--workers", "1")
-    (tmp_path / "mylake" / "config.toml").write_text("[novelty]\nwidth = 2\nsteps = 120\n")
-    copy.run("run", "novelty", "--lake", "mylake", "--workers", "1")
+    quick_lake(tmp_path / "mylake", "[novelty]\nwidth = 2\nsteps = 120\n")
     query = re.findall(r'motionlake sql "(.*)" --lake mylake', section("A trained model"))[0]
-    first = json.loads(copy.run("sql", query, "--lake", "mylake", "--json"))
+    lines = (
+        ("ingest", "clips"), ("run", "novelty"), ("sql", query, "--json"), ("train", "novelty", "--json"),
+        ("run", "novelty"), ("sql", query, "--json"), ("status",),
+    )  # fmt: skip
+    said = copy.run(*((*words, "--lake", "mylake") for words in lines))
+    first = json.loads(said[2])
     assert sorted(row["clip"] for row in first) == [f"clips/walk{number}.txt" for number in (1, 2, 3)]
-    again = json.loads(copy.run("train", "novelty", "--json", "--lake", "mylake"))
+    again = json.loads(said[3])
     assert again["model"] == "novelty-2"
     assert again["metrics"]["postures"] > 100
-    copy.run("run", "novelty", "--lake", "mylake", "--workers", "1")
-    assert json.loads(copy.run("sql", query, "--lake", "mylake", "--json")) == first, "trained alike, it says the same"
-    assert "novelty-2" in copy.run("status", "--lake", "mylake")
+    assert json.loads(said[5]) == first, "trained alike, it says the same"
+    assert "novelty-2" in said[6]

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.lakes import QUICK, Run, motionlake, query, quick_lake
+from tests.lakes import QUICK, Run, elsewhere, on_cluster, query, quick_lake
 from tests.samples import deepmimic_frames, deepmimic_text
 
 ROOT = Path(__file__).parents[1]
@@ -49,10 +49,9 @@ def motions(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def run_line(line: str, scheduler: str) -> Run:
     """Run a line of shell that calls motionlake, within this process and on the cluster that tests share."""
-    name, command, *words = shlex.split(line)
+    name, *words = shlex.split(line)
     assert Path(name).name == "motionlake", line
-    distributed = ["--scheduler", scheduler] if command in {"ingest", "run", "synthesize"} else []
-    return motionlake(command, *words, *distributed)
+    return on_cluster(words, scheduler)
 
 
 def test_readme_s_commands_run(motions: Path, scheduler: str, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -120,20 +119,15 @@ def take_over_kernels(package: Path) -> None:
 
 
 def test_a_built_wheel_works_as_the_checkout_does(motions: Path, tmp_path: Path) -> None:
-    run = shell(f"make wheel DIST={tmp_path}", ROOT)
-    assert run.returncode == 0, run.stderr
+    built = shell(f"make wheel DIST={tmp_path}", ROOT)
+    assert built.returncode == 0, built.stderr
     site = tmp_path / "site"
     with zipfile.ZipFile(next(tmp_path.glob("*.whl"))) as wheel:
         wheel.extractall(site)
     take_over_kernels(site / "motionlake")
-    command = f"{sys.executable} -m motionlake.cli.main"
-    where = shell(f"{sys.executable} -c 'import motionlake; print(motionlake.__file__)'", tmp_path,
-                  PYTHONPATH=str(site))  # fmt: skip
-    assert where.stdout.startswith(str(site)), where.stderr
     lake = tmp_path / "lake"
-    for words in (f"init {lake}", f"ingest {motions} --lake {lake}", f"run all --lake {lake}", f"status --lake {lake}",
-                  f"search humanoid3d_walk --lake {lake}"):  # fmt: skip
-        run = shell(f"{command} {words}", tmp_path, PYTHONPATH=str(site))
-        assert run.returncode in (0, 1), run.stderr
-        if words.startswith("init"):
-            (lake / "config.toml").write_text(QUICK, encoding="utf-8")
+    assert not elsewhere(site, tmp_path, ("init", str(lake)))[0].status
+    (lake / "config.toml").write_text(QUICK, encoding="utf-8")
+    lines = (("ingest", str(motions)), ("run", "all"), ("status",), ("search", "humanoid3d_walk"))
+    for run in elsewhere(site, tmp_path, *((*words, "--lake", str(lake)) for words in lines)):
+        assert run.status in (0, 1), run.err
