@@ -39,7 +39,7 @@ class Copy:
         for top in ("pipeline", "jobs", "sql"):
             shutil.copytree(
                 ROOT / top, package if top == "pipeline" else package / top, copy_function=os.symlink,
-                ignore=shutil.ignore_patterns("*.pyc"), dirs_exist_ok=True,  # with what numba has compiled
+                dirs_exist_ok=True,  # with what Python and numba have compiled
             )  # fmt: skip
         self.added = NEW.findall(section(title))
         for name, text in self.added:
