@@ -19,7 +19,6 @@ from motionlake.errors import ClipError
 from motionlake.formats.repair import FARTHEST
 from motionlake.motion.clip import POSITION_CHANNELS, QUATERNION_CHANNELS, ChannelKind, Hierarchy, SourceClip
 from motionlake.motion.rotations import IDENTITY
-from scipy.spatial.transform import Rotation, Slerp
 
 BALL: Final = 4
 HINGE: Final = 1
@@ -159,6 +158,8 @@ def _frame_rate(step: float) -> float:
 
 def _resampled(channels: Float64Array, durations: Float64Array, step: float) -> Float64Array:
     """The same motion at a constant `step` in seconds: [F', C], from the first frame to the last."""
+    from scipy.spatial.transform import Rotation, Slerp
+
     shortest, longest = durations.min(), durations.max()
     if longest > MAX_STRETCH * step or shortest < step / MAX_STRETCH:
         raise ClipError(f"its frames last from {shortest:g} to {longest:g} s")

@@ -5,7 +5,9 @@ A rotation turns a vector v into q v q*; `multiply(a, b)` turns by b first.
 
 from __future__ import annotations
 
+import functools
 import warnings
+from collections.abc import Callable
 from typing import Final
 
 import numpy as np
@@ -39,24 +41,31 @@ def rotate_into(q, v, out):  # type: ignore[no-untyped-def]
     out[0], out[1], out[2] = x, y, z
 
 
-@guvectorize(["float64[:], float64[:], float64[:]"], "(n),(n)->(n)", cache=True, nopython=True)
 def _multiply(a, b, out):  # type: ignore[no-untyped-def]
     multiply_into(a, b, out)
 
 
-@guvectorize(["float64[:], float64[:], float64[:]"], "(n),(m)->(m)", cache=True, nopython=True)
 def _rotate(q, v, out):  # type: ignore[no-untyped-def]
     rotate_into(q, v, out)
 
 
+@functools.cache
+def _over_axes(kernel: Callable[..., None], layout: str) -> Callable[..., object]:
+    """A kernel over leading axes. It is made ready at the first call: that takes longer than all imports do."""
+    ready: Callable[..., object] = guvectorize(
+        ["float64[:], float64[:], float64[:]"], layout, cache=True, nopython=True
+    )(kernel)
+    return ready
+
+
 def multiply(a: Float64Array, b: Float64Array) -> Float64Array:
     """Product a b of quaternions [..., 4], broadcast."""
-    return np.asarray(_multiply(a, b))
+    return np.asarray(_over_axes(_multiply, "(n),(n)->(n)")(a, b))
 
 
 def rotate(q: Float64Array, v: Float64Array) -> Float64Array:
     """Vectors v [..., 3] turned by q [..., 4], broadcast."""
-    return np.asarray(_rotate(q, v))
+    return np.asarray(_over_axes(_rotate, "(n),(m)->(m)")(q, v))
 
 
 def conjugate(q: Float64Array) -> Float64Array:
