@@ -269,7 +269,10 @@ def test_answers_of_align_are_drawn(built_lake: Path, clips_folder: Path, tmp_pa
     assert ".png or .html" in wrong.err
 
 
-def test_a_report_shows_the_strings_where_there_are_such(built_lake: Path, lake: Path, tmp_path: Path) -> None:
+def test_a_report_shows_the_strings_where_there_are_such(
+    built_lake: Path, lake: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("motionlake.pictures.symbol_pictures.SAMPLED", 200)  # soon placed
     import duckdb
 
     made = motionlake("report", "--lake", built_lake, "--out", tmp_path / "with.html", "--json")

@@ -333,6 +333,13 @@ def test_names_are_escaped_in_a_page() -> None:
     assert len(found.images) == 1
 
 
+@pytest.fixture
+def small_map(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A report whose map of postures is soon placed; that of tests/test_readme.py is whole."""
+    monkeypatch.setattr("motionlake.pictures.symbol_pictures.SAMPLED", 200)
+
+
+@pytest.mark.usefixtures("small_map")
 def test_a_report_shows_the_lake(built_lake: Path, tmp_path: Path) -> None:
     out, folder = tmp_path / "made" / "report.html", tmp_path / "pictures"
     run = motionlake("report", "--lake", built_lake, "--out", out, "--pictures", folder, "--json")
@@ -350,6 +357,7 @@ def test_a_report_shows_the_lake(built_lake: Path, tmp_path: Path) -> None:
     assert (tmp_path / "again.html").read_bytes() == out.read_bytes()
 
 
+@pytest.mark.usefixtures("small_map")
 def test_a_report_without_labels_shows_clusters(lake: Path) -> None:
     with duckdb.connect(str(lake / "catalog.duckdb")) as con:
         con.execute("UPDATE clips SET label = NULL, subject = NULL")
