@@ -30,13 +30,11 @@ from motionlake.pesta.matches import (
     Alignment,
     Match,
     beginning,
-    block_minima,
-    heap_of,
-    next_column,
     placed,
     strided_path,
     taken_symbols,
 )
+from motionlake.pesta.selection import ascending_blocks, next_column
 from motionlake.pesta.strings import Boundaries, Distances, Repository, checked
 from motionlake.pesta.vectors import LANES
 from numba import njit
@@ -122,9 +120,8 @@ class LongQuery:
         self._align(cover)
         first = cover.start * self.segment_length
         ends, starts = self._ends[cover], self._starts[cover]
-        costs, tops = joined_paths(ends, starts, self._strings.offsets, self._stride)
-        found = _select(
-            self._segment(cover.start), self._segment(cover.stop - 1), ends, starts, costs, block_minima(costs), tops,
+        found, costs = _select(
+            self._segments[cover], self._strings.symbols, self._matrix.matrix, self._stride, ends, starts,
             self._strings.offsets, self._inside, taken_symbols(barred, ends.shape[1]), k, np.float32(below),
             start - first, stop - first,
         )  # fmt: skip
@@ -132,13 +129,7 @@ class LongQuery:
         def path(end: int) -> Int64Array:
             return self._path(cover, end, start, stop)
 
-        return placed(found, costs[found[:, 2]], self._repository, path if paths else None)
-
-    def _segment(self, segment: int) -> Alignment:
-        return Alignment(
-            self._segments[segment], self._strings.symbols, self._matrix.matrix, self._stride, False,
-            np.float32(0), np.float32(0),
-        )  # fmt: skip
+        return placed(found, costs, self._repository, path if paths else None)
 
     def _align(self, cover: slice) -> None:
         """Align the blocks of segments that hold one that is wanted and not known."""
@@ -157,7 +148,8 @@ class LongQuery:
         begin = beginning(self._strings.offsets, end)
         pieces, column = [], end
         for segment in range(cover.stop - 1, cover.start - 1, -1):
-            path = _segment_path(self._segment(segment), self._starts[segment], column)
+            alignment = _alignment(self._segments[segment], self._strings.symbols, self._matrix.matrix, self._stride)
+            path = _segment_path(alignment, self._starts[segment], column)
             pieces.append(path + np.array([segment * self.segment_length, 0]))
             if segment > cover.start:
                 column = int(join_column(self._ends[segment - 1], path[0, 1], begin, self._stride))
@@ -167,6 +159,11 @@ class LongQuery:
         if not inside.any():
             inside[np.flatnonzero(rows >= start)[0]] = True
         return np.asarray(whole[inside], dtype=np.int64)
+
+
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _alignment(segment: Int32Array, symbols: Int32Array, distances: Float32Array, stride: int) -> Alignment:
+    return Alignment(segment, symbols, distances, stride, False, np.float32(0), np.float32(0))
 
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
@@ -212,13 +209,12 @@ def _portion(
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
 def _select(
-    first: Alignment,
-    last: Alignment,
+    segments: Int32Array,
+    symbols: Int32Array,
+    distances: Float32Array,
+    stride: int,
     ends: Float32Array,
     starts: Int32Array,
-    costs: Float32Array,
-    minima: Int64Array,
-    tops: Int32Array,
     offsets: Int64Array,
     inside: Int64Array,
     taken: BoolArray,
@@ -226,17 +222,19 @@ def _select(
     limit: np.float32,
     first_row: int,
     last_row: int,
-) -> Int64Array:
-    """[h, 3] start, stop and end column of the best matches.
+) -> tuple[Int64Array, Float32Array]:
+    """[h, 3] start, stop and end column of the best matches, and their costs [h].
 
-    first, last: the outer ones of the segments that cover the sub-query, which are its rows [first_row, last_row).
-    ends, starts: [s, Y] of all segments; costs, tops: [Y] of the paths through them (`joined_paths`).
+    segments: [s, rows] those that cover the sub-query, which are its rows [first_row, last_row); ends, starts: [s, Y].
     """
+    first = _alignment(segments[0], symbols, distances, stride)
+    last = _alignment(segments[-1], symbols, distances, stride)
+    costs, tops = joined_paths(ends, starts, offsets, stride)
     found = np.empty((min(k, len(costs)), 3), dtype=np.int64)
     n = 0
     # A path that goes on below the sub-query may end on a symbol that is taken.
-    ended = taken if last_row == len(ends) * len(first.query) else np.zeros_like(taken)
-    heap = heap_of(costs, minima)
+    ended = taken if last_row == segments.size else np.zeros_like(taken)
+    heap = ascending_blocks(costs)
     while n < len(found):
         end = next_column(heap, costs, ended)
         if end < 0 or not costs[end] < limit:
@@ -248,4 +246,4 @@ def _select(
         taken[low : high + 1] = True
         found[n, 0], found[n, 1], found[n, 2] = low, high + 1, end
         n += 1
-    return found[:n]
+    return found[:n], costs[found[:n, 2]]

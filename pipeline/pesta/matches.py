@@ -1,7 +1,5 @@
 """The best matches of a query that do not overlap, and the path of each (section 6).
 
-Columns are visited in ascending end cost without sorting them: a heap holds the next column of each block.
-
 The path of a match is followed back from its end through the weight matrix, of which only a stretch of columns before
 the end is computed. The columns before the stretch are given costs that are no greater than their true ones; a path
 that never enters them is therefore the path of the whole matrix, and where it does enter them, the stretch is made
@@ -15,19 +13,17 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from heapq import heapify, heappop, heappush
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from motionlake.arrays import BoolArray, Float32Array, Int32Array, Int64Array
 from motionlake.pesta.config import DEFAULT_ALIGNMENT, AlignmentConfig
-from motionlake.pesta.scan import end_costs
+from motionlake.pesta.scan import scan_ends
+from motionlake.pesta.selection import ascending_blocks, next_column
 from motionlake.pesta.strings import Boundaries, Distances, Repository, checked
 from numba import njit
 from numpy.typing import ArrayLike
 
-BLOCK: Final = 128
-Heap = list[tuple[np.float32, int]]
 _ZERO = np.float32(0)
 _INFINITY = np.float32(np.inf)
 
@@ -113,13 +109,14 @@ def best_matches(
     symbols, ground = checked(query, repository, distances)
     strings = repository.aligned(boundaries)
     taken = taken_symbols(barred, len(repository.symbols))
-    ends = end_costs(symbols, repository, ground, config, boundaries=boundaries, threads=threads)
+    ends = scan_ends(symbols, strings, ground, config, threads)
     alignment = Alignment(
         symbols, strings.symbols, ground.matrix, config.reach, config.local, *ground.scores(config)
     )  # fmt: skip
     inside = repository.offsets if boundaries == "dropped" else strings.offsets
     limit = np.float32(min(below, 0.0) if config.local else below)
-    found = _select(alignment, ends, block_minima(ends), strings.offsets, inside, taken, k, limit)
+    # Fields go to the kernel one by one: numba takes longer to recognise a named tuple.
+    found = _select(*alignment, ends, strings.offsets, inside, taken, k, limit)
 
     def path(end: int) -> Int64Array:
         traced: Int64Array = _trace(alignment, beginning(strings.offsets, end), end)
@@ -159,39 +156,6 @@ def taken_symbols(barred: BoolArray | None, n_symbols: int) -> BoolArray:
     return mask
 
 
-def block_minima(costs: Float32Array) -> Int64Array:
-    """[b] the column of the least cost of each `BLOCK` columns: what `next_column` starts from."""
-    whole = len(costs) // BLOCK * BLOCK
-    blocks = costs[:whole].reshape(-1, BLOCK).argmin(axis=1) + np.arange(0, whole, BLOCK)
-    return np.append(blocks, whole + costs[whole:].argmin()) if whole < len(costs) else blocks
-
-
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
-def heap_of(costs: Float32Array, minima: Int64Array) -> Heap:
-    """The heap that `next_column` draws from, of `block_minima`."""
-    heap = [(costs[column], column) for column in minima]
-    heapify(heap)
-    return heap
-
-
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
-def next_column(heap: Heap, costs: Float32Array, taken: BoolArray) -> int:
-    """The column of the least cost not drawn yet and not `taken` (by column where costs are equal); -1 for none."""
-    while len(heap):
-        cost, y = heappop(heap)
-        low, column = _INFINITY, -1
-        first = y // BLOCK * BLOCK
-        for other in range(first, min(first + BLOCK, len(costs))):
-            here = costs[other]
-            if here < low and (here > cost or (here == cost and other > y)) and not taken[other]:
-                low, column = here, other
-        if column >= 0:
-            heappush(heap, (low, column))
-        if not taken[y]:
-            return y
-    return -1
-
-
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
 def beginning(offsets: Int64Array, column: int) -> int:
     """The first column of the string that holds a column."""
@@ -200,9 +164,14 @@ def beginning(offsets: Int64Array, column: int) -> int:
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
 def _select(
-    a: Alignment,
+    query: Int32Array,
+    symbols: Int32Array,
+    distances: Float32Array,
+    stride: int,
+    local: bool,
+    threshold: np.float32,
+    gap: np.float32,
     ends: Float32Array,
-    minima: Int64Array,
     offsets: Int64Array,
     inside: Int64Array,
     taken: BoolArray,
@@ -213,9 +182,10 @@ def _select(
 
     offsets: of the strings that were aligned; inside: those that a match must not cross.
     """
+    a = Alignment(query, symbols, distances, stride, local, threshold, gap)
     found = np.empty((min(k, len(ends)), 3), dtype=np.int64)
     n = 0
-    heap = heap_of(ends, minima)
+    heap = ascending_blocks(ends)
     while n < len(found):
         end = next_column(heap, ends, taken)
         if end < 0 or not ends[end] < limit:

@@ -55,7 +55,13 @@ def end_costs(
         ValueError: an empty query, a symbol outside the dictionary, distances that are none.
     """
     symbols, ground = checked(query, repository, distances)
-    strings = repository.aligned(boundaries)
+    return scan_ends(symbols, repository.aligned(boundaries), ground, config, threads)
+
+
+def scan_ends(
+    symbols: Int32Array, strings: Repository, ground: SymbolDistances, config: AlignmentConfig, threads: int
+) -> Float32Array:
+    """[Y] end costs, string by string; all checked before."""
     ends = np.empty(len(strings.symbols), dtype=np.float32)
     warm = 2 * len(symbols) + 2 * LANES
     longest = max(4 * warm, min(max(-(-len(ends) // LANES), LEAST_COLUMNS), MOST_COLUMNS))
@@ -102,10 +108,14 @@ def pairwise(
     strings = [checked(query, repository, ground)[0] for query in queries]
     costs = np.full((len(queries), len(repository)), np.inf, dtype=np.float32)
     pieces = _whole(repository)
+    kernel, how = scanner(config.reach), (config.local, *ground.scores(config), repository.symbols)
 
     def work(part: slice) -> None:
         for query, best in zip(strings[part], costs[part], strict=True):
-            _Scan(query, repository.symbols, ground, config)(pieces, best=best)
+            kernel(
+                query_profile(query, ground.matrix), len(query), *how, pieces, 0, 0, _NO_STATES, _NO_STATES, _NO_STATES,
+                _NO_COSTS, best,
+            )  # fmt: skip
 
     bounds = np.linspace(0, len(queries), max(1, threads) + 1).astype(int).tolist()
     _share(work, [slice(a, b) for a, b in itertools.pairwise(bounds)])
