@@ -6,12 +6,13 @@ import re
 import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from gzip import GzipFile
 from pathlib import Path
 from typing import BinaryIO, Final, cast
 
 import numpy as np
-from motionlake.arrays import Float64Array
+from motionlake.arrays import Float64Array, Int64Array, UInt8Array
 from motionlake.errors import ClipError
 from motionlake.formats.asf import ROOT, Skeleton, load_asf
 from motionlake.formats.numbers import (
@@ -232,21 +233,29 @@ def parse_frames(data: bytes, start: int, widths: Mapping[str, int]) -> Float64A
     Raises:
         ClipError: with the line of what is wrong.
     """
-    names = [name.encode("latin-1") for name in widths]
-    name_starts = np.cumsum([0, *map(len, names)], dtype=np.int64)
-    columns = np.cumsum([0, *widths.values()], dtype=np.int64)
-    # The bytes that a frame takes at least: its number, names and values, and what parts them.
-    fewest = 2 + name_starts[-1] + len(names) + 2 * columns[-1]
+    names, name_starts, columns, fewest = _layout(tuple(widths.items()))
     table = np.empty(((len(data) - start) // fewest + 2, columns[-1]))
     undecided = np.empty((table.size, 2), np.int64)
     status, offset, frames, left, bone = _scan_frames(
-        np.frombuffer(data, np.uint8), start, np.frombuffer(b"".join(names), np.uint8), name_starts, columns, table,
-        undecided,
-    )  # fmt: skip
+        np.frombuffer(data, np.uint8), start, names, name_starts, columns, table, undecided
+    )
     if status != OK:
         raise _fault(status, data, offset, list(widths.items())[bone])
     settle(data, table, undecided[:left])
     return table[:frames]
+
+
+@lru_cache(maxsize=64)
+def _layout(bones: tuple[tuple[str, int], ...]) -> tuple[UInt8Array, Int64Array, Int64Array, int]:
+    """The names of all bones as one text, where each name and each bone's values begin, and the bytes of a frame.
+
+    These are the fewest that a frame takes: its number, names and values, and what parts them.
+    """
+    names = [name.encode("latin-1") for name, _ in bones]
+    name_starts = np.cumsum([0, *map(len, names)], dtype=np.int64)
+    columns = np.cumsum([0, *(width for _, width in bones)], dtype=np.int64)
+    fewest = 2 + name_starts[-1] + len(names) + 2 * columns[-1]
+    return np.frombuffer(b"".join(names), np.uint8), name_starts, columns, int(fewest)
 
 
 def _fault(status: int, data: bytes, offset: int, bone: tuple[str, int]) -> ClipError:
