@@ -50,8 +50,11 @@ demo/deepmimic/.ready: | setup
 	mv demo/wheel/pybullet_data/data/motions demo/deepmimic && rm -rf demo/wheel
 	touch $@
 
-test: lint ## Run the checks and all tests (MOTIONLAKE_DATA: folder of real recordings)
-	$(BIN)/python -m pytest -n logical --maxprocesses 4 --dist loadfile --no-loadscope-reorder
+# The checks run beside the tests, which wait now and then; either may fail.
+test: setup ## Run the checks and all tests (MOTIONLAKE_DATA: folder of real recordings)
+	@$(MAKE) --no-print-directory lint & lint=$$!; \
+	$(BIN)/python -m pytest -n logical --maxprocesses 4 --dist loadfile --no-loadscope-reorder; tests=$$?; \
+	wait $$lint && exit $$tests
 
 lint: setup ## Run ruff, mypy and the import contracts
 	$(BIN)/ruff check .
