@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from unittest import mock
 
 import duckdb
 import numpy as np
@@ -90,13 +91,15 @@ def test_a_bound_need_not_be_raised_beyond_what_is_enough() -> None:
     np.testing.assert_array_equal(short[full <= enough], full[full <= enough])
 
 
+@pytest.mark.parametrize("few", [0, 256], ids=["with kernels", "without"])
 @settings(max_examples=40, deadline=None)
-@given(st.integers(1, 40), st.integers(4, 12), st.integers(0, 10_000))
-def test_answers_are_those_of_a_scan(k: int, motifs: int, seed: int) -> None:
+@given(k=st.integers(1, 40), motifs=st.integers(4, 12), seed=st.integers(0, 10_000))
+def test_answers_are_those_of_a_scan(few: int, k: int, motifs: int, seed: int) -> None:
     signatures, ground = some_signatures(30, motifs, seed), some_ground(motifs, seed)
-    for row in signatures[[0, 1, -3, -2]]:
-        indices, distances = nearest_signatures(row, signatures, ground, k)
-        assert (indices.tolist(), distances.tolist()) == scan(row, signatures, ground, k)
+    with mock.patch.multiple(nearest_module, FEW=few, WITHOUT_KERNELS=10**9):
+        for row in signatures[[0, 1, -3, -2]]:
+            indices, distances = nearest_signatures(row, signatures, ground, k)
+            assert (indices.tolist(), distances.tolist()) == scan(row, signatures, ground, k)
 
 
 def test_few_transports_are_solved() -> None:

@@ -9,20 +9,24 @@ from __future__ import annotations
 
 from bisect import insort
 from dataclasses import dataclass, field
+from itertools import count
 from typing import Final, NamedTuple
 
 import numpy as np
 from motionlake.arrays import Float32Array, Float64Array, FloatArray, Int32Array, Int64Array, IntArray
 from motionlake.deep_motifs.emd import Signature, transport, unit_mass, unit_masses
-from numba import njit
 
 # The threshold comes from the k tightest among so many times k signatures that the cheap bound puts first.
 PROBES: Final = 8
 ROWS: Final = 4096
-# Some 1e5 times the rounding of a sum over a few hundred motifs, and far below what tells clips apart.
-SLACK: Final = 1e-9
-SLACK_DIAMETER: Final = 1e-12
+# To load the kernels takes as long as to solve some thousands of transports: a process does without for its first few
+# queries of few signatures.
+FEW: Final = 256
+WITHOUT_KERNELS: Final = 4
 FLOAT32_SLACK: Final = 1e-6
+
+
+_queries = count(1)
 
 
 class Nearest(NamedTuple):
@@ -101,7 +105,9 @@ class SignatureIndex:
         p = unit_mass(query, self.ground)
         chosen = np.arange(len(self)) if among is None else np.asarray(among, dtype=np.int64)
         answers = _Answers(self, p, k)
-        if len(chosen):
+        if len(chosen) <= FEW and next(_queries) <= WITHOUT_KERNELS:
+            answers.solve(chosen, self._slackened(np.abs(self._means(p) - self.projected[chosen]).max(1, initial=0)))
+        elif len(chosen):
             cheap = self.cheap_bounds(p, chosen)
             first = min(PROBES * k, len(chosen))
             order = np.argpartition(cheap, first - 1)
@@ -113,17 +119,28 @@ class SignatureIndex:
 
     def cheap_bounds(self, mass: Float64Array, candidates: Int64Array) -> Float64Array:
         """[c] lower bounds by means of distances: of a query of mass 1 [K] from signatures of the index."""
-        largest = _largest_differences((mass @ self.ground).astype(np.float32), self.projected, candidates)
+        from motionlake.deep_motifs.emd_bounds import largest_differences
+
+        return self._slackened(largest_differences(self._means(mass), self.projected, candidates))
+
+    def _means(self, mass: Float64Array) -> Float32Array:
+        """[K] float32 means of the distance of a signature [K] from each motif."""
+        return (mass @ self.ground).astype(np.float32)
+
+    def _slackened(self, largest: FloatArray) -> Float64Array:
         slack = FLOAT32_SLACK * self.ground.max(initial=0.0)
-        return np.asarray(np.maximum(largest - slack, 0), dtype=np.float64)
+        bounds: Float64Array = np.maximum(largest.astype(np.float64) - slack, 0)
+        return bounds
 
     def tight_bounds(self, mass: Float64Array, candidates: Int64Array, enough: float = np.inf) -> Float64Array:
         """[c] lower bounds by transfers within capacity: of a query of mass 1 [K] from signatures of the index.
 
         Once a bound exceeds `enough`, it is not raised any further.
         """
+        from motionlake.deep_motifs.emd_bounds import transfer_bounds
+
         parts = (self.offsets, self.motifs, self.masses, self.ground, self.neighbours)
-        return np.asarray(_transfer_bounds(mass, *parts, candidates, enough), dtype=np.float64)
+        return np.asarray(transfer_bounds(mass, *parts, candidates, enough), dtype=np.float64)
 
 
 @dataclass
@@ -156,81 +173,3 @@ class _Answers:
         distances = np.array(list(self.found.values()), dtype=np.float64)
         order = np.lexsort((indices, distances))[: self.k]
         return Nearest(indices[order], distances[order], len(indices))
-
-
-@njit(cache=True)
-def _largest_differences(query, projected, candidates):  # type: ignore[no-untyped-def]
-    found = np.empty(len(candidates))
-    for c in range(len(candidates)):
-        row = projected[candidates[c]]
-        largest = np.float32(0)
-        for a in range(len(row)):
-            largest = max(largest, abs(query[a] - row[a]))
-        found[c] = largest
-    return found
-
-
-@njit(cache=True)
-def _transfer_bounds(query, offsets, motifs, masses, ground, neighbours, candidates, enough):  # type: ignore[no-untyped-def]
-    """[c] bounds of a query [K] of mass 1; the sparse signatures and `neighbours` as in `SignatureIndex`."""
-    k = len(query)
-    support = np.flatnonzero(query)
-    # The query's motifs by distance from each motif.
-    near = np.empty((k, len(support)), dtype=np.int32)
-    far = np.empty((k, len(support)))
-    for j in range(k):
-        found = 0
-        for i in neighbours[j]:
-            if query[i] > 0:
-                near[j, found] = i
-                far[j, found] = ground[j, i]
-                found += 1
-    surplus = query.copy()
-    deficit = np.zeros(k)
-    bounds = np.empty(len(candidates))
-    rounding = SLACK_DIAMETER * ground.max()
-    limit = (enough + rounding) / (1 - SLACK)
-    for c in range(len(candidates)):
-        start, stop = offsets[candidates[c]], offsets[candidates[c] + 1]
-        for t in range(start, stop):
-            j = motifs[t]
-            shared = min(query[j], masses[t])
-            surplus[j] = query[j] - shared
-            deficit[j] = masses[t] - shared
-        inward = 0.0
-        for t in range(start, stop):
-            j = motifs[t]
-            left = deficit[j]
-            if left > 0:
-                for s in range(len(support)):
-                    i = near[j, s]
-                    if surplus[i] > 0:
-                        moved = min(left, surplus[i])
-                        inward += moved * far[j, s]
-                        left -= moved
-                        if left <= 0:
-                            break
-                if inward > limit:
-                    break
-        bound = inward
-        if inward <= limit:
-            outward = 0.0
-            for i in support:
-                left = surplus[i]
-                if left > 0:
-                    for j in neighbours[i]:
-                        if deficit[j] > 0:
-                            moved = min(left, deficit[j])
-                            outward += moved * ground[i, j]
-                            left -= moved
-                            if left <= 0:
-                                break
-                    if outward > limit:
-                        break
-            bound = max(inward, outward)
-        bounds[c] = max(bound * (1 - SLACK) - rounding, 0.0)
-        for t in range(start, stop):
-            j = motifs[t]
-            surplus[j] = query[j]
-            deficit[j] = 0.0
-    return bounds
