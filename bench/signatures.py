@@ -22,9 +22,9 @@ from motionlake.deep_motifs.emd import emd_matrix
 from motionlake.evaluation.clips import LabelledOptions
 from motionlake.evaluation.dtw import dtw_baseline
 from motionlake.evaluation.signatures import evaluate_signatures
+from motionlake.lake.catalog import reading
 from motionlake.lake.layout import Lake
 from motionlake.retrieval.labelled_clips import lake_ground, signed_clips
-from motionlake.retrieval.sql_functions import connect
 from sklearn.metrics import adjusted_rand_score
 
 from bench.lakes import make_lake, run_all
@@ -55,16 +55,13 @@ LABELLED: Final = {
 
 def measure(lake: Lake, chosen: Labelled, seed: int, *, dtw: bool) -> dict[str, dict[str, float]]:
     """Measures of the lake's signatures, and of DTW where asked for."""
-    con = connect(lake.root)
-    try:
+    with reading(lake) as con:
         found = evaluate_signatures(con, lake, LabelledOptions(column=chosen.column, only=chosen.only, dtw=dtw))
         signed = signed_clips(con, column=chosen.column, only=chosen.only).labelled()
         distances = {"signatures": emd_matrix(signed.signatures, lake_ground(con))}
         by_frames = dtw_baseline(lake, signed.clips, dtw, print)
         if by_frames is not None:
             distances["dtw"] = by_frames
-    finally:
-        con.close()
     rows = {"signatures": found} | ({"dtw": found["dtw"]} if dtw else {})
     return {
         name: {

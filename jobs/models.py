@@ -10,6 +10,7 @@ from typing import Any
 from motionlake.jobs.session import Session
 from motionlake.lake.catalog import reading, writing
 from motionlake.lake.config import LakeConfig
+from motionlake.lake.integrity import sums_of
 from motionlake.lake.models import Model, add_model, current_model, next_file
 from motionlake.stages.frames import content_key
 from motionlake.stages.model_kind import ModelKind, Selection
@@ -115,7 +116,7 @@ def _make(session: Session, kind: Kind, config: LakeConfig, fit: Callable[[str],
     with writing(session.lake) as con:
         add_model(
             con, kind.name, key=key, data_hash=metrics.get("data_sha256", whole), config=kind.settings(config),
-            metrics=metrics, file=file, seconds=time.perf_counter() - started,
+            metrics=metrics, file=sums_of(session.lake, file), seconds=time.perf_counter() - started,
         )  # fmt: skip
     with reading(session.lake) as con:
         model = current_model(con, kind.name)

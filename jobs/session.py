@@ -7,17 +7,31 @@ import os
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import datetime
 from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
 import pyarrow as pa
-from motionlake.lake.catalog import collect_garbage, load_rows, table_of, writing
+from motionlake.lake.catalog import collect_garbage, load_rows, reading, table_of, writing
 from motionlake.lake.config import LakeConfig, load_config
+from motionlake.lake.integrity import (
+    DamagedError,
+    check_files,
+    damage,
+    fault,
+    frames_by_part,
+    given,
+    list_files,
+    listed_in,
+    named_files,
+    sums_of,
+)
 from motionlake.lake.layout import Lake
 from motionlake.lake.lock import locked
+from motionlake.lake.records import write_records
+from motionlake.lake.settings import changed_settings, keep_settings
 from motionlake.stages.stage import Shard, ShardResult, ShardStage
 from threadpoolctl import threadpool_limits
 
@@ -33,6 +47,7 @@ FINISH_ROWS = pa.schema(
     }
 )  # fmt: skip
 AHEAD = 4  # shards submitted for each worker thread
+FEW = 4  # shards that are made again sooner in this process than a cluster starts
 LOAD_EVERY = 5.0  # seconds; what a killed run has done since it last loaded is done again
 
 
@@ -112,6 +127,7 @@ class Session:
         ]
         with writing(self.lake) as con:
             load_rows(con, "plan_shards", table_of(plan, PLAN_ROWS))
+        shards = _with_inputs(self.lake, shards)
         total = sum(s.items for s in shards)
         self.progress(stage.name, 0, total)
         waiting: list[ShardResult] = []
@@ -134,6 +150,19 @@ class Session:
         outcome += _load(self.lake, stage, waiting, failures)
         return outcome
 
+    def remade(self, stage: ShardStage, shards: Sequence[Shard]) -> Iterator[tuple[Shard, ShardResult | BaseException]]:
+        """Run shards for the files that they write, and load nothing: their rows are in the catalog."""
+        total, done = sum(s.items for s in shards), 0
+        if not shards:
+            return
+        root = self.lake.root
+        few = len(shards) <= FEW
+        run = _here(root, stage, shards) if few else _finishing(root, stage, shards, self.client(len(shards)))
+        for shard, found in run:
+            done += shard.items
+            self.progress(stage.name, done, total)
+            yield shard, found
+
 
 @contextmanager
 def session(
@@ -143,19 +172,36 @@ def session(
     notice: Callable[[str], None],
     workers: int | None = None,
     scheduler: str | None = None,
+    *,
+    damaged: bool = False,
 ) -> Iterator[Session]:
     """Hold the lake for one command.
 
+    Args:
+        lake: its folder.
+        command: for people.
+        progress: told of finished clips.
+        notice: told what a person should know.
+        workers: local processes.
+        scheduler: of a running cluster.
+        damaged: go on where files of the lake are missing or damaged.
+
     Raises:
-        UserError: another run holds the lake, or its config.toml is at fault.
+        UserError: another run holds the lake, its config.toml is at fault, or a file of it is missing or damaged.
     """
     from motionlake.stages.registry import FOLDERS  # workers import this module, and one stage alone
 
     config = load_config(lake.config_file)
     with locked(lake, command), ExitStack() as stack:
+        if not damaged:
+            check_files(lake)
+        for file, what in changed_settings(lake):
+            notice(f"{lake.root / file}: {what}, since the last run")
+        keep_settings(lake)
         collect_garbage(lake, FOLDERS)
         yield Session(lake, config, progress, notice, workers, scheduler, _stack=stack)
         collect_garbage(lake, FOLDERS)
+        write_records(lake)
 
 
 def _here(root: Path, stage: ShardStage, shards: Sequence[Shard]) -> Iterator[tuple[Shard, ShardResult | Exception]]:
@@ -193,9 +239,31 @@ def _finishing(
 
 
 def _run_limited(run: Callable[[Path, Shard], ShardResult], root: Path, shard: Shard) -> ShardResult:
-    """Within one worker thread: BLAS and OpenMP on that thread, so that results do not depend on the machine."""
-    with threadpool_limits(1):
-        return run(root, shard)
+    """Within one worker thread: BLAS and OpenMP on that thread, so that results do not depend on the machine.
+
+    Raises:
+        DamagedError: a file that the shard reads is not as it was written.
+    """
+    lake = Lake(root)
+    for file in shard.inputs:
+        wrong = fault(lake, file)
+        if wrong is not None:
+            raise DamagedError(damage(lake, file.file, wrong))
+    with threadpool_limits(1), given(shard.inputs):
+        result = run(root, shard)
+    return replace(result, sums=tuple(sums_of(lake, file) for file in result.files))
+
+
+def _with_inputs(lake: Lake, shards: Sequence[Shard]) -> list[Shard]:
+    """Shards with the files that they read: those of the lake that they name."""
+    with reading(lake) as con:
+        listed = listed_in(con)
+    by_part = frames_by_part(listed)
+    found = []
+    for shard in shards:
+        names = named_files(listed, by_part, [shard.part, shard.spec])
+        found.append(replace(shard, inputs=tuple(listed[name] for name in sorted(names))))
+    return found
 
 
 def _load(
@@ -210,6 +278,7 @@ def _load(
         if ordered:
             stage.load(con, lake.root, ordered)
         load_rows(con, "finish_shards", table_of(rows, FINISH_ROWS))
+        list_files(con, [file for result in ordered for file in result.sums])
     return Outcome(
         ok=len(ordered), failed=len(failures), clips=sum(r.shard.items - r.rejected for r in ordered),
         rejected=sum(r.rejected for r in ordered), rows=sum(r.rows for r in ordered),

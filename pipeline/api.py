@@ -13,8 +13,8 @@ from motionlake.lake.rows import Rows
 if TYPE_CHECKING:
     import duckdb
     import pyarrow as pa
-    from motionlake.lake.catalog import Connection
     from motionlake.lake.clip_dataset import ClipDataset
+    from motionlake.lake.safe import LakeConnection
     from motionlake.motion.canonicalise import CanonicalMotion
     from motionlake.retrieval.protocol import Finds
 
@@ -73,7 +73,7 @@ class Lake:
         self._lake, self.path = layout.open_lake(path), Path(path)
         with reading(self._lake):
             pass  # a lake of another version is told of here, not by the first question
-        self._connection: Connection | None = None
+        self._connection: LakeConnection | None = None
         self._served: tuple[int, int] | None = None
         self._kept: dict[tuple[object, ...], Any] = {}
 
@@ -119,7 +119,7 @@ class Lake:
         query = self._query(clip)
         if isinstance(query, Path):
             return first_body(self._lake, query)[1]
-        return canonical_motion(self._con, self._lake, query)
+        return canonical_motion(self._con.own, self._lake, query)
 
     def frames(
         self,
@@ -338,7 +338,7 @@ class Lake:
             UserError: there is no generator, it does not know a class, there is nothing to start from, or a number
                 that no motion can have.
         """
-        from motionlake.lake.config import load_config
+        from motionlake.lake.settings import served_config
         from motionlake.stages.synthesis import open_generator, served_generator
         from motionlake.stages.synthesis_requests import Request, canonical_motion, find_starts, make, motions_of
 
@@ -346,8 +346,8 @@ class Lake:
         seed_clip = None if start is None else self._query(start)
         clip = None if seed_clip is None else str(seed_clip)
         request = Request(wanted, seconds, seed, clip, isinstance(seed_clip, Path), split, pace, temperature)
-        model = served_generator(self._con, self._lake, load_config(self._lake.config_file))
-        starts = find_starts(self._con, self._lake, model, request)
+        model = served_generator(self._con.own, self._lake, served_config(self._lake))
+        starts = find_starts(self._con.own, self._lake, model, request)
         generator = self._keep(("synthesize",), lambda: open_generator(self._lake, model))
         return canonical_motion(make(generator, self._lake, request, motions_of(request, starts, [1]))[0])
 
@@ -368,14 +368,14 @@ class Lake:
         return f"<motionlake.Lake {self.path}>"
 
     @property
-    def _con(self) -> Connection:
+    def _con(self) -> LakeConnection:
         """A connection to the catalog that is served now: every run of a command puts another in its place."""
         from motionlake.retrieval.sql_functions import connect
 
         served = self._lake.served()
         if self._connection is None or self._served != served:
             self.close()
-            self._connection, self._served = connect(self._lake.root, apart=True), served
+            self._connection, self._served = connect(self._lake.root), served
         return self._connection
 
     def _keep(self, key: tuple[object, ...], make: Callable[[], T]) -> T:
@@ -396,12 +396,12 @@ class Lake:
     def _name(self, clip: str) -> str:
         from motionlake.lake.resolve import resolve_clip
 
-        return resolve_clip(self._con, clip)
+        return resolve_clip(self._con.own, clip)
 
     def _clips(self, where: str | None, equal: Mapping[str, str | float | None]) -> duckdb.DuckDBPyRelation:
         import duckdb
 
-        found = self._con.table("clips")
+        found = self._con.own.table("clips")
         for name, value in equal.items():
             if name not in found.columns:
                 raise UserError(f"clips: have no column {name}; they have {', '.join(found.columns)}")

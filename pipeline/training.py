@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import time
+import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
@@ -14,14 +15,13 @@ from typing import Any, Final, Literal, Protocol
 import numpy as np
 import torch
 from motionlake.arrays import Float32Array, Int64Array, Progress
-from motionlake.weights import read_tensors, save_tensors
+from motionlake.weights import STATE_KEY, checkpoint_fault, checkpoint_metadata, read_tensors, save_tensors
 from safetensors import safe_open
 from safetensors.torch import save_file
 from threadpoolctl import threadpool_limits
 from torch import Tensor, nn
 
 STEEPEST: Final = 1.0  # norm that gradients are cut to
-STATE_KEY: Final = "training"  # of the metadata of checkpoints
 REPORTED: Final = 10.0  # seconds after which a step is reported, however few steps were done
 
 
@@ -60,9 +60,13 @@ class Checkpoint:
     def resume(self, network: nn.Module, optimiser: torch.optim.Optimizer, rng: np.random.Generator) -> list[float]:
         """Bring everything to where the file left it; returns the losses so far.
 
-        A file that is of another training (other data or settings), or none, leaves everything as it is.
+        A file that is of another training (other data or settings), a damaged one, or none leaves everything as it is.
         """
         if not self._path.is_file():
+            return []
+        fault = checkpoint_fault(self._path)
+        if fault is not None:
+            warnings.warn(f"{self._path}: {fault}; the training begins anew", stacklevel=2)
             return []
         with safe_open(self._path, framework="pt") as file:
             state = json.loads((file.metadata() or {}).get(STATE_KEY, "{}"))
@@ -89,7 +93,8 @@ class Checkpoint:
         tensors["losses"] = torch.tensor(losses, dtype=torch.float64)
         state = {"key": self._key, "random": rng.bit_generator.state}
         temporary = self._path.with_name(f".{self._path.name}.tmp")
-        save_file(tensors, temporary, metadata={STATE_KEY: json.dumps(state)})
+        arrays = {name: value.numpy() for name, value in tensors.items()}
+        save_file(tensors, temporary, metadata=checkpoint_metadata(arrays, json.dumps(state)))
         temporary.replace(self._path)
 
     def remove(self) -> None:

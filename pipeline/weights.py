@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,6 +38,37 @@ def read_tensors(path: Path, key: str, *names: str) -> tuple[dict[str, NDArray[A
             return {name: file.get_tensor(name) for name in names or file.keys()}, json.loads(metadata)
     except SafetensorError as error:
         raise ValueError(f"{path} is damaged: {error}") from error
+
+
+STATE_KEY: Final = "training"  # of the metadata of checkpoints
+_DIGEST: Final = "sha256"  # likewise: of the state and of all tensors
+
+
+def checkpoint_metadata(tensors: Mapping[str, NDArray[Any]], state: str) -> dict[str, str]:
+    """What a checkpoint says beside its tensors: the state of the training, and a digest of all of it."""
+    return {STATE_KEY: state, _DIGEST: _digest(tensors, state)}
+
+
+def _digest(tensors: Mapping[str, NDArray[Any]], state: str) -> str:
+    digest = hashlib.sha256(state.encode())
+    for name in sorted(tensors):
+        value = np.asarray(tensors[name], order="C")
+        digest.update(f"{name} {value.dtype} {value.shape}".encode() + value.tobytes())
+    return digest.hexdigest()
+
+
+def checkpoint_fault(path: Path) -> str | None:
+    """What is wrong with a checkpoint; None where it is as it was written."""
+    from safetensors import SafetensorError, safe_open
+
+    try:
+        with safe_open(path, framework="numpy") as file:
+            said = file.metadata() or {}
+            tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
+    except (SafetensorError, ValueError, OverflowError) as error:
+        return f"is damaged ({str(error).splitlines()[0]})"
+    whole = said.get(_DIGEST) == _digest(tensors, said.get(STATE_KEY, "")) and set(said) == {STATE_KEY, _DIGEST}
+    return None if whole else "holds other bytes than were written"
 
 
 @dataclass

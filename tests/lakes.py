@@ -25,7 +25,9 @@ import numpy as np
 import pytest
 from distributed import LocalCluster
 from motionlake.cli.main import main
+from motionlake.lake.catalog_file import announce_anew
 from motionlake.lake.frames import read_part
+from motionlake.lake.layout import Lake
 
 from tests.processes import Started
 from tests.samples import (
@@ -49,6 +51,7 @@ QUICK = (
 CLOCKS: Mapping[str, tuple[str, ...]] = {
     "manifest": ("seconds", "finished", "attempts"),
     "models": ("seconds", "created"),
+    "files": ("mtime_ns",),
 }
 UNCOMPARED = ("runs",)
 
@@ -232,8 +235,9 @@ def tables(lake: Path) -> dict[str, list[str]]:
 
 
 def files(lake: Path) -> set[str]:
-    """Every file of a lake but the lock."""
-    return {p.relative_to(lake).as_posix() for p in lake.rglob("*") if p.is_file() and p.name != ".lock"}
+    """Every file of a lake but the lock and the catalogs that were kept."""
+    found = {p.relative_to(lake).as_posix() for p in lake.rglob("*") if p.is_file() and p.name != ".lock"}
+    return {file for file in found if not file.startswith("kept/")}
 
 
 def assert_same(left: Mapping[str, list[str]], right: Mapping[str, list[str]]) -> None:
@@ -255,3 +259,24 @@ def canonical_clips(lake: Path) -> list[tuple[str, float, np.ndarray, np.ndarray
         for part in parts
         for clip in read_part(part)
     ]
+
+
+class Changed:
+    """A connection that changes the catalog of a lake behind the program's back, and then lists it as written."""
+
+    def __init__(self, lake: Path) -> None:
+        self._lake, self.own = Lake(lake), duckdb.connect(str(lake / "catalog.duckdb"))
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.own, name)
+
+    def close(self) -> None:
+        """End the change."""
+        self.own.close()
+        announce_anew(self._lake)
+
+    def __enter__(self) -> Changed:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()

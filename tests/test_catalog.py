@@ -12,7 +12,7 @@ from motionlake.lake.catalog import Connection, reading, run_sql, writing
 from motionlake.lake.layout import Lake, open_lake
 from motionlake.retrieval.sql_functions import connect
 
-from tests.lakes import quick_lake
+from tests.lakes import Changed, quick_lake
 
 
 @pytest.fixture
@@ -45,17 +45,12 @@ def test_a_reader_sees_the_catalog_of_now_and_keeps_it(target: Lake) -> None:
         assert roots(con) == ["a", "b"]
 
 
-def test_what_a_process_has_open_it_reads_on(target: Lake) -> None:
-    con, again = connect(target.root), connect(target.root)
-    add_root(target, "a")
-    with reading(target) as second:
-        assert roots(second) == []
-    again.close()
-    with reading(target) as second:
-        assert roots(second) == []
-    con.close()
-    with reading(target) as third:
-        assert roots(third) == ["a"]
+def test_a_connection_reads_on_what_it_opened(target: Lake) -> None:
+    with connect(target.root) as con:
+        add_root(target, "a")
+        with reading(target) as second:
+            assert roots(second) == ["a"]
+        assert roots(con.own) == []
 
 
 def test_a_change_that_fails_leaves_nothing(target: Lake) -> None:
@@ -98,10 +93,9 @@ def test_threads_and_forks_read(target: Lake) -> None:
 
 
 def test_macros_of_an_earlier_program_are_replaced(target: Lake) -> None:
-    import duckdb
 
     add_root(target, "a")
-    with duckdb.connect(str(target.catalog)) as con:
+    with Changed(target.root) as con:
         con.execute("CREATE OR REPLACE MACRO find_clip(name) AS TABLE SELECT 'old' AS clip")
     with reading(target) as con:
         assert con.execute("FROM find_clip('x')").fetchall() == [("old",)]

@@ -6,7 +6,6 @@ from multiprocessing.reduction import ForkingPickler
 from pathlib import Path
 from typing import Any
 
-import duckdb
 import numpy as np
 import pytest
 import torch
@@ -16,13 +15,13 @@ from motionlake.lake.clip_dataset import collate
 from motionlake.motion.skeleton import JOINTS
 from torch.utils.data import DataLoader
 
-from tests.lakes import query
+from tests.lakes import Changed, query
 
 
 @pytest.fixture
 def split_lake(lake: Path) -> Path:
     """Clips by name: train, test, test, train, test, test, ...; the second without a label."""
-    with duckdb.connect(str(lake / "catalog.duckdb")) as con:
+    with Changed(lake) as con:
         con.execute(
             "UPDATE clips SET split = CASE WHEN n % 3 = 1 THEN 'train' ELSE 'test' END, "
             "label = CASE WHEN n <> 2 THEN label END "

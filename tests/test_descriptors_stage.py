@@ -26,7 +26,7 @@ from motionlake.stages.descriptor_network import DESCRIPTOR_NETWORK
 from motionlake.stages.reader import LakeReader
 from motionlake.stages.stage import Shard, ShardResult
 
-from tests.lakes import QUICK, Run, catalog, motionlake, query, quick_lake
+from tests.lakes import QUICK, Changed, Run, catalog, motionlake, query, quick_lake
 
 DESCRIPTORS = "SELECT clip, descriptor FROM descriptors ORDER BY clip"
 ONE_EPOCH = QUICK + "[descriptors]\nepochs = 1\nseed = 3\n"
@@ -130,9 +130,8 @@ def test_a_network_trained_anew_replaces_all_descriptors(lake: Path, scheduler: 
 def test_descriptors_of_two_networks_never_stand_together(lake: Path) -> None:
     _, before = served(lake)
     ((clip, part),) = query(lake, "SELECT clip, part FROM descriptors ORDER BY clip LIMIT 1")
-    con = duckdb.connect(str(lake / "catalog.duckdb"))
-    con.execute("UPDATE descriptors SET part = 'another' WHERE clip <> $clip", {"clip": clip})
-    con.close()
+    with Changed(lake) as change:
+        change.execute("UPDATE descriptors SET part = 'another' WHERE clip <> $clip", {"clip": clip})
     shard = Shard("descriptors", "0" * 64, part, "clips", {"model": "descriptors-9"}, 1)
     target = open_lake(lake)
     rows = pa.Table.from_pydict({"clip": [clip], "descriptor": [before[clip]], "part": [part]}, descriptors.ROWS)
@@ -153,7 +152,7 @@ def test_a_network_enters_with_all_of_its_descriptors(
         return execute(*words, **options)
 
     monkeypatch.setattr(Session, "execute", noted)
-    with duckdb.connect(str(lake / "catalog.duckdb")) as con:
+    with Changed(lake) as con:
         con.execute("DELETE FROM manifest WHERE stage = 'descriptors'")
     run(lake, scheduler, "descriptors")
     (lake / "config.toml").write_text(QUICK + "[descriptors]\nseed = 1\n", encoding="utf-8")
@@ -163,7 +162,7 @@ def test_a_network_enters_with_all_of_its_descriptors(
 
 def test_a_lake_without_descriptors_gets_them(lake: Path, scheduler: str) -> None:
     _, before = served(lake)
-    con = duckdb.connect(str(lake / "catalog.duckdb"))
+    con = Changed(lake)
     con.execute("DELETE FROM descriptors")
     con.execute("DELETE FROM manifest WHERE stage = 'descriptors'; DELETE FROM models WHERE kind = 'descriptors'")
     con.close()
@@ -180,7 +179,7 @@ def test_a_lake_without_descriptors_gets_them(lake: Path, scheduler: str) -> Non
 @pytest.fixture
 def split_lake(lake: Path) -> Path:
     """A lake whose clips are of the splits "train" and "test" in turn; clips of "bare" have no label."""
-    con = duckdb.connect(str(lake / "catalog.duckdb"))
+    con = Changed(lake)
     con.execute("UPDATE clips SET split = CASE rowid % 3 WHEN 0 THEN 'train' WHEN 1 THEN 'test' ELSE 'bare' END")
     con.execute("UPDATE clips SET label = NULL WHERE split = 'bare'")
     con.close()
@@ -262,7 +261,7 @@ def test_what_training_lacks_is_one_clear_line(split_lake: Path, words: tuple[st
 
 
 def test_training_without_splits_or_frames_is_one_clear_line(lake: Path, tmp_path: Path) -> None:
-    con = duckdb.connect(str(lake / "catalog.duckdb"))
+    con = Changed(lake)
     con.execute("UPDATE clips SET split = NULL")
     con.close()
     assert "no clip has a split; the column `split` of labels.csv" in train(lake, "--split", "train").err
@@ -275,7 +274,7 @@ def test_training_without_splits_or_frames_is_one_clear_line(lake: Path, tmp_pat
 def two_sets(tmp_path_factory: pytest.TempPathFactory, built_lake: Path) -> Path:
     """A lake whose clips are of two datasets, by their rank in the order of names."""
     lake = Path(shutil.copytree(built_lake, tmp_path_factory.mktemp("lakes") / "sets"))
-    con = duckdb.connect(str(lake / "catalog.duckdb"))
+    con = Changed(lake)
     con.execute("UPDATE clips SET dataset = 'odd' WHERE rowid % 2 = 1")
     con.close()
     return lake

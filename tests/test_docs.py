@@ -62,7 +62,7 @@ def test_queries_fit_the_tables(built_lake: Path) -> None:
     for page in PAGES:
         queries += re.findall(r"^```sql\n((?!--|CREATE).*?)^```", page.read_text(encoding="utf-8"), re.M | re.S)
     assert len(queries) > 10
-    con = motionlake.connect(built_lake)
+    con = motionlake.connect(built_lake, trusted=True)  # some read parts by their names
     try:
         for query in queries:
             if any(name in query for name in ADDED):

@@ -6,7 +6,6 @@ import json
 from pathlib import Path
 from typing import Any
 
-import duckdb
 import numpy as np
 import pytest
 from motionlake.evaluation.dtw import baseline_features, joint_error
@@ -17,14 +16,14 @@ from motionlake.motion.features import body_length
 from motionlake.pictures.evaluation import loss_figure
 from motionlake.pictures.maps import tsne
 
-from tests.lakes import motionlake, query
+from tests.lakes import Changed, motionlake, query
 from tests.test_pictures import NASTY, assert_readable
 
 MEASURES = ("top1", "top10", "map", "n", "pr_area", "dtw_error_mm", "retrieval_ms", "curve")
 
 
 def change(lake: Path, statement: str, **parameters: Any) -> None:
-    with duckdb.connect(str(lake / "catalog.duckdb")) as con:
+    with Changed(lake) as con:
         con.execute(statement, parameters)
 
 

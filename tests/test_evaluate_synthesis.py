@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import duckdb
 import numpy as np
 import pytest
 from motionlake.arrays import Float64Array
@@ -19,13 +18,14 @@ from motionlake.glogen.config import SynthesisConfig
 from motionlake.glogen.generator import EmbeddedMotions, GeneratedMotion, MotionRequest, TrainingMotion, embed_motions
 from motionlake.glogen.generator_training import train_generator
 from motionlake.lake.catalog import writing
+from motionlake.lake.integrity import sums_of
 from motionlake.lake.layout import open_lake
 from motionlake.lake.models import add_model, next_file, save_model
 from motionlake.motion.skeleton import INDEX, JOINTS, PARENTS
 from motionlake.pictures.maps import beside_map, generator_map
 from motionlake.pictures.synthesis import recognised_figure, synthesis_pictures
 
-from tests.lakes import motionlake, query
+from tests.lakes import Changed, motionlake, query
 from tests.test_pictures import NASTY, assert_readable, standing
 
 FPS = 30.0
@@ -220,12 +220,14 @@ def made_lake(built_lake: Path, tmp_path_factory: pytest.TempPathFactory) -> Pat
         file = next_file(con, "synthesis", ".safetensors")
         save_model(lake, file, trained.save)
         metrics = {"split": "train", "dataset": None, "loss": [1.0]}
-        add_model(con, "synthesis", key="", data_hash="", config={}, metrics=metrics, file=file, seconds=0)
+        add_model(
+            con, "synthesis", key="", data_hash="", config={}, metrics=metrics, file=sums_of(lake, file), seconds=0
+        )
     return root
 
 
 def change(lake: Path, statement: str, **parameters: Any) -> None:
-    with duckdb.connect(str(lake / "catalog.duckdb")) as con:
+    with Changed(lake) as con:
         con.execute(statement, parameters)
 
 

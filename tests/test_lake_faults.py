@@ -11,7 +11,7 @@ from pathlib import Path
 import psutil
 import pytest
 
-from tests.lakes import Run, assert_same, finish, motionlake, query, quick_lake, tables
+from tests.lakes import Changed, Run, assert_same, finish, motionlake, query, quick_lake, tables
 from tests.processes import Started, start, start_fresh
 
 # What has appeared on disk, one after the other, when the driver dies.
@@ -170,9 +170,8 @@ def test_searches_work_while_a_run_writes(lake: Path, many: Path) -> None:
 
 
 def test_a_catalog_held_open_for_writing_is_a_clear_error(lake: Path) -> None:
-    import duckdb
 
-    con = duckdb.connect(str(lake / "catalog.duckdb"))
+    con = Changed(lake)
     try:
         run = finish(start("status", "--lake", lake))
     finally:

@@ -228,7 +228,7 @@ def test_removing_a_dataset_leaves_no_file_behind(lake: Path) -> None:
     assert motionlake("remove", "--dataset", "clips", "--lake", lake).status == 0
     left = {f for f in files(lake) if f.endswith(".parquet") and not f.startswith("models/")}
     assert not left
-    kept = {"manifest", "models", "motifs", "postures", "runs", "schema_version"}
+    kept = {"files", "manifest", "models", "motifs", "postures", "runs", "schema_version", "settings"}
     names = {r[0] for r in query(lake, "SELECT table_name FROM duckdb_tables()")}
     assert kept < names
     for table in names - kept:

@@ -22,7 +22,7 @@ from motionlake.lake.frames import lengths, runs
 from motionlake.lake.layout import open_lake
 from motionlake.lake.parts import PartWriter, replacing
 
-from tests.lakes import assert_same, finish, query, quick_lake, tables
+from tests.lakes import Changed, assert_same, finish, query, quick_lake, tables
 from tests.lakes import motionlake as command
 from tests.processes import start
 
@@ -34,7 +34,7 @@ def empty(tmp_path: Path) -> Path:
 
 def become(lake: Path, version: int) -> None:
     """Make a lake one of another version; 0 stands for those written before there were versions."""
-    with duckdb.connect(str(lake / "catalog.duckdb")) as con:
+    with Changed(lake) as con:
         con.execute("DROP TABLE schema_version" if version == 0 else f"UPDATE schema_version SET version = {version}")
 
 
@@ -60,6 +60,7 @@ def test_a_lake_of_another_version_says_what_to_do(empty: Path, version: int, to
     assert (empty / "catalog.duckdb").read_bytes() == before
 
 
+@pytest.mark.parametrize("known", [True, False])
 @pytest.mark.parametrize(
     ("damage", "said"),
     [
@@ -68,15 +69,17 @@ def test_a_lake_of_another_version_says_what_to_do(empty: Path, version: int, to
         (lambda data: data[:9000] + bytes(9000) + data[18000:], "Corrupt database file"),
     ],
 )
-def test_a_damaged_catalog_says_so_in_a_line(empty: Path, damage: object, said: str) -> None:
+def test_a_damaged_catalog_says_so_in_a_line(empty: Path, damage: object, said: str, known: bool) -> None:
     file = empty / "catalog.duckdb"
+    if not known:  # then DuckDB's own checksums tell
+        (empty / "catalog.sums").unlink()
     assert callable(damage)
     file.write_bytes(damage(file.read_bytes()))
     run = command("status", "--lake", empty)
     assert (run.status, run.err.count("\n")) == (2, 1)
-    assert f"{file}: cannot be opened for reading" in run.err
-    assert said in run.err
-    assert "put back a copy, or make a new lake" in run.err
+    assert f"{file}: {'' if known else 'cannot be read'}" in run.err
+    assert ("were written" if known else said) in run.err
+    assert f"`motionlake repair {empty}`" in run.err
 
 
 # The tables as version 0 had them; a change of `sql/schema/` after version 1 needs a step, not a change here.
@@ -108,6 +111,9 @@ def of_version_0(lake: Path) -> None:
             "SEMI JOIN clips c ON c.clip = f.clip AND c.part = f.part"
         )
     old.replace(present)
+    for later in ("catalog.sums", "records.zip"):
+        (lake / later).unlink()
+    shutil.rmtree(lake / "kept")
 
 
 @pytest.fixture(scope="module")
@@ -128,11 +134,13 @@ def old(tmp_path: Path, new: Path) -> Path:
 
 
 def hashes(lake: Path) -> dict[str, str]:
-    """Of every file but the catalog and the lock."""
+    """Of every file but the catalog, what lies beside it for repairs, and the lock."""
     return {
         path.relative_to(lake).as_posix(): hashlib.sha256(path.read_bytes()).hexdigest()
         for path in lake.rglob("*")
-        if path.is_file() and path.name not in ("catalog.duckdb", ".lock")
+        if path.is_file()
+        and path.name not in ("catalog.duckdb", "catalog.sums", "records.zip", ".lock")
+        and path.parent.name != "kept"
     }
 
 
@@ -147,7 +155,7 @@ def test_a_migrated_lake_is_one_made_anew(old: Path, new: Path, scheduler: str) 
     assert run.status == 0, run.err
     parts = len(list(new.glob("frames/*/*.parquet")))
     steps = run.json["steps"]
-    assert [(s["from_version"], s["to_version"], s["files"]) for s in steps] == [(0, 1, parts), (1, 2, 0)]
+    assert [(s["from_version"], s["to_version"], s["files"]) for s in steps] == [(0, 1, parts), (1, 2, 0), (2, 3, 0)]
     assert_same(tables(old), tables(new))
     assert hashes(old) == hashes(new)
     assert macros(old) == macros(new)
@@ -220,7 +228,7 @@ def test_what_cannot_be_migrated(old: Path, empty: Path) -> None:
     become(empty, SCHEMA_VERSION + 1)
     run = command("migrate", empty)
     assert (run.status, "update motionlake" in run.err) == (2, True)
-    with duckdb.connect(str(old / "catalog.duckdb")) as con:
+    with Changed(old) as con:
         con.execute("DROP TABLE synthetic")
     catalog = (old / "catalog.duckdb").read_bytes()
     run = command("migrate", old)
@@ -237,7 +245,7 @@ def test_rows_of_clips_that_left_go(old: Path) -> None:
     clip, part, frames = query(
         old, "SELECT clip, part, frames FROM clips WHERE dataset = 'again' ORDER BY clip LIMIT 1"
     )[0]
-    with duckdb.connect(str(old / "catalog.duckdb")) as con:
+    with Changed(old) as con:
         con.execute("DELETE FROM clips WHERE clip = $clip", {"clip": clip})
     file = next(old.glob(f"frames/*/{part}.parquet"))
     before = pq.read_metadata(file).num_rows

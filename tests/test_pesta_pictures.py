@@ -35,7 +35,7 @@ from motionlake.retrieval.alignment import AlignmentRangeSearcher
 from motionlake.retrieval.protocol import Query
 from numpy.typing import NDArray
 
-from tests.lakes import motionlake, query
+from tests.lakes import Changed, motionlake, query
 from tests.test_pictures import NASTY, assert_readable, assert_self_contained, standing
 
 COLOURS = motif_colours(np.arange(300))
@@ -273,13 +273,12 @@ def test_a_report_shows_the_strings_where_there_are_such(
     built_lake: Path, lake: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("motionlake.pictures.symbol_pictures.SAMPLED", 200)  # soon placed
-    import duckdb
 
     made = motionlake("report", "--lake", built_lake, "--out", tmp_path / "with.html", "--json")
     names = [row["name"] for row in made.json["pictures"]]
     assert {"dictionary", "alignment"} <= set(names)
     assert sum(name.startswith("strip-") for name in names) >= 1
-    with duckdb.connect(str(lake / "catalog.duckdb")) as con:
+    with Changed(lake) as con:
         con.execute("DELETE FROM postures")
     without = motionlake("report", "--lake", lake, "--out", tmp_path / "without.html", "--json")
     assert without.status == 0, without.err

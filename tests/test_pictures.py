@@ -9,7 +9,6 @@ from collections.abc import Callable
 from html.parser import HTMLParser
 from pathlib import Path
 
-import duckdb
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -50,7 +49,7 @@ from motionlake.pictures.stick_figures import three_quarter_view
 from motionlake.pictures.style import DPI, NONE, class_styles, fitted, plain, png, width_of
 from numpy.typing import NDArray
 
-from tests.lakes import motionlake, query
+from tests.lakes import Changed, motionlake, query
 
 NASTY = ["a", '<b>&"quoted"\'', "$\\frac$ 1_^", "動き🙂\tand\nlines", "long_" * 40, " "]
 LIMBS = {
@@ -359,7 +358,7 @@ def test_a_report_shows_the_lake(built_lake: Path, tmp_path: Path) -> None:
 
 @pytest.mark.usefixtures("small_map")
 def test_a_report_without_labels_shows_clusters(lake: Path) -> None:
-    with duckdb.connect(str(lake / "catalog.duckdb")) as con:
+    with Changed(lake) as con:
         con.execute("UPDATE clips SET label = NULL, subject = NULL")
     with reading(open_lake(lake)) as con:
         made = make_report(con, open_lake(lake))
@@ -369,7 +368,7 @@ def test_a_report_without_labels_shows_clusters(lake: Path) -> None:
 
 @pytest.mark.parametrize("kept", [1, 2])
 def test_a_report_of_hardly_any_clips(lake: Path, kept: int) -> None:
-    with duckdb.connect(str(lake / "catalog.duckdb")) as con:
+    with Changed(lake) as con:
         con.execute("CREATE TEMP TABLE kept AS SELECT clip FROM clips ORDER BY clip LIMIT $kept", {"kept": kept})
         con.execute("UPDATE clips SET label = $label", {"label": NASTY[1]})
         con.execute("INSERT INTO segments SELECT clip, 0, frames // 2, $label FROM clips", {"label": NASTY[2]})

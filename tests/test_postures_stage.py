@@ -8,7 +8,6 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
-import duckdb
 import numpy as np
 import pytest
 from motionlake.lake.catalog import reading
@@ -27,7 +26,7 @@ from motionlake.stages.postures import read_codes
 from motionlake.stages.reader import LakeReader
 from motionlake.stages.registry import ALL
 
-from tests.lakes import QUICK, files, motionlake, query, quick_lake
+from tests.lakes import QUICK, Changed, files, motionlake, query, quick_lake
 
 STRINGS = "SELECT clip, symbols, starts FROM symbol_strings ORDER BY clip"
 
@@ -218,7 +217,7 @@ def test_a_dictionary_that_is_hardly_used_is_told_of(
 
 def test_a_lake_without_strings_gets_them(lake: Path, scheduler: str) -> None:
     strings = query(lake, STRINGS)
-    con = duckdb.connect(str(lake / "catalog.duckdb"))
+    con = Changed(lake)
     con.execute("DELETE FROM postures; DELETE FROM symbol_strings")
     con.execute(
         "DELETE FROM manifest WHERE stage IN ('postures', 'symbols'); DELETE FROM models WHERE kind = 'postures'"

@@ -4,21 +4,20 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import duckdb
 import numpy as np
 import pytest
 from motionlake.glogen.config import PRETRAINED_GENERATOR, SynthesisConfig
 from motionlake.glogen.generator import MotionRequest, SeedClip, load_generator
 from motionlake.motion.skeleton import JOINTS, PARENTS
 
-from tests.lakes import motionlake, query
+from tests.lakes import Changed, motionlake, query
 from tests.test_pictures import standing
 
 
 @pytest.fixture
 def bare(lake: Path) -> Path:
     """A lake that knows of no clip's class."""
-    con = duckdb.connect(str(lake / "catalog.duckdb"))
+    con = Changed(lake)
     con.execute("UPDATE clips SET label = NULL")
     con.execute("DELETE FROM segments")
     con.close()

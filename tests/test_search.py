@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-import duckdb
 import numpy as np
 import pytest
 from motionlake.deep_motifs.emd import emd, ground_distances
@@ -14,7 +13,7 @@ from motionlake.retrieval.protocol import Query
 from motionlake.retrieval.signature import SignatureSearcher
 from motionlake.retrieval.sql_functions import connect
 
-from tests.lakes import motionlake, query
+from tests.lakes import Changed, motionlake, query
 
 Answer = list[tuple[int, str, float]]
 K = 6
@@ -180,7 +179,7 @@ def test_a_mirrored_search_ranks_by_the_nearer_of_both(built_lake: Path, clips_f
 
 def test_a_lake_without_mirrored_signatures_says_what_to_do(lake: Path, scheduler: str) -> None:
     clip = query(lake, "SELECT min(clip) FROM clips")[0][0]
-    con = duckdb.connect(str(lake / "catalog.duckdb"))
+    con = Changed(lake)
     con.execute("DELETE FROM mirrored_signatures")
     con.execute("DELETE FROM manifest WHERE stage = 'mirrored'")
     con.close()

@@ -19,7 +19,7 @@ from motionlake.retrieval.fused import FusedSearcher
 from motionlake.retrieval.protocol import EVERYTHING, Finds, Hit, Query, Scope, nearer_of_both
 from motionlake.retrieval.registry import SEARCHERS, methods, ready, searcher
 
-from tests.lakes import motionlake, query, tables
+from tests.lakes import Changed, motionlake, query, tables
 
 EVERY: list[tuple[Finds, str]] = [(finds, name) for finds, names in SEARCHERS.items() for name in names]
 EVERY_SEARCHER = pytest.mark.parametrize(("finds", "name"), EVERY, ids=lambda value: str(value))
@@ -37,7 +37,7 @@ def two_sets(tmp_path_factory: pytest.TempPathFactory, built_lake: Path) -> Lake
     """
     root = Path(shutil.copytree(built_lake, tmp_path_factory.mktemp("searchers") / "lake"))
     twins = ("clips", "signatures", "mirrored_signatures", "words", "word_motifs", "symbol_strings", "descriptors")
-    with duckdb.connect(str(root / "catalog.duckdb")) as con:
+    with Changed(root) as con:
         for table in (*twins, "submotions"):
             rows = con.table(table).to_arrow_table()  # noqa: F841
             changed = f"REPLACE ('{OTHER}' || substr(clip, strpos(clip, '/')) AS clip"
@@ -295,7 +295,7 @@ def test_a_lake_that_is_ready_for_nothing(lake: Path) -> None:
 
 
 def empty(lake: Path, *names: str) -> None:
-    with duckdb.connect(str(lake / "catalog.duckdb")) as con:
+    with Changed(lake) as con:
         for name in names:
             con.execute(f"DELETE FROM {name}")
 

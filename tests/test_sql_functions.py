@@ -12,6 +12,7 @@ from motionlake.errors import UserError
 from motionlake.lake.catalog import Connection, reading
 from motionlake.lake.layout import open_lake
 from motionlake.lake.resolve import resolve_clip
+from motionlake.lake.safe import LakeConnection
 from motionlake.retrieval import sql_functions
 from motionlake.retrieval.sql_functions import connect
 
@@ -46,7 +47,7 @@ def frames_of(served: Served, clip: str) -> float:
 
 
 @pytest.fixture
-def con(built_lake: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Connection]:
+def con(built_lake: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[LakeConnection]:
     """A connection with one file more among the modules of functions, and nothing else."""
     (tmp_path / "functions").mkdir()
     (tmp_path / "functions" / "letters.py").write_text(ADDED, encoding="utf-8")
@@ -55,7 +56,7 @@ def con(built_lake: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> It
         yield con
 
 
-def test_a_function_is_one_file(con: Connection) -> None:
+def test_a_function_is_one_file(con: LakeConnection) -> None:
     assert con.execute("FROM letters(['a', 'bb', 'ccc'])").fetchall() == [("bb", 2, None), ("ccc", 3, None)]
     assert con.execute("FROM letters(['a'], least := 1, twice := true, none := 0.5)").fetchall() == [("aa", 1, 0.5)]
     assert con.execute("FROM letters(['a', 'bb'], NULL)").fetchall() == [("bb", 2, None)], "NULL is the default"
@@ -69,7 +70,7 @@ def test_a_function_is_one_file(con: Connection) -> None:
     assert con.execute("SELECT frames_of(NULL)").fetchall() == [(None,)]
 
 
-def test_what_functions_share_is_made_once(con: Connection, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_functions_share_is_made_once(con: LakeConnection, monkeypatch: pytest.MonkeyPatch) -> None:
     from motionlake.retrieval import symbol_strings
 
     made: list[object] = []
@@ -86,7 +87,7 @@ def test_what_functions_share_is_made_once(con: Connection, monkeypatch: pytest.
     assert len(made) == 1
 
 
-def test_a_process_may_connect_twice(con: Connection, built_lake: Path) -> None:
+def test_a_process_may_connect_twice(con: LakeConnection, built_lake: Path) -> None:
     with connect(built_lake) as other:
         text = "SELECT count(*) FROM similar_clips((SELECT min(clip) FROM clips), 2)"
         assert other.execute(text).fetchall() == con.execute(text).fetchall() == [(2,)]
@@ -107,7 +108,7 @@ def longest(lake: Path) -> str:
     return str(query(lake, text)[0][0])
 
 
-def test_names_are_resolved_alike_everywhere(built_lake: Path, con: Connection, tmp_path: Path) -> None:
+def test_names_are_resolved_alike_everywhere(built_lake: Path, con: LakeConnection, tmp_path: Path) -> None:
     """By commands and in SQL: an end of a name will do, and an unknown one is one error with suggestions."""
     clip = longest(built_lake)
     short = clip.partition("/")[2]
@@ -154,7 +155,7 @@ def test_suggestions(built_lake: Path) -> None:
             resolve_clip(names, "qqqqq")
 
 
-def test_a_range_that_is_too_short_says_what_to_do(built_lake: Path, con: Connection) -> None:
+def test_a_range_that_is_too_short_says_what_to_do(built_lake: Path, con: LakeConnection) -> None:
     clip = longest(built_lake)
     said = "too short to compare; take a range of at least 0.6 s"
     run = motionlake("find", clip, "--to", 2, "--lake", built_lake)

@@ -6,7 +6,6 @@ import shutil
 from pathlib import Path
 from typing import Any
 
-import duckdb
 import numpy as np
 import pytest
 from hypothesis import given
@@ -27,7 +26,7 @@ from motionlake.stages.reader import lake_reader
 from motionlake.stages.stage import Shard, ShardResult
 from motionlake.stages.submotions import SUBMOTIONS
 
-from tests.lakes import QUICK, Run, catalog, motionlake, query
+from tests.lakes import QUICK, Changed, Run, catalog, motionlake, query
 
 ROWS = "SELECT clip, start, stop, descriptor FROM submotions ORDER BY clip, start"
 Rows = dict[tuple[str, int, int], np.ndarray]
@@ -142,7 +141,7 @@ def test_every_window_is_in_the_lake(built_lake: Path) -> None:
 
 
 def test_a_long_clip_has_many_windows(lake: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    con = duckdb.connect(str(lake / "catalog.duckdb"))
+    con = Changed(lake)
     con.execute("DELETE FROM manifest WHERE stage = 'submotions'")
     con.close()
     monkeypatch.setattr("motionlake.deephums.sequence.LONGEST", 16)
@@ -186,7 +185,7 @@ def test_a_new_clip_costs_one_part_and_takes_it_along(lake: Path, clips_folder: 
 
 def test_a_network_trained_anew_replaces_all_windows(lake: Path, scheduler: str) -> None:
     (lake / "config.toml").write_text(QUICK + "[submotion]\nsteps = 2\nseed = 3\n", encoding="utf-8")
-    con = duckdb.connect(str(lake / "catalog.duckdb"))
+    con = Changed(lake)
     con.execute("UPDATE clips SET split = CASE rowid % 2 WHEN 0 THEN 'train' ELSE 'test' END")
     con.close()
     _, before = served(lake)
@@ -301,7 +300,7 @@ def test_mistakes_are_met_with_one_clear_line(lake: Path, scheduler: str) -> Non
         done = find(lake, *asked)
         assert (done.status, done.err.count("\n")) == (2, 1), done.err
         assert said in done.err
-    con = duckdb.connect(str(lake / "catalog.duckdb"))
+    con = Changed(lake)
     con.execute("DELETE FROM submotions")
     con.execute("DELETE FROM manifest WHERE stage = 'submotions'")
     con.close()

@@ -6,10 +6,9 @@ import shutil
 from collections.abc import Sequence
 from pathlib import Path
 
-import duckdb
 import pytest
 
-from tests.lakes import assert_same, motionlake, query, tables
+from tests.lakes import Changed, assert_same, motionlake, query, tables
 from tests.test_lake_faults import CATALOG, kill_driver_at
 
 STARTED = ("frames/dataset=synthetic/.*.tmp",)
@@ -104,19 +103,19 @@ def test_what_cannot_be_made_is_one_clear_line(
 
 def shorten(lake: Path, clip: str) -> None:
     """Have the lake say that a clip has three frames."""
-    con = duckdb.connect(str(lake / "catalog.duckdb"))
+    con = Changed(lake)
     con.execute("UPDATE clips SET frames = 3 WHERE clip = $clip", {"clip": clip})
     con.close()
 
 
 def test_a_class_without_a_clip_to_start_from(own: Path, name: str, scheduler: str) -> None:
-    con = duckdb.connect(str(own / "catalog.duckdb"))
+    con = Changed(own)
     con.execute("UPDATE clips SET split = 'train', frames = if(label = $name, 3, frames)", {"name": name})
     con.close()
     command = ("synthesize", "--class", name, "--lake", own, "--scheduler", scheduler)
     assert f"of class {name} are too short to start from" in motionlake(*command).err
     assert "no clip is of split 'test'; the splits there are: train" in motionlake(*command, "--split", "test").err
-    con = duckdb.connect(str(own / "catalog.duckdb"))
+    con = Changed(own)
     con.execute("UPDATE clips SET label = NULL WHERE label = $name", {"name": name})
     con.close()
     run = motionlake(*command)
@@ -136,7 +135,7 @@ def test_no_generator_and_nothing_to_train_one_on(lake: Path, scheduler: str) ->
     ):
         run = motionlake("train", "synthesis", *words, "--lake", lake)
         assert (run.status, said in run.err) == (2, True), run.err
-    con = duckdb.connect(str(lake / "catalog.duckdb"))
+    con = Changed(lake)
     con.execute("UPDATE clips SET label = NULL")
     con.close()
     with (lake / "config.toml").open("a", encoding="utf-8") as handle:

@@ -10,7 +10,6 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-import duckdb
 import numpy as np
 import pytest
 from motionlake.cli.look import safe_name
@@ -24,7 +23,7 @@ from motionlake.pictures.style import png
 from numpy.typing import NDArray
 from PIL import Image, ImageChops
 
-from tests.lakes import motionlake, query, quick_lake
+from tests.lakes import Changed, motionlake, query, quick_lake
 from tests.test_pictures import NASTY, standing
 
 
@@ -183,7 +182,7 @@ def test_synthetic_clips_are_no_nearest_real_ones_and_show_their_classes(lake: P
     clip = query(lake, "SELECT clip FROM clips ORDER BY clip LIMIT 1")[0][0]
     hits = motionlake("search", clip, "-k", "3", "--method", "descriptor", "--lake", lake, "--json").json
     made, second, third = (hit["clip"] for hit in hits)
-    with duckdb.connect(str(lake / "catalog.duckdb")) as con:
+    with Changed(lake) as con:
         for name in (made, second):
             con.execute("UPDATE clips SET format = 'synthetic' WHERE clip = $clip", {"clip": name})
             con.execute(
@@ -207,7 +206,7 @@ def test_synthetic_clips_are_no_nearest_real_ones_and_show_their_classes(lake: P
 
 def test_ranges_files_and_segments(lake: Path, clips_folder: Path, tmp_path: Path) -> None:
     clip, fps = query(lake, "SELECT clip, fps FROM clips ORDER BY frames DESC, clip LIMIT 1")[0]
-    with duckdb.connect(str(lake / "catalog.duckdb")) as con:
+    with Changed(lake) as con:
         con.execute("INSERT INTO segments VALUES ($c, 0, 20, 'a'), ($c, 15, 30, 'b'), ($c, 30, 40, 'c')", {"c": clip})
     words = ("--lake", lake, "--from", "10", "--to", "30", "--json")
     run = motionlake("view", clip, "--beside", "none", "--out", tmp_path / "a.html", *words)

@@ -223,11 +223,19 @@ def stage_progress() -> Iterator[StageProgress]:
 
 
 @contextmanager
-def running(lake: Lake, command: str, workers: int | None = None, scheduler: str | None = None) -> Iterator[Session]:
-    """Hold the lake for a command that writes, with progress on stderr, and record a run that did something."""
+def running(
+    lake: Lake, command: str, workers: int | None = None, scheduler: str | None = None, *, damaged: bool = False
+) -> Iterator[Session]:
+    """Hold the lake for a command that writes, with progress on stderr, and record a run that did something.
+
+    `damaged`: also where files of the lake are missing or damaged.
+    """
     from motionlake.jobs.session import session
 
-    with stage_progress() as progress, session(lake, command, progress, notice, workers, scheduler) as job:
+    with (
+        stage_progress() as progress,
+        session(lake, command, progress, notice, workers, scheduler, damaged=damaged) as job,
+    ):
         yield job
         _record_run(job)
 

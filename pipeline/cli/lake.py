@@ -13,6 +13,7 @@ from motionlake.errors import ClipError, UserError
 from motionlake.lake import layout
 from motionlake.lake.catalog import SCHEMA_VERSION, create_catalog, fetch
 from motionlake.lake.config import default_toml, load_config
+from motionlake.lake.integrity import listed_in, touched_faults
 
 # For commands on a lake alone, which name its folder as the argument or as elsewhere.
 FolderArgument = Annotated[Path | None, argument("Folder of the lake.")]
@@ -86,6 +87,7 @@ def status(lake: LakeOption, as_json: JsonOption = False) -> None:
         datasets, models, failed = (fetch(at.con, q) for q in ("status_datasets", "status_models", "failed_shards"))
         done = {row["stage"]: row for row in fetch(at.con, "status_stages")}
         rows = {row["stage"]: row["rows"] for row in fetch(at.con, "status_rows")}
+        damaged = [{"file": f.file, "fault": wrong} for f, wrong in touched_faults(target, listed_in(at.con).values())]
     # A stage that is made when asked for by name is not due before it was.
     known = {*ALL, *done, *(SYNTH.name for m in models if m["model"].startswith(GENERATOR.name))}
     wanted = {s: due[s] if s in known else None for s in ALL + BY_NAME}
@@ -96,11 +98,13 @@ def status(lake: LakeOption, as_json: JsonOption = False) -> None:
     for row in stages:
         row["rows"] = rows.get(row["stage"], row["rows"])
     if as_json:
-        tell({"datasets": datasets, "stages": stages, "models": models, "failed": failed}, as_json=True)
+        parts = {"datasets": datasets, "stages": stages, "models": models, "failed": failed, "damaged": damaged}
+        tell(parts, as_json=True)
         return
     people = [{COLUMNS.get(name, name): value for name, value in row.items()} for row in stages]
     made = [{**model, "metrics": _brief(json.loads(model["metrics"]))} for model in models]
     tables = {"datasets": datasets, "stages": people, "models": made, "batches that failed": failed}
+    tables["damaged files; `motionlake repair` mends them"] = damaged
     for title, found in tables.items():
         if found:
             print(f"\n{title}")

@@ -5,11 +5,12 @@ from __future__ import annotations
 import importlib
 import os
 import sys
+import warnings
 from io import TextIOWrapper
 from typing import Annotated, Any, Final
 
 import typer
-from motionlake.cli.common import SETTINGS, printable
+from motionlake.cli.common import SETTINGS, notice, printable
 from motionlake.errors import UserError
 from typer.core import TyperGroup
 
@@ -24,12 +25,18 @@ COMMANDS: Final = {
         "migrate": "Bring a lake that an earlier motionlake wrote up to date; clips and all made of them stay.",
         "rig": "Which rig a clip file has, and a rig map to edit for a rig that is not known.",
     },
+    "Keep it": {
+        "verify": "Compare a lake with what was written: one row a fault; exit status 1 where there is one, else 0.",
+        "repair": "Make damaged or missing files of a lake again, as they were.",
+        "backup": "Copy into one archive what could not be made again.",
+        "restore": "Make a lake from a backup; what that does not hold is made again from the sources.",
+    },
     "Search it": {
         "search": "The clips most like one, nearest first.",
         "find": "Where a piece of motion occurs inside other clips, nearest first.",
         "align": "Where a piece of motion occurs inside other clips, pose by pose, and which poses match.",
         "duplicates": "Clips that are one recording: exported again, resampled, cut, or mirrored.",
-        "sql": "Run SQL on a lake (read-only), with the lake's functions and macros.",
+        "sql": "Run SQL on a lake, with the lake's functions and macros. It reads the lake alone, and changes nothing.",
     },
     "Look at it": {
         "view": "Play a clip beside the recorded one most like it: an HTML page, a GIF or a PNG.",
@@ -54,6 +61,7 @@ COMMANDS: Final = {
 MODULES: Final = {
     "fill": ("ingest", "run", "remove"),
     "lake": ("init", "migrate", "status", "rig"),
+    "mend": ("verify", "repair", "backup", "restore"),
     "search": ("search", "find", "align", "duplicates", "sql"),
     "look": ("view", "report", "export"),
     "sort": ("classify", "segment", "cluster"),
@@ -133,6 +141,7 @@ def main() -> None:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, TextIOWrapper):  # a name that the terminal's encoding lacks is spelled out
             stream.reconfigure(errors="backslashreplace")
+    warnings.showwarning = lambda message, *_, **__: notice(str(message))
     try:
         app(standalone_mode=True)
     except UserError as error:

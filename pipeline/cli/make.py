@@ -29,9 +29,9 @@ from motionlake.cli.common import (
 )
 from motionlake.errors import UserError
 from motionlake.lake.catalog import Connection, fetch, reading
-from motionlake.lake.config import load_config
 from motionlake.lake.layout import Lake, open_lake
 from motionlake.lake.resolve import resolve_clip
+from motionlake.lake.settings import served_config
 
 if TYPE_CHECKING:
     from motionlake.jobs.session import Session
@@ -233,7 +233,7 @@ def _list_classes(lake: Lake, as_json: bool) -> None:
     from motionlake.stages.synthesis import class_names, served_generator
 
     with reading(lake) as con:
-        model = served_generator(con, lake, load_config(lake.config_file))
+        model = served_generator(con, lake, served_config(lake))
     names = class_names(model)
     tell({"model": model.model, "classes": names}, [{"class": name} for name in names], as_json=as_json)
 

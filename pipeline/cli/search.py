@@ -21,6 +21,7 @@ from motionlake.cli.common import (
     StopOption,
     argument,
     named_query,
+    notice,
     option,
     tell,
 )
@@ -240,30 +241,55 @@ def duplicates(
 def sql(
     lake: LakeOption,
     query: Annotated[str, argument("A query, or - to read it from stdin.")],
+    out: Annotated[
+        Path | None, option("--out", "-o", help="Write the rows into this .parquet, .csv or .json file.")
+    ] = None,
+    memory: Annotated[
+        str | None, option(help="Most that the query may use, such as 4GB (default: 4/5 of all).")
+    ] = None,
+    seconds: Annotated[float, option(min=0.0, help="Stop the query after so long.")] = 600.0,
+    trusted: Annotated[
+        bool,
+        typer.Option(
+            "--trusted",
+            help="Let the query read and write any file, attach databases and load extensions: all that "
+            "you may. Without it, it reads the lake and nothing else, and writes nowhere.",
+        ),
+    ] = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Run SQL on a lake (read-only), with the lake's functions and macros.
+    """Run SQL on a lake, with the lake's functions and macros. It reads the lake alone, and changes nothing.
 
     Example: motionlake sql "SELECT label, count(*) FROM clips GROUP BY ALL" --lake mylake
 
     Example: motionlake sql "FROM similar_clips('hdm05/clips/a.amc', 5)" --lake mylake
+
+    Into a file: motionlake sql "SELECT clip, seconds FROM clips" --out clips.csv --lake mylake
     """
     import duckdb
+    from motionlake.lake.safe import time_limit
     from motionlake.retrieval.sql_functions import connect
+    from motionlake.retrieval.sql_results import check_results_file, write_results
 
-    con = connect(lake)
+    if out is not None:
+        check_results_file(out)
+    text = sys.stdin.read() if query == "-" else query
     try:
-        text = sys.stdin.read() if query == "-" else query
-        if not con.extract_statements(text):
-            raise UserError("sql: there is no statement in the query")
-        cursor = con.execute(text)
-        names = [c[0] for c in cursor.description or ()]
-        rows = [dict(zip(names, row, strict=True)) for row in cursor.fetchall()]
+        with connect(lake, trusted=trusted, memory=memory) as con, time_limit(con, seconds):
+            if not con.extract_statements(text):
+                raise UserError("sql: there is no statement in the query")
+            if out is not None:
+                found = con.sql(text)
+                if found is None:
+                    raise UserError("sql --out: the query answers no rows")
+                notice(f"{out}: {write_results(found.to_arrow_reader(), out)} rows")
+                return
+            con.execute(text)
+            names = [c[0] for c in con.description or ()]
+            rows = [dict(zip(names, row, strict=True)) for row in con.fetchall()]
     except duckdb.Error as error:
         # What a function of ours says of a mistake stands at the end of what DuckDB says.
         raise UserError(f"SQL: {str(error).rpartition('UserError: ')[2]}") from error
-    finally:
-        con.close()
     tell(rows, as_json=as_json)
 
 

@@ -12,6 +12,7 @@ from motionlake.errors import UserError
 from motionlake.evaluation.ranking import Questions, others
 from motionlake.lake import frames
 from motionlake.lake.catalog import Connection
+from motionlake.lake.integrity import sound
 from motionlake.lake.layout import Lake
 from motionlake.lake.models import Model
 from motionlake.retrieval.labelled_clips import DescribedClip, FramedClip, SignedClips, signed_clips
@@ -116,5 +117,5 @@ def read_positions(lake: Lake, clips: Sequence[FramedClip]) -> Iterator[tuple[st
     """Name, rate and canonical joint positions [F, 21, 3] (metres) of clips; each frames part is read once."""
     names = {clip.clip for clip in clips}
     for dataset, part in sorted({(clip.dataset, clip.part) for clip in clips}):
-        for clip in frames.read_part(lake.path(lake.frames_part(dataset, part)), names):
+        for clip in frames.read_part(sound(lake, lake.frames_part(dataset, part)), names):
             yield clip.clip, clip.fps, clip.positions.astype(np.float64)

@@ -15,9 +15,9 @@ from motionlake.evaluation.clips import Chosen, Notice, choose, read_positions, 
 from motionlake.evaluation.dtw import PATIENCE, baseline_features, frame_distances, joint_error
 from motionlake.evaluation.ranking import first_hits, score_split
 from motionlake.lake.catalog import Connection
-from motionlake.lake.config import load_config
 from motionlake.lake.layout import Lake
 from motionlake.lake.models import Model
+from motionlake.lake.settings import served_config
 from motionlake.motion.features import body_length
 from motionlake.pesta.scan import pairwise
 from motionlake.pesta.strings import Repository
@@ -62,7 +62,7 @@ def alignment_distances(
     known = [strings.repository.string(place) for place in places if place is not None]
     if not _all_have(len(known), clips, "string", notice):
         return None
-    config = load_config(lake.config_file).alignment
+    config = served_config(lake).alignment
     own, others = [known[i] for i in chosen.queries], [known[i] for i in chosen.repository]
     there = pairwise(own, Repository.of(others), strings.distances, config)
     back = pairwise(others, Repository.of(own), strings.distances, config)

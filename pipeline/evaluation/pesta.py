@@ -29,8 +29,8 @@ from motionlake.evaluation.ranking import (
     score_rankings,
 )
 from motionlake.lake.catalog import Connection, fetch
-from motionlake.lake.config import load_config
 from motionlake.lake.layout import Lake
+from motionlake.lake.settings import served_config
 from motionlake.pesta.config import METHODS, AlignmentConfig
 from motionlake.pesta.long_query import LongQuery
 from motionlake.pesta.matches import Match, best_matches
@@ -78,7 +78,7 @@ def evaluate_pesta(
     strings, signed = read_strings(con), options.signed(con)
     signed = signed.chosen([clip.clip in strings.positions for clip in signed.clips])
     labelled = signed.labelled()
-    config = load_config(lake.config_file).alignment
+    config = served_config(lake).alignment
     result: dict[str, Any] = {}
     if len(set(labelled.labels)) < len(labelled.labels):
         result = _whole(con, lake, strings, labelled, options, replace(config, stride=stride or WHOLE_STRIDE))

@@ -26,6 +26,7 @@ from motionlake.evaluation.synthesis_trials import (
 )
 from motionlake.glogen.generator import EmbeddedMotions
 from motionlake.lake.catalog import Connection
+from motionlake.lake.integrity import sound
 from motionlake.lake.layout import Lake
 from motionlake.lake.models import Model, current_model
 from motionlake.stages.descriptors import DESCRIPTORS
@@ -215,7 +216,7 @@ def evaluate_synthesis(
     if network is None:
         raise UserError(f"{lake.root}: has no descriptors yet; make them with `motionlake run descriptors`")
     generator = open_generator(lake, model)
-    descriptor = load_descriptor(lake.path(network.file))
+    descriptor = load_descriptor(sound(lake, network.file))
     clips = real_clips(
         con, lake, generator.classes, dataset=dataset, split=split, repository=repository, column=column
     )  # fmt: skip

@@ -8,16 +8,15 @@ have opened, and a killed writer leaves the last whole catalog.
 from __future__ import annotations
 
 import shutil
-from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, closing, contextmanager, suppress
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, TypeAlias
-from weakref import WeakSet
 
 import pyarrow as pa
 from motionlake import sql
 from motionlake.errors import UserError
+from motionlake.lake.catalog_file import announce_catalog, catalog_written, check_catalog
 from motionlake.lake.host import attached
 from motionlake.lake.layout import Lake
 from motionlake.lake.parts import replacing
@@ -27,7 +26,7 @@ if TYPE_CHECKING:
 
 # DuckDB is imported where a connection is used: workers import this module and never open the catalog.
 Connection: TypeAlias = "duckdb.DuckDBPyConnection"
-SCHEMA_VERSION: Final = 2  # of the catalog's tables, and of the macros and views over them that this program calls
+SCHEMA_VERSION: Final = 3  # of the catalog's tables, and of the macros and views over them that this program calls
 # What mends an error of DuckDB with such words.
 _TO_DO: Final = {
     "set lock": "close the program that has it open for writing",
@@ -81,11 +80,14 @@ def create_catalog(lake: Lake) -> None:
     import duckdb
 
     lake.root.mkdir(parents=True, exist_ok=True)
-    with replacing(lake.catalog) as temporary, closing(duckdb.connect(str(temporary))) as con:
-        for name in sql.names("schema"):
-            run_sql(con, name)
-        refresh_macros(con)
-        run_sql(con, "set_schema_version", {"version": SCHEMA_VERSION})
+    with replacing(lake.catalog) as temporary:
+        with closing(duckdb.connect(str(temporary))) as con:
+            for name in sql.names("schema"):
+                run_sql(con, name)
+            refresh_macros(con)
+            run_sql(con, "set_schema_version", {"version": SCHEMA_VERSION})
+        announce_catalog(lake, temporary)
+    catalog_written(lake)
 
 
 def version_of(con: Connection) -> int:
@@ -111,82 +113,60 @@ def check_version(con: Connection, lake: Lake) -> None:
 
 @contextmanager
 def reading(lake: Lake) -> Iterator[Connection]:
-    """A read-only connection to the catalog as it stands, or as this process has it open already; relative Parquet
-    paths resolve in the lake.
+    """A read-only connection to the catalog as it stands; relative Parquet paths resolve in the lake.
 
     Raises:
         UserError: as `connect_read_only`.
     """
-    with ExitStack() as stack:
-        opened = _cursor(lake)
-        if opened is not None:
-            con = stack.enter_context(closing(opened))
-        else:
-            with _told(lake):
-                con = stack.enter_context(attached(lake.catalog))
+    check_catalog(lake)
+    with _told(lake), attached(lake.catalog) as con:
         run_sql(con, "use_lake", {"root": str(lake.root)})
         check_version(con, lake)
         yield con
 
 
-def connect_read_only(lake: Lake, *, apart: bool = False) -> Connection:
-    """Open the catalog for reading, with a DuckDB of its own.
-
-    Args:
-        apart: the catalog of now. Otherwise a process that has it open already sees that, perhaps older, one; but
-            cursors of the connection see the lake's tables without `USE lake`.
+def connect_read_only(lake: Lake) -> Connection:
+    """Open the catalog of now for reading, with a DuckDB of its own, in which cursors need `USE lake`.
 
     Raises:
         UserError: the lake is of another version, somebody has the catalog open for writing, or it is damaged.
     """
-    con = open_catalog(lake, apart=apart)
+    con = open_catalog(lake)
     try:
         check_version(con, lake)
     except BaseException:
         con.close()
         raise
-    if not apart:
-        _opened[lake.catalog].add(con)
     return con
 
 
-_opened: Final[dict[Path, WeakSet[Connection]]] = defaultdict(WeakSet)  # what this process reads as it was
-
-
-def _cursor(lake: Lake) -> Connection | None:
-    """A cursor of the connection that this process has to a catalog."""
-    import duckdb
-
-    for con in list(_opened[lake.catalog]):
-        with suppress(duckdb.ConnectionException):  # it was closed
-            return con.cursor()
-    return None
-
-
-def open_catalog(lake: Lake, *, apart: bool = False) -> Connection:
+def open_catalog(lake: Lake) -> Connection:
     """Open the catalog of a lake of any version for reading. Raises `UserError` where that cannot be done."""
     import duckdb
 
+    check_catalog(lake)
     with _told(lake):
-        con = duckdb.connect() if apart else duckdb.connect(str(lake.catalog), read_only=True)
-        if apart:
-            run_sql(con, "attach", {"catalog": str(lake.catalog)})
-            run_sql(con, "use_catalog")
+        con = duckdb.connect()
+        run_sql(con, "attach", {"catalog": str(lake.catalog)})
+        run_sql(con, "use_catalog")
     run_sql(con, "use_lake", {"root": str(lake.root)})
     return con
 
 
 @contextmanager
 def _told(lake: Lake) -> Iterator[None]:
-    """Say in one line why a catalog cannot be opened."""
+    """Say in one line why a catalog cannot be opened, or what of it cannot be read."""
     import duckdb
 
     try:
         yield
     except duckdb.Error as error:
         reason = str(error).splitlines()[0]
-        todo = next((todo for word, todo in _TO_DO.items() if word in reason), "put back a copy, or make a new lake")
-        raise UserError(f"{lake.catalog}: cannot be opened for reading ({reason}); {todo}") from error
+        if not any(word in reason for word in (*_TO_DO, str(lake.catalog), "orrupt", "erializ")):
+            raise
+        mend = f"`motionlake repair {lake.root}` mends it from what lies beside it"
+        todo = next((todo for word, todo in _TO_DO.items() if word in reason), mend)
+        raise UserError(f"{lake.catalog}: cannot be read ({reason}); {todo}") from error
 
 
 @contextmanager
@@ -197,6 +177,7 @@ def writing(lake: Lake) -> Iterator[Connection]:
         if _written.get(lake.catalog) != lake.served():
             refresh_macros(con)
         yield con
+        run_sql(con, "forget_unnamed_files")
         refresh_views(con, lake)
     _written[lake.catalog] = lake.served()
 
@@ -207,6 +188,7 @@ _written: Final[dict[Path, tuple[int, int]]] = {}  # catalogs that have their ma
 @contextmanager
 def changing(lake: Lake) -> Iterator[Connection]:
     """The same for a lake of any version; macros and views stay as they are."""
+    check_catalog(lake)
     with replacing(lake.catalog) as temporary:
         shutil.copyfile(lake.catalog, temporary)
         try:
@@ -218,6 +200,8 @@ def changing(lake: Lake) -> Iterator[Connection]:
                 con.execute("CHECKPOINT")
         finally:
             temporary.with_name(temporary.name + ".wal").unlink(missing_ok=True)
+        announce_catalog(lake, temporary)
+    catalog_written(lake)
 
 
 def refresh_macros(con: Connection) -> None:

@@ -10,6 +10,7 @@ import torch
 from motionlake.errors import UserError
 from motionlake.lake.catalog import fetch, reading
 from motionlake.lake.frames import read_clip
+from motionlake.lake.integrity import sound
 from motionlake.lake.layout import open_lake
 from torch.utils.data import Dataset
 
@@ -91,7 +92,7 @@ class ClipDataset(Dataset[Item]):
 
     def __getitem__(self, at: int) -> Any:
         row = self._rows[at]
-        frames = read_clip(self._lake.path(self._lake.frames_part(row["dataset"], row["part"])), row["clip"])
+        frames = read_clip(sound(self._lake, self._lake.frames_part(row["dataset"], row["part"])), row["clip"])
         window = self._window(len(frames.positions))
         item = {
             "positions": self._padded(torch.from_numpy(frames.positions[window].copy())),

@@ -16,6 +16,7 @@ import pyarrow.compute as pc
 import pyarrow.parquet as pq
 from motionlake.errors import UserError
 from motionlake.lake.catalog import Connection, fetch
+from motionlake.lake.integrity import sound
 from motionlake.lake.layout import Lake
 from motionlake.motion.skeleton import JOINTS, PARENTS
 from numpy.typing import ArrayLike, NDArray
@@ -130,7 +131,7 @@ def open_frames(path: Path) -> pq.ParquetFile:
         UserError: the file is damaged, or its footer is of another version.
     """
     try:
-        part = pq.ParquetFile(path)
+        part = pq.ParquetFile(path, page_checksum_verification=True)
         footer = json.loads((part.metadata.metadata or {}).get(KEY.encode(), b'{"version": 0}'))
         version = footer["version"]
     except (pa.ArrowInvalid, ValueError, KeyError, TypeError) as error:
@@ -218,7 +219,7 @@ def canonical_motion(con: Connection, lake: Lake, clip: str) -> CanonicalMotion:
     from motionlake.motion.canonicalise import CanonicalMotion
 
     row = fetch(con, "clip", {"clip": clip})[0]
-    stored = read_clip(lake.path(lake.frames_part(row["dataset"], row["part"])), clip)
+    stored = read_clip(sound(lake, lake.frames_part(row["dataset"], row["part"])), clip)
     positions = stored.positions.astype(float)
     return CanonicalMotion(
         fps=stored.fps, root=positions[:, 0], rotations=stored.rotations.astype(float), positions=positions,

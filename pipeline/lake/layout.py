@@ -17,7 +17,7 @@ class Lake:
 
     Layout: `catalog.duckdb`, `config.toml`, `frames/dataset=…/<part>.parquet`,
     `raw/layout=…/<part>.parquet`, `features/<part>.parquet`, `embeddings/<part>.parquet`, `postures/<part>.parquet`,
-    `models/`, `staging/` (rows on their way into the catalog).
+    `models/`, `staging/` (rows on their way into the catalog); for repairs `catalog.sums`, `records.zip` and `kept/`.
     """
 
     root: Path
@@ -30,6 +30,21 @@ class Lake:
         """What tells the catalog that is served now from those before it."""
         found = self.catalog.stat()
         return found.st_ino, found.st_mtime_ns
+
+    @property
+    def sums(self) -> Path:
+        """What the catalog, and the copy of its tables, were when they were written."""
+        return self.root / "catalog.sums"
+
+    @property
+    def kept(self) -> Path:
+        """The catalogs before this one."""
+        return self.root / "kept"
+
+    @property
+    def records(self) -> Path:
+        """The tables of the catalog as Parquet, in one archive."""
+        return self.root / "records.zip"
 
     @property
     def config_file(self) -> Path:
@@ -61,6 +76,14 @@ def open_lake(root: Path | str) -> Lake:
     """The lake in a folder. Raises `UserError` if there is none."""
     lake = Lake(Path(root).absolute())
     if not lake.catalog.is_file():
+        raise UserError(f"{root}: no lake here (no catalog.duckdb); create one with `motionlake init {root}`")
+    return lake
+
+
+def lake_folder(root: Path | str) -> Lake:
+    """The lake in a folder, even if its catalog is lost. Raises `UserError` if there never was one."""
+    lake = Lake(Path(root).absolute())
+    if not any(path.exists() for path in (lake.catalog, lake.records, lake.kept, lake.sums)):
         raise UserError(f"{root}: no lake here (no catalog.duckdb); create one with `motionlake init {root}`")
     return lake
 

@@ -33,9 +33,12 @@ from motionlake.lake.catalog import (
     version_of,
 )
 from motionlake.lake.frames import KEY, SCHEMA, clip_tables, footer_clip, motion_footer
+from motionlake.lake.integrity import FILE_ROWS, sums_of
 from motionlake.lake.layout import Lake
 from motionlake.lake.lock import locked
 from motionlake.lake.parts import PartWriter, check_part, replacing
+from motionlake.lake.records import write_records
+from motionlake.lake.settings import keep_settings
 
 _SIZES: Final = pa.schema({"stage": pa.string(), "key": pa.string(), "bytes": pa.int64()})
 
@@ -110,6 +113,8 @@ def migrate(lake: Lake, progress: StepProgress) -> list[Planned]:
                 _check_columns(con, lake)
                 refresh_macros(con)
                 refresh_views(con, lake)
+            keep_settings(lake)
+            write_records(lake)
         return steps
 
 
@@ -181,6 +186,14 @@ def _enter_frames(lake: Lake, con: Connection) -> None:
     load_rows(con, "migrations/0_to_1.sql", table_of(rows, _SIZES))
 
 
+def _enter_files(lake: Lake, con: Connection) -> None:
+    names = [row["file"] for row in fetch(con, "live_files")]
+    missing = next((name for name in names if not lake.path(name).is_file()), None)
+    if missing is not None:
+        raise UserError(f"{lake.path(missing)}: is missing; put back a copy")
+    load_rows(con, "migrations/2_to_3.sql", table_of([asdict(sums_of(lake, name)) for name in names], FILE_ROWS))
+
+
 STEPS: Final[Mapping[int, Step]] = {
     0: Step(
         "frames carry their rate (column fps) and say in their footer what they hold",
@@ -193,5 +206,11 @@ STEPS: Final[Mapping[int, Step]] = {
         lambda lake: [],
         lambda con, path: None,
         lambda lake, con: run_sql(con, "migrations/1_to_2.sql"),
+    ),
+    2: Step(
+        "the catalog lists every file with its size and hashes",
+        lambda lake: [],
+        lambda con, path: None,
+        _enter_files,
     ),
 }

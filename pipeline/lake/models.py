@@ -12,6 +12,7 @@ from typing import Any
 
 from motionlake.lake.catalog import Connection, fetch, run_sql
 from motionlake.lake.config import canonical_json
+from motionlake.lake.integrity import FileSums, list_files
 from motionlake.lake.layout import Lake
 from motionlake.lake.parts import replacing
 
@@ -64,7 +65,7 @@ def add_model(
     data_hash: str,
     config: Mapping[str, Any],
     metrics: Mapping[str, Any],
-    file: str,
+    file: FileSums,
     seconds: float,
 ) -> None:
     """Make a fitted model the current version of its kind."""
@@ -74,10 +75,11 @@ def add_model(
         "data_hash": data_hash,
         "config": canonical_json(config),
         "metrics": canonical_json(metrics),
-        "file": file,
+        "file": file.file,
         "seconds": seconds,
     }
     run_sql(con, "add_model", parameters)
+    list_files(con, [file])
 
 
 def save_model(lake: Lake, file: str, save: Callable[[Path], None]) -> None:

@@ -55,6 +55,7 @@ class PartWriter:
             use_byte_stream_split=floats,
             write_statistics=[f.name for f in schema if f.name not in floats],
             version="2.6",
+            write_page_checksum=True,
         )
         self._pending: list[pa.Table] = []
         self._pending_rows = 0

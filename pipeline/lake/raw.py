@@ -11,6 +11,7 @@ import pyarrow.parquet as pq
 from motionlake.lake.catalog import Connection, fetch
 from motionlake.lake.config import canonical_json
 from motionlake.lake.frames import canonical_motion, columns_of, key_columns
+from motionlake.lake.integrity import sound
 from motionlake.lake.layout import Lake
 from motionlake.motion.clip import ChannelKind, Hierarchy, SourceClip
 
@@ -83,7 +84,7 @@ def own_rig(con: Connection, lake: Lake, clip: str) -> SourceClip:
         end_sites=tuple((int(e[0]), (e[1], e[2], e[3])) for e in ends.tolist()),
     )
     names = hierarchy.channel_names
-    path = lake.path(lake.raw_part(row["layout"], row["part"]))
+    path = sound(lake, lake.raw_part(row["layout"], row["part"]))
     table = pq.read_table(path, columns=["frame", *names], filters=[("clip", "==", clip)]).sort_by("frame")
     channels = np.column_stack([table.column(n).to_numpy() for n in names]).astype(float)
     return SourceClip(hierarchy, channels, row["fps"], row["body"], row["metres_per_unit"])

@@ -17,6 +17,7 @@ from motionlake.deep_motifs.emd import emd_matrix
 from motionlake.deep_motifs.signatures import Corpus
 from motionlake.lake.catalog import Connection, fetch
 from motionlake.lake.corpus import read_corpus
+from motionlake.lake.integrity import sound_folder
 from motionlake.lake.layout import Lake
 from motionlake.pictures.bands import MotifBand, Segment, word_edges
 from motionlake.pictures.motif_figures import motif_order
@@ -49,6 +50,7 @@ class Material:
     """
 
     con: Connection
+    lake: Lake
     corpus: Corpus
     signatures: Float32Array
     segments: dict[str, list[Segment]]
@@ -105,7 +107,8 @@ class Material:
     def nearest_words(self, motifs: list[int], clips: list[str]) -> dict[int, list[Word]]:
         """For each motif, the word of each of the clips that is closest to its centroid, closest first."""
         found: dict[int, list[Word]] = {motif: [] for motif in motifs}
-        for row in fetch(self.con, "nearest_words", {"motifs": motifs, "clips": clips}):
+        files = [str(file) for file in sound_folder(self.lake, "embeddings")]
+        for row in fetch(self.con, "nearest_words", {"motifs": motifs, "clips": clips, "embeddings": files}):
             found[row["motif"]].append(Word(row["clip"], row["start"], row["stop"]))
         return found
 
@@ -124,7 +127,7 @@ def read_material(con: Connection, lake: Lake, dataset: str | None = None) -> Ma
         if row["clip"] in corpus.positions:
             fps = corpus.clips[corpus.positions[row["clip"]]].fps
             segments[row["clip"]].append(Segment(row["start"] / fps, row["stop"] / fps, row["label"]))
-    return Material(con, corpus, signatures, dict(segments), PoseReader(con, lake))
+    return Material(con, lake, corpus, signatures, dict(segments), PoseReader(con, lake))
 
 
 @dataclass(frozen=True)

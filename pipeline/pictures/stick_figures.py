@@ -13,6 +13,7 @@ from matplotlib.patches import Circle
 from motionlake.arrays import Float32Array, Float64Array, FloatArray
 from motionlake.lake.catalog import Connection, fetch
 from motionlake.lake.frames import POSITION_CHANNELS, ROOT_CHANNELS, read_rows
+from motionlake.lake.integrity import sound
 from motionlake.lake.layout import Lake
 from motionlake.motion.rotations import turn_on_ground
 from motionlake.motion.skeleton import INDEX, JOINTS, PARENTS, facing
@@ -48,7 +49,7 @@ class PoseReader:
             parts[row["dataset"], row["part"]].append(row["clip"])
         found: dict[str, Float32Array] = {}
         for (dataset, part), members in parts.items():
-            path = self._lake.path(self._lake.frames_part(dataset, part))
+            path = sound(self._lake, self._lake.frames_part(dataset, part))
             for clip, rows in read_rows(path, members, _CHANNELS):
                 matrix = np.column_stack([rows.column(name).to_numpy() for name in _CHANNELS])
                 found[clip] = matrix.reshape(rows.num_rows, -1, 3)

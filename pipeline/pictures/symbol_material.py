@@ -10,6 +10,7 @@ from typing import Final
 import numpy as np
 from motionlake.arrays import Float32Array, Float64Array, FloatArray, Int32Array, IntArray
 from motionlake.lake.catalog import Connection, fetch
+from motionlake.lake.integrity import is_listed, sound
 from motionlake.lake.layout import Lake
 from motionlake.motion.features import WordConfig
 from motionlake.motion.skeleton import INDEX, JOINTS
@@ -63,13 +64,13 @@ class SymbolMaterial:
     def codes_of(self, clips: Sequence[str]) -> dict[str, Int32Array]:
         """[T] symbols of the postures of clips, parts read once; without clips that are being recoded."""
         model = fetch(self.con, "model_file", {"model": self.strings.model})[0]["file"]
-        files = codes_files(self.con, self.lake.path(model))
+        files = codes_files(self.con, sound(self.lake, model))
         parts = {row["clip"]: row["part"] for row in fetch(self.con, "parts_of", {"clips": list(clips)})}
         found: dict[str, Int32Array] = {}
         for part in sorted(set(parts.values())):
-            file = self.lake.path(files[part])
-            if file.exists():
-                found |= {clip: codes for clip, codes in read_codes(file) if parts.get(clip) == part}
+            if is_listed(self.lake, files[part]):
+                coded = read_codes(sound(self.lake, files[part]))
+                found |= {clip: codes for clip, codes in coded if parts.get(clip) == part}
         return found
 
     @property
@@ -117,7 +118,7 @@ def read_symbols(con: Connection, lake: Lake, strings: LakeStrings | None = None
         UserError: the lake has no strings yet (`read_strings`).
     """
     strings = strings or read_strings(con)
-    file = lake.path(fetch(con, "model_file", {"model": strings.model})[0]["file"])
+    file = sound(lake, fetch(con, "model_file", {"model": strings.model})[0]["file"])
     # Not `load_dictionary`: no encoder is needed, nor torch.
     tensors, kept = read_tensors(file, DICTIONARY_KEY, "codes", "postures")
     share = np.array([row["share"] for row in fetch(con, "posture_shares")], dtype=np.float64)

@@ -12,8 +12,9 @@ from typing import Any, Final
 import numpy as np
 from motionlake.arrays import Float32Array, Int32Array, Int64Array
 from motionlake.lake.catalog import fetch
-from motionlake.lake.config import load_config
 from motionlake.lake.frames import read_clips
+from motionlake.lake.integrity import sound
+from motionlake.lake.settings import served_config
 from motionlake.motion.features import word_features
 from motionlake.pesta.config import AlignmentConfig
 from motionlake.pesta.matches import best_matches
@@ -138,7 +139,7 @@ def posture_sample(material: SymbolMaterial, clips: Sequence[int]) -> tuple[Floa
     features = [np.zeros((0, material.postures.shape[1]), dtype=np.float32)]
     symbols = [np.zeros(0, dtype=np.int32)]
     for (dataset, part), members in sorted(parts.items()):
-        for found in read_clips(material.lake.path(material.lake.frames_part(dataset, part)), members):
+        for found in read_clips(sound(material.lake, material.lake.frames_part(dataset, part)), members):
             positions, rotations = found.positions.astype(float), found.rotations.astype(float)
             features.append(word_features(positions, rotations, found.fps, material.config.frames))
             symbols.append(coded[found.clip])
@@ -149,7 +150,7 @@ def posture_sample(material: SymbolMaterial, clips: Sequence[int]) -> tuple[Floa
 
 def _nearest_two(material: SymbolMaterial, clips: Sequence[int]) -> Picture | None:
     """The two nearest clips that are called differently and not the same, aligned (figure 4); None without such."""
-    strings, config = material.strings, load_config(material.lake.config_file).alignment
+    strings, config = material.strings, served_config(material.lake).alignment
     long = [i for i in clips if strings.repository.lengths[i] >= ENOUGH]
     chosen = [long[i] for i in sampled([strings.clips[i].clip for i in long], MOST_PAIRED)]
     if len(chosen) < 2:

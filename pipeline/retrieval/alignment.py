@@ -12,8 +12,9 @@ import numpy as np
 from motionlake.arrays import Float64Array
 from motionlake.errors import UserError
 from motionlake.lake.catalog import fetch, reading
-from motionlake.lake.config import load_config
+from motionlake.lake.integrity import sound
 from motionlake.lake.layout import Lake
+from motionlake.lake.settings import served_config
 from motionlake.motion.features import word_features
 from motionlake.pesta.long_query import LongQuery
 from motionlake.pesta.matches import Match, best_matches
@@ -73,7 +74,7 @@ class _Aligner(LakeSearcher):
 
     def __init__(self, lake: Lake, **options: Unpack[AlignmentOptions]) -> None:
         super().__init__(lake)
-        settings = load_config(lake.config_file)
+        settings = served_config(lake)
         given: dict[str, Any] = {k: v for k, v in options.items() if k != "strings" and v is not None}
         try:
             self.config = replace(settings.alignment, **given)
@@ -111,7 +112,7 @@ class _Aligner(LakeSearcher):
 
         with reading(self.lake) as con:
             rows = fetch(con, "model_file", {"model": self.strings.model})
-        return load_dictionary(self.lake.path(rows[0]["file"]))
+        return load_dictionary(sound(self.lake, rows[0]["file"]))
 
     def _pairwise(self, queries: Sequence[StringQuery], gallery: Sequence[StringQuery]) -> Float64Array:
         """[q, g] least cost of each query in each of some strings, for each symbol of the query."""

@@ -32,9 +32,9 @@ from motionlake.deep_motifs.motion_graph.graph import (
 )
 from motionlake.errors import UserError
 from motionlake.lake.catalog import Connection, fetch, fetch_table
-from motionlake.lake.config import load_config
 from motionlake.lake.layout import Lake
 from motionlake.lake.raw import canonical_rig, own_rig
+from motionlake.lake.settings import served_config
 from motionlake.motion.clip import SourceClip
 from motionlake.motion.resampling import sample_count
 
@@ -131,7 +131,7 @@ def read_graph(
     Raises:
         UserError: the lake has no transitions of the dataset.
     """
-    config = load_config(lake.config_file)
+    config = served_config(lake)
     rows = fetch(con, "graph_clips", {"dataset": dataset})
     table = fetch_table(con, "transitions", {"dataset": dataset})
     if not rows or not table.num_rows:

@@ -13,6 +13,7 @@ from motionlake.deep_motifs.signatures import CorpusClip
 from motionlake.deephums.config import DIMENSION
 from motionlake.errors import UserError
 from motionlake.lake.catalog import fetch_table, reading
+from motionlake.lake.integrity import sound
 from motionlake.lake.layout import Lake
 from motionlake.retrieval.encode import query_motion
 from motionlake.retrieval.protocol import ClipFilter, Hit, LakeSearcher, Query, Scope, about, clip_hit, not_ready
@@ -106,7 +107,7 @@ class DescriptorSearcher(LakeSearcher):
     def _network(self) -> TrainedDescriptor:
         from motionlake.deephums.network import load_descriptor
 
-        return load_descriptor(self.lake.path(self._file))
+        return load_descriptor(sound(self.lake, self._file))
 
     def _sequence(self, query: Query, mirrored: bool) -> Float32Array:
         from motionlake.deephums.sequence import clip_sequence

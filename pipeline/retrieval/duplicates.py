@@ -10,8 +10,9 @@ from motionlake.deep_motifs.duplicates import MAX_DISTANCE, Duplicate, Signature
 from motionlake.deep_motifs.emd import ground_distances
 from motionlake.errors import UserError
 from motionlake.lake.catalog import Connection, fetch
-from motionlake.lake.config import load_config
+from motionlake.lake.integrity import is_listed, sound
 from motionlake.lake.layout import Lake
+from motionlake.lake.settings import served_config
 from motionlake.retrieval.protocol import EVERYTHING, Scope
 from motionlake.stages import words
 
@@ -52,14 +53,14 @@ def near_duplicates(
         np.array([row["mirrored"] for row in rows], dtype=np.float32) if scope.mirrored else None,
         ground_distances(np.array(centroids, dtype=np.float32)),
     )
-    config = load_config(lake.config_file).words
-    files = {part: lake.path(file) for part, file in words.features_files(con, config).items()}
+    config = served_config(lake).words
+    files = words.features_files(con, config)
     parts = {row["clip"]: row["part"] for row in rows}
-    held = lru_cache(HELD_PARTS)(lambda file: dict(words.read_features(file)))
+    held = lru_cache(HELD_PARTS)(lambda file: dict(words.read_features(sound(lake, file))))
 
     def features(clip: str) -> Float32Array:
         file = files[parts[clip]]
-        if not file.exists():
+        if not is_listed(lake, file):
             raise UserError(f"{clip}: has no words under this configuration; make them with `motionlake run all`")
         return held(file)[clip]
 

@@ -14,10 +14,11 @@ from motionlake.deep_motifs.motifs import Motifs, assign
 from motionlake.deep_motifs.query_by_example import words_within
 from motionlake.errors import UserError
 from motionlake.lake.catalog import Connection, fetch, reading
-from motionlake.lake.config import load_config
 from motionlake.lake.frames import frame_range, read_clip
+from motionlake.lake.integrity import is_listed, sound
 from motionlake.lake.layout import Lake
 from motionlake.lake.resolve import resolve_clip
+from motionlake.lake.settings import served_config
 from motionlake.motion.features import WordConfig, mirrored_features, native_range, windows, word_features, word_windows
 from motionlake.motion.skeleton import mirrored_positions, mirrored_rotations
 from motionlake.retrieval.protocol import Query
@@ -51,11 +52,11 @@ class Models:
     def _network(self) -> TrainedNetwork:
         from motionlake.deep_motifs.words.network import load_network
 
-        return load_network(self.lake.path(self.network_file))
+        return load_network(sound(self.lake, self.network_file))
 
     @cached_property
     def _vocabulary(self) -> Motifs:
-        return read_motifs(self.lake.path(self.motifs_file))
+        return read_motifs(sound(self.lake, self.motifs_file))
 
 
 @dataclass(frozen=True)
@@ -74,7 +75,7 @@ def serving_models(con: Connection, lake: Lake) -> Models:
     Raises:
         UserError: the lake has no motifs yet.
     """
-    config = load_config(lake.config_file)
+    config = served_config(lake)
     at = LakeReader(con, lake, config)
     network, model = WORD_NETWORK.fitting(at), MOTIF_MODEL.fitting(at)
     if network is None or model is None:
@@ -92,9 +93,8 @@ def features_of_clips(con: Connection, lake: Lake, config: WordConfig, clips: Se
     files = features_files(con, config)
     found: dict[str, Float32Array] = {}
     for part in sorted(set(parts.values())):
-        file = lake.path(files[part])
-        if file.exists():
-            found |= {clip: features for clip, features in read_features(file) if clip in parts}
+        if is_listed(lake, files[part]):
+            found |= {c: features for c, features in read_features(sound(lake, files[part])) if c in parts}
     for clip in clips:
         if clip not in found:
             raise UserError(f"{clip}: has no words yet; make them with `motionlake run all`")
@@ -141,7 +141,7 @@ def query_motion(lake: Lake, query: Query, *, mirrored: bool = False) -> QueryMo
     else:
         with reading(lake) as con:
             row = fetch(con, "clip", {"clip": resolve_clip(con, query.clip)})[0]
-        stored = read_clip(lake.path(lake.frames_part(row["dataset"], row["part"])), row["clip"])
+        stored = read_clip(sound(lake, lake.frames_part(row["dataset"], row["part"])), row["clip"])
         positions, rotations, fps = stored.positions.astype(np.float64), stored.rotations.astype(np.float64), stored.fps
     if mirrored:
         positions = np.asarray(mirrored_positions(positions), dtype=np.float64)
@@ -157,7 +157,7 @@ def query_motifs(
     Raises:
         UserError: no such clip or file, it has no such frames, no words yet, or fewer than `least` in these frames.
     """
-    config = load_config(lake.config_file).words
+    config = served_config(lake).words
     if query.clip is None:
         file = words_of_file(lake, config, Path(query.source))
         starts, stops, frames, fps = file.ranges[:, 0], file.ranges[:, 1], file.frames, file.fps

@@ -20,6 +20,7 @@ from motionlake.deep_motifs.signatures import Corpus
 from motionlake.errors import UserError
 from motionlake.lake.catalog import Connection, fetch, reading
 from motionlake.lake.corpus import read_corpus
+from motionlake.lake.integrity import sound
 from motionlake.lake.layout import Lake
 from motionlake.retrieval.encode import serving_models, words_of_file
 from motionlake.retrieval.labelled_clips import check_column
@@ -118,7 +119,7 @@ def mirrored_motifs(con: Connection, lake: Lake, corpus: Corpus, clips: Iterable
     found = {}
     for part, file in words.features_files(con, models.config).items():
         if part in parts:
-            for name, features in words.read_features(lake.path(file)):
+            for name, features in words.read_features(sound(lake, file)):
                 if name in wanted:
                     found[wanted[name]] = models.motifs_of(features, mirrored=True)
     return found

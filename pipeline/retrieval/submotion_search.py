@@ -18,8 +18,9 @@ from motionlake.deephums.config import SHORTEST
 from motionlake.deephums.sequence import FPS, clip_sequence, frames_of, piece_windows
 from motionlake.errors import UserError
 from motionlake.lake.catalog import fetch, reading
-from motionlake.lake.config import load_config
+from motionlake.lake.integrity import sound
 from motionlake.lake.layout import Lake
+from motionlake.lake.settings import served_config
 from motionlake.motion.dtw import Stretch, nearest_stretch
 from motionlake.motion.features import WordConfig, word_features
 from motionlake.retrieval.encode import features_of_clips, query_motion
@@ -69,7 +70,7 @@ class SubmotionSearcher(LakeSearcher):
             served = SUBMOTIONS.served(con)
         if served is None:
             raise UserError(f"{lake.root}: has no windows to find pieces in yet; make them with `motionlake run all`")
-        self._file, self._words = served.file, load_config(lake.config_file).words
+        self._file, self._words = served.file, served_config(lake).words
 
     def distances(self, queries: Sequence[Query], gallery: Sequence[Query]) -> Float64Array:
         known = [self._windows(query) for query in gallery]
@@ -112,7 +113,7 @@ class SubmotionSearcher(LakeSearcher):
     def _network(self) -> TrainedSubmotion:
         from motionlake.deephums.submotions import load_submotion
 
-        return load_submotion(self.lake.path(self._file))
+        return load_submotion(sound(self.lake, self._file))
 
 
 def piece_of(

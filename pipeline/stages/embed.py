@@ -10,6 +10,7 @@ from typing import Any, Final
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
+from motionlake.lake.integrity import sound
 from motionlake.lake.layout import Lake
 from motionlake.motion.features import WordConfig, word_windows
 from motionlake.stages.reader import LakeReader
@@ -39,8 +40,8 @@ class Embed(PartStage):
         from motionlake.deep_motifs.words.network import load_network
 
         config = WordConfig(**shard.spec["words"])
-        network = load_network(lake.path(shard.spec["network"]))
-        for clip, features in read_features(lake.path(shard.spec["features"])):
+        network = load_network(sound(lake, shard.spec["network"]))
+        for clip, features in read_features(sound(lake, shard.spec["features"])):
             vectors = network.embed(word_windows(features, config))
             count, width = vectors.shape
             offsets = pa.array(np.arange(0, count * width + 1, width, dtype=np.int32))

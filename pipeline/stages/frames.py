@@ -157,14 +157,15 @@ def _new_shards(root: Root, changed: Sequence[SourceFile], config: FramesConfig,
         group.append(file)
         weight += file.size
         if weight >= limit or len(group) == 512:
-            shards.append(_shard(root, group, config, shaping_hash))
+            shards.append(shard_of(root, group, config, shaping_hash))
             group, weight = [], 0
     if group:
-        shards.append(_shard(root, group, config, shaping_hash))
+        shards.append(shard_of(root, group, config, shaping_hash))
     return shards
 
 
-def _shard(root: Root, files: Sequence[SourceFile], config: FramesConfig, shaping_hash: str) -> Shard:
+def shard_of(root: Root, files: Sequence[SourceFile], config: FramesConfig, shaping_hash: str) -> Shard:
+    """The shard that reads some files of a root, by path; its name follows from them and what shapes their frames."""
     key = config_hash(FRAMES.name, root.dataset, shaping_hash, [[f.path, f.content_hash] for f in files])
     spec = {
         "base": str(root.base),

@@ -12,6 +12,7 @@ from typing import Any, Final
 
 import pyarrow as pa
 from motionlake.deep_motifs.motifs import assign
+from motionlake.lake.integrity import sound
 from motionlake.lake.layout import Lake
 from motionlake.motion.features import WordConfig, mirrored_features, word_windows
 from motionlake.stages.motif_model import MOTIF_MODEL, read_motifs
@@ -46,9 +47,9 @@ class Mirrored(PartStage):
         from motionlake.deep_motifs.words.network import load_network
 
         config = WordConfig(**shard.spec["words"])
-        network = load_network(lake.path(shard.spec["network"]))
-        vocabulary = read_motifs(lake.path(shard.spec["motifs"]))
-        for clip, features in read_features(lake.path(shard.spec["features"])):
+        network = load_network(sound(lake, shard.spec["network"]))
+        vocabulary = read_motifs(sound(lake, shard.spec["motifs"]))
+        for clip, features in read_features(sound(lake, shard.spec["features"])):
             found = assign(network.embed(word_windows(mirrored_features(features, config), config)), vocabulary)
             clips, parts, _ = part_keys(clip, shard, len(found))
             yield pa.Table.from_arrays([clips, parts, pa.array(found, pa.int32())], schema=ROWS)

@@ -14,6 +14,7 @@ from motionlake.arrays import Float32Array, Progress
 from motionlake.deep_motifs.motifs import Motifs, fit_motifs
 from motionlake.errors import UserError
 from motionlake.lake.config import LakeConfig, MotifsConfig, config_hash
+from motionlake.lake.integrity import sound
 from motionlake.lake.layout import Lake
 from motionlake.lake.parts import PartWriter
 from motionlake.stages.embed import EMBED, read_embeddings
@@ -71,7 +72,7 @@ class MotifModel(ModelKind[Float32Array]):
         parts = EMBED.parts(at)
         if parts is None:
             return None
-        files = [at.lake.path(EMBED.file(p.key)) for p in parts if not p.synthetic]
+        files = [sound(at.lake, EMBED.file(p.key)) for p in parts if not p.synthetic]
         vectors = _sample(files, config.seed) if files else np.zeros((0, 0), dtype=np.float32)
         if len(vectors) < config.k:
             raise UserError(

@@ -19,6 +19,7 @@ from motionlake.deep_motifs.config import NeighboursConfig
 from motionlake.errors import UserError
 from motionlake.lake.catalog import fetch
 from motionlake.lake.config import LakeConfig, config_hash
+from motionlake.lake.integrity import sound
 from motionlake.lake.layout import Lake
 from motionlake.motion.features import WordConfig
 from motionlake.stages.model_kind import ModelKind, Selection
@@ -96,7 +97,7 @@ class NeighbourIndex(ModelKind[IndexedClips]):
             raise UserError(f"{at.lake.root}: neighbours are sought in other clips, and {len(rows)} have words")
         features: dict[str, Float32Array] = {}
         for part in sorted({row["part"] for row in rows}):
-            features.update(read_features(at.lake.path(WORDS.files(at)[part])))
+            features.update(read_features(sound(at.lake, WORDS.files(at)[part])))
         clips = [row["clip"] for row in rows]
         keys = sorted({p.part: p.key for p in live}.values())
         return IndexedClips(clips, [row["part"] for row in rows], [features[c] for c in clips], config_hash(keys))
@@ -146,9 +147,9 @@ class NearestWords(PartStage):
         from motionlake.deep_motifs.words.neighbours import SearchConfig, search
         from motionlake.deep_motifs.words.word_index import WordSet
 
-        index = NEIGHBOUR_INDEX.load(lake.path(shard.spec["index"]))
+        index = NEIGHBOUR_INDEX.load(sound(lake, shard.spec["index"]))
         clips = {clip: i for i, clip in enumerate(index.clips)}
-        parts = list(read_features(lake.path(shard.spec["features"])))
+        parts = list(read_features(sound(lake, shard.spec["features"])))
         queries, owners = WordSet.of_clips([features for _, features in parts], config)
         groups = np.array([clips.get(clip, ELSEWHERE) for clip, _ in parts])[owners]
         metric: Metric = "geodesic" if config.representation == "rotations" else "euclidean"

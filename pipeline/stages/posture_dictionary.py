@@ -12,6 +12,7 @@ from motionlake.errors import UserError
 from motionlake.lake import frames
 from motionlake.lake.catalog import fetch
 from motionlake.lake.config import LakeConfig
+from motionlake.lake.integrity import sound
 from motionlake.lake.layout import Lake
 from motionlake.motion.features import word_features
 from motionlake.pesta import config as postures_config
@@ -64,7 +65,7 @@ class PostureDictionaryKind(ModelKind[list[Float32Array]]):
         share = min(1.0, config.max_postures / max(1.0, seconds * config.fps))
         found: dict[str, Float32Array] = {}
         for dataset, part in sorted({(row["dataset"], row["part"]) for row in clips.values()}):
-            path = at.lake.path(at.lake.frames_part(dataset, part))
+            path = sound(at.lake, at.lake.frames_part(dataset, part))
             for clip in frames.read_clips(path, [name for name, row in clips.items() if row["part"] == part]):
                 positions, rotations = clip.positions.astype(float), clip.rotations.astype(float)
                 found[clip.clip] = word_features(positions, rotations, clip.fps, config.frames)

@@ -15,6 +15,7 @@ import pyarrow.parquet as pq
 from motionlake.lake import frames
 from motionlake.lake.catalog import Connection
 from motionlake.lake.config import config_hash
+from motionlake.lake.integrity import sound
 from motionlake.lake.layout import Lake
 from motionlake.lake.models import file_hash
 from motionlake.motion.features import word_features
@@ -41,7 +42,7 @@ class Postures(PartStage):
     def rows(self, lake: Lake, shard: Shard) -> Iterator[pa.Table]:
         from motionlake.pesta.dictionary import load_dictionary
 
-        dictionary = load_dictionary(lake.path(shard.spec["dictionary"]))
+        dictionary = load_dictionary(sound(lake, shard.spec["dictionary"]))
         for clip in clips_of_shard(lake, shard):
             positions, rotations = clip.positions.astype(float), clip.rotations.astype(float)
             codes = dictionary.encode(word_features(positions, rotations, clip.fps, dictionary.config.frames))

@@ -9,6 +9,7 @@ from typing import Any, TypeVar
 
 from motionlake.lake.catalog import Connection, fetch, reading
 from motionlake.lake.config import LakeConfig
+from motionlake.lake.integrity import sound
 from motionlake.lake.layout import Lake
 from motionlake.lake.models import file_hash
 
@@ -44,7 +45,7 @@ class LakeReader:
 
     def file_hash(self, file: str) -> str:
         """sha256 of a file of the lake."""
-        return self.once("sha256", file, lambda: file_hash(self.lake.path(file)))
+        return self.once("sha256", file, lambda: file_hash(sound(self.lake, file)))
 
 
 @contextmanager

@@ -9,6 +9,7 @@ from typing import Any, Final
 import pyarrow as pa
 from motionlake.deep_motifs.motifs import assign
 from motionlake.lake.catalog import Connection, fetch, run_sql
+from motionlake.lake.integrity import sound
 from motionlake.lake.layout import Lake
 from motionlake.stages.embed import EMBED, read_embeddings
 from motionlake.stages.motif_model import MOTIF_MODEL, read_motifs
@@ -29,8 +30,8 @@ class MotifsOfWords(PartStage):
         return {"embeddings": EMBED.file(part.upstream), "motifs": MOTIF_MODEL.serving(at).file}
 
     def rows(self, lake: Lake, shard: Shard) -> Iterator[pa.Table]:
-        rows, vectors = read_embeddings(lake.path(shard.spec["embeddings"]))
-        found = assign(vectors, read_motifs(lake.path(shard.spec["motifs"])))
+        rows, vectors = read_embeddings(sound(lake, shard.spec["embeddings"]))
+        found = assign(vectors, read_motifs(sound(lake, shard.spec["motifs"])))
         yield rows.append_column("motif", pa.array(found, pa.int32()))
 
 

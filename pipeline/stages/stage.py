@@ -17,6 +17,7 @@ import pyarrow as pa
 from motionlake.lake import frames
 from motionlake.lake.catalog import Connection, fetch, run_sql
 from motionlake.lake.config import config_hash
+from motionlake.lake.integrity import FileSums, sound
 from motionlake.lake.layout import Lake
 from motionlake.lake.parts import PartWriter, check_part, replacing
 from motionlake.stages.model_kind import ModelKind
@@ -37,6 +38,7 @@ class Shard:
         dataset: for people.
         spec: JSON-able; all that `run` needs beside the lake's folder.
         items: clips in it, for the progress bar.
+        inputs: the files of the lake that it reads, as they were written.
     """
 
     stage: str
@@ -45,6 +47,7 @@ class Shard:
     dataset: str
     spec: Mapping[str, Any]
     items: int
+    inputs: tuple[FileSums, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -56,6 +59,7 @@ class ShardResult:
         size: bytes of all files.
         files: relative to the lake.
         seconds: the worker's time.
+        sums: of the files, as they were written.
         rejected: source files that gave no clip.
         tables: rows for the catalog.
     """
@@ -65,6 +69,7 @@ class ShardResult:
     size: int = 0
     files: tuple[str, ...] = ()
     seconds: float = 0.0
+    sums: tuple[FileSums, ...] = ()
     rejected: int = 0
     tables: Mapping[str, pa.Table] = field(default_factory=dict)
 
@@ -158,7 +163,7 @@ def clips_of(con: Connection, part: str) -> list[str]:
 
 def clips_of_shard(lake: Lake, shard: Shard) -> Iterator[frames.Frames]:
     """Those of the clips that its spec names, of the frames part that a shard is derived from."""
-    return frames.read_part(lake.path(lake.frames_part(shard.dataset, shard.part)), shard.spec["clips"])
+    return frames.read_part(sound(lake, lake.frames_part(shard.dataset, shard.part)), shard.spec["clips"])
 
 
 def part_keys(clip: str, shard: Shard, count: int) -> list[pa.Array]:

@@ -14,6 +14,7 @@ from motionlake.arrays import Float32Array
 from motionlake.deephums.config import DIMENSION
 from motionlake.deephums.sequence import clip_sequence, piece_windows
 from motionlake.lake.catalog import fetch
+from motionlake.lake.integrity import sound
 from motionlake.lake.layout import Lake
 from motionlake.stages.descriptors import VectorStage
 from motionlake.stages.reader import LakeReader
@@ -70,7 +71,7 @@ def _reader(lake: Lake, spec: Mapping[str, Any]) -> tuple[Embed, Callable[[int, 
     if spec["descriptors"] is None:
         from motionlake.deephums.submotions import load_submotion
 
-        return load_submotion(lake.path(spec["network"])).embed, piece_windows
+        return load_submotion(sound(lake, spec["network"])).embed, piece_windows
     from motionlake.deephums.network import load_descriptor
 
-    return load_descriptor(lake.path(spec["descriptors"])).embed, lambda n_frames, _fps: [(0, n_frames)]
+    return load_descriptor(sound(lake, spec["descriptors"])).embed, lambda n_frames, _fps: [(0, n_frames)]

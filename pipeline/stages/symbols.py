@@ -11,6 +11,7 @@ import numpy as np
 import pyarrow as pa
 from motionlake.lake import frames
 from motionlake.lake.catalog import Connection, fetch, load_rows, run_sql
+from motionlake.lake.integrity import sound
 from motionlake.lake.layout import Lake
 from motionlake.pesta.config import DICTIONARY_KEY, SymbolsConfig
 from motionlake.stages.posture_dictionary import POSTURE_DICTIONARY
@@ -65,9 +66,9 @@ class Symbols(PartStage):
         from motionlake.pesta.symbols import symbolise
 
         config, clips = SymbolsConfig(**shard.spec["symbols"]), shard.spec["clips"]
-        lengths = frames.lengths(lake.path(lake.frames_part(shard.dataset, shard.part)))
+        lengths = frames.lengths(sound(lake, lake.frames_part(shard.dataset, shard.part)))
         names, strings = [], []
-        for clip, codes in read_codes(lake.path(shard.spec["codes"])):
+        for clip, codes in read_codes(sound(lake, shard.spec["codes"])):
             if clip not in clips:
                 continue  # left the lake since the part was coded
             fps, n_frames = lengths[clip]

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Final
 from motionlake.errors import UserError
 from motionlake.lake.catalog import Connection
 from motionlake.lake.config import LakeConfig
+from motionlake.lake.integrity import sound
 from motionlake.lake.layout import Lake
 from motionlake.lake.models import Model, current_model
 from motionlake.stages.generator_model import GENERATOR
@@ -66,7 +67,7 @@ def open_generator(lake: Lake, model: Model) -> TrainedGenerator:
     from motionlake.glogen.generator import load_generator
 
     try:
-        return load_generator(lake.path(model.file))
+        return load_generator(sound(lake, model.file))
     except ValueError as error:
         raise UserError(f"{lake.root}: {model.model} makes no motion here: {error}") from error
 

@@ -9,6 +9,7 @@ import numpy as np
 from motionlake.errors import UserError
 from motionlake.lake import frames
 from motionlake.lake.catalog import Connection, fetch
+from motionlake.lake.integrity import sound
 from motionlake.lake.layout import Lake
 from numpy.typing import ArrayLike
 
@@ -77,5 +78,5 @@ def drawn_clips(
 def frames_of_clips(lake: Lake, rows: Sequence[Row]) -> Iterator[frames.Frames]:
     """The frames of the clips that rows name (`clip`, `dataset`, `part`), each once; each part is read once."""
     for dataset, part in sorted({(row["dataset"], row["part"]) for row in rows}):
-        path = lake.path(lake.frames_part(dataset, part))
+        path = sound(lake, lake.frames_part(dataset, part))
         yield from frames.read_clips(path, sorted({row["clip"] for row in rows if row["part"] == part}))

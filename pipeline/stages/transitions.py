@@ -20,6 +20,7 @@ from motionlake.deep_motifs.config import TransitionsConfig
 from motionlake.lake import frames
 from motionlake.lake.catalog import Connection, fetch, fetch_table, load_rows
 from motionlake.lake.config import config_hash
+from motionlake.lake.integrity import sound
 from motionlake.lake.layout import Lake
 from motionlake.lake.parts import write_part
 from motionlake.motion.features import WordConfig, body_length, windows
@@ -163,7 +164,7 @@ def _read(lake: Lake, shard: Shard, part: str, config: TransitionsConfig) -> _Gr
 
     words = WordConfig(**shard.spec["words"])
     clips, fps, bones, sizes, positions, counts = [], [], [], [], [], []
-    for clip in frames.read_part(lake.path(lake.frames_part(shard.dataset, part)), shard.spec["clips"]):
+    for clip in frames.read_part(sound(lake, lake.frames_part(shard.dataset, part)), shard.spec["clips"]):
         joints, rotations = clip.positions.astype(float), clip.rotations.astype(float)
         sampled = resample(joints, clip.fps, words.fps)
         clips.append(clip.clip)

@@ -12,6 +12,7 @@ from motionlake.arrays import Float32Array, Progress
 from motionlake.deep_motifs.config import PRETRAINED_WORDS, NetworkConfig
 from motionlake.lake.catalog import fetch
 from motionlake.lake.config import LakeConfig, config_hash
+from motionlake.lake.integrity import sound
 from motionlake.lake.layout import Lake
 from motionlake.stages.model_kind import ModelKind, Selection
 from motionlake.stages.reader import LakeReader
@@ -78,7 +79,7 @@ class WordNetwork(ModelKind[WordSample]):
     ) -> TrainedNetwork:
         from motionlake.deep_motifs.words.training import train_words
 
-        before = self.load(lake.path(data.start[1])) if data.start else None
+        before = self.load(sound(lake, data.start[1])) if data.start else None
         trained = train_words(
             data.features, config.words, config.network, start=before, checkpoint=checkpoint, progress=progress
         )
@@ -114,7 +115,7 @@ def training_sample(at: LakeReader) -> list[Float32Array]:
     files = WORDS.files(at)
     found: dict[str, Float32Array] = {}
     for part in sorted({r["part"] for r in rows if r["clip"] in chosen}):
-        for clip, features in read_features(at.lake.path(files[part])):
+        for clip, features in read_features(sound(at.lake, files[part])):
             if clip in chosen:
                 found[clip] = features
     return [found[clip] for clip in sorted(found)]

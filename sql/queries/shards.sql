@@ -6,8 +6,9 @@ SELECT stage, key, part, dataset, 'planned' AS state, NULL AS reason,
 FROM rows r;
 
 -- name: finish_shards
+-- What a shard read is needed no more once it ended well, but for requests of motion, which nothing else tells.
 UPDATE manifest SET state = r.state, reason = r.reason, attempts = manifest.attempts + 1, rows = r.rows,
-    bytes = r.bytes, files = r.files, spec = if(r.state = 'ok', '{}', spec), seconds = r.seconds, finished = now()::TIMESTAMP
+    bytes = r.bytes, files = r.files, spec = if(r.state = 'ok' AND manifest.stage <> 'synthesize', '{}', spec), seconds = r.seconds, finished = now()::TIMESTAMP
 FROM rows r WHERE manifest.stage = r.stage AND manifest.key = r.key;
 -- What the same part gave under another configuration is of no use any more.
 DELETE FROM manifest USING rows r

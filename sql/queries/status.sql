@@ -35,3 +35,6 @@ SELECT c.dataset, count(*)::BIGINT AS clips, sum(c.seconds) / 60 AS minutes, cou
 FROM clips c LEFT JOIN signatures s USING (clip)
 WHERE $dataset::VARCHAR IS NULL OR c.dataset = $dataset
 GROUP BY c.dataset ORDER BY c.dataset;
+
+-- name: table_names
+SELECT table_name AS name FROM duckdb_tables() WHERE database_name = current_database() AND NOT temporary ORDER BY name;

@@ -26,7 +26,9 @@ FROM word_motifs w
 JOIN (SELECT unnest($clips::VARCHAR[]) AS clip) USING (clip)
 JOIN motifs m USING (motif)
 JOIN words r USING (clip, word)
-JOIN embeddings e USING (clip, word)
+JOIN (
+    FROM read_parquet($embeddings) f SEMI JOIN manifest p ON p.stage = 'embed' AND p.state = 'ok' AND p.key = f.key
+) e ON e.clip = w.clip AND e.word = w.word AND e.part = r.part
 WHERE w.motif IN (SELECT unnest($motifs::INTEGER[]))
 QUALIFY row_number() OVER (PARTITION BY w.motif, w.clip ORDER BY list_distance(e.embedding, m.centroid), w.word) = 1
 ORDER BY w.motif, list_distance(e.embedding, m.centroid), w.clip;

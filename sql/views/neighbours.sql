@@ -1,7 +1,7 @@
 -- The nearest words of every word in other clips, as far as both are still in the lake as they were searched.
 CREATE OR REPLACE VIEW word_neighbours AS
 SELECT n.clip, n.word, n.rank, n.neighbour, n.neighbour_word, n.distance
-FROM read_parquet('neighbours/*.parquet') n
+FROM read_parquet(live_files('neighbours', 'neighbours/*.parquet')) n
 SEMI JOIN manifest m ON m.stage = 'neighbours' AND m.state = 'ok' AND m.key = n.key
 SEMI JOIN words w ON w.clip = n.clip AND w.word = n.word AND w.part = n.part
 SEMI JOIN words o ON o.clip = n.neighbour AND o.word = n.neighbour_word AND o.part = n.neighbour_part;

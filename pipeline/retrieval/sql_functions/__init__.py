@@ -24,7 +24,10 @@ from typing import TYPE_CHECKING, Any, TypeAlias, Union, get_args, get_origin, g
 
 import pyarrow as pa
 from motionlake.lake.catalog import Connection, connect_read_only, fetch, reading
+from motionlake.lake.integrity import sound_folder
 from motionlake.lake.layout import Lake, open_lake
+from motionlake.lake.resolve import resolve_clip
+from motionlake.lake.safe import LakeConnection, limit_memory, lock_down
 
 if TYPE_CHECKING:
     from motionlake.retrieval.protocol import Finds, Query, Searcher
@@ -46,8 +49,8 @@ class Served:
     A function must not query the connection that calls it: it opens another with `reading(served.lake)`.
     """
 
-    def __init__(self, lake: Lake) -> None:
-        self.lake = lake
+    def __init__(self, lake: Lake, *, trusted: bool = True) -> None:
+        self.lake, self._trusted = lake, trusted
         self.once = cache(lambda make, *arguments, **options: make(lake, *arguments, **options))
 
     def searcher(self, finds: Finds, name: str, /, **options: Any) -> Searcher:
@@ -56,13 +59,15 @@ class Served:
         return found
 
     def query(self, name: str, start: int | None = None, stop: int | None = None) -> Query:
-        """The clip of the lake or the clip file that a name means, as on the command line."""
+        """The clip of the lake that a name means, or the clip file where SQL is trusted to read files."""
         from motionlake.retrieval.protocol import Query, query_of
 
         if name in self._names:
             return Query(name, start, stop)
         with reading(self.lake) as con:
-            return query_of(con, name, start, stop)
+            if self._trusted:
+                return query_of(con, name, start, stop)
+            return Query(resolve_clip(con, name), start, stop)
 
     @cached_property
     def _names(self) -> set[str]:
@@ -98,26 +103,37 @@ def columns(row: type, *names: str) -> dict[str, Any]:
     return {name: _plain(hints[name]) for name in names or hints}
 
 
-def connect(lake: Path | str, *, apart: bool = False) -> Connection:
-    """Open a lake for reading: its tables, views, macros, and the functions of every module of this package.
+def connect(lake: Path | str, *, trusted: bool = False, memory: str | None = None) -> LakeConnection:
+    """Open a lake for questions in SQL: its tables, views, macros, and the functions of every module of this package.
 
-    Close the connection to see what later runs have added: it reads the catalog as it stood when it was opened, and a
-    process that opens it twice sees the older one.
+    Close the connection to see what later runs have added: it reads the catalog as it stood when it was opened.
+
+    SQL reads the lake and nothing else, and writes nowhere (`motionlake.lake.safe`; docs/security.md).
 
     Args:
         lake: its folder.
-        apart: whatever else this process has open, see the catalog of now; cursors of the connection need `USE lake`.
+        trusted: SQL may read and write whatever this process may: every file, other databases, extensions.
+        memory: most that DuckDB may use, such as "4GB"; by default four fifths of the machine's.
 
     Raises:
-        UserError: there is no lake, or its catalog is open for writing elsewhere.
+        UserError: there is no lake, its catalog is open for writing elsewhere, or `memory` is no size.
     """
     target = open_lake(lake)
-    con, served = connect_read_only(target, apart=apart), Served(target)
+    con, served = connect_read_only(target), Served(target, trusted=trusted)
     for module in pkgutil.iter_modules(__path__):
         for name, found in vars(import_module(f"{__name__}.{module.name}")).items():
             if isinstance(found, SqlFunction):
                 _register(con, name, found.columns, partial(found.answer, served))
-    return con
+    con.create_function("sound_files", partial(_sound_files, target), ["VARCHAR"], "VARCHAR[]")
+    if memory is not None:
+        limit_memory(con, memory)
+    if not trusted:
+        lock_down(con, target.root.resolve())
+    return LakeConnection(con, trusted=trusted)
+
+
+def _sound_files(lake: Lake, folder: str) -> list[str]:
+    return [str(path) for path in sound_folder(lake, folder)]
 
 
 def _register(con: Connection, name: str, row: Columns | None, answer: Callable[..., Any]) -> None:

@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pyarrow as pa
 from motionlake.lake.catalog import reading
-from motionlake.lake.config import LakeConfig, load_config
+from motionlake.lake.config import LakeConfig
 from motionlake.lake.frames import CHANNELS, Frames, to_table
 from motionlake.lake.layout import Lake
+from motionlake.lake.settings import served_config
 from motionlake.retrieval.sql_functions import Names, Served, sql_function
 
 if TYPE_CHECKING:
@@ -24,7 +25,7 @@ def _generator(lake: Lake) -> tuple[Model, TrainedGenerator]:
     from motionlake.stages.synthesis import open_generator, served_generator
 
     with reading(lake) as con:
-        model = served_generator(con, lake, load_config(lake.config_file))
+        model = served_generator(con, lake, served_config(lake))
     return model, open_generator(lake, model)
 
 
@@ -55,7 +56,7 @@ def synthesize(
         starts = find_starts(con, served.lake, model, request)
     motions = motions_of(request, starts, [1])
     (made,) = make(generator, served.lake, request, motions)
-    return _rows(load_config(served.lake.config_file), request, made, motions[0].start.clip)
+    return _rows(served_config(served.lake), request, made, motions[0].start.clip)
 
 
 def _rows(config: LakeConfig, request: Request, made: GeneratedMotion, seed_clip: str) -> pa.StructArray:

@@ -1,0 +1,244 @@
+"""What lies on disk against what was written: size and hashes of every file of a lake, checked before it is read.
+
+The catalog lists every file that the manifest or models name. A process compares the bytes of a file with that list
+when it first reads it, and again when the file was touched since. Workers open no catalog: their shard brings the list.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import zlib
+from collections.abc import Iterable, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Final
+
+import pyarrow as pa
+from motionlake.errors import UserError
+from motionlake.lake.catalog import Connection, fetch, load_rows, reading, table_of
+from motionlake.lake.layout import Lake
+
+FILE_ROWS: Final = pa.schema(
+    {"file": pa.string(), "size": pa.int64(), "mtime_ns": pa.int64(), "crc32": pa.uint32(), "sha256": pa.string()}
+)
+_BLOCK: Final = 1 << 20  # bytes read at a time
+WHOLE: Final = 1 << 30  # bytes of a folder up to which all of them are compared before SQL reads it: a quarter second
+
+
+@dataclass(frozen=True)
+class FileSums:
+    """A file as it was written.
+
+    Attributes:
+        file: its name relative to the lake.
+        size: in bytes.
+        mtime_ns: when it was written last.
+        crc32: of its bytes, which tells accidents as fast as a disk reads.
+        sha256: of its bytes.
+    """
+
+    file: str
+    size: int
+    mtime_ns: int
+    crc32: int
+    sha256: str
+
+
+Listed = Mapping[str, FileSums]  # by name relative to the lake
+
+
+class DamagedError(UserError):
+    """A file of the lake is not as it was written; nothing is answered from it."""
+
+
+def sums_of(lake: Lake, file: str) -> FileSums:
+    """Size and hashes of a file of the lake as it lies there now."""
+    path = lake.path(file)
+    crc, sha = 0, hashlib.sha256()
+    with path.open("rb") as handle:
+        while block := handle.read(_BLOCK):
+            crc = zlib.crc32(block, crc)
+            sha.update(block)
+        found = os.fstat(handle.fileno())
+    return FileSums(file, found.st_size, found.st_mtime_ns, crc, sha.hexdigest())
+
+
+def listed_in(con: Connection) -> dict[str, FileSums]:
+    """Every file that a catalog lists."""
+    return {row["file"]: FileSums(**row) for row in fetch(con, "files")}
+
+
+def list_files(con: Connection, files: Iterable[FileSums]) -> None:
+    """Enter files as they were written just now, within the caller's transaction."""
+    load_rows(con, "add_files", table_of([asdict(file) for file in files], FILE_ROWS))
+
+
+def stat_fault(lake: Lake, wanted: FileSums) -> str | None:
+    """What is wrong with a file, as far as one look at its folder's entry tells."""
+    try:
+        found = lake.path(wanted.file).stat()
+    except FileNotFoundError:
+        return "is missing"
+    if found.st_size != wanted.size:
+        return f"has {found.st_size} bytes where {wanted.size} were written"
+    return None
+
+
+def fault(lake: Lake, wanted: FileSums) -> str | None:
+    """What is wrong with a file, by all of its bytes; remembered while nobody touches it."""
+    wrong = stat_fault(lake, wanted)
+    if wrong is not None:
+        return wrong
+    path = lake.path(wanted.file)
+    found = path.stat()
+    identity = (found.st_ino, found.st_mtime_ns, found.st_ctime_ns, wanted.crc32)
+    if _checked.get(path) == identity:
+        return None
+    crc = 0
+    with path.open("rb") as handle:
+        while block := handle.read(_BLOCK):
+            crc = zlib.crc32(block, crc)
+    if crc != wanted.crc32:
+        return "holds other bytes than were written"
+    _checked[path] = identity
+    return None
+
+
+def deep_fault(lake: Lake, wanted: FileSums) -> str | None:
+    """What is wrong with a file, by the sha256 of its bytes, read anew."""
+    wrong = stat_fault(lake, wanted)
+    if wrong is None and sums_of(lake, wanted.file).sha256 != wanted.sha256:
+        return "holds other bytes than were written"
+    return wrong
+
+
+def touched_faults(lake: Lake, wanted: Iterable[FileSums]) -> list[tuple[FileSums, str]]:
+    """Files that are missing, have another size, or were touched and hold other bytes: one look at each entry."""
+    found = []
+    for file in wanted:
+        wrong = stat_fault(lake, file)
+        if wrong is None and lake.path(file.file).stat().st_mtime_ns != file.mtime_ns:
+            wrong = fault(lake, file)
+        if wrong is not None:
+            found.append((file, wrong))
+    return found
+
+
+def check_files(lake: Lake) -> None:
+    """One look at every file of a lake, before work starts from them.
+
+    Raises:
+        DamagedError: some are missing, have another size, or were touched and hold other bytes.
+    """
+    faults = touched_faults(lake, _listed(lake).values())
+    if faults:
+        more = f", and {len(faults) - 1} files more are damaged or missing" if len(faults) > 1 else ""
+        raise DamagedError(damage(lake, faults[0][0].file, faults[0][1] + more))
+
+
+def sound(lake: Lake, file: str) -> Path:
+    """The path of a file that is as it was written.
+
+    Raises:
+        DamagedError: it is not, or the catalog does not list it.
+    """
+    return sound_files(lake, [file])[0]
+
+
+def sound_files(lake: Lake, files: Iterable[str]) -> list[Path]:
+    """The paths of files that are all as they were written. Raises `DamagedError` for the first that is not."""
+    names = list(files)
+    listed = _given.get()
+    if listed is None:
+        listed = _listed(lake)
+
+    def wrong_with(name: str) -> str | None:
+        return fault(lake, listed[name]) if name in listed else "is not listed in the catalog"
+
+    if len(names) < 2:
+        faults = [wrong_with(name) for name in names]
+    else:
+        with ThreadPoolExecutor(min(4, os.cpu_count() or 1)) as pool:  # checksums are worked out without the GIL
+            faults = list(pool.map(wrong_with, names))
+    for name, wrong in zip(names, faults, strict=True):
+        if wrong is not None:
+            raise DamagedError(damage(lake, name, wrong))
+    return [lake.path(name) for name in names]
+
+
+def sound_folder(lake: Lake, folder: str) -> list[Path]:
+    """The paths of all files below a folder that the catalog lists.
+
+    A query may read little of a large folder: above `WHOLE` bytes, only files that were touched are compared.
+
+    Raises:
+        DamagedError: as `sound_files`.
+    """
+    found = {name: file for name, file in _listed(lake).items() if name.startswith(f"{folder}/")}
+    if sum(file.size for file in found.values()) <= WHOLE:
+        return sound_files(lake, found)
+    for file, wrong in touched_faults(lake, found.values())[:1]:
+        raise DamagedError(damage(lake, file.file, wrong))
+    return [lake.path(name) for name in found]
+
+
+def is_listed(lake: Lake, file: str) -> bool:
+    """Whether a file has been made, as the catalog says."""
+    return file in _listed(lake)
+
+
+def damage(lake: Lake, file: str, wrong: str) -> str:
+    """The line that tells a person of a damaged file, and what to do."""
+    return f"{lake.root / file}: {wrong}; `motionlake repair {lake.root}` mends what can be mended"
+
+
+@contextmanager
+def given(files: Iterable[FileSums]) -> Iterator[None]:
+    """Within the block only these files are read, as they are listed here; no catalog is opened for it."""
+    token = _given.set({file.file: file for file in files})
+    try:
+        yield
+    finally:
+        _given.reset(token)
+
+
+def frames_by_part(listed: Listed) -> dict[str, str]:
+    """The listed frames parts, by the name of the part."""
+    return {file[file.rindex("/") + 1 : -len(".parquet")]: file for file in listed if file.startswith("frames/")}
+
+
+def named_files(listed: Listed, by_part: Mapping[str, str], value: object) -> set[str]:
+    """The listed files that a JSON value names anywhere: by their names, or frames parts by that of the part."""
+
+    def within(value: object) -> Iterator[str]:
+        if isinstance(value, str):
+            if value in listed:
+                yield value
+            elif value in by_part:
+                yield by_part[value]
+        elif isinstance(value, Mapping):
+            for inner in value.values():
+                yield from within(inner)
+        elif isinstance(value, list | tuple):
+            for inner in value:
+                yield from within(inner)
+
+    return set(within(value))
+
+
+def _listed(lake: Lake) -> Listed:
+    """What the catalog that is served now lists."""
+    served = lake.served()
+    if lake.root not in _known or _known[lake.root][0] != served:
+        with reading(lake) as con:
+            _known[lake.root] = (served, listed_in(con))
+    return _known[lake.root][1]
+
+
+_given: Final[ContextVar[Listed | None]] = ContextVar("given", default=None)
+_known: Final[dict[Path, tuple[tuple[int, int], Listed]]] = {}
+_checked: Final[dict[Path, tuple[int, int, int, int]]] = {}  # files whose bytes this process has compared

@@ -1,0 +1,190 @@
+"""A damaged lake: nothing is answered from what is not as it was written, `verify` finds it, `repair` undoes it."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from motionlake.lake.catalog_file import read_sums
+from motionlake.lake.integrity import DamagedError, sound
+from motionlake.lake.layout import open_lake
+
+from tests.lakes import assert_same, motionlake, query, tables
+
+KINDS = (
+    "frames/*/*.parquet", "raw/*/*.parquet", "features/*.parquet", "embeddings/*.parquet", "assigned/*.parquet",
+    "postures/*.parquet", "models/*", "kept/*.duckdb", "catalog.duckdb", "catalog.sums", "records.zip", "config.toml",
+)  # fmt: skip
+
+
+@pytest.fixture
+def lake(built_lake: Path, tmp_path: Path) -> Path:
+    return Path(shutil.copytree(built_lake, tmp_path / "lake"))
+
+
+def flip(path: Path, place: int = -1) -> None:
+    """Change one byte in the middle (or at a place) and keep the date, as a failing disk does."""
+    data, entry = bytearray(path.read_bytes()), path.stat()
+    data[len(data) // 2 if place < 0 else place % len(data)] ^= 1
+    path.write_bytes(data)
+    os.utime(path, ns=(entry.st_atime_ns, entry.st_mtime_ns))
+
+
+def cut(path: Path) -> None:
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+
+
+@pytest.mark.parametrize("hurt", [flip, cut, Path.unlink], ids=["flip", "cut", "delete"])
+@pytest.mark.parametrize("kind", KINDS)
+def test_damage_is_found_and_undone(lake: Path, kind: str, hurt: Callable[[Path], None]) -> None:
+    before = tables(lake)
+    path = sorted(lake.glob(kind))[0]
+    file = path.relative_to(lake).as_posix()
+    hurt(path)
+    deep = motionlake("verify", "--deep", "--json", "--lake", lake)
+    assert (deep.status, [row["file"] for row in deep.json]) == (1, [file])
+    repaired = motionlake("repair", "--json", "--lake", lake)
+    assert repaired.status == 0, repaired.err + repaired.out
+    assert [(row["file"], row["mended"]) for row in repaired.json] == [(file, True)]
+    assert motionlake("verify", "--deep", "--lake", lake).status == 0
+    assert_same(tables(lake), before)
+
+
+def test_a_sound_lake_is_left_alone(lake: Path) -> None:
+    held = {p: p.read_bytes() for p in lake.rglob("*.parquet")}
+    assert motionlake("verify", "--lake", lake).status == 0
+    run = motionlake("repair", "--json", "--lake", lake)
+    assert (run.status, run.json) == (0, [])
+    assert {p: p.read_bytes() for p in lake.rglob("*.parquet")} == held
+
+
+@pytest.mark.parametrize(
+    ("kind", "words"),
+    [
+        ("frames/*/*.parquet", ("sql", "SELECT sum(hash(f)) FROM frames f")),
+        ("embeddings/*.parquet", ("sql", "SELECT sum(hash(e)) FROM embeddings e")),
+        ("frames/*/*.parquet", ("view", "{clip}", "-o", "{out}.html")),
+        ("raw/*/*.parquet", ("export", "{clip}", "-o", "{out}.bvh")),
+        ("postures/*.parquet", ("run", "all")),
+        ("models/network-*", ("run", "all")),
+    ],
+)
+def test_nothing_is_answered_from_damage(lake: Path, tmp_path: Path, kind: str, words: tuple[str, ...]) -> None:
+    for path in lake.glob(kind):
+        flip(path)
+        if words[0] == "run":  # which compares what was touched, before it starts
+            path.touch()
+    ((clip,),) = query(lake, "SELECT min(clip) FROM clips WHERE format <> 'synthetic'")
+    out = tmp_path / "out"
+    run = motionlake(*(word.format(clip=clip, out=out) for word in words), "--lake", lake)
+    assert run.status == 2, run.out
+    said = run.err.splitlines()[-1]
+    assert "holds other bytes than were written" in said
+    assert f"`motionlake repair {lake}`" in said
+    assert not list(tmp_path.glob("out*"))
+
+
+def test_queries_that_read_no_damaged_file_are_answered(lake: Path) -> None:
+    for path in lake.glob("frames/*/*.parquet"):
+        path.unlink()
+    run = motionlake("sql", "SELECT count(*) AS n FROM clips", "--json", "--lake", lake)
+    assert run.json[0]["n"] > 0
+    status = motionlake("status", "--json", "--lake", lake)
+    assert {row["fault"] for row in status.json["damaged"]} == {"is missing"}
+
+
+@settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(place=st.integers(0, 1 << 30), which=st.integers(0, 1 << 30))
+def test_no_byte_of_a_listed_file_can_change_unseen(built_lake: Path, tmp_path: Path, place: int, which: int) -> None:
+    copy = tmp_path / "copy"
+    shutil.rmtree(copy, ignore_errors=True)
+    shutil.copytree(built_lake, copy)
+    target = open_lake(copy)
+    files = sorted(p for name in ("frames", "raw", "models") for p in copy.joinpath(name).rglob("*.*") if p.is_file())
+    path = files[which % len(files)]
+    file = path.relative_to(copy).as_posix()
+    sound(target, file)
+    flip(path, place)
+    with pytest.raises(DamagedError, match="holds other bytes than were written"):
+        sound(target, file)
+
+
+def test_labels_outlive_the_catalog_and_its_copies(lake: Path) -> None:
+    before = tables(lake)
+    (lake / "catalog.duckdb").unlink()
+    shutil.rmtree(lake / "kept")
+    (lake / "catalog.sums").unlink()
+    assert motionlake("status", "--lake", lake).status == 2
+    run = motionlake("repair", "--lake", lake)
+    assert run.status == 0, run.err
+    assert_same(tables(lake), before)
+
+
+def test_a_lost_catalog_without_records_comes_from_a_kept_one(lake: Path) -> None:
+    (lake / "catalog.duckdb").unlink()
+    (lake / "records.zip").unlink()
+    assert motionlake("repair", "--lake", lake).status == 0
+    assert query(lake, "SELECT count(*) FROM clips") > [(0,)]
+
+
+def test_what_only_the_source_gives_back_is_said(lake: Path, clips_folder: Path, tmp_path: Path) -> None:
+    """A part whose source files are gone: named, with the file that is missed; exit status 1."""
+    moved = tmp_path / "moved"
+    shutil.copytree(clips_folder, moved)
+    own = tmp_path / "own"
+    assert motionlake("ingest", moved, "--lake", own).status == 0
+    shutil.rmtree(moved)
+    part = next(own.glob("frames/*/*.parquet"))
+    part.unlink()
+    run = motionlake("repair", "--json", "--lake", own)
+    assert run.status == 1
+    (row,) = run.json
+    assert not row["mended"]
+    assert str(moved) in row["done"]
+
+
+def test_a_changed_setting_is_told_and_taken(lake: Path) -> None:
+    file = lake / "config.toml"
+    file.write_text(file.read_text("utf-8").replace("k = 12", "k = 11"), encoding="utf-8")
+    verify = motionlake("verify", "--json", "--lake", lake)
+    assert (verify.status, [row["file"] for row in verify.json]) == (1, ["config.toml"])
+    assert "-k = 12; +k = 11" in verify.json[0]["fault"]
+    run = motionlake("run", "frames", "--lake", lake)
+    assert "config.toml: has changed: -k = 12; +k = 11" in run.err
+    assert motionlake("verify", "--lake", lake).status == 0
+
+
+def test_the_sums_name_three_kept_catalogs(lake: Path) -> None:
+    sums = read_sums(open_lake(lake))
+    assert [Path(one["file"]).suffix for one in sums["kept"]] == [".duckdb"] * 3
+    assert {p.name for p in (lake / "kept").iterdir()} == {Path(one["file"]).name for one in sums["kept"]}
+
+
+def test_a_backup_makes_the_lake_again(lake: Path, tmp_path: Path) -> None:
+    before, archive = tables(lake), tmp_path / "lake.zip"
+    assert motionlake("backup", "-o", archive, "--lake", lake).status == 0
+    again = tmp_path / "again"
+    run = motionlake("restore", archive, "--lake", again)
+    assert run.status == 0, run.err + run.out
+    assert_same(tables(again), before)
+    assert motionlake("verify", "--deep", "--lake", again).status == 0
+    assert motionlake("restore", archive, "--lake", again).err.count("there is a lake here already") == 1
+
+
+@pytest.mark.parametrize("name", ["../outside.txt", "/outside.txt", "catalog.duckdb", "frames/../../outside.txt"])
+def test_a_hostile_backup_writes_nothing_outside(tmp_path: Path, name: str) -> None:
+    archive, folder = tmp_path / "b.zip", tmp_path / "lake"
+    with zipfile.ZipFile(archive, "w") as packed:
+        packed.comment = b"motionlake backup 1"
+        packed.writestr(name, "x")
+    run = motionlake("restore", archive, "--lake", folder)
+    assert (run.status, run.err.count("\n")) == (2, 1), json.dumps(run.err)
+    assert not (tmp_path / "outside.txt").exists()
+    assert not Path("/outside.txt").exists()
