@@ -28,7 +28,7 @@ class IngestReport:
     Attributes:
         unchanged: files that were as the lake knows them.
         gone: clips' paths, with their dataset, that have no file any more.
-        labels: what the label files said, where they were entered.
+        labels: what the label files said, where they were entered, or why they were not.
         rejects: source files of these roots that stand rejected.
     """
 
@@ -37,6 +37,11 @@ class IngestReport:
     gone: list[str]
     labels: list[LabelReport]
     rejects: int
+
+    @property
+    def sound(self) -> bool:
+        """No source file stands rejected, and every label file was read."""
+        return not self.rejects and not any(label.fault for label in self.labels)
 
 
 def run(
@@ -101,6 +106,9 @@ def ingest(
         session.notice(line)
     outcome = session.outcomes[FRAMES.name] = session.execute(FRAMES, [shard for one in found for shard in one.shards])
     labels, rejects = sources.finish(session.lake, found)
+    for label in labels:
+        if label.fault:
+            session.notice(f"labels stay as they were: {label.fault}")
     gone = [f"{one.root.dataset}/{path}" for one in found for path in one.difference.gone]
     return IngestReport(outcome, sum(one.difference.unchanged for one in found), gone, labels, rejects)
 

@@ -32,6 +32,7 @@ from motionlake.lake.layout import Lake
 from motionlake.lake.lock import locked
 from motionlake.lake.records import write_records
 from motionlake.lake.settings import changed_settings, keep_settings
+from motionlake.names import typed
 from motionlake.stages.stage import Shard, ShardResult, ShardStage
 from threadpoolctl import threadpool_limits
 
@@ -138,7 +139,7 @@ class Session:
             if isinstance(found, ShardResult):
                 waiting.append(found)
             else:
-                failures.append((shard, f"{type(found).__name__}: {found}".splitlines()[0][:500]))
+                failures.append((shard, typed(f"{type(found).__name__}: {found}").splitlines()[0][:500]))
             done += shard.items
             self.progress(stage.name, done, total)
             if waiting and not at_once and time.monotonic() - loaded_at > patience:

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from motionlake.retrieval.protocol import Finds
 
 T = TypeVar("T")
-Clip: TypeAlias = str | Path  # a clip of the lake by its name or the end of it, or a clip file
+Clip: TypeAlias = str | Path  # a clip of the lake by its name or the end of it, else a clip file, as is every `Path`
 ClipRange: TypeAlias = tuple[Clip, int | None, int | None]  # its frames [start, stop)
 
 
@@ -387,11 +387,12 @@ class Lake:
         return kept
 
     def _query(self, clip: Clip) -> Clip:
-        """The path of a clip file, or the clip of the lake that a name means, in full."""
-        from motionlake.formats import is_clip
+        """The clip of the lake that a name means, in full, or the path of a clip file, which a `Path` means first."""
+        from motionlake.lake.resolve import clip_file, clip_or_file
 
-        path = Path(clip)
-        return path.absolute() if path.is_file() and is_clip(path) else self._name(str(clip))
+        file = clip_file(clip) if isinstance(clip, Path) else None
+        found = file or clip_or_file(self._con, str(clip))
+        return found.absolute() if isinstance(found, Path) else found
 
     def _name(self, clip: str) -> str:
         from motionlake.lake.resolve import resolve_clip
@@ -425,4 +426,5 @@ def _asked(ask: Callable[[], T]) -> T:
     try:
         return ask()
     except duckdb.Error as error:
-        raise UserError(f"SQL: {' '.join(str(error).rpartition('UserError: ')[2].split())}") from error
+        said = str(error).partition("UserError: ")[2] or str(error)
+        raise UserError(f"SQL: {' '.join(said.split())}") from error

@@ -24,7 +24,7 @@ settings.load_profile("motionlake")
 LONGEST = ("test_readme", "test_lake_faults", "test_extending", "test_lake_cluster", "test_lake_updates",
            "test_synthesize", "test_command_line", "test_pictures", "test_searcher_protocol",
            "test_evaluate_synthesis", "test_synthesize_faults", "test_lake_versions", "test_submotion_search",
-           "test_packaging", "test_pesta_pictures", "test_glogen", "test_training")  # fmt: skip
+           "test_packaging", "test_hostile_lake", "test_pesta_pictures", "test_glogen", "test_training")  # fmt: skip
 # The processes of pytest-xdist keep all cores busy: threads of their own would only wait for one another.
 for name in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS"):
     os.environ.setdefault(name, "1")

@@ -14,10 +14,11 @@ from pathlib import Path
 
 import pytest
 from motionlake import cli
-from motionlake.cli.common import frame_or_seconds, notice, printable, tell
+from motionlake.cli.common import frame_or_seconds, notice, tell
 from motionlake.cli.evaluate import METRICS
 from motionlake.cli.main import COMMANDS, MODULES
 from motionlake.motion import rigs
+from motionlake.names import printable
 from motionlake.stages.registry import ALL, BY_NAME
 
 from tests.lakes import QUICK, Run, assert_same, finish, motionlake, query, quick_lake, tables
@@ -63,7 +64,8 @@ def imported_by(*words: str | Path) -> set[str]:
 def test_help_imports_no_command_and_no_library_but_typer() -> None:
     modules = imported_by("--help")
     assert {m for m in modules if m.startswith("motionlake")} == {
-        "motionlake", "motionlake.errors", "motionlake.cli", "motionlake.cli.main", "motionlake.cli.common",
+        "motionlake", "motionlake.errors", "motionlake.names", "motionlake.cli", "motionlake.cli.main",
+        "motionlake.cli.common",
     }  # fmt: skip
     assert not modules & {*HEAVY, *LIBRARIES, "numpy", "rich"}
 

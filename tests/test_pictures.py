@@ -51,7 +51,7 @@ from numpy.typing import NDArray
 
 from tests.lakes import Changed, motionlake, query
 
-NASTY = ["a", '<b>&"quoted"\'', "$\\frac$ 1_^", "動き🙂\tand\nlines", "long_" * 40, " "]
+NASTY = ["a", '<b>&"quoted"\'', "$\\frac$ 1_^", "動き🙂\tand\nlines", "long_" * 40, " ", "esc\x1b[2J\u202e\0"]
 LIMBS = {
     "spine": (0, 0.15, 0), "chest": (0, 0.2, 0), "neck": (0, 0.2, 0), "head": (0, 0.15, 0),
     "clavicle": (0.05, 0.15, 0), "shoulder": (0.12, 0, 0), "elbow": (0.28, 0, 0), "wrist": (0.25, 0, 0),

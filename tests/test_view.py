@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from motionlake.cli.look import safe_name
 from motionlake.lake.frames import read_clip
 from motionlake.lake.layout import open_lake
+from motionlake.names import safe_name
 from motionlake.pictures.bands import Segment
 from motionlake.pictures.clip_images import FPS, film_strip, gif_frames, motion_gif
 from motionlake.pictures.player import pack, player_page

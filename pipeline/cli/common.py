@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-import json
+import csv
 import re
 import sys
 import time
-import unicodedata
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 from motionlake.errors import UserError
+from motionlake.names import json_text, printable, typed
 
 if TYPE_CHECKING:
     from motionlake.jobs.session import Session
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from motionlake.retrieval.protocol import Query
     from rich.progress import Progress
 
+FORMULA: Final = ("=", "+", "-", "@", "\t", "\r")
 # Of every typer application.
 SETTINGS: Final[dict[str, Any]] = {
     "add_completion": False,
@@ -56,10 +57,12 @@ def positive(param: typer.CallbackParam, value: float | None) -> float | None:
     return value
 
 
+# How a name that is both is told apart, in every help.
+PATHS: Final = "where there are both, ./NAME means the file"
 LakeOption = Annotated[Path, option("--lake", "-l", envvar="MOTIONLAKE_LAKE", help="Folder of the lake.")]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON, for machines.")]
-ClipArgument = Annotated[str, argument("A clip of the lake, or a clip file.")]
-ClipsArgument = Annotated[list[str] | None, argument("Clips of the lake, or clip files.")]
+ClipArgument = Annotated[str, argument(f"A clip of the lake, or a clip file; {PATHS}.")]
+ClipsArgument = Annotated[list[str] | None, argument(f"Clips of the lake, or clip files; {PATHS}.")]
 DatasetOption = Annotated[
     str | None, option("--dataset", help="Only clips of this dataset (default: of all).", callback=dataset_name)
 ]
@@ -107,27 +110,45 @@ StopOption = Annotated[
 ]
 
 
+def named_source(con: Connection, name: str) -> str | Path:
+    """The clip of the lake, or the clip file, that a person names; a notice where it might have been the other."""
+    from motionlake.lake.resolve import clip_or_file, hidden_file
+
+    found = clip_or_file(con, name)
+    line = hidden_file(name, found)
+    if line is not None:
+        notice(line)
+    return found
+
+
 def named_query(
     con: Connection, lake: Lake, name: str, start: FrameOrSeconds | None = None, stop: FrameOrSeconds | None = None
 ) -> Query:
-    """The clip file, or the clip of the lake, that a person names, and its frames from `--from` to `--to`.
+    """The clip of the lake, or the clip file, that a person names, and its frames from `--from` to `--to`.
 
     Raises:
         UserError: no such clip and no such file, or several clips.
     """
-    from motionlake.lake.catalog import fetch
-    from motionlake.retrieval.protocol import query_of
+    return range_query(con, lake, named_source(con, name), start, stop)
 
-    query, fps = query_of(con, name), 0.0
+
+def range_query(
+    con: Connection, lake: Lake, source: str | Path, start: FrameOrSeconds | None, stop: FrameOrSeconds | None
+) -> Query:
+    """A clip, by its full name, or a clip file, and its frames from `--from` to `--to`."""
+    from motionlake.lake.catalog import fetch
+    from motionlake.retrieval.protocol import Query
+
+    fps = 0.0
     if any(edge is not None and edge.in_seconds for edge in (start, stop)):
-        if isinstance(query.source, Path):
+        if isinstance(source, Path):
             from motionlake.stages.frames import first_body
 
-            fps = first_body(lake, query.source)[0].fps
+            fps = first_body(lake, source)[0].fps
         else:
-            fps = fetch(con, "clip", {"clip": query.source})[0]["fps"]
+            fps = fetch(con, "clip", {"clip": source})[0]["fps"]
     first, last = (None if edge is None else edge.frame(fps) for edge in (start, stop))
-    return replace(query, start=first, stop=last)
+    return Query(source, first, last)
 
 
 def check_folder_of(file: Path) -> None:
@@ -136,12 +157,24 @@ def check_folder_of(file: Path) -> None:
         raise UserError(f"{file.parent}: no such folder")
 
 
-def printable(text: str) -> str:
-    """Text in which characters that a terminal would obey (escapes, line ends, turns of direction) are spelled out."""
-    return "".join(
-        c.encode("unicode_escape").decode() if unicodedata.category(c) in ("Cc", "Cf", "Cs", "Zl", "Zp") else c
-        for c in text
-    )
+def write_csv(file: Path, columns: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
+    """Rows as CSV: every cell as it is, since labels.csv and other programs read it back.
+
+    A notice tells of cells that a spreadsheet would run as formulas.
+
+    Raises:
+        UserError: the file cannot be written.
+    """
+    try:
+        with file.open("w", newline="", encoding="utf-8") as stream:
+            writer = csv.writer(stream)
+            writer.writerow(columns)
+            writer.writerows(rows)
+    except OSError as error:
+        raise UserError(f"{file}: cannot be written ({error.strerror})") from error
+    formulas = sum(isinstance(v, str) and v.startswith(FORMULA) for row in rows for v in row)
+    if formulas:
+        notice(f"{file}: {formulas} cells begin as a formula does; have a spreadsheet read them as text")
 
 
 def notice(line: str) -> None:
@@ -153,7 +186,7 @@ def tell(value: Any, shown: str | Sequence[Mapping[str, Any]] | None = None, *, 
     """The answer of a command: `value` as JSON for machines, else `shown` (default: `value`), a line or a table."""
     answer = value if shown is None else shown
     if as_json:
-        print(json.dumps(value, ensure_ascii=False, indent=2, default=str))
+        print(json_text(value))
     elif isinstance(answer, str):
         print(printable(answer))
     elif answer:
@@ -174,7 +207,10 @@ def _print_table(rows: Sequence[Mapping[str, Any]]) -> None:
     for row in rows:
         table.add_row(*(_cell(v) for v in row.values()))
     width = None if sys.stdout.isatty() else 200
-    Console(width=width, highlight=False, markup=False, emoji=False).print(table)
+    console = Console(width=width, highlight=False, markup=False, emoji=False)
+    with console.capture() as shown:
+        console.print(table)
+    print(shown.get(), end="")  # rich would end the program where nobody reads
 
 
 def _cell(value: Any) -> str:
@@ -250,8 +286,9 @@ def _record_run(job: Session) -> None:
             notice(f"{name}: {outcome.failed} shards failed: {outcome.reason}; --retry-failed tries again")
     totals = {k: sum(getattr(o, k) for o in job.outcomes.values()) for k in ("ok", "failed", "rejected")}
     if any(totals.values()):
+        words = typed(" ".join(sys.argv[1:]))
         with writing(job.lake) as con:
             run_sql(
                 con, "add_run",
-                {**totals, "command": " ".join(sys.argv[1:]), "started": job.started, "finished": datetime.now()},
+                {**totals, "command": words, "started": job.started, "finished": datetime.now()},
             )  # fmt: skip

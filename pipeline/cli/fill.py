@@ -27,6 +27,7 @@ from motionlake.lake.catalog import create_catalog, fetch, reading
 from motionlake.lake.config import load_config
 from motionlake.lake.layout import Lake, check_dataset, open_lake
 from motionlake.motion.rigs import load_rigs
+from motionlake.names import kept
 from motionlake.stages.reader import lake_reader
 from motionlake.stages.registry import ALL, BY_NAME, dry_run
 from motionlake.stages.removal import Removal, gone_sources, remove_dataset, remove_sources, sources_of
@@ -108,7 +109,7 @@ def ingest(
     tell(metrics, line + "".join(f", {count} {what}" for what, count in rest.items() if count), as_json=as_json)
     _notice_rejects(target, sorted({r.dataset for r in roots}))
     nothing_labelled = any(label.rows and label.unmatched == label.rows for label in report.labels)
-    if report.rejects or outcome.failed or nothing_labelled:
+    if not report.sound or outcome.failed or nothing_labelled:
         raise typer.Exit(1)
 
 
@@ -117,7 +118,7 @@ def _root(source: Path, dataset: str | None, options: IngestOptions) -> Root:
         raise UserError(f"{source}: no such file or folder")
     path = source.resolve()
     folder = path.parent if path.is_file() else path
-    return Root(check_dataset(dataset or folder.name), str(path), options)
+    return Root(check_dataset(dataset or kept(folder.name)), kept(path), options)
 
 
 def _check_clips(lake: Lake, roots: Sequence[Root]) -> None:
@@ -127,7 +128,7 @@ def _check_clips(lake: Lake, roots: Sequence[Root]) -> None:
         with reading(lake) as con:
             known = {(root.dataset, root.root) for root in known_roots(con)}
     for root in roots:
-        if (root.dataset, root.root) not in known and next(scan(Path(root.root), lake), None) is None:
+        if (root.dataset, root.root) not in known and next(scan(root.folder, lake), None) is None:
             suffixes = sorted({suffix for reader in readers() for suffix in reader.suffixes})
             raise UserError(f"{root.root}: no clip files; motionlake reads {', '.join(suffixes)}, and .gz of each")
 
@@ -187,7 +188,7 @@ def run(
         for name, o in job.outcomes.items()
     ]
     tell(rows, as_json=as_json)
-    if any(o.failed for o in job.outcomes.values()) or (report and report.rejects):
+    if any(o.failed for o in job.outcomes.values()) or (report and not report.sound):
         raise typer.Exit(1)
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
@@ -19,19 +18,20 @@ from motionlake.cli.common import (
     named_query,
     notice,
     option,
+    range_query,
     tell,
 )
 from motionlake.errors import UserError
-from motionlake.lake.catalog import Connection, reading
+from motionlake.lake.catalog import Connection, fetch, reading
 from motionlake.lake.layout import Lake, open_lake
 from motionlake.lake.resolve import resolve_clip
+from motionlake.names import file_name, safe_name, told_apart
 
 if TYPE_CHECKING:
     from motionlake.pictures.player_material import PlayerClip
     from motionlake.retrieval.protocol import Query
 
 SUFFIXES: Final = (".html", ".gif", ".png")
-LONGEST_NAME: Final = 100
 
 
 def view(
@@ -71,7 +71,7 @@ def view(
     with reading(target) as con:
         query = named_query(con, target, clip, start, stop)
         shown = [player_clip(con, target, query)]
-        path = out or Path(f"{safe_name(shown[0].name)}.html")
+        path = out or Path(f"{_page_name(con, query, shown[0].name)}.html")
         other = _beside(con, target, query, beside)
         if other is not None:
             shown.append(other)
@@ -137,19 +137,35 @@ def export(
     with reading(target) as con:
         name = resolve_clip(con, clip)
         source = (own_rig if rig == "own" else canonical_rig)(con, target, name)
-        query = named_query(con, target, name, start, stop)
+        query = range_query(con, target, name, start, stop)
     first, last = frame_range(name, query.start, query.stop, len(source.channels))
-    file = out or Path(Path(name.partition("#")[0]).name).with_suffix(".bvh")
+    file = out or Path(f"{_file_stem(name)}.bvh")
+    if out is None and file.exists():  # the recording itself, maybe, or that of another folder
+        raise UserError(f"{file}: is there already; say with --out which file to write")
     check_folder_of(file)
     write_bvh(source, file, first, last)
     found = {"clip": name, "file": str(file), "frames": last - first, "fps": source.fps}
     tell(found, f"{file}: {last - first} frames of {name}", as_json=as_json)
 
 
-def safe_name(clip: str) -> str:
-    """A clip's name as that of a file in any folder of any system: letters, digits and ._- without leading dots."""
-    name = re.sub(r"[^A-Za-z0-9._-]+", "-", clip).strip(".-")
-    return name[-LONGEST_NAME:].lstrip(".-") or "clip"
+def _page_name(con: Connection, query: Query, name: str) -> str:
+    """The name of a clip's page, which no other clip of the lake has."""
+    if query.clip is None:
+        return safe_name(name)
+    return told_apart((row["clip"] for row in fetch(con, "clip_names")), safe_name)[name]
+
+
+def _file_stem(clip: str) -> str:
+    """The name of a clip's file without its suffix, and which body of it is meant."""
+    from motionlake.formats import readers
+
+    path, mark, body = clip.rpartition("#")
+    if not mark or "." in body:  # the mark is of the file's own name
+        path, body = clip, ""
+    stem = path.rpartition("/")[2].removesuffix(".gz")
+    suffixes = (suffix for reader in readers() for suffix in reader.suffixes)
+    longest = max((s for s in suffixes if stem.lower().endswith(s)), key=len, default="")
+    return file_name(stem[: len(stem) - len(longest)] + (f"-{body}" if body else ""))
 
 
 def _check_no_folder(out: Path) -> None:

@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import importlib
 import os
+import select
 import sys
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from io import TextIOWrapper
-from typing import Annotated, Any, Final
+from typing import Annotated, Any, Final, NoReturn
 
 import typer
-from motionlake.cli.common import SETTINGS, notice, printable
+from motionlake.cli.common import SETTINGS, notice
 from motionlake.errors import UserError
+from motionlake.names import printable
 from typer.core import TyperGroup
 
 # What each command does, by what people come for. The first line of its own help is the same (a test compares them).
@@ -75,6 +79,10 @@ class InterruptError(Exception):
     """Ctrl-C, as an exception that typer does not turn into an exit without a word."""
 
 
+class UnreadError(Exception):
+    """Nobody reads what is printed, as an exception that typer does not turn into the status of rejected files."""
+
+
 class Commands(TyperGroup):
     """The commands, whose modules stay unread until they are called."""
 
@@ -98,11 +106,30 @@ class Commands(TyperGroup):
             with formatter.section(title):
                 formatter.write_dl(list(commands.items()))
 
+    def make_context(self, *words: Any, **settings: Any) -> Any:
+        with _untold_by_typer():
+            return super().make_context(*words, **settings)
+
     def invoke(self, ctx: Any) -> Any:
-        try:
+        with _untold_by_typer():
             return super().invoke(ctx)
-        except KeyboardInterrupt as error:
-            raise InterruptError from error
+
+
+@contextmanager
+def _untold_by_typer() -> Iterator[None]:
+    """Keep from typer what it would end the program for in its own way."""
+    try:
+        yield
+    except KeyboardInterrupt as error:
+        raise InterruptError from error
+    except BrokenPipeError as error:
+        if _unread():
+            raise UnreadError from error
+        raise
+    except Exception as error:
+        if hasattr(error, "format_message"):  # a mistake in the words of the command, which typer prints as they are
+            vars(error)["message"] = printable(str(vars(error)["message"]))
+        raise
 
 
 app = typer.Typer(
@@ -135,21 +162,75 @@ def options(
         os.environ["MOTIONLAKE_DEBUG"] = "1"
 
 
-def main() -> None:
-    """Run the command line; a mistake gets one line on stderr and exit status 2."""
-    os.environ.setdefault("POT_BACKEND_DISABLE_PYTORCH", "1")  # else POT takes a second to import torch for nothing
+@contextmanager
+def _streams() -> Iterator[None]:
+    """Standard streams that are there, whatever the command was started with, and an end when nobody reads them.
+
+    Exit status 141, as of other programs that lose their reader, and 2 where the output cannot be written.
+    """
+    for descriptor in range(3):
+        try:
+            os.fstat(descriptor)
+        except OSError:  # else the next file that is opened, a catalog maybe, would be what is printed to
+            os.open(os.devnull, os.O_RDWR)
+    sys.stdout = sys.stdout or open(1, "w", encoding="utf-8", closefd=False)  # noqa: SIM115 - of a descriptor
+    sys.stderr = sys.stderr or open(2, "w", encoding="utf-8", closefd=False)  # noqa: SIM115
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, TextIOWrapper):  # a name that the terminal's encoding lacks is spelled out
             stream.reconfigure(errors="backslashreplace")
     warnings.showwarning = lambda message, *_, **__: notice(str(message))
     try:
-        app(standalone_mode=True)
-    except UserError as error:
-        _fail(str(error), error)
-    except (KeyboardInterrupt, InterruptError) as error:
-        _fail("interrupted; the same command goes on where this one stopped", error)
-    except Exception as error:
-        _fail(f"{type(error).__name__}: {error} (--debug before the command shows where)", error)
+        yield
+    except (UnreadError, BrokenPipeError):  # the latter of what is said of a mistake
+        _end_unread()
+    finally:
+        try:
+            sys.stdout.flush()
+            sys.stderr.flush()
+        except OSError as error:
+            if _unread():
+                _end_unread()
+            _send_nowhere(1)
+            print(f"motionlake: the output cannot be written ({error.strerror or error})", file=sys.stderr)
+            raise SystemExit(2) from None
+
+
+def _unread() -> list[int]:
+    """Which of the standard streams nobody reads any more; a broken pipe may also be one of a worker."""
+    poll = select.poll()
+    poll.register(1, 0)
+    poll.register(2, 0)
+    return [descriptor for descriptor, event in poll.poll(0) if event & (select.POLLERR | select.POLLHUP)]
+
+
+def _end_unread() -> NoReturn:
+    for descriptor in _unread():
+        _send_nowhere(descriptor)
+    raise SystemExit(141) from None
+
+
+def _send_nowhere(descriptor: int) -> None:
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, descriptor)
+    os.close(nowhere)
+
+
+def main() -> None:
+    """Run the command line; a mistake gets one line on stderr and exit status 2."""
+    os.environ.setdefault("POT_BACKEND_DISABLE_PYTORCH", "1")  # else POT takes a second to import torch for nothing
+    with _streams():
+        try:
+            app(standalone_mode=True)
+        except UserError as error:
+            _fail(str(error), error)
+        except (KeyboardInterrupt, InterruptError) as error:
+            _fail("interrupted; the same command goes on where this one stopped", error)
+        except UnicodeEncodeError as error:
+            _fail(f"{error.object}: is not UTF-8; give a name that is", error)
+        except Exception as error:
+            if isinstance(error, UnreadError):
+                raise
+            _fail(f"{type(error).__name__}: {error} (--debug before the command shows where)", error)
 
 
 def _fail(message: str, error: BaseException) -> None:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import json
 import os
 import random
 from collections.abc import Callable, Sequence
@@ -21,17 +19,20 @@ from motionlake.cli.common import (
     argument,
     check_folder_of,
     dataset_name,
+    named_source,
     notice,
     option,
     positive,
     running,
     tell,
+    write_csv,
 )
 from motionlake.errors import UserError
 from motionlake.lake.catalog import Connection, fetch, reading
 from motionlake.lake.layout import Lake, open_lake
 from motionlake.lake.resolve import resolve_clip
 from motionlake.lake.settings import served_config
+from motionlake.names import file_name, json_text, told_apart
 
 if TYPE_CHECKING:
     from motionlake.jobs.session import Session
@@ -145,12 +146,9 @@ def _first_made(make: Callable[[str], Composition], clips: Sequence[str]) -> Com
 
 def _write_lineage(file: Path, rows: Sequence[dict[str, Any]]) -> None:
     if file.suffix == ".json":
-        file.write_text(json.dumps(rows, ensure_ascii=False, indent=2) + "\n", encoding="utf-8")
-        return
-    with file.open("w", newline="", encoding="utf-8") as stream:
-        writer = csv.DictWriter(stream, list(rows[0]))
-        writer.writeheader()
-        writer.writerows(rows)
+        file.write_text(json_text(rows) + "\n", encoding="utf-8")
+    else:
+        write_csv(file, list(rows[0]), [list(row.values()) for row in rows])
 
 
 def synthesize(
@@ -220,13 +218,10 @@ def synthesize(
 
 
 def _start(lake: Lake, name: str) -> tuple[str, bool]:
-    """A clip file, or the clip of the lake that a name means, and whether it is a file."""
-    from motionlake.formats import is_clip
-
-    if Path(name).is_file() and is_clip(Path(name)):
-        return str(Path(name).absolute()), True
+    """The clip of the lake, or the clip file, that a name means, and whether it is a file."""
     with reading(lake) as con:
-        return resolve_clip(con, name), False
+        found = named_source(con, name)
+    return (str(found.absolute()), True) if isinstance(found, Path) else (found, False)
 
 
 def _list_classes(lake: Lake, as_json: bool) -> None:
@@ -255,7 +250,10 @@ def _write_bvh(job: Session, clips: Sequence[str], folder: Path) -> int:
 
     job.progress("bvh", 0, len(clips))
     with reading(job.lake) as con:
+        dataset = clips[0].partition("/")[0] if clips else ""
+        own = [row["clip"] for row in fetch(con, "clip_names") if row["clip"].startswith(f"{dataset}/")]
+        names = told_apart(own, lambda name: file_name(name.partition("/")[2]))
         for done, clip in enumerate(clips, start=1):
-            write_bvh(own_rig(con, job.lake, clip), folder / f"{clip.partition('/')[2]}.bvh")
+            write_bvh(own_rig(con, job.lake, clip), folder / f"{names[clip]}.bvh")
             job.progress("bvh", done, len(clips))
     return len(clips)

@@ -28,6 +28,7 @@ from motionlake.cli.common import (
 from motionlake.errors import UserError
 from motionlake.lake.catalog import Connection, fetch, reading
 from motionlake.lake.layout import Lake, open_lake
+from motionlake.names import printable
 
 if TYPE_CHECKING:
     from motionlake.retrieval.protocol import Query
@@ -94,7 +95,7 @@ def search(
         return
     for name, rows in zip(names, answers, strict=True):
         if len(names) > 1:
-            print(f"\n{name}")
+            print(f"\n{printable(name)}")
         _tell_hits(rows, mirrored=mirrored, as_json=False)
 
 
@@ -289,7 +290,7 @@ def sql(
             rows = [dict(zip(names, row, strict=True)) for row in con.fetchall()]
     except duckdb.Error as error:
         # What a function of ours says of a mistake stands at the end of what DuckDB says.
-        raise UserError(f"SQL: {str(error).rpartition('UserError: ')[2]}") from error
+        raise UserError(f"SQL: {str(error).partition('UserError: ')[2] or error}") from error
     tell(rows, as_json=as_json)
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -22,11 +21,13 @@ from motionlake.cli.common import (
     notice,
     option,
     tell,
+    write_csv,
 )
 from motionlake.errors import UserError
 from motionlake.lake.catalog import reading
 from motionlake.lake.layout import check_dataset, open_lake
 from motionlake.lake.resolve import resolve_clip
+from motionlake.names import typed
 
 if TYPE_CHECKING:
     from motionlake.deep_motifs.classification import Method
@@ -149,13 +150,9 @@ def cluster(
 def _write_labels(file: Path, found: Sequence[ClassifiedClip], signed: Sequence[SignedClip], column: str) -> None:
     """Rows as labels.csv has them: paths as they stand below the folder that was ingested."""
     known = {clip.clip: clip for clip in signed}
-    try:
-        with file.open("w", newline="", encoding="utf-8") as handle:
-            writer = csv.writer(handle)
-            writer.writerow(["file", column, "confidence", "dataset"])
-            for each in found:
-                clip = known.get(each.clip)
-                path, dataset = (clip.path, clip.dataset) if clip else (each.clip, "")
-                writer.writerow([path, each.label, f"{each.confidence:.4g}", dataset])
-    except OSError as error:
-        raise UserError(f"{file}: cannot be written ({error.strerror})") from error
+    rows = []
+    for each in found:
+        clip = known.get(each.clip)
+        path, dataset = (clip.path, clip.dataset) if clip else (typed(each.clip), "")
+        rows.append([path, each.label, f"{each.confidence:.4g}", dataset])
+    write_csv(file, ["file", column, "confidence", "dataset"], rows)

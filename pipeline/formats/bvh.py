@@ -149,7 +149,7 @@ def _read_tree(tokens: _Tokens) -> _Tree:
     return tree
 
 
-def _unique(names: list[str]) -> Iterator[str]:
+def unique(names: list[str]) -> Iterator[str]:
     """The names, every repetition with a number that makes it another name ("Hand", "Hand.2")."""
     taken = set(names)
     repeats: dict[str, Iterator[int]] = {}
@@ -231,7 +231,7 @@ class BvhReader:
         columns = sum(map(len, tree.channels))
         if not columns:
             raise ClipError("no joint has a channel")
-        names = tuple(_unique(tree.joints))
+        names = tuple(unique(tree.joints))
         renamed = [new for old, new in zip(tree.joints, names, strict=True) if old != new]
         hierarchy = Hierarchy(
             joints=names,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import uuid
 from collections.abc import Iterator
 from dataclasses import replace
@@ -11,9 +12,11 @@ from typing import Final, TextIO
 
 import numpy as np
 from motionlake.arrays import Float64Array
+from motionlake.formats.bvh import unique
 from motionlake.motion.clip import POSITION_CHANNELS, ChannelKind, Hierarchy, SourceClip, depth_first
 from motionlake.motion.kinematics import channel_starts, solve
 from motionlake.motion.rotations import IDENTITY, to_euler
+from motionlake.names import printable
 
 _ORDER: Final = "ZYX"
 _ROTATIONS: Final = tuple(f"{axis}rotation" for axis in _ORDER)
@@ -125,9 +128,18 @@ def _numbers(values: Float64Array | tuple[float, ...]) -> str:
     return " ".join(map(repr, np.asarray(values, float).tolist()))
 
 
+def joint_names(hierarchy: Hierarchy) -> list[str]:
+    """Names of joints as a line of BVH can hold them: words apart by single blanks, no braces, no controls.
+
+    A name that BVH cannot hold is spelled with "_"; joints that would then be called alike get numbers.
+    """
+    fit = [" ".join(re.sub(r"[{}]", "_", printable(name)).split()) or "_" for name in hierarchy.joints]
+    return list(unique(fit))
+
+
 def _lines(hierarchy: Hierarchy, channels: Float64Array, fps: float) -> Iterator[str]:
     yield "HIERARCHY\n"
-    yield from _tree_lines(hierarchy)
+    yield from _tree_lines(replace(hierarchy, joints=tuple(joint_names(hierarchy))))
     yield f"MOTION\nFrames: {len(channels)}\nFrame Time: {1 / fps!r}\n"
     for row in channels:
         yield _numbers(row) + "\n"

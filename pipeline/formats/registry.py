@@ -196,6 +196,14 @@ def read_clips(path: Path, fps: float | None = None) -> list[SourceClip]:
     return clips
 
 
+def _is_text(name: str) -> bool:
+    try:
+        name.encode()
+    except UnicodeEncodeError:
+        return False
+    return True
+
+
 def check_clip(clip: SourceClip) -> None:
     """Raise `ClipError` unless shapes agree, parents precede children and all numbers are finite."""
     hierarchy, channels = clip.hierarchy, clip.channels
@@ -204,6 +212,8 @@ def check_clip(clip: SourceClip) -> None:
         raise ClipError("has no joints")
     if len(set(hierarchy.joints)) != joints:
         raise ClipError("has two joints of one name")
+    if any("\0" in name or not _is_text(name) for name in hierarchy.joints):
+        raise ClipError("has a joint whose name is no text")
     tree = len(hierarchy.parents) == len(hierarchy.channels) == joints and hierarchy.parents[0] == -1
     if not tree or any(not 0 <= parent < joint for joint, parent in enumerate(hierarchy.parents) if joint):
         raise ClipError("its joints form no tree of which joint 0 is the root")

@@ -109,6 +109,8 @@ def load_config(path: Path) -> LakeConfig:
         return LakeConfig()
     try:
         tables = tomllib.loads(path.read_text(encoding="utf-8"))
+    except UnicodeDecodeError as error:
+        raise UserError(f"{path}: is not UTF-8 ({error.reason} at byte {error.start}); save it as UTF-8") from error
     except tomllib.TOMLDecodeError as error:
         raise UserError(f"{path}: not valid TOML: {error}") from error
     config = LakeConfig()

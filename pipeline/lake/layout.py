@@ -9,6 +9,8 @@ from pathlib import Path
 from motionlake.errors import UserError
 
 _DATASET = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}")
+# What a path of DuckDB, or a list of such, means otherwise than a folder's name does.
+_MISREAD = re.compile("[,?{}\\\\\udc80-\udcff]")
 
 
 @dataclass(frozen=True)
@@ -21,6 +23,12 @@ class Lake:
     """
 
     root: Path
+
+    def __post_init__(self) -> None:
+        misread = _MISREAD.search(str(self.root))
+        if misread is not None:
+            what = "bytes that are no UTF-8" if "\udc80" <= misread[0] <= "\udcff" else f"the character {misread[0]}"
+            raise UserError(f"{self.root}: the path of a lake cannot hold {what}, which DuckDB misreads; rename it")
 
     @property
     def catalog(self) -> Path:

@@ -27,7 +27,8 @@ def sync_folder(folder: Path) -> None:
 def replacing(path: Path) -> Iterator[Path]:
     """A temporary path beside `path` that takes its place, synced, when the block ends well."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f".{path.name}.{uuid.uuid4().hex[:12]}.tmp")
+    name = os.fsdecode(os.fsencode(path.name)[:200])  # a name may be as long as names can be
+    temporary = path.with_name(f".{name}.{uuid.uuid4().hex[:12]}.tmp")
     try:
         yield temporary
         with temporary.open("rb") as handle:

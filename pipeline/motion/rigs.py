@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from enum import StrEnum
 from importlib import resources
+from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Any, Final
 
@@ -91,8 +92,15 @@ def load_rigs(folder: Path | None = None) -> dict[str, RigMap]:
     files = [(file.name, file) for file in shipped if file.name.endswith(".toml")]
     if folder is not None:
         files += [(str(file), file) for file in sorted(folder.glob("*.toml"))]
-    rigs = [parse_rig(file.read_text(encoding="utf-8"), origin) for origin, file in files]
+    rigs = [parse_rig(_text(file, origin), origin) for origin, file in files]
     return {rig.name: rig for rig in rigs}
+
+
+def _text(file: Traversable, origin: str) -> str:
+    try:
+        return file.read_text(encoding="utf-8")
+    except UnicodeDecodeError as error:
+        raise UserError(f"rig map {origin}: is not UTF-8 ({error.reason}); save it as UTF-8") from error
 
 
 def parse_rig(text: str, origin: str) -> RigMap:

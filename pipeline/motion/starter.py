@@ -10,6 +10,7 @@ from typing import Final
 import numpy as np
 from motionlake.motion.clip import ChannelKind, Hierarchy
 from motionlake.motion.skeleton import JOINTS, chained
+from motionlake.names import toml_text
 
 # In each limb the joints from the body outwards, with what their names contain.
 _LEG: Final = (
@@ -57,13 +58,13 @@ def starter_map(hierarchy: Hierarchy) -> str:
         f"rest = {json.dumps(rest)}",
         "",
         "[joints]",
-        *(f"{c} = {json.dumps(hierarchy.joints[guesses[c]])}" for c in JOINTS if c in guesses),
+        *(f"{c} = {toml_text(hierarchy.joints[guesses[c]])}" for c in JOINTS if c in guesses),
         "",
         "[filled]",
         *(f"{c} = {_fill(c, guesses, hierarchy)}" for c in JOINTS if c not in guesses),
         "",
         "[known]",
-        f"others = {json.dumps(others)}",
+        f"others = [{', '.join(map(toml_text, others))}]",
     ]
     return "\n".join(lines) + "\n"
 
@@ -154,7 +155,7 @@ def _fill(canonical: str, guesses: dict[str, int], hierarchy: Hierarchy) -> str:
     if canonical == "chest" and {"spine", "neck"} <= guesses.keys():
         return '{ between = ["spine", "neck"], at = 0.5 }'
     if before in guesses and guesses[before] in ends:
-        return f"{{ end_site = {json.dumps(hierarchy.joints[guesses[before]])} }}"
+        return f"{{ end_site = {toml_text(hierarchy.joints[guesses[before]])} }}"
     x, y, z = _OFFSETS[part]
     return f"{{ offset = [{-x if side == 'right' else x}, {y}, {z}] }}"
 

@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from motionlake.arrays import FloatArray
 from motionlake.lake.catalog import Connection, fetch
 from motionlake.lake.layout import Lake
+from motionlake.names import kept
 from motionlake.pictures.stick_figures import PoseReader, draw_strip, spread
 from motionlake.pictures.style import FAINT, INK, TOP, Sheet, styled
 from motionlake.stages.frames import first_body
@@ -79,7 +80,7 @@ def hits_page(
     strips = [_hit_strip(poses, hit, facts[str(hit["clip"])], measure) for hit in shown]
     if isinstance(query, Path):
         body, motion = first_body(lake, query)
-        name, label, fps, positions = query.name, None, body.fps, motion.positions.astype(np.float32)
+        name, label, fps, positions = kept(query.name), None, body.fps, motion.positions.astype(np.float32)
     else:
         known = fetch(con, "clip", {"clip": query})[0]
         name, label, fps, positions = query, known["label"], known["fps"], poses.positions(query)

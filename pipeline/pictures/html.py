@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import base64
-import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from html import escape
 from pathlib import Path
 from typing import Any, Final
 
 from matplotlib.figure import Figure
 from motionlake.errors import UserError
 from motionlake.lake.parts import replacing
+from motionlake.names import html, safe_name
 from motionlake.pictures.style import png
 
 PIXELS_AN_INCH: Final = 100
@@ -51,8 +50,7 @@ class Picture:
 
 def picture(name: str, title: str, caption: str, figure: Figure) -> Picture:
     """A figure as a picture, shown at 100 pixels an inch; its name is made fit for files and links."""
-    name = re.sub(r"[^A-Za-z0-9_.-]+", "-", name)
-    return Picture(name, title, caption, png(figure), round(figure.get_figwidth() * PIXELS_AN_INCH))
+    return Picture(safe_name(name), title, caption, png(figure), round(figure.get_figwidth() * PIXELS_AN_INCH))
 
 
 def document(title: str, style: str, body: Iterable[str], head: str = "") -> str:
@@ -60,7 +58,7 @@ def document(title: str, style: str, body: Iterable[str], head: str = "") -> str
     lines = [
         f'<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">{head}',
         '<meta name="viewport" content="width=device-width, initial-scale=1">',
-        f"<title>{escape(title)}</title><style>{style}</style></head><body>",
+        f"<title>{html(title)}</title><style>{style}</style></head><body>",
         *body,
         "</body></html>\n",
     ]
@@ -72,13 +70,13 @@ def page(
     chapters: Mapping[str, Sequence[Picture]],
 ) -> str:  # fmt: skip
     """The page: a title, lines and tables that sum up, then pictures by the titles of their chapters."""
-    body = [f"<h1>{escape(title)}</h1>", *(f"<p>{escape(line)}</p>" for line in lead)]
+    body = [f"<h1>{html(title)}</h1>", *(f"<p>{html(line)}</p>" for line in lead)]
     body += [_table(rows) for rows in tables if rows]
     if len(chapters) > 1:
-        links = "".join(f'<a href="#c{i}">{escape(name)}</a> ' for i, name in enumerate(chapters))
+        links = "".join(f'<a href="#c{i}">{html(name)}</a> ' for i, name in enumerate(chapters))
         body.append(f"<nav>{links}</nav>")
     for i, (name, pictures) in enumerate(chapters.items()):
-        body.append(f'<h2 id="c{i}">{escape(name)}</h2>')
+        body.append(f'<h2 id="c{i}">{html(name)}</h2>')
         body += map(_figure, pictures)
     return document(title, _CSS, body)
 
@@ -89,7 +87,7 @@ def _table(rows: Sequence[Mapping[str, Any]]) -> str:
     def cell(tag: str, name: str, value: object) -> str:
         text = f"{value:,.1f}" if isinstance(value, float) else f"{value:,}" if isinstance(value, int) else value
         kind = ' class="number"' if name in numeric else ""
-        return f"<{tag}{kind}>{escape('' if text is None else str(text))}</{tag}>"
+        return f"<{tag}{kind}>{html('' if text is None else text)}</{tag}>"
 
     lines = ["".join(cell("th", name, name) for name in rows[0])]
     lines += ["".join(cell("td", name, value) for name, value in row.items()) for row in rows]
@@ -99,8 +97,8 @@ def _table(rows: Sequence[Mapping[str, Any]]) -> str:
 def _figure(picture: Picture) -> str:
     data = base64.b64encode(picture.png).decode()
     return (
-        f'<figure id="{escape(picture.name)}"><img alt="{escape(picture.title)}" width="{picture.width}" '
-        f'src="data:image/png;base64,{data}"><figcaption>{escape(picture.caption)}</figcaption></figure>'
+        f'<figure id="{html(picture.name)}"><img alt="{html(picture.title)}" width="{picture.width}" '
+        f'src="data:image/png;base64,{data}"><figcaption>{html(picture.caption)}</figcaption></figure>'
     )
 
 

@@ -198,7 +198,7 @@
     const own = pane.clip.first + frame * pane.clip.step;
     const time = frame / pane.clip.fps;
     const spans = pane.clip.bands.flatMap((band) => band.spans);
-    const labels = spans.filter((s) => s.start <= time + 1e-6 && time + 1e-6 < s.stop).map((s) => s.label);
+    const labels = spans.filter((s) => s.start <= time + 1e-6 && time + 1e-6 < s.stop).map((s) => s.shown);
     const over = !stretched() && seconds() >= pane.seconds ? ["ended"] : [];
     pane.now.textContent = [...over, `frame ${own}`, `${time.toFixed(2)} s`, ...new Set(labels)].join(" · ");
     return own;
@@ -340,8 +340,8 @@
     list.style.height = `${BAND * lanes}px`;
     for (const span of spans) {
       const item = document.createElement("li");
-      item.textContent = span.label;
-      item.title = `${span.label}, ${span.start.toFixed(2)} to ${span.stop.toFixed(2)} s`;
+      item.textContent = span.shown;
+      item.title = `${span.shown}, ${span.start.toFixed(2)} to ${span.stop.toFixed(2)} s`;
       Object.assign(item.style, { top: `${BAND * span.lane}px`, background: span.colour, color: span.ink });
       item.addEventListener("click", () => seek(Math.ceil(span.start * pane.pace() * first.clip.fps - 1e-6)));
       list.append(item);

@@ -6,13 +6,13 @@ import base64
 import hashlib
 import json
 from collections.abc import Iterable, Sequence
-from html import escape
 from importlib import resources
 from typing import Any, Final
 
 import numpy as np
 from motionlake.arrays import FloatArray
 from motionlake.motion.skeleton import INDEX, JOINTS, PARENTS
+from motionlake.names import html, printable
 from motionlake.pictures.bands import Segment, in_few_lanes, lane_count, lanes_of
 from motionlake.pictures.html import document
 from motionlake.pictures.player_material import MOST_SECONDS, PlayerClip, styles_of
@@ -48,8 +48,8 @@ def player_page(clips: Sequence[PlayerClip]) -> str:
     style, script = f":root {{ {tokens} }}\n{_asset('player.css')}", _asset("player.js")
     policy = f"default-src 'none'; script-src {_hash(script)}; style-src {_hash(style)}; img-src data:"
     body = [
-        f"<h1>{escape(clips[0].name.rpartition('/')[2])}</h1>",
-        *(f'<p class="note">{escape(_cut(clip))}</p>' for clip in clips if clip.duration > MOST_SECONDS),
+        f"<h1>{html(clips[0].name.rpartition('/')[2])}</h1>",
+        *(f'<p class="note">{html(_cut(clip))}</p>' for clip in clips if clip.duration > MOST_SECONDS),
         f'<main><div class="panes">{"".join(map(_pane, clips))}</div>',
         _controls(two=len(clips) == 2),
         _timeline(clips),
@@ -71,7 +71,7 @@ def _hash(text: str) -> str:
 def _json(value: Any) -> str:
     """JSON that no text can close the script element of, or open a comment in."""
     text = json.dumps(value, separators=(",", ":"))
-    return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
+    return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026").replace("\x7f", "\\u007f")
 
 
 def _cut(clip: PlayerClip) -> str:
@@ -81,10 +81,10 @@ def _cut(clip: PlayerClip) -> str:
 
 
 def _pane(clip: PlayerClip) -> str:
-    facts = _terms((escape(name), escape(value)) for name, value in clip.facts)
+    facts = _terms((html(name), html(value)) for name, value in clip.facts)
     return (
-        f'<figure><canvas tabindex="0" role="img" aria-label="Stick figure of {escape(clip.name)}; drag or arrow keys '
-        f'turn it"></canvas><figcaption><h2>{escape(clip.name)}</h2>{facts}<div class="now"></div>'
+        f'<figure><canvas tabindex="0" role="img" aria-label="Stick figure of {html(clip.name)}; drag or arrow keys '
+        f'turn it"></canvas><figcaption><h2>{html(clip.name)}</h2>{facts}<div class="now"></div>'
         "</figcaption></figure>"
     )
 
@@ -109,12 +109,12 @@ def _timeline(clips: Sequence[PlayerClip]) -> str:
     bands = []
     for i, clip in enumerate(clips):
         for j, (name, spans) in enumerate(clip.bands):
-            of = f" of {escape(clip.name)}"
+            of = f" of {html(clip.name)}"
             missing = len(spans) - len(in_few_lanes(spans))
             left_out = f" ({missing} overlapping ones are left out)" if missing else ""
             bands.append(
-                f"<h3>{escape(name)}{of if len(clips) > 1 else ''}{left_out}</h3>"
-                f'<ul data-pane="{i}" data-band="{j}" aria-label="{escape(name)}{of}"></ul>'
+                f"<h3>{html(name)}{of if len(clips) > 1 else ''}{left_out}</h3>"
+                f'<ul data-pane="{i}" data-band="{j}" aria-label="{html(name)}{of}"></ul>'
             )
     shown = f'<div class="bands"><div id="needle"></div>{"".join(bands)}</div>' if bands else ""
     return (
@@ -167,6 +167,7 @@ def _band(spans: Sequence[Segment], seconds: float, styles: dict[str, ClassStyle
         "spans": [
             {
                 "label": span.label,
+                "shown": printable(span.label),
                 "start": round(span.start, 4),
                 "stop": round(min(span.stop, seconds), 4),
                 "lane": lane,

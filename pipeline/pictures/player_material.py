@@ -15,6 +15,7 @@ from motionlake.lake.catalog import Connection, fetch
 from motionlake.lake.frames import frame_range
 from motionlake.lake.layout import Lake
 from motionlake.motion.skeleton import facing
+from motionlake.names import kept
 from motionlake.pictures.bands import Segment
 from motionlake.pictures.stick_figures import PoseReader, body_height
 from motionlake.pictures.style import ClassStyle, class_styles
@@ -104,7 +105,7 @@ def player_clip(con: Connection, lake: Lake, query: Query, nearest: tuple[str, H
     """
     if isinstance(query.source, Path):
         body, motion = first_body(lake, query.source)
-        positions, fps, name = motion.positions.astype(np.float32), body.fps, query.source.name
+        positions, fps, name = motion.positions.astype(np.float32), body.fps, kept(query.source.name)
         facts, name_of_band, stretches = [("file", query.source.suffix.lstrip("."))], "", []
     else:
         name = query.source

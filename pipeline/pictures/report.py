@@ -10,6 +10,7 @@ from typing import Any, Final
 
 from motionlake.lake.catalog import Connection, fetch
 from motionlake.lake.layout import Lake
+from motionlake.names import folded
 from motionlake.pictures import clip_sections, sequence_sections
 from motionlake.pictures.html import Picture, page
 from motionlake.pictures.material import Material, View, dataset_view, lake_view, read_material
@@ -62,8 +63,12 @@ def make_report(
 
 def _named_apart(picture: Picture, seen: Counter[str]) -> Picture:
     """No two pictures of one name: clips of several folders may be called alike."""
-    seen[picture.name] += 1
-    return replace(picture, name=f"{picture.name}-{seen[picture.name]}") if seen[picture.name] > 1 else picture
+    name = picture.name
+    while folded(name) in seen:
+        seen[folded(picture.name)] += 1
+        name = f"{picture.name}-{seen[folded(picture.name)]}"
+    seen[folded(name)] += 1
+    return replace(picture, name=name)
 
 
 def _of_lake(lake: Lake, material: Material, view: View, datasets: int) -> list[Picture | None]:

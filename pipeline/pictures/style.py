@@ -21,6 +21,7 @@ from matplotlib.font_manager import FontProperties, findfont, get_font
 from matplotlib.patches import Rectangle
 from matplotlib.ticker import MaxNLocator
 from motionlake.arrays import Float64Array, FloatArray, IntArray
+from motionlake.names import printable
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -170,9 +171,9 @@ def _glyphs() -> frozenset[int]:
 
 
 def plain(text: str) -> str:
-    """A text that draws without warnings: one line, no character that the font lacks."""
+    """A text that draws without warnings: one line, controls spelled out, no character that the font lacks."""
     glyphs = _glyphs()
-    return "".join(c if c.isprintable() and ord(c) in glyphs else "�" for c in " ".join(text.split()))
+    return "".join(c if c.isprintable() and ord(c) in glyphs else "�" for c in " ".join(printable(text).split()))
 
 
 @cache

@@ -47,8 +47,10 @@ class LakeClassifier:
             column: what their label is.
 
         Raises:
-            UserError: no labelled clips, or no such column.
+            UserError: no labelled clips, no such column, or fewer than one neighbour.
         """
+        if k < 1:
+            raise UserError(f"k is {k}: at least 1 clip must vote")
         self._lake, self._method, self._k = lake, method, k
         with reading(lake) as con:
             self.ground = lake_ground(con)

@@ -14,7 +14,7 @@ from motionlake.arrays import Float64Array, Int64Array
 from motionlake.errors import UserError
 from motionlake.lake.catalog import Connection, reading
 from motionlake.lake.layout import Lake
-from motionlake.lake.resolve import resolve_clip
+from motionlake.lake.resolve import clip_or_file, resolve_clip
 
 if TYPE_CHECKING:
     from motionlake.deep_motifs.signatures import CorpusClip
@@ -268,15 +268,12 @@ def about(name: str) -> Iterator[None]:
 
 
 def query_of(con: Connection, name: str, start: int | None = None, stop: int | None = None) -> Query:
-    """What a person means: a clip file, or a clip of the lake by its full name or an unambiguous end of it.
+    """What a person means: a clip of the lake by its full name or an unambiguous end of it, or a clip file.
 
     Raises:
-        UserError: neither a clip file nor a clip, or several clips.
+        UserError: as `clip_or_file`.
     """
-    from motionlake.formats import is_clip
-
-    path = Path(name)
-    return Query(path if path.is_file() and is_clip(path) else resolve_clip(con, name), start, stop)
+    return Query(clip_or_file(con, name), start, stop)
 
 
 def not_ready(lake: Lake, clip: str, what: str) -> UserError:

@@ -17,6 +17,7 @@ from motionlake.lake.config import FramesConfig, config_hash
 from motionlake.lake.layout import Lake
 from motionlake.motion.clip import SourceClip
 from motionlake.motion.rigs import RigMap, identify, load_rigs
+from motionlake.names import on_disk, typed
 from motionlake.stages.clip_parts import BODY_ROWS, CLIP_ROWS, ClipParts, ClipStage
 from motionlake.stages.reader import LakeReader
 from motionlake.stages.sources import (
@@ -74,14 +75,14 @@ class FramesStage(ClipStage):
             parts.rows["sources"].append({**source, **file})
             content = {"path": file["path"], "content_hash": file["content_hash"]}
             try:
-                made = list(canonical_motions(Path(spec["base"]) / file["path"], rigs, options))
+                made = list(canonical_motions(Path(on_disk(spec["base"])) / on_disk(file["path"]), rigs, options))
             except UserError:
                 raise
             except Exception as error:  # one clip's surprise must not cost a repository its run
                 reason, line = f"could not be processed ({type(error).__name__}: {error})", None
                 if isinstance(error, ClipError):
                     reason, line = error.reason, error.line
-                reject = {"dataset": shard.dataset, "line": line, "reason": reason, **content}
+                reject = {"dataset": shard.dataset, "line": line, "reason": typed(reason), **content}
                 parts.rows["rejects"].append(reject)
                 continue
             reader = reader_for(Path(file["path"]))
@@ -129,7 +130,7 @@ def intake_of(
     rest = {(f.path, f.content_hash): f for f in difference.changed}
     for row in fetch(at.con, "unfinished_shards", {"dataset": root.dataset}):
         spec = json.loads(row["spec"])
-        if spec["base"] != str(root.base):
+        if spec["base"] != root.kept_base:
             continue
         wanted = [(f["path"], f["content_hash"]) for f in spec["files"]]
         if spec["shaping_hash"] != shaping or not all(w in rest for w in wanted):
@@ -168,7 +169,7 @@ def shard_of(root: Root, files: Sequence[SourceFile], config: FramesConfig, shap
     """The shard that reads some files of a root, by path; its name follows from them and what shapes their frames."""
     key = config_hash(FRAMES.name, root.dataset, shaping_hash, [[f.path, f.content_hash] for f in files])
     spec = {
-        "base": str(root.base),
+        "base": root.kept_base,
         "files": [asdict(f) for f in files],
         "options": asdict(root.options),
         "config": asdict(config),

@@ -8,10 +8,11 @@ import pyarrow as pa
 from motionlake.lake.catalog import Connection, fetch, load_rows, reading, run_sql, table_of, writing
 from motionlake.lake.config import LakeConfig
 from motionlake.lake.layout import Lake
+from motionlake.motion.rigs import load_rigs
 from motionlake.stages.frames import FRAMES, SOURCE_ROWS, Intake, intake_of
-from motionlake.stages.labels import LabelReport, apply_labels, labels_hash
+from motionlake.stages.labels import LabelError, LabelReport, apply_labels, labels_hash
 from motionlake.stages.reader import lake_reader
-from motionlake.stages.sources import Hashing, Root, known_roots, options_json
+from motionlake.stages.sources import Hashing, Root, check_apart, known_roots, options_json
 
 KEY_ROWS = pa.schema({"stage": pa.string(), "key": pa.string()})
 
@@ -31,11 +32,14 @@ def prepare(
         What each comes to, and lines for people.
 
     Raises:
-        UserError: a label file is not there, or a folder holds paths that are another's.
+        UserError: a label file is not there, a rig map is none, or a folder holds paths that are another's.
     """
     with lake_reader(lake, config) as at:
         known = known_roots(at.con)
         roots = known if roots is None else roots
+        if any(lake.rigs.glob("*.toml")):
+            load_rigs(lake.rigs)  # a mistake in one is told of before anything is read
+        check_apart(at.con, [root.dataset for root in roots])
         for root in roots:
             labels_hash(root)  # first of all: a label file that is not there is a mistake
         found = [intake_of(at, root, checksum=checksum, retry_failed=retry_failed, progress=progress) for root in roots]
@@ -55,7 +59,7 @@ def prepare(
 
 def _record(lake: Lake, fresh: Sequence[Root], found: Sequence[Intake]) -> None:
     touched = [
-        {"dataset": i.root.dataset, "path": f.path, "root": str(i.root.base), "size": f.size, "mtime_ns": f.mtime_ns}
+        {"dataset": i.root.dataset, "path": f.path, "root": i.root.kept_base, "size": f.size, "mtime_ns": f.mtime_ns}
         for i in found
         for f in i.difference.touched
     ]
@@ -70,7 +74,10 @@ def _record(lake: Lake, fresh: Sequence[Root], found: Sequence[Intake]) -> None:
 
 
 def finish(lake: Lake, found: Sequence[Intake]) -> tuple[list[LabelReport], int]:
-    """Enter labels and segments once the files are read; returns what was said, and how many files stand rejected."""
+    """Enter labels and segments once the files are read; returns what was said, and how many files stand rejected.
+
+    A label file that cannot be read changes nothing, and is told of.
+    """
     labels: list[LabelReport] = []
     with reading(lake) as con:
         before = {(r["dataset"], r["root"]): r["labels_hash"] for r in fetch(con, "roots")}
@@ -78,10 +85,13 @@ def finish(lake: Lake, found: Sequence[Intake]) -> tuple[list[LabelReport], int]
     for root in (one.root for one in found):
         said = labels_hash(root)
         if changed or before.get((root.dataset, root.root)) != said:
-            with writing(lake) as con:
-                labels += apply_labels(con, root)
-                _save_root(con, root, said)
-    roots = [{"dataset": one.root.dataset, "root": str(one.root.base)} for one in found]
+            try:
+                with writing(lake) as con:
+                    labels += apply_labels(con, root)
+                    _save_root(con, root, said)
+            except LabelError as error:
+                labels.append(LabelReport("", 0, 0, fault=str(error)))
+    roots = [{"dataset": one.root.dataset, "root": one.root.kept_base} for one in found]
     with reading(lake) as con:
         rejects = sum(row["rejects"] for root in roots for row in fetch(con, "count_rejects", root))
     return labels, rejects

@@ -13,6 +13,7 @@ import pyarrow as pa
 from motionlake.errors import UserError
 from motionlake.lake.catalog import Connection, fetch, load_rows, table_of
 from motionlake.lake.config import config_hash
+from motionlake.names import kept, on_disk
 from motionlake.stages.sources import Root
 
 _S = pa.string()
@@ -21,6 +22,11 @@ LABEL_ROWS = pa.schema(
 )
 SEGMENT_ROWS = pa.schema({"path": _S, "start": pa.int64(), "stop": pa.int64(), "label": _S})
 _OWN = ("label", "subject", "split", "licence")
+MOST_FRAMES = 2**62
+
+
+class LabelError(UserError):
+    """A label file that cannot be read; the labels of its folder stay as they were."""
 
 
 @dataclass(frozen=True)
@@ -30,6 +36,7 @@ class LabelReport:
     Attributes:
         first: path that its first row names, as it stands there.
         example: a path that would match; "" where the root holds no file.
+        fault: why the file was not taken; "" where it was.
     """
 
     file: str
@@ -37,17 +44,18 @@ class LabelReport:
     unmatched: int
     first: str = ""
     example: str = ""
+    fault: str = ""
 
 
 def apply_labels(con: Connection, root: Root) -> list[LabelReport]:
     """Enter the labels and segments of one root.
 
     Raises:
-        UserError: a label file named by the user is missing, or a file lacks a column or holds no number
-            where one must stand.
+        LabelError: a file cannot be read, lacks a column, or holds no number where one must stand.
+        UserError: a label file named by the user is missing.
     """
     reports = []
-    parameters = {"dataset": root.dataset, "root": str(root.base), "licence": root.options.licence}
+    parameters = {"dataset": root.dataset, "root": root.kept_base, "licence": root.options.licence}
     kinds = (("load_labels", LABEL_ROWS, _label_rows), ("load_segments", SEGMENT_ROWS, _segment_rows))
     for file, (statement, schema, read) in zip(_files(root), kinds, strict=True):
         rows = read(root, file) if file else []
@@ -69,7 +77,7 @@ def _files(root: Root) -> list[Path | None]:
     for named, usual in ((root.options.labels, "labels.csv"), (root.options.segments, "segments.csv")):
         if named and not Path(named).is_file():
             raise UserError(f"{named}: no such file")
-        lies_there = Path(root.root).is_dir() and (root.base / usual).is_file()
+        lies_there = root.folder.is_dir() and (root.base / usual).is_file()
         found.append(Path(named) if named else root.base / usual if lies_there else None)
     return found
 
@@ -80,17 +88,31 @@ def _rows(file: Path, needed: set[str]) -> Iterator[tuple[int, dict[str, str]]]:
             reader = csv.DictReader(handle)
             missing = needed - set(reader.fieldnames or ())
             if missing:
-                raise UserError(f"{file}: has no column {', '.join(sorted(missing))}")
+                raise LabelError(f"{file}: has no column {', '.join(sorted(missing))}")
             for row in reader:
-                yield reader.line_num, {k: (v or "").strip() for k, v in row.items() if isinstance(k, str)}
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise UserError(f"{file}: not a UTF-8 CSV file: {error}") from error
+                said = {k: (v or "").strip() for k, v in row.items() if isinstance(k, str)}
+                yield reader.line_num, said | {"file": row["file"] or ""}
+    except UnicodeDecodeError as error:
+        raise LabelError(f"{file}: is not UTF-8 ({error.reason}); save it as UTF-8") from error
+    except csv.Error as error:
+        most = csv.field_size_limit()
+        reason = f"a cell of more than {most} characters; is a quote left open?" if "limit" in str(error) else error
+        raise LabelError(f"{file}, line {reader.line_num + 1}: {reason}") from error
 
 
 def _relative(root: Root, file: Path, name: str) -> str:
     """A path of a label file, relative to that file, as a path relative to the root; "" where it is outside."""
-    path = (file.parent / name).absolute()
-    return path.relative_to(root.base).as_posix() if path.is_relative_to(root.base) else ""
+    if name != name.strip() and not _exists(file.parent / on_disk(name)):  # blanks may belong to the file's name
+        name = name.strip()
+    path, base = Path(kept(file.parent.absolute()), name), root.kept_base
+    return path.relative_to(base).as_posix() if path.is_relative_to(base) else ""
+
+
+def _exists(path: Path) -> bool:
+    try:
+        return path.exists()
+    except OSError:  # too long
+        return False
 
 
 def _label_rows(root: Root, file: Path) -> list[dict[str, object]]:
@@ -110,18 +132,18 @@ def _segment_rows(root: Root, file: Path) -> list[dict[str, object]]:
         try:
             start, stop = int(row["start"]), int(row["stop"])
         except ValueError:
-            raise UserError(f"{file}, line {line}: start and stop must be frame numbers") from None
-        if not 0 <= start < stop:
-            raise UserError(f"{file}, line {line}: start {start} and stop {stop} are no range of frames")
+            raise LabelError(f"{file}, line {line}: start and stop must be frame numbers") from None
+        if not 0 <= start < stop <= MOST_FRAMES:
+            raise LabelError(f"{file}, line {line}: start {start} and stop {stop} are no range of frames")
         path = _relative(root, file, row["file"])
         rows.append({"path": path, "start": start, "stop": stop, "label": row["label"]})
     return rows
 
 
 def _report(con: Connection, root: Root, file: Path, rows: list[dict[str, object]]) -> LabelReport:
-    parameters = {"dataset": root.dataset, "root": str(root.base), "paths": [r["path"] for r in rows]}
+    parameters = {"dataset": root.dataset, "root": root.kept_base, "paths": [r["path"] for r in rows]}
     known = fetch(con, "count_unmatched", parameters)
-    files = sorted(r["path"] for r in fetch(con, "sources_of", parameters) if r["root"] == str(root.base))
+    files = sorted(r["path"] for r in fetch(con, "sources_of", parameters) if r["root"] == root.kept_base)
     first = next((row["file"] for _, row in _rows(file, {"file"})), "")
-    example = os.path.relpath(root.base / files[0], file.parent) if files else ""
+    example = os.path.relpath(Path(root.kept_base, files[0]), kept(file.parent)) if files else ""
     return LabelReport(str(file), len(rows), known[0]["unmatched"], first, example)

@@ -11,6 +11,7 @@ from motionlake.errors import UserError
 from motionlake.lake.catalog import Connection, fetch, load_rows, reading, run_sql, table_of, writing
 from motionlake.lake.layout import Lake
 from motionlake.lake.resolve import resolve_clip
+from motionlake.names import on_disk
 from motionlake.stages.clip_parts import forget_orphans
 from motionlake.stages.frames import SOURCE_ROWS
 from motionlake.stages.sources import known_roots, options_json
@@ -48,7 +49,7 @@ def sources_of(con: Connection, names: Sequence[str]) -> list[Source]:
 
 def gone_sources(con: Connection) -> list[Source]:
     """Every source file the lake knows that is not on disk any more."""
-    return [row for row in fetch(con, "all_sources") if not Path(row["root"]).joinpath(row["path"]).exists()]
+    return [row for row in fetch(con, "all_sources") if not Path(on_disk(row["root"]), on_disk(row["path"])).exists()]
 
 
 def remove_dataset(lake: Lake, dataset: str) -> Removal:
@@ -89,7 +90,7 @@ def remove_sources(lake: Lake, sources: Sequence[Source], *, for_good: bool = Fa
 def _ignore(con: Connection, sources: Sequence[Source]) -> None:
     names = {(s["dataset"], s["path"]) for s in sources}
     for root in known_roots(con):
-        held = [r for r in fetch(con, "sources_of", {"dataset": root.dataset}) if r["root"] == str(root.base)]
+        held = [r for r in fetch(con, "sources_of", {"dataset": root.dataset}) if r["root"] == root.kept_base]
         paths = {r["path"] for r in held if (root.dataset, r["path"]) in names}
         if paths:
             options = replace(root.options, ignored=tuple(sorted(paths.union(root.options.ignored))))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -16,6 +16,7 @@ from motionlake.formats import companions, is_clip
 from motionlake.lake.catalog import Connection, fetch
 from motionlake.lake.config import FramesConfig, config_hash
 from motionlake.lake.layout import Lake
+from motionlake.names import folded, kept, on_disk
 
 UNITS = {"m": 1.0, "dm": 0.1, "cm": 0.01, "mm": 0.001, "in": 0.0254, "ft": 0.3048}
 UPS = ("x", "y", "z", "-x", "-y", "-z")
@@ -73,17 +74,31 @@ def check_options(options: IngestOptions) -> None:
 
 @dataclass(frozen=True)
 class Root:
-    """One source folder of a dataset."""
+    """One source folder of a dataset.
+
+    Attributes:
+        root: its path as the lake keeps it.
+    """
 
     dataset: str
     root: str
     options: IngestOptions
 
     @property
+    def folder(self) -> Path:
+        """Where it is: a folder, or a single file."""
+        return Path(on_disk(self.root))
+
+    @property
     def base(self) -> Path:
-        """The folder that paths are relative to; a root may be a single file."""
-        folder = Path(self.root)
+        """The folder that paths are relative to."""
+        folder = self.folder
         return folder.parent if folder.is_file() else folder
+
+    @property
+    def kept_base(self) -> str:
+        """`base` as the lake keeps it."""
+        return kept(self.base)
 
     def shaping_hash(self, config: FramesConfig, lake: Lake, without: Path | None = None) -> str:
         """sha256 over all that shapes frames but the files, as if one of the user's rig maps were not there."""
@@ -101,13 +116,26 @@ def user_rigs_hash(lake: Lake, without: Path | None = None) -> str:
     """sha256 over the user's rig maps; the package's own are covered by `FRAMES_VERSION`."""
     digest = hashlib.sha256()
     for path in sorted(set(lake.rigs.glob("*.toml")) - {without}):
-        digest.update(path.name.encode() + b"\0" + path.read_bytes() + b"\0")
+        digest.update(os.fsencode(path.name) + b"\0" + path.read_bytes() + b"\0")
     return digest.hexdigest()
 
 
 def known_roots(con: Connection) -> list[Root]:
     rows = fetch(con, "roots")
     return [Root(r["dataset"], r["root"], options_from(json.loads(r["options"]))) for r in rows]
+
+
+def check_apart(con: Connection, datasets: Iterable[str]) -> None:
+    """Raises `UserError` for a new dataset whose folder some file systems take for that of another one."""
+    known = {row["dataset"] for name in ("roots", "synthetic_datasets") for row in fetch(con, name)}
+    new = set(datasets) - known
+    for name in sorted(new):
+        alike = [other for other in sorted(known | new) if other != name and folded(other) == folded(name)]
+        if alike:
+            raise UserError(
+                f"dataset {name}: is the same as {alike[0]} where case does not count; give it another name "
+                "(--dataset NAME)"
+            )
 
 
 def options_json(options: IngestOptions) -> str:
@@ -123,7 +151,7 @@ def options_from(kept: Mapping[str, Any]) -> IngestOptions:
 
 @dataclass(frozen=True, slots=True)
 class SourceFile:
-    """A clip file found in a root; `content_hash` is empty until it was needed."""
+    """A clip file found in a root: its path as the lake keeps it; `content_hash` is empty until it was needed."""
 
     path: str
     size: int
@@ -138,7 +166,7 @@ class Difference:
     Attributes:
         changed: new or changed files, hashed, by path.
         touched: files with a new date and the old content.
-        unchanged: how many are as they were.
+        unchanged: how many have the content they had.
         gone: paths in the lake without a file.
         again: how many of the changed have their old content, and are read by other rigs or options.
         before: hash of what shaped those.
@@ -170,9 +198,9 @@ def _source_file(root: Path, path: Path) -> SourceFile:
     try:
         stats = [p.stat() for p in [path, *_companions(path)]]
     except OSError:  # a link to nothing: the reader says so, and the file is rejected
-        return SourceFile(path.relative_to(root).as_posix(), 0, 0)
+        return SourceFile(kept(path.relative_to(root)), 0, 0)
     size, newest = sum(s.st_size for s in stats), max(s.st_mtime_ns for s in stats)
-    return SourceFile(path.relative_to(root).as_posix(), size, newest)
+    return SourceFile(kept(path.relative_to(root)), size, newest)
 
 
 def _companions(path: Path) -> list[Path]:
@@ -214,16 +242,16 @@ def compare(
     Raises:
         UserError: the dataset holds synthetic clips, or clips of another root under the same paths.
     """
-    base = root.base
+    folder, base = root.base, root.kept_base
     if root.dataset in {r["dataset"] for r in fetch(con, "synthetic_datasets")}:
         raise UserError(
             f"dataset {root.dataset}: holds synthetic clips; give {root.root} a dataset of its own (--dataset NAME)"
         )
     known = {r["path"]: r for r in fetch(con, "sources_of", {"dataset": root.dataset})}
-    found = [file for file in scan(Path(root.root), lake) if file.path not in root.options.ignored]
+    found = [file for file in scan(root.folder, lake) if file.path not in root.options.ignored]
     for file in found:
-        owner = known[file.path]["root"] if file.path in known else str(base)
-        if owner != str(base):
+        owner = known[file.path]["root"] if file.path in known else base
+        if owner != base:
             raise UserError(
                 f"{root.root}/{file.path}: dataset {root.dataset} holds a clip of this path from {owner}; "
                 "give this folder a dataset of its own (--dataset NAME)"
@@ -239,15 +267,15 @@ def compare(
         return all(old[name] == getattr(file, name) for name in fields)
 
     suspects = [file for file in found if checksum or not stands(file, "size", "mtime_ns")]
-    hashed = list(_hashed(base, suspects, progress))
+    hashed = list(_hashed(folder, suspects, progress))
     changed = [file for file in hashed if not stands(file, "content_hash")]
-    touched = [file for file in hashed if stands(file, "content_hash")]
+    touched = [f for f in hashed if stands(f, "content_hash") and not stands(f, "size", "mtime_ns")]
     kept = [old for f in changed if (old := known.get(f.path)) and old["content_hash"] == f.content_hash]
     again = [old["config_hash"] for old in kept if old["config_hash"] != shaping_hash]
     present = {f.path for f in found}
-    ours = (p for p, r in known.items() if r["root"] == str(base) and p not in present)
-    gone = sorted(p for p in ours if not (base / p).exists())
-    unchanged = len(found) - len(suspects)
+    ours = (p for p, r in known.items() if r["root"] == base and p not in present)
+    gone = sorted(p for p in ours if not (folder / on_disk(p)).exists())
+    unchanged = len(found) - len(changed)
     return Difference(changed, touched, unchanged, gone, len(again), again[0] if again else "")
 
 
@@ -255,7 +283,7 @@ def _hashed(base: Path, files: list[SourceFile], progress: Hashing | None) -> It
     with ThreadPoolExecutor(min(8, os.cpu_count() or 1)) as pool:
         for start in range(0, len(files), HASHED_TOGETHER):
             batch = files[start : start + HASHED_TOGETHER]
-            hashes = pool.map(lambda f: content_hash(base / f.path), batch)
+            hashes = pool.map(lambda f: content_hash(base / on_disk(f.path)), batch)
             for done, (file, digest) in enumerate(zip(batch, hashes, strict=True), start=start + 1):
                 if progress:
                     progress(done, len(files))

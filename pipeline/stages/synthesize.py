@@ -13,8 +13,10 @@ from motionlake.lake.catalog import fetch
 from motionlake.lake.config import FramesConfig, canonical_json, config_hash
 from motionlake.lake.layout import Lake
 from motionlake.lake.models import Model
+from motionlake.names import file_name
 from motionlake.stages.clip_parts import BODY_ROWS, CLIP_ROWS, ClipParts, ClipStage
 from motionlake.stages.reader import LakeReader
+from motionlake.stages.sources import check_apart
 from motionlake.stages.stage import Shard
 from motionlake.stages.synthesis import open_generator, served_generator
 from motionlake.stages.synthesis_requests import (
@@ -79,7 +81,7 @@ class Synthesize(ClipStage):
         starts = [Start(**{**start, "rest_offsets": tuple(start["rest_offsets"])}) for start in spec["starts"]]
         motions = [Motion(m["number"], starts[m["start"]]) for m in spec["motions"]]
         made = make(open_generator(lake, model), lake, request, motions)
-        by_path = sorted((_path(request, motion.number), i) for i, motion in enumerate(motions))
+        by_path = sorted((clip_path(request, motion.number), i) for i, motion in enumerate(motions))
         for path, i in by_path:
             motion, one = motions[i], made[i]
             name = f"{shard.dataset}/{path}"
@@ -139,9 +141,10 @@ def planned(at: LakeReader, request: Request, dataset: str, count: int) -> Plan:
     model = served_generator(at.con, at.lake, at.config)
     if fetch(at.con, "recorded_dataset", {"dataset": dataset}):
         raise UserError(f"{dataset}: holds recorded clips; give synthetic ones a dataset of their own (--dataset NAME)")
+    check_apart(at.con, [dataset])
     starts = find_starts(at.con, at.lake, model, request)
     motions = motions_of(request, starts, range(1, count + 1))
-    names = {m.number: f"{dataset}/{_path(request, m.number)}" for m in motions}
+    names = {m.number: f"{dataset}/{clip_path(request, m.number)}" for m in motions}
     made_by = [SYNTHESIZE.name, SYNTHESIZE.version, model.model, at.file_hash(model.file), at.config.frames]
     keys = {m.number: config_hash(*made_by, _identity(request, m)) for m in motions}
     there = {r["clip"]: r["key"] for r in fetch(at.con, "synthetic_keys", {"dataset": dataset})}
@@ -168,9 +171,12 @@ def planned(at: LakeReader, request: Request, dataset: str, count: int) -> Plan:
     return Plan(model, list(names.values()), shards, len(motions) - len(lacking))
 
 
-def _path(request: Request, number: int) -> str:
+def clip_path(request: Request, number: int) -> str:
     """Name of a motion within its dataset."""
-    classes = "+".join(name.replace("/", "_").replace("#", "_") for name in request.classes)
+    said = "+".join(request.classes)
+    classes = file_name(said.replace("#", "-"))
+    if classes != said or any("+" in name for name in request.classes):  # others may be spelled so too
+        classes += f"-{config_hash(request.classes)[:8]}"
     return f"{classes}-s{request.seed}-{number:04d}"
 
 
