@@ -11,6 +11,7 @@ import importlib
 import importlib.util
 import io
 import os
+import signal
 import subprocess
 import sys
 import tempfile
@@ -93,6 +94,10 @@ SMOKES: Final[Sequence[Smoke]] = (
     Smoke("bench.descriptor_search", ("--rounds", "3", "--sizes", "300")),
     Smoke("bench.emd", (), {"bench.emd.K": 12, "bench.emd.COUNT": 200, "bench.emd.QUERIES": 6}),
     Smoke("bench.ingest", ("peers", "--rounds", "1")),
+    Smoke("bench.kills", ("--kills", "1", "--clips", "1"), {"bench.kills.STAGES": "words", "bench.kills.VICTIMS": (
+          ("driver", signal.SIGTERM),)}, recordings=False),
+    Smoke("bench.many_at_once", ("--seconds", "2", "--writers", "2", "--readers", "2", "--clips", "1"),
+          {"bench.many_at_once.STAGES": "words"}, recordings=False),
     Smoke("bench.lake", ("ingest", "--clips", "8", "--workers", "1", "--sets", "hdm05")),
     Smoke("bench.retrieval", ("hdm05",), {"bench.retrieval.SEEDS": ONE_SEED, **_FEW_K}),
     Smoke("bench.retrieval", ("cross-rig",), {"bench.retrieval.SEEDS": ONE_SEED, **_FEW_K}),

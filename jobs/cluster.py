@@ -5,17 +5,19 @@ from __future__ import annotations
 import logging
 import multiprocessing
 import os
+import signal
 import sys
 import uuid
 from collections.abc import Iterator
-from contextlib import contextmanager
-from multiprocessing import forkserver
+from contextlib import ExitStack, contextmanager, suppress
+from multiprocessing import forkserver, resource_tracker
 from pathlib import Path
 
 import dask
 from distributed import Client, LocalCluster
 from motionlake.errors import UserError
 from motionlake.lake.layout import Lake
+from motionlake.stopping import asked, held
 
 # Workers hold one shard a thread, and a shard's mathematics runs on that one thread.
 _ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")
@@ -23,6 +25,8 @@ _ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM
 _METHOD = "forkserver" if sys.platform == "linux" else "spawn"
 _PRELOAD = ["distributed", "motionlake.jobs.session"]
 _CONNECT = "10s"
+_GROW = 30  # seconds
+_STARTS = 3  # of local workers, where one was killed before it was ready
 
 
 @contextmanager
@@ -32,7 +36,8 @@ def cluster(lake: Lake, workers: int, scheduler: str | None = None) -> Iterator[
     Raises:
         UserError: the scheduler does not answer, has no workers, or a worker cannot see the lake's folder.
     """
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)
+    for name in ("distributed", "distributed.client"):  # Dask gives both a level of their own
+        logging.getLogger(name).setLevel(logging.CRITICAL)
     settings = {
         "distributed.worker.multiprocessing-method": _METHOD,
         "distributed.nanny.pre-spawn-environ": _ONE_THREAD,
@@ -42,11 +47,9 @@ def cluster(lake: Lake, workers: int, scheduler: str | None = None) -> Iterator[
     }
     with dask.config.set(settings):
         if scheduler is None:
-            _serve_forks()
-            with (
-                LocalCluster(n_workers=workers, threads_per_worker=1, dashboard_address="127.0.0.1:0") as local,
-                Client(local) as client,
-            ):
+            with ExitStack() as stack:
+                with held():
+                    client = stack.enter_context(Client(stack.enter_context(_started(workers))))
                 yield client
             return
         try:
@@ -58,23 +61,45 @@ def cluster(lake: Lake, workers: int, scheduler: str | None = None) -> Iterator[
             yield client
 
 
+def _started(workers: int) -> LocalCluster:
+    """A cluster of its own. Raises `UserError` where workers will not start."""
+    for _ in range(_STARTS):
+        _serve_forks()
+        try:
+            return LocalCluster(
+                n_workers=workers, threads_per_worker=1, dashboard_address="127.0.0.1:0", silence_logs=logging.CRITICAL
+            )
+        except (OSError, RuntimeError) as error:
+            reason = str(error).splitlines()[0]
+        if asked():  # what killed them, by a signal to the whole group, is to end the driver too
+            break
+    raise UserError(
+        f"no worker processes could be started ({reason}); were they killed, for want of memory? Try --workers 1"
+    )
+
+
 def _serve_forks() -> None:
     """Start the process that workers are forked of, unless it runs; Dask would, with less imported."""
     if _METHOD != "forkserver":
         return
     os.environ.update(_ONE_THREAD)  # as Dask does before it starts a worker
-    safe = os.environ.get("PYTHONSAFEPATH", "")
-    os.environ["PYTHONSAFEPATH"] = "1"  # modules in the folder where the command runs are not to be imported
+    # Modules in the folder where the command runs are not to be imported, nor where Dask starts that process again.
+    os.environ["PYTHONSAFEPATH"] = "1"
     multiprocessing.set_forkserver_preload(_PRELOAD)
+    # Terminals send Ctrl-C and their end to these processes too, where the driver alone is to obey.
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGHUP,))
+    resource_tracker.ensure_running()  # it lets Ctrl-C through again
+    signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT,))
     forkserver.ensure_running()
-    os.environ["PYTHONSAFEPATH"] = safe
+    signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def grow(client: Client, workers: int) -> None:
     """Have a local cluster start more workers, up to so many."""
     if len(client.cluster.worker_spec) < workers:
         client.cluster.scale(workers)
-        client.wait_for_workers(workers)
+        with suppress(TimeoutError):  # those that are there do the work of one that was killed as it started
+            client.wait_for_workers(workers, timeout=_GROW)
 
 
 def _check_workers(client: Client, scheduler: str, lake: Lake) -> None:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from datetime import datetime
 from itertools import islice
@@ -14,7 +15,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
 import pyarrow as pa
-from motionlake.lake.catalog import collect_garbage, load_rows, reading, table_of, writing
+from motionlake.errors import FULL, UserError
+from motionlake.lake.catalog import collect_garbage, create_catalog, load_rows, reading, table_of, writing
 from motionlake.lake.config import LakeConfig, load_config
 from motionlake.lake.integrity import (
     DamagedError,
@@ -49,6 +51,7 @@ FINISH_ROWS = pa.schema(
 )  # fmt: skip
 AHEAD = 4  # shards submitted for each worker thread
 FEW = 4  # shards that are made again sooner in this process than a cluster starts
+NO_FAULT_OF_SHARDS = (*FULL, errno.EROFS)  # all of them would fail
 LOAD_EVERY = 5.0  # seconds; what a killed run has done since it last loaded is done again
 
 
@@ -135,19 +138,28 @@ class Session:
         failures: list[tuple[Shard, str]] = []
         loaded_at, done, patience = time.monotonic(), 0, LOAD_EVERY
         root = self.lake.root
-        for shard, found in _here(root, stage, shards) if client is None else _finishing(root, stage, shards, client):
-            if isinstance(found, ShardResult):
-                waiting.append(found)
-            else:
-                failures.append((shard, typed(f"{type(found).__name__}: {found}").splitlines()[0][:500]))
-            done += shard.items
-            self.progress(stage.name, done, total)
-            if waiting and not at_once and time.monotonic() - loaded_at > patience:
-                started = time.monotonic()
-                outcome += _load(self.lake, stage, waiting)
-                waiting = []
-                loaded_at = time.monotonic()
-                patience = max(LOAD_EVERY, 10 * (loaded_at - started))
+        running = _here(root, stage, shards) if client is None else _finishing(root, stage, shards, client)
+        try:
+            for shard, found in running:
+                if isinstance(found, ShardResult):
+                    waiting.append(found)
+                elif isinstance(found, OSError) and found.errno in NO_FAULT_OF_SHARDS:
+                    raise OSError(found.errno, found.strerror, found.filename or str(root))
+                else:
+                    failures.append((shard, typed(f"{type(found).__name__}: {found}").splitlines()[0][:500]))
+                done += shard.items
+                self.progress(stage.name, done, total)
+                if waiting and not at_once and time.monotonic() - loaded_at > patience:
+                    started, loading, waiting = time.monotonic(), waiting, []
+                    outcome += _load(self.lake, stage, loading)
+                    loaded_at = time.monotonic()
+                    patience = max(LOAD_EVERY, 10 * (loaded_at - started))
+        except BaseException:
+            # A signal, a full disk or a lost cluster ends it: what is done stays, what failed is tried again.
+            if not at_once:
+                with suppress(Exception):
+                    _load(self.lake, stage, waiting)
+            raise
         outcome += _load(self.lake, stage, waiting, failures)
         return outcome
 
@@ -174,6 +186,7 @@ def session(
     workers: int | None = None,
     scheduler: str | None = None,
     *,
+    create: bool = False,
     damaged: bool = False,
 ) -> Iterator[Session]:
     """Hold the lake for one command.
@@ -185,22 +198,32 @@ def session(
         notice: told what a person should know.
         workers: local processes.
         scheduler: of a running cluster.
+        create: make it where there is none.
         damaged: go on where files of the lake are missing or damaged.
 
     Raises:
-        UserError: another run holds the lake, its config.toml is at fault, or a file of it is missing or damaged.
+        UserError: another command writes to the lake, its config.toml is at fault, or a file of it is missing or
+            damaged.
     """
     from motionlake.stages.registry import FOLDERS  # workers import this module, and one stage alone
 
     config = load_config(lake.config_file)
-    with locked(lake, command), ExitStack() as stack:
+    with locked(lake, command):
+        if create and not lake.catalog.exists():
+            create_catalog(lake)
         if not damaged:
             check_files(lake)
         for file, what in changed_settings(lake):
             notice(f"{lake.root / file}: {what}, since the last run")
         keep_settings(lake)
         collect_garbage(lake, FOLDERS)
-        yield Session(lake, config, progress, notice, workers, scheduler, _stack=stack)
+        try:
+            with ExitStack() as stack:
+                yield Session(lake, config, progress, notice, workers, scheduler, _stack=stack)
+        except BaseException:
+            with suppress(Exception):  # what has gone wrong is told, not what came of it
+                collect_garbage(lake, FOLDERS)
+            raise
         collect_garbage(lake, FOLDERS)
         write_records(lake)
 
@@ -233,6 +256,10 @@ def _finishing(
 
     submit()
     for future in pool:
+        if future.cancelled():
+            raise UserError(
+                "the Dask cluster does not answer any more; the same command goes on where this one stopped"
+            )
         error = future.exception() if future.status != "finished" else None
         yield running.pop(future), future.result() if error is None else error
         future.release()

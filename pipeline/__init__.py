@@ -8,6 +8,8 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any, Final
 
+from motionlake import caches
+
 if TYPE_CHECKING:
     from motionlake.api import Lake, open_lake
     from motionlake.errors import UserError
@@ -29,6 +31,8 @@ _HOMES: Final = {
     "connect": "retrieval.sql_functions",
     "open_lake": "api",
 }
+
+caches.settle()  # before numba is imported by anything
 
 
 def __getattr__(name: str) -> Any:

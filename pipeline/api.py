@@ -391,7 +391,7 @@ class Lake:
         from motionlake.lake.resolve import clip_file, clip_or_file
 
         file = clip_file(clip) if isinstance(clip, Path) else None
-        found = file or clip_or_file(self._con, str(clip))
+        found = file or clip_or_file(self._con.own, str(clip))
         return found.absolute() if isinstance(found, Path) else found
 
     def _name(self, clip: str) -> str:

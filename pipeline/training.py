@@ -7,7 +7,7 @@ import json
 import time
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Final, Literal, Protocol
@@ -15,6 +15,7 @@ from typing import Any, Final, Literal, Protocol
 import numpy as np
 import torch
 from motionlake.arrays import Float32Array, Int64Array, Progress
+from motionlake.stopping import asked, held
 from motionlake.weights import STATE_KEY, checkpoint_fault, checkpoint_metadata, read_tensors, save_tensors
 from safetensors import safe_open
 from safetensors.torch import save_file
@@ -104,7 +105,7 @@ class Checkpoint:
 
 @dataclass(frozen=True)
 class Loop:
-    """Steps of a training that goes on from its checkpoint where it was interrupted.
+    """Steps of a training that goes on from its checkpoint where it was interrupted; a signal waits for the step.
 
     Attributes:
         network, optimiser, rng: what the checkpoint keeps.
@@ -134,10 +135,11 @@ class Loop:
         losses = kept.resume(self.network, self.optimiser, self.rng) if kept else []
         spoke = time.monotonic()
         for step in range(len(losses), self.steps):
-            losses.append(self.step(step))
             done = step + 1
-            if kept and (done % self.every == 0 or (self.stays and done == self.steps)):
-                kept.save(self.network, self.optimiser, self.rng, losses)
+            with held() if kept else nullcontext():
+                losses.append(self.step(step))
+                if kept and (done % self.every == 0 or (self.stays and done == self.steps) or asked()):
+                    kept.save(self.network, self.optimiser, self.rng, losses)
             slow = time.monotonic() - spoke >= REPORTED
             if self.progress is not None and (done % self.told == 0 or done == self.steps or slow):
                 spoke = time.monotonic()

@@ -19,7 +19,10 @@ def save_tensors(path: Path, tensors: Mapping[str, NDArray[Any]], key: str, kept
     from safetensors.numpy import save_file
 
     whole = {name: np.asarray(value, order="C") for name, value in tensors.items()}
+    path.touch()
+    mode = path.stat().st_mode
     save_file(whole, path, metadata={key: json.dumps(kept, sort_keys=True)})
+    path.chmod(mode)  # safetensors lets nobody else read it
 
 
 def read_tensors(path: Path, key: str, *names: str) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:

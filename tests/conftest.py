@@ -21,8 +21,8 @@ settings.register_profile("motionlake", deadline=None)  # tests assert what is r
 settings.load_profile("motionlake")
 
 # The longest files first: where processes share the files out, no long one is left for the end.
-LONGEST = ("test_readme", "test_lake_faults", "test_extending", "test_lake_cluster", "test_lake_updates",
-           "test_synthesize", "test_command_line", "test_pictures", "test_searcher_protocol",
+LONGEST = ("test_readme", "test_lake_faults", "test_many_at_once", "test_extending", "test_lake_cluster",
+           "test_lake_updates", "test_synthesize", "test_command_line", "test_pictures", "test_searcher_protocol",
            "test_evaluate_synthesis", "test_synthesize_faults", "test_lake_versions", "test_submotion_search",
            "test_packaging", "test_hostile_lake", "test_pesta_pictures", "test_glogen", "test_training")  # fmt: skip
 # The processes of pytest-xdist keep all cores busy: threads of their own would only wait for one another.

@@ -76,16 +76,25 @@ def start_fresh(*words: str | Path) -> Started:
             stderr=err,
             start_new_session=True,
             env=_environment(),
+            preexec_fn=_hear,
         )
     return Started(process.pid, process.poll, process.wait, folder)
 
 
+def _hear() -> None:
+    """Obey signals, whatever those who started the tests ignore."""
+    for number in (signal.SIGINT, signal.SIGHUP):
+        signal.signal(number, signal.SIG_DFL)
+
+
 def _environment() -> dict[str, str]:
-    return {k: v for k, v in os.environ.items() if k != "MOTIONLAKE_DEBUG"}
+    return {k: v for k, v in os.environ.items() if k not in ("MOTIONLAKE_DEBUG", "PYTHONSAFEPATH")}
 
 
 def _command(words: list[str], environment: Mapping[str, str], folder: Path) -> None:
     os.setsid()
+    _hear()
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     for name, stream in (("out", sys.stdout), ("err", sys.stderr)):
         with (folder / name).open("wb") as file:
             os.dup2(file.fileno(), stream.fileno())

@@ -64,8 +64,8 @@ def imported_by(*words: str | Path) -> set[str]:
 def test_help_imports_no_command_and_no_library_but_typer() -> None:
     modules = imported_by("--help")
     assert {m for m in modules if m.startswith("motionlake")} == {
-        "motionlake", "motionlake.errors", "motionlake.names", "motionlake.cli", "motionlake.cli.main",
-        "motionlake.cli.common",
+        "motionlake", "motionlake.caches", "motionlake.errors", "motionlake.names", "motionlake.stopping",
+        "motionlake.cli", "motionlake.cli.main", "motionlake.cli.common",
     }  # fmt: skip
     assert not modules & {*HEAVY, *LIBRARIES, "numpy", "rich"}
 
@@ -138,7 +138,9 @@ def test_ctrl_c_says_how_to_go_on(built_lake: Path, monkeypatch: pytest.MonkeyPa
 
     monkeypatch.setattr("motionlake.lake.raw.own_rig", interrupt)
     clip = query(built_lake, "SELECT clip FROM clips LIMIT 1")[0][0]
-    assert_clear(motionlake("export", clip, "--lake", built_lake), "interrupted", "the same command goes on")
+    run = motionlake("export", clip, "--lake", built_lake)
+    assert run.status == 130
+    assert run.err == "motionlake: interrupted; the same command goes on where this one stopped\n"
 
 
 @pytest.mark.parametrize("command", NAMES)

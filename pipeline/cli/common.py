@@ -33,9 +33,9 @@ SETTINGS: Final[dict[str, Any]] = {
 }
 
 
-def argument(help: str) -> Any:  # noqa: A002
+def argument(help: str, **settings: Any) -> Any:  # noqa: A002
     """An argument whose default is not shown."""
-    return typer.Argument(help=help, show_default=False)
+    return typer.Argument(help=help, show_default=False, **settings)
 
 
 def option(*names: str, help: str, **settings: Any) -> Any:  # noqa: A002
@@ -59,7 +59,10 @@ def positive(param: typer.CallbackParam, value: float | None) -> float | None:
 
 # How a name that is both is told apart, in every help.
 PATHS: Final = "where there are both, ./NAME means the file"
-LakeOption = Annotated[Path, option("--lake", "-l", envvar="MOTIONLAKE_LAKE", help="Folder of the lake.")]
+# What may not be read is told of with its owner, not by typer.
+LakeOption = Annotated[
+    Path, option("--lake", "-l", envvar="MOTIONLAKE_LAKE", help="Folder of the lake.", readable=False)
+]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON, for machines.")]
 ClipArgument = Annotated[str, argument(f"A clip of the lake, or a clip file; {PATHS}.")]
 ClipsArgument = Annotated[list[str] | None, argument(f"Clips of the lake, or clip files; {PATHS}.")]
@@ -260,17 +263,23 @@ def stage_progress() -> Iterator[StageProgress]:
 
 @contextmanager
 def running(
-    lake: Lake, command: str, workers: int | None = None, scheduler: str | None = None, *, damaged: bool = False
+    lake: Lake,
+    command: str,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    *,
+    create: bool = False,
+    damaged: bool = False,
 ) -> Iterator[Session]:
     """Hold the lake for a command that writes, with progress on stderr, and record a run that did something.
 
-    `damaged`: also where files of the lake are missing or damaged.
+    `create` makes a lake where there is none; `damaged`: also where files of the lake are missing or damaged.
     """
     from motionlake.jobs.session import session
 
     with (
         stage_progress() as progress,
-        session(lake, command, progress, notice, workers, scheduler, damaged=damaged) as job,
+        session(lake, command, progress, notice, workers, scheduler, create=create, damaged=damaged) as job,
     ):
         yield job
         _record_run(job)

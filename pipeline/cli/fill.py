@@ -23,8 +23,7 @@ from motionlake.cli.common import (
 from motionlake.errors import UserError
 from motionlake.formats import readers
 from motionlake.jobs import run as jobs
-from motionlake.lake.catalog import create_catalog, fetch, reading
-from motionlake.lake.config import load_config
+from motionlake.lake.catalog import fetch, reading
 from motionlake.lake.layout import Lake, check_dataset, open_lake
 from motionlake.motion.rigs import load_rigs
 from motionlake.names import kept
@@ -37,7 +36,7 @@ SHOWN = 5  # files that a notice names
 
 
 def ingest(
-    sources: Annotated[list[Path], argument("Folders of clips, or single clip files.")],
+    sources: Annotated[list[Path], argument("Folders of clips, or single clip files.", readable=False)],
     lake: LakeOption,
     dataset: Annotated[str | None, typer.Option(help="Name of the dataset (default: the folder's name).")] = None,
     labels: Annotated[
@@ -77,11 +76,9 @@ def ingest(
     target = Lake(lake.absolute())
     roots = [_root(source, dataset, options) for source in sources]
     _check_clips(target, roots)
-    if not target.catalog.exists():
-        create_catalog(target)
     if rig is not None and rig not in load_rigs(target.rigs):
         raise UserError(f"--rig {rig}: no such rig map; known are {', '.join(sorted(load_rigs(target.rigs)))}")
-    with running(target, "ingest", workers, scheduler) as job:
+    with running(target, "ingest", workers, scheduler, create=True) as job:
         with reading(target) as con:
             known = {(r.dataset, r.root): r for r in known_roots(con)}
         roots = [_merged(root, known.get((root.dataset, root.root)), take_back) for root in roots]
@@ -177,11 +174,11 @@ def run(
         raise UserError(f"--dataset {dataset}: only transitions are made for one dataset; leave it out")
     target = open_lake(lake)
     stages = ALL if stage == "all" else (stage,)
-    with lake_reader(target, load_config(target.config_file)) as at:
-        first = f"{target.root}: holds no clips yet; take some in with `motionlake ingest FOLDER --lake {target.root}`"
-        for line in dry_run(at, stages, refit=refit) if known_roots(at.con) else [first]:
-            notice(line)
     with running(target, f"run {stage}", workers, scheduler) as job:
+        with lake_reader(target, job.config) as at:
+            outlook = dry_run(at, stages, refit=refit) if known_roots(at.con) else [_nothing(target)]
+        for line in outlook:
+            notice(line)
         report = jobs.run(job, stages, refit=refit, retry_failed=retry_failed, dataset=dataset)
     rows = [
         {"stage": name, "shards": o.ok, "failed": o.failed, "rows": o.rows, "bytes": o.bytes}
@@ -190,6 +187,10 @@ def run(
     tell(rows, as_json=as_json)
     if any(o.failed for o in job.outcomes.values()) or (report and not report.sound):
         raise typer.Exit(1)
+
+
+def _nothing(lake: Lake) -> str:
+    return f"{lake.root}: holds no clips yet; take some in with `motionlake ingest FOLDER --lake {lake.root}`"
 
 
 def remove(

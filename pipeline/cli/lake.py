@@ -11,13 +11,19 @@ import typer
 from motionlake.cli.common import JsonOption, LakeOption, argument, notice, option, stage_progress, tell
 from motionlake.errors import ClipError, UserError
 from motionlake.lake import layout
-from motionlake.lake.catalog import SCHEMA_VERSION, create_catalog, fetch
+from motionlake.lake.catalog import SCHEMA_VERSION, check_no_lake, create_catalog, fetch
 from motionlake.lake.config import default_toml, load_config
 from motionlake.lake.integrity import listed_in, touched_faults
+from motionlake.lake.lock import locked
+from motionlake.lake.parts import replacing
+from motionlake.stopping import held
 
 # For commands on a lake alone, which name its folder as the argument or as elsewhere.
-FolderArgument = Annotated[Path | None, argument("Folder of the lake.")]
-FolderOption = Annotated[Path | None, option("--lake", "-l", envvar="MOTIONLAKE_LAKE", help="The same, as elsewhere.")]
+FolderArgument = Annotated[Path | None, argument("Folder of the lake.", readable=False)]
+FolderOption = Annotated[
+    Path | None,
+    option("--lake", "-l", envvar="MOTIONLAKE_LAKE", help="The same, as elsewhere.", readable=False),
+]
 # What a table for people calls the columns of the JSON.
 COLUMNS: Final = {"shards": "batches done", "due": "batches to do"}
 
@@ -31,9 +37,13 @@ def init(
     """
     chosen = _named_folder(context, folder, lake)
     target = layout.Lake(chosen.absolute())
-    create_catalog(target)
-    if not target.config_file.exists():
-        target.config_file.write_text(default_toml(), encoding="utf-8")
+    check_no_lake(target)
+    with locked(target, "init"), held():
+        check_no_lake(target)
+        if not target.config_file.exists():
+            with replacing(target.config_file) as temporary:
+                temporary.write_text(default_toml(), encoding="utf-8")
+        create_catalog(target)
     notice(f"an empty lake in {chosen}; next: motionlake ingest FOLDER --lake {chosen}")
     if as_json:
         tell({"lake": str(target.root)}, as_json=True)

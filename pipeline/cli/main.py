@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import os
 import select
+import signal
 import sys
 import warnings
 from collections.abc import Iterator
@@ -14,8 +15,9 @@ from typing import Annotated, Any, Final, NoReturn
 
 import typer
 from motionlake.cli.common import SETTINGS, notice
-from motionlake.errors import UserError
+from motionlake.errors import UserError, denied, explained
 from motionlake.names import printable
+from motionlake.stopping import Stopped, obeying
 from typer.core import TyperGroup
 
 # What each command does, by what people come for. The first line of its own help is the same (a test compares them).
@@ -76,7 +78,7 @@ MODULES: Final = {
 
 
 class InterruptError(Exception):
-    """Ctrl-C, as an exception that typer does not turn into an exit without a word."""
+    """A signal that ends the command, as an exception that typer does not turn into an exit without a word."""
 
 
 class UnreadError(Exception):
@@ -136,7 +138,7 @@ app = typer.Typer(
     name="motionlake",
     help="Find, organise and reuse motion capture: clips in, Parquet and DuckDB out, answers to searches.",
     epilog="Results go to stdout, progress and notices to stderr. Exit status: 0 done, 1 done but for some files,"
-    " 2 failed.",
+    " 2 failed, 128 + its number ended by a signal.",
     cls=Commands,
     no_args_is_help=True,
     **SETTINGS,
@@ -216,28 +218,39 @@ def _send_nowhere(descriptor: int) -> None:
 
 
 def main() -> None:
-    """Run the command line; a mistake gets one line on stderr and exit status 2."""
+    """Run the command line; a mistake gets one line on stderr and exit status 2, a signal one and 128 + its number."""
     os.environ.setdefault("POT_BACKEND_DISABLE_PYTORCH", "1")  # else POT takes a second to import torch for nothing
     with _streams():
         try:
-            app(standalone_mode=True)
+            with obeying():
+                app(standalone_mode=True)
         except UserError as error:
             _fail(str(error), error)
         except (KeyboardInterrupt, InterruptError) as error:
-            _fail("interrupted; the same command goes on where this one stopped", error)
+            number = _signal_of(error)
+            how = "interrupted" if number == signal.SIGINT else f"ended by {signal.Signals(number).name}"
+            _fail(f"{how}; the same command goes on where this one stopped", error, 128 + number)
         except UnicodeEncodeError as error:
             _fail(f"{error.object}: is not UTF-8; give a name that is", error)
+        except (UnreadError, BrokenPipeError):
+            raise
+        except OSError as error:
+            _fail(explained(error), error)
         except Exception as error:
-            if isinstance(error, UnreadError):
-                raise
-            _fail(f"{type(error).__name__}: {error} (--debug before the command shows where)", error)
+            told = denied(str(error)) or f"{type(error).__name__}: {error} (--debug before the command shows where)"
+            _fail(told, error)
 
 
-def _fail(message: str, error: BaseException) -> None:
+def _signal_of(error: BaseException) -> int:
+    stopped = error if isinstance(error, Stopped) else error.__cause__
+    return stopped.number if isinstance(stopped, Stopped) else signal.SIGINT
+
+
+def _fail(message: str, error: BaseException, status: int = 2) -> None:
     if os.environ.get("MOTIONLAKE_DEBUG"):
         raise error
     print(f"motionlake: {printable(' '.join(message.split()))}", file=sys.stderr)
-    raise SystemExit(2)
+    raise SystemExit(status)
 
 
 if __name__ == "__main__":

@@ -110,9 +110,12 @@ def restore(
     Example: motionlake restore mylake.zip --lake again
     """
     from motionlake.lake.backup import read_backup
+    from motionlake.lake.lock import locked
 
     target = Lake(lake.absolute())
     if target.catalog.exists():
         raise UserError(f"{lake}: there is a lake here already; name a folder without one")
-    read_backup(archive, target)
+    target.root.mkdir(parents=True, exist_ok=True)
+    with locked(target, "restore"):
+        read_backup(archive, target)
     repair(lake, workers, as_json)

@@ -25,7 +25,7 @@ from motionlake.cli.common import (
     option,
     tell,
 )
-from motionlake.errors import UserError
+from motionlake.errors import UserError, denied
 from motionlake.lake.catalog import Connection, fetch, reading
 from motionlake.lake.layout import Lake, open_lake
 from motionlake.names import printable
@@ -290,7 +290,8 @@ def sql(
             rows = [dict(zip(names, row, strict=True)) for row in con.fetchall()]
     except duckdb.Error as error:
         # What a function of ours says of a mistake stands at the end of what DuckDB says.
-        raise UserError(f"SQL: {str(error).partition('UserError: ')[2] or error}") from error
+        told = denied(str(error)) or str(error).partition("UserError: ")[2] or str(error)
+        raise UserError(f"SQL: {told}") from error
     tell(rows, as_json=as_json)
 
 

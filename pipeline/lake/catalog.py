@@ -7,19 +7,24 @@ have opened, and a killed writer leaves the last whole catalog.
 
 from __future__ import annotations
 
+import errno
+import os
 import shutil
+import weakref
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import closing, contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
 import pyarrow as pa
 from motionlake import sql
-from motionlake.errors import UserError
+from motionlake.errors import UserError, explained
 from motionlake.lake.catalog_file import announce_catalog, catalog_written, check_catalog
-from motionlake.lake.host import attached
+from motionlake.lake.host import attached, elsewhere, room
 from motionlake.lake.layout import Lake
+from motionlake.lake.lock import share, unread
 from motionlake.lake.parts import replacing
+from motionlake.stopping import held
 
 if TYPE_CHECKING:
     import duckdb
@@ -73,21 +78,24 @@ def load_rows(con: Connection, name: str, rows: pa.Table, parameters: Mapping[st
         con.unregister("rows")
 
 
-def create_catalog(lake: Lake) -> None:
-    """Write an empty catalog. Raises `UserError` if there is one."""
+def check_no_lake(lake: Lake) -> None:
+    """Raises `UserError` if there is a lake."""
     if lake.catalog.exists():
         raise UserError(f"{lake.root}: there is a lake here already")
+
+
+def create_catalog(lake: Lake) -> None:
+    """Write an empty catalog; the caller holds the lake's lock. Raises `UserError` if there is one."""
+    check_no_lake(lake)
     import duckdb
 
     lake.root.mkdir(parents=True, exist_ok=True)
-    with replacing(lake.catalog) as temporary:
-        with closing(duckdb.connect(str(temporary))) as con:
-            for name in sql.names("schema"):
-                run_sql(con, name)
-            refresh_macros(con)
-            run_sql(con, "set_schema_version", {"version": SCHEMA_VERSION})
-        announce_catalog(lake, temporary)
-    catalog_written(lake)
+    with held(), room(lake.catalog), _beside(lake) as temporary, closing(duckdb.connect(str(temporary))) as con:
+        for name in sql.names("schema"):
+            run_sql(con, name)
+        refresh_macros(con)
+        run_sql(con, "set_schema_version", {"version": SCHEMA_VERSION})
+        con.execute("CHECKPOINT")  # to close it would say nothing of a full disk
 
 
 def version_of(con: Connection) -> int:
@@ -118,8 +126,13 @@ def reading(lake: Lake) -> Iterator[Connection]:
     Raises:
         UserError: as `connect_read_only`.
     """
-    check_catalog(lake)
-    with _told(lake), attached(lake.catalog) as con:
+    with ExitStack() as stack:
+        seen = share(lake)
+        if seen is not None:
+            stack.callback(os.close, seen)
+        check_catalog(lake)
+        stack.enter_context(_told(lake))
+        con = stack.enter_context(attached(lake.catalog))
         run_sql(con, "use_lake", {"root": str(lake.root)})
         check_version(con, lake)
         yield con
@@ -144,12 +157,16 @@ def open_catalog(lake: Lake) -> Connection:
     """Open the catalog of a lake of any version for reading. Raises `UserError` where that cannot be done."""
     import duckdb
 
-    check_catalog(lake)
-    with _told(lake):
-        con = duckdb.connect()
+    with ExitStack() as stack, _told(lake):
+        seen = share(lake)
+        if seen is not None:
+            stack.callback(os.close, seen)
+        check_catalog(lake)
+        con = duckdb.connect(config=elsewhere())
         run_sql(con, "attach", {"catalog": str(lake.catalog)})
         run_sql(con, "use_catalog")
-    run_sql(con, "use_lake", {"root": str(lake.root)})
+        run_sql(con, "use_lake", {"root": str(lake.root)})
+        weakref.finalize(con, stack.pop_all().close)
     return con
 
 
@@ -162,6 +179,9 @@ def _told(lake: Lake) -> Iterator[None]:
         yield
     except duckdb.Error as error:
         reason = str(error).splitlines()[0]
+        if os.strerror(errno.EACCES) in reason:
+            fault = PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(lake.catalog))
+            raise UserError(explained(fault)) from error
         if not any(word in reason for word in (*_TO_DO, str(lake.catalog), "orrupt", "erializ")):
             raise
         mend = f"`motionlake repair {lake.root}` mends it from what lies beside it"
@@ -189,15 +209,22 @@ _written: Final[dict[Path, tuple[int, int]]] = {}  # catalogs that have their ma
 def changing(lake: Lake) -> Iterator[Connection]:
     """The same for a lake of any version; macros and views stay as they are."""
     check_catalog(lake)
-    with replacing(lake.catalog) as temporary:
+    with held(), room(lake.catalog), _beside(lake) as temporary:
         shutil.copyfile(lake.catalog, temporary)
+        with attached(temporary, writable=True) as con:
+            run_sql(con, "use_lake", {"root": str(lake.root)})
+            con.begin()
+            yield con
+            con.commit()
+            con.execute("CHECKPOINT")
+
+
+@contextmanager
+def _beside(lake: Lake) -> Iterator[Path]:
+    """The file of the next catalog, and of DuckDB's log beside it, which goes in any case."""
+    with replacing(lake.catalog) as temporary:
         try:
-            with attached(temporary, writable=True) as con:
-                run_sql(con, "use_lake", {"root": str(lake.root)})
-                con.begin()
-                yield con
-                con.commit()
-                con.execute("CHECKPOINT")
+            yield temporary
         finally:
             temporary.with_name(temporary.name + ".wal").unlink(missing_ok=True)
         announce_catalog(lake, temporary)
@@ -223,19 +250,27 @@ def table_of(rows: Sequence[Mapping[str, Any]], schema: pa.Schema) -> pa.Table:
 
 
 def remove_stale_copies(lake: Lake) -> None:
-    """Delete the unfinished catalogs of killed runs; the caller holds the lake's lock."""
-    for path in lake.root.glob(".catalog.duckdb.*.tmp*"):
-        path.unlink(missing_ok=True)
+    """Delete the unfinished files of killed runs beside the catalog; the caller holds the lake's lock."""
+    for pattern in (".catalog.duckdb.*.tmp*", ".config.toml.*.tmp", ".probe-*"):
+        for path in lake.root.glob(pattern):
+            path.unlink(missing_ok=True)
 
 
 def collect_garbage(lake: Lake, folders: Iterable[str]) -> None:
-    """Delete what killed runs left, and parts in folders of the lake that the catalog does not name.
+    """Delete what killed runs left, and, while nobody reads, parts in folders of the lake that the catalog does not
+    name: views read whatever parts there are.
 
     The caller holds the lake's lock.
     """
     remove_stale_copies(lake)
     with reading(lake) as con:
         live = {row["file"] for row in fetch(con, "live_files")}
-    for path in (path for folder in folders for path in lake.root.joinpath(folder).rglob("*")):
-        if path.is_file() and lake.relative(path) not in live:
-            path.unlink()
+    found = (path for folder in folders for path in lake.root.joinpath(folder).rglob("*"))
+    dead = [path for path in found if path.is_file() and lake.relative(path) not in live]
+    unfinished = [path for path in dead if path.name.startswith(".")]
+    for path in unfinished:
+        path.unlink()
+    if len(dead) > len(unfinished):
+        with unread(lake) as alone:
+            for path in dead if alone else ():
+                path.unlink(missing_ok=True)

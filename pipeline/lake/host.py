@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import atexit
 import os
+import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cache
@@ -12,9 +13,15 @@ from threading import Lock
 from typing import TYPE_CHECKING, Any
 
 from motionlake import sql
+from motionlake.errors import FULL
 
 if TYPE_CHECKING:
     import duckdb
+
+
+def elsewhere() -> dict[str, Any]:
+    """The setting of a connection that keeps what memory has no room for out of the lake and of the current folder."""
+    return {"temp_directory": str(Path(tempfile.gettempdir()) / f"motionlake-{os.getpid()}")}
 
 
 class _Host:
@@ -23,7 +30,7 @@ class _Host:
     def __init__(self, *, writable: bool) -> None:
         import duckdb
 
-        settings: dict[str, Any] = {"enable_external_file_cache": False}  # it would hold what was read before
+        settings = {**elsewhere(), "enable_external_file_cache": False}  # it would hold what was read before
         if writable:
             settings["threads"] = 1  # choices among equals do not depend on the machine, and memory stays small
         self.con = duckdb.connect(config=settings)
@@ -77,3 +84,17 @@ def attached(catalog: Path, *, writable: bool = False) -> Iterator[duckdb.DuckDB
     finally:
         con.close()
         host.leave()
+
+
+@contextmanager
+def room(catalog: Path) -> Iterator[None]:
+    """What DuckDB says of a full disk, as Python says it. Raises `OSError`."""
+    import duckdb
+
+    try:
+        yield
+    except duckdb.Error as error:
+        for number in FULL:
+            if os.strerror(number) in str(error):
+                raise OSError(number, os.strerror(number), str(catalog)) from error
+        raise

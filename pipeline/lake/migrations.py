@@ -39,6 +39,7 @@ from motionlake.lake.lock import locked
 from motionlake.lake.parts import PartWriter, check_part, replacing
 from motionlake.lake.records import write_records
 from motionlake.lake.settings import keep_settings
+from motionlake.stopping import held
 
 _SIZES: Final = pa.schema({"stage": pa.string(), "key": pa.string(), "bytes": pa.int64()})
 
@@ -122,7 +123,8 @@ def _rewrite(lake: Lake, planned: Planned, progress: StepProgress) -> None:
     step, con = STEPS[planned.from_version], open_catalog(lake)
     try:
         for done, file in enumerate(step.due(lake), 1):
-            step.rewrite(con, file)
+            with held():
+                step.rewrite(con, file)
             progress(f"version {planned.to_version}", done, planned.files)
     finally:
         con.close()

@@ -185,6 +185,7 @@ def scan(root: Path, lake: Lake) -> Iterator[SourceFile]:
     if root.is_file():
         yield _source_file(root.parent, root)
         return
+    os.scandir(root).close()  # `walk` would say nothing of a folder that may not be read
     for folder, folders, names in os.walk(root):
         here = Path(folder)
         folders[:] = sorted(f for f in folders if not f.startswith(".") and (here / f) != lake.root)
