@@ -1,0 +1,112 @@
+"""What it costs that a lake compares its files: `python -m bench.trust_cost OTHER`, a checkout of before.
+
+Ingest, a cold search and a scan of all frames are run in turn by the two checkouts, each in a process of its own and on
+a lake that it made itself; seconds are those of the processor, with workers. Above 1, this checkout takes longer.
+"""
+
+from __future__ import annotations
+
+import argparse
+import resource
+import shutil
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Final
+
+from bench.record import hash_files, record, recordings
+
+HERE: Final = Path(__file__).parents[1]
+SCAN: Final = """
+import sys, time, motionlake
+con = motionlake.connect(sys.argv[1])
+started = time.perf_counter()
+con.execute("SELECT sum(hash(f)) FROM frames f").fetchall()
+print(time.perf_counter() - started)
+"""
+
+
+def run(checkout: Path, *words: object) -> tuple[float, float]:
+    """Processor and wall seconds of a command."""
+    before, started = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
+    command = [str(checkout / ".venv" / "bin" / "motionlake"), *map(str, words)]
+    subprocess.run(command, cwd=checkout, check=True, capture_output=True, text=True)
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    used = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+    return used, time.perf_counter() - started
+
+
+def scan(checkout: Path, lake: Path) -> tuple[float, float]:
+    """Wall seconds of the first scan of a process, twice."""
+    command = [str(checkout / ".venv" / "bin" / "python"), "-c", SCAN, str(lake)]
+    said = subprocess.run(command, cwd=checkout, check=True, capture_output=True, text=True)
+    return float(said.stdout), float(said.stdout)
+
+
+def interleaved(
+    checkouts: Mapping[str, Path], measured: Callable[[str, Path], tuple[float, float]], rounds: int
+) -> dict[str, dict[str, float]]:
+    """Medians of what each checkout takes, one run of each in turn after one that warms up, and their ratios."""
+    found: dict[str, list[tuple[float, float]]] = {name: [] for name in checkouts}
+    for number in range(rounds + 1):
+        for name, checkout in checkouts.items():
+            seconds = measured(name, checkout)
+            if number:
+                found[name].append(seconds)
+    medians = {
+        name: {
+            "processor": statistics.median(cpu for cpu, _ in taken),
+            "wall": statistics.median(wall for _, wall in taken),
+        }
+        for name, taken in found.items()
+    }
+    return {
+        **medians,
+        "ratio": {key: medians["here"][key] / medians["before"][key] for key in ("processor", "wall")},
+    }
+
+
+def measure(before: Path, source: Path, folder: Path, rounds: int) -> dict[str, dict[str, dict[str, float]]]:
+    """Ingest, search and scan by both checkouts."""
+    checkouts = {"here": HERE, "before": before}
+
+    def ingest(name: str, checkout: Path) -> tuple[float, float]:
+        lake = folder / f"{name}-lake"
+        shutil.rmtree(lake, ignore_errors=True)
+        return run(checkout, "ingest", source, "--workers", 1, "--lake", lake)
+
+    found = {"ingest": interleaved(checkouts, ingest, max(2, rounds // 3))}
+    for name, checkout in checkouts.items():
+        run(checkout, "run", "all", "--lake", folder / f"{name}-lake")
+    clip = sorted(source.rglob("*.amc"))[0].stem
+
+    def search(name: str, checkout: Path) -> tuple[float, float]:
+        return run(checkout, "search", clip, "-k", 3, "--lake", folder / f"{name}-lake")
+
+    found["search"] = interleaved(checkouts, search, rounds)
+    found["scan"] = interleaved(checkouts, lambda name, checkout: scan(checkout, folder / f"{name}-lake"), rounds)
+    return found
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("other", type=Path, help="checkout of the commit before, with its .venv")
+    parser.add_argument("--rounds", type=int, default=15)
+    parser.add_argument("--set", default="hdm05")
+    given = parser.parse_args()
+    source = recordings() / given.set / "clips"
+    with tempfile.TemporaryDirectory() as folder:
+        figures = measure(given.other.resolve(), source, Path(folder), given.rounds)
+    for name, taken in figures.items():
+        ratio = taken["ratio"]
+        print(f"{name}: {ratio['processor']:.3f} of the processor, {ratio['wall']:.3f} of the clock", taken)
+    print(record("trust-cost", figures, hash_files(source.rglob("*.amc"), source)))
+    sys.stdout.flush()
+
+
+if __name__ == "__main__":
+    main()
