@@ -20,16 +20,18 @@ DEMO_SYNTHESIS = $(if $(filter demo/deepmimic,$(DATA)),$(BIN)/motionlake run syn
 DEMO_QUERIES = $(if $(filter demo/deepmimic,$(DATA)),humanoid3d_walk humanoid3d_kick humanoid3d_dance_a,--sample 3)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test lint docs ingest all $(STAGES) neighbours transitions synth status wheel bench-ingest bench-dtw bench-emd bench-retrieval bench-representation bench-words bench-find bench-motion-graph bench-neighbours bench-segmentation bench-signatures bench-align bench-pesta bench-descriptor-search bench-deephums bench-glogen bench-synthesis bench-kills bench-many bench-smoke
+.PHONY: help setup demo test lint docs ingest all $(STAGES) neighbours transitions synth status wheel bench-ingest bench-dtw bench-emd bench-retrieval bench-representation bench-words bench-find bench-motion-graph bench-neighbours bench-segmentation bench-signatures bench-align bench-pesta bench-descriptor-search bench-deephums bench-glogen bench-synthesis bench-kills bench-many bench-smoke fuzz
 
 help: ## Show this help
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 24
 
 setup: .venv/.ready ## Make .venv with the pinned packages
 
-.venv/.ready: requirements.lock pyproject.toml
+# Every file by its hash but torch, of which each machine has its own build: no hash fits all.
+.venv/.ready: requirements.lock requirements-torch.lock pyproject.toml
 	test -x $(BIN)/python || $(PYTHON) -m venv .venv
-	$(BIN)/python $(PIP) install -r requirements.lock
+	$(BIN)/python $(PIP) install --no-deps -r requirements.lock
+	$(BIN)/python $(PIP) install -r requirements-torch.lock
 	$(BIN)/python $(PIP) install --no-deps --no-build-isolation --editable .
 	touch $@
 
@@ -96,13 +98,15 @@ $(STAGES):
 status: setup ## Show what LAKE=folder holds and lacks
 	$(BIN)/motionlake status --lake "$(LAKE)"
 
-wheel: setup ## Build the wheel into DIST=folder (dist)
+wheel: setup ## Build the wheel into DIST=folder (dist), with its software bill of materials
 	rm -rf build
 	$(BIN)/python -m build --wheel --no-isolation --outdir $(DIST)
+	$(BIN)/python -m tools.sbom $(DIST)/motionlake-*.whl
 
-.venv-bench/.ready: requirements-bench.lock pyproject.toml
+.venv-bench/.ready: requirements-bench.lock requirements-torch.lock pyproject.toml
 	test -x $(BENCH)/python || $(PYTHON) -m venv .venv-bench
-	$(BENCH)/python $(PIP) install -r requirements-bench.lock
+	$(BENCH)/python $(PIP) install --no-deps -r requirements-bench.lock
+	$(BENCH)/python $(PIP) install -r requirements-torch.lock
 	$(BENCH)/python $(PIP) install --no-deps --no-build-isolation --editable .
 	touch $@
 
@@ -166,6 +170,9 @@ bench-kills: setup ## Kill drivers, workers and schedulers at random moments, co
 
 bench-many: setup ## Four writers and eight readers on one lake at once (SECONDS=600)
 	$(BIN)/python -m bench.many_at_once --seconds $(or $(SECONDS),600)
+
+fuzz: setup ## Damage 10,000 files and take them in; then readers, configuration, labels, SQL by hypothesis (FILES=n EXAMPLES=n SEED=n)
+	$(BIN)/python -m bench.fuzz --files $(or $(FILES),10000) --examples $(or $(EXAMPLES),2000) --seed $(or $(SEED),0)
 
 bench-smoke: setup ## Run every bench once on few and short recordings, to see that it works (2 minutes)
 	$(BIN)/python -m bench.smoke --processes 2

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import time
 from collections.abc import Sequence
@@ -33,10 +34,11 @@ class Usage:
     together: int
 
 
-def watch(command: Sequence[str], cwd: Path) -> Usage:
-    """Run a command to its end; its output is dropped."""
+def watch(command: Sequence[str], cwd: Path, log: Path = Path(os.devnull)) -> Usage:
+    """Run a command to its end; its output goes to a file, or is dropped."""
     started = time.perf_counter()
-    child = subprocess.Popen(command, cwd=cwd, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    with log.open("wb") as said:
+        child = subprocess.Popen(command, cwd=cwd, stdout=said, stderr=said)
     root = psutil.Process(child.pid)
     peaks: dict[int, int] = {}
     together = 0

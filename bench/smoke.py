@@ -93,6 +93,7 @@ SMOKES: Final[Sequence[Smoke]] = (
     Smoke("bench.dtw", (), {"bench.dtw.ANCHORS": 30, "bench.dtw.WORDS": 250}, recordings=False),
     Smoke("bench.descriptor_search", ("--rounds", "3", "--sizes", "300")),
     Smoke("bench.emd", (), {"bench.emd.K": 12, "bench.emd.COUNT": 200, "bench.emd.QUERIES": 6}),
+    Smoke("bench.fuzz", ("--files", "140", "--examples", "20", "--workers", "1"), recordings=False),
     Smoke("bench.ingest", ("peers", "--rounds", "1")),
     Smoke("bench.kills", ("--kills", "1", "--clips", "1"), {"bench.kills.STAGES": "words", "bench.kills.VICTIMS": (
           ("driver", signal.SIGTERM),)}, recordings=False),

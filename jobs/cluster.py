@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from multiprocessing import forkserver, resource_tracker
 from pathlib import Path
+from threading import Event, Thread
 
 import dask
 from distributed import Client, LocalCluster
@@ -27,6 +28,9 @@ _PRELOAD = ["distributed", "motionlake.jobs.session"]
 _CONNECT = "10s"
 _GROW = 30  # seconds
 _STARTS = 3  # of local workers, where one was killed before it was ready
+_LOOK_AGAIN = 5.0  # seconds
+# A worker that Dask finds near its share of memory takes no more shards; with networks loaded it never falls below.
+_UNWATCHED = 0
 
 
 @contextmanager
@@ -49,7 +53,9 @@ def cluster(lake: Lake, workers: int, scheduler: str | None = None) -> Iterator[
         if scheduler is None:
             with ExitStack() as stack:
                 with held():
-                    client = stack.enter_context(Client(stack.enter_context(_started(workers))))
+                    local = stack.enter_context(_started(workers))
+                    stack.enter_context(_kept(local))
+                    client = stack.enter_context(Client(local))
                 yield client
             return
         try:
@@ -67,8 +73,9 @@ def _started(workers: int) -> LocalCluster:
         _serve_forks()
         try:
             return LocalCluster(
-                n_workers=workers, threads_per_worker=1, dashboard_address="127.0.0.1:0", silence_logs=logging.CRITICAL
-            )
+                n_workers=workers, threads_per_worker=1, dashboard_address="127.0.0.1:0",
+                memory_limit=_UNWATCHED, silence_logs=logging.CRITICAL,
+            )  # fmt: skip
         except (OSError, RuntimeError) as error:
             reason = str(error).splitlines()[0]
         if asked():  # what killed them, by a signal to the whole group, is to end the driver too
@@ -76,6 +83,22 @@ def _started(workers: int) -> LocalCluster:
     raise UserError(
         f"no worker processes could be started ({reason}); were they killed, for want of memory? Try --workers 1"
     )
+
+
+@contextmanager
+def _kept(local: LocalCluster) -> Iterator[None]:
+    """Have workers started that are missing: Dask gives up one that takes 15 s to be back, as on a busy machine."""
+    stopped = Event()
+
+    def keep() -> None:
+        while not stopped.wait(_LOOK_AGAIN):
+            local.loop.add_callback(local._correct_state)  # what `scale` ends with
+
+    Thread(target=keep, daemon=True).start()
+    try:
+        yield
+    finally:
+        stopped.set()
 
 
 def _serve_forks() -> None:

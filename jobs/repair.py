@@ -8,6 +8,7 @@ from dataclasses import replace
 from typing import Any
 
 from motionlake.errors import UserError
+from motionlake.formats.limits_config import Limits
 from motionlake.jobs.run import update
 from motionlake.jobs.session import Session
 from motionlake.lake.catalog import fetch, load_rows, reading, run_sql, table_of, writing
@@ -22,6 +23,7 @@ from motionlake.lake.integrity import (
 )
 from motionlake.lake.mend import Mended
 from motionlake.lake.verify import deep_faults
+from motionlake.names import on_disk
 from motionlake.stages.frames import FRAMES, shard_of
 from motionlake.stages.ingest import KEY_ROWS
 from motionlake.stages.model_kind import Selection
@@ -154,18 +156,18 @@ class _Repair:
     def _frames_shard(self, at: LakeReader, row: Mapping[str, Any]) -> Shard | str:
         rows = fetch(at.con, "sources_of_part", {"part": row["part"]})
         files = [SourceFile(r["path"], r["size"], r["mtime_ns"], r["content_hash"]) for r in rows]
-        roots = {(r.dataset, str(r.base)): r for r in known_roots(at.con)}
+        roots = {(r.dataset, r.kept_base): r for r in known_roots(at.con)}
         root = roots.get((row["dataset"], rows[0]["root"])) if rows else None
         if root is None:
             return "the folder it was read from is not known any more"
-        gone = [f.path for f in files if content_hash(root.base / f.path) != f.content_hash]
+        gone = [f.path for f in files if content_hash(root.base / on_disk(f.path)) != f.content_hash]
         if gone:
             return (
                 f"only the source gives it back: {root.base / gone[0]} "
                 f"{f'and {len(gone) - 1} files more are' if len(gone) > 1 else 'is'} not there as it was read"
             )
         shaping = root.shaping_hash(at.config.frames, at.lake)
-        shard = shard_of(root, files, at.config.frames, shaping)
+        shard = shard_of(root, files, at.config.frames, at.config.of(Limits), shaping)
         if shard.key != row["key"]:
             return "was read with files that have left the lake since, or by other settings; `motionlake ingest` again"
         return shard

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
 import pyarrow as pa
+from motionlake import memory
 from motionlake.errors import FULL, UserError
 from motionlake.lake.catalog import collect_garbage, create_catalog, load_rows, reading, table_of, writing
 from motionlake.lake.config import LakeConfig, load_config
@@ -35,6 +36,7 @@ from motionlake.lake.lock import locked
 from motionlake.lake.records import write_records
 from motionlake.lake.settings import changed_settings, keep_settings
 from motionlake.names import typed
+from motionlake.stages.file_watch import at_fault, replaceable
 from motionlake.stages.stage import Shard, ShardResult, ShardStage
 from threadpoolctl import threadpool_limits
 
@@ -102,10 +104,18 @@ class Session:
     _client: Client | None = None
 
     def client(self, shards: int) -> Client:
-        """The cluster: one of its own has a worker for each shard, up to `workers` (default: one a core)."""
+        """The cluster: one of its own has a worker for each shard, up to `workers` (default: one a core, if there is
+        memory for so many)."""
         from motionlake.jobs.cluster import cluster, grow  # Dask takes half a second to import
 
-        wanted = min(self.workers or os.cpu_count() or 1, shards)
+        cores = os.cpu_count() or 1
+        wanted = min(self.workers or memory.workers_that_fit(cores), shards)
+        if (
+            self._client is None
+            and self.scheduler is None
+            and (told := memory.warning(self.workers, min(cores, shards)))
+        ):
+            self.notice(told)
         if self._client is None:
             self._client = self._stack.enter_context(cluster(self.lake, wanted, self.scheduler))
         elif self.scheduler is None:
@@ -202,11 +212,12 @@ def session(
         damaged: go on where files of the lake are missing or damaged.
 
     Raises:
-        UserError: another command writes to the lake, its config.toml is at fault, or a file of it is missing or
-            damaged.
+        UserError: another command writes to the lake, its config.toml is at fault, a file of it is missing or damaged,
+            or there is no room to run in.
     """
     from motionlake.stages.registry import FOLDERS  # workers import this module, and one stage alone
 
+    memory.check_addresses()
     config = load_config(lake.config_file)
     with locked(lake, command):
         if create and not lake.catalog.exists():
@@ -239,9 +250,13 @@ def _here(root: Path, stage: ShardStage, shards: Sequence[Shard]) -> Iterator[tu
 def _finishing(
     root: Path, stage: ShardStage, shards: Sequence[Shard], client: Client
 ) -> Iterator[tuple[Shard, ShardResult | BaseException]]:
-    """Shards as they finish, with a few a worker thread in the cluster's hands: its memory must not grow with them."""
-    from distributed import as_completed
+    """Shards as they finish, with a few a worker thread in the cluster's hands: its memory must not grow with them.
 
+    One whose workers ended again and again runs once more, alone: it may have been another's fault.
+    """
+    from distributed import KilledWorker, as_completed
+
+    killed: list[Shard] = []
     running: dict[Future, Shard] = {}
     pool = as_completed()
     left = iter(shards)
@@ -249,8 +264,7 @@ def _finishing(
     def submit() -> None:
         wanted = AHEAD * max(1, sum(client.nthreads().values()))
         for shard in islice(left, max(0, wanted - len(running))):
-            key = f"{stage.name}-{shard.key}"
-            future = client.submit(_run_limited, stage.run, root, shard, key=key, pure=False)
+            future = _submit(client, stage, root, shard)
             running[future] = shard
             pool.add(future)
 
@@ -261,9 +275,45 @@ def _finishing(
                 "the Dask cluster does not answer any more; the same command goes on where this one stopped"
             )
         error = future.exception() if future.status != "finished" else None
-        yield running.pop(future), future.result() if error is None else error
+        shard = running.pop(future)
+        if isinstance(error, KilledWorker):
+            killed.append(shard)
+        else:
+            yield shard, future.result() if error is None else error
         future.release()
         submit()
+    for shard in killed:
+        yield shard, _alone(client, stage, root, shard)
+
+
+def _submit(client: Client, stage: ShardStage, root: Path, shard: Shard, again: str = "") -> Future:
+    key = f"{stage.name}-{shard.key}{again}"
+    return client.submit(_run_in_worker, stage.run, root, shard, key=key, pure=False)
+
+
+def _alone(client: Client, stage: ShardStage, root: Path, shard: Shard) -> ShardResult | BaseException:
+    """Run a shard whose workers ended, again as long as each time tells of one more file that is at fault."""
+    from distributed import KilledWorker
+
+    known: set[str] = set()
+    while True:
+        future = _submit(client, stage, root, shard, f"-{len(known)}-at-fault")
+        error: BaseException | None = future.exception()
+        if error is None:
+            result: ShardResult = future.result()
+            return result
+        told = at_fault(root, shard)
+        if not isinstance(error, KilledWorker) or told <= known:
+            return error
+        known = told
+
+
+def _run_in_worker(run: Callable[[Path, Shard], ShardResult], root: Path, shard: Shard) -> ShardResult:
+    """Run a shard in a worker of the cluster, which may end where its nanny starts another."""
+    from distributed import get_worker
+
+    replaceable.set(get_worker().nanny is not None)
+    return _run_limited(run, root, shard)
 
 
 def _run_limited(run: Callable[[Path, Shard], ShardResult], root: Path, shard: Shard) -> ShardResult:

@@ -1,13 +1,20 @@
-"""Damaged files on purpose: real clips with bytes cut off, flipped, spliced, repeated or overwritten."""
+"""Damaged files on purpose: real clips with bytes cut off, flipped, spliced, repeated or overwritten, numbers and words
+that no recording has, and damage inside of archives whose sums are right."""
 
 from __future__ import annotations
 
 import gzip
+import io
+import re
+import shutil
+import zipfile
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 from motionlake.formats import companions, is_clip
+
+from tests.samples import SAMPLES, deepmimic_frames, deepmimic_text, kinect_2_from_1, ntu_text
 
 MAX_BYTES = 400_000
 COMPRESSED_SHARE = 0.25
@@ -72,6 +79,102 @@ def swap_lines(data: bytes, rng: np.random.Generator) -> bytes:
     return b"\n".join(lines)
 
 
+_NUMBER = re.compile(rb"[-+]?[0-9.]+(?:[eE][-+]?[0-9]+)?")
+_WORD = re.compile(rb"[^\s,\[\]{}]+")
+HUGE = (
+    b"1e308",
+    b"-1e308",
+    b"9" * 30,
+    b"1" * 900,
+    b"4294967296",
+    b"-1",
+    b"1e-320",
+    b"1e999",
+    b"0x1F",
+    b"1_0",
+    b"1e-99999999999",
+)
+NO_NUMBER = (b"NaN", b"nan", b"inf", b"-Infinity", b"1.#QNAN", b"-nan(ind)", b"null", b"true", b'""', b"", b"1,5")
+FOREIGN = (
+    b"\xff\xfe",
+    b"\xc3(",
+    b"\0",
+    b"\0" * 40,
+    b"\xef\xbb\xbf",
+    b"\xe2\x80\xae",
+    b"\r",
+    b"\x1b[31m",
+    b"\x85",
+    b"\xf0\x9f",
+)
+
+
+def _replaced(data: bytes, rng: np.random.Generator, pattern: re.Pattern[bytes], words: tuple[bytes, ...]) -> bytes:
+    """1 to 5 of what a pattern finds, at any place or near the beginning, replaced by words."""
+    reach = len(data) if rng.random() < 0.5 else min(len(data), 3000)
+    for _ in range(rng.integers(1, 6)):
+        found = pattern.search(data, int(rng.integers(0, reach)))
+        if found is not None:
+            data = data[: found.start()] + words[rng.integers(0, len(words))] + data[found.end() :]
+    return data
+
+
+def huge_numbers(data: bytes, rng: np.random.Generator) -> bytes:
+    """Write numbers that no recording has."""
+    return _replaced(data, rng, _NUMBER, HUGE)
+
+
+def no_numbers(data: bytes, rng: np.random.Generator) -> bytes:
+    """Write what is no number in the place of numbers."""
+    return _replaced(data, rng, _NUMBER, NO_NUMBER)
+
+
+def foreign_bytes(data: bytes, rng: np.random.Generator) -> bytes:
+    """Insert bytes that are no text, or no text that a person sees."""
+    for _ in range(rng.integers(1, 6)):
+        at = rng.integers(0, len(data) if rng.random() < 0.5 else min(len(data), 3000))
+        data = data[:at] + FOREIGN[rng.integers(0, len(FOREIGN))] + data[at:]
+    return data
+
+
+def exchange_words(data: bytes, rng: np.random.Generator) -> bytes:
+    """Write words of the file in the place of others."""
+    words = tuple(found[0] for at in rng.integers(0, len(data), 5) if (found := _WORD.search(data, int(at))))
+    return _replaced(data, rng, _WORD, words or (b"}",))
+
+
+def repeat(data: bytes, rng: np.random.Generator) -> bytes:
+    """Repeat a piece many times, as a program that is stuck writes it; brackets and braces among them nest."""
+    begin, length = int(rng.integers(0, len(data))), int(rng.integers(1, 400))
+    if rng.random() < 0.3 and (at := data.find(b"{", begin)) >= 0:
+        begin, length = data.rfind(b"\n", 0, at) + 1, at + 1 - data.rfind(b"\n", 0, at)
+    piece = data[begin : begin + length]
+    return data[:begin] + piece * int(rng.integers(2, 200)) + data[begin:]
+
+
+def within_archive(data: bytes, rng: np.random.Generator) -> bytes:
+    """Damage a member of an archive and pack it again, so that all sums are right; other files as `exchange_words`."""
+    try:
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            members = {name: archive.read(name) for name in archive.namelist()}
+    except Exception:  # it was damaged before
+        return exchange_words(data, rng)
+    victim = sorted(members)[rng.integers(0, len(members))]
+    head, damages = (
+        members[victim][:128],
+        (flip_bits, change_digits, huge_numbers, no_numbers, exchange_words, truncate),
+    )
+    if rng.random() < 0.6:  # of the header, which says shape and type
+        members[victim] = damages[rng.integers(0, len(damages))](head, rng) + members[victim][128:]
+    else:
+        members[victim] = DAMAGES[rng.integers(0, len(DAMAGES) - 1)](members[victim] or b"0", rng)
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, content in members.items():
+            archive.writestr(name, content)
+    return stream.getvalue()
+
+
 DAMAGES: tuple[Damage, ...] = (
     truncate,
     behead,
@@ -81,7 +184,38 @@ DAMAGES: tuple[Damage, ...] = (
     cut_out,
     overwrite,
     swap_lines,
+    huge_numbers,
+    no_numbers,
+    foreign_bytes,
+    exchange_words,
+    repeat,
+    within_archive,
 )
+
+
+def gather(recordings: Path, folder: Path) -> None:
+    """Small real clips of every format; NTU files hold real Kinect motion."""
+    folder.mkdir()
+    bvh = sorted((recordings / "bandai1" / "clips").rglob("*.bvh"), key=lambda path: path.stat().st_size)[:12]
+    amc = sorted((recordings / "hdm05" / "clips").rglob("*.amc"), key=lambda path: path.stat().st_size)[:12]
+    npz = sorted((recordings / "utd_mhad" / "clips").glob("*.npz"))[::70]
+    for path in [*bvh, *amc, *npz, *(recordings / "hdm05" / "clips").glob("*.asf")]:
+        shutil.copy(path, folder / path.name)
+    for path in npz[:6]:
+        with np.load(path, allow_pickle=False) as archive:
+            body = kinect_2_from_1(archive["positions"].astype(np.float64))
+        beside = body[:-5] + np.array([1.0, 0.0, 0.2])
+        bodies = [("72057594037944738", 0, body), ("72057594037944739", 5, beside)]
+        (folder / f"{path.stem}.skeleton").write_text(ntu_text(bodies, newline="\r\n"), newline="")
+    (folder / "humanoid3d_made.txt").write_text(deepmimic_text(deepmimic_frames(60)))
+
+
+def gather_made(folder: Path) -> None:
+    """Small made clips of every format, where there are no recordings."""
+    folder.mkdir()
+    for suffix, sample in SAMPLES.items():
+        data = sample(folder)
+        (folder / f"sample{suffix}").write_bytes(data)
 
 
 def damaged_files(source: Path, target: Path, count: int, seed: int) -> list[Path]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import resource
-import shutil
 import signal
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -19,9 +18,8 @@ from motionlake.motion.kinematics import solve
 from motionlake.motion.rigs import identify, load_rigs
 from numpy.typing import NDArray
 
-from tests.damage import damaged_files
+from tests.damage import damaged_files, gather
 from tests.lakes import motionlake, query, quick_lake
-from tests.samples import deepmimic_frames, deepmimic_text, kinect_2_from_1, ntu_text
 
 COUNT = 500
 SEED = 20
@@ -62,23 +60,6 @@ def limited_time(seconds: int) -> Iterator[None]:
 
 def finite(values: NDArray[np.floating]) -> bool:
     return bool(np.isfinite(values).all())
-
-
-def gather(recordings: Path, folder: Path) -> None:
-    """Small real clips of every format; NTU files hold real Kinect motion."""
-    folder.mkdir()
-    bvh = sorted((recordings / "bandai1" / "clips").rglob("*.bvh"), key=lambda path: path.stat().st_size)[:12]
-    amc = sorted((recordings / "hdm05" / "clips").rglob("*.amc"), key=lambda path: path.stat().st_size)[:12]
-    npz = sorted((recordings / "utd_mhad" / "clips").glob("*.npz"))[::70]
-    for path in [*bvh, *amc, *npz, *(recordings / "hdm05" / "clips").glob("*.asf")]:
-        shutil.copy(path, folder / path.name)
-    for path in npz[:6]:
-        with np.load(path, allow_pickle=False) as archive:
-            body = kinect_2_from_1(archive["positions"].astype(np.float64))
-        beside = body[:-5] + np.array([1.0, 0.0, 0.2])
-        bodies = [("72057594037944738", 0, body), ("72057594037944739", 5, beside)]
-        (folder / f"{path.stem}.skeleton").write_text(ntu_text(bodies, newline="\r\n"), newline="")
-    (folder / "humanoid3d_made.txt").write_text(deepmimic_text(deepmimic_frames(60)))
 
 
 @pytest.mark.recordings

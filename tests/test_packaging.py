@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import os
+import re
 import subprocess
 import sys
 import tomllib
@@ -12,6 +14,7 @@ from pathlib import Path
 import pytest
 
 from tests.lakes import made_clips, motionlake, quick_lake
+from tools.sbom import bill, pinned
 
 ROOT = Path(__file__).parents[1]
 SETUPTOOLS = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["setuptools"]
@@ -59,6 +62,41 @@ def test_the_wheel_holds_every_file_and_one_package(wheel: Path) -> None:
                 below = path.relative_to(ROOT if top != "pipeline" else ROOT / top)
                 expected.add(f"motionlake/{below.as_posix()}")
     assert expected == {name for name in names if ".dist-info" not in name}
+
+
+def test_what_is_pinned_is_known_by_its_hash() -> None:
+    """But torch: which of its builds fits is the machine's to say."""
+    torch = (ROOT / "requirements-torch.lock").read_text(encoding="utf-8")
+    assert re.fullmatch(r"torch==\S+\n", torch)
+    for name in ("requirements.lock", "requirements-bench.lock"):
+        text = (ROOT / name).read_text(encoding="utf-8").replace("\\\n", "")
+        for line in text.splitlines():
+            assert re.fullmatch(r"[a-z0-9.-]+==\S+( +--hash=sha256:[0-9a-f]{64})+", line.strip()), line
+        assert "torch==" not in text
+
+
+def test_a_release_has_a_bill_of_materials(wheel: Path) -> None:
+    first, again = bill(wheel), bill(wheel)
+    assert first == json.loads(json.dumps(again))
+    assert (first["bomFormat"], first["specVersion"]) == ("CycloneDX", "1.6")
+    libraries = {c["name"]: c for c in first["components"] if c["type"] == "library"}
+    asked = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["dependencies"]
+    direct = {re.split(r"[\[<>=]", line)[0] for line in asked}
+    assert direct | {"distributed", "llvmlite"} <= set(libraries)
+    assert not {"pytest", "mypy", "librosa"} & set(libraries)
+    for name, (version, hashes) in pinned().items():
+        if name in libraries:
+            found = libraries[name]
+            assert found["version"] == version
+            assert found["licenses"], name
+            told = [entry["content"] for files in found.get("externalReferences", []) for entry in files["hashes"]]
+            assert told == hashes
+            assert bool(told) == (name != "torch")
+    models = [c for c in first["components"] if c["type"] == "machine-learning-model"]
+    assert len(models) == len([p for p in (ROOT / "pipeline").glob("*/weights/*") if p.is_file()])
+    known = {c["bom-ref"] for c in first["components"]} | {first["metadata"]["component"]["bom-ref"]}
+    assert {entry["ref"] for entry in first["dependencies"]} <= known
+    assert all(set(entry["dependsOn"]) <= known for entry in first["dependencies"])
 
 
 def test_it_lives_beside_jupysql(wheel: Path, tmp_path: Path) -> None:

@@ -8,9 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from motionlake.errors import ClipError
-from motionlake.formats import load_bytes, read_clips, reader_for, registry
+from motionlake.formats import is_clip, load_bytes, read_clips, reader_for, registry
 from motionlake.motion.clip import SourceClip
 
+from tests.samples import deepmimic_frames, deepmimic_text
 from tests.test_bvh import TIDY, read
 
 
@@ -85,3 +86,18 @@ def test_a_reader_that_fails_unforeseen_makes_a_clip_error(tmp_path: Path, monke
     (tmp_path / "x.broken").write_bytes(b"x")
     with pytest.raises(ClipError, match="IndexError"):
         read_clips(tmp_path / "x.broken")
+
+
+def test_a_text_that_is_cut_within_its_gzip_stream_is_rejected_not_passed_over(tmp_path: Path) -> None:
+    whole = gzip.compress(deepmimic_text(deepmimic_frames(20)).encode(), mtime=0)
+    for size in (1, 9, 12, 30, len(whole) - 1):
+        path = tmp_path / f"{size}.txt.gz"
+        path.write_bytes(whole[:size])
+        assert is_clip(path), size
+        with pytest.raises(ClipError, match="gzip stream"):
+            read_clips(path)
+    notes = tmp_path / "notes.txt.gz"
+    notes.write_bytes(gzip.compress(b"notes"))
+    (tmp_path / "empty.txt.gz").touch()
+    assert not is_clip(notes)
+    assert not is_clip(tmp_path / "empty.txt.gz")

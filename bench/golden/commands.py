@@ -17,6 +17,7 @@ RENAMED: Final[dict[str, str]] = {
 
 # Columns that tell time.
 CLOCK_COLUMNS: Final = {
+    "files": ("mtime_ns",),
     "manifest": ("seconds", "finished"),
     "models": ("seconds", "created"),
     "runs": ("started", "finished"),

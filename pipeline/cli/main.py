@@ -16,6 +16,7 @@ from typing import Annotated, Any, Final, NoReturn
 import typer
 from motionlake.cli.common import SETTINGS, notice
 from motionlake.errors import UserError, denied, explained
+from motionlake.memory import shortage
 from motionlake.names import printable
 from motionlake.stopping import Stopped, obeying
 from typer.core import TyperGroup
@@ -234,9 +235,12 @@ def main() -> None:
             _fail(f"{error.object}: is not UTF-8; give a name that is", error)
         except (UnreadError, BrokenPipeError):
             raise
-        except OSError as error:
-            _fail(explained(error), error)
         except Exception as error:
+            short = shortage(error)
+            if short:
+                _fail(f"{short} ({type(error).__name__}: {error})", error)
+            if isinstance(error, OSError):
+                _fail(explained(error), error)
             told = denied(str(error)) or f"{type(error).__name__}: {error} (--debug before the command shows where)"
             _fail(told, error)
 

@@ -11,12 +11,14 @@ from typing import Final
 import numpy as np
 from motionlake.arrays import Float64Array
 from motionlake.errors import ClipError
+from motionlake.formats.limits_config import FARTHEST, limits
 from motionlake.formats.registry import Remembered, load_bytes
 from motionlake.motion.clip import POSITION_CHANNELS, ChannelKind, Hierarchy, depth_first
 from motionlake.motion.rotations import from_euler
 
 ROOT: Final = "root"
 _METRES_PER_INCH: Final = 0.0254
+MAX_BYTES: Final = 8 * 1024**2  # lines take twenty times as much
 CHANNELS: Final = {
     f"{kind}{axis}".lower(): f"{axis}{what}" for kind, what in (("t", "position"), ("r", "rotation")) for axis in "XYZ"
 }
@@ -160,6 +162,8 @@ class _Lines:
             values = ()
         if len(values) != count or not np.isfinite(values).all():
             raise self.fault(f"{count} number(s) expected, not {' '.join(words)[:60]!r}")
+        if max(map(abs, values)) > FARTHEST:
+            raise self.fault(f"an absurdly large number in {' '.join(words)[:60]!r}")
         return values
 
     def order(self, words: list[str]) -> str:
@@ -232,6 +236,7 @@ def _read_bones(lines: _Lines, skeleton: Skeleton) -> None:
         if bone.name in skeleton.bones:
             raise lines.fault(f"bone {bone.name!r} twice")
         skeleton.bones[bone.name] = bone
+        limits().check("joints", len(skeleton.bones), f"{lines.name} has too many bones")
 
 
 def _read_hierarchy(lines: _Lines, skeleton: Skeleton) -> None:
@@ -281,7 +286,7 @@ def parse_asf(data: bytes, name: str) -> Skeleton:
 
 
 def _load(path: Path) -> tuple[Skeleton, Hierarchy]:
-    skeleton = parse_asf(load_bytes(path), path.name)
+    skeleton = parse_asf(load_bytes(path, MAX_BYTES), path.name)
     return skeleton, skeleton.hierarchy()
 
 

@@ -15,13 +15,16 @@ import numpy as np
 from motionlake.arrays import Float64Array, Int64Array, UInt8Array
 from motionlake.errors import ClipError
 from motionlake.formats.asf import ROOT, Skeleton, load_asf
+from motionlake.formats.limits_config import FARTHEST, MOST_DEGREES, limits
 from motionlake.formats.numbers import (
+    ABSURD,
     BAD_NUMBER,
     LONG_ROW,
     OK,
     ONE,
     SHORT_ROW,
     UNDECIDED,
+    absurd,
     line_of,
     not_finite,
     scan_number,
@@ -36,10 +39,11 @@ from numba import njit, uint64
 
 DEFAULT_FPS: Final = 120.0
 HEAD_BYTES: Final = 4096
+PREAMBLE_BYTES: Final = 128 * 1024
 _ANCESTORS: Final = 3
 _FOLDERS: Final = re.compile(r".*[\\/:]")
 # Beside those of `numbers`.
-_UNKNOWN_BONE, _TWICE, _MISSING_BONE, _FRAME_NUMBER = range(10, 14)
+_UNKNOWN_BONE, _TWICE, _MISSING_BONE, _FRAME_NUMBER, _NO_ROOM = range(10, 15)
 _SUFFIXES: Final = (".asf", f".asf{COMPRESSED_SUFFIX}")
 
 
@@ -107,6 +111,8 @@ class _Preamble:
     def of(cls, data: bytes) -> _Preamble:
         found = cls()
         while found.start < len(data):
+            if found.start > PREAMBLE_BYTES:
+                raise ClipError("no frame in its first 128 KiB")
             newline = data.find(b"\n", found.start)
             stop = len(data) if newline < 0 else newline + 1
             words = data[found.start : min(stop, found.start + HEAD_BYTES)].decode("latin-1").split()
@@ -150,7 +156,7 @@ def _is_name(data, begin, end, names, first, last):  # type: ignore[no-untyped-d
 
 
 @njit(cache=True)
-def _scan_frames(data, start, names, name_starts, columns, table, undecided):  # type: ignore[no-untyped-def]
+def _scan_frames(data, start, names, name_starts, columns, table, most, undecided):  # type: ignore[no-untyped-def]
     """Fill `table` with the frames of an AMC file, uint8 [n], from its first frame number on.
 
     Args:
@@ -158,6 +164,7 @@ def _scan_frames(data, start, names, name_starts, columns, table, undecided):  #
         names: uint8, the names of B bones in a row.
         name_starts, columns: [B + 1] where in `names` and in the columns of `table` each bone starts.
         table: [capacity, columns[B]], filled in place.
+        most: [columns[B]], the largest numbers that are no damage.
         undecided: int64 [table.size, 2], receives (flat index, first byte) of numbers for Python.
 
     Returns:
@@ -184,8 +191,10 @@ def _scan_frames(data, start, names, name_starts, columns, table, undecided):  #
                 value = value * 10 + int(data[i]) - 48
                 i += 1
             bare = i >= end or data[i] == 32 or 9 <= data[i] <= 13
-            if not bare or (frame >= 0 and value != number + 1) or frame + 1 == len(table):
+            if not bare or (frame >= 0 and value != number + 1):
                 return _FRAME_NUMBER, begin, frame, left, 0
+            if frame + 1 == len(table):
+                return _NO_ROOM, begin, frame, left, 0
             number = value
             frame += 1
             found = 0
@@ -223,25 +232,33 @@ def _scan_frames(data, start, names, name_starts, columns, table, undecided):  #
                 undecided[left, 0] = frame * width + column
                 undecided[left, 1] = i
                 left += 1
+            elif abs(value_read) > most[column]:
+                return ABSURD, i, frame, left, bone
             table[frame, column] = value_read
             i = stop
 
 
-def parse_frames(data: bytes, start: int, widths: Mapping[str, int]) -> Float64Array:
+def parse_frames(data: bytes, start: int, widths: Mapping[str, int], most: Float64Array | None = None) -> Float64Array:
     """The values of every frame [F, sum of widths] from byte `start` on; `widths` are each bone's values, by its name.
+
+    `most` [sum of widths] are the largest that are no damage.
 
     Raises:
         ClipError: with the line of what is wrong.
     """
     names, name_starts, columns, fewest = _layout(tuple(widths.items()))
-    table = np.empty(((len(data) - start) // fewest + 2, columns[-1]))
+    allowed = limits().most_frames(len(widths))
+    table = np.empty((min((len(data) - start) // fewest + 2, allowed), columns[-1]))
+    most = np.full(columns[-1], FARTHEST) if most is None else most
     undecided = np.empty((table.size, 2), np.int64)
     status, offset, frames, left, bone = _scan_frames(
-        np.frombuffer(data, np.uint8), start, names, name_starts, columns, table, undecided
+        np.frombuffer(data, np.uint8), start, names, name_starts, columns, table, most, undecided
     )
+    if status == _NO_ROOM:
+        limits().check_body(frames + 2, len(widths), line=line_of(data, offset))
     if status != OK:
         raise _fault(status, data, offset, list(widths.items())[bone])
-    settle(data, table, undecided[:left])
+    settle(data, table, undecided[:left], most)
     return table[:frames]
 
 
@@ -262,12 +279,15 @@ def _fault(status: int, data: bytes, offset: int, bone: tuple[str, int]) -> Clip
     name, width = bone
     if status == BAD_NUMBER:
         return not_finite(data, offset)
+    if status == ABSURD:
+        return absurd(data, offset)
     reason = {
         SHORT_ROW: f"bone {name!r} has fewer than {width} values",
         LONG_ROW: f"bone {name!r} has more than {width} values",
         _UNKNOWN_BONE: f"{token_at(data, offset)!r} is not a bone that the skeleton moves",
         _TWICE: f"bone {name!r} twice in one frame",
         _MISSING_BONE: f"bone {name!r} is missing in the frame before this line",
+        _NO_ROOM: "more frames than fit its bytes",
         _FRAME_NUMBER: f"the next frame's number is expected, not {token_at(data, offset)!r}",
     }[status]
     return ClipError(reason, line_of(data, offset))
@@ -324,9 +344,11 @@ class AmcReader:
         preamble = _Preamble.of(data)
         asf, why = find_skeleton(path, preamble.asf)
         skeleton, hierarchy = load_asf(asf)
-        channels = parse_frames(data, preamble.start, skeleton.widths)
+        turns = [dof.startswith("r") for bone in skeleton.bones.values() for dof in bone.dof]
+        limits().check("joints", len(skeleton.bones), f"{asf.name} has too many bones")
+        limits().check_memory(len(data))
+        channels = parse_frames(data, preamble.start, skeleton.widths, np.where(turns, MOST_DEGREES, FARTHEST))
         if skeleton.radians if preamble.radians is None else preamble.radians:
-            turns = [dof.startswith("r") for bone in skeleton.bones.values() for dof in bone.dof]
             channels[:, turns] = np.rad2deg(channels[:, turns])
         notes = [f"skeleton {asf.name}: {why}"]
         if not skeleton.plain:

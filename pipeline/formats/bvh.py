@@ -12,12 +12,13 @@ from typing import Final
 
 import numpy as np
 from motionlake.errors import ClipError
+from motionlake.formats.limits_config import FARTHEST, limits
 from motionlake.formats.numbers import line_of, parse_table
-from motionlake.formats.registry import MAX_FPS, MIN_FPS
+from motionlake.formats.registry import MAX_FPS, MIN_FPS, most_of
 from motionlake.motion.clip import POSITION_CHANNELS, ROTATION_CHANNELS, ChannelKind, Hierarchy, SourceClip
 from motionlake.motion.rotations import IDENTITY
 
-MAX_HEADER_BYTES: Final = 8 * 1024**2
+MAX_HEADER_BYTES: Final = 4 * 1024**2  # tokens take twenty times as much
 _CHANNELS: Final = {name.lower(): name for name in POSITION_CHANNELS + ROTATION_CHANNELS}
 _MOTION: Final = re.compile(rb"^[ \t]*MOTION[ \t\r]*$", re.IGNORECASE | re.MULTILINE)
 _FRAMES: Final = re.compile(rb"\s*Frames[ \t]*:[ \t]*(\S+)[ \t\r]*(?:\n|\Z)", re.IGNORECASE)
@@ -70,6 +71,8 @@ class _Tokens:
             value = np.nan
         if not np.isfinite(value):
             raise ClipError(f"{word!r} is not a finite number", self.line)
+        if abs(value) > FARTHEST:
+            raise ClipError(f"{word!r} is absurdly large", self.line)
         return value
 
     def vector(self) -> tuple[float, float, float]:
@@ -96,7 +99,7 @@ class _Tree:
 
 def _read_channels(tokens: _Tokens) -> tuple[str, ...]:
     word = tokens.take("the number of channels")
-    if not word.isascii() or not word.isdigit() or int(word) > len(_CHANNELS):
+    if not word.isascii() or not word.isdigit() or len(word) > 3 or int(word) > len(_CHANNELS):
         raise ClipError(f"{word!r} is not a number of channels", tokens.line)
     names = []
     for _ in range(int(word)):
@@ -135,6 +138,7 @@ def _read_tree(tokens: _Tokens) -> _Tree:
                 tree.channels[joint] = _read_channels(tokens)
             case "JOINT":
                 open_joints.append(tree.add(tokens.name(), joint))
+                limits().check("joints", len(tree.joints), "has too many joints", tokens.line)
                 tokens.expect("{")
             case "END":
                 tree.end_sites.append((joint, _read_end_site(tokens)))
@@ -231,6 +235,9 @@ class BvhReader:
         columns = sum(map(len, tree.channels))
         if not columns:
             raise ClipError("no joint has a channel")
+        # A count that the bytes cannot hold is damage, which `parse_table` tells.
+        held = min(int(frames), len(data) // (2 * columns) + 1)
+        limits().check_body(held, len(tree.joints), len(data), line_of(data, declared.start(1)))
         names = tuple(unique(tree.joints))
         renamed = [new for old, new in zip(tree.joints, names, strict=True) if old != new]
         hierarchy = Hierarchy(
@@ -243,7 +250,7 @@ class BvhReader:
             end_sites=tuple(tree.end_sites),
         )
         notes = (f"joint names used twice, renamed: {', '.join(renamed)}",) if renamed else ()
-        table = parse_table(data, (timing or declared).end(), int(frames), columns)
+        table = parse_table(data, (timing or declared).end(), int(frames), columns, most_of(hierarchy))
         return [SourceClip(hierarchy, table, fps, notes=notes)]
 
 

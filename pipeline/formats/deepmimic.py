@@ -16,6 +16,7 @@ from typing import Final
 import numpy as np
 from motionlake.arrays import Float64Array
 from motionlake.errors import ClipError
+from motionlake.formats.limits_config import limits
 from motionlake.formats.repair import FARTHEST
 from motionlake.motion.clip import POSITION_CHANNELS, QUATERNION_CHANNELS, ChannelKind, Hierarchy, SourceClip
 from motionlake.motion.rotations import IDENTITY
@@ -54,6 +55,7 @@ MAX_STRETCH: Final = 100
 # Less than the difference between 30 and 29.97 a second.
 ROUNDING: Final = 1e-4
 MIN_NORM: Final = 1e-3
+VALUE_BYTES: Final = 80  # the most that one value of a document takes as an object, with its place in a list
 _SIGNS: Final = (
     re.compile(rb'"Loop"\s*+:\s*+"(?:wrap|none)"'),
     re.compile(rb'"Frames"\s*+:\s*+\['),
@@ -103,6 +105,8 @@ class DeepMimicReader:
 
 def _frames(data: bytes) -> Float64Array:
     """[F, 44] the file's numbers."""
+    objects = sum(data.count(mark) for mark in (b",", b"[", b"{"))
+    limits().check_memory(len(data) + objects * VALUE_BYTES)
     try:
         document = json.loads(data)
     except json.JSONDecodeError as error:
@@ -114,6 +118,7 @@ def _frames(data: bytes) -> Float64Array:
         raise ClipError('is JSON without a list "Frames"')
     if len(frames) < 2:
         raise ClipError(f"has {len(frames)} frame(s); a motion needs at least two")
+    limits().check_body(len(frames), len(CHARACTER), len(data))
     for index, frame in enumerate(frames):
         if not isinstance(frame, list):
             raise ClipError(f"frame {index} is no list of numbers")
@@ -165,6 +170,7 @@ def _resampled(channels: Float64Array, durations: Float64Array, step: float) -> 
         raise ClipError(f"its frames last from {shortest:g} to {longest:g} s")
     times = np.concatenate([[0.0], np.cumsum(durations)])
     count = round(times[-1] / step) + 1
+    limits().check_body(count, len(CHARACTER))
     grid = np.minimum(np.arange(count) * step, times[-1])
     columns = [np.stack([np.interp(grid, times, column) for column in channels[:, :3].T], axis=1)]
     for start in range(3, channels.shape[1], 4):

@@ -14,6 +14,7 @@ from typing import Final
 import numpy as np
 from motionlake.arrays import BoolArray, Float64Array, Int64Array
 from motionlake.errors import ClipError
+from motionlake.formats.limits_config import limits
 from motionlake.formats.numbers import BAD_NUMBER, OK, UNDECIDED, line_of, scan_number, settle, token_at
 from motionlake.formats.repair import carry, fill_missing, missing_samples, rarely_seen, repair_note
 from motionlake.motion.clip import Hierarchy, SourceClip
@@ -132,6 +133,7 @@ def _clip(label: str, identity: str, frame_count: int, observed: Observed) -> So
     if not len(visible):
         raise ClipError(f"the body is seen in 0 of {len(frames)} frames")
     first, length = int(visible[0]), int(visible[-1] - visible[0]) + 1
+    limits().check_body(length, JOINT_COUNT)
     inside = (frames >= first) & (frames < first + length)
     dense = np.zeros((length, len(JOINTS), 3))
     absent = np.ones((length, len(JOINTS)), np.bool_)
@@ -176,11 +178,13 @@ def parse_bodies(data: bytes) -> tuple[int, dict[str, Observed]]:
         raise ClipError(f"{frame_count} frames declared, but the file is cut short", line_of(data, offset))
     if status != OK:
         raise ClipError(f"{token_at(data, offset)!r} {_REASONS[status]}", line_of(data, offset))
+    limits().check_body(rows, JOINT_COUNT, len(data))
     settle(data, positions, undecided[:left])
     rows_of: dict[bytes, list[int]] = {}
     for row, (begin, end) in enumerate(identities[:rows].tolist()):
         rows_of.setdefault(data[begin:end], []).append(row)
     seen = {}
+    limits().check("bodies", len(rows_of), f"holds {len(rows_of)} bodies")
     for identity, own in rows_of.items():
         name = identity.decode("latin-1")
         if (np.diff(frames[own]) == 0).any():

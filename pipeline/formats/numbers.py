@@ -17,7 +17,7 @@ from numba import njit, uint64
 from numpy.typing import NDArray
 
 # UNDECIDED: a number that `scan_number` leaves to Python's `float`.
-OK, BAD_NUMBER, SHORT_ROW, LONG_ROW, EXTRA_ROW, UNDECIDED = range(6)
+OK, BAD_NUMBER, SHORT_ROW, LONG_ROW, EXTRA_ROW, UNDECIDED, ABSURD = range(7)
 # Python's `float` takes quadratic time: no endless digits.
 MAX_DIGITS: Final = 800
 
@@ -172,10 +172,11 @@ def skip_blanks(data, begin, end):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _scan_table(data, start, table, undecided):  # type: ignore[no-untyped-def]
+def _scan_table(data, start, table, most, undecided):  # type: ignore[no-untyped-def]
     """Fill `table`, float64 [rows, columns], from the text lines of `data`, uint8 [n]; blank lines are skipped.
 
-    `undecided`, int64 [rows * columns, 2], receives (flat index, first byte) of numbers for Python.
+    `most`, [columns], are the largest numbers that are no damage. `undecided`, int64 [rows * columns, 2], receives
+    (flat index, first byte) of numbers for Python.
 
     Returns:
         (status, byte where it stopped, rows filled, numbers undecided, values in the last row).
@@ -207,6 +208,8 @@ def _scan_table(data, start, table, undecided):  # type: ignore[no-untyped-def]
             undecided[left, 0] = row * columns + column
             undecided[left, 1] = i
             left += 1
+        elif abs(value) > most[column]:
+            return ABSURD, i, row, left, column
         table[row, column] = value
         column += 1
         i = stop
@@ -227,35 +230,46 @@ def not_finite(data: bytes, offset: int) -> ClipError:
     return ClipError(f"{token_at(data, offset)!r} is not a finite number", line_of(data, offset))
 
 
-def settle(data: bytes, values: Float64Array, undecided: Int64Array) -> None:
+def absurd(data: bytes, offset: int) -> ClipError:
+    return ClipError(f"{token_at(data, offset)!r} is absurdly large", line_of(data, offset))
+
+
+def settle(data: bytes, values: Float64Array, undecided: Int64Array, most: Float64Array | None = None) -> None:
     """Let Python's `float` read the undecided numbers, [n, 2] flat index and first byte, into `values` in place.
 
     Raises:
-        ClipError: a number beyond float64's range.
+        ClipError: a number beyond float64's range, or beyond `most` [values.shape[1]], of its column.
     """
     flat = values.reshape(-1)
     for index, offset in undecided.tolist():
         value = float(data[offset : offset + 2 * MAX_DIGITS].split(maxsplit=1)[0])
         if not math.isfinite(value):
             raise not_finite(data, offset)
+        if most is not None and abs(value) > most[index % len(most)]:
+            raise absurd(data, offset)
         flat[index] = value
 
 
-def parse_table(data: bytes, start: int, rows: int, columns: int) -> Float64Array:
+def parse_table(data: bytes, start: int, rows: int, columns: int, most: Float64Array | None = None) -> Float64Array:
     """The `rows` x `columns` numbers that follow byte `start`, one row a line, blank lines aside.
 
+    `most` [columns] are the largest that are no damage.
+
     Raises:
-        ClipError: with the line of a token that is no finite number or of a row with too few or too many
-            values, or where the number of rows is not `rows`.
+        ClipError: with the line of a token that is no finite number or an absurd one, or of a row with too few or too
+            many values, or where the number of rows is not `rows`.
     """
+    most = np.full(columns, np.finfo(float).max) if most is None else most
     # A value takes two bytes with its separator, so a header's wild promise costs no memory.
     capacity = min(rows, (len(data) - start) // (2 * columns) + 1)
     table = np.empty((capacity, columns))
     undecided = np.empty((capacity * columns, 2), np.int64)
     buffer = np.frombuffer(data, np.uint8)
-    status, offset, filled, left, values = _scan_table(buffer, start, table, undecided)
+    status, offset, filled, left, values = _scan_table(buffer, start, table, most, undecided)
     if status == BAD_NUMBER:
         raise not_finite(data, offset)
+    if status == ABSURD:
+        raise absurd(data, offset)
     if status == SHORT_ROW:
         raise ClipError(f"the row has {values} values, not {columns}", line_of(data, offset))
     if status == LONG_ROW:
@@ -264,5 +278,5 @@ def parse_table(data: bytes, start: int, rows: int, columns: int) -> Float64Arra
         raise ClipError(f"more rows than the {rows} declared", line_of(data, offset))
     if filled != rows:
         raise ClipError(f"{rows} rows declared, {filled} found: the file is cut short")
-    settle(data, table, undecided[:left])
+    settle(data, table, undecided[:left], most)
     return table

@@ -16,8 +16,10 @@ from types import ModuleType
 from typing import BinaryIO, Final, Generic, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
+from motionlake.arrays import Float64Array
 from motionlake.errors import ClipError
-from motionlake.motion.clip import SourceClip
+from motionlake.formats.limits_config import FARTHEST, MOST_DEGREES, LimitError, Limits, limits, within
+from motionlake.motion.clip import ROTATION_CHANNELS, ChannelKind, Hierarchy, SourceClip
 
 T = TypeVar("T")
 # File systems stamp changes by a clock that may tick as slowly as this: what changed just now could change
@@ -48,7 +50,6 @@ class Remembered(Generic[T]):
         return self._function(path)
 
 
-MAX_PLAIN_BYTES: Final = 2 * 1024**3
 MIN_FPS: Final = 1.0
 MAX_FPS: Final = 1000.0
 COMPRESSED_SUFFIX: Final = ".gz"
@@ -64,7 +65,8 @@ class Reader(Protocol):
 
     A reader may also have `companions(path: Path) -> list[Path]`, further files that belong to the clip, such as the
     .asf of an .amc; and `sniff(head: bytes) -> bool`, whether a file that begins so is of this format, where other
-    files have its suffixes too.
+    files have its suffixes too. `read_clips` holds every clip against the limits of the lake; a reader whose file
+    promises frames or joints before it holds them asks `limits().check_body(...)` before it makes room for them.
 
     Attributes:
         name: the format's name, as users see it.
@@ -105,7 +107,7 @@ def is_clip(path: Path) -> bool:
     """Whether the file is a clip by its name (a skeleton alone, such as an .asf, is none).
 
     Where a reader shares its suffix with other kinds of files (`.txt`), by its first 64 KiB too. Such a file
-    is none where it cannot be opened, and is one, to be rejected, where its gzip stream is damaged there.
+    is none where it cannot be opened, and is one, to be rejected, where its gzip stream is damaged or cut short there.
     """
     reader = reader_for(path)
     sniff = getattr(reader, "sniff", None)
@@ -119,11 +121,22 @@ def is_clip(path: Path) -> bool:
     except OSError:
         return False
     if path.name.lower().endswith(COMPRESSED_SUFFIX):
+        stream = zlib.decompressobj(wbits=zlib.MAX_WBITS | 16)
         try:
-            head = zlib.decompressobj(wbits=zlib.MAX_WBITS | 16).decompress(head, HEAD_BYTES)
+            plain = stream.decompress(head, HEAD_BYTES)
         except zlib.error:
             return True
+        cut = 0 < len(head) < HEAD_BYTES and len(plain) < HEAD_BYTES and not stream.eof
+        return cut or bool(sniff(plain))
     return bool(sniff(head))
+
+
+def is_clip_file(path: Path) -> bool:
+    """Whether there is a clip file at the path, which may be no path at all: a clip's name, or too long for one."""
+    try:
+        return path.is_file() and is_clip(path)
+    except OSError:
+        return False
 
 
 def companions(path: Path) -> list[Path]:
@@ -132,22 +145,22 @@ def companions(path: Path) -> list[Path]:
     return list(find(path)) if find is not None else []
 
 
-def load_bytes(path: Path, limit: int = MAX_PLAIN_BYTES) -> bytes:
+def load_bytes(path: Path, limit: int | None = None) -> bytes:
     """The file's bytes, decompressed where its name ends in ".gz".
 
     Raises:
-        ClipError: unreadable, longer than `limit` bytes once decompressed, or a damaged gzip stream.
+        ClipError: unreadable, longer than `limit` bytes (default: as `limits` have it) as it lies there or once
+            decompressed, or a damaged gzip stream.
     """
     try:
         state = path.stat()
         if not stat.S_ISREG(state.st_mode):
             raise ClipError("is not a regular file")
         with path.open("rb") as raw:
+            _check_size(state.st_size, limit)
             if path.name.lower().endswith(COMPRESSED_SUFFIX):
                 return _decompress(raw, limit)
-            if state.st_size > limit:
-                raise ClipError(f"is larger than {limit} bytes")
-            return raw.read()
+            return raw.read(state.st_size)
     except FileNotFoundError as error:
         raise ClipError("does not exist") from error
     except (EOFError, BadGzipFile, zlib.error) as error:
@@ -156,23 +169,36 @@ def load_bytes(path: Path, limit: int = MAX_PLAIN_BYTES) -> bytes:
         raise ClipError(f"cannot be read: {error.strerror or error}") from error
 
 
-def _decompress(raw: BinaryIO, limit: int) -> bytes:
+def _check_size(size: int, limit: int | None, when: str = "") -> None:
+    if size <= (limits().file_bytes if limit is None else limit):
+        return
+    if limit is None:
+        raise LimitError("file_megabytes", limits().file_megabytes, f"is too large{when}")
+    raise ClipError(f"is larger than {limit} bytes{when}")
+
+
+def _decompress(raw: BinaryIO, limit: int | None) -> bytes:
     plain = bytearray()
     with GzipFile(fileobj=raw) as stream:
         while chunk := stream.read(_CHUNK_BYTES):
             plain += chunk
-            if len(plain) > limit:
-                raise ClipError(f"is larger than {limit} bytes once decompressed")
+            _check_size(len(plain), limit, " once decompressed")
     return bytes(plain)
 
 
-def read_clips(path: Path, fps: float | None = None) -> list[SourceClip]:
+def read_clips(path: Path, fps: float | None = None, allowed: Limits | None = None) -> list[SourceClip]:
     """Read every body's clip of a file and check what holds for all formats; `fps` stands in place of the file's.
 
     Raises:
-        ClipError: no reader for the name, or the file cannot be read, or it has fewer than two frames,
-            non-finite channels, a frame rate outside [1, 1000] or a malformed hierarchy. Nothing else.
+        ClipError: no reader for the name, or the file cannot be read, asks for more than is `allowed`, or has fewer
+            than two frames, channels that are not finite or absurd, a frame rate outside [1, 1000] or a malformed
+            hierarchy. Nothing else.
     """
+    with within(allowed or Limits()):
+        return _read_clips(path, fps)
+
+
+def _read_clips(path: Path, fps: float | None) -> list[SourceClip]:
     reader = reader_for(path)
     if reader is None:
         known = ", ".join(sorted({suffix for each in readers() for suffix in each.suffixes}))
@@ -182,12 +208,15 @@ def read_clips(path: Path, fps: float | None = None) -> list[SourceClip]:
         raise ClipError("is empty")
     try:
         clips = reader.read(data, path, fps)
+        limits().check("bodies", len(clips), f"holds {len(clips)} bodies")
         for clip in clips:
             check_clip(clip)
     except ClipError as error:
         if len(error.reason) <= MAX_REASON:
             raise
         raise ClipError(f"{error.reason[:MAX_REASON]}…", error.line) from error
+    except MemoryError as error:
+        raise ClipError("needs more memory than there is") from error
     except Exception as error:
         # A run over a big repository must outlive any one file: a parser's surprise is a bad clip.
         raise ClipError(f"not a readable {reader.name} file ({type(error).__name__}: {error})") from error
@@ -202,6 +231,13 @@ def _is_text(name: str) -> bool:
     except UnicodeEncodeError:
         return False
     return True
+
+
+def most_of(hierarchy: Hierarchy) -> Float64Array:
+    """[C] the largest number that is no damage, of every channel: degrees or file units."""
+    turns = hierarchy.kind is ChannelKind.EULER
+    names = [name for joint in hierarchy.channels for name in joint]
+    return np.array([MOST_DEGREES if turns and name in ROTATION_CHANNELS else FARTHEST for name in names])
 
 
 def check_clip(clip: SourceClip) -> None:
@@ -219,11 +255,19 @@ def check_clip(clip: SourceClip) -> None:
         raise ClipError("its joints form no tree of which joint 0 is the root")
     if hierarchy.offsets.shape != (joints, 3) or not np.isfinite(hierarchy.offsets).all():
         raise ClipError("has a joint without a finite offset")
+    if not (np.abs(hierarchy.offsets) <= FARTHEST).all():
+        raise ClipError("has a joint with an offset that is absurdly long")
     if channels.ndim != 2 or channels.shape[1] != sum(map(len, hierarchy.channels)):
         raise ClipError("its rows do not fit its channels")
+    limits().check_body(len(channels), joints)
     if len(channels) < 2:
         raise ClipError(f"has {len(channels)} frame(s); a motion needs at least two")
     if not np.isfinite(channels).all():
         raise ClipError("has a channel value that is not finite")
+    if not (np.abs(channels) <= most_of(hierarchy)).all():
+        frame, channel = np.argwhere(np.abs(channels) > most_of(hierarchy))[0].tolist()
+        raise ClipError(
+            f"frame {frame}: {hierarchy.channel_names[channel]} is {channels[frame, channel]:.4g}, which is absurd"
+        )
     if not MIN_FPS <= clip.fps <= MAX_FPS:
         raise ClipError(f"frame rate {clip.fps:g}/s is outside [{MIN_FPS:g}, {MAX_FPS:g}]: say --fps")

@@ -14,6 +14,7 @@ from motionlake.lake.layout import Lake
 from motionlake.lake.parts import replacing
 from motionlake.lake.records import build_catalog, read_records, write_records
 from motionlake.lake.settings import settings_now
+from motionlake.names import on_disk
 
 _COMMENT = b"motionlake backup 1"
 
@@ -52,7 +53,7 @@ def write_backup(lake: Lake, out: Path, *, clips: bool) -> Written:
 
 
 def _is_there(row: dict[str, str]) -> bool:
-    return Path(row["root"], row["path"]).is_file()
+    return Path(on_disk(row["root"]), on_disk(row["path"])).is_file()
 
 
 def read_backup(archive: Path, lake: Lake) -> None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import reprlib
 import tomllib
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields, replace
@@ -111,13 +112,13 @@ def load_config(path: Path) -> LakeConfig:
         tables = tomllib.loads(path.read_text(encoding="utf-8"))
     except UnicodeDecodeError as error:
         raise UserError(f"{path}: is not UTF-8 ({error.reason} at byte {error.start}); save it as UTF-8") from error
-    except tomllib.TOMLDecodeError as error:
+    except (ValueError, RecursionError) as error:  # numbers of thousands of digits, lists in thousands of lists
         raise UserError(f"{path}: not valid TOML: {error}") from error
     config = LakeConfig()
     known = config.tables()
     for name, table in tables.items():
         if name not in known or not isinstance(table, dict):
-            raise UserError(f"{path}: unknown table [{name}]; known are {', '.join(sorted(known))}")
+            raise UserError(f"{path}: unknown table [{_shown(name)}]; known are {', '.join(sorted(known))}")
         config = config.replacing(_override(known[name], table, f"{path}: [{name}]"))
     return config
 
@@ -126,20 +127,28 @@ def _override(default: Any, table: dict[str, Any], where: str) -> Any:
     known = {f.name for f in fields(default)}
     for key, value in table.items():
         if key not in known:
-            raise UserError(f"{where} {key}: unknown; known are {', '.join(sorted(known))}")
+            raise UserError(f"{where} {_shown(key)}: unknown; known are {', '.join(sorted(known))}")
         wanted = type(getattr(default, key))
         number = wanted is float and type(value) is int
         if type(value) is not wanted and not number:
-            raise UserError(f"{where} {key} = {value!r}: must be of type {wanted.__name__}")
+            raise UserError(f"{where} {key} = {reprlib.repr(value)}: must be of type {wanted.__name__}")
     try:
         return replace(default, **{k: type(getattr(default, k))(v) for k, v in table.items()})
-    except ValueError as error:
+    except (ValueError, OverflowError) as error:
         raise UserError(f"{where}: {error}") from error
+
+
+def _shown(name: str) -> str:
+    """A name as it is, or, where that is long or no printable text, as Python writes a part of it."""
+    return name if name.isprintable() and len(name) < 40 else reprlib.repr(name)
 
 
 def default_toml() -> str:
     """The text of a config.toml that states every default, commented out."""
-    lines = ["# Configuration of this lake. A changed value redoes its stage and what hangs on it.", ""]
+    lines = [
+        "# Configuration of this lake. A changed value redoes its stage and what hangs on it; [limits] redo nothing.",
+        "",
+    ]
     for name, table in LakeConfig().tables().items():
         lines.append(f"[{name}]")
         lines += [f"# {key} = {json.dumps(value)}" for key, value in asdict(table).items()]

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from motionlake import sql
 from motionlake.errors import FULL
+from motionlake.memory import for_duckdb
 
 if TYPE_CHECKING:
     import duckdb
@@ -30,7 +31,8 @@ class _Host:
     def __init__(self, *, writable: bool) -> None:
         import duckdb
 
-        settings = {**elsewhere(), "enable_external_file_cache": False}  # it would hold what was read before
+        # The cache would hold what was read before.
+        settings = {**elsewhere(), **for_duckdb(), "enable_external_file_cache": False}
         if writable:
             settings["threads"] = 1  # choices among equals do not depend on the machine, and memory stays small
         self.con = duckdb.connect(config=settings)

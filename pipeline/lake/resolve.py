@@ -36,13 +36,10 @@ def hidden_file(name: str, meant: str | Path) -> str | None:
 
 def clip_file(name: str | Path) -> Path | None:
     """The file of a path, where it is one that clips are read from."""
-    from motionlake.formats import is_clip
+    from motionlake.formats import is_clip_file
 
     path = Path(name)
-    try:
-        return path if path.is_file() and is_clip(path) else None
-    except OSError:  # too long a name, or a folder that may not be read
-        return None
+    return path if is_clip_file(path) else None
 
 
 def _begins_as_a_path(name: str) -> bool:

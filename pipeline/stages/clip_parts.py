@@ -58,11 +58,12 @@ class ClipParts:
 
     Attributes:
         rows: for the catalog, by table.
+        stack: of what ends with them.
     """
 
     def __init__(self, lake: Lake, shard: Shard, stack: ExitStack) -> None:
         self.rows: dict[str, list[dict[str, Any]]] = defaultdict(list)
-        self._lake, self._shard, self._stack = lake, shard, stack
+        self._lake, self._shard, self.stack = lake, shard, stack
         self._frames = lake.frames_part(shard.dataset, shard.part)
         self._writers: dict[str, PartWriter] = {}
         self._footer: dict[str, dict[str, Any]] = {}
@@ -96,9 +97,9 @@ class ClipParts:
 
     def _append(self, name: str, table: pa.Table) -> None:
         if name not in self._writers:
-            temporary = self._stack.enter_context(replacing(self._lake.path(name)))
+            temporary = self.stack.enter_context(replacing(self._lake.path(name)))
             writer = PartWriter(temporary, table.schema, {"key": self._shard.key})
-            self._stack.callback(self._close, name, writer)
+            self.stack.callback(self._close, name, writer)
             self._writers[name] = writer
         self._writers[name].append(table)
 

@@ -12,13 +12,15 @@ from typing import TYPE_CHECKING, ClassVar, Final
 import pyarrow as pa
 from motionlake.errors import ClipError, UserError
 from motionlake.formats import read_clips, reader_for
+from motionlake.formats.limits_config import Limits
 from motionlake.lake.catalog import Connection, fetch, run_sql
-from motionlake.lake.config import FramesConfig, config_hash
+from motionlake.lake.config import FramesConfig, config_hash, load_config
 from motionlake.lake.layout import Lake
 from motionlake.motion.clip import SourceClip
 from motionlake.motion.rigs import RigMap, identify, load_rigs
 from motionlake.names import on_disk, typed
 from motionlake.stages.clip_parts import BODY_ROWS, CLIP_ROWS, ClipParts, ClipStage
+from motionlake.stages.file_watch import watching
 from motionlake.stages.reader import LakeReader
 from motionlake.stages.sources import (
     FRAMES_VERSION,
@@ -69,13 +71,17 @@ class FramesStage(ClipStage):
         """Read, solve and canonicalise every file of a shard."""
         spec = shard.spec
         options, config, rigs = options_from(spec["options"]), FramesConfig(**spec["config"]), load_rigs(lake.rigs)
+        allowed = Limits(**spec["limits"])
         own = {"dataset": shard.dataset, "part": shard.part}
         source = {**own, "root": spec["base"], "config_hash": spec["shaping_hash"]}
+        watch = parts.stack.enter_context(watching(lake.root, shard, allowed))
         for file in spec["files"]:
             parts.rows["sources"].append({**source, **file})
             content = {"path": file["path"], "content_hash": file["content_hash"]}
             try:
-                made = list(canonical_motions(Path(on_disk(spec["base"])) / on_disk(file["path"]), rigs, options))
+                path = Path(on_disk(spec["base"])) / on_disk(file["path"])
+                with watch.reading(file["path"]):
+                    made = list(canonical_motions(path, rigs, options, allowed))
             except UserError:
                 raise
             except Exception as error:  # one clip's surprise must not cost a repository its run
@@ -122,9 +128,9 @@ def intake_of(
     Raises:
         UserError: as `compare`.
     """
-    shaping = root.shaping_hash(at.config.frames, at.lake)
+    shaping, allowed = root.shaping_hash(at.config.frames, at.lake), at.config.of(Limits)
     difference = compare(
-        at.con, at.lake, root, shaping, checksum=checksum, retry_failed=retry_failed, progress=progress
+        at.con, at.lake, root, shaping, allowed, checksum=checksum, retry_failed=retry_failed, progress=progress
     )
     found = Intake(root, difference, [], [], [])
     rest = {(f.path, f.content_hash): f for f in difference.changed}
@@ -139,14 +145,17 @@ def intake_of(
         for file in wanted:
             del rest[file]
         if row["state"] == "planned" or retry_failed:
+            spec["limits"] = asdict(allowed)  # those of now
             found.shards.append(Shard(FRAMES.name, row["key"], row["part"], row["dataset"], spec, len(wanted)))
         else:
             found.failed.append((len(wanted), row["reason"]))
-    found.shards.extend(_new_shards(root, list(rest.values()), at.config.frames, shaping))
+    found.shards.extend(_new_shards(root, list(rest.values()), at.config.frames, allowed, shaping))
     return found
 
 
-def _new_shards(root: Root, changed: Sequence[SourceFile], config: FramesConfig, shaping_hash: str) -> list[Shard]:
+def _new_shards(
+    root: Root, changed: Sequence[SourceFile], config: FramesConfig, allowed: Limits, shaping_hash: str
+) -> list[Shard]:
     """Cut new and changed files, by path, into shards of some MB of source each.
 
     The cut depends on the files alone, so any number of workers makes the same parts.
@@ -158,39 +167,46 @@ def _new_shards(root: Root, changed: Sequence[SourceFile], config: FramesConfig,
         group.append(file)
         weight += file.size
         if weight >= limit or len(group) == 512:
-            shards.append(shard_of(root, group, config, shaping_hash))
+            shards.append(shard_of(root, group, config, allowed, shaping_hash))
             group, weight = [], 0
     if group:
-        shards.append(shard_of(root, group, config, shaping_hash))
+        shards.append(shard_of(root, group, config, allowed, shaping_hash))
     return shards
 
 
-def shard_of(root: Root, files: Sequence[SourceFile], config: FramesConfig, shaping_hash: str) -> Shard:
-    """The shard that reads some files of a root, by path; its name follows from them and what shapes their frames."""
+def shard_of(
+    root: Root, files: Sequence[SourceFile], config: FramesConfig, allowed: Limits, shaping_hash: str
+) -> Shard:
+    """The shard that reads some files of a root, by path; its name follows from them and what shapes their frames.
+
+    Limits are no part of its key, for they shape no frame.
+    """
     key = config_hash(FRAMES.name, root.dataset, shaping_hash, [[f.path, f.content_hash] for f in files])
     spec = {
         "base": root.kept_base,
         "files": [asdict(f) for f in files],
         "options": asdict(root.options),
         "config": asdict(config),
+        "limits": asdict(allowed),
         "shaping_hash": shaping_hash,
     }
     return Shard(FRAMES.name, key, key[:16], root.dataset, spec, len(files))
 
 
 def canonical_motions(
-    path: Path, rigs: Mapping[str, RigMap], options: IngestOptions
+    path: Path, rigs: Mapping[str, RigMap], options: IngestOptions, allowed: Limits | None = None
 ) -> Iterator[tuple[SourceClip, CanonicalMotion, RigMap]]:
     """Every body of a file with its canonical motion.
 
     Raises:
-        ClipError: the file cannot be read, its rig is unknown, or its motion makes no sense.
+        ClipError: the file cannot be read, asks for more than is `allowed`, its rig is unknown, or its motion makes
+            no sense.
         UserError: `options.rig` is no rig.
     """
     from motionlake.motion.canonicalise import canonicalise
     from motionlake.motion.kinematics import solve
 
-    for clip in read_clips(path, options.fps):
+    for clip in read_clips(path, options.fps, allowed):
         rig = identify(clip.hierarchy.joints, rigs, options.rig)
         motion = canonicalise(clip, solve(clip), rig, up=options.up, metres_per_unit=options.metres_per_unit)
         yield clip, motion, rig
@@ -203,7 +219,9 @@ def first_body(lake: Lake, path: Path, options: IngestOptions | None = None) -> 
         UserError: the file cannot be read.
     """
     try:
-        clip, motion, _ = next(iter(canonical_motions(path, load_rigs(lake.rigs), options or IngestOptions())))
+        allowed = load_config(lake.config_file).of(Limits)
+        found = canonical_motions(path, load_rigs(lake.rigs), options or IngestOptions(), allowed)
+        clip, motion, _ = next(iter(found))
     except ClipError as error:
         raise UserError(f"{path}: {error}") from error
     return clip, motion

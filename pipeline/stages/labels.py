@@ -21,8 +21,8 @@ LABEL_ROWS = pa.schema(
     {"path": _S, "label": _S, "subject": _S, "split": _S, "licence": _S, "attributes": pa.map_(_S, _S)}
 )
 SEGMENT_ROWS = pa.schema({"path": _S, "start": pa.int64(), "stop": pa.int64(), "label": _S})
+MOST_FRAMES = 2**31
 _OWN = ("label", "subject", "split", "licence")
-MOST_FRAMES = 2**62
 
 
 class LabelError(UserError):
@@ -134,7 +134,8 @@ def _segment_rows(root: Root, file: Path) -> list[dict[str, object]]:
         except ValueError:
             raise LabelError(f"{file}, line {line}: start and stop must be frame numbers") from None
         if not 0 <= start < stop <= MOST_FRAMES:
-            raise LabelError(f"{file}, line {line}: start {start} and stop {stop} are no range of frames")
+            told = f"start {row['start'][:20]} and stop {row['stop'][:20]}"
+            raise LabelError(f"{file}, line {line}: {told} are no range of frames")
         path = _relative(root, file, row["file"])
         rows.append({"path": path, "start": start, "stop": stop, "label": row["label"]})
     return rows

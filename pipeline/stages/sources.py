@@ -13,6 +13,7 @@ from typing import Any, TypeAlias
 
 from motionlake.errors import ClipError, UserError
 from motionlake.formats import companions, is_clip
+from motionlake.formats.limits_config import Limits, raised
 from motionlake.lake.catalog import Connection, fetch
 from motionlake.lake.config import FramesConfig, config_hash
 from motionlake.lake.layout import Lake
@@ -230,6 +231,7 @@ def compare(
     lake: Lake,
     root: Root,
     shaping_hash: str,
+    allowed: Limits,
     *,
     checksum: bool = False,
     retry_failed: bool = False,
@@ -238,7 +240,7 @@ def compare(
     """What is new, changed and gone in a root.
 
     A file of the recorded size and date counts as unchanged unless `checksum` has every file hashed again.
-    `retry_failed` takes rejected files up again.
+    `retry_failed` takes rejected files up again; those that a limit turned away are so when it has been raised.
 
     Raises:
         UserError: the dataset holds synthetic clips, or clips of another root under the same paths.
@@ -257,8 +259,8 @@ def compare(
                 f"{root.root}/{file.path}: dataset {root.dataset} holds a clip of this path from {owner}; "
                 "give this folder a dataset of its own (--dataset NAME)"
             )
-    rows = fetch(con, "rejects_of", {"dataset": root.dataset}) if retry_failed else []
-    retried = {r["path"] for r in rows}
+    rejects = fetch(con, "rejects_of", {"dataset": root.dataset})
+    retried = {r["path"] for r in rejects if retry_failed or raised(r["reason"], allowed)}
 
     def stands(file: SourceFile, *fields: str) -> bool:
         """Whether the lake knows a file as it is, by some of its fields, and is not to read it again."""
@@ -268,7 +270,7 @@ def compare(
         return all(old[name] == getattr(file, name) for name in fields)
 
     suspects = [file for file in found if checksum or not stands(file, "size", "mtime_ns")]
-    hashed = list(_hashed(folder, suspects, progress))
+    hashed = list(_hashed(folder, suspects, allowed.file_bytes, progress))
     changed = [file for file in hashed if not stands(file, "content_hash")]
     touched = [f for f in hashed if stands(f, "content_hash") and not stands(f, "size", "mtime_ns")]
     kept = [old for f in changed if (old := known.get(f.path)) and old["content_hash"] == f.content_hash]
@@ -280,11 +282,18 @@ def compare(
     return Difference(changed, touched, unchanged, gone, len(again), again[0] if again else "")
 
 
-def _hashed(base: Path, files: list[SourceFile], progress: Hashing | None) -> Iterator[SourceFile]:
+def _hashed(base: Path, files: list[SourceFile], most: int, progress: Hashing | None) -> Iterator[SourceFile]:
+    """The files with their hashes; for one of more than `most` bytes, which is not read, its size and date stand."""
+
+    def hashed(file: SourceFile) -> str:
+        if file.size > most:
+            return hashlib.sha256(f"{file.size} {file.mtime_ns}".encode()).hexdigest()
+        return content_hash(base / on_disk(file.path))
+
     with ThreadPoolExecutor(min(8, os.cpu_count() or 1)) as pool:
         for start in range(0, len(files), HASHED_TOGETHER):
             batch = files[start : start + HASHED_TOGETHER]
-            hashes = pool.map(lambda f: content_hash(base / on_disk(f.path)), batch)
+            hashes = pool.map(hashed, batch)
             for done, (file, digest) in enumerate(zip(batch, hashes, strict=True), start=start + 1):
                 if progress:
                     progress(done, len(files))

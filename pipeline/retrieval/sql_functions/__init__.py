@@ -239,6 +239,8 @@ def _arguments(parameters: Sequence[_Parameter], values: Sequence[Any]) -> dict[
             if one.required:
                 return None
             continue
+        if one.kind in (Names, list[str]) and isinstance(value, list):
+            value = [name for name in value if name is not None]
         (parts.setdefault(one.part_of, {}) if one.part_of else found)[one.name] = value
     return found | {name: kind(**values) for (name, kind), values in parts.items()}
 

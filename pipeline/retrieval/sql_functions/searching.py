@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, cast
 
-from motionlake.retrieval.protocol import EVERYTHING, ClipFilter, Hit, Query, Scope
+from motionlake.retrieval.protocol import EVERYTHING, ClipFilter, Hit, Query, Scope, about
 from motionlake.retrieval.sql_functions import Served, columns, sql_function
 
 if TYPE_CHECKING:
@@ -119,7 +119,8 @@ def emd(served: Served, p: list[float], q: list[float]) -> float:
     """The earth mover's distance of two signatures."""
     from motionlake.deep_motifs.emd import emd
 
-    return emd(p, q, _signatures(served).ground)
+    with about("emd"):
+        return emd(p, q, _signatures(served).ground)
 
 
 @sql_function()
@@ -128,7 +129,8 @@ def emd_deep_motifs(served: Served, p: list[float], q: list[float]) -> float:
     from motionlake.deep_motifs.emd import emd_deep_motifs
 
     searcher = _signatures(served)
-    return emd_deep_motifs(p, q, searcher.strength, searcher.ground)
+    with about("emd_deep_motifs"):
+        return emd_deep_motifs(p, q, searcher.strength, searcher.ground)
 
 
 def _signatures(served: Served) -> SignatureSearcher:

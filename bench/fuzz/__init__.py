@@ -1,0 +1,1 @@
+"""Damage on purpose, at any size: `python -m bench.fuzz`."""
