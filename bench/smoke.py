@@ -75,7 +75,11 @@ def _parts(module: str, parts: str, *words: str, **smaller: Any) -> list[Smoke]:
 
 
 # Benches that are small by themselves, and what runs them.
-ELSEWHERE: Final = {"against": "tests/test_against.py", "golden": "tests/test_golden.py"}
+ELSEWHERE: Final = {
+    "against": "tests/test_against.py",
+    "golden": "tests/test_golden.py",
+    "trust_cost": "tests/test_against.py",  # another that needs a second checkout: its arithmetic alone
+}
 ONE_SEED: Final = (0,)
 _FEW_K: Final = {"bench.lakes.K": 8, "bench.representation.K": 8}
 _FEW_SYMBOLS: Final = dict.fromkeys(
@@ -93,6 +97,7 @@ SMOKES: Final[Sequence[Smoke]] = (
     Smoke("bench.dtw", (), {"bench.dtw.ANCHORS": 30, "bench.dtw.WORDS": 250}, recordings=False),
     Smoke("bench.descriptor_search", ("--rounds", "3", "--sizes", "300")),
     Smoke("bench.emd", (), {"bench.emd.K": 12, "bench.emd.COUNT": 200, "bench.emd.QUERIES": 6}),
+    Smoke("bench.damage", ("--flips", "2", "--losses", "1", "--each", "2")),
     Smoke("bench.fuzz", ("--files", "140", "--examples", "20", "--workers", "1"), recordings=False),
     Smoke("bench.ingest", ("peers", "--rounds", "1")),
     Smoke("bench.kills", ("--kills", "1", "--clips", "1"), {"bench.kills.STAGES": "words", "bench.kills.VICTIMS": (

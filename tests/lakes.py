@@ -27,6 +27,7 @@ from distributed import LocalCluster
 from motionlake.cli.main import main
 from motionlake.lake.catalog_file import announce_anew
 from motionlake.lake.frames import read_part
+from motionlake.lake.integrity import list_files, sums_of
 from motionlake.lake.layout import Lake
 
 from tests.processes import Started
@@ -259,6 +260,14 @@ def canonical_clips(lake: Path) -> list[tuple[str, float, np.ndarray, np.ndarray
         for part in parts
         for clip in read_part(part)
     ]
+
+
+def list_anew(lake: Path) -> None:
+    """Let the catalog list the frames, features and models of a lake as a test has made them."""
+    found = (path for name in ("frames", "features", "models") for path in lake.glob(f"{name}/**/*.*"))
+    files = [path.relative_to(lake).as_posix() for path in found]
+    with Changed(lake) as con:
+        list_files(con.own, [sums_of(Lake(lake), file) for file in files if (lake / file).is_file()])
 
 
 class Changed:

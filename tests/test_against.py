@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from bench import against
+from bench import against, trust_cost
 
 
 def test_every_number_of_a_record_is_found_by_its_path() -> None:
@@ -25,3 +25,18 @@ def test_checkouts_run_in_turn_and_medians_are_divided(monkeypatch: pytest.Monke
     monkeypatch.setattr(against, "run_bench", run)
     assert against.compare(tmp_path, "dtw", rounds=3) == {"rate": 6.0 / 2.0}
     assert order == [against.HERE, tmp_path] * 3
+
+
+def test_what_two_checkouts_take_is_measured_in_turn() -> None:
+    order: list[str] = []
+    taken = {"here": iter([9.0, 4.0, 2.0, 3.0]), "before": iter([9.0, 1.0, 2.0, 3.0])}
+
+    def run(name: str, _checkout: Path) -> tuple[float, float]:
+        order.append(name)
+        seconds = next(taken[name])
+        return seconds, 2 * seconds
+
+    found = trust_cost.interleaved({"here": Path("a"), "before": Path("b")}, run, 3)
+    assert order == ["here", "before"] * 4, "one of each to warm up"
+    assert found["here"] == {"processor": 3.0, "wall": 6.0}
+    assert found["ratio"] == {"processor": 1.5, "wall": 1.5}

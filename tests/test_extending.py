@@ -144,7 +144,7 @@ def test_a_way_to_search(tmp_path: Path, scheduler: str) -> None:
     take_in(tmp_path, scheduler)
     words = ("--method", "pace", "--lake", "mylake", "--json")
     of_lake = ("search", "walk41", *words)
-    of_file = ("search", "clips/walk81.txt", "-k", "1", "--mirrored", *words)
+    of_file = ("search", "./clips/walk81.txt", "-k", "1", "--mirrored", *words)
     hits, outside = map(json.loads, copy.run(of_lake, of_file))
     assert [(hit["rank"], hit["clip"]) for hit in hits] == [(1, "clips/walk46.txt"), (2, "clips/walk81.txt")]
     assert hits[0]["distance"] == pytest.approx(30 / 40 - 30 / 45, rel=0.05)

@@ -14,7 +14,7 @@ from motionlake.arrays import Float64Array
 from motionlake.errors import UserError
 from motionlake.lake.frames import KEY, VERSION, lengths, read_clip, read_clips, read_part
 
-from tests.lakes import motionlake, query
+from tests.lakes import list_anew, motionlake, query
 
 
 def footer(part: Path) -> dict[str, Any]:
@@ -113,6 +113,7 @@ def test_a_part_of_another_version_is_not_read(built_lake: Path, tmp_path: Path,
 def test_a_command_says_it_in_one_line(lake: Path) -> None:
     clip, part = query(lake, "SELECT clip, part FROM clips ORDER BY clip LIMIT 1")[0]
     rewritten(next(lake.glob(f"frames/*/{part}.parquet")), motion='{"version": 7}')
+    list_anew(lake)
     run = motionlake("export", clip, "--rig", "canonical", "-o", lake / "out.bvh", "--lake", lake)
     assert (run.status, run.err.count("\n")) == (2, 1)
     assert f"{part}.parquet: is a frames part of version 7, and version 1 is read here; update motionlake" in run.err

@@ -19,7 +19,7 @@ from motionlake.retrieval.fused import FusedSearcher
 from motionlake.retrieval.protocol import EVERYTHING, Finds, Hit, Query, Scope, nearer_of_both
 from motionlake.retrieval.registry import SEARCHERS, methods, ready, searcher
 
-from tests.lakes import Changed, motionlake, query, tables
+from tests.lakes import Changed, list_anew, motionlake, query, tables
 
 EVERY: list[tuple[Finds, str]] = [(finds, name) for finds, names in SEARCHERS.items() for name in names]
 EVERY_SEARCHER = pytest.mark.parametrize(("finds", "name"), EVERY, ids=lambda value: str(value))
@@ -54,6 +54,7 @@ def two_sets(tmp_path_factory: pytest.TempPathFactory, built_lake: Path) -> Lake
         target.parent.mkdir(exist_ok=True)
         shutil.copyfile(part, target)
         _copy_clips(target)
+    list_anew(root)
     return lake
 
 

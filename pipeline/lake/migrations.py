@@ -38,7 +38,7 @@ from motionlake.lake.layout import Lake
 from motionlake.lake.lock import locked
 from motionlake.lake.parts import PartWriter, check_part, replacing
 from motionlake.lake.records import write_records
-from motionlake.lake.settings import keep_settings
+from motionlake.lake.settings import enter_settings, settings_now
 from motionlake.stopping import held
 
 _SIZES: Final = pa.schema({"stage": pa.string(), "key": pa.string(), "bytes": pa.int64()})
@@ -114,7 +114,7 @@ def migrate(lake: Lake, progress: StepProgress) -> list[Planned]:
                 _check_columns(con, lake)
                 refresh_macros(con)
                 refresh_views(con, lake)
-            keep_settings(lake)
+                enter_settings(con, settings_now(lake))
             write_records(lake)
         return steps
 

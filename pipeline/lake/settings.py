@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Mapping
 from difflib import unified_diff
 
 import pyarrow as pa
@@ -70,5 +71,10 @@ def keep_settings(lake: Lake) -> None:
         then = settings_then(con)
     if then != now:
         with writing(lake) as con:
-            rows = [{"file": file, "text": text} for file, text in now.items()]
-            load_rows(con, "save_settings", table_of(rows, _ROWS))
+            enter_settings(con, now)
+
+
+def enter_settings(con: Connection, now: Mapping[str, str]) -> None:
+    """Remember settings, within the caller's transaction."""
+    rows = [{"file": file, "text": text} for file, text in now.items()]
+    load_rows(con, "save_settings", table_of(rows, _ROWS))
