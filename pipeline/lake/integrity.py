@@ -14,6 +14,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import asdict, dataclass
+from io import FileIO
 from pathlib import Path
 from typing import Final
 
@@ -25,7 +26,8 @@ from motionlake.lake.layout import Lake
 FILE_ROWS: Final = pa.schema(
     {"file": pa.string(), "size": pa.int64(), "mtime_ns": pa.int64(), "crc32": pa.uint32(), "sha256": pa.string()}
 )
-_BLOCK: Final = 1 << 20  # bytes read at a time
+_BLOCK: Final = 1 << 17  # bytes read at a time
+_TOGETHER: Final = 1 << 26  # bytes from which on several threads compare them sooner than one
 WHOLE: Final = 1 << 30  # bytes of a folder up to which all of them are compared before SQL reads it: a quarter second
 
 
@@ -57,14 +59,20 @@ class DamagedError(UserError):
 
 def sums_of(lake: Lake, file: str) -> FileSums:
     """Size and hashes of a file of the lake as it lies there now."""
-    path = lake.path(file)
     crc, sha = 0, hashlib.sha256()
-    with path.open("rb") as handle:
-        while block := handle.read(_BLOCK):
+    with lake.path(file).open("rb", buffering=0) as handle:
+        for block in _blocks(handle):
             crc = zlib.crc32(block, crc)
             sha.update(block)
         found = os.fstat(handle.fileno())
     return FileSums(file, found.st_size, found.st_mtime_ns, crc, sha.hexdigest())
+
+
+def _blocks(handle: FileIO) -> Iterator[memoryview]:
+    """What is left of a file, in pieces that stay in the processor's cache."""
+    block = memoryview(bytearray(_BLOCK))
+    while count := handle.readinto(block):
+        yield block[:count]
 
 
 def listed_in(con: Connection) -> dict[str, FileSums]:
@@ -83,29 +91,33 @@ def stat_fault(lake: Lake, wanted: FileSums) -> str | None:
         found = lake.path(wanted.file).stat()
     except FileNotFoundError:
         return "is missing"
-    if found.st_size != wanted.size:
-        return f"has {found.st_size} bytes where {wanted.size} were written"
-    return None
+    return None if found.st_size == wanted.size else _other_size(found.st_size, wanted)
 
 
 def fault(lake: Lake, wanted: FileSums) -> str | None:
     """What is wrong with a file, by all of its bytes; remembered while nobody touches it."""
-    wrong = stat_fault(lake, wanted)
-    if wrong is not None:
-        return wrong
-    path = lake.path(wanted.file)
-    found = path.stat()
-    identity = (found.st_ino, found.st_mtime_ns, found.st_ctime_ns, wanted.crc32)
-    if _checked.get(path) == identity:
-        return None
-    crc = 0
-    with path.open("rb") as handle:
-        while block := handle.read(_BLOCK):
+    crc, path = 0, lake.path(wanted.file)
+    try:
+        handle = path.open("rb", buffering=0)
+    except FileNotFoundError:
+        return "is missing"
+    with handle:
+        found = os.fstat(handle.fileno())
+        identity = (found.st_ino, found.st_mtime_ns, found.st_ctime_ns, wanted.crc32)
+        if found.st_size != wanted.size:
+            return _other_size(found.st_size, wanted)
+        if _checked.get(path) == identity:
+            return None
+        for block in _blocks(handle):
             crc = zlib.crc32(block, crc)
     if crc != wanted.crc32:
         return "holds other bytes than were written"
     _checked[path] = identity
     return None
+
+
+def _other_size(size: int, wanted: FileSums) -> str:
+    return f"has {size} bytes where {wanted.size} were written"
 
 
 def deep_fault(lake: Lake, wanted: FileSums) -> str | None:
@@ -159,7 +171,7 @@ def sound_files(lake: Lake, files: Iterable[str]) -> list[Path]:
     def wrong_with(name: str) -> str | None:
         return fault(lake, listed[name]) if name in listed else "is not listed in the catalog"
 
-    if len(names) < 2:
+    if sum(listed[name].size for name in names if name in listed) < _TOGETHER:
         faults = [wrong_with(name) for name in names]
     else:
         with ThreadPoolExecutor(min(4, os.cpu_count() or 1)) as pool:  # checksums are worked out without the GIL
@@ -184,6 +196,11 @@ def sound_folder(lake: Lake, folder: str) -> list[Path]:
     for file, wrong in touched_faults(lake, found.values())[:1]:
         raise DamagedError(damage(lake, file.file, wrong))
     return [lake.path(name) for name in found]
+
+
+def know(lake: Lake, con: Connection) -> None:
+    """Take the list of files from a connection to the catalog that is served now."""
+    _known[lake.root] = (lake.served(), listed_in(con))
 
 
 def is_listed(lake: Lake, file: str) -> bool:

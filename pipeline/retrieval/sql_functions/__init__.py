@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias, Union, get_args, get_origin, g
 
 import pyarrow as pa
 from motionlake.lake.catalog import Connection, connect_read_only, fetch, reading
-from motionlake.lake.integrity import sound_folder
+from motionlake.lake.integrity import know, sound_folder
 from motionlake.lake.layout import Lake, open_lake
 from motionlake.lake.resolve import resolve_clip
 from motionlake.lake.safe import LakeConnection, limit_memory, lock_down
@@ -120,6 +120,7 @@ def connect(lake: Path | str, *, trusted: bool = False, memory: str | None = Non
     """
     target = open_lake(lake)
     con, served = connect_read_only(target), Served(target, trusted=trusted)
+    know(target, con)
     for module in pkgutil.iter_modules(__path__):
         for name, found in vars(import_module(f"{__name__}.{module.name}")).items():
             if isinstance(found, SqlFunction):
