@@ -101,7 +101,7 @@ status: setup ## Show what LAKE=folder holds and lacks
 wheel: setup ## Build the wheel into DIST=folder (dist), with its software bill of materials
 	rm -rf build
 	$(BIN)/python -m build --wheel --no-isolation --outdir $(DIST)
-	$(BIN)/python -m tools.sbom $(DIST)/motionlake-*.whl
+	PYTHONPATH=. $(BIN)/python -m tools.sbom $(DIST)/motionlake-*.whl
 
 .venv-bench/.ready: requirements-bench.lock requirements-torch.lock pyproject.toml
 	test -x $(BENCH)/python || $(PYTHON) -m venv .venv-bench

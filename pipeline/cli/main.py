@@ -16,7 +16,6 @@ from typing import Annotated, Any, Final, NoReturn
 import typer
 from motionlake.cli.common import SETTINGS, notice
 from motionlake.errors import UserError, denied, explained
-from motionlake.memory import shortage
 from motionlake.names import printable
 from motionlake.stopping import Stopped, obeying
 from typer.core import TyperGroup
@@ -236,6 +235,8 @@ def main() -> None:
         except (UnreadError, BrokenPipeError):
             raise
         except Exception as error:
+            from motionlake.memory import shortage
+
             short = shortage(error)
             if short:
                 _fail(f"{short} ({type(error).__name__}: {error})", error)

@@ -69,6 +69,8 @@ class DeepMimicReader:
     name = "DeepMimic"
     suffixes = (".txt", ".json")
 
+    opening = b"{"
+
     def sniff(self, head: bytes) -> bool:
         """Whether these first bytes are a DeepMimic motion's, damaged or whole, not just any text or JSON's.
 

@@ -107,7 +107,8 @@ def is_clip(path: Path) -> bool:
     """Whether the file is a clip by its name (a skeleton alone, such as an .asf, is none).
 
     Where a reader shares its suffix with other kinds of files (`.txt`), by its first 64 KiB too. Such a file
-    is none where it cannot be opened, and is one, to be rejected, where its gzip stream is damaged or cut short there.
+    is none where it cannot be opened, and is one, to be rejected, where its gzip stream is damaged there, or cut short
+    before it tells and begins with the reader's `opening`.
     """
     reader = reader_for(path)
     sniff = getattr(reader, "sniff", None)
@@ -127,7 +128,8 @@ def is_clip(path: Path) -> bool:
         except zlib.error:
             return True
         cut = 0 < len(head) < HEAD_BYTES and len(plain) < HEAD_BYTES and not stream.eof
-        return cut or bool(sniff(plain))
+        begins = plain.lstrip().startswith(getattr(reader, "opening", b"")) or not plain.strip()
+        return bool(sniff(plain)) or (cut and begins)
     return bool(sniff(head))
 
 
