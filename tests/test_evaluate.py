@@ -115,14 +115,13 @@ def test_signatures_are_measured(built_lake: Path) -> None:
 
 
 def taught_lake(lake: Path, clips_folder: Path, rows: list[tuple[str, int, int, str]]) -> None:
-    """Give clips of a lake segments."""
-    with (clips_folder / "segments.csv").open("w", newline="", encoding="utf-8") as handle:
-        csv.writer(handle).writerows([("file", "start", "stop", "label"), *rows])
-    try:
-        run = motionlake("ingest", clips_folder, "--lake", lake)
-        assert run.status == 0, run.err
-    finally:
-        (clips_folder / "segments.csv").unlink()
+    """Give clips of a lake segments, from a file of its own: other tests read the folder of the clips meanwhile."""
+    file = lake.with_name("segments.csv")
+    with file.open("w", newline="", encoding="utf-8") as handle:
+        placed = [(clips_folder / path, *rest) for path, *rest in rows]
+        csv.writer(handle).writerows([("file", "start", "stop", "label"), *placed])
+    run = motionlake("ingest", clips_folder, "--segments", file, "--lake", lake)
+    assert run.status == 0, run.err
 
 
 def test_segmentation_is_measured_and_asked_for_in_every_way(lake: Path, clips_folder: Path) -> None:
