@@ -63,6 +63,7 @@ lint: setup ## Run ruff, mypy and the import contracts
 	$(BIN)/ruff format --check .
 	$(LINKS)
 	$(BIN)/mypy
+	$(BIN)/mypy .ci/sbom.py
 	@said=$$(PYTHONPATH=.venv/src $(BIN)/lint-imports --no-cache 2>&1) || { echo "$$said"; exit 1; }
 
 docs: setup ## Build the documentation into SITE=folder (site), every link checked
@@ -101,7 +102,7 @@ status: setup ## Show what LAKE=folder holds and lacks
 wheel: setup ## Build the wheel into DIST=folder (dist), with its software bill of materials
 	rm -rf build
 	$(BIN)/python -m build --wheel --no-isolation --outdir $(DIST)
-	PYTHONPATH=. $(BIN)/python -m tools.sbom $(DIST)/motionlake-*.whl
+	$(BIN)/python .ci/sbom.py $(DIST)/motionlake-*.whl
 
 .venv-bench/.ready: requirements-bench.lock requirements-torch.lock pyproject.toml
 	test -x $(BENCH)/python || $(PYTHON) -m venv .venv-bench

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import re
+import runpy
 import subprocess
 import sys
 import tomllib
@@ -14,10 +15,10 @@ from pathlib import Path
 import pytest
 
 from tests.lakes import made_clips, motionlake, quick_lake
-from tools.sbom import bill, pinned
 
 ROOT = Path(__file__).parents[1]
 SETUPTOOLS = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["setuptools"]
+SBOM = runpy.run_path(str(ROOT / ".ci" / "sbom.py"))
 BESIDE = ("jupysql==0.11.1", "ipython")
 
 
@@ -76,7 +77,7 @@ def test_what_is_pinned_is_known_by_its_hash() -> None:
 
 
 def test_a_release_has_a_bill_of_materials(wheel: Path) -> None:
-    first, again = bill(wheel), bill(wheel)
+    first, again = SBOM["bill"](wheel), SBOM["bill"](wheel)
     assert first == json.loads(json.dumps(again))
     assert (first["bomFormat"], first["specVersion"]) == ("CycloneDX", "1.6")
     libraries = {c["name"]: c for c in first["components"] if c["type"] == "library"}
@@ -84,7 +85,7 @@ def test_a_release_has_a_bill_of_materials(wheel: Path) -> None:
     direct = {re.split(r"[\[<>=]", line)[0] for line in asked}
     assert direct | {"distributed", "llvmlite"} <= set(libraries)
     assert not {"pytest", "mypy", "librosa"} & set(libraries)
-    for name, (version, hashes) in pinned().items():
+    for name, (version, hashes) in SBOM["pinned"]().items():
         if name in libraries:
             found = libraries[name]
             assert found["version"] == version

@@ -1,4 +1,4 @@
-"""The software bill of materials of a wheel, as CycloneDX 1.6: `python -m tools.sbom dist/motionlake-*.whl`.
+"""The software bill of materials of a wheel, as CycloneDX 1.6: `python .ci/sbom.py dist/motionlake-*.whl`.
 
 It names what runs with the program, with versions and licences as installed beside it and the hashes of the lock files,
 and the pretrained weights in the wheel. The same wheel and packages give the same bytes.
