@@ -118,7 +118,12 @@ class _Repair:
             return
         shards: list[Shard] = []
         with lake_reader(self._lake, self._session.config) as at:
-            known = {p.key: p for p in (stage.parts(at) or [])} if isinstance(stage, PartStage) else {}
+            try:
+                known = {p.key: p for p in (stage.parts(at) or [])} if isinstance(stage, PartStage) else {}
+            except DamagedError as error:
+                for key in rows:
+                    self._say(files[key], f"hangs on what could not be mended ({error})")
+                return
             for key, row in rows.items():
                 try:
                     shard = self._shard(at, stage, row, known)

@@ -84,6 +84,11 @@ def asked() -> bool:
     return _state.asked is not None
 
 
+def signal_asked() -> int | None:
+    """The signal that has asked this process to end."""
+    return _state.asked
+
+
 def _in_main_thread() -> bool:
     return threading.current_thread() is threading.main_thread()
 

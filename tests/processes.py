@@ -43,7 +43,9 @@ class Started:
                 os.kill(self.pid, signal.SIGKILL)
 
     def said(self, stream: str) -> str:
-        return (self.folder / stream).read_text(encoding="utf-8")
+        """What it has said; nothing where it was killed before it could."""
+        file = self.folder / stream
+        return file.read_text(encoding="utf-8") if file.exists() else ""
 
 
 def serve_forks() -> None:

@@ -281,3 +281,17 @@ def test_a_full_disk_is_told_in_a_line_and_leaves_nothing_half_made(
     assert not query(lake, "FROM manifest WHERE state = 'failed'")
     assert motionlake(*ingest).status == 0
     assert query(lake, "SELECT count(*) FROM clips")[0][0] == 15
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_a_query_with_its_status(built_lake: Path, number: int) -> None:
+    """DuckDB has an error of its own for a query that a signal cuts short."""
+    run = start(
+        "sql", "SELECT sum(hash(a.range + b.range)) FROM range(100000000) a, range(100000) b", "--lake", built_lake
+    )
+    time.sleep(3)
+    os.kill(run.pid, number)
+    run.wait(30)
+    assert run.poll() == 128 + number, run.said("err")
+    assert "the same command goes on" in run.said("err")
+    finish(run)

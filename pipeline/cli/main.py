@@ -17,7 +17,7 @@ import typer
 from motionlake.cli.common import SETTINGS, notice
 from motionlake.errors import UserError, denied, explained
 from motionlake.names import printable
-from motionlake.stopping import Stopped, obeying
+from motionlake.stopping import obeying, signal_asked
 from typer.core import TyperGroup
 
 # What each command does, by what people come for. The first line of its own help is the same (a test compares them).
@@ -224,34 +224,33 @@ def main() -> None:
         try:
             with obeying():
                 app(standalone_mode=True)
-        except UserError as error:
-            _fail(str(error), error)
-        except (KeyboardInterrupt, InterruptError) as error:
-            number = _signal_of(error)
-            how = "interrupted" if number == signal.SIGINT else f"ended by {signal.Signals(number).name}"
-            _fail(f"{how}; the same command goes on where this one stopped", error, 128 + number)
-        except UnicodeEncodeError as error:
-            _fail(f"{error.object}: is not UTF-8; give a name that is", error)
         except (UnreadError, BrokenPipeError):
             raise
-        except Exception as error:
-            from motionlake.memory import shortage
-
-            short = shortage(error)
-            if short:
-                _fail(f"{short} ({type(error).__name__}: {error})", error)
-            if isinstance(error, OSError):
-                _fail(explained(error), error)
-            told = denied(str(error)) or f"{type(error).__name__}: {error} (--debug before the command shows where)"
-            _fail(told, error)
+        except (KeyboardInterrupt, Exception) as error:
+            _end(error)
 
 
-def _signal_of(error: BaseException) -> int:
-    stopped = error if isinstance(error, Stopped) else error.__cause__
-    return stopped.number if isinstance(stopped, Stopped) else signal.SIGINT
+def _end(error: BaseException) -> NoReturn:
+    """Tell why a command ends. What fails after a signal fails by it: DuckDB's queries have an error of their own."""
+    number = signal_asked() or (signal.SIGINT if isinstance(error, KeyboardInterrupt | InterruptError) else None)
+    if number is not None:
+        how = "interrupted" if number == signal.SIGINT else f"ended by {signal.Signals(number).name}"
+        _fail(f"{how}; the same command goes on where this one stopped", error, 128 + number)
+    if isinstance(error, UserError):
+        _fail(str(error), error)
+    if isinstance(error, UnicodeEncodeError):
+        _fail(f"{error.object}: is not UTF-8; give a name that is", error)
+    from motionlake.memory import shortage
+
+    short = shortage(error)
+    if short:
+        _fail(f"{short} ({type(error).__name__}: {error})", error)
+    if isinstance(error, OSError):
+        _fail(explained(error), error)
+    _fail(denied(str(error)) or f"{type(error).__name__}: {error} (--debug before the command shows where)", error)
 
 
-def _fail(message: str, error: BaseException, status: int = 2) -> None:
+def _fail(message: str, error: BaseException, status: int = 2) -> NoReturn:
     if os.environ.get("MOTIONLAKE_DEBUG"):
         raise error
     print(f"motionlake: {printable(' '.join(message.split()))}", file=sys.stderr)

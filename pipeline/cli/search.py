@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -31,6 +32,7 @@ from motionlake.lake.layout import Lake, open_lake
 from motionlake.names import printable
 
 if TYPE_CHECKING:
+    from motionlake.lake.safe import LakeConnection
     from motionlake.retrieval.protocol import Query
 
 KOption = Annotated[int, typer.Option("-k", min=1, help="How many answers.")]
@@ -268,9 +270,9 @@ def sql(
     Into a file: motionlake sql "SELECT clip, seconds FROM clips" --out clips.csv --lake mylake
     """
     import duckdb
-    from motionlake.lake.safe import time_limit
+    from motionlake.lake.safe import interruptible, time_limit
     from motionlake.retrieval.sql_functions import connect
-    from motionlake.retrieval.sql_results import check_results_file, write_results
+    from motionlake.retrieval.sql_results import check_results_file
 
     if out is not None:
         check_results_file(out)
@@ -280,14 +282,9 @@ def sql(
             if not con.extract_statements(text):
                 raise UserError("sql: there is no statement in the query")
             if out is not None:
-                found = con.sql(text)
-                if found is None:
-                    raise UserError("sql --out: the query answers no rows")
-                notice(f"{out}: {write_results(found.to_arrow_reader(), out)} rows")
+                notice(f"{out}: {interruptible(con, partial(_write_rows, con, text, out))} rows")
                 return
-            con.execute(text)
-            names = [c[0] for c in con.description or ()]
-            rows = [dict(zip(names, row, strict=True)) for row in con.fetchall()]
+            rows = interruptible(con, partial(_rows, con, text))
     except duckdb.Error as error:
         # What a function of ours says of a mistake stands at the end of what DuckDB says.
         told = denied(str(error)) or str(error).partition("UserError: ")[2] or str(error)
@@ -324,3 +321,18 @@ def _save_picture(
 def _tell_hits(rows: Sequence[Mapping[str, Any]], *, mirrored: bool, as_json: bool) -> None:
     """A table says which answers are `mirrored` only where mirror images were looked for."""
     tell(rows, [{n: v for n, v in row.items() if mirrored or n != "mirrored"} for row in rows], as_json=as_json)
+
+
+def _rows(con: LakeConnection, query: str) -> list[dict[str, Any]]:
+    con.execute(query)
+    names = [c[0] for c in con.description or ()]
+    return [dict(zip(names, row, strict=True)) for row in con.fetchall()]
+
+
+def _write_rows(con: LakeConnection, query: str, out: Path) -> int:
+    from motionlake.retrieval.sql_results import write_results
+
+    found = con.sql(query)
+    if found is None:
+        raise UserError("sql --out: the query answers no rows")
+    return write_results(found.to_arrow_reader(), out)

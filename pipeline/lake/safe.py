@@ -10,11 +10,12 @@ from __future__ import annotations
 import re
 import tempfile
 import uuid
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor, wait
 from contextlib import contextmanager
 from pathlib import Path
 from threading import Timer
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 from motionlake import sql
 from motionlake.errors import UserError
@@ -33,6 +34,10 @@ _ASKS: Final = re.compile(
     r"(?:\s|--[^\n]*\n|/\*.*?\*/)*(?:EXPLAIN\s+(?:ANALYZE\s+)?)?(?:SELECT|WITH|FROM|PIVOT|UNPIVOT|VALUES|SUMMARIZE)\b",
     re.IGNORECASE | re.DOTALL,
 )
+
+
+_LOOK: Final = 0.1  # seconds after which a signal is noticed at the latest
+Answer = TypeVar("Answer")
 
 
 class LakeConnection:
@@ -137,6 +142,19 @@ def lock_down(con: Connection, root: Path) -> None:
     temporary = Path(tempfile.gettempdir()) / f"motionlake-sql-{uuid.uuid4().hex}"
     folders = [f"{root}/{name.removeprefix('views/').removesuffix('.sql')}/" for name in sql.names("views")]
     run_sql(con, "lock_down", {"folders": folders, "temporary": str(temporary)})
+
+
+def interruptible(con: LakeConnection, run: Callable[[], Answer]) -> Answer:
+    """What `run` gives, which asks a connection: a signal ends the query, for which DuckDB alone does not look."""
+    with ThreadPoolExecutor(1) as thread:
+        answer = thread.submit(run)
+        try:
+            while not answer.done():
+                wait([answer], timeout=_LOOK)
+        except BaseException:
+            con.interrupt()
+            raise
+        return answer.result()
 
 
 @contextmanager

@@ -10,7 +10,7 @@ from contextlib import suppress
 from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from motionlake.arrays import StepProgress
 from motionlake.errors import UserError
@@ -21,6 +21,8 @@ from motionlake.lake.layout import Lake
 from motionlake.lake.records import read_records
 from motionlake.lake.settings import changed_settings
 from motionlake.weights import checkpoint_fault
+
+_TRIES: Final = 5
 
 
 @dataclass(frozen=True)
@@ -44,13 +46,26 @@ class Fault:
 
 
 def verify(lake: Lake, *, deep: bool, progress: StepProgress) -> list[Fault]:
-    """Everything that is not as it was written.
+    """Everything that is not as it was written; looked at again where somebody wrote meanwhile.
 
     Args:
         lake: its folder; the catalog may be missing.
         deep: compare every byte; else names, sizes, and files that were touched.
         progress: told of files that were compared.
     """
+    for _ in range(_TRIES):
+        before = _served(lake)
+        found = _verify(lake, deep=deep, progress=progress)
+        if not found or _served(lake) == before:
+            break
+    return found
+
+
+def _served(lake: Lake) -> tuple[int, int] | None:
+    return lake.served() if lake.catalog.exists() else None
+
+
+def _verify(lake: Lake, *, deep: bool, progress: StepProgress) -> list[Fault]:
     mend = f"motionlake repair {lake.root}"
     found = list(_catalog_faults(lake, mend, deep=deep))
     lost = any(fault.kind == "catalog" and fault.file == lake.catalog.name for fault in found)
