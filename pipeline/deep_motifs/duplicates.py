@@ -19,10 +19,10 @@ import numpy as np
 from motionlake.arrays import Float32Array, Float64Array, Int64Array
 from motionlake.deep_motifs.emd import emd
 from motionlake.deep_motifs.emd_search import SignatureIndex
+from motionlake.kernels import njit
 from motionlake.motion.features import WordConfig, mirrored_features
 from motionlake.motion.rotations import to_matrix
 from motionlake.motion.skeleton import INDEX
-from numba import njit
 
 MAX_DISTANCE: Final = 0.1  # part of the movement that may differ
 RADIUS: Final = 0.3  # of signatures, in mean distances of two motifs

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from numba import njit
+from motionlake.kernels import njit
 
 # Some 1e5 times the rounding of a sum over a few hundred motifs, and far below what tells clips apart.
 SLACK: Final = 1e-9

@@ -21,7 +21,7 @@ from typing import Any, Final, NamedTuple, Self
 import numpy as np
 import torch
 from motionlake.arrays import Float32Array, Float64Array, Int64Array
-from numba import njit
+from motionlake.kernels import njit
 from numpy.typing import ArrayLike, NDArray
 
 SPARE: Final = 32  # rows that a scan looks at beyond k, for those that rounding puts in the wrong order

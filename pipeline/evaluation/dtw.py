@@ -12,11 +12,11 @@ from typing import Final
 import numpy as np
 from motionlake.arrays import Float32Array, Float64Array, Int64Array
 from motionlake.evaluation.clips import Notice, Split, read_positions
+from motionlake.kernels import njit
 from motionlake.lake.layout import Lake
 from motionlake.motion.dtw import CELLS_PER_SECOND, dtw_cross, dtw_matrix, frame_pairs, squared_distances
 from motionlake.motion.features import WordConfig, word_features
 from motionlake.retrieval.labelled_clips import FramedClip
-from numba import njit
 
 BASELINE: Final = WordConfig(root_weight=0.0, velocity_weight=0.0, smoothing=0.0)
 PATIENCE: Final = 300.0  # seconds; what would take longer is left out by default

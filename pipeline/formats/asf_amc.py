@@ -33,9 +33,10 @@ from motionlake.formats.numbers import (
     token_at,
 )
 from motionlake.formats.registry import COMPRESSED_SUFFIX, Remembered
+from motionlake.kernels import njit
 from motionlake.motion.clip import SourceClip
 from motionlake.motion.rotations import rotate
-from numba import njit, uint64
+from numba import uint64
 
 DEFAULT_FPS: Final = 120.0
 HEAD_BYTES: Final = 4096

@@ -17,8 +17,8 @@ from motionlake.errors import ClipError
 from motionlake.formats.limits_config import limits
 from motionlake.formats.numbers import BAD_NUMBER, OK, UNDECIDED, line_of, scan_number, settle, token_at
 from motionlake.formats.repair import carry, fill_missing, missing_samples, rarely_seen, repair_note
+from motionlake.kernels import njit
 from motionlake.motion.clip import Hierarchy, SourceClip
-from numba import njit
 
 FPS: Final = 30.0
 JOINTS: Final = (

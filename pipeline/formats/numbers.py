@@ -13,7 +13,8 @@ from typing import Final
 import numpy as np
 from motionlake.arrays import Float64Array, Int64Array
 from motionlake.errors import ClipError
-from numba import njit, uint64
+from motionlake.kernels import njit
+from numba import uint64
 from numpy.typing import NDArray
 
 # UNDECIDED: a number that `scan_number` leaves to Python's `float`.

@@ -8,7 +8,7 @@ from typing import Final, Literal, NamedTuple
 
 import numpy as np
 from motionlake.arrays import Float32Array, Float64Array, Int64Array
-from numba import njit
+from motionlake.kernels import njit
 
 Metric = Literal["euclidean", "geodesic"]
 

@@ -8,6 +8,7 @@ from typing import Final
 import numpy as np
 from motionlake.arrays import Float64Array, Int64Array
 from motionlake.errors import ClipError
+from motionlake.kernels import njit
 from motionlake.motion.clip import (
     POSITION_CHANNELS,
     QUATERNION_CHANNELS,
@@ -30,7 +31,6 @@ from motionlake.motion.rotations import (
     swing,
 )
 from motionlake.motion.skeleton import BONES, INDEX, JOINTS, PARENTS, chained
-from numba import njit
 
 # A channel's code: 0-2 position, 3-5 rotation, 6-9 quaternion.
 _CODES: Final = {name: code for code, name in enumerate((*POSITION_CHANNELS, *ROTATION_CHANNELS, *QUATERNION_CHANNELS))}

@@ -12,7 +12,7 @@ from typing import Final
 
 import numpy as np
 from motionlake.arrays import Float64Array, FloatArray
-from numba import guvectorize, njit
+from motionlake.kernels import guvectorize, njit
 
 IDENTITY: Final = np.array([1.0, 0.0, 0.0, 0.0])
 MIN_LENGTH: Final = 1e-9  # of a vector that has a direction

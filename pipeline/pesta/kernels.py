@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 from motionlake.arrays import Float32Array, Int32Array, Int64Array
+from motionlake.kernels import njit
 from motionlake.pesta.vectors import (
     LANES,
     MAX_UNROLLED,
@@ -32,7 +33,6 @@ from motionlake.pesta.vectors import (
     window,
     window_from,
 )
-from numba import njit
 
 ZERO = np.float32(0)
 INFINITY = np.float32(np.inf)

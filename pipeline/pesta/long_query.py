@@ -24,6 +24,7 @@ from typing import Final
 
 import numpy as np
 from motionlake.arrays import BoolArray, Float32Array, Int32Array, Int64Array
+from motionlake.kernels import njit
 from motionlake.pesta.config import DEFAULT_ALIGNMENT, AlignmentConfig
 from motionlake.pesta.kernels import join_column, joined_paths, segment_profile, segment_scanner
 from motionlake.pesta.matches import (
@@ -37,7 +38,6 @@ from motionlake.pesta.matches import (
 from motionlake.pesta.selection import ascending_blocks, next_column
 from motionlake.pesta.strings import Boundaries, Distances, Repository, checked
 from motionlake.pesta.vectors import LANES
-from numba import njit
 from numpy.typing import ArrayLike
 
 # Symbols of a segment where K is not given: how far the windows of section 8.3.3 slide.

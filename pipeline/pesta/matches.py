@@ -17,11 +17,11 @@ from typing import NamedTuple
 
 import numpy as np
 from motionlake.arrays import BoolArray, Float32Array, Int32Array, Int64Array
+from motionlake.kernels import njit
 from motionlake.pesta.config import DEFAULT_ALIGNMENT, AlignmentConfig
 from motionlake.pesta.scan import scan_ends
 from motionlake.pesta.selection import ascending_blocks, next_column
 from motionlake.pesta.strings import Boundaries, Distances, Repository, checked
-from numba import njit
 from numpy.typing import ArrayLike
 
 _ZERO = np.float32(0)

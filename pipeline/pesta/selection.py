@@ -7,8 +7,8 @@ from typing import Final
 
 import numpy as np
 from motionlake.arrays import BoolArray, Float32Array
+from motionlake.kernels import njit
 from motionlake.pesta.vectors import LANES, least, load, store
-from numba import njit
 
 BLOCK: Final = 128
 Heap = list[tuple[np.float32, np.int64, np.int64]]

@@ -20,7 +20,7 @@ from typing import Final
 
 import numpy as np
 from motionlake.arrays import Int32Array, UInt32Array
-from numba import njit
+from motionlake.kernels import njit
 
 MASKS: Final = 5
 FIRST_PERIOD: Final = 1 << MASKS

@@ -42,10 +42,10 @@ from typing import Final
 
 import numpy as np
 from motionlake.arrays import Int32Array, Int64Array, IntArray, UInt8Array
+from motionlake.kernels import njit
 from motionlake.motion.resampling import TOLERANCE, sample_count
 from motionlake.pesta.config import SymbolsConfig
 from motionlake.pesta.squares import square_free
-from numba import njit
 from pydivsufsort import divsufsort
 
 SHORT: Final = 800  # symbols, up to which trying every period is quicker

@@ -16,9 +16,9 @@ from motionlake.arrays import BoolArray, Float32Array, Float64Array, Int64Array,
 from motionlake.deep_motifs.config import TransitionsConfig
 from motionlake.deep_motifs.emd import emd
 from motionlake.deep_motifs.signatures import window_signatures
+from motionlake.kernels import njit
 from motionlake.motion.rotations import turn_on_ground
 from motionlake.motion.skeleton import COMMON, INDEX, facing
-from numba import njit
 
 # Windows of one side of a tile: 2 MB of distances.
 TILE: Final = 720

@@ -16,8 +16,8 @@ from typing import Final, NamedTuple, Self
 import numpy as np
 from motionlake.arrays import Float32Array, Int64Array
 from motionlake.deep_motifs.words.word_index import WordSet
+from motionlake.kernels import njit
 from motionlake.motion.dtw import Metric, operands, product, squared_geodesics
-from numba import njit
 
 LANES: Final = 32
 # Words of one matrix product: keeps frame distances of a chunk (words * length * length floats) in cache.

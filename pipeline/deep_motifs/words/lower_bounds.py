@@ -28,8 +28,8 @@ from typing import Final, NamedTuple
 import numpy as np
 from motionlake.arrays import BoolArray, Float32Array, Int64Array
 from motionlake.deep_motifs.words.dtw import LANES, Room, centred, lane_frames
+from motionlake.kernels import njit
 from motionlake.motion.dtw import squared_distances
-from numba import njit
 
 COLUMN_WORDS: Final = 8192  # words that meet a block of queries at a time
 # Bounds and distances carry rounding errors of their own: what is within these of the threshold is not ruled out.

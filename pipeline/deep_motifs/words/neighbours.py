@@ -18,9 +18,9 @@ from motionlake.arrays import Float32Array, Int64Array
 from motionlake.deep_motifs.words.dtw import listed_distances
 from motionlake.deep_motifs.words.lower_bounds import WordBounds, survivors
 from motionlake.deep_motifs.words.word_index import WordIndex, WordSet, WordSpace, nearest_centroids
+from motionlake.kernels import njit
 from motionlake.motion.dtw import Metric
 from motionlake.weights import read_tensors, save_tensors
-from numba import njit
 from threadpoolctl import threadpool_limits
 
 Method = Literal["exact", "approximate"]

@@ -15,8 +15,8 @@ from typing import Final, Self
 
 import numpy as np
 from motionlake.arrays import Float32Array, Int64Array
+from motionlake.kernels import njit
 from motionlake.motion.features import WordConfig, padded, windows
-from numba import njit
 from threadpoolctl import threadpool_limits
 
 POINTS: Final = 8  # of a path
