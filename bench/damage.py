@@ -180,7 +180,7 @@ def judge(
         for name, said in found.items()
         if said.status == 0 and said.out != right[name].out and not any(word in said.err for word in TELLS)
     ]
-    tracebacks = [name for name, said in found.items() if "Traceback" in said.err or "--debug" in said.err]
+    tracebacks = {n: said.err[-400:] for n, said in found.items() if "Traceback" in said.err or "--debug" in said.err}
     run = None
     if "config" not in file.name:
         run = command("run", "all", "--lake", lake)

@@ -36,7 +36,6 @@ from tests.processes import Started, start, start_fresh
 STAGES: Final = "all"
 EACH: Final = 12  # kills of a lake, at most, before it is made to its end
 LONGEST: Final = 300.0  # seconds of a command before it counts as hanging
-STARTING: Final = 1.5  # seconds that an interpreter takes before it does anything
 LINGER: Final = 15.0  # seconds for its processes to end after it
 # Those who are killed of a command in an interpreter of its own; others of forks of a process that has all imported.
 # "all" is the whole group of processes, as Ctrl-C and `timeout` do it.
@@ -98,6 +97,14 @@ def cluster(wanted: bool) -> Iterator[tuple[list[str], int]]:
             process.wait()
 
 
+def listens(process: Started) -> bool:
+    """Whether a command has come as far as to obey signals: before, they end any interpreter as the system likes."""
+    with suppress(OSError):
+        caught = Path(f"/proc/{process.pid}/status").read_text("ascii").partition("SigCgt:")[2].split()[0]
+        return bool(int(caught, 16) >> (signal.SIGHUP - 1) & 1)
+    return False
+
+
 def below(process: Started) -> list[psutil.Process]:
     """The processes of a command beside its driver: what it started, or what was forked of the server of forks here."""
     with suppress(psutil.NoSuchProcess):
@@ -147,6 +154,8 @@ def once(
     begin = start_fresh if who in FRESH else start
     with cluster(who == "scheduler") as (options, scheduler):
         run = begin(*words, *options, "--lake", lake)
+        while not listens(run) and run.poll() is None:
+            time.sleep(0.005)
         until = time.monotonic() + moment
         while time.monotonic() < until and run.poll() is None:
             time.sleep(0.005)
@@ -216,8 +225,7 @@ def kill(kills: int, seed: int, clips: int, limit: float) -> dict[str, Any]:
                 while not done:
                     wanted = struck < EACH and found.kills.total() < kills
                     victim = rng.choices(VICTIMS, [1 if who in FRESH else 2 for who, _ in VICTIMS])[0]
-                    later = STARTING if victim[0] in FRESH else 0.0
-                    moment = later + rng.uniform(0.1, seconds[str(words[0])]) if wanted else 10 * LONGEST
+                    moment = rng.uniform(0.0, seconds[str(words[0])]) if wanted else 10 * LONGEST
                     before = found.kills.total()
                     done = once(words, lake, moment, victim if wanted else ("driver", signal.SIGKILL), found, rng)
                     struck += found.kills.total() - before

@@ -7,13 +7,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from motionlake.errors import UserError
+from motionlake.errors import ClipError, DamagedError, UserError
 from motionlake.formats.limits_config import Limits
 from motionlake.jobs.run import update
 from motionlake.jobs.session import Session
 from motionlake.lake.catalog import fetch, load_rows, reading, run_sql, table_of, writing
 from motionlake.lake.integrity import (
-    DamagedError,
     FileSums,
     frames_by_part,
     list_files,
@@ -25,6 +24,7 @@ from motionlake.lake.mend import Mended
 from motionlake.lake.verify import deep_faults
 from motionlake.names import on_disk
 from motionlake.stages.frames import FRAMES, shard_of
+from motionlake.stages.frames_from_raw import raw_blocks, write_frames_from_raw
 from motionlake.stages.ingest import KEY_ROWS
 from motionlake.stages.model_kind import Selection
 from motionlake.stages.reader import LakeReader, lake_reader
@@ -83,8 +83,9 @@ class _Repair:
     def _mend_model(self, file: str) -> None:
         with reading(self._lake) as con:
             row = fetch(con, "model_row", {"file": file})[0]
+            used = fetch(con, "model_in_use", {"model": row["model"], "file": file})[0]["used"]
         kind, metrics, config = KINDS[row["kind"]], json.loads(row["metrics"]), self._session.config
-        if not row["current"]:
+        if not row["current"] and not used:
             with writing(self._lake) as con:
                 run_sql(con, "forget_model", {"model": row["model"]})
             self.done[file] = ("an earlier version that nothing uses: forgotten", True)
@@ -158,7 +159,7 @@ class _Repair:
             return None
         return Shard(stage.name, part.key, part.part, part.dataset, stage.spec(at, part), part.clips)
 
-    def _frames_shard(self, at: LakeReader, row: Mapping[str, Any]) -> Shard | str:
+    def _frames_shard(self, at: LakeReader, row: Mapping[str, Any]) -> Shard | str | None:
         rows = fetch(at.con, "sources_of_part", {"part": row["part"]})
         files = [SourceFile(r["path"], r["size"], r["mtime_ns"], r["content_hash"]) for r in rows]
         roots = {(r.dataset, r.kept_base): r for r in known_roots(at.con)}
@@ -166,16 +167,32 @@ class _Repair:
         if root is None:
             return "the folder it was read from is not known any more"
         gone = [f.path for f in files if content_hash(root.base / on_disk(f.path)) != f.content_hash]
+        if gone and self._from_raw(at, row):
+            return None
         if gone:
             return (
                 f"only the source gives it back: {root.base / gone[0]} "
-                f"{f'and {len(gone) - 1} files more are' if len(gone) > 1 else 'is'} not there as it was read"
+                f"{f'and {len(gone) - 1} files more are' if len(gone) > 1 else 'is'} not there as it was read; "
+                "`motionlake remove` takes its clips out"
             )
         shaping = root.shaping_hash(at.config.frames, at.lake)
         shard = shard_of(root, files, at.config.frames, at.config.of(Limits), shaping)
         if shard.key != row["key"]:
             return "was read with files that have left the lake since, or by other settings; `motionlake ingest` again"
         return shard
+
+    def _from_raw(self, at: LakeReader, row: Mapping[str, Any]) -> bool:
+        """Make the frames of source files that are gone from their raw blocks, if all of these are sound."""
+        name = self._lake.frames_part(row["dataset"], row["part"])
+        if name not in self._faults or any(block in self._faults for block in raw_blocks(at, row["part"])):
+            return False
+        try:
+            write_frames_from_raw(at, row["dataset"], row["part"], row["key"])
+        except (ClipError, UserError):
+            return False
+        how = "made again from the raw channels, to a ten-thousandth of the body's height: its source files are gone"
+        self._list(name, how, how, strict=False)
+        return True
 
     def _forget(self, stage: ShardStage, rows: Sequence[Mapping[str, Any]], files: Mapping[str, list[str]]) -> None:
         """Files that are of no use as they are: their stage makes what it needs."""
@@ -185,7 +202,10 @@ class _Repair:
         for row in rows:
             for file in files[row["key"]]:
                 self._lake.path(file).unlink(missing_ok=True)
-                self.done[file] = ("made anew as far as anything needs it", True)
+                self.done[file] = (
+                    "forgotten: nothing needs it as it was; `motionlake run all` makes what is due",
+                    True,
+                )
         if not isinstance(stage, PartStage):
             update(self._session, stage)
 

@@ -16,11 +16,10 @@ from typing import TYPE_CHECKING, Protocol
 
 import pyarrow as pa
 from motionlake import memory
-from motionlake.errors import FULL, UserError
+from motionlake.errors import FULL, DamagedError, UserError
 from motionlake.lake.catalog import collect_garbage, create_catalog, load_rows, reading, table_of, writing
 from motionlake.lake.config import LakeConfig, load_config
 from motionlake.lake.integrity import (
-    DamagedError,
     check_files,
     damage,
     fault,

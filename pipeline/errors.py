@@ -19,6 +19,10 @@ class UserError(Exception):
     """A mistake the user can mend: one line that says what, where, and what to do (exit status 2)."""
 
 
+class DamagedError(UserError):
+    """A file of the lake is not as it was written; nothing is answered from it."""
+
+
 class ClipError(Exception):
     """A clip that cannot be taken in; it is rejected with this reason and the run goes on.
 

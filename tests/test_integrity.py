@@ -12,11 +12,13 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from motionlake.errors import DamagedError
+from motionlake.lake.catalog import fetch, writing
 from motionlake.lake.catalog_file import read_sums
-from motionlake.lake.integrity import DamagedError, sound
+from motionlake.lake.integrity import list_files, sound, sums_of
 from motionlake.lake.layout import open_lake
 
-from tests.lakes import assert_same, motionlake, query, tables
+from tests.lakes import Changed, assert_same, motionlake, query, tables
 
 KINDS = (
     "frames/*/*.parquet", "raw/*/*.parquet", "features/*.parquet", "embeddings/*.parquet", "assigned/*.parquet",
@@ -127,27 +129,97 @@ def test_labels_outlive_the_catalog_and_its_copies(lake: Path) -> None:
     assert_same(tables(lake), before)
 
 
-def test_a_lost_catalog_without_records_comes_from_a_kept_one(lake: Path) -> None:
-    (lake / "catalog.duckdb").unlink()
-    (lake / "records.zip").unlink()
-    assert motionlake("repair", "--lake", lake).status == 0
-    assert query(lake, "SELECT count(*) FROM clips") > [(0,)]
-
-
-def test_what_only_the_source_gives_back_is_said(lake: Path, clips_folder: Path, tmp_path: Path) -> None:
-    """A part whose source files are gone: named, with the file that is missed; exit status 1."""
-    moved = tmp_path / "moved"
+@pytest.fixture
+def orphaned(clips_folder: Path, tmp_path: Path) -> Path:
+    """A lake whose source files are gone."""
+    moved, own = tmp_path / "moved", tmp_path / "own"
     shutil.copytree(clips_folder, moved)
-    own = tmp_path / "own"
     assert motionlake("ingest", moved, "--lake", own).status == 0
     shutil.rmtree(moved)
-    part = next(own.glob("frames/*/*.parquet"))
-    part.unlink()
-    run = motionlake("repair", "--json", "--lake", own)
-    assert run.status == 1
-    (row,) = run.json
-    assert not row["mended"]
-    assert str(moved) in row["done"]
+    return own
+
+
+def test_what_only_the_source_gives_back_is_said(orphaned: Path) -> None:
+    """Frames and raw channels are lost: a file that is missed is named; exit status 1; its clips can leave."""
+    for file in orphaned.glob("*/*/*.parquet"):
+        if file.relative_to(orphaned).parts[0] in ("frames", "raw"):
+            file.unlink()
+    run = motionlake("repair", "--json", "--lake", orphaned)
+    assert (run.status, {row["mended"] for row in run.json}) == (1, {False})
+    assert all(str(orphaned.parent / "moved") in row["done"] for row in run.json)
+    assert "`motionlake remove` takes its clips out" in run.json[0]["done"]
+    assert motionlake("run", "frames", "--lake", orphaned).status == 2
+    assert motionlake("remove", "--gone", "--lake", orphaned).status == 0
+    assert motionlake("verify", "--deep", "--lake", orphaned).status == 0
+
+
+def test_frames_come_back_from_raw_channels(orphaned: Path) -> None:
+    asked = "SELECT clip, frame, COLUMNS('_[xyz]$') FROM frames WHERE frame % 7 = 0 ORDER BY ALL"
+    before = query(orphaned, asked)
+    for part in orphaned.glob("frames/*/*.parquet"):
+        part.unlink()
+    run = motionlake("repair", "--json", "--lake", orphaned)
+    assert run.status == 0, run.err
+    assert all("made again from the raw channels" in row["done"] for row in run.json)
+    assert motionlake("verify", "--deep", "--lake", orphaned).status == 0
+    after = query(orphaned, asked)
+    assert [row[:2] for row in after] == [row[:2] for row in before]
+    ((height,),) = query(orphaned, "SELECT min(body_height) FROM clips")
+    moved = max(
+        abs(a - b) for old, new in zip(before, after, strict=True) for a, b in zip(old[2:], new[2:], strict=True)
+    )
+    assert moved <= 1e-4 * height
+
+
+def test_an_earlier_catalog_says_that_it_is_one(lake: Path) -> None:
+    (lake / "catalog.duckdb").unlink()
+    (lake / "records.zip").unlink()
+    run = motionlake("repair", "--json", "--lake", lake)
+    assert run.status == 0, run.err
+    assert "of an earlier moment" in next(row["done"] for row in run.json if row["file"] == "catalog.duckdb")
+
+
+def test_a_damaged_catalog_without_copies_stays_where_it_is(lake: Path) -> None:
+    shutil.rmtree(lake / "kept")
+    (lake / "records.zip").unlink()
+    flip(lake / "catalog.duckdb")
+    held = (lake / "catalog.duckdb").read_bytes()
+    run = motionlake("repair", "--lake", lake)
+    assert run.status == 2
+    assert "`motionlake restore` takes a backup" in run.err
+    assert (lake / "catalog.duckdb").read_bytes() == held
+
+
+@pytest.mark.parametrize("command", [("verify", "--deep"), ("repair",)])
+def test_a_lake_of_another_version_is_not_damaged(lake: Path, command: tuple[str, ...]) -> None:
+    with Changed(lake) as con:
+        con.execute("UPDATE schema_version SET version = version + 1")
+    held = (lake / "catalog.duckdb").read_bytes()
+    run = motionlake(*command, "--lake", lake)
+    assert run.status == 2
+    assert "update motionlake" in run.err
+    assert (lake / "catalog.duckdb").read_bytes() == held
+
+
+def test_an_earlier_model_that_tables_were_made_with_is_made_again(lake: Path) -> None:
+    with writing(open_lake(lake)) as con:
+        model, file = fetch(con, "current_model", {"kind": "descriptors"})[0]["model"], "models/other.safetensors"
+        own = con.execute("SELECT file FROM models WHERE model = $model", {"model": model}).fetchone()
+        con.execute(
+            "INSERT INTO models SELECT 'descriptors-99', kind, 99, 'x', data_hash, config, metrics, $file, true, "
+            "seconds, created FROM models WHERE model = $model",
+            {"model": model, "file": file},
+        )
+        con.execute("UPDATE models SET current = false WHERE model = $model", {"model": model})
+        assert own is not None
+        shutil.copyfile(lake / own[0], lake / file)
+        list_files(con, [sums_of(open_lake(lake), file)])
+    flip(lake / own[0])
+    run = motionlake("repair", "--json", "--lake", lake)
+    assert [(row["file"], row["done"], row["mended"]) for row in run.json] == [
+        (own[0], "the pretrained file, copied again", True)
+    ]
+    assert query(lake, "SELECT DISTINCT model FROM descriptors") == [(model,)]
 
 
 def test_a_changed_setting_is_told_and_taken(lake: Path) -> None:

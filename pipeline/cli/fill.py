@@ -215,7 +215,7 @@ def remove(
     if not clips and dataset is None and not gone:
         raise UserError("remove: name clips, or give --dataset NAME or --gone")
     target = open_lake(lake)
-    with running(target, "remove"):
+    with running(target, "remove", damaged=True):
         removed = Removal(0, 0) if dataset is None else remove_dataset(target, dataset)
         with reading(target) as con:
             sources = sources_of(con, clips or []) + (gone_sources(con) if gone else [])

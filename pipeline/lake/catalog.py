@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
 import pyarrow as pa
 from motionlake import sql
-from motionlake.errors import UserError, explained
+from motionlake.errors import DamagedError, UserError, explained
 from motionlake.lake.catalog_file import announce_catalog, catalog_written, check_catalog
 from motionlake.lake.host import attached, elsewhere, room
 from motionlake.lake.layout import Lake
@@ -142,7 +142,8 @@ def connect_read_only(lake: Lake) -> Connection:
     """Open the catalog of now for reading, with a DuckDB of its own, in which cursors need `USE lake`.
 
     Raises:
-        UserError: the lake is of another version, somebody has the catalog open for writing, or it is damaged.
+        UserError: the lake is of another version, or somebody has the catalog open for writing.
+        DamagedError: the catalog is not as it was written.
     """
     con = open_catalog(lake)
     try:
@@ -184,9 +185,11 @@ def _told(lake: Lake) -> Iterator[None]:
             raise UserError(explained(fault)) from error
         if not any(word in reason for word in (*_TO_DO, str(lake.catalog), "orrupt", "erializ")):
             raise
-        mend = f"`motionlake repair {lake.root}` mends it from what lies beside it"
-        todo = next((todo for word, todo in _TO_DO.items() if word in reason), mend)
-        raise UserError(f"{lake.catalog}: cannot be read ({reason}); {todo}") from error
+        told = f"{lake.catalog}: cannot be read ({reason})"
+        for word, todo in _TO_DO.items():
+            if word in reason:
+                raise UserError(f"{told}; {todo}") from error
+        raise DamagedError(f"{told}; `motionlake repair {lake.root}` mends it from what lies beside it") from error
 
 
 @contextmanager

@@ -15,7 +15,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any, Final
 
-from motionlake.errors import UserError
+from motionlake.errors import DamagedError
 from motionlake.lake.layout import Lake
 from motionlake.lake.parts import replacing
 
@@ -141,7 +141,7 @@ def check_catalog(lake: Lake) -> None:
     """Compare the catalog that is served with its sums, once a process and catalog.
 
     Raises:
-        UserError: it is not as it was written.
+        DamagedError: it is not as it was written.
     """
     for _ in range(_TRIES):
         served = _identity(lake)
@@ -158,7 +158,7 @@ def check_catalog(lake: Lake) -> None:
         with suppress(ValueError):
             if _identity(lake) == served and read_sums(lake)["catalog.duckdb"] == known:
                 break  # nobody has written meanwhile
-    raise UserError(f"{lake.catalog}: {wrong}; `motionlake repair {lake.root}` mends it from what lies beside it")
+    raise DamagedError(f"{lake.catalog}: {wrong}; `motionlake repair {lake.root}` mends it from what lies beside it")
 
 
 def _wrong(lake: Lake, known: list[dict[str, Any]]) -> str | None:

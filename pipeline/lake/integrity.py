@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Final
 
 import pyarrow as pa
-from motionlake.errors import UserError
+from motionlake.errors import DamagedError
 from motionlake.lake.catalog import Connection, fetch, load_rows, reading, table_of
 from motionlake.lake.layout import Lake
 
@@ -51,10 +51,6 @@ class FileSums:
 
 
 Listed = Mapping[str, FileSums]  # by name relative to the lake
-
-
-class DamagedError(UserError):
-    """A file of the lake is not as it was written; nothing is answered from it."""
 
 
 def sums_of(lake: Lake, file: str) -> FileSums:

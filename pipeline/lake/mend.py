@@ -7,7 +7,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from motionlake.errors import UserError
+from motionlake.errors import DamagedError, UserError
 from motionlake.lake.catalog import reading
 from motionlake.lake.catalog_file import (
     announce_anew,
@@ -49,7 +49,8 @@ def mend_catalog(lake: Lake) -> Iterator[Mended]:
     """Put back a damaged or lost catalog, and write the copies of a sound one anew; the caller holds the lock.
 
     Raises:
-        UserError: nothing is left that a catalog could be made from.
+        UserError: nothing is left that a catalog could be made from, or this one cannot be read for another reason
+            than damage: a newer version, another program that writes it.
     """
     try:
         known, said = read_sums(lake)["catalog.duckdb"], None
@@ -57,12 +58,7 @@ def mend_catalog(lake: Lake) -> Iterator[Mended]:
         known, said = [], str(error)
     fault = catalog_fault(lake, known, deep=True) or _unreadable(lake)
     if fault is not None:
-        aside = lake.catalog.with_name("catalog.duckdb.damaged")
-        if lake.catalog.is_file():
-            lake.catalog.replace(aside)
-        source = _put_back(lake, known[0]["sha256"] if known else "")
-        where = f"; the damaged one is {aside.name}" if aside.exists() else ""
-        yield Mended(lake.catalog.name, fault, f"put back from {source}{where}", mended=True)
+        yield Mended(lake.catalog.name, fault, _put_back(lake, known[0]["sha256"] if known else ""), mended=True)
     elif said is not None:
         announce_anew(lake)
     if said is not None:
@@ -83,19 +79,44 @@ def _unreadable(lake: Lake) -> str | None:
         with reading(lake) as con:
             for name in table_names(con):
                 con.table(name).to_arrow_table()
-    except (duckdb.Error, UserError) as error:
+    except (
+        duckdb.IOException,
+        duckdb.SerializationException,
+        duckdb.FatalException,
+        duckdb.InternalException,
+    ) as error:
         return str(error).splitlines()[0]
+    except DamagedError as error:
+        return str(error)
     return None
 
 
 def _put_back(lake: Lake, wanted: str) -> str:
-    """Make a catalog from the newest of its copies; returns the name of that."""
-    attempts: list[tuple[str, Path | None]] = [("records.zip", None)]
-    attempts += [(k["file"], lake.path(k["file"])) for k in kept_sums(lake) if not kept_fault(lake, k, deep=True)]
-    if records_of(lake.records) != wanted:  # the last run was cut short: a kept catalog is newer
+    """Make a catalog from the newest of its copies; says from which, and where the damaged one is.
+
+    `wanted`: sha256 of the catalog that is lost, "" where nobody knows it.
+    """
+    aside = lake.catalog.with_name("catalog.duckdb.damaged")
+    there = lake.catalog.is_file()
+    if there:
+        lake.catalog.replace(aside)
+    try:
+        source = _copied_back(lake, wanted)
+    except BaseException:
+        if there and not lake.catalog.exists():
+            aside.replace(lake.catalog)
+        raise
+    return f"put back from {source}" + f"; the damaged one is {aside.name}" * there
+
+
+def _copied_back(lake: Lake, wanted: str) -> str:
+    attempts: list[tuple[str, str, Path | None]] = [("records.zip", records_of(lake.records), None)]
+    kept = [k for k in kept_sums(lake) if not kept_fault(lake, k, deep=True)]
+    attempts += [(k["file"], k["sha256"], lake.path(k["file"])) for k in kept]
+    if attempts[0][1] != wanted:  # the last run was cut short: a kept catalog is newer
         attempts = [*attempts[1:], attempts[0]]
     reasons = []
-    for name, path in attempts:
+    for name, sha256, path in attempts:
         try:
             if path is None:
                 build_catalog(lake, dict(read_records(lake.records)))
@@ -104,7 +125,10 @@ def _put_back(lake: Lake, wanted: str) -> str:
         except (ValueError, UserError, OSError) as error:
             reasons.append(str(error))
         else:
-            return name
+            earlier = (
+                ", which is of an earlier moment: what was taken in, labelled or computed after it is to be done again"
+            )
+            return name + earlier * (wanted not in ("", sha256))
     raise UserError(
         f"{lake.root}: its catalog is lost, and so are its copies ({reasons[0]}); `motionlake restore` takes a backup, "
         "else make a new lake of the same folders"

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from motionlake.arrays import StepProgress
-from motionlake.errors import UserError
+from motionlake.errors import DamagedError
 from motionlake.lake.catalog import fetch, reading
 from motionlake.lake.catalog_file import check_catalog, kept_fault, known_sums, read_sums, sums_of_file
 from motionlake.lake.integrity import FileSums, deep_fault, listed_in, touched_faults
@@ -126,7 +126,11 @@ def _catalog_faults(lake: Lake, mend: str, *, deep: bool) -> Iterator[Fault]:
 
 
 def catalog_fault(lake: Lake, known: list[dict[str, Any]], *, deep: bool) -> str | None:
-    """What is wrong with the catalog that is served."""
+    """What is wrong with the catalog that is served.
+
+    Raises:
+        UserError: it cannot be read for another reason than damage.
+    """
     if not lake.catalog.is_file():
         return "is missing"
     if deep and known and sums_of_file(lake.catalog) not in known:
@@ -135,7 +139,7 @@ def catalog_fault(lake: Lake, known: list[dict[str, Any]], *, deep: bool) -> str
         check_catalog(lake)
         with reading(lake) as con:
             listed_in(con)
-    except UserError as error:
+    except DamagedError as error:
         return str(error).removeprefix(f"{lake.catalog}: ").partition("; `motionlake")[0]
     return None
 

@@ -16,6 +16,15 @@ SELECT * FROM clips WHERE part = $part ORDER BY clip;
 -- name: model_row
 SELECT model, kind, key, config, metrics, file, "current" FROM models WHERE file = $file;
 
+-- name: model_in_use
+-- Whether anything that is served was made with a version of a model.
+SELECT EXISTS (
+    FROM (
+        SELECT model FROM motifs UNION SELECT model FROM postures UNION SELECT model FROM descriptors
+        UNION SELECT model FROM submotions UNION SELECT model FROM synthetic
+    ) WHERE model = $model
+) OR EXISTS (FROM manifest WHERE state = 'ok' AND contains(spec, $file)) AS used;
+
 -- name: forget_model
 DELETE FROM models WHERE model = $model AND NOT "current";
 
