@@ -27,12 +27,8 @@ import duckdb
 from motionlake.cli.main import main as motionlake
 
 from bench.record import hash_files, record, recordings
+from tests.lakes import CLOCKS
 
-CLOCKS: Final[Mapping[str, tuple[str, ...]]] = {
-    "manifest": ("seconds", "finished", "attempts"),
-    "models": ("seconds", "created"),
-    "files": ("mtime_ns",),
-}
 SETS: Final = (("bandai1", "*.bvh"), ("hdm05", "*.amc"), ("utd_mhad", "*.npz"))
 
 

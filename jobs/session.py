@@ -8,39 +8,29 @@ import os
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from datetime import datetime
-from itertools import islice
-from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
 import pyarrow as pa
 from motionlake import memory
-from motionlake.errors import FULL, DamagedError, UserError
-from motionlake.lake.catalog import collect_garbage, create_catalog, load_rows, reading, table_of, writing
+from motionlake.errors import FULL
+from motionlake.jobs.shards import run_here, run_on, with_inputs
+from motionlake.lake.catalog import collect_garbage, create_catalog, load_rows, table_of, writing
 from motionlake.lake.config import LakeConfig, load_config
 from motionlake.lake.integrity import (
     check_files,
-    damage,
-    fault,
-    frames_by_part,
-    given,
     list_files,
-    listed_in,
-    named_files,
-    sums_of,
 )
 from motionlake.lake.layout import Lake
 from motionlake.lake.lock import locked
 from motionlake.lake.records import write_records
 from motionlake.lake.settings import changed_settings, keep_settings
 from motionlake.names import typed
-from motionlake.stages.file_watch import at_fault, replaceable
 from motionlake.stages.stage import Shard, ShardResult, ShardStage
-from threadpoolctl import threadpool_limits
 
 if TYPE_CHECKING:
-    from distributed import Client, Future
+    from distributed import Client
 
 _S, _I = pa.string(), pa.int64()
 PLAN_ROWS = pa.schema({"stage": _S, "key": _S, "part": _S, "dataset": _S, "spec": _S})
@@ -50,7 +40,6 @@ FINISH_ROWS = pa.schema(
         "files": pa.list_(_S), "seconds": pa.float64(),
     }
 )  # fmt: skip
-AHEAD = 4  # shards submitted for each worker thread
 FEW = 4  # shards that are made again sooner in this process than a cluster starts
 NO_FAULT_OF_SHARDS = (*FULL, errno.EROFS)  # all of them would fail
 LOAD_EVERY = 5.0  # seconds; what a killed run has done since it last loaded is done again
@@ -140,14 +129,14 @@ class Session:
         ]
         with writing(self.lake) as con:
             load_rows(con, "plan_shards", table_of(plan, PLAN_ROWS))
-        shards = _with_inputs(self.lake, shards)
+        shards = with_inputs(self.lake, shards)
         total = sum(s.items for s in shards)
         self.progress(stage.name, 0, total)
         waiting: list[ShardResult] = []
         failures: list[tuple[Shard, str]] = []
         loaded_at, done, patience = time.monotonic(), 0, LOAD_EVERY
         root = self.lake.root
-        running = _here(root, stage, shards) if client is None else _finishing(root, stage, shards, client)
+        running = run_here(root, stage, shards) if client is None else run_on(root, stage, shards, client)
         try:
             for shard, found in running:
                 if isinstance(found, ShardResult):
@@ -179,7 +168,7 @@ class Session:
             return
         root = self.lake.root
         few = len(shards) <= FEW
-        run = _here(root, stage, shards) if few else _finishing(root, stage, shards, self.client(len(shards)))
+        run = run_here(root, stage, shards) if few else run_on(root, stage, shards, self.client(len(shards)))
         for shard, found in run:
             done += shard.items
             self.progress(stage.name, done, total)
@@ -236,111 +225,6 @@ def session(
             raise
         collect_garbage(lake, FOLDERS)
         write_records(lake)
-
-
-def _here(root: Path, stage: ShardStage, shards: Sequence[Shard]) -> Iterator[tuple[Shard, ShardResult | Exception]]:
-    for shard in shards:
-        try:
-            yield shard, _run_limited(stage.run, root, shard)
-        except Exception as error:
-            yield shard, error
-
-
-def _finishing(
-    root: Path, stage: ShardStage, shards: Sequence[Shard], client: Client
-) -> Iterator[tuple[Shard, ShardResult | BaseException]]:
-    """Shards as they finish, with a few a worker thread in the cluster's hands: its memory must not grow with them.
-
-    One whose workers ended again and again runs once more, alone: it may have been another's fault.
-    """
-    from distributed import KilledWorker, as_completed
-
-    killed: list[Shard] = []
-    running: dict[Future, Shard] = {}
-    pool = as_completed()
-    left = iter(shards)
-
-    def submit() -> None:
-        wanted = AHEAD * max(1, sum(client.nthreads().values()))
-        for shard in islice(left, max(0, wanted - len(running))):
-            future = _submit(client, stage, root, shard)
-            running[future] = shard
-            pool.add(future)
-
-    submit()
-    for future in pool:
-        if future.cancelled():
-            raise UserError(
-                "the Dask cluster does not answer any more; the same command goes on where this one stopped"
-            )
-        error = future.exception() if future.status != "finished" else None
-        shard = running.pop(future)
-        if isinstance(error, KilledWorker):
-            killed.append(shard)
-        else:
-            yield shard, future.result() if error is None else error
-        future.release()
-        submit()
-    for shard in killed:
-        yield shard, _alone(client, stage, root, shard)
-
-
-def _submit(client: Client, stage: ShardStage, root: Path, shard: Shard, again: str = "") -> Future:
-    key = f"{stage.name}-{shard.key}{again}"
-    return client.submit(_run_in_worker, stage.run, root, shard, key=key, pure=False)
-
-
-def _alone(client: Client, stage: ShardStage, root: Path, shard: Shard) -> ShardResult | BaseException:
-    """Run a shard whose workers ended, again as long as each time tells of one more file that is at fault."""
-    from distributed import KilledWorker
-
-    known: set[str] = set()
-    while True:
-        future = _submit(client, stage, root, shard, f"-{len(known)}-at-fault")
-        error: BaseException | None = future.exception()
-        if error is None:
-            result: ShardResult = future.result()
-            return result
-        told = at_fault(root, shard)
-        if not isinstance(error, KilledWorker) or told <= known:
-            return error
-        known = told
-
-
-def _run_in_worker(run: Callable[[Path, Shard], ShardResult], root: Path, shard: Shard) -> ShardResult:
-    """Run a shard in a worker of the cluster, which may end where its nanny starts another."""
-    from distributed import get_worker
-
-    replaceable.set(get_worker().nanny is not None)
-    return _run_limited(run, root, shard)
-
-
-def _run_limited(run: Callable[[Path, Shard], ShardResult], root: Path, shard: Shard) -> ShardResult:
-    """Within one worker thread: BLAS and OpenMP on that thread, so that results do not depend on the machine.
-
-    Raises:
-        DamagedError: a file that the shard reads is not as it was written.
-    """
-    lake = Lake(root)
-    for file in shard.inputs:
-        wrong = fault(lake, file)
-        if wrong is not None:
-            raise DamagedError(damage(lake, file.file, wrong))
-    with threadpool_limits(1), given(shard.inputs):
-        result = run(root, shard)
-    return replace(result, sums=tuple(sums_of(lake, file) for file in result.files))
-
-
-def _with_inputs(lake: Lake, shards: Sequence[Shard]) -> list[Shard]:
-    """Shards with the files that they read: those of the lake that they name."""
-    with reading(lake) as con:
-        listed = listed_in(con)
-    by_part = frames_by_part(listed)
-    found = []
-    for shard in shards:
-        names = named_files(listed, by_part, [shard.part, shard.spec])
-        found.append(replace(shard, inputs=tuple(listed[name] for name in sorted(names))))
-    return found
 
 
 def _load(

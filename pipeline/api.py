@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias, TypedDict, TypeVar, Unpack
 
-from motionlake.errors import UserError
+from motionlake.errors import UserError, told_by_sql
 from motionlake.lake import layout
 from motionlake.lake.rows import Rows
 
@@ -426,5 +426,4 @@ def _asked(ask: Callable[[], T]) -> T:
     try:
         return ask()
     except duckdb.Error as error:
-        said = str(error).partition("UserError: ")[2] or str(error)
-        raise UserError(f"SQL: {' '.join(said.split())}") from error
+        raise UserError(f"SQL: {' '.join(told_by_sql(str(error)).split())}") from error

@@ -71,6 +71,13 @@ def denied(text: str) -> str | None:
     return explained(PermissionError(errno.EACCES, os.strerror(errno.EACCES), file))
 
 
+def told_by_sql(text: str) -> str:
+    """What DuckDB says, in words of this program where it has them: a mistake in a function's argument, a file that is
+    damaged or may not be opened."""
+    own = [text.partition(f"{kind.__name__}: ")[2] for kind in (UserError, DamagedError)]
+    return denied(text) or next(filter(None, own), text)
+
+
 def _named(text: str) -> str | None:
     """The file that a message of DuckDB or Arrow names."""
     found = re.search(r"""(['"])(/.+?)\1""", text)

@@ -26,7 +26,7 @@ from motionlake.cli.common import (
     option,
     tell,
 )
-from motionlake.errors import UserError, denied
+from motionlake.errors import UserError, told_by_sql
 from motionlake.lake.catalog import Connection, fetch, reading
 from motionlake.lake.layout import Lake, open_lake
 from motionlake.names import printable
@@ -286,9 +286,7 @@ def sql(
                 return
             rows = interruptible(con, partial(_rows, con, text))
     except duckdb.Error as error:
-        # What a function of ours says of a mistake stands at the end of what DuckDB says.
-        told = denied(str(error)) or str(error).partition("UserError: ")[2] or str(error)
-        raise UserError(f"SQL: {told}") from error
+        raise UserError(f"SQL: {told_by_sql(str(error))}") from error
     tell(rows, as_json=as_json)
 
 
