@@ -28,6 +28,7 @@ from tests.lakes import Run, finish, made_clips, query, quick_lake, real_clips, 
 from tests.processes import start
 
 STAGES: Final = "all"
+ASKED: Final = 2  # clips that readers ask about
 BASE: Final = "base"  # the dataset that no writer changes
 REFUSED: Final = "the lake is being written by "
 CLIPS: Final = "SELECT clip, label FROM clips WHERE dataset != 'base'"
@@ -196,7 +197,7 @@ def measure(seconds: float, writers: int, readers: int, seed: int, clips: int) -
             if made.status:
                 raise RuntimeError(made.err)
         base = {clip: tuple(values) for clip, *values in query(lake, FRAMES)}
-        asked = [words for clip in sorted(base)[:2] for words in questions(clip)]
+        asked = [words for clip in sorted(base)[:ASKED] for words in questions(clip)]
         answers = [(words, first.out) for words in asked if (first := run(*words, "--lake", lake)).status == 0]
         every = sorted((folder / BASE).iterdir())
         writing = [Writer(i, lake, folder, every, tally, random.Random(f"{seed} {i}")) for i in range(writers)]
