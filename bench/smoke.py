@@ -87,6 +87,11 @@ _FEW_SYMBOLS: Final = dict.fromkeys(
     PosturesConfig(weights="own", m=24),
 )
 SMOKES: Final[Sequence[Smoke]] = (
+    # The first two: they start the process that all commands are forked of.
+    Smoke("bench.kills", ("--kills", "1", "--clips", "1"), {"bench.kills.STAGES": "words", "bench.kills.VICTIMS": (
+          ("driver", signal.SIGTERM),)}, recordings=False),
+    Smoke("bench.many_at_once", ("--seconds", "1", "--writers", "2", "--readers", "2", "--clips", "1"),
+          {"bench.many_at_once.STAGES": "words", "bench.many_at_once.ASKED": 1}, recordings=False),
     Smoke(
         "bench.align",
         (),
@@ -100,10 +105,6 @@ SMOKES: Final[Sequence[Smoke]] = (
     Smoke("bench.damage", ("--flips", "1", "--losses", "1", "--each", "1")),
     Smoke("bench.fuzz", ("files", "config", "--files", "28", "--examples", "3", "--workers", "1"), recordings=False),
     Smoke("bench.ingest", ("peers", "--rounds", "1")),
-    Smoke("bench.kills", ("--kills", "1", "--clips", "1"), {"bench.kills.STAGES": "words", "bench.kills.VICTIMS": (
-          ("driver", signal.SIGTERM),)}, recordings=False),
-    Smoke("bench.many_at_once", ("--seconds", "1", "--writers", "2", "--readers", "2", "--clips", "1"),
-          {"bench.many_at_once.STAGES": "words", "bench.many_at_once.ASKED": 1}, recordings=False),
     Smoke("bench.lake", ("ingest", "--clips", "8", "--workers", "1", "--sets", "hdm05")),
     Smoke("bench.retrieval", ("hdm05",), {"bench.retrieval.SEEDS": ONE_SEED, **_FEW_K}),
     Smoke("bench.retrieval", ("cross-rig",), {"bench.retrieval.SEEDS": ONE_SEED, **_FEW_K}),
