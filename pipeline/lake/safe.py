@@ -13,8 +13,9 @@ import uuid
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor, wait
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
-from threading import Timer
+from threading import Event, Timer
 from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 from motionlake import sql
@@ -152,9 +153,16 @@ def interruptible(con: LakeConnection, run: Callable[[], Answer]) -> Answer:
             while not answer.done():
                 wait([answer], timeout=_LOOK)
         except BaseException:
-            con.interrupt()
+            _interrupt(con, lambda: bool(wait([answer], timeout=_LOOK).done))
             raise
         return answer.result()
+
+
+def _interrupt(con: Connection | LakeConnection, ended: Callable[[], bool]) -> None:
+    """Interrupt a connection until what it runs has `ended`: between two statements, DuckDB forgets an interrupt."""
+    con.interrupt()
+    while not ended():
+        con.interrupt()
 
 
 @contextmanager
@@ -169,11 +177,14 @@ def time_limit(con: Connection | LakeConnection, seconds: float | None) -> Itera
     if seconds is None:
         yield
         return
-    timer = Timer(seconds, con.interrupt)
+    ended = Event()
+    timer = Timer(seconds, _interrupt, (con, partial(ended.wait, _LOOK)))
     timer.start()
     try:
         yield
     except duckdb.InterruptException as error:
         raise UserError(f"SQL: stopped after {seconds:g} s; give it longer by --seconds") from error
     finally:
+        ended.set()
         timer.cancel()
+        timer.join()
