@@ -74,8 +74,8 @@ def denied(text: str) -> str | None:
 def told_by_sql(text: str) -> str:
     """What DuckDB says, in words of this program where it has them: a mistake in a function's argument, a file that is
     damaged or may not be opened."""
-    own = [text.partition(f"{kind.__name__}: ")[2] for kind in (UserError, DamagedError)]
-    return denied(text) or next(filter(None, own), text)
+    own = re.search(r"\b(?:UserError|DamagedError): (.+)", text, re.DOTALL)
+    return denied(text) or (own[1] if own else text)
 
 
 def _named(text: str) -> str | None:

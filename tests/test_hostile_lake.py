@@ -156,6 +156,20 @@ def test_pictures_of_answers_are_inert(hostile_lake: Path, tmp_path: Path) -> No
     assert longest.read_bytes().startswith(b"\x89PNG")
 
 
+def test_reports_and_measures_are_inert(hostile_lake: Path, tmp_path: Path) -> None:
+    page = tmp_path / "report.html"
+    ask(hostile_lake, "report", "--out", page)
+    text = page.read_text(encoding="utf-8")
+    assert not obeyed(text)
+    seen = Tags(text)
+    assert not any(name.startswith("on") for name in seen.attributes)
+    assert not {"red", "b", "x", "iframe"} & set(seen.tags)
+    for words in (["signatures"], ["signatures", "--json"]):
+        run = motionlake("evaluate", *words, "--lake", hostile_lake)
+        assert run.status == 0, run.err
+        assert not obeyed(run.out + run.err)
+
+
 def test_functions_of_sql_take_and_give_every_name(hostile_lake: Path) -> None:
     calls = (
         "similar_clips(?, 2)", "find_motion(?, 0, 30, k := 2)", "aligned_clips(?, 2)", "nearest_clips(?, 2)",
