@@ -92,20 +92,23 @@ def stat_fault(lake: Lake, wanted: FileSums) -> str | None:
 
 def fault(lake: Lake, wanted: FileSums) -> str | None:
     """What is wrong with a file, by all of its bytes; remembered while nobody touches it."""
-    crc, path = 0, lake.path(wanted.file)
+    return _fault_at(lake.path(wanted.file), wanted)
+
+
+def _fault_at(path: Path, wanted: FileSums) -> str | None:
     try:
-        handle = path.open("rb", buffering=0)
-    except FileNotFoundError:
-        return "is missing"
-    with handle:
-        found = os.fstat(handle.fileno())
+        found = path.stat()
         identity = (found.st_ino, found.st_mtime_ns, found.st_ctime_ns, wanted.crc32)
         if found.st_size != wanted.size:
             return _other_size(found.st_size, wanted)
         if _checked.get(path) == identity:
             return None
-        for block in _blocks(handle):
-            crc = zlib.crc32(block, crc)
+        with path.open("rb", buffering=0) as handle:
+            crc = 0
+            for block in _blocks(handle):
+                crc = zlib.crc32(block, crc)
+    except FileNotFoundError:
+        return "is missing"
     if crc != wanted.crc32:
         return "holds other bytes than were written"
     _checked[path] = identity
@@ -164,18 +167,20 @@ def sound_files(lake: Lake, files: Iterable[str]) -> list[Path]:
     if listed is None:
         listed = _listed(lake)
 
-    def wrong_with(name: str) -> str | None:
-        return fault(lake, listed[name]) if name in listed else "is not listed in the catalog"
+    paths = lake.paths(names)
+
+    def wrong_with(name: str, path: Path) -> str | None:
+        return _fault_at(path, listed[name]) if name in listed else "is not listed in the catalog"
 
     if sum(listed[name].size for name in names if name in listed) < _TOGETHER:
-        faults = [wrong_with(name) for name in names]
+        faults = list(map(wrong_with, names, paths))
     else:
         with ThreadPoolExecutor(min(4, os.cpu_count() or 1)) as pool:  # checksums are worked out without the GIL
-            faults = list(pool.map(wrong_with, names))
+            faults = list(pool.map(wrong_with, names, paths))
     for name, wrong in zip(names, faults, strict=True):
         if wrong is not None:
             raise DamagedError(damage(lake, name, wrong))
-    return [lake.path(name) for name in names]
+    return paths
 
 
 def sound_folder(lake: Lake, folder: str) -> list[Path]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -65,10 +66,17 @@ class Lake:
 
     def path(self, relative: str) -> Path:
         """A file of the lake by its relative name; refuses names that lead out of the lake."""
-        path = (self.root / relative).resolve()
-        if not path.is_relative_to(self.root.resolve()):
-            raise UserError(f"{relative}: leads out of the lake {self.root}")
-        return path
+        return self.paths([relative])[0]
+
+    def paths(self, relative: Iterable[str]) -> list[Path]:
+        """The same of several, sooner."""
+        root, found = self.root.resolve(), []
+        for name in relative:
+            path = (root / name).resolve()
+            if not path.is_relative_to(root):
+                raise UserError(f"{name}: leads out of the lake {self.root}")
+            found.append(path)
+        return found
 
     def relative(self, path: Path) -> str:
         return path.relative_to(self.root).as_posix()
