@@ -56,10 +56,13 @@ def scan(checkout: Path, lake: Path) -> tuple[float, float]:
 def interleaved(
     checkouts: Mapping[str, Path], measured: Callable[[str, Path], tuple[float, float]], rounds: int
 ) -> dict[str, dict[str, float]]:
-    """Medians of what each checkout takes, one run of each in turn after one that warms up, and their ratios."""
+    """Medians of what each checkout takes, and of the ratios of each round, after one round that warms up.
+
+    A round is a run of each; who begins changes from round to round, for machines grow slower and faster.
+    """
     found: dict[str, list[tuple[float, float]]] = {name: [] for name in checkouts}
     for number in range(rounds + 1):
-        for name, checkout in checkouts.items():
+        for name, checkout in sorted(checkouts.items(), reverse=bool(number % 2)):
             seconds = measured(name, checkout)
             if number:
                 found[name].append(seconds)
@@ -70,10 +73,12 @@ def interleaved(
         }
         for name, taken in found.items()
     }
-    return {
-        **medians,
-        "ratio": {key: medians["here"][key] / medians["before"][key] for key in ("processor", "wall")},
+    pairs = list(zip(found["here"], found["before"], strict=True))
+    ratio = {
+        key: statistics.median(here[at] / before[at] for here, before in pairs)
+        for at, key in enumerate(("processor", "wall"))
     }
+    return {**medians, "ratio": ratio}
 
 
 def measure(before: Path, source: Path, folder: Path, rounds: int) -> dict[str, dict[str, dict[str, float]]]:
