@@ -15,13 +15,14 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Final
 
 from bench.record import hash_files, record, recordings
 
 HERE: Final = Path(__file__).parents[1]
+CLOCKS: Final = ("processor", "wall")
 SCAN: Final = """
 import sys, time, motionlake
 con = motionlake.connect(sys.argv[1])
@@ -61,9 +62,10 @@ def scan(checkout: Path, lake: Path) -> tuple[float, float]:
 def interleaved(
     checkouts: Mapping[str, Path], measured: Callable[[str, Path], tuple[float, float]], rounds: int
 ) -> dict[str, dict[str, float]]:
-    """Medians of what each checkout takes, and of the ratios of each round, after one round that warms up.
+    """The least and the median of what each checkout takes, after one round that warms up, and the ratio of the least.
 
-    A round is a run of each; who begins changes from round to round, for machines grow slower and faster.
+    A round is a run of each; who begins changes from round to round. What other guests of a machine take makes runs
+    slower, never faster, and by more than what is looked for: the least of many runs tells what a program takes itself.
     """
     found: dict[str, list[tuple[float, float]]] = {name: [] for name in checkouts}
     for number in range(rounds + 1):
@@ -71,19 +73,15 @@ def interleaved(
             seconds = measured(name, checkout)
             if number:
                 found[name].append(seconds)
-    medians = {
-        name: {
-            "processor": statistics.median(cpu for cpu, _ in taken),
-            "wall": statistics.median(wall for _, wall in taken),
-        }
-        for name, taken in found.items()
-    }
-    pairs = list(zip(found["here"], found["before"], strict=True))
-    ratio = {
-        key: statistics.median(here[at] / before[at] for here, before in pairs)
-        for at, key in enumerate(("processor", "wall"))
-    }
-    return {**medians, "ratio": ratio}
+    least, medians = _each(found, min), _each(found, statistics.median)
+    ratio = {clock: least["here"][clock] / least["before"][clock] for clock in CLOCKS}
+    return {**least, "ratio": ratio, **{f"median {name}": taken for name, taken in medians.items()}}
+
+
+def _each(
+    found: Mapping[str, list[tuple[float, float]]], of: Callable[[Iterable[float]], float]
+) -> dict[str, dict[str, float]]:
+    return {name: dict(zip(CLOCKS, map(of, zip(*taken, strict=True)), strict=True)) for name, taken in found.items()}
 
 
 def measure(before: Path, source: Path, folder: Path, rounds: int) -> dict[str, dict[str, dict[str, float]]]:
