@@ -18,10 +18,7 @@ from motionlake.errors import FULL
 from motionlake.jobs.shards import run_here, run_on, with_inputs
 from motionlake.lake.catalog import collect_garbage, create_catalog, load_rows, table_of, writing
 from motionlake.lake.config import LakeConfig, load_config
-from motionlake.lake.integrity import (
-    check_files,
-    list_files,
-)
+from motionlake.lake.integrity import check_files, list_files
 from motionlake.lake.layout import Lake
 from motionlake.lake.lock import locked
 from motionlake.lake.records import write_records

@@ -178,6 +178,7 @@ def test_an_earlier_catalog_says_that_it_is_one(lake: Path) -> None:
     run = motionlake("repair", "--json", "--lake", lake)
     assert run.status == 0, run.err
     assert "of an earlier moment" in next(row["done"] for row in run.json if row["file"] == "catalog.duckdb")
+    assert query(lake, "SELECT count(*) FROM clips") > [(0,)]
 
 
 def test_a_damaged_catalog_without_copies_stays_where_it_is(lake: Path) -> None:
