@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-from motionlake.formats.bvh_writer import to_bvh, write_bvh
+from motionlake.formats.write.bvh import to_bvh, write_bvh
 from motionlake.lake.catalog import Connection
 from motionlake.lake.layout import Lake
 from motionlake.lake.raw import canonical_rig, own_rig

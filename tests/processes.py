@@ -21,7 +21,7 @@ PRELOAD = (
     "safetensors.torch", "scipy.stats", "sklearn.cluster", "typer._adapters", "motionlake.cli.fill",
     "motionlake.cli.lake", "motionlake.cli.make", "motionlake.deep_motifs.words.training",
     "motionlake.deephums.submotions", "motionlake.formats.asf_amc", "motionlake.formats.bvh",
-    "motionlake.formats.bvh_writer", "motionlake.formats.deepmimic", "motionlake.formats.ntu_skeleton",
+    "motionlake.formats.write.bvh", "motionlake.formats.deepmimic", "motionlake.formats.ntu_skeleton",
     "motionlake.formats.positions_npz", "motionlake.glogen.generator", "motionlake.jobs.cluster",
     "motionlake.lake.migrations", "motionlake.pesta.posture_training",
 )  # fmt: skip

@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 from motionlake.arrays import Float64Array
 from motionlake.errors import ClipError
 from motionlake.formats import read_clips
-from motionlake.formats.bvh_writer import write_bvh
 from motionlake.formats.deepmimic import READER
+from motionlake.formats.write.bvh import write_bvh
 from motionlake.motion.canonicalise import CanonicalMotion, canonicalise, to_source_clip
 from motionlake.motion.clip import ChannelKind, Hierarchy, SolvedMotion, SourceClip
 from motionlake.motion.kinematics import forward_kinematics, local_rotations, solve, world_rotations

@@ -77,6 +77,12 @@ def test_what_opens_a_lake_imports_no_library_that_computes(module: str) -> None
     assert not set(run.stdout.split()) & {*HEAVY, "scipy"}
 
 
+def test_a_look_at_names_of_files_imports_no_library_that_computes() -> None:
+    code = "import sys; from motionlake.formats import readers; assert len(readers()) > 4; print(*sys.modules)"
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert not set(run.stdout.split()) & {*HEAVY, "scipy"}
+
+
 @pytest.mark.parametrize(
     ("words", "needed"),
     [(["status"], set()), (["sql", "FROM clips"], {"numba"})],  # numba: of the kernels of SQL functions

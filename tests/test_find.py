@@ -23,7 +23,7 @@ from motionlake.deep_motifs.query_by_example import (
 from motionlake.deep_motifs.signatures import Corpus, CorpusClip, signature
 from motionlake.errors import UserError
 from motionlake.formats import read_clips
-from motionlake.formats.bvh_writer import write_bvh
+from motionlake.formats.write.bvh import write_bvh
 from motionlake.lake.layout import open_lake
 from motionlake.retrieval.protocol import Query, Scope
 from motionlake.retrieval.query_by_example import WordsSearcher

@@ -16,7 +16,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from motionlake.cli.common import notice, tell, write_csv
 from motionlake.errors import UserError
-from motionlake.formats.bvh_writer import write_bvh
+from motionlake.formats.write.bvh import write_bvh
 from motionlake.lake.layout import Lake
 from motionlake.motion.clip import Hierarchy, SourceClip
 from motionlake.names import file_name, folded, kept, on_disk, printable, safe_name, told_apart, toml_text, typed

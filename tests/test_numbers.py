@@ -7,7 +7,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from motionlake.errors import ClipError
-from motionlake.formats.numbers import parse_table
+from motionlake.formats.parse.numbers import parse_table
 
 signs = st.sampled_from(["", "-", "+"])
 digits = st.text("0123456789", max_size=24)

@@ -6,6 +6,7 @@ import json
 import os
 import re
 import runpy
+import shutil
 import subprocess
 import sys
 import tomllib
@@ -25,6 +26,7 @@ BESIDE = ("jupysql==0.11.1", "ipython")
 @pytest.fixture(scope="module")
 def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("wheel")
+    shutil.rmtree(ROOT / "build", ignore_errors=True)  # setuptools would take files from there that are gone
     made = python("-m", "build", "--wheel", "--no-isolation", "--outdir", str(folder), str(ROOT))
     assert made.returncode == 0, made.stderr
     return next(folder.glob("*.whl"))

@@ -127,7 +127,7 @@ def export(
 
     Example: motionlake export walk_01 --lake mylake --rig canonical --from 0s --to 4s -o walk.bvh
     """
-    from motionlake.formats.bvh_writer import write_bvh
+    from motionlake.formats.write.bvh import write_bvh
     from motionlake.lake.frames import frame_range
     from motionlake.lake.raw import canonical_rig, own_rig
 

@@ -72,7 +72,7 @@ def compose(
 
     The transitions are made by: motionlake run transitions --dataset dances --lake mylake
     """
-    from motionlake.formats.bvh_writer import write_bvh
+    from motionlake.formats.write.bvh import write_bvh
     from motionlake.retrieval.compose import compose as compose_motion
     from motionlake.retrieval.compose import read_graph
 
@@ -245,7 +245,7 @@ def _make_folder(folder: Path) -> None:
 
 def _write_bvh(job: Session, clips: Sequence[str], folder: Path) -> int:
     """Write every clip on the canonical skeleton; returns how many files that are."""
-    from motionlake.formats.bvh_writer import write_bvh
+    from motionlake.formats.write.bvh import write_bvh
     from motionlake.lake.raw import own_rig
 
     job.progress("bvh", 0, len(clips))

@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 from motionlake.errors import ClipError
 from motionlake.formats.limits_config import FARTHEST, limits
-from motionlake.formats.numbers import line_of, parse_table
+from motionlake.formats.parse.lines import line_of
 from motionlake.formats.registry import MAX_FPS, MIN_FPS, most_of
 from motionlake.motion.clip import POSITION_CHANNELS, ROTATION_CHANNELS, ChannelKind, Hierarchy, SourceClip
 from motionlake.motion.rotations import IDENTITY
@@ -250,6 +250,8 @@ class BvhReader:
             end_sites=tuple(tree.end_sites),
         )
         notes = (f"joint names used twice, renamed: {', '.join(renamed)}",) if renamed else ()
+        from motionlake.formats.parse.numbers import parse_table  # numba, which a look at names does not need
+
         table = parse_table(data, (timing or declared).end(), int(frames), columns, most_of(hierarchy))
         return [SourceClip(hierarchy, table, fps, notes=notes)]
 

@@ -18,16 +18,15 @@ from motionlake.motion.clip import (
     SolvedMotion,
     SourceClip,
 )
+from motionlake.motion.rotation_kernels import multiply_into, rotate_into
 from motionlake.motion.rotations import (
     IDENTITY,
     MIN_LENGTH,
     conjugate,
     from_matrix,
     multiply,
-    multiply_into,
     normalise,
     rotate,
-    rotate_into,
     swing,
 )
 from motionlake.motion.skeleton import BONES, INDEX, JOINTS, PARENTS, chained

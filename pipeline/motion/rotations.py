@@ -1,71 +1,33 @@
-"""Unit quaternions (w, x, y, z), float64: vectorised over leading axes, with numba kernels where it is hot.
+"""Unit quaternions (w, x, y, z), float64: vectorised over leading axes.
 
 A rotation turns a vector v into q v q*; `multiply(a, b)` turns by b first.
 """
 
 from __future__ import annotations
 
-import functools
 import warnings
-from collections.abc import Callable
 from typing import Final
 
 import numpy as np
 from motionlake.arrays import Float64Array, FloatArray
-from motionlake.kernels import guvectorize, njit
 
 IDENTITY: Final = np.array([1.0, 0.0, 0.0, 0.0])
 MIN_LENGTH: Final = 1e-9  # of a vector that has a direction
 OPPOSITE: Final = 1e-7  # length of the sum of two unit vectors that are taken for opposite
 
 
-@njit(cache=True, inline="always")
-def multiply_into(a, b, out):  # type: ignore[no-untyped-def]
-    """Kernel: out = a b; `out` may be `a` or `b`."""
-    w = a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3]
-    x = a[0] * b[1] + a[1] * b[0] + a[2] * b[3] - a[3] * b[2]
-    y = a[0] * b[2] - a[1] * b[3] + a[2] * b[0] + a[3] * b[1]
-    z = a[0] * b[3] + a[1] * b[2] - a[2] * b[1] + a[3] * b[0]
-    out[0], out[1], out[2], out[3] = w, x, y, z
-
-
-@njit(cache=True, inline="always")
-def rotate_into(q, v, out):  # type: ignore[no-untyped-def]
-    """Kernel: out = v turned by q; `out` may be `v`."""
-    s = 2.0 * (q[2] * v[2] - q[3] * v[1])
-    t = 2.0 * (q[3] * v[0] - q[1] * v[2])
-    u = 2.0 * (q[1] * v[1] - q[2] * v[0])
-    x = v[0] + q[0] * s + q[2] * u - q[3] * t
-    y = v[1] + q[0] * t + q[3] * s - q[1] * u
-    z = v[2] + q[0] * u + q[1] * t - q[2] * s
-    out[0], out[1], out[2] = x, y, z
-
-
-def _multiply(a, b, out):  # type: ignore[no-untyped-def]
-    multiply_into(a, b, out)
-
-
-def _rotate(q, v, out):  # type: ignore[no-untyped-def]
-    rotate_into(q, v, out)
-
-
-@functools.cache
-def _over_axes(kernel: Callable[..., None], layout: str) -> Callable[..., object]:
-    """A kernel over leading axes. It is made ready at the first call: that takes longer than all imports do."""
-    ready: Callable[..., object] = guvectorize(
-        ["float64[:], float64[:], float64[:]"], layout, cache=True, nopython=True
-    )(kernel)
-    return ready
-
-
 def multiply(a: Float64Array, b: Float64Array) -> Float64Array:
     """Product a b of quaternions [..., 4], broadcast."""
-    return np.asarray(_over_axes(_multiply, "(n),(n)->(n)")(a, b))
+    from motionlake.motion.rotation_kernels import over_axes
+
+    return np.asarray(over_axes("multiply")(a, b))
 
 
 def rotate(q: Float64Array, v: Float64Array) -> Float64Array:
     """Vectors v [..., 3] turned by q [..., 4], broadcast."""
-    return np.asarray(_over_axes(_rotate, "(n),(m)->(m)")(q, v))
+    from motionlake.motion.rotation_kernels import over_axes
+
+    return np.asarray(over_axes("rotate")(q, v))
 
 
 def conjugate(q: Float64Array) -> Float64Array:

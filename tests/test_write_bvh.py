@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from motionlake.arrays import Float64Array
 from motionlake.formats import read_clips
 from motionlake.formats.bvh import READER
-from motionlake.formats.bvh_writer import write_bvh
+from motionlake.formats.write.bvh import write_bvh
 from motionlake.motion.clip import ChannelKind, Hierarchy, SourceClip
 from motionlake.motion.kinematics import solve
 from motionlake.motion.rotations import IDENTITY, from_euler, to_matrix

@@ -13,6 +13,7 @@ from typing import Final
 import numpy as np
 from motionlake.arrays import Float64Array, Int64Array
 from motionlake.errors import ClipError
+from motionlake.formats.parse.lines import line_of, token_at
 from motionlake.kernels import njit
 from numba import uint64
 from numpy.typing import NDArray
@@ -214,17 +215,6 @@ def _scan_table(data, start, table, most, undecided):  # type: ignore[no-untyped
         table[row, column] = value
         column += 1
         i = stop
-
-
-def line_of(data: bytes, offset: int) -> int:
-    """1-based line of the byte at `offset`."""
-    return data.count(b"\n", 0, offset) + 1
-
-
-def token_at(data: bytes, offset: int) -> str:
-    """The token that starts at `offset`, cut to 40 characters, for a message."""
-    words = data[offset : offset + 40].split(maxsplit=1)
-    return words[0].decode("latin-1") if words else ""
 
 
 def not_finite(data: bytes, offset: int) -> ClipError:

@@ -1,0 +1,1 @@
+"""What parses the numbers of large text files, compiled; readers import it when they read."""

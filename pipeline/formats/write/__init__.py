@@ -1,0 +1,1 @@
+"""What writes clips as files that other programs read."""

@@ -1,0 +1,52 @@
+"""Kernels of `rotations`: apart from it, so that who only names a rotation waits for no compiler."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+from typing import Final
+
+from motionlake.kernels import guvectorize, njit
+
+
+@njit(cache=True, inline="always")
+def multiply_into(a, b, out):  # type: ignore[no-untyped-def]
+    """Kernel: out = a b; `out` may be `a` or `b`."""
+    w = a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3]
+    x = a[0] * b[1] + a[1] * b[0] + a[2] * b[3] - a[3] * b[2]
+    y = a[0] * b[2] - a[1] * b[3] + a[2] * b[0] + a[3] * b[1]
+    z = a[0] * b[3] + a[1] * b[2] - a[2] * b[1] + a[3] * b[0]
+    out[0], out[1], out[2], out[3] = w, x, y, z
+
+
+@njit(cache=True, inline="always")
+def rotate_into(q, v, out):  # type: ignore[no-untyped-def]
+    """Kernel: out = v turned by q; `out` may be `v`."""
+    s = 2.0 * (q[2] * v[2] - q[3] * v[1])
+    t = 2.0 * (q[3] * v[0] - q[1] * v[2])
+    u = 2.0 * (q[1] * v[1] - q[2] * v[0])
+    x = v[0] + q[0] * s + q[2] * u - q[3] * t
+    y = v[1] + q[0] * t + q[3] * s - q[1] * u
+    z = v[2] + q[0] * u + q[1] * t - q[2] * s
+    out[0], out[1], out[2] = x, y, z
+
+
+def _multiply(a, b, out):  # type: ignore[no-untyped-def]
+    multiply_into(a, b, out)
+
+
+def _rotate(q, v, out):  # type: ignore[no-untyped-def]
+    rotate_into(q, v, out)
+
+
+_OVER_AXES: Final = {"multiply": (_multiply, "(n),(n)->(n)"), "rotate": (_rotate, "(n),(m)->(m)")}
+
+
+@functools.cache
+def over_axes(name: str) -> Callable[..., object]:
+    """A kernel over leading axes, by name; made ready at the first call, which takes longer than all imports do."""
+    kernel, layout = _OVER_AXES[name]
+    ready: Callable[..., object] = guvectorize(
+        ["float64[:], float64[:], float64[:]"], layout, cache=True, nopython=True
+    )(kernel)
+    return ready
