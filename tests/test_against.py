@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from threading import Barrier
 
 import pytest
 
@@ -27,17 +28,24 @@ def test_checkouts_run_in_turn_and_medians_are_divided(monkeypatch: pytest.Monke
     assert order == [against.HERE, tmp_path] * 3
 
 
-def test_what_two_checkouts_take_is_measured_in_turn() -> None:
-    order: list[str] = []
-    taken = {"here": iter([9.0, 4.0, 2.0, 3.0]), "before": iter([9.0, 1.0, 2.0, 3.0])}
+def test_what_two_checkouts_take_is_measured_at_once_on_cores_that_change(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("os.sched_getaffinity", lambda _process: {5, 3})
+    both = Barrier(2, timeout=30)
+    where: list[tuple[str, int]] = []
+    taken = {"here": iter([9.0, 4.0, 2.0, 3.0]), "before": iter([9.0, 1.0, 4.0, 1.0])}
 
-    def run(name: str, _checkout: Path) -> tuple[float, float]:
-        order.append(name)
+    def run(core: int, name: str, _checkout: Path) -> tuple[float, float]:
+        both.wait()
+        where.append((name, core))
         seconds = next(taken[name])
         return seconds, 2 * seconds
 
-    found = trust_cost.interleaved({"here": Path("a"), "before": Path("b")}, run, 3)
-    assert order == ["before", "here", "here", "before"] * 2, "one of each to warm up, and who begins changes"
-    assert found["here"] == {"processor": 2.0, "wall": 4.0}
-    assert found["median here"] == {"processor": 3.0, "wall": 6.0}
-    assert found["ratio"] == {"processor": 2.0, "wall": 2.0}, "the least of each"
+    found = trust_cost.side_by_side({"here": Path("a"), "before": Path("b")}, run, 3)
+    assert [set(where[i : i + 2]) for i in (0, 2, 4, 6)] == 2 * [
+        {("here", 3), ("before", 5)},
+        {("here", 5), ("before", 3)},
+    ]
+    assert found["wall"] == {
+        "ratio": 9 / 6, "standard error": pytest.approx(1.8028 / 3**0.5, abs=1e-4), "here, a round": 6.0,
+        "before, a round": 4.0,
+    }  # fmt: skip
