@@ -16,6 +16,7 @@ from threading import Event, Thread
 
 import dask
 from distributed import Client, LocalCluster
+from distributed.gc import disable_gc_diagnosis
 from motionlake.errors import UserError
 from motionlake.lake.layout import Lake
 from motionlake.stopping import asked, held
@@ -72,12 +73,15 @@ def _started(workers: int) -> LocalCluster:
     for _ in range(_STARTS):
         _serve_forks()
         try:
-            return LocalCluster(
+            local = LocalCluster(
                 n_workers=workers, threads_per_worker=1, dashboard_address="127.0.0.1:0",
                 memory_limit=_UNWATCHED, silence_logs=logging.CRITICAL,
             )  # fmt: skip
         except (OSError, RuntimeError) as error:
             reason = str(error).splitlines()[0]
+        else:
+            disable_gc_diagnosis()  # a signal in its midst would make it fail at the next collection
+            return local
         if asked():  # what killed them, by a signal to the whole group, is to end the driver too
             break
     raise UserError(

@@ -8,16 +8,19 @@ from __future__ import annotations
 
 import os
 import signal
+import sys
 import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from threading import Timer
 from types import FrameType
 from typing import Final
 
 SIGNALS: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 ONE: Final = 0.2  # seconds in which signals count as one: `timeout` and a terminal that closes send theirs twice
+_SOON: Final = 0.01  # seconds
 _HELD: Final = b"motionlake: ends as soon as what it writes is whole; a second signal ends it at once\n"
 
 
@@ -51,11 +54,14 @@ def obeying() -> Iterator[None]:
         return
     _state = _State()
     before = {n: h for n in SIGNALS if (h := signal.getsignal(n)) not in (signal.SIG_IGN, None)}
+    hook = sys.unraisablehook
     for number in before:
         signal.signal(number, _obey)
+    sys.unraisablehook = lambda swallowed: _again() if isinstance(swallowed.exc_value, Stopped) else hook(swallowed)
     try:
         yield
     finally:
+        sys.unraisablehook = hook
         for number, handler in before.items():
             signal.signal(number, handler)
 
@@ -104,6 +110,14 @@ def _obey(number: int, _: FrameType | None) -> None:
         os.write(2, _HELD)
     else:
         _raise()
+
+
+def _again() -> None:
+    """Ask once more, in a moment, where `Stopped` was raised in code whose exceptions Python drops, such as `__del__`
+    and what is called at garbage collections."""
+    number, _state.asked, _state.raised = _state.asked, None, False
+    if number is not None:
+        Timer(_SOON, signal.pthread_kill, (threading.main_thread().ident, number)).start()
 
 
 def _raise(cause: Exception | None = None) -> None:

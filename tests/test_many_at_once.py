@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import fcntl
+import gc
 import os
 import resource
 import shutil
 import signal
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
@@ -229,6 +230,22 @@ def test_a_signal_waits_for_what_is_held_and_a_second_one_for_nothing() -> None:
                 time.sleep(0.3)
             os._exit(1)
     assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 143
+
+
+def test_a_signal_where_python_drops_exceptions_comes_again(capfd: pytest.CaptureFixture[str]) -> None:
+    def collected(phase: str, _info: Mapping[str, int]) -> None:
+        if phase == "stop":
+            gc.callbacks.remove(collected)
+            signal.raise_signal(signal.SIGTERM)
+
+    def stopped() -> None:
+        gc.callbacks.append(collected)
+        gc.collect()
+        time.sleep(30)
+
+    with pytest.raises(Stopped, match="SIGTERM"), obeying():
+        stopped()
+    assert "Traceback" not in capfd.readouterr().err
 
 
 def test_a_worker_killed_while_it_starts_is_started_again(tmp_path: Path, shards: Path) -> None:
