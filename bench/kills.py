@@ -145,6 +145,10 @@ def _parent(process: psutil.Process) -> int:
     return 0
 
 
+def _unfinished(lake: Path) -> set[str]:
+    return {path.name for path in lake.rglob("*") if ".tmp" in path.name}
+
+
 def once(
     words: Sequence[str | Path], lake: Path, moment: float, victim: tuple[str, int], found: Campaign, rng: random.Random
 ) -> bool:
@@ -152,6 +156,7 @@ def once(
     who, how = victim
     told = f"{signal.Signals(how).name} to {who} in {words[0]}"
     begin = start_fresh if who in FRESH else start
+    before = _unfinished(lake)
     with cluster(who == "scheduler") as (options, scheduler):
         run = begin(*words, *options, "--lake", lake)
         while not listens(run) and run.poll() is None:
@@ -172,7 +177,8 @@ def once(
     allowed = {0, 2} if who in ("scheduler", "server of forks") else {0}
     if struck and who in ("driver", "all"):
         allowed = {0, 128 + how} if drained else {0, -how}
-    rest = [p.name for p in lake.rglob("*") if ".tmp" in p.name] if status == 0 or drained else []
+    # One that ended well has cleared away what others left; one that was stopped leaves nothing of its own.
+    rest = sorted(_unfinished(lake) - (before if status else set())) if status == 0 or drained else []
     wrong = {
         "hangs": not ended, f"{len(left)} processes left": left, f"status {status}": status not in allowed,
         "a traceback": "Traceback" in said and not (who == "all" and how == signal.SIGKILL), f"{rest} left": rest,

@@ -253,10 +253,11 @@ def table_of(rows: Sequence[Mapping[str, Any]], schema: pa.Schema) -> pa.Table:
 
 
 def remove_stale_copies(lake: Lake) -> None:
-    """Delete the unfinished files of killed runs beside the catalog; the caller holds the lake's lock."""
-    for pattern in (".catalog.duckdb.*.tmp*", ".config.toml.*.tmp", ".probe-*"):
+    """Delete the unfinished files of killed runs in the lake's own folder; the caller holds the lake's lock."""
+    for pattern in (".*.tmp", ".*.tmp.wal", ".probe-*"):
         for path in lake.root.glob(pattern):
-            path.unlink(missing_ok=True)
+            if not path.is_dir():
+                path.unlink(missing_ok=True)
 
 
 def collect_garbage(lake: Lake, folders: Iterable[str]) -> None:
