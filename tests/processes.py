@@ -8,6 +8,8 @@ import signal
 import subprocess
 import sys
 import tempfile
+import threading
+import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
@@ -25,6 +27,10 @@ PRELOAD = (
     "motionlake.formats.positions_npz", "motionlake.glogen.generator", "motionlake.jobs.cluster",
     "motionlake.lake.migrations", "motionlake.pesta.posture_training",
 )  # fmt: skip
+
+# A start looks at the processes of other threads too: of two that ask at once for a status, one would get none.
+_one_thread = threading.Lock()
+_PAUSE = 0.005  # seconds
 
 
 @dataclass(frozen=True)
@@ -60,9 +66,20 @@ def start(*words: str | Path) -> Started:
     folder = Path(tempfile.mkdtemp(prefix="command-"))
     context = multiprocessing.get_context("forkserver")
     process = context.Process(target=_command, args=([*map(str, words)], _environment(), folder))
-    process.start()
+
+    def status() -> int | None:
+        with _one_thread:
+            return process.exitcode
+
+    def wait(seconds: float) -> None:
+        until = time.monotonic() + seconds
+        while status() is None and time.monotonic() < until:
+            time.sleep(_PAUSE)
+
+    with _one_thread:
+        process.start()
     assert process.pid
-    return Started(process.pid, lambda: process.exitcode, process.join, folder)
+    return Started(process.pid, status, wait, folder)
 
 
 def start_fresh(*words: str | Path) -> Started:
