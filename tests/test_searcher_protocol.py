@@ -47,7 +47,8 @@ def two_sets(tmp_path_factory: pytest.TempPathFactory, built_lake: Path) -> Lake
         first = f"SELECT min(clip) FROM clips WHERE dataset = '{OTHER}'"
         con.execute(f"UPDATE clips SET format = 'synthetic' WHERE clip = ({first})")
     lake = open_lake(root)
-    for part in sorted(root.glob("features/**/*.parquet")):  # of words, which place the answers of "submotion"
+    # Those of words place the answers of "submotion".
+    for part in sorted([*root.glob("features/**/*.parquet"), *root.glob("moves/**/*.parquet")]):
         _copy_clips(part)
     for part in sorted(root.glob("frames/**/*.parquet")):
         target = root / "frames" / f"dataset={OTHER}" / part.name
@@ -261,15 +262,18 @@ def test_a_part_of_a_clip_is_searched_for_too(two_sets: Lake) -> None:
 
 def test_the_command_line_refuses_what_there_is_not(built_lake: Path) -> None:
     for command, said in (
-        ("search", "not one of signature, alignment, descriptor, fused"),
-        ("find", "not one of words, alignment, submotion"),
+        ("search", "not one of signature, alignment, descriptor, moves, fused"),
+        ("find", "not one of words, alignment, submotion, moves"),
     ):
         run = motionlake(command, "anything", "--method", "magic", "--lake", built_lake)
         assert (run.status, run.out) == (2, "")
         assert said in run.err
 
 
-TABLES = {"signature": "motifs", "alignment": "postures", "descriptor": "descriptors"}
+TABLES = {
+    "signature": "motifs", "alignment": "postures", "descriptor": "descriptors",
+    "moves": "manifest WHERE stage = 'moves'",
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("name", SINGLE)

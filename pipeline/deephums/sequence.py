@@ -145,11 +145,6 @@ def one_cycle(done: float) -> float:
     return (1 + math.cos(math.pi * (done - WARM_UP) / (1 - WARM_UP))) / 2
 
 
-# Alignment compares so many frames a second of at most so many seconds of a clip.
-ALIGNED_FPS: Final = 12.0
-ALIGNED_FRAMES: Final = 160
-
-
 def motion_field(clip: Float32Array) -> Float64Array:
     """[15, 3] displacement of each joint from the first frame of a clip [T, 15, 3] to its last (equation 3.3)."""
     return np.asarray(clip[-1] - clip[0], dtype=np.float64)
@@ -178,14 +173,11 @@ def similar_by_motion(clips: Sequence[Float32Array], share: float) -> BoolArray:
 
 
 def alignment_distances(clips: Sequence[Float32Array]) -> Float64Array:
-    """[n, n] distances of clips by dynamic time warping of how they move, whatever the size of the motion.
-
-    A frame is the displacement of the joints from the posture that the clip starts and ends in, and their velocity,
-    each divided by its root mean square over the clip.
-    """
+    """[n, n] distances of clips [T, 15, 3] by dynamic time warping of their moves, whatever the size of the motion."""
     from motionlake.motion.dtw import dtw_matrix
+    from motionlake.motion.moves import Track, at_12
 
-    return dtw_matrix([_moves(clip) for clip in clips])
+    return dtw_matrix([Track.of(at_12(clip)).moves() for clip in clips])
 
 
 def neighbourhoods(distances: Float64Array, k: int, sharpness: float) -> Float32Array:
@@ -193,15 +185,3 @@ def neighbourhoods(distances: Float64Array, k: int, sharpness: float) -> Float32
     k = min(k, len(distances) - 1)
     scale = np.maximum(np.sort(distances, axis=1)[:, k], 1e-9)
     return np.asarray(np.exp(-sharpness * distances**2 / np.outer(scale, scale)), dtype=np.float32)
-
-
-def _moves(clip: Float32Array) -> Float32Array:
-    count = int(np.clip(round(len(clip) * ALIGNED_FPS / 30), 4, ALIGNED_FRAMES))
-    at = np.linspace(0, len(clip) - 1, count).round().astype(int)
-    joints = clip[at].reshape(count, -1).astype(np.float64)
-    joints -= np.median(joints[[0, 1, -2, -1]], axis=0)
-    from scipy.ndimage import gaussian_filter1d
-
-    velocity = np.gradient(gaussian_filter1d(joints, 1.0, axis=0), axis=0)
-    parts = [part / max(float(np.sqrt((part**2).sum(axis=1).mean())), 1e-6) for part in (joints, velocity)]
-    return np.concatenate(parts, axis=1).astype(np.float32)

@@ -16,12 +16,14 @@ SEARCHERS: Final[dict[Finds, dict[str, str]]] = {
         "signature": "signature:SignatureSearcher",
         "alignment": "alignment:AlignmentSearcher",
         "descriptor": "descriptor:DescriptorSearcher",
+        "moves": "moves:MovesSearcher",
         "fused": "fused:fused_of_lake",
     },
     "range": {
         "words": "query_by_example:WordsSearcher",
         "alignment": "alignment:AlignmentRangeSearcher",
         "submotion": "submotion_search:SubmotionSearcher",
+        "moves": "moves:MovesRangeSearcher",
     },
 }
 

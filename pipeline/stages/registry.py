@@ -14,6 +14,7 @@ from motionlake.stages.embed import EMBED
 from motionlake.stages.frames import FRAMES
 from motionlake.stages.mirrored import MIRRORED
 from motionlake.stages.model_kind import ModelKind
+from motionlake.stages.moves import MOVES
 from motionlake.stages.neighbours import NEIGHBOURS
 from motionlake.stages.postures import POSTURES
 from motionlake.stages.reader import LakeReader
@@ -35,6 +36,7 @@ EVERY: Final[tuple[Stage, ...]] = (
     MIRRORED,
     POSTURES,
     SYMBOLS,
+    MOVES,
     DESCRIPTORS,
     SUBMOTIONS,
     NEIGHBOURS,

@@ -36,6 +36,10 @@ SELECT * FROM skeletons WHERE skeleton = $skeleton;
 -- name: parts_of
 SELECT clip, dataset, part FROM clips WHERE clip IN (SELECT unnest($clips::VARCHAR[])) ORDER BY clip;
 
+-- name: clips_with_parts
+SELECT clip, dataset, label, subject, split, fps, frames, format = 'synthetic' AS synthetic, part FROM clips
+ORDER BY clip;
+
 -- name: part_clips
 SELECT clip FROM clips WHERE part = $part ORDER BY clip;
 

@@ -1,0 +1,104 @@
+"""How a body moves: the moves of a clip, which tell neither how far it moves nor how it stands.
+
+A frame of moves is the displacement of the joints from the posture that a clip starts and ends in, and their velocity,
+each divided by its root mean square over the clip. Clips are compared by dynamic time warping of their moves.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from motionlake.arrays import Float32Array, Float64Array, FloatArray
+from motionlake.motion.skeleton import COMMON
+
+FPS: Final = 12.0
+LEAST: Final = 4  # frames
+MOST: Final = 160  # frames of a clip that are aligned; of a longer one as many, evenly spread
+SMOOTHED: Final = 1.0  # frames; standard deviation of the filter before velocities
+WIDTH: Final = 2 * 3 * len(COMMON)  # numbers of a frame
+SILENT: Final = 1e-6  # body lengths; a root mean square below it is of what does not move
+# Columns of the joints whose left and right tell where a body faces.
+_SIDES: Final = tuple(
+    tuple(
+        slice(3 * COMMON.index(f"{side}_{joint}"), 3 * COMMON.index(f"{side}_{joint}") + 3)
+        for side in ("left", "right")
+    )
+    for joint in ("hip", "shoulder")
+)
+
+
+@dataclass(frozen=True)
+class Track:
+    """The joints of a clip at 12 frames a second, in body lengths, seen from the body.
+
+    Attributes:
+        joints: [N, 45], x y z of each of the fifteen joints, y up.
+        velocity: [N, 45] a frame, of the smoothed joints.
+        facing: [N, 2] cosine and sine of the angle about y by which the body faces away from +z; zero where no joints
+            tell.
+    """
+
+    joints: Float64Array
+    velocity: Float64Array
+    facing: Float64Array
+
+    @staticmethod
+    def of(joints: FloatArray) -> Track:
+        """Of joints [N, 45] at 12 frames a second; one frame stands still."""
+        from scipy.ndimage import gaussian_filter1d
+
+        exact = joints.astype(np.float64)
+        if len(exact) < 2:
+            return Track(exact, np.zeros_like(exact), _facing(exact))
+        return Track(exact, np.gradient(gaussian_filter1d(exact, SMOOTHED, axis=0), axis=0), _facing(exact))
+
+    def cut(self, start: int, stop: int) -> Track:
+        """Frames [start, stop) of it."""
+        return Track(self.joints[start:stop], self.velocity[start:stop], self.facing[start:stop])
+
+    def turned(self) -> Track:
+        """The same with the body facing +z in the mean."""
+        cosine, sine = heading(self.facing.sum(axis=0))
+        turn = np.array([[cosine, 0, sine], [0, 1, 0], [-sine, 0, cosine]])
+        joints, velocity = (
+            (part.reshape(-1, 15, 3) @ turn).reshape(part.shape) for part in (self.joints, self.velocity)
+        )
+        return Track(joints, velocity, _facing(joints))
+
+    def moves(self) -> Float32Array:
+        """[m, 90] its moves; of more than 160 frames, 160."""
+        count = len(self.joints)
+        chosen = np.linspace(0, count - 1, MOST).round().astype(int) if count > MOST else np.arange(count)
+        joints = self.joints[chosen]
+        parts = (joints - joints[ends(len(joints))].mean(axis=0), self.velocity[chosen])
+        scaled = [part / max(float(np.sqrt((part**2).sum(axis=1).mean())), SILENT) for part in parts]
+        return np.concatenate(scaled, axis=1).astype(np.float32)
+
+
+def _facing(joints: Float64Array) -> Float64Array:
+    across = sum(_unit(joints[:, left] - joints[:, right]) for left, right in _SIDES)
+    return np.asarray(_unit(np.column_stack([across[:, 0], -across[:, 2]])))
+
+
+def _unit(vectors: Float64Array) -> Float64Array:
+    return np.asarray(vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), SILENT))
+
+
+def heading(facing: Float64Array) -> tuple[float, float]:
+    """Cosine and sine of the angle of a sum [2] of `Track.facing`; of none where it tells nothing."""
+    length = float(np.hypot(*facing))
+    return (float(facing[0]) / length, float(facing[1]) / length) if length > SILENT else (1.0, 0.0)
+
+
+def ends(count: int) -> list[int]:
+    """The frames of so many in which a clip starts and ends: two and two."""
+    return [0, min(1, count - 1), max(0, count - 2), count - 1]
+
+
+def at_12(sequence: FloatArray) -> Float32Array:
+    """[N, 45] joints at 12 frames a second, 4 at least, of a sequence [T, 15, 3] of 30 a second (`clip_sequence`)."""
+    count = max(LEAST, round(len(sequence) * FPS / 30))
+    at = np.linspace(0, len(sequence) - 1, count).round().astype(int)
+    return np.asarray(sequence[at].reshape(count, -1), dtype=np.float32)

@@ -1,0 +1,175 @@
+"""Dynamic time warping of one query with many clips at once, and the nearest of them.
+
+Eight clips of about one length are aligned side by side. Frames are first compared by their principal directions and
+by the length of what these leave of them, which bounds their distance from below: so does an alignment of such frames
+that of the frames themselves, which only the few clips need whose bound is low enough.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+import numpy as np
+from motionlake.arrays import Float32Array, Float64Array, Int64Array
+from motionlake.kernels import njit
+from motionlake.motion.dtw import clip_dtw
+from motionlake.motion.moves import WIDTH
+
+LANES: Final = 8  # clips that are aligned side by side
+_CELLS: Final = 1 << 20  # frame distances that are worked out at a time
+_FAR: Final = np.float32(1e12)  # squared distance of frames that only fill up
+DIRECTIONS: Final = 32  # of frames, in which bounds compare them
+_SAMPLE: Final = 20_000  # frames that directions are fitted to
+_ROUNDING: Final = 1e-3  # what single precision makes of the distance of a clip from itself
+_SLACK: Final = 1e-4  # of a distance: what bounds in single precision may be too high
+
+
+def moves_distance(one: Float32Array, other: Float32Array) -> float:
+    """Distance of two clips [n, D] and [m, D] of moves, as `clip_dtw` has it; nothing where rounding is all there is."""
+    distance = clip_dtw(one, other)
+    return distance if distance > _ROUNDING else 0.0
+
+
+class Nearest(NamedTuple):
+    """Clips by the distance of their moves, nearest first, and these distances."""
+
+    indices: Int64Array
+    distances: Float64Array
+
+
+class MovesIndex:
+    """The moves of clips, each [m, 90], held so that the nearest to a query are found without aligning it with all.
+
+    Raises:
+        ValueError: a clip has no frames.
+    """
+
+    def __init__(self, clips: Sequence[Float32Array]) -> None:
+        self._clips = list(clips)
+        frames = np.concatenate([*self._clips, np.zeros((0, WIDTH), dtype=np.float32)])
+        frames = frames[:: max(1, len(frames) // _SAMPLE)].astype(np.float64)
+        _, directions = np.linalg.eigh(frames.T @ frames)
+        self._directions = np.ascontiguousarray(directions[:, ::-1][:, :DIRECTIONS], dtype=np.float32)
+        self._bounds = Stack.of([self._projected(clip) for clip in self._clips])
+
+    def nearest(self, query: Float32Array, k: int) -> Nearest:
+        """The k clips nearest to a query [n, 90]; of equal ones the first."""
+        bounds = self._bounds_from(query)
+        rows: list[int] = []
+        found: list[float] = []
+        for row in np.argsort(bounds, kind="stable").tolist():
+            if len(found) >= k and bounds[row] > found[k - 1]:
+                break
+            distance = moves_distance(query, self._clips[row])
+            at = bisect(found, distance)
+            rows.insert(at, row)
+            found.insert(at, distance)
+        best = np.lexsort((rows, found))[:k]
+        return Nearest(np.array(rows, dtype=np.int64)[best], np.array(found)[best])
+
+    def _bounds_from(self, query: Float32Array) -> Float64Array:
+        found = self._bounds.spread(aligned(self._projected(query), self._bounds))
+        return np.asarray(found * (1 - _SLACK))
+
+    def _projected(self, clip: Float32Array) -> Float32Array:
+        inside = clip @ self._directions
+        rest = np.einsum("td,td->t", clip, clip) - np.einsum("td,td->t", inside, inside)
+        return np.column_stack([inside, np.sqrt(np.maximum(rest, 0))])
+
+
+@dataclass(frozen=True)
+class Stack:
+    """Clips, each [m, D], in groups of eight; a group is as long as its longest clip.
+
+    Attributes:
+        frames: [R, D + 2] the operands of `squared`, by group, frame and clip.
+        starts: [G + 1] first row of each group.
+        lengths: [G, 8] frames of each clip; 0 where there is none.
+        clips: [G, 8] which clip stands there; -1: none.
+    """
+
+    frames: Float32Array
+    starts: Int64Array
+    lengths: Int64Array
+    clips: Int64Array
+
+    @staticmethod
+    def of(clips: Sequence[Float32Array]) -> Stack:
+        """Raises `ValueError` for a clip without frames."""
+        if not all(len(clip) for clip in clips):
+            raise ValueError("a clip without frames cannot be aligned")
+        sizes = np.array([len(clip) for clip in clips], dtype=np.int64)
+        count = -(-len(clips) // LANES)
+        order = np.full(count * LANES, -1, dtype=np.int64)
+        order[: len(clips)] = np.argsort(sizes, kind="stable")
+        order = order.reshape(count, LANES)
+        lengths = np.where(order < 0, 0, sizes[order])
+        starts = np.concatenate([[0], np.cumsum(lengths.max(axis=1, initial=0) * LANES)])
+        width = clips[0].shape[1] if clips else 0
+        frames = np.zeros((starts[-1], width + 2), dtype=np.float32)
+        frames[:, -2] = 1
+        for group, members in enumerate(order):
+            rows = frames[starts[group] : starts[group + 1]].reshape(-1, LANES, width + 2)
+            for lane, clip in enumerate(members):
+                if clip >= 0:
+                    own = clips[clip]
+                    rows[: len(own), lane, :-2] = own
+                    rows[: len(own), lane, -1] = np.einsum("td,td->t", own, own)
+        return Stack(frames, starts, lengths, order)
+
+    def spread(self, found: Float64Array) -> Float64Array:
+        """[n] what was found [G, 8] for each clip, in the order in which they were given."""
+        there = self.clips >= 0
+        by_clip = np.empty(int(there.sum()))
+        by_clip[self.clips[there]] = found[there]
+        return by_clip
+
+
+def aligned(query: Float32Array, stack: Stack) -> Float64Array:
+    """[G, 8] distances of a query [n, D] from the clips of a stack.
+
+    A distance is the least sum of Euclidean distances of frames along a path of ordinary steps, divided by the frames
+    of both.
+    """
+    norms = np.einsum("td,td->t", query, query)
+    left = np.column_stack([np.float32(-2) * query, norms, np.ones_like(norms)])
+    found = np.zeros(stack.lengths.shape, dtype=np.float32)
+    group = 0
+    while group < len(found):
+        last = group + 1
+        while last < len(found) and (stack.starts[last + 1] - stack.starts[group]) * len(query) <= _CELLS:
+            last += 1
+        costs = left @ stack.frames[stack.starts[group] : stack.starts[last]].T
+        _align(
+            costs, stack.starts[group : last + 1] - stack.starts[group], stack.lengths[group:last], found[group:last]
+        )
+        group = last
+    return np.asarray(found / (len(query) + stack.lengths), dtype=np.float64)
+
+
+@njit(cache=True, nogil=True, fastmath={"contract", "reassoc", "nsz", "arcp"})  # type: ignore[untyped-decorator]
+def _align(costs: Float32Array, starts: Int64Array, lengths: Int64Array, out: Float32Array) -> None:
+    """Kernel: summed costs of the cheapest paths into `out` [G, 8]; `costs` [n, C] are squared distances of frames."""
+    zero, inf = np.float32(0), np.float32(np.inf)
+    row = np.empty(max(starts[1:] - starts[:-1]), dtype=np.float32)
+    left, diagonal = np.empty(8, np.float32), np.empty(8, np.float32)
+    for group in range(len(out)):
+        first, width = starts[group], (starts[group + 1] - starts[group]) // 8
+        row[: width * 8] = inf
+        for i in range(len(costs)):
+            cells = costs[i, first : first + width * 8]
+            left[:] = inf
+            diagonal[:] = inf if i else zero
+            for j in range(width):
+                for lane in range(8):
+                    above = row[j * 8 + lane]
+                    cost = np.sqrt(max(cells[j * 8 + lane], zero)) + min(left[lane], min(above, diagonal[lane]))
+                    diagonal[lane] = above
+                    left[lane] = cost
+                    row[j * 8 + lane] = cost
+        for lane in range(8):
+            if lengths[group, lane]:
+                out[group, lane] = row[(lengths[group, lane] - 1) * 8 + lane]

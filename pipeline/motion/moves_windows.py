@@ -1,0 +1,191 @@
+"""Where in a clip a piece of motion occurs, by dynamic time warping of moves.
+
+Moves are relative to the clip that they are of, so each window of a clip has moves of its own. Their distances from the
+query follow from products of frames that all windows share: to align another window takes its path alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final, NamedTuple
+
+import numpy as np
+from motionlake.arrays import Float32Array, Float64Array, Int64Array
+from motionlake.kernels import njit
+from motionlake.motion.moves import LEAST, MOST, SILENT, Track, heading
+
+TEMPI: Final = (0.75, 1.0, 4 / 3)  # lengths of windows, in lengths of the query
+FINER: Final = (0.87, 0.93, 1.0, 1.07, 1.15)  # the same around the best of them
+STEPS: Final = 6  # windows that begin within the length of the query
+
+
+class Place(NamedTuple):
+    """Frames [start, stop) of a track, and the distance of their moves from the query."""
+
+    distance: float
+    start: int
+    stop: int
+
+
+def nearest_place(query: Float32Array, track: Track, barred: tuple[int, int] | None = None) -> Place | None:
+    """The window of a track [N frames] nearest to the moves of a query [m, 90]; None where none is long enough.
+
+    Windows are from three quarters to four thirds as long as the query, first a sixth of it apart, then, about the
+    nearest, one frame.
+
+    Args:
+        query: at most 160 frames, all that there are.
+        track: at the same rate.
+        barred: frames [start, stop) that no window may share.
+    """
+    shared = _Products(query, track)
+    step = max(1, len(query) // STEPS)
+    best: Place | None = None
+    for width in _widths(len(query), TEMPI, len(track.joints)):
+        starts = np.unique(np.append(np.arange(0, len(track.joints) - width + 1, step), len(track.joints) - width))
+        best = _better(best, shared.nearest(_apart(starts, width, barred), width))
+    if best is None:
+        return None
+    coarse = best
+    for width in _widths(coarse.stop - coarse.start, FINER, len(track.joints)):
+        middle = (coarse.start + coarse.stop - width) // 2
+        starts = np.arange(max(0, middle - step), min(len(track.joints) - width, middle + step) + 1)
+        best = _better(best, shared.nearest(_apart(starts, width, barred), width))
+    return best
+
+
+def windows_distances(query: Float32Array, track: Track, starts: Int64Array, width: int) -> Float64Array:
+    """[s] distances of a query [m, 90] from the windows of a track that begin at some frames and are all as long."""
+    return _Products(query, track).distances(starts, width)
+
+
+def _widths(length: int, factors: Sequence[float], most: int) -> list[int]:
+    wanted = {max(LEAST, round(length * factor)) for factor in factors}
+    return sorted(width for width in wanted if width <= most)
+
+
+def _apart(starts: Int64Array, width: int, barred: tuple[int, int] | None) -> Int64Array:
+    return starts if barred is None else starts[(starts + width <= barred[0]) | (starts >= barred[1])]
+
+
+def _better(one: Place | None, other: Place | None) -> Place | None:
+    return min((place for place in (one, other) if place is not None), default=None)
+
+
+class _Products:
+    """Products of the frames of a query with those of a track, for windows that may face anywhere.
+
+    A product of two vectors, one of them turned about y, is the sum of three that do not depend on the turn: `along`
+    times its cosine, `across` times its sine, and `up`.
+    """
+
+    def __init__(self, query: Float32Array, track: Track) -> None:
+        if len(query) > MOST:
+            raise ValueError(f"a query of {len(query)} frames: at most {MOST} are aligned")
+        half = query.shape[1] // 2
+        self._joints = (track.joints - track.joints.mean(axis=0)).astype(np.float32)
+        velocity = track.velocity.astype(np.float32)
+        self._displaced = _products(query[:, :half], self._joints)
+        self._moving = _products(query[:, half:], velocity)
+        self._norms = np.einsum("td,td->t", query, query)
+        self._speeds = np.einsum("td,td->t", velocity, velocity)
+        self._facing = np.concatenate([np.zeros((1, 2)), np.cumsum(track.facing, axis=0)])
+
+    def nearest(self, starts: Int64Array, width: int) -> Place | None:
+        """The nearest of the windows of one width; of equal ones the first."""
+        if not len(starts):
+            return None
+        found = self.distances(starts, width)
+        at = int(found.argmin())
+        return Place(float(found[at]), int(starts[at]), int(starts[at]) + width)
+
+    def distances(self, starts: Int64Array, width: int) -> Float64Array:
+        """[s] distances of the query from the windows of one width."""
+        found = np.empty(-(-len(starts) // 8) * 8, dtype=np.float32)
+        padded = np.append(starts, np.full(len(found) - len(starts), starts[-1]))
+        facing = self._facing[padded + width] - self._facing[padded]
+        turns = np.array([heading(one) for one in facing], dtype=np.float32)
+        _windows(self._joints, self._displaced, self._moving, self._norms, self._speeds, padded, turns, width, found)
+        return np.asarray(found[: len(starts)] / (len(self._norms) + width), dtype=np.float64)
+
+
+def _products(query: Float32Array, track: Float32Array) -> Float32Array:
+    """[n, N, 3] along, across, up, of frames [n, 45] and [N, 45]."""
+    own, other = (part.reshape(len(part), -1, 3) for part in (query, track))
+    level = np.concatenate([other[..., 0], other[..., 2]], axis=1).T
+    along = np.concatenate([own[..., 0], own[..., 2]], axis=1) @ level
+    across = np.concatenate([own[..., 2], -own[..., 0]], axis=1) @ level
+    return np.stack([along, across, own[..., 1] @ other[..., 1].T], axis=-1)
+
+
+@njit(cache=True, nogil=True, fastmath={"contract", "reassoc", "nsz", "arcp"})  # type: ignore[untyped-decorator]
+def _windows(
+    joints: Float32Array, displaced: Float32Array, moving: Float32Array, norms: Float32Array, speeds: Float32Array,
+    starts: Int64Array, turns: Float32Array, width: int, out: Float32Array,
+) -> None:  # fmt: skip
+    """Kernel: summed costs of the cheapest paths from a query [n] to windows of a track [N], eight side by side.
+
+    Args:
+        joints: [N, D] of the track.
+        displaced, moving: [n, N, 3] `_products` of the query's displacements with joints, and of its velocities with
+            those of the track.
+        norms, speeds: [n] squared lengths of the query's frames, [N] of the track's velocities.
+        starts: [s] of the windows, a multiple of eight.
+        turns: [s, 2] cosine and sine of where each faces.
+        width: frames of a window.
+        out: [s].
+    """
+    n, zero, inf = len(norms), np.float32(0), np.float32(np.inf)
+    own, row = np.empty(width * 8, np.float32), np.empty(width * 8, np.float32)
+    posture = np.empty(joints.shape[1], np.float32)
+    # Of each window: what products are multiplied by, those of displacements first.
+    by = np.empty((6, 8), np.float32)
+    base, left, diagonal = np.empty(8, np.float32), np.empty(8, np.float32), np.empty(8, np.float32)
+    for first in range(0, len(starts), 8):
+        for lane in range(8):
+            start = starts[first + lane]
+            last = start + width - 1
+            for d in range(len(posture)):
+                posture[d] = (joints[start, d] + joints[start + 1, d] + joints[last - 1, d] + joints[last, d]) / 4
+            spread, speed = 0.0, 0.0
+            for j in range(width):
+                apart = zero
+                for d in range(len(posture)):
+                    apart += (joints[start + j, d] - posture[d]) ** 2
+                own[j * 8 + lane] = apart
+                spread += apart
+                speed += speeds[start + j]
+            root, rate = max(np.sqrt(spread / width), SILENT), max(np.sqrt(speed / width), SILENT)
+            for j in range(width):
+                own[j * 8 + lane] = own[j * 8 + lane] / (root * root) + speeds[start + j] / (rate * rate)
+            cosine, sine = turns[first + lane, 0], turns[first + lane, 1]
+            by[0, lane], by[1, lane], by[2, lane] = 2 * cosine / root, 2 * sine / root, 2 / root
+            by[3, lane], by[4, lane], by[5, lane] = 2 * cosine / rate, 2 * sine / rate, 2 / rate
+        row[:] = inf
+        for i in range(n):
+            for lane in range(8):
+                start = starts[first + lane]
+                last = start + width - 1
+                mean = zero
+                for k in range(3):
+                    at_ends = displaced[i, start, k] + displaced[i, start + 1, k]
+                    mean += by[k, lane] * (at_ends + displaced[i, last - 1, k] + displaced[i, last, k]) / 4
+                base[lane] = norms[i] + mean
+            left[:] = inf
+            diagonal[:] = inf if i else zero
+            for j in range(width):
+                for lane in range(8):
+                    at = starts[first + lane] + j
+                    near = (
+                        by[0, lane] * displaced[i, at, 0] + by[1, lane] * displaced[i, at, 1]
+                        + by[2, lane] * displaced[i, at, 2] + by[3, lane] * moving[i, at, 0]
+                        + by[4, lane] * moving[i, at, 1] + by[5, lane] * moving[i, at, 2]
+                    )  # fmt: skip
+                    above = row[j * 8 + lane]
+                    cost = np.sqrt(max(base[lane] + own[j * 8 + lane] - near, zero))
+                    cost += min(left[lane], min(above, diagonal[lane]))
+                    diagonal[lane] = above
+                    left[lane] = cost
+                    row[j * 8 + lane] = cost
+        for lane in range(8):
+            out[first + lane] = row[(width - 1) * 8 + lane]

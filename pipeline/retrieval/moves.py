@@ -1,0 +1,164 @@
+"""Whole clips, and ranges of them, by dynamic time warping of moves."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cache
+
+import numpy as np
+from motionlake.arrays import Float32Array, Float64Array, Int64Array
+from motionlake.deep_motifs.signatures import CorpusClip
+from motionlake.errors import UserError
+from motionlake.lake.catalog import fetch, reading
+from motionlake.lake.frames import frame_range
+from motionlake.lake.layout import Lake
+from motionlake.lake.settings import served_config
+from motionlake.motion.moves import FPS, LEAST, MOST, Track
+from motionlake.motion.moves_index import MovesIndex, moves_distance
+from motionlake.motion.moves_windows import nearest_place
+from motionlake.retrieval.encode import query_motion
+from motionlake.retrieval.protocol import (
+    ClipFilter,
+    Finds,
+    Hit,
+    LakeSearcher,
+    Query,
+    Scope,
+    about,
+    clip_hit,
+    not_ready,
+    range_hit,
+)
+from motionlake.stages.moves import joints_of, read_tracks
+from motionlake.stages.reader import LakeReader
+
+
+class _Tracks(LakeSearcher):
+    """What both searchers read of the lake: the clips, by name, that have tracks, and these."""
+
+    name = "moves"
+
+    def __init__(self, lake: Lake) -> None:
+        """Raises `UserError` where the lake has no moves yet."""
+        super().__init__(lake)
+        with reading(lake) as con:
+            rows = fetch(con, "clips_with_parts")
+            parts = {row["clip"]: row.pop("part") for row in rows}
+            self._tracks = read_tracks(LakeReader(con, lake, served_config(lake)), parts)
+        if not self._tracks:
+            raise UserError(f"{lake.root}: has no moves yet; make them with `motionlake run all`")
+        self.clips = [CorpusClip(**row) for row in rows if row["clip"] in self._tracks]
+        self._clips = {clip.clip: clip for clip in self.clips}
+
+    def _known(self, clip: str) -> Track:
+        if clip not in self._tracks:
+            raise not_ready(self.lake, clip, "moves")
+        return self._tracks[clip]
+
+    def _cut(self, query: Query, *, mirrored: bool = False) -> Track:
+        """The track of a query, cut out of that of its clip or file."""
+        if query.clip is not None and not mirrored:
+            track = self._known(query.clip)
+            if query.whole:
+                return track
+            known = self._clips[query.clip]
+            start, stop = frame_range(query.name, query.start, query.stop, known.frames)
+            return track.cut(*in_track(track, known.frames, start, stop))
+        motion = query_motion(self.lake, query, mirrored=mirrored)
+        with about(query.name):
+            track = Track.of(joints_of(motion.positions, motion.fps))
+        return track.cut(*in_track(track, len(motion.positions), *motion.asked))
+
+
+def in_track(track: Track, frames: int, start: int, stop: int) -> tuple[int, int]:
+    """Frames [start, stop) of a clip of so many as those of its track."""
+    pace = max(1, frames - 1) / (len(track.joints) - 1)
+    return round(start / pace), min(len(track.joints), round((stop - 1) / pace) + 1)
+
+
+class MovesSearcher(_Tracks):
+    """Search by the moves of whole clips; a `Searcher`."""
+
+    finds: Finds = "clip"
+
+    def __init__(self, lake: Lake) -> None:
+        super().__init__(lake)
+        self._index = cache(self._new_index)
+
+    def distances(self, queries: Sequence[Query], gallery: Sequence[Query]) -> Float64Array:
+        known = [self._moves(query) for query in gallery]
+        found = [[moves_distance(self._moves(query), clip) for clip in known] for query in queries]
+        return np.array(found, dtype=np.float64).reshape(len(queries), len(gallery))
+
+    def _nearest(self, queries: Sequence[Query], k: int, scope: Scope, *, mirrored: bool) -> list[list[Hit]]:
+        chosen, index = self._index(ClipFilter(scope.dataset, scope.split, scope.recorded_only))
+        answers = []
+        for query in queries:
+            if query.clip is not None:
+                self._known(query.clip)
+            near = index.nearest(self._moves(query, mirrored=mirrored), k + 1)
+            pairs = zip(chosen[near.indices].tolist(), near.distances.tolist(), strict=True)
+            hits = [clip_hit(self.clips[row], distance) for row, distance in pairs]
+            answers.append([hit for hit in hits if scope.own or hit.clip != query.clip][:k])
+        return answers
+
+    def _moves(self, query: Query, *, mirrored: bool = False) -> Float32Array:
+        return self._cut(query, mirrored=mirrored).moves()
+
+    def _new_index(self, kept: ClipFilter) -> tuple[Int64Array, MovesIndex]:
+        """The rows of the clips that may be answers, and an index of them."""
+        rows = np.array([row for row, clip in enumerate(self.clips) if kept.admits(clip)], dtype=np.int64)
+        return rows, MovesIndex([self._tracks[self.clips[row].clip].moves() for row in rows])
+
+
+class MovesRangeSearcher(_Tracks):
+    """Ranges by their moves; a `Searcher`. Each clip is an answer once, by its nearest range.
+
+    The query may last from a third of a second to thirteen seconds.
+    """
+
+    finds: Finds = "range"
+
+    def distances(self, queries: Sequence[Query], gallery: Sequence[Query]) -> Float64Array:
+        tracks = [self._cut(query) for query in gallery]
+        found = np.full((len(queries), len(gallery)), np.inf)
+        for row, query in zip(found, queries, strict=True):
+            moves = self._moves(query)
+            for column, track in enumerate(tracks):
+                place = nearest_place(moves, track)
+                row[column] = np.inf if place is None else place.distance
+        return found
+
+    def _nearest(self, queries: Sequence[Query], k: int, scope: Scope, *, mirrored: bool) -> list[list[Hit]]:
+        return [self._answers(query, scope, mirrored=mirrored)[:k] for query in queries]
+
+    def _answers(self, query: Query, scope: Scope, *, mirrored: bool) -> list[Hit]:
+        if query.clip is not None:
+            self._known(query.clip)
+        moves, hits = self._moves(query, mirrored=mirrored), []
+        for clip in self.clips:
+            if not scope.admits(clip):
+                continue
+            track, barred = self._tracks[clip.clip], None
+            pace = max(1, clip.frames - 1) / (len(track.joints) - 1)  # frames of the clip for one of the track
+            first, last = query.start or 0, clip.frames if query.stop is None else query.stop
+            if clip.clip == query.clip and not scope.own:
+                barred = (int(np.floor(first / pace)), int(np.ceil(last / pace)))
+            place = nearest_place(moves, track, barred)
+            if place is None:
+                continue
+            start, stop = round(place.start * pace), round((place.stop - 1) * pace) + 1
+            if barred is not None and place.start < barred[1]:
+                stop = min(stop, first)
+            hits.append(range_hit(clip, start, stop, place.distance))
+        return sorted(hits, key=lambda hit: (hit.distance, hit.clip))
+
+    def _moves(self, query: Query, *, mirrored: bool = False) -> Float32Array:
+        """Raises `UserError` where the query is too short or too long."""
+        track = self._cut(query, mirrored=mirrored)
+        if not LEAST <= len(track.joints) <= MOST:
+            raise UserError(
+                f"{query.name}: {len(track.joints) / FPS:.1f} s; ranges are found by their moves for pieces of "
+                f"{LEAST / FPS:.1f} to {MOST / FPS:.0f} s; take other frames"
+            )
+        return track.turned().moves()

@@ -1,0 +1,138 @@
+"""Moves of clips: what they do not tell, their alignment against a naive one, and the nearest clips and ranges."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from motionlake.arrays import Float32Array, Float64Array
+from motionlake.deephums.sequence import clip_sequence
+from motionlake.motion.moves import FPS, LEAST, MOST, WIDTH, Track, at_12
+from motionlake.motion.moves_index import MovesIndex, Stack, aligned, moves_distance
+from motionlake.motion.moves_windows import nearest_place, windows_distances
+
+
+
+def walking(frames: int) -> Float64Array:
+    """[N, 45] two steps: legs and arms swing against each other while all moves ahead."""
+    phase = np.linspace(0, 2 * np.pi, frames)[:, None]
+    swing = np.sin(phase + np.arange(15) % 2 * np.pi) * np.linspace(0.1, 0.6, 15)
+    return np.stack([0 * swing, 0 * swing, swing + phase / 5], axis=-1).reshape(frames, 45)
+
+
+def naive(one: Float32Array, other: Float32Array) -> float:
+    """Sum of Euclidean distances along the cheapest path of ordinary steps, over the frames of both."""
+    n, m = len(one), len(other)
+    cost = np.full((n + 1, m + 1), np.inf)
+    cost[0, 0] = 0
+    for i in range(n):
+        for j in range(m):
+            apart = np.linalg.norm(one[i].astype(float) - other[j].astype(float))
+            cost[i + 1, j + 1] = apart + min(cost[i, j], cost[i, j + 1], cost[i + 1, j])
+    return float(cost[n, m] / (n + m))
+
+
+def wandering(seed: int, frames: int) -> Track:
+    """Fifteen joints that wander about."""
+    steps = np.random.default_rng(seed).normal(size=(frames, 45))
+    return Track.of(np.cumsum(steps, axis=0) / 20)
+
+
+clips = st.builds(lambda seed, frames: wandering(seed, frames).moves(), st.integers(0, 99), st.integers(LEAST, 30))
+
+
+@given(clips, st.lists(clips, max_size=20))
+def test_many_are_aligned_as_one_by_one(query: Float32Array, others: list[Float32Array]) -> None:
+    stack = Stack.of(others)
+    found = stack.spread(aligned(query, stack))
+    np.testing.assert_allclose(found, [naive(query, other) for other in others], rtol=1e-4, atol=2e-3)
+    np.testing.assert_allclose(found, [moves_distance(query, other) for other in others], rtol=1e-4, atol=2e-3)
+
+
+@given(clips, st.lists(clips, max_size=30), st.integers(0, 12))
+def test_the_nearest_are_those_of_a_scan(query: Float32Array, others: list[Float32Array], k: int) -> None:
+    found = MovesIndex(others).nearest(query, k)
+    every = np.array([moves_distance(query, other) for other in others])
+    order = np.lexsort((np.arange(len(others)), every))[:k]
+    assert found.indices.tolist() == order.tolist()
+    assert found.distances.tolist() == every[order].tolist()
+
+
+def test_most_clips_of_a_set_need_no_alignment(recordings: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from bench.canonical_sets import load
+    from motionlake.motion import moves_index
+
+    tracks = [track_of(clip.positions, clip.fps) for clip in load("hdm05")]
+    known = [track.moves() for track in tracks]
+    index, count = MovesIndex(known), [0]
+
+    def counted(one: Float32Array, other: Float32Array) -> float:
+        count[0] += 1
+        return moves_distance(one, other)
+
+    monkeypatch.setattr(moves_index, "moves_distance", counted)
+    for query in known[::10]:
+        every = np.array([moves_distance(query, other) for other in known])
+        found = index.nearest(query, 10)
+        assert found.distances.tolist() == sorted(every)[:10]
+    assert count[0] < 0.15 * len(known) * len(known[::10])
+
+
+def test_a_clip_without_frames_cannot_be_aligned() -> None:
+    with pytest.raises(ValueError, match="without frames"):
+        Stack.of([np.zeros((0, WIDTH), dtype=np.float32)])
+
+
+def track_of(positions: Float64Array, fps: float) -> Track:
+    return Track.of(at_12(clip_sequence(positions, fps)))
+
+
+@given(st.floats(0.3, 3), st.floats(-3, 3), st.integers(0, 99))
+def test_moves_tell_neither_size_nor_posture_nor_facing(size: float, angle: float, seed: int) -> None:
+    track = wandering(seed, 25)
+    posture = np.random.default_rng(seed).normal(size=45)
+    np.testing.assert_allclose(Track.of(track.joints * size + posture).moves(), track.moves(), atol=1e-4)
+    cosine, sine = np.cos(angle), np.sin(angle)
+    turn = np.array([[cosine, 0, sine], [0, 1, 0], [-sine, 0, cosine]])
+    turned = Track.of((track.joints.reshape(-1, 15, 3) @ turn).reshape(-1, 45))
+    np.testing.assert_allclose(turned.turned().moves(), track.turned().moves(), atol=1e-4)
+
+
+def test_what_stands_still_or_is_long_has_moves() -> None:
+    assert not Track.of(np.ones((LEAST, 45))).moves().any()
+    assert Track.of(np.ones((1, 45))).moves().shape == (1, WIDTH)
+    assert wandering(0, MOST + 77).moves().shape == (MOST, WIDTH)
+    assert len(at_12(np.zeros((1, 15, 3)))) == LEAST
+    assert len(at_12(np.zeros((300, 15, 3)))) == 10 * FPS
+
+
+@given(st.integers(0, 99), st.integers(LEAST, 20), st.integers(LEAST, 20), st.integers(0, 30))
+def test_windows_have_moves_of_their_own(seed: int, length: int, width: int, more: int) -> None:
+    query, track = wandering(seed + 1, length).turned().moves(), wandering(seed, width + more)
+    starts = np.arange(more + 1)
+    found = windows_distances(query, track, starts, width)
+    expected = [naive(query, track.cut(start, start + width).turned().moves()) for start in starts]
+    np.testing.assert_allclose(found, expected, rtol=1e-3, atol=3e-3)
+
+
+@given(st.integers(0, 99), st.integers(LEAST, 40), st.integers(0, 60), st.integers(0, 60))
+def test_a_piece_is_found_where_it_was_cut_out(seed: int, length: int, before: int, after: int) -> None:
+    track = wandering(seed, before + length + after)
+    piece = track.cut(before, before + length).turned().moves()
+    found = nearest_place(piece, track)
+    assert found is not None
+    assert found.distance <= 0.1
+    assert abs(found.start - before) <= max(1, length // 6)
+    elsewhere = nearest_place(piece, track, (before, before + length))
+    if elsewhere is not None:
+        assert elsewhere.stop <= before or elsewhere.start >= before + length
+        assert elsewhere.distance >= found.distance
+
+
+def test_a_walk_is_nearer_to_a_walk_than_to_wandering() -> None:
+    slow, quick = (Track.of(walking(frames)) for frames in (40, 32))
+    away = min(moves_distance(slow.moves(), wandering(seed, 36).moves()) for seed in range(20))
+    assert moves_distance(slow.moves(), quick.moves()) < away / 3
