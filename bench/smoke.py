@@ -106,6 +106,7 @@ SMOKES: Final[Sequence[Smoke]] = (
     Smoke("bench.fuzz", ("files", "config", "--files", "28", "--examples", "3", "--workers", "1"), recordings=False),
     Smoke("bench.ingest", ("peers", "--rounds", "1")),
     Smoke("bench.lake", ("ingest", "--clips", "8", "--workers", "1", "--sets", "hdm05")),
+    Smoke("bench.moves", (), {"bench.moves.QUERIES": 2}),
     Smoke("bench.retrieval", ("hdm05",), {"bench.retrieval.SEEDS": ONE_SEED, **_FEW_K}),
     Smoke("bench.retrieval", ("cross-rig",), {"bench.retrieval.SEEDS": ONE_SEED, **_FEW_K}),
     Smoke("bench.representation", ("hdm05", "--processes", "1", "--seeds", "1", "--rows",

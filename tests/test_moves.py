@@ -15,7 +15,6 @@ from motionlake.motion.moves_index import MovesIndex, Stack, aligned, moves_dist
 from motionlake.motion.moves_windows import nearest_place, windows_distances
 
 
-
 def walking(frames: int) -> Float64Array:
     """[N, 45] two steps: legs and arms swing against each other while all moves ahead."""
     phase = np.linspace(0, 2 * np.pi, frames)[:, None]
@@ -62,8 +61,9 @@ def test_the_nearest_are_those_of_a_scan(query: Float32Array, others: list[Float
 
 
 def test_most_clips_of_a_set_need_no_alignment(recordings: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from bench.canonical_sets import load
     from motionlake.motion import moves_index
+
+    from bench.canonical_sets import load
 
     tracks = [track_of(clip.positions, clip.fps) for clip in load("hdm05")]
     known = [track.moves() for track in tracks]

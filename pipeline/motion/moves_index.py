@@ -28,7 +28,7 @@ _SLACK: Final = 1e-4  # of a distance: what bounds in single precision may be to
 
 
 def moves_distance(one: Float32Array, other: Float32Array) -> float:
-    """Distance of two clips [n, D] and [m, D] of moves, as `clip_dtw` has it; nothing where rounding is all there is."""
+    """Distance of two clips of moves [n, D] and [m, D], as `clip_dtw` has it; 0 where rounding is all there is."""
     distance = clip_dtw(one, other)
     return distance if distance > _ROUNDING else 0.0
 
@@ -60,14 +60,14 @@ class MovesIndex:
         bounds = self._bounds_from(query)
         rows: list[int] = []
         found: list[float] = []
-        for row in np.argsort(bounds, kind="stable").tolist():
+        for row in np.argsort(bounds, kind="stable").tolist() if k else ():
             if len(found) >= k and bounds[row] > found[k - 1]:
                 break
             distance = moves_distance(query, self._clips[row])
             at = bisect(found, distance)
             rows.insert(at, row)
             found.insert(at, distance)
-        best = np.lexsort((rows, found))[:k]
+        best = np.lexsort((rows, found))[:k] if k else np.zeros(0, dtype=np.int64)
         return Nearest(np.array(rows, dtype=np.int64)[best], np.array(found)[best])
 
     def _bounds_from(self, query: Float32Array) -> Float64Array:
