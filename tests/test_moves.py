@@ -114,7 +114,7 @@ def test_windows_have_moves_of_their_own(seed: int, length: int, width: int, mor
     query, track = wandering(seed + 1, length).turned().moves(), wandering(seed, width + more)
     starts = np.arange(more + 1)
     found = windows_distances(query, track, starts, width)
-    expected = [naive(query, track.cut(start, start + width).turned().moves()) for start in starts]
+    expected = [naive(query, track.cut(start, start + width).turned().moves()) for start in starts.tolist()]
     np.testing.assert_allclose(found, expected, rtol=1e-3, atol=3e-3)
 
 

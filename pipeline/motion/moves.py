@@ -78,7 +78,7 @@ class Track:
 
 
 def _facing(joints: Float64Array) -> Float64Array:
-    across = sum(_unit(joints[:, left] - joints[:, right]) for left, right in _SIDES)
+    across = np.sum([_unit(joints[:, left] - joints[:, right]) for left, right in _SIDES], axis=0)
     return np.asarray(_unit(np.column_stack([across[:, 0], -across[:, 2]])))
 
 

@@ -103,15 +103,15 @@ class Stack:
             raise ValueError("a clip without frames cannot be aligned")
         sizes = np.array([len(clip) for clip in clips], dtype=np.int64)
         count = -(-len(clips) // LANES)
-        order = np.full(count * LANES, -1, dtype=np.int64)
-        order[: len(clips)] = np.argsort(sizes, kind="stable")
-        order = order.reshape(count, LANES)
+        padded = np.full(count * LANES, -1, dtype=np.int64)
+        padded[: len(clips)] = np.argsort(sizes, kind="stable")
+        order = padded.reshape(count, LANES)
         lengths = np.where(order < 0, 0, sizes[order])
         starts = np.concatenate([[0], np.cumsum(lengths.max(axis=1, initial=0) * LANES)])
         width = clips[0].shape[1] if clips else 0
         frames = np.zeros((starts[-1], width + 2), dtype=np.float32)
         frames[:, -2] = 1
-        for group, members in enumerate(order):
+        for group, members in enumerate(order.tolist()):
             rows = frames[starts[group] : starts[group + 1]].reshape(-1, LANES, width + 2)
             for lane, clip in enumerate(members):
                 if clip >= 0:

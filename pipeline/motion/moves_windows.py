@@ -147,7 +147,7 @@ def _windows(
             last = start + width - 1
             for d in range(len(posture)):
                 posture[d] = (joints[start, d] + joints[start + 1, d] + joints[last - 1, d] + joints[last, d]) / 4
-            spread, speed = 0.0, 0.0
+            spread, speed = zero, zero
             for j in range(width):
                 apart = zero
                 for d in range(len(posture)):
