@@ -8,7 +8,7 @@ SITE ?= site
 # The folders of the repository under the names they are imported by, for tools that read the files.
 LINKS = rm -rf .venv/src && mkdir -p .venv/src/motionlake && \
 	ln -s $(CURDIR)/pipeline/* $(CURDIR)/jobs $(CURDIR)/sql .venv/src/motionlake/
-STAGES := frames words embed motifs signatures mirrored postures symbols moves descriptors submotions
+STAGES := frames words embed motifs signatures mirrored postures symbols moves descriptors submotions graph
 # What `make demo` takes in: by default the DeepMimic motions, fetched first.
 DATA ?= demo/deepmimic
 DEMO_LAKE = demo/$(notdir $(abspath $(DATA)))-lake
@@ -87,6 +87,7 @@ symbols: setup ## Stage: coded frames to the symbol string of every clip
 moves: setup ## Stage: joints at 12 frames a second, by whose moves clips are aligned
 descriptors: setup ## Stage: train the descriptor network if there is none, one vector a clip
 submotions: setup ## Stage: train the sub-motion encoder if there is none, vectors of the windows of clips
+graph: setup ## Stage: the clips nearest to each clip, along which search goes
 neighbours: setup ## Stage of its own: the nearest words of every word in other clips
 	$(BIN)/motionlake run neighbours --lake "$(LAKE)"
 transitions: setup ## Stage of its own: where clips of DATASET=name (all datasets) can be joined into motion graphs

@@ -165,7 +165,7 @@ class Lake:
         *,
         start: int | None = None,
         stop: int | None = None,
-        method: str = "signature",
+        method: str = "fused",
         **scope: Unpack[ScopeOptions],
     ) -> Rows:
         """The clips most like one, nearest first.
@@ -182,8 +182,9 @@ class Lake:
         Args:
             query: a clip of the lake, or a clip file.
             k: how many at most.
-            method: "signature" (histograms of motion words; Deep Motifs, section 4.3), "alignment" (strings of
-                postures; PESTA, section 6), "descriptor" (one vector a clip; DeepHuMS, section 3.2) or "fused" (all).
+            method: "fused" (signature, alignment and moves together, along the neighbour graph), "signature"
+                (histograms of motion words; Deep Motifs, section 4.3), "alignment" (strings of postures; PESTA, section
+                6), "moves" (joints over time, warped) or "descriptor" (one vector a clip; DeepHuMS, section 3.2).
             start: first frame of the part of it that counts, at its own rate; None: its first.
             stop: frame after the last; None: after its last.
             scope: `dataset`: from its clips only; `split`: from clips of this split only; `recorded_only`: synthetic

@@ -235,8 +235,8 @@ def test_search_before_there_are_motifs(tmp_path: Path, clips_folder: Path, sche
     lake = quick_lake(tmp_path / "lake")
     assert motionlake("ingest", clips_folder, "--lake", lake, "--scheduler", scheduler).status == 0
     clip = next(p for p in sorted(clips_folder.rglob("*")) if p.suffix in (".bvh", ".npz"))
-    assert_clear(motionlake("search", clip.name, "--lake", lake), "has no motifs yet", "motionlake run all")
-    assert_clear(motionlake("search", clip, "--lake", lake), "has no motifs yet", "motionlake run all")
+    assert_clear(motionlake("search", clip.name, "--lake", lake), "is not ready for search", "motionlake run all")
+    assert_clear(motionlake("search", clip, "--lake", lake), "is not ready for search", "motionlake run all")
 
 
 def test_rejects_are_named_counted_and_told_by_the_exit_status(

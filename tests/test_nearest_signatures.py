@@ -170,7 +170,9 @@ def test_signatures_of_a_lake(built_lake: Path) -> None:
                 indices, distances = nearest_signatures(signatures[i], signatures, ground, k)
                 expected = scan(signatures[i].astype(np.float64), signatures, ground, k)
                 assert (indices.tolist(), distances.tolist()) == expected
-            answers = con.execute("SELECT clip, distance FROM similar_clips($clip, 4)", {"clip": name}).fetchall()
+            answers = con.execute(
+                "SELECT clip, distance FROM similar_clips($clip, 4, method := 'signature')", {"clip": name}
+            ).fetchall()
             found = [(emd(signatures[i], s, ground), n) for n, s in zip(names, signatures, strict=True) if n != name]
             assert answers == [(n, d) for d, n in sorted(found)[:4]]
     finally:

@@ -17,7 +17,7 @@ TABLES = (
     "clips", "rejects", "segments", "manifest", "models", "runs", "roots", "sources", "layouts", "skeletons", "words",
     "motifs", "word_motifs", "signatures", "mirrored_signatures", "transitions", "frames", "embeddings",
     "postures", "symbol_strings", "posture_distances", "descriptors", "submotions",
-    "synthetic", "schema_version", "files", "settings",
+    "clip_neighbours", "synthetic", "schema_version", "files", "settings",
 )  # fmt: skip
 
 

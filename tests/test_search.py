@@ -18,21 +18,23 @@ from tests.lakes import Changed, motionlake, query
 Answer = list[tuple[int, str, float]]
 K = 6
 
+SIGNATURE = ("--method", "signature")
+
 
 def by_command_line(lake: Path, clip: str, source: Path) -> Answer:
-    rows = motionlake("search", clip, "-k", K, "--lake", lake, "--json").json
+    rows = motionlake("search", clip, "-k", K, *SIGNATURE, "--lake", lake, "--json").json
     return [(r["rank"], r["clip"], r["distance"]) for r in rows]
 
 
 def by_sql_command(lake: Path, clip: str, source: Path) -> Answer:
-    rows = motionlake("sql", f"FROM similar_clips('{clip}', {K})", "--lake", lake, "--json").json
+    rows = motionlake("sql", f"FROM similar_clips('{clip}', {K}, method := 'signature')", "--lake", lake, "--json").json
     return [(r["rank"], r["clip"], r["distance"]) for r in rows]
 
 
 def by_connection(lake: Path, clip: str, source: Path) -> Answer:
     con = connect(lake)
     try:
-        text = "SELECT rank, clip, distance FROM similar_clips($clip, $k)"
+        text = "SELECT rank, clip, distance FROM similar_clips($clip, $k, method := 'signature')"
         return con.execute(text, {"clip": clip, "k": K}).fetchall()
     finally:
         con.close()
@@ -164,7 +166,7 @@ def test_a_mirrored_search_ranks_by_the_nearer_of_both(built_lake: Path, clips_f
         if count >= 4 and flags == {True, False}:
             break
         expected = mirrored_by_definition(built_lake, clip)
-        words = ["--mirrored", "--lake", built_lake, "--json"]
+        words = ["--mirrored", *SIGNATURE, "--lake", built_lake, "--json"]
         rows = motionlake("search", clip, "-k", K, *words).json
         assert [(r["rank"], r["clip"], r["mirrored"]) for r in rows] == [(r[0], r[1], r[3]) for r in expected]
         assert [r["distance"] for r in rows] == pytest.approx([r[2] for r in expected], abs=1e-6)
@@ -184,7 +186,7 @@ def test_a_lake_without_mirrored_signatures_says_what_to_do(lake: Path, schedule
     con.execute("DELETE FROM manifest WHERE stage = 'mirrored'")
     con.close()
     assert motionlake("search", clip, "--lake", lake).status == 0
-    run = motionlake("search", clip, "--mirrored", "--lake", lake)
+    run = motionlake("search", clip, "--mirrored", *SIGNATURE, "--lake", lake)
     assert (run.status, run.err.count("\n")) == (2, 1)
     assert "no mirrored signature yet; make it with `motionlake run all`" in run.err
     assert motionlake("run", "mirrored", "--lake", lake, "--scheduler", scheduler).status == 0

@@ -6,7 +6,7 @@ import shutil
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import duckdb
 import numpy as np
@@ -15,8 +15,8 @@ from motionlake.arrays import Float64Array
 from motionlake.errors import UserError
 from motionlake.lake.layout import Lake, open_lake
 from motionlake.retrieval import registry
-from motionlake.retrieval.fused import FusedSearcher
-from motionlake.retrieval.protocol import EVERYTHING, Finds, Hit, Query, Scope, nearer_of_both
+from motionlake.retrieval.fused import WEIGHTS, FusedSearcher
+from motionlake.retrieval.protocol import Finds, Hit, LakeSearcher, Query, Scope, nearer_of_both
 from motionlake.retrieval.registry import SEARCHERS, methods, ready, searcher
 
 from tests.lakes import Changed, list_anew, motionlake, query, tables
@@ -254,7 +254,7 @@ def test_a_part_of_a_clip_is_searched_for_too(two_sets: Lake) -> None:
         check_answer(two_sets, "clip", hits, part)
         assert found.search([replace(whole, start=0, stop=frames)], K, Scope(OTHER))[0][0].distance < 0.2
     words = ["search", whole.name, "--to", frames // 2, "-k", K, "--lake", two_sets.root, "--json"]
-    (expected,) = searcher("clip", "signature", two_sets).search([replace(whole, start=None, stop=frames // 2)], K)
+    (expected,) = searcher("clip", "fused", two_sets).search([replace(whole, start=None, stop=frames // 2)], K)
     assert [{**row, "query": ""} for row in motionlake(*words).json] == [
         {"query": "", **hit.as_row()} for hit in expected
     ]
@@ -262,7 +262,7 @@ def test_a_part_of_a_clip_is_searched_for_too(two_sets: Lake) -> None:
 
 def test_the_command_line_refuses_what_there_is_not(built_lake: Path) -> None:
     for command, said in (
-        ("search", "not one of signature, alignment, descriptor, moves, fused"),
+        ("search", "not one of fused, signature, alignment, descriptor, moves"),
         ("find", "not one of words, alignment, submotion, moves"),
     ):
         run = motionlake(command, "anything", "--method", "magic", "--lake", built_lake)
@@ -286,8 +286,10 @@ def test_a_lake_that_is_not_ready(lake: Path, name: str) -> None:
     assert run.status == 2
     assert "make them with `motionlake run all`" in run.err
     others = [other for other in SINGLE if other != name]
-    assert ready(root, "clip") == [*others, "fused"]
-    rest = FusedSearcher([searcher("clip", other, root) for other in others])
+    assert ready(root, "clip") == ["fused", *others]
+    rest = FusedSearcher(root, searchers={
+        other: cast(LakeSearcher, searcher("clip", other, root)) for other in others if other in WEIGHTS
+    })  # fmt: skip
     assert searcher("clip", "fused", root).search([asked], 4) == rest.search([asked], 4)
 
 
@@ -309,7 +311,7 @@ def hit(clip: str, distance: float, **more: Any) -> Hit:
     return Hit(rank=more.pop("rank", 0), clip=clip, distance=distance, label=None, dataset="set", seconds=1.0, **more)
 
 
-class Fixed:
+class Fixed(LakeSearcher):
     """A searcher whose answers are known."""
 
     name = "fixed"
@@ -318,10 +320,10 @@ class Fixed:
     def __init__(self, *distances: tuple[str, float]) -> None:
         self._distances = distances
 
-    def search(self, queries: Sequence[Query], k: int, scope: Scope = EVERYTHING) -> list[list[Hit]]:
+    def nearest(self, queries: Sequence[Query], k: int, scope: Scope, *, mirrored: bool) -> list[list[Hit]]:
         if not self._distances:
             raise UserError("cannot")
-        rows = [hit(clip, far, rank=rank) for rank, (clip, far) in enumerate(self._distances, start=1)]
+        rows = [hit(clip, far) for clip, far in self._distances]
         return [rows[:k] for _ in queries]
 
     def distances(self, queries: Sequence[Query], gallery: Sequence[Query]) -> Float64Array:
@@ -329,25 +331,34 @@ class Fixed:
         return np.array([[known[each.name] for each in gallery] for _ in queries])
 
 
-def test_fusion_by_definition() -> None:
+def fused(lake: Lake, *searchers: Fixed, graph: bool = False) -> FusedSearcher:
+    return FusedSearcher(lake, searchers={str(i): each for i, each in enumerate(searchers)}, graph=graph, explain=True)
+
+
+def test_fusion_by_definition(built_lake: Path) -> None:
+    lake = open_lake(built_lake)
     one, two = Fixed(("a", 1.0), ("b", 2.0), ("c", 4.0)), Fixed(("c", 10.0), ("a", 20.0), ("d", 40.0))
-    by_distance = FusedSearcher([one, two, Fixed()]).search([Query("q")], 10)[0]
-    # Over the medians 2 and 20; d is as far as c for the first, b as far as d for the second.
-    expected: list[tuple[str, Any]] = [("a", 0.75), ("c", 1.25), ("b", 1.5), ("d", 2.0)]
-    assert [(each.clip, pytest.approx(each.distance)) for each in by_distance] == expected
-    by_rank = FusedSearcher([one, two], by="rank").search([Query("q")], 2)[0]
-    assert [(each.rank, each.clip) for each in by_rank] == [(1, "a"), (2, "c")]
-    assert by_rank[0].distance == pytest.approx((0 + 1 - 61 / 62) / 2)
-    matrix = FusedSearcher([one, Fixed(("a", 3.0), ("b", 6.0), ("c", 1.0))]).distances(
+    (hits,) = fused(lake, one, two, Fixed()).search([Query("q")], 10)
+    # Fewer than ten answers: units are the farthest, 4 and 40; d is as far as c for the first, b as d for the second.
+    near = {"a": (4 / 5, 2 / 3), "b": (2 / 3, 1 / 2), "c": (1 / 2, 4 / 5), "d": (1 / 2, 1 / 2)}
+    expected: list[tuple[str, Any]] = sorted(
+        ((clip, pytest.approx(1 - sum(each) / 2)) for clip, each in near.items()), key=lambda pair: -sum(near[pair[0]])
+    )
+    assert [(each.clip, each.distance) for each in hits] == expected
+    shares = {each.clip: each.shares or () for each in hits}
+    assert [(s.method, s.weight, s.distance, s.near, s.along) for s in shares["d"]] == [
+        ("0", 0.5, None, 0.5, None),
+        ("1", 0.5, 40.0, 0.5, None),
+    ]
+    matrix = fused(lake, one, Fixed(("a", 3.0), ("b", 6.0), ("c", 1.0))).distances(
         [Query("q")], [Query("a"), Query("b"), Query("c")]
     )
-    np.testing.assert_allclose(matrix, [[(1 / 2 + 3 / 3) / 2, (2 / 2 + 6 / 3) / 2, (4 / 2 + 1 / 3) / 2]])
+    expected_row = [1 - (4 / 5 + 6 / 9) / 2, 1 - (4 / 6 + 6 / 12) / 2, 1 - (4 / 8 + 6 / 7) / 2]
+    np.testing.assert_allclose(matrix, [expected_row])
     with pytest.raises(UserError, match="cannot"):
-        FusedSearcher([Fixed()]).search([Query("q")], 1)
-    with pytest.raises(ValueError, match="no searchers"):
-        FusedSearcher([])
-    with pytest.raises(ValueError, match="'chance'"):
-        FusedSearcher([one], by="chance")
+        fused(lake, Fixed()).search([Query("q")], 1)
+    with pytest.raises(UserError, match="is not ready for search"):
+        fused(lake)
 
 
 def test_the_nearer_of_both_sides_by_hand() -> None:

@@ -71,12 +71,12 @@ def test_a_function_is_one_file(con: LakeConnection) -> None:
 
 
 def test_what_functions_share_is_made_once(con: LakeConnection, monkeypatch: pytest.MonkeyPatch) -> None:
-    from motionlake.retrieval import symbol_strings
+    from motionlake.lake import strings
 
     made: list[object] = []
-    read = symbol_strings.read_strings
+    read = strings.read_strings
 
-    def counted(con: Connection) -> symbol_strings.LakeStrings:
+    def counted(con: Connection) -> strings.LakeStrings:
         made.append(con)
         return read(con)
 

@@ -164,9 +164,9 @@ def test_a_page_of_a_clip_of_a_lake_holds_it_beside_the_nearest(lake: Path, tmp_
     )[0]
     run = motionlake("view", clip, "--lake", lake, "--out", tmp_path / "a.html", "--json")
     assert run.status == 0, run.err
-    nearest = motionlake("search", clip, "-k", "1", "--method", "descriptor", "--lake", lake, "--json").json[0]
+    nearest = motionlake("search", clip, "-k", "1", "--recorded-only", "--lake", lake, "--json").json[0]
     assert [row["clip"] for row in run.json["clips"]] == [clip, nearest["clip"]]
-    assert run.json["clips"][1]["distance"] == f"{nearest['distance']:.3f} by descriptor"
+    assert run.json["clips"][1]["distance"] == f"{nearest['distance']:.3f} by fused"
     page = (tmp_path / "a.html").read_text(encoding="utf-8")
     told = embedded(page)["clips"][0]
     target = open_lake(lake)
@@ -180,7 +180,7 @@ def test_a_page_of_a_clip_of_a_lake_holds_it_beside_the_nearest(lake: Path, tmp_
 
 def test_synthetic_clips_are_no_nearest_real_ones_and_show_their_classes(lake: Path, tmp_path: Path) -> None:
     clip = query(lake, "SELECT clip FROM clips ORDER BY clip LIMIT 1")[0][0]
-    hits = motionlake("search", clip, "-k", "3", "--method", "descriptor", "--lake", lake, "--json").json
+    hits = motionlake("search", clip, "-k", "3", "--lake", lake, "--json").json
     made, second, third = (hit["clip"] for hit in hits)
     with Changed(lake) as con:
         for name in (made, second):

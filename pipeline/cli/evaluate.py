@@ -85,6 +85,37 @@ evaluate = typer.Typer(
 
 
 @evaluate.command()
+def search(
+    lake: LakeOption,
+    dataset: DatasetOption = None,
+    column: LabelColumn = "label",
+    only: OnlyOption = None,
+    split: Annotated[str | None, option("--split", help="Clips of this split ask (default: every clip).")] = None,
+    train_split: Annotated[
+        str | None, option("--train-split", help="Clips of this split answer (with --split: train).")
+    ] = None,
+    baseline: BaselineOption = "auto",
+    as_json: JsonOption = False,
+) -> None:
+    """How well `motionlake search` finds clips: each labelled clip is searched for among all others.
+
+    Beside it stand every method alone, and dynamic time warping of the same joints.
+
+    Example: motionlake evaluate search --dataset hdm05 --json --lake mylake
+
+    By the splits of labels.csv: motionlake evaluate search --split test --train-split train --lake mylake
+    """
+    from motionlake.evaluation.search import evaluate_search
+
+    target = open_lake(lake)
+    with reading(target) as con:
+        options = _labelled(dataset, column, only, baseline)
+        found = evaluate_search(con, target, options, queries=split, repository=train_split)
+    rows = [{"method": method, **row} for method, row in found["methods"].items() if row is not None]
+    _tell(found, [rows], as_json)
+
+
+@evaluate.command()
 def signatures(
     lake: LakeOption,
     dataset: DatasetOption = None,

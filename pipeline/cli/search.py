@@ -54,10 +54,17 @@ def search(
     method: Annotated[
         str,
         typer.Option(
-            help="What is compared: signature (how often which short moves occur), alignment (poses in their order), "
-            "descriptor (what a network sees), or fused (all of them)."
+            help="What is compared: fused (signature, alignment and moves together), signature (how often which short "
+            "moves occur), alignment (poses in their order), moves (how joints move, in their order), or descriptor "
+            "(what a network sees)."
         ),
-    ] = "signature",
+    ] = "fused",
+    graph: Annotated[
+        bool, typer.Option(help="Go along the lake's neighbour graph: near is what is near to what is near.")
+    ] = True,
+    explain: Annotated[
+        bool, typer.Option("--explain", help="Say what each method makes of each answer, and how much it counts.")
+    ] = False,
     dataset: DatasetOption = None,
     split: SplitOption = None,
     recorded_only: RecordedOnlyOption = False,
@@ -75,6 +82,8 @@ def search(
 
     Like a part of a clip: motionlake search walk_01 --from 1s --to 3s --lake mylake
 
+    Why these: motionlake search walk_01 -k 3 --explain --lake mylake
+
     By the descriptor network: motionlake search walk_01 --method descriptor --lake mylake
     """
     from motionlake.retrieval.protocol import Scope
@@ -82,13 +91,16 @@ def search(
 
     target = open_lake(lake)
     check_method("clip", method)
+    if method != "fused" and (explain or not graph):
+        raise UserError(f"--{'explain' if explain else 'no-graph'}: is for --method fused")
+    how = {"graph": graph, "explain": explain} if method == "fused" else {}
     scope = Scope(dataset, split, recorded_only, mirrored, own)
     with reading(target) as con:
         names = [*(clips or []), *(row["clip"] for row in fetch(con, "sample_clips", {"count": sample}))]
         if not names:
             raise UserError("search: name a clip or a clip file, or give --sample N")
         _check_picture(picture, len(names))
-        found = searcher("clip", method, target)
+        found = searcher("clip", method, target, **how)
         queries = [named_query(con, target, name, start, stop) for name in names]
         answers = [[hit.as_row() for hit in hits] for hits in found.search(queries, k, scope)]
         _save_picture(con, target, picture, zip(names, queries, answers, strict=True))
@@ -206,7 +218,7 @@ def align(
             from motionlake.pictures.symbol_pictures import AlignmentPictures
             from motionlake.retrieval.encode import query_motion
 
-            material = read_symbols(con, target, searcher.strings.among(replace(scope, recorded_only=False)))
+            material = read_symbols(con, target, searcher.strings.among(replace(scope, recorded_only=False).admits))
             fps = query_motion(target, piece).fps
             AlignmentPictures(material, searcher.symbols_of(piece), fps, searcher.config).save(picture, hits)
     rows = [(hit if path else replace(hit, path=None)).as_row() for hit in hits]
@@ -318,7 +330,18 @@ def _save_picture(
 
 def _tell_hits(rows: Sequence[Mapping[str, Any]], *, mirrored: bool, as_json: bool) -> None:
     """A table says which answers are `mirrored` only where mirror images were looked for."""
-    tell(rows, [{n: v for n, v in row.items() if mirrored or n != "mirrored"} for row in rows], as_json=as_json)
+    shown = ({n: v for n, v in row.items() if mirrored or n != "mirrored"} for row in rows)
+    tell(rows, [row | _explained(row.pop("shares", ())) for row in shown], as_json=as_json)
+
+
+def _explained(shares: Sequence[Mapping[str, Any]]) -> dict[str, str]:
+    """A column a method: what it counts, its distance, and how near that is, from 0 to 1, alone and by the graph."""
+    found = {}
+    for share in shares:
+        distance = "beyond its nearest" if share["distance"] is None else f"{share['distance']:.4g}"
+        along = "" if share["along"] is None else f", graph {share['along']:.2f}"
+        found[f"{share['method']} ({share['weight']:.0%})"] = f"{distance}: near {share['near']:.2f}{along}"
+    return found
 
 
 def _rows(con: LakeConnection, query: str) -> list[dict[str, Any]]:

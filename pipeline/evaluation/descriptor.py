@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any, Final
 
@@ -18,13 +18,13 @@ from motionlake.lake.catalog import Connection
 from motionlake.lake.layout import Lake
 from motionlake.lake.models import Model
 from motionlake.lake.settings import served_config
+from motionlake.lake.strings import read_strings
 from motionlake.motion.features import body_length
 from motionlake.pesta.scan import pairwise
 from motionlake.pesta.strings import Repository
-from motionlake.retrieval.fused import mean_scores, scaled
+from motionlake.retrieval.fused import fused_distances
 from motionlake.retrieval.labelled_clips import DescribedClip, DescribedClips, described_clips, lake_ground
 from motionlake.retrieval.registry import methods as searchers
-from motionlake.retrieval.symbol_strings import read_strings
 from motionlake.stages.descriptors import DESCRIPTORS
 from scipy.spatial.distance import cdist
 
@@ -71,16 +71,12 @@ def alignment_distances(
     return np.maximum(there, back.T)
 
 
-def all_fused(methods: Sequence[FloatArray], chosen: Chosen) -> FloatArray | None:
-    """[q, r] what `FusedSearcher` makes of the whole rankings of methods, each [q, r]; None of a single one."""
+def all_fused(methods: Mapping[str, FloatArray], chosen: Chosen) -> FloatArray | None:
+    """[q, r] `fused_distances` of methods, each [q, r]; None of a single one."""
     if len(methods) < 2:
         return None
-    found = np.full(methods[0].shape, np.inf)
-    for row, may in enumerate(chosen.questions.candidates):
-        (at,) = np.nonzero(may)
-        fused = mean_scores([scaled(dict(zip(at.tolist(), each[row, at].tolist(), strict=True))) for each in methods])
-        found[row, list(fused)] = list(fused.values())
-    return found
+    may = chosen.questions.candidates
+    return fused_distances({name: np.where(may, found, np.inf) for name, found in methods.items()})
 
 
 def _all_have(count: int, clips: DescribedClips, what: str, notice: Notice) -> bool:
@@ -157,7 +153,7 @@ def evaluate_descriptor(
         "signature": lambda: signature_distances(con, clips, chosen, notice),
         "alignment": lambda: alignment_distances(con, lake, clips, chosen, notice),
         "dtw": lambda: frame_distances(features, dtw, notice, chosen),
-        "fused": lambda: all_fused([distances[name] for name in searchers("clip") if name in distances], chosen),
+        "fused": lambda: all_fused({name: distances[name] for name in searchers("clip") if name in distances}, chosen),
     }
     measured: dict[str, Any] = {}
     for name, compute in ways.items():

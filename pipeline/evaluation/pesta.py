@@ -31,6 +31,7 @@ from motionlake.evaluation.ranking import (
 from motionlake.lake.catalog import Connection, fetch
 from motionlake.lake.layout import Lake
 from motionlake.lake.settings import served_config
+from motionlake.lake.strings import LakeStrings, read_strings
 from motionlake.pesta.config import METHODS, AlignmentConfig
 from motionlake.pesta.long_query import LongQuery
 from motionlake.pesta.matches import Match, best_matches
@@ -38,7 +39,6 @@ from motionlake.pesta.scan import symmetric_costs
 from motionlake.pesta.strings import Distances, Repository, SymbolDistances
 from motionlake.pesta.symbols import SymbolString
 from motionlake.retrieval.labelled_clips import SignedClips, lake_ground
-from motionlake.retrieval.symbol_strings import LakeStrings, read_strings
 
 # The paper's strides: whole clips, sub-queries.
 WHOLE_STRIDE: Final = 3

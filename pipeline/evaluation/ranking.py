@@ -203,6 +203,44 @@ def leave_one_out(
 
 
 @dataclass(frozen=True)
+class SearchScores:
+    """Means over n queries that have a relevant clip, each from 0 to 1.
+
+    Attributes:
+        map: mean average precision.
+        nn: the first hit is relevant.
+        top5: share of relevant clips among the first 5 hits (among all, where there are fewer).
+        cross_subject_nn: nn among clips of other subjects, over the queries with a relevant one there; None without.
+        n: queries.
+    """
+
+    map: float
+    nn: float
+    top5: float
+    cross_subject_nn: float | None
+    n: int
+
+
+def score_search(
+    distances: FloatArray, questions: Questions, queries: Sequence[str | None], repository: Sequence[str | None]
+) -> SearchScores:
+    """Score the distances [q, r] of queries from a repository; `queries` [q] and `repository` [r] are their subjects.
+
+    Raises:
+        ValueError: shapes that do not fit, or no query whose class the repository holds.
+    """
+    scored = _scored(ranked_relevance(distances, questions.relevant, questions.candidates))
+    cross = None
+    if None not in {*queries, *repository}:
+        apart = np.array(queries)[:, None] != np.array(repository)
+        elsewhere = ranked_relevance(distances, questions.relevant & apart, questions.candidates & apart)
+        firsts = [hits[0] for hits in elsewhere if hits.any()]
+        cross = float(np.mean(firsts)) if firsts else None
+    precision, nn, top5 = (_mean(one, scored) for one in (average_precision, _precision(1), _precision(5)))
+    return SearchScores(precision, nn, top5, cross, len(scored))
+
+
+@dataclass(frozen=True)
 class SplitScores:
     """Means over n queries, each from 0 to 1.
 

@@ -20,7 +20,7 @@ from motionlake.pictures.bands import Segment
 from motionlake.pictures.stick_figures import PoseReader, body_height
 from motionlake.pictures.style import ClassStyle, class_styles
 from motionlake.retrieval.protocol import Hit, Query, Scope
-from motionlake.retrieval.registry import ready, searcher
+from motionlake.retrieval.registry import methods, searcher
 from motionlake.stages.frames import first_body
 
 MOST_FPS: Final = 30.0
@@ -94,9 +94,6 @@ def styles_of(clips: Sequence[PlayerClip]) -> dict[str, ClassStyle]:
     return class_styles(sorted({span.label for clip in clips for _, spans in clip.bands for span in spans}))
 
 
-NEAREST_BY: Final = ("descriptor", "signature")
-
-
 def player_clip(con: Connection, lake: Lake, query: Query, nearest: tuple[str, Hit] | None = None) -> PlayerClip:
     """A clip of the lake, or the first body of a clip file, and what `nearest_real_clip` said of it, where it did.
 
@@ -132,26 +129,16 @@ def player_clip(con: Connection, lake: Lake, query: Query, nearest: tuple[str, H
 
 
 def nearest_real_clip(lake: Lake, query: Query) -> tuple[str, Hit]:
-    """How the recorded clip nearest to another one or to a file was found, and that clip.
-
-    By descriptor where the lake has them, else by signature.
+    """How the recorded clip nearest to another one or to a file was found, as `motionlake search` does, and that clip.
 
     Raises:
         UserError: no method of the lake can compare it, or there is no other recorded clip.
     """
-    methods = [method for method in NEAREST_BY if method in ready(lake, "clip")]
-    if not methods:
-        raise UserError(f"{lake.root}: has neither descriptors nor signatures yet; make them with `motionlake run all`")
-    failed: UserError | None = None
-    for method in methods:
-        try:
-            found = searcher("clip", method, lake).search([query], 1, Scope(recorded_only=True))[0]
-        except UserError as error:
-            failed = failed or error
-            continue
-        if found:
-            return method, found[0]
-    raise failed or UserError(f"{query.name}: the lake has no other recorded clip that it can be compared with")
+    method = methods("clip")[0]
+    (found,) = searcher("clip", method, lake).search([query], 1, Scope(recorded_only=True))
+    if not found:
+        raise UserError(f"{query.name}: the lake has no other recorded clip that it can be compared with")
+    return method, found[0]
 
 
 def _facts(known: Mapping[str, Any], lineage: Mapping[str, Any] | None) -> list[tuple[str, str]]:

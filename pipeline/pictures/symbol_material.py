@@ -12,13 +12,13 @@ from motionlake.arrays import Float32Array, Float64Array, FloatArray, Int32Array
 from motionlake.lake.catalog import Connection, fetch
 from motionlake.lake.integrity import is_listed, sound
 from motionlake.lake.layout import Lake
+from motionlake.lake.strings import LakeStrings, read_strings
 from motionlake.motion.features import WordConfig
 from motionlake.motion.skeleton import INDEX, JOINTS
 from motionlake.pesta.config import DICTIONARY_KEY, PosturesConfig
 from motionlake.pictures.motif_figures import motif_order
 from motionlake.pictures.stick_figures import PoseReader
 from motionlake.pictures.style import motif_colours
-from motionlake.retrieval.symbol_strings import LakeStrings, read_strings
 from motionlake.stages.postures import codes_files, read_codes
 from motionlake.weights import read_tensors
 

@@ -15,6 +15,7 @@ from motionlake.lake.catalog import fetch
 from motionlake.lake.frames import read_clips
 from motionlake.lake.integrity import sound
 from motionlake.lake.settings import served_config
+from motionlake.lake.strings import LakeStrings
 from motionlake.motion.features import word_features
 from motionlake.pesta.config import AlignmentConfig
 from motionlake.pesta.matches import best_matches
@@ -36,7 +37,7 @@ from motionlake.pictures.symbol_figures import (
 )
 from motionlake.pictures.symbol_material import SymbolMaterial
 from motionlake.retrieval.protocol import Hit, clip_hit, ranked
-from motionlake.retrieval.symbol_strings import LakeStrings, StringQuery, string_query
+from motionlake.retrieval.symbol_strings import StringQuery, string_query
 
 CONTEXT: Final = 3  # symbols before and after a match
 MOST_WHOLE: Final = 30  # symbols of a clip that is shown whole

@@ -15,6 +15,7 @@ from motionlake.lake.catalog import fetch, reading
 from motionlake.lake.integrity import sound
 from motionlake.lake.layout import Lake
 from motionlake.lake.settings import served_config
+from motionlake.lake.strings import LakeStrings, read_strings
 from motionlake.motion.features import word_features
 from motionlake.pesta.long_query import LongQuery
 from motionlake.pesta.matches import Match, best_matches
@@ -36,11 +37,9 @@ from motionlake.retrieval.protocol import (
     ranked,
 )
 from motionlake.retrieval.symbol_strings import (
-    LakeStrings,
     StringQuery,
     barred_symbols,
     query_of_symbols,
-    read_strings,
     string_query,
 )
 from numpy.typing import ArrayLike
@@ -143,7 +142,7 @@ class AlignmentSearcher(_Aligner):
             scope: which clips may be answers.
             both: the greater ("max") or the mean of both ways; "query" looks for the query in the clips alone.
         """
-        strings = self.strings.among(scope)
+        strings = self.strings.among(scope.admits)
         own = strings.positions.get(query.clip) if query.clip and not scope.own else None
         with about(query.name):
             found = nearest_strings(
@@ -156,7 +155,7 @@ class AlignmentSearcher(_Aligner):
         own, others = ([self.symbols_of(query) for query in side] for side in (queries, gallery))
         return np.maximum(self._pairwise(own, others), self._pairwise(others, own).T)
 
-    def _nearest(self, queries: Sequence[Query], k: int, scope: Scope, *, mirrored: bool) -> list[list[Hit]]:
+    def nearest(self, queries: Sequence[Query], k: int, scope: Scope, *, mirrored: bool) -> list[list[Hit]]:
         return [self.whole(self.symbols_of(query, mirrored=mirrored), k, scope) for query in queries]
 
 
@@ -201,7 +200,7 @@ class AlignmentRangeSearcher(_Aligner):
         Raises:
             UserError: as `symbols_of`; Smith-Waterman.
         """
-        long, strings = self.symbols_of(query), self.strings.among(scope)
+        long, strings = self.symbols_of(query), self.strings.among(scope.admits)
         with about(long.name):
             kept = LongQuery(long.symbols, strings.repository, strings.distances, self.config)
         return LongAlignment(long, strings, kept)
@@ -209,11 +208,11 @@ class AlignmentRangeSearcher(_Aligner):
     def distances(self, queries: Sequence[Query], gallery: Sequence[Query]) -> Float64Array:
         return self._pairwise(*([self.symbols_of(query) for query in side] for side in (queries, gallery)))
 
-    def _nearest(self, queries: Sequence[Query], k: int, scope: Scope, *, mirrored: bool) -> list[list[Hit]]:
+    def nearest(self, queries: Sequence[Query], k: int, scope: Scope, *, mirrored: bool) -> list[list[Hit]]:
         return [self._matches(self.symbols_of(query, mirrored=mirrored), k, scope) for query in queries]
 
     def _matches(self, query: StringQuery, k: int, scope: Scope) -> list[Hit]:
-        strings = self.strings.among(scope)
+        strings = self.strings.among(scope.admits)
         with about(query.name):
             found = best_matches(
                 query.symbols, strings.repository, strings.distances, k, self.config,

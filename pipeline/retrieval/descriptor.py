@@ -77,7 +77,7 @@ class DescriptorSearcher(LakeSearcher):
 
         return np.asarray(cdist(self.embed(queries), self.embed(gallery)), dtype=np.float64)
 
-    def _nearest(self, queries: Sequence[Query], k: int, scope: Scope, *, mirrored: bool) -> list[list[Hit]]:
+    def nearest(self, queries: Sequence[Query], k: int, scope: Scope, *, mirrored: bool) -> list[list[Hit]]:
         """All queries are compared at once."""
         vectors = self.embed(queries, mirrored=mirrored)
         kept = ClipFilter(scope.dataset, scope.split, scope.recorded_only)

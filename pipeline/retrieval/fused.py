@@ -1,104 +1,198 @@
-"""Whole clips by several methods at once."""
+"""Whole clips by several methods at once, along the neighbour graph of the lake: the search that commands take."""
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Mapping, Sequence
-from dataclasses import replace
-from typing import Final, TypeVar
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Final, cast
 
 import numpy as np
 from motionlake.arrays import Float64Array
 from motionlake.errors import UserError
 from motionlake.lake.layout import Lake
-from motionlake.retrieval.protocol import EVERYTHING, Finds, Hit, Query, Scope, Searcher, check_k, ranked
+from motionlake.retrieval.diffusion import NOWHERE, diffused, scale
+from motionlake.retrieval.lake_neighbours import LakeNeighbours, read_neighbours
+from motionlake.retrieval.protocol import Finds, Hit, LakeSearcher, Query, Scope, Share
 from motionlake.retrieval.registry import ready, searcher
 
-K = TypeVar("K", bound=Hashable)
+# How much each method counts, chosen with one set of recordings left out in turn.
+WEIGHTS: Final = {"signature": 1.0, "alignment": 1.0, "moves": 4.0}
+REACH: Final = 200  # nearest clips by each method, which are ranked by all
+DIRECT: Final = 0.1  # what the distance itself counts beside the way along the graph
+_ROUNDING: Final = 1e-6  # of the distance of the tenth nearest clip
+EVERY: Final = 10**9  # answers
 
-DEPTH: Final = 200  # answers of every method that are fused, or ten times k
-DAMPING: Final = 60  # of reciprocal ranks (Cormack, Clarke and Buettcher, SIGIR 2009)
+
+@dataclass(frozen=True)
+class _View:
+    """What one method makes of one query: its nearest clips, and how near each is, from 0 to 1.
+
+    Attributes:
+        distances: of clips.
+        near: by these alone.
+        along: by the way along the graph; empty without one.
+        far: `near` of the farthest: of the other clips no more is known.
+    """
+
+    distances: Mapping[str, float]
+    near: Mapping[str, float]
+    along: Mapping[str, float]
+    far: float
+
+    def score(self, clip: str) -> float:
+        near = self.near.get(clip, self.far)
+        return (self.along.get(clip, 0.0) + DIRECT * near) / (1 + DIRECT) if self.along else near
 
 
-class FusedSearcher:
-    """One ranking of several `Searcher`s of whole clips; a `Searcher` itself.
+class FusedSearcher(LakeSearcher):
+    """One ranking by several methods; a `Searcher`.
 
-    A method that cannot compare a query is left out of its answer.
+    Every method names its 200 nearest clips, and all of them are ranked by all methods. By a method with distance d,
+    and u to the tenth nearest clip, a clip is as near as 1 / (1 + d / u). Where the lake has a neighbour graph, a clip
+    is near that is near to what is near (`diffused`): then it is as near as (a + .1 / (1 + d / u)) / 1.1, with a along
+    the graph. The distance of a clip is one less the mean of how near it is, by the weights of methods. A clip that a
+    method does not name is to it as far as the last that it does; a method that cannot compare the query is left out.
 
     Args:
-        searchers: one at least.
-        by: "distance", the mean of distances, each over the median distance of its method's answers to the query; or
-            "rank", one less the sum of reciprocal ranks over the most that it can be.
+        lake: which holds the graph.
+        searchers: by name; by default those of `WEIGHTS` that the lake is ready for, or else any that it is ready for.
+        graph: go along the neighbour graph.
+        explain: give every answer its `shares`.
 
     Raises:
-        ValueError: no searchers, or an unknown way.
+        UserError: the lake is not ready for any method.
     """
 
     name = "fused"
     finds: Finds = "clip"
 
-    def __init__(self, searchers: Sequence[Searcher], by: str = "distance") -> None:
-        if not searchers:
-            raise ValueError("no searchers to fuse")
-        if by not in ("distance", "rank"):
-            raise ValueError(f"fused by {by!r}, not one of distance, rank")
-        self._searchers, self._by_rank = list(searchers), by == "rank"
-
-    def search(self, queries: Sequence[Query], k: int, scope: Scope = EVERYTHING) -> list[list[Hit]]:
-        """As `Searcher.search`; the clips that no method has among its nearest 200, or 10 k, are no answers."""
-        check_k(k)
-        return [self._answer(query, k, scope) for query in queries]
+    def __init__(
+        self,
+        lake: Lake,
+        *,
+        searchers: Mapping[str, LakeSearcher] | None = None,
+        graph: bool = True,
+        explain: bool = False,
+    ) -> None:
+        super().__init__(lake)
+        self._searchers = _ready(lake) if searchers is None else dict(searchers)
+        if not self._searchers:
+            raise UserError(f"{lake.root}: is not ready for search; make it so with `motionlake run all`")
+        self._along, self._explain = graph, explain
 
     def distances(self, queries: Sequence[Query], gallery: Sequence[Query]) -> Float64Array:
-        """As `Searcher.distances`, by "distance" whatever `search` goes by."""
-        of_each = np.stack([each.distances(queries, gallery) for each in self._searchers])
-        if not len(gallery):
-            return np.zeros((len(queries), 0))
-        middles = np.sort(of_each, axis=2)[..., len(gallery) // 2, None]
-        return np.asarray(np.mean(of_each / np.where(middles > 0, middles, 1), axis=0))
+        """As `Searcher.distances`, without the graph; u is the distance of the tenth nearest of the gallery."""
+        of_each = {name: each.distances(queries, gallery) for name, each in self._searchers.items()}
+        return fused_distances(of_each)
 
-    def _answer(self, query: Query, k: int, scope: Scope) -> list[Hit]:
-        rankings: list[list[Hit]] = []
-        failed: list[UserError] = []
-        for each in self._searchers:
+    def nearest(self, queries: Sequence[Query], k: int, scope: Scope, *, mirrored: bool) -> list[list[Hit]]:
+        return [self._answers(query, k, scope, mirrored=mirrored) for query in queries]
+
+    def _answers(self, query: Query, k: int, scope: Scope, *, mirrored: bool) -> list[Hit]:
+        found = dict(self._asked(query, REACH + 1, scope, mirrored=mirrored))
+        known = {hit.clip: hit for hits in found.values() for hit in hits}
+        own = query.clip if query.whole and not mirrored else None
+        views = {name: self._view(name, hits, own) for name, hits in found.items()}
+        best = self._ranked(views, known, query, scope, own)
+        if len(best) < k and max(map(len, found.values())) > REACH:
+            # Who asks for more than the nearest gets the others after them, by distance alone.
+            rest = dict(self._asked(query, EVERY, scope, mirrored=mirrored))
+            others = {hit.clip: hit for hits in rest.values() for hit in hits if hit.clip not in known}
+            plain = {name: replace(self._view(name, hits, own, graph=False), along={}) for name, hits in rest.items()}
+            farthest = max((hit.distance for hit in best), default=0.0)
+            behind = self._ranked(plain, others, query, scope, own)
+            best += [replace(hit, distance=max(farthest, hit.distance)) for hit in behind]
+        return best[:k]
+
+    def _asked(self, query: Query, k: int, scope: Scope, *, mirrored: bool) -> Iterator[tuple[str, list[Hit]]]:
+        """The k nearest by each method that can compare the query, itself among them.
+
+        Raises:
+            UserError: none can.
+        """
+        failed: UserError | None = None
+        count = 0
+        for name, each in self._searchers.items():
             try:
-                rankings += each.search([query], max(DEPTH, 10 * k), scope)
+                (hits,) = each.nearest([query], k, replace(scope, own=True), mirrored=mirrored)
             except UserError as error:
-                failed.append(error)
-        if not rankings:
-            raise failed[0]
-        if self._by_rank:
-            scores = [{hit.clip: 1.0 - (DAMPING + 1) / (DAMPING + hit.rank) for hit in hits} for hits in rankings]
-        else:
-            scores = [scaled({hit.clip: hit.distance for hit in hits}) for hits in rankings]
-        known = {hit.clip: hit for hits in reversed(rankings) for hit in hits}
-        means = mean_scores(scores)
-        order = sorted(known, key=lambda clip: (means[clip], clip))[:k]
-        return ranked([replace(known[clip], distance=means[clip]) for clip in order])
+                failed = failed or error
+            else:
+                count += 1
+                yield name, hits
+        if failed is not None and not count:
+            raise failed
+
+    def _view(self, name: str, hits: Sequence[Hit], own: str | None, *, graph: bool = True) -> _View:
+        others = [hit for hit in hits if hit.clip != own]
+        clips, distances = [hit.clip for hit in others], np.array([hit.distance for hit in others])
+        unit = scale(distances)
+        near = _near(distances, np.float64(unit))
+        along: Mapping[str, float] = {}
+        if graph and self._along and name in self._graph.methods:
+            nodes, start = self._graph.of(clips), self._graph.nodes.get(own or "", NOWHERE)
+            way = diffused(self._graph.methods[name], nodes, distances, start)
+            way[distances <= _ROUNDING * unit] = 1.0
+            along = dict(zip(clips, way.tolist(), strict=True))
+        far = float(near[-1]) if len(near) else 0.0
+        return _View(
+            dict(zip(clips, distances.tolist(), strict=True)), dict(zip(clips, near.tolist(), strict=True)), along, far
+        )
+
+    def _ranked(
+        self, views: Mapping[str, _View], known: Mapping[str, Hit], query: Query, scope: Scope, own: str | None
+    ) -> list[Hit]:
+        """The known clips that may be answers, in order."""
+        total = sum(WEIGHTS.get(name, 1.0) for name in views)
+        hits = []
+        for clip, hit in known.items():
+            if clip == query.clip and not scope.own:
+                continue
+            scores = {name: 1.0 if clip == own else view.score(clip) for name, view in views.items()}
+            near = sum(WEIGHTS.get(name, 1.0) * score for name, score in scores.items()) / total
+            hits.append(replace(hit, distance=max(0.0, 1 - near), shares=self._shares(views, clip, total)))
+        return sorted(hits, key=lambda hit: (hit.distance, hit.clip))
+
+    def _shares(self, views: Mapping[str, _View], clip: str, total: float) -> tuple[Share, ...] | None:
+        if not self._explain:
+            return None
+        return tuple(
+            Share(
+                name, WEIGHTS.get(name, 1.0) / total, view.distances.get(clip), view.near.get(clip, view.far),
+                view.along.get(clip, 0.0) if view.along else None,
+            )
+            for name, view in views.items()
+        )  # fmt: skip
+
+    @cached_property
+    def _graph(self) -> LakeNeighbours:
+        return read_neighbours(self.lake)
 
 
-def fused_of_lake(lake: Lake) -> FusedSearcher:
-    """All that the lake is ready for.
+def fused_distances(of_each: Mapping[str, Float64Array]) -> Float64Array:
+    """[q, g] one less the mean of how near clips are by several methods, by their weights.
 
-    Raises:
-        UserError: nothing is.
+    By a method a clip at distance d is as near as 1 / (1 + d / u), u the distance of the tenth nearest of the g.
+
+    Args:
+        of_each: [q, g] distances by each method, one at least; infinite where a clip is no answer.
     """
+    near = [WEIGHTS.get(name, 1.0) * _near(found, _units(found)) for name, found in of_each.items()]
+    return np.asarray(1 - sum(near) / sum(WEIGHTS.get(name, 1.0) for name in of_each))
+
+
+def _units(distances: Float64Array) -> Float64Array:
+    """[q, 1] `scale` of each row of [q, g]."""
+    finite = [np.sort(row[np.isfinite(row)]) for row in distances]
+    return np.array([scale(row) for row in finite]).reshape(-1, 1)
+
+
+def _near(distances: Float64Array, units: Float64Array | np.float64) -> Float64Array:
+    return np.asarray(1 / (1 + distances / units))
+
+
+def _ready(lake: Lake) -> dict[str, LakeSearcher]:
     names = [name for name in ready(lake, "clip") if name != FusedSearcher.name]
-    if not names:
-        raise UserError(f"{lake.root}: is not ready for search; make it so with `motionlake run all`")
-    return FusedSearcher([searcher("clip", name, lake) for name in names])
-
-
-def scaled(distances: Mapping[K, float]) -> dict[K, float]:
-    """The distances of a method's answers to one query, each over their median."""
-    median = sorted(distances.values())[len(distances) // 2] if distances else 1.0
-    return {answer: distance / (median or 1.0) for answer, distance in distances.items()}
-
-
-def mean_scores(scores: Sequence[Mapping[K, float]]) -> dict[K, float]:
-    """The mean score of each answer; a method that does not give it counts as its own farthest answer."""
-    rest = [max(score.values(), default=1.0) for score in scores]
-    answers = dict.fromkeys(answer for score in scores for answer in score)
-    return {
-        answer: sum(score.get(answer, far) for score, far in zip(scores, rest, strict=True)) / len(scores)
-        for answer in answers
-    }
+    chosen = [name for name in names if name in WEIGHTS] or names
+    return {name: cast(LakeSearcher, searcher("clip", name, lake)) for name in chosen}

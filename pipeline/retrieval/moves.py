@@ -90,7 +90,7 @@ class MovesSearcher(_Tracks):
         found = [[moves_distance(self._moves(query), clip) for clip in known] for query in queries]
         return np.array(found, dtype=np.float64).reshape(len(queries), len(gallery))
 
-    def _nearest(self, queries: Sequence[Query], k: int, scope: Scope, *, mirrored: bool) -> list[list[Hit]]:
+    def nearest(self, queries: Sequence[Query], k: int, scope: Scope, *, mirrored: bool) -> list[list[Hit]]:
         chosen, index = self._index(ClipFilter(scope.dataset, scope.split, scope.recorded_only))
         answers = []
         for query in queries:
@@ -129,7 +129,7 @@ class MovesRangeSearcher(_Tracks):
                 row[column] = np.inf if place is None else place.distance
         return found
 
-    def _nearest(self, queries: Sequence[Query], k: int, scope: Scope, *, mirrored: bool) -> list[list[Hit]]:
+    def nearest(self, queries: Sequence[Query], k: int, scope: Scope, *, mirrored: bool) -> list[list[Hit]]:
         return [self._answers(query, scope, mirrored=mirrored)[:k] for query in queries]
 
     def _answers(self, query: Query, scope: Scope, *, mirrored: bool) -> list[Hit]:

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from motionlake.deep_motifs.signatures import CorpusClip
 
 Finds: TypeAlias = Literal["clip", "range"]
-OPTIONAL = ("start", "stop", "cost", "start_seconds", "stop_clip", "path")
+OPTIONAL = ("start", "stop", "cost", "start_seconds", "stop_clip", "path", "shares")
 
 
 @dataclass(frozen=True)
@@ -106,6 +106,25 @@ class PathStep:
     clip: tuple[int, int]
 
 
+@dataclass(frozen=True)
+class Share:
+    """What one of several methods makes of an answer.
+
+    Attributes:
+        method: its name.
+        weight: how much it counts, of 1.
+        distance: of the answer by it; None where it is not among the nearest.
+        near: how near that is, from 0 to 1.
+        along: how near the answer is along the neighbour graph, from 0 to 1; None without one.
+    """
+
+    method: str
+    weight: float
+    distance: float | None
+    near: float
+    along: float | None
+
+
 @dataclass(frozen=True, kw_only=True)
 class Hit:
     """One answer: a clip, or frames [start, stop) of one at its own rate.
@@ -120,6 +139,7 @@ class Hit:
         seconds: how long the clip, or the frames, last.
         stop_clip: where an answer may cross from clip to clip: the clip that `stop` is a frame of.
         path: what is aligned to what, where it was asked for; symbols that are strided over are left out.
+        shares: what each of several methods made of it, where it was asked for.
     """
 
     rank: int
@@ -135,6 +155,7 @@ class Hit:
     seconds: float
     stop_clip: str | None = None
     path: tuple[PathStep, ...] | None = None
+    shares: tuple[Share, ...] | None = None
 
     def as_row(self) -> dict[str, object]:
         """For JSON: what an answer of this kind does not have is left out."""
@@ -236,15 +257,15 @@ class LakeSearcher(ABC):
         check_k(k)
         if not k:
             return [[] for _ in queries]
-        plain = self._nearest(queries, k, scope, mirrored=False)
+        plain = self.nearest(queries, k, scope, mirrored=False)
         if not scope.mirrored:
             return [ranked(hits) for hits in plain]
-        mirrored = self._nearest(queries, k, scope, mirrored=True)
+        mirrored = self.nearest(queries, k, scope, mirrored=True)
         pairs = zip(plain, mirrored, strict=True)
         return [nearer_of_both(hits, others, k, apart=self.several) for hits, others in pairs]
 
     @abstractmethod
-    def _nearest(self, queries: Sequence[Query], k: int, scope: Scope, *, mirrored: bool) -> list[list[Hit]]:
+    def nearest(self, queries: Sequence[Query], k: int, scope: Scope, *, mirrored: bool) -> list[list[Hit]]:
         """The k answers nearest to each query, or to its mirror image, in order and not ranked yet."""
 
     @abstractmethod

@@ -13,11 +13,11 @@ from motionlake.retrieval.protocol import Finds, Searcher
 # The first of each kind is what commands take by default. Named, not imported: each needs other libraries.
 SEARCHERS: Final[dict[Finds, dict[str, str]]] = {
     "clip": {
+        "fused": "fused:FusedSearcher",
         "signature": "signature:SignatureSearcher",
         "alignment": "alignment:AlignmentSearcher",
         "descriptor": "descriptor:DescriptorSearcher",
         "moves": "moves:MovesSearcher",
-        "fused": "fused:fused_of_lake",
     },
     "range": {
         "words": "query_by_example:WordsSearcher",

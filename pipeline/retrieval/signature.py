@@ -114,7 +114,7 @@ class SignatureSearcher(LakeSearcher):
         found = [emd_many(self.signature(query), known, self.ground) for query in queries]
         return np.array(found, dtype=np.float64).reshape(len(queries), len(gallery))
 
-    def _nearest(self, queries: Sequence[Query], k: int, scope: Scope, *, mirrored: bool) -> list[list[Hit]]:
+    def nearest(self, queries: Sequence[Query], k: int, scope: Scope, *, mirrored: bool) -> list[list[Hit]]:
         return [self._like(self.signature(query, mirrored=mirrored), k, scope, query.clip) for query in queries]
 
     def _like(self, signature: NDArray[np.floating], k: int, scope: Scope, without: str | None) -> list[Hit]:

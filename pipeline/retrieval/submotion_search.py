@@ -80,7 +80,7 @@ class SubmotionSearcher(LakeSearcher):
         ]
         return np.array(found, dtype=np.float64).reshape(len(queries), len(gallery))
 
-    def _nearest(self, queries: Sequence[Query], k: int, scope: Scope, *, mirrored: bool) -> list[list[Hit]]:
+    def nearest(self, queries: Sequence[Query], k: int, scope: Scope, *, mirrored: bool) -> list[list[Hit]]:
         return [self._answers(query, k, scope, mirrored) for query in queries]
 
     def _answers(self, query: Query, k: int, scope: Scope, mirrored: bool) -> list[Hit]:

@@ -53,10 +53,18 @@ def read_tracks(at: LakeReader, parts: Mapping[str, str]) -> dict[str, Track]:
     Raises:
         DamagedError: a part is not as it was written.
     """
-    done, found = at.done(MOVES.name), {}
-    for part in MOVES.parts(at) or []:
-        if part.key in done and part.part in set(parts.values()):
-            for clip, joints in read_features(sound(at.lake, MOVES.file(part.key))):
-                if parts.get(clip) == part.part:
-                    found[clip] = Track.of(joints)
-    return found
+    wanted = set(parts.values())
+    return {clip: track for part in made_parts(at) if part.part in wanted
+            for clip, track in tracks_in(at.lake, MOVES.file(part.key)) if parts.get(clip) == part.part}  # fmt: skip
+
+
+def made_parts(at: LakeReader) -> list[Part]:
+    """The live parts that the stage has made."""
+    done = at.done(MOVES.name)
+    return [part for part in MOVES.parts(at) or [] if part.key in done]
+
+
+def tracks_in(lake: Lake, file: str) -> Iterator[tuple[str, Track]]:
+    """Clips of a part with their tracks. Raises `DamagedError` where it is not as it was written."""
+    for clip, joints in read_features(sound(lake, file)):
+        yield clip, Track.of(joints)

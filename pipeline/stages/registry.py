@@ -12,6 +12,7 @@ from typing import Any, Final
 from motionlake.stages.descriptors import DESCRIPTORS
 from motionlake.stages.embed import EMBED
 from motionlake.stages.frames import FRAMES
+from motionlake.stages.graph import GRAPH
 from motionlake.stages.mirrored import MIRRORED
 from motionlake.stages.model_kind import ModelKind
 from motionlake.stages.moves import MOVES
@@ -39,6 +40,7 @@ EVERY: Final[tuple[Stage, ...]] = (
     MOVES,
     DESCRIPTORS,
     SUBMOTIONS,
+    GRAPH,
     NEIGHBOURS,
     TRANSITIONS,
     SYNTH,

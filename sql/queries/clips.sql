@@ -40,6 +40,9 @@ SELECT clip, dataset, part FROM clips WHERE clip IN (SELECT unnest($clips::VARCH
 SELECT clip, dataset, label, subject, split, fps, frames, format = 'synthetic' AS synthetic, part FROM clips
 ORDER BY clip;
 
+-- name: graph_files
+SELECT unnest(files) AS file FROM manifest WHERE stage = 'graph' AND state = 'ok' ORDER BY file;
+
 -- name: part_clips
 SELECT clip FROM clips WHERE part = $part ORDER BY clip;
 

@@ -39,6 +39,10 @@ SELECT key FROM manifest WHERE stage = $stage AND state <> 'ok' ORDER BY key;
 DELETE FROM manifest
 WHERE stage = $stage AND state <> 'ok' AND key NOT IN (SELECT unnest($keys::VARCHAR[]));
 
+-- name: forget_other_shards
+-- What a stage made of the lake as it was, where all of it is made together.
+DELETE FROM manifest WHERE stage = $stage AND state = 'ok' AND key NOT IN (SELECT unnest($keys::VARCHAR[]));
+
 -- name: forget_orphans_of_manifest
 -- A shard may be of several parts ("a+b") or of a whole dataset.
 DELETE FROM manifest

@@ -48,7 +48,7 @@ AS_CONFIGURED = Way()
 
 @sql_function(CLIP)
 def similar_clips(
-    served: Served, query: str, k: int | None = 10, method: str = "signature", scope: Scope = EVERYTHING
+    served: Served, query: str, k: int | None = 10, method: str = "fused", scope: Scope = EVERYTHING
 ) -> list[Hit]:
     """The clips most like one, as `motionlake search`; NULL for k: all."""
     return served.searcher("clip", method).search([served.query(query)], ALL if k is None else k, scope)[0]

@@ -1,0 +1,195 @@
+"""The neighbour graph: what the stage keeps, what search makes of it, and diffusion against a naive one."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from motionlake.arrays import Float64Array
+from motionlake.evaluation.ranking import Questions, score_search
+from motionlake.lake.layout import open_lake
+from motionlake.retrieval.diffusion import JOINED, NOWHERE, RESTART, NeighbourGraph, diffused
+from motionlake.retrieval.fused import DIRECT, WEIGHTS, FusedSearcher
+from motionlake.retrieval.lake_neighbours import read_neighbours
+from motionlake.retrieval.protocol import Query, Scope
+from motionlake.retrieval.registry import searcher
+from motionlake.stages.graph import KEPT
+
+from tests.lakes import Changed, motionlake, query
+
+
+def apart(points: Float64Array) -> Float64Array:
+    return np.asarray(np.linalg.norm(points[:, None] - points[None], axis=-1))
+
+
+def graph_of(distances: Float64Array, kept: int) -> NeighbourGraph:
+    others = distances + np.diag(np.full(len(distances), np.inf))
+    order = np.argsort(others, axis=1, kind="stable")[:, :kept]
+    return NeighbourGraph(order, np.take_along_axis(others, order, axis=1))
+
+
+def naive(distances: Float64Array, start: int) -> Float64Array:
+    """[n] diffusion over the graph of all clips, edge by edge."""
+    n = len(distances)
+    others = [sorted(set(range(n)) - {i}, key=lambda j: (distances[i, j], j)) for i in range(n)]
+    scales = [distances[i, others[i][min(JOINED, n - 1) - 1]] for i in range(n)]
+    weights = np.zeros((n, n))
+    for i in range(n):
+        edges = {j: np.exp(-(distances[i, j] ** 2) / (scales[i] * scales[j])) for j in others[i]}
+        least = sorted(edges.values())[-min(JOINED, n - 1)]
+        for j, weight in edges.items():
+            if weight >= least:
+                weights[i, j] = weights[j, i] = weight
+    degrees = weights.sum(axis=1)
+    steps = np.eye(n)
+    passed = np.eye(n)
+    for _ in range(600):
+        passed = (1 - RESTART) * (weights / np.sqrt(np.outer(degrees, degrees))) @ passed
+        steps += passed
+    return np.asarray(steps[start] / np.sqrt(steps[start, start] * np.diag(steps)))
+
+
+@given(st.integers(3, 30), st.integers(0, 1000))
+def test_diffusion_against_a_naive_one(count: int, seed: int) -> None:
+    distances = apart(np.random.default_rng(seed).normal(size=(count, 3)))
+    nodes = np.argsort(distances[0], kind="stable")[1:]
+    found = diffused(graph_of(distances, count - 1), nodes, distances[0, nodes], own=0)
+    np.testing.assert_allclose(found, naive(distances, 0)[nodes], atol=1e-6)
+    # A query that is no clip of the lake is joined to it for the moment: the same where the graph is without it.
+    rest = distances[1:, 1:]
+    outside = diffused(graph_of(rest, count - 2), nodes - 1, distances[0, nodes])
+    assert ((outside >= 0) & (outside <= 1 + 1e-9)).all()
+
+
+def test_a_chain_is_followed() -> None:
+    """Of two clips as far from the query, that one is nearer along the graph to which others lead."""
+    chain = np.column_stack([np.arange(0, 21.0), np.zeros(21)])
+    alone = np.column_stack([np.full(12, -1.0), 20 + 0.1 * np.arange(12)])
+    points = np.concatenate([chain, alone])
+    points[20], points[21] = (20.0, 0.0), (0.0, 20.0)
+    distances = apart(points)
+    nodes = np.argsort(distances[0], kind="stable")[1:]
+    found = dict(zip(nodes.tolist(), diffused(graph_of(distances, 20), nodes, distances[0, nodes], 0), strict=True))
+    assert distances[0, 20] == distances[0, 21]
+    assert found[20] > 3 * found[21]
+
+
+def test_clips_that_the_graph_does_not_hold() -> None:
+    empty = NeighbourGraph(np.full((0, 1), NOWHERE), np.full((0, 1), np.inf))
+    found = diffused(empty, np.full(3, NOWHERE), np.array([0.0, 1.0, 2.0]))
+    assert found[0] > found[1] > found[2] > 0
+    assert len(diffused(empty, np.zeros(0, dtype=np.int64), np.zeros(0))) == 0
+    one = diffused(empty, np.full(1, NOWHERE), np.zeros(1))
+    assert 0 < one[0] <= 1
+
+
+def test_the_stage_keeps_the_nearest_clips(built_lake: Path) -> None:
+    lake = open_lake(built_lake)
+    known = read_neighbours(lake)
+    assert set(known.methods) == {"signature", "alignment", "moves"}
+    clips = [row[0] for row in query(built_lake, "SELECT clip FROM clips ORDER BY clip")]
+    assert set(known.nodes) == set(clips)
+    for method in known.methods:
+        found = searcher("clip", method, lake)
+        strings = dict(query(built_lake, "SELECT clip, len(symbols) FROM symbol_strings"))
+        for clip in clips[::3]:
+            rows = query(
+                built_lake,
+                "SELECT neighbour, distance FROM clip_neighbours WHERE clip = $clip AND method = $method ORDER BY rank",
+                clip=clip, method=method,
+            )  # fmt: skip
+            if method == "alignment" and strings[clip] < 2:
+                assert rows == []
+                continue
+            (hits,) = found.search([Query(clip)], KEPT)
+            assert [row[1] for row in rows] == pytest.approx([hit.distance for hit in hits], abs=1e-5)
+            nearer = {hit.clip for hit in hits if hit.distance < hits[-1].distance - 1e-6}
+            assert nearer <= {row[0] for row in rows}
+
+
+def test_search_by_its_definition(built_lake: Path) -> None:
+    lake = open_lake(built_lake)
+    names = "SELECT clip FROM symbol_strings JOIN signatures USING (clip) WHERE len(symbols) > 3 ORDER BY clip LIMIT 1"
+    ((clip,),) = query(built_lake, names)
+    (hits,) = FusedSearcher(lake, explain=True).search([Query(clip)], 6)
+    for hit in hits:
+        assert hit.shares is not None
+        assert [share.method for share in hit.shares] == list(WEIGHTS)
+        near = 0.0
+        for share in hit.shares:
+            assert share.along is not None
+            near += share.weight * (share.along + DIRECT * share.near) / (1 + DIRECT)
+        assert hit.distance == pytest.approx(1 - near)
+    (plain,) = FusedSearcher(lake, graph=False, explain=True).search([Query(clip)], 6)
+    assert all(share.along is None for hit in plain for share in hit.shares or ())
+    assert [hit.distance for hit in plain] != [hit.distance for hit in hits]
+
+
+def test_the_command_says_why(built_lake: Path, lake: Path) -> None:
+    ((clip,),) = query(built_lake, "SELECT max(clip) FROM symbol_strings WHERE len(symbols) > 3")
+    words = ("search", clip, "-k", 2, "--lake", built_lake)
+    rows = motionlake(*words, "--explain", "--json").json
+    assert all({share["method"] for share in row["shares"]} <= set(WEIGHTS) for row in rows)
+    said = motionlake(*words, "--explain").out
+    assert "moves (67%)" in said
+    assert "graph 0." in said
+    without = motionlake(*words, "--no-graph", "--json").json
+    assert "shares" not in without[0]
+    assert [row["distance"] for row in without] != [row["distance"] for row in rows]
+    with Changed(lake) as con:
+        con.execute("DELETE FROM manifest WHERE stage = 'graph'")
+    assert motionlake("search", clip, "-k", 2, "--lake", lake, "--json").json == without, "a lake without a graph"
+    for flag in ("--explain", "--no-graph"):
+        run = motionlake(*words, flag, "--method", "signature")
+        assert (run.status, f"{flag}: is for --method fused" in run.err) == (2, True)
+
+
+@pytest.fixture
+def lake(built_lake: Path, tmp_path: Path) -> Path:
+    return Path(shutil.copytree(built_lake, tmp_path / "lake"))
+
+
+def test_clips_that_come_and_go(lake: Path) -> None:
+    """The graph is due when clips come or go; until then those that are gone are no answers."""
+    ((gone, clip),) = query(lake, "SELECT min(clip), max(clip) FROM symbol_strings WHERE len(symbols) > 3")
+    assert motionlake("remove", gone, "--lake", lake).status == 0
+    rows = motionlake("search", clip, "-k", 99, "--lake", lake, "--json").json
+    assert gone not in {row["clip"] for row in rows}
+    assert query(lake, "SELECT count(*) FROM clip_neighbours WHERE $clip IN (clip, neighbour)", clip=gone) == [(0,)]
+    assert motionlake("run", "graph", "--lake", lake).status == 0
+    assert gone not in read_neighbours(open_lake(lake)).nodes
+    assert motionlake("run", "graph", "--lake", lake, "--json").status == 0
+
+
+def test_search_is_measured(built_lake: Path) -> None:
+    found = motionlake("evaluate", "search", "--label-column", "dataset", "--lake", built_lake, "--json").json
+    assert set(found) == {"map", "nn", "top5", "cross_subject_nn", "n", "protocol", "methods"}
+    assert list(found["methods"]) == [
+        "fused", "fused without graph", "signature", "alignment", "descriptor", "moves", "dtw",
+    ]  # fmt: skip
+    assert found["map"] == pytest.approx(1.0), "one dataset: every answer is of it"
+    run = motionlake("evaluate", "search", "--split", "test", "--lake", built_lake)
+    assert run.status == 2
+    assert "split" in run.err or "label" in run.err
+
+
+def test_scores_of_search_by_hand() -> None:
+    questions = Questions.of(["a", "b"], ["a", "b", "a"])
+    distances = np.array([[1.0, 2.0, 3.0], [3.0, 2.0, 1.0]])
+    found = score_search(distances, questions, ["x", "y"], ["x", "y", "z"])
+    assert found.map == pytest.approx((5 / 6 + 1 / 2) / 2)
+    assert (found.nn, found.top5, found.n) == (0.5, 0.5, 2)
+    assert found.cross_subject_nn == 0.0, (
+        "the first has b before the a of another; the second has its b by itself alone"
+    )
+    assert score_search(distances, questions, ["x", None], ["x", "y", "z"]).cross_subject_nn is None
+
+
+def test_scope_of_the_answers(built_lake: Path) -> None:
+    ((clip,),) = query(built_lake, "SELECT max(clip) FROM symbol_strings WHERE len(symbols) > 3")
+    (own,) = FusedSearcher(open_lake(built_lake)).search([Query(clip)], 1, Scope(own=True))
+    assert (own[0].clip, own[0].distance) == (clip, 0.0)
