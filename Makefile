@@ -20,7 +20,7 @@ DEMO_SYNTHESIS = $(if $(filter demo/deepmimic,$(DATA)),$(BIN)/motionlake run syn
 DEMO_QUERIES = $(if $(filter demo/deepmimic,$(DATA)),humanoid3d_walk humanoid3d_kick humanoid3d_dance_a,--sample 3)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test lint docs ingest all $(STAGES) neighbours transitions synth status wheel bench-ingest bench-dtw bench-moves bench-emd bench-retrieval bench-representation bench-words bench-find bench-motion-graph bench-neighbours bench-segmentation bench-signatures bench-align bench-pesta bench-descriptor-search bench-deephums bench-glogen bench-synthesis bench-kills bench-many bench-smoke fuzz
+.PHONY: help setup demo test lint docs ingest all $(STAGES) neighbours transitions synth status wheel bench-ingest bench-dtw bench-moves bench-emd bench-generalise bench-retrieval bench-representation bench-words bench-find bench-motion-graph bench-neighbours bench-segmentation bench-signatures bench-align bench-pesta bench-descriptor-search bench-deephums bench-glogen bench-synthesis bench-kills bench-many bench-smoke fuzz
 
 help: ## Show this help
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 24
@@ -125,6 +125,9 @@ bench-moves: .venv-bench/.ready ## Measure the alignment of moves against a peer
 
 bench-emd: setup ## Measure the search for nearest signatures against scanning with POT
 	$(BIN)/python -m bench.emd
+
+bench-generalise: setup ## Choose the constants of search with one set of recordings left out in turn
+	$(BIN)/python -m bench.generalise
 
 bench-retrieval: setup ## Measure retrieval on hdm05 beside its floors, and across rigs
 	$(BIN)/python -m bench.retrieval hdm05

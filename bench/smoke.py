@@ -107,6 +107,8 @@ SMOKES: Final[Sequence[Smoke]] = (
     Smoke("bench.ingest", ("peers", "--rounds", "1")),
     Smoke("bench.lake", ("ingest", "--clips", "8", "--workers", "1", "--sets", "hdm05")),
     Smoke("bench.moves", (), {"bench.moves.QUERIES": 2}),
+    Smoke("bench.generalise", ("hdm05", "--seeds", "0"), {"bench.generalise.JOINS": (10,),
+          "bench.generalise.DIRECTS": (0.1,)}),
     Smoke("bench.retrieval", ("hdm05",), {"bench.retrieval.SEEDS": ONE_SEED, **_FEW_K}),
     Smoke("bench.retrieval", ("cross-rig",), {"bench.retrieval.SEEDS": ONE_SEED, **_FEW_K}),
     Smoke("bench.representation", ("hdm05", "--processes", "1", "--seeds", "1", "--rows",
