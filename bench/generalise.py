@@ -26,7 +26,7 @@ from motionlake.lake.catalog import reading
 from motionlake.lake.config import load_config
 from motionlake.lake.layout import Lake
 from motionlake.motion.dtw import dtw_matrix
-from motionlake.retrieval.diffusion import JOINED, NeighbourGraph, diffused, scale
+from motionlake.retrieval.diffusion import JOINED, NeighbourGraph, diffused, joined_of, scale
 from motionlake.retrieval.fused import DIRECT, EVERY, REACH, WEIGHTS
 from motionlake.retrieval.protocol import Query, Scope
 from motionlake.retrieval.registry import searcher
@@ -128,7 +128,7 @@ def _view(distances: Float64Array, joined: int) -> tuple[Float64Array, Float64Ar
     order = np.argsort(distances, axis=1, kind="stable")
     kept, at = order[:, :KEPT], np.arange(len(order))[:, None]
     near = np.where(np.isfinite(distances[at, kept]), kept, -1)
-    graph = NeighbourGraph(near, distances[at, kept], joined)
+    graph = NeighbourGraph(near, distances[at, kept], joined_of(len(order), joined))
     direct, along = np.zeros_like(distances), np.zeros_like(distances)
     for row, others in enumerate(order):
         there = others[np.isfinite(distances[row, others])]

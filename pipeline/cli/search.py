@@ -103,7 +103,7 @@ def search(
         found = searcher("clip", method, target, **how)
         queries = [named_query(con, target, name, start, stop) for name in names]
         answers = [[hit.as_row() for hit in hits] for hits in found.search(queries, k, scope)]
-        _save_picture(con, target, picture, zip(names, queries, answers, strict=True))
+        _save_picture(con, target, picture, method, zip(names, queries, answers, strict=True))
     if as_json:
         tell([{"query": name, **row} for name, rows in zip(names, answers, strict=True) for row in rows], as_json=True)
         return
@@ -155,7 +155,7 @@ def find(
         piece = named_query(con, target, query, start, stop)
         (hits,) = found.search([piece], k, Scope(dataset, split, recorded_only, mirrored, own))
         rows = [hit.as_row() for hit in hits]
-        _save_picture(con, target, picture, [(query, piece, rows)])
+        _save_picture(con, target, picture, method, [(query, piece, rows)])
     _tell_hits(rows, mirrored=mirrored, as_json=as_json)
 
 
@@ -313,7 +313,11 @@ def _check_picture(path: Path | None, queries: int) -> None:
 
 
 def _save_picture(
-    con: Connection, lake: Lake, path: Path | None, answers: Iterable[tuple[str, Query, Sequence[Mapping[str, Any]]]]
+    con: Connection,
+    lake: Lake,
+    path: Path | None,
+    method: str,
+    answers: Iterable[tuple[str, Query, Sequence[Mapping[str, Any]]]],
 ) -> None:
     """Draw the answers (what the query was called, the query, rows) of a search, if a file is named."""
     if path is None:
@@ -322,9 +326,12 @@ def _save_picture(
     from motionlake.pictures.html import picture, write_hits
 
     pages = [
-        picture(f"hits-{i}", f"hits for {name}", "", hits_page(con, lake, query.source, rows, query.start, query.stop))
+        picture(
+            f"hits-{i}", f"hits for {name}", "",
+            hits_page(con, lake, query.source, rows, query.start, query.stop, about=f"distances by {method}"),
+        )
         for i, (name, query, rows) in enumerate(answers, start=1)
-    ]
+    ]  # fmt: skip
     write_hits(path, pages)
 
 

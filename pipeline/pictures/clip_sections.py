@@ -187,7 +187,7 @@ def hits_of_one(lake: Lake, material: Material) -> Picture | None:
         "A search by example (Deep Motifs, section 6.3): the query, shaded, and the clips with the nearest signatures, "
         "as moments evenly spread over each. `motionlake search CLIP --picture hits.html` draws it for any query."
     )
-    return picture("search", title, caption, hits_page(material.con, lake, name, rows))
+    return picture("search", title, caption, hits_page(material.con, lake, name, rows, about="distances of signatures"))
 
 
 WORDS_A_MOTIF: Final = 3

@@ -56,7 +56,7 @@ def draw_hits(query: HitStrip, hits: Sequence[HitStrip], title: str, note: str =
 
 def hits_page(
     con: Connection, lake: Lake, query: str | Path, hits: Sequence[Mapping[str, Any]], start: int | None = None,
-    stop: int | None = None, measure: str = "distance", about: str = "distances of signatures",
+    stop: int | None = None, measure: str = "distance", about: str = "distances",
 ) -> Figure:  # fmt: skip
     """A page of the hits of any search.
 

@@ -20,7 +20,7 @@ from motionlake.pictures.bands import Segment
 from motionlake.pictures.stick_figures import PoseReader, body_height
 from motionlake.pictures.style import ClassStyle, class_styles
 from motionlake.retrieval.protocol import Hit, Query, Scope
-from motionlake.retrieval.registry import methods, searcher
+from motionlake.retrieval.registry import ready, searcher
 from motionlake.stages.frames import first_body
 
 MOST_FPS: Final = 30.0
@@ -129,16 +129,23 @@ def player_clip(con: Connection, lake: Lake, query: Query, nearest: tuple[str, H
 
 
 def nearest_real_clip(lake: Lake, query: Query) -> tuple[str, Hit]:
-    """How the recorded clip nearest to another one or to a file was found, as `motionlake search` does, and that clip.
+    """How the recorded clip nearest to another one or to a file was found, and that clip.
+
+    As `motionlake search` finds it, or, where that cannot compare the query, by the first method that can.
 
     Raises:
         UserError: no method of the lake can compare it, or there is no other recorded clip.
     """
-    method = methods("clip")[0]
-    (found,) = searcher("clip", method, lake).search([query], 1, Scope(recorded_only=True))
-    if not found:
-        raise UserError(f"{query.name}: the lake has no other recorded clip that it can be compared with")
-    return method, found[0]
+    failed: UserError | None = None
+    for method in ready(lake, "clip"):  # the default first; a clip that was made now may have a descriptor alone
+        try:
+            (found,) = searcher("clip", method, lake).search([query], 1, Scope(recorded_only=True))
+        except UserError as error:
+            failed = failed or error
+            continue
+        if found:
+            return method, found[0]
+    raise failed or UserError(f"{query.name}: the lake has no other recorded clip that it can be compared with")
 
 
 def _facts(known: Mapping[str, Any], lineage: Mapping[str, Any] | None) -> list[tuple[str, str]]:

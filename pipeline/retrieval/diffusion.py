@@ -13,9 +13,15 @@ import numpy as np
 from motionlake.arrays import Float64Array, Int64Array
 
 RESTART: Final = 0.05  # share of what starts at the query in every step; the rest passes on to neighbours
-JOINED: Final = 10  # neighbours that a clip is joined to
+JOINED: Final = 10  # neighbours that a clip is joined to, at most
+FEWEST: Final = 4  # clips of a lake for each of them
 _LEAST: Final = 1e-12  # of distances that others are divided by
 NOWHERE: Final = -1  # in place of the node of a clip that the graph does not hold
+
+
+def joined_of(clips: int, most: int = JOINED) -> int:
+    """How many neighbours a clip is joined to in a lake of so many: in a small one of all kinds ten are most of it."""
+    return max(1, min(most, clips // FEWEST))
 
 
 @dataclass(frozen=True)
