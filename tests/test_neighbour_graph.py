@@ -11,13 +11,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 from motionlake.arrays import Float64Array
 from motionlake.evaluation.ranking import Questions, score_search
+from motionlake.lake.config import LakeConfig
 from motionlake.lake.layout import open_lake
 from motionlake.retrieval.diffusion import JOINED, NOWHERE, RESTART, NeighbourGraph, diffused
 from motionlake.retrieval.fused import DIRECT, WEIGHTS, FusedSearcher
 from motionlake.retrieval.lake_neighbours import read_neighbours
 from motionlake.retrieval.protocol import Query, Scope
 from motionlake.retrieval.registry import searcher
-from motionlake.stages.graph import KEPT
+from motionlake.stages.graph import GRAPH, KEPT
+from motionlake.stages.reader import lake_reader
 
 from tests.lakes import Changed, motionlake, query
 
@@ -187,6 +189,20 @@ def test_scores_of_search_by_hand() -> None:
         "the first has b before the a of another; the second has its b by itself alone"
     )
     assert score_search(distances, questions, ["x", None], ["x", "y", "z"]).cross_subject_nn is None
+
+
+def test_a_lake_with_too_many_clips_for_a_graph(lake: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    ((clip,),) = query(lake, "SELECT max(clip) FROM symbol_strings WHERE len(symbols) > 3")
+    for module in ("stages.graph", "retrieval.fused"):
+        monkeypatch.setattr(f"motionlake.{module}.MOST", 3)
+    (hits,) = FusedSearcher(open_lake(lake), explain=True, graph=False).search([Query(clip)], 4)
+    assert {share.method for hit in hits for share in hit.shares or ()} == {"signature"}
+    (alone,) = searcher("clip", "signature", open_lake(lake)).search([Query(clip)], 4)
+    assert [hit.clip for hit in hits] == [hit.clip for hit in alone]
+    with Changed(lake) as con:
+        con.execute("DELETE FROM manifest WHERE stage = 'graph'")
+    with lake_reader(open_lake(lake), LakeConfig()) as at:
+        assert GRAPH.plan(at) == []
 
 
 def test_scope_of_the_answers(built_lake: Path) -> None:

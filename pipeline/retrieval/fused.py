@@ -10,14 +10,17 @@ from typing import Final, cast
 import numpy as np
 from motionlake.arrays import Float64Array
 from motionlake.errors import UserError
+from motionlake.lake.catalog import fetch, reading
 from motionlake.lake.layout import Lake
 from motionlake.retrieval.diffusion import NOWHERE, diffused, scale
 from motionlake.retrieval.lake_neighbours import LakeNeighbours, read_neighbours
 from motionlake.retrieval.protocol import Finds, Hit, LakeSearcher, Query, Scope, Share
 from motionlake.retrieval.registry import ready, searcher
+from motionlake.stages.graph import MOST
 
 # How much each method counts, chosen with one set of recordings left out in turn.
 WEIGHTS: Final = {"signature": 1.0, "alignment": 1.0, "moves": 4.0}
+LARGE: Final = ("signature",)
 REACH: Final = 200  # nearest clips by each method, which are ranked by all
 DIRECT: Final = 0.1  # what the distance itself counts beside the way along the graph
 _ROUNDING: Final = 1e-6  # of the distance of the tenth nearest clip
@@ -193,6 +196,10 @@ def _near(distances: Float64Array, units: Float64Array | np.float64) -> Float64A
 
 
 def _ready(lake: Lake) -> dict[str, LakeSearcher]:
+    """Those of `WEIGHTS`, or else any; in a lake of more than `MOST` clips those that need not hold all in memory."""
     names = [name for name in ready(lake, "clip") if name != FusedSearcher.name]
-    chosen = [name for name in names if name in WEIGHTS] or names
+    with reading(lake) as con:
+        (count,) = fetch(con, "count_clips")
+    wanted = WEIGHTS if count["clips"] <= MOST else LARGE
+    chosen = [name for name in names if name in wanted] or names
     return {name: cast(LakeSearcher, searcher("clip", name, lake)) for name in chosen}
