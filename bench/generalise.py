@@ -19,6 +19,7 @@ from typing import Final
 
 import numpy as np
 from motionlake.arrays import Float64Array, Int64Array
+from motionlake.errors import UserError
 from motionlake.evaluation.ranking import Questions, SearchScores, score_search
 from motionlake.jobs.run import run
 from motionlake.jobs.session import session
@@ -112,7 +113,7 @@ def _distances(lake: Lake, method: str, clips: Sequence[str]) -> Float64Array:
     for row, clip in zip(found, clips, strict=True):
         try:
             (hits,) = by.search([Query(clip)], EVERY, Scope())
-        except ValueError:
+        except UserError:  # a posture that is held is no string
             continue
         for hit in hits:
             row[places[hit.clip]] = hit.distance
