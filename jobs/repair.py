@@ -25,6 +25,7 @@ from motionlake.lake.verify import deep_faults
 from motionlake.names import on_disk
 from motionlake.stages.frames import FRAMES, shard_of
 from motionlake.stages.frames_from_raw import raw_blocks, write_frames_from_raw
+from motionlake.stages.graph import GRAPH
 from motionlake.stages.ingest import KEY_ROWS
 from motionlake.stages.model_kind import Selection
 from motionlake.stages.reader import LakeReader, lake_reader
@@ -154,6 +155,8 @@ class _Repair:
             if not spec:
                 return "its request is not known any more; `motionlake remove` it and synthesize again"
             return Shard(stage.name, row["key"], row["part"], row["dataset"], spec, len(spec["motions"]))
+        if stage is GRAPH:
+            return next((shard for shard in GRAPH.every(at) if shard.key == row["key"]), None)
         part = known.get(row["key"])
         if part is None or not isinstance(stage, PartStage):
             return None
@@ -196,12 +199,14 @@ class _Repair:
 
     def _forget(self, stage: ShardStage, rows: Sequence[Mapping[str, Any]], files: Mapping[str, list[str]]) -> None:
         """Files that are of no use as they are: their stage makes what it needs."""
+        for row in rows:
+            for file in files[row["key"]]:  # before views are made anew, which would meet it
+                self._lake.path(file).unlink(missing_ok=True)
         with writing(self._lake) as con:
             keys = [{"stage": row["stage"], "key": row["key"]} for row in rows]
             load_rows(con, "drop_shards", table_of(keys, KEY_ROWS))
         for row in rows:
             for file in files[row["key"]]:
-                self._lake.path(file).unlink(missing_ok=True)
                 self.done[file] = (
                     "forgotten: nothing needs it as it was; `motionlake run all` makes what is due",
                     True,

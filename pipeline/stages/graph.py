@@ -56,11 +56,11 @@ class Graph(ShardStage):
 
     def plan(self, at: LakeReader) -> list[Shard]:
         """Nothing where no method has what it compares, or the lake holds more than `MOST` clips."""
-        return [
-            shard
-            for shard in at.once("plan", self.name, lambda: self._every(at))
-            if shard.key not in at.done(self.name)
-        ]
+        return [shard for shard in self.every(at) if shard.key not in at.done(self.name)]
+
+    def every(self, at: LakeReader) -> list[Shard]:
+        """All shards of the lake as it stands, done or not."""
+        return at.once("every", self.name, lambda: self._every(at))
 
     def _every(self, at: LakeReader) -> list[Shard]:
         live = frames_parts(at.con)
