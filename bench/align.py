@@ -19,7 +19,7 @@ from motionlake.pesta.long_query import LongQuery
 from motionlake.pesta.matches import best_matches
 from motionlake.pesta.scan import best_per_clip, end_costs, symmetric_costs
 from motionlake.pesta.strings import Repository, SymbolDistances
-from motionlake.pesta.symbols import reduce_repeats
+from motionlake.pesta.tandem import reduce_repeats
 from numpy.typing import NDArray
 
 from bench.record import interleave, record

@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from motionlake.pesta.config import SymbolsConfig
-from motionlake.pesta.symbols import SymbolString, reduce_repeats, reduce_runs, symbolise
+from motionlake.pesta.symbols import SymbolString, symbolise
+from motionlake.pesta.tandem import reduce_repeats, reduce_runs
 
 BOTH = SymbolsConfig()
 CONFIGS = [SymbolsConfig(runs, repeats) for runs in (True, False) for repeats in (True, False)]

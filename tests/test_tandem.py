@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from motionlake.arrays import Int32Array
 from motionlake.pesta.squares import square_free
-from motionlake.pesta.symbols import by_period, by_suffixes, ranks, reduce_repeats, suffix_order, without_repetitions
+from motionlake.pesta.tandem import by_period, by_suffixes, ranks, reduce_repeats, suffix_order, without_repetitions
 from numpy.typing import NDArray
 
 words = st.integers(2, 4).flatmap(lambda m: st.lists(st.integers(0, m - 1), max_size=60))

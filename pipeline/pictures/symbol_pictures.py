@@ -21,7 +21,7 @@ from motionlake.pesta.config import AlignmentConfig
 from motionlake.pesta.matches import best_matches
 from motionlake.pesta.scan import symmetric_costs
 from motionlake.pesta.strings import Repository
-from motionlake.pesta.symbols import reduce_runs
+from motionlake.pesta.tandem import reduce_runs
 from motionlake.pictures.hits_page import hits_page
 from motionlake.pictures.html import Picture, picture, write_hits
 from motionlake.pictures.maps import LEAST, posture_map, tsne
