@@ -40,7 +40,9 @@ def read_neighbours(lake: Lake) -> LakeNeighbours:
         return LakeNeighbours({}, {})
     rows = pa.concat_tables([pq.read_table(sound(lake, file)) for file in files])
     nodes = dict(zip(rows["clip"].to_pylist(), rows["node"].to_pylist(), strict=True))
-    count = 1 + max(pc.max(rows["node"]).as_py(), max(nodes.values()))
+    # Clips whose own lists could not be made may still be neighbours of others.
+    named = pc.max(pc.list_flatten(rows["neighbours"])).as_py() or 0
+    count = 1 + max(pc.max(rows["node"]).as_py(), named)
     methods = rows["method"].unique().to_pylist()
     return LakeNeighbours(nodes, {name: _graph(rows.filter(pc.field("method") == name), count) for name in methods})
 
