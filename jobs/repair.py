@@ -25,7 +25,6 @@ from motionlake.lake.verify import deep_faults
 from motionlake.names import on_disk
 from motionlake.stages.frames import FRAMES, shard_of
 from motionlake.stages.frames_from_raw import raw_blocks, write_frames_from_raw
-from motionlake.stages.graph import GRAPH
 from motionlake.stages.ingest import KEY_ROWS
 from motionlake.stages.model_kind import Selection
 from motionlake.stages.reader import LakeReader, lake_reader
@@ -120,15 +119,9 @@ class _Repair:
             return
         shards: list[Shard] = []
         with lake_reader(self._lake, self._session.config) as at:
-            try:
-                known = {p.key: p for p in (stage.parts(at) or [])} if isinstance(stage, PartStage) else {}
-            except DamagedError as error:
-                for key in rows:
-                    self._say(files[key], f"hangs on what could not be mended ({error})")
-                return
             for key, row in rows.items():
                 try:
-                    shard = self._shard(at, stage, row, known)
+                    shard = self._shard(at, stage, row)
                 except DamagedError as error:
                     self._say(files[key], f"hangs on what could not be mended ({error})")
                     continue
@@ -146,7 +139,7 @@ class _Repair:
             for file in files[shard.key]:
                 self._list(file, "made again as it was", "was made again, with other bytes than before", strict=False)
 
-    def _shard(self, at: LakeReader, stage: ShardStage, row: Mapping[str, Any], known: Mapping[str, Any]) -> Any:
+    def _shard(self, at: LakeReader, stage: ShardStage, row: Mapping[str, Any]) -> Any:
         """The shard that made a file; a text where it cannot run any more, None where nothing needs it."""
         if stage is FRAMES:
             return self._frames_shard(at, row)
@@ -155,12 +148,7 @@ class _Repair:
             if not spec:
                 return "its request is not known any more; `motionlake remove` it and synthesize again"
             return Shard(stage.name, row["key"], row["part"], row["dataset"], spec, len(spec["motions"]))
-        if stage is GRAPH:
-            return next((shard for shard in GRAPH.every(at) if shard.key == row["key"]), None)
-        part = known.get(row["key"])
-        if part is None or not isinstance(stage, PartStage):
-            return None
-        return Shard(stage.name, part.key, part.part, part.dataset, stage.spec(at, part), part.clips)
+        return stage.again(at, row["key"])
 
     def _frames_shard(self, at: LakeReader, row: Mapping[str, Any]) -> Shard | str | None:
         rows = fetch(at.con, "sources_of_part", {"part": row["part"]})

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
+import pyarrow.compute as pc
+from motionlake.arrays import Float32Array
 from motionlake.deep_motifs.signatures import Corpus, CorpusClip
 from motionlake.errors import UserError
 from motionlake.lake.catalog import Connection, fetch, fetch_table
@@ -35,3 +39,14 @@ def read_corpus(con: Connection, dataset: str | None = None) -> Corpus:
         np.array([row["strength"] for row in motifs]),
         motifs[0]["model"],
     )
+
+
+def read_signatures(con: Connection) -> tuple[list[dict[str, Any]], list[CorpusClip], Float32Array]:
+    """The motifs of a lake, none where it has none yet; its n signed clips by name; their signatures [n, K]."""
+    motifs, rows = fetch(con, "corpus_motifs"), fetch_table(con, "signature_index")
+    if not motifs:
+        return [], [], np.zeros((0, 0), dtype=np.float32)
+    # Not `to_numpy`, which imports pandas.
+    flat = np.array(np.from_dlpack(pc.list_flatten(rows["signature"]).combine_chunks()))
+    clips = [CorpusClip(**row) for row in rows.drop_columns(["signature"]).to_pylist()]
+    return motifs, clips, flat.reshape(len(rows), len(motifs))

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import pyarrow.compute as pc
 from motionlake.arrays import Float64Array
 from motionlake.deep_motifs.emd import check_model, check_signature, emd_many, ground_distances
 from motionlake.deep_motifs.emd_search import SignatureIndex
-from motionlake.deep_motifs.signatures import CorpusClip, motif_counts, tf_idf
+from motionlake.deep_motifs.signatures import motif_counts, tf_idf
 from motionlake.errors import UserError
-from motionlake.lake.catalog import fetch, fetch_table, reading
+from motionlake.lake.catalog import fetch, reading
+from motionlake.lake.corpus import read_signatures
 from motionlake.lake.layout import Lake
 from motionlake.retrieval.protocol import (
     EVERYTHING,
@@ -45,16 +45,12 @@ class SignatureSearcher(LakeSearcher):
     def __init__(self, lake: Lake) -> None:
         super().__init__(lake)
         with reading(lake) as con:
-            motifs, rows = fetch(con, "corpus_motifs"), fetch_table(con, "signature_index")
+            motifs, self.clips, self.signatures = read_signatures(con)
         if not motifs:
             raise UserError(f"{lake.root}: has no motifs yet; make them with `motionlake run all`")
         self.ground = ground_distances(np.array([row["centroid"] for row in motifs], dtype=np.float32))
         self._idf = np.array([row["idf"] for row in motifs], dtype=np.float64)
         self.strength = np.array([row["strength"] for row in motifs], dtype=np.float64)
-        # Not `to_numpy`, which imports pandas.
-        flat = np.array(np.from_dlpack(pc.list_flatten(rows["signature"]).combine_chunks()))
-        self.signatures = flat.reshape(len(rows), len(motifs))
-        self.clips = [CorpusClip(**row) for row in rows.drop_columns(["signature"]).to_pylist()]
         self._rows = {clip.clip: row for row, clip in enumerate(self.clips)}
         self._index = SignatureIndex.build(self.signatures, self.ground, motifs[0]["model"])
 

@@ -13,10 +13,10 @@ from typing import Any, Final
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.compute as pc
 from motionlake.arrays import Float64Array, Int64Array
-from motionlake.lake.catalog import Connection, fetch, fetch_table, run_sql
+from motionlake.lake.catalog import Connection, fetch, run_sql
 from motionlake.lake.config import config_hash, load_config
+from motionlake.lake.corpus import read_signatures
 from motionlake.lake.layout import Lake
 from motionlake.lake.parts import write_part
 from motionlake.pesta.config import AlignmentConfig
@@ -56,11 +56,11 @@ class Graph(ShardStage):
 
     def plan(self, at: LakeReader) -> list[Shard]:
         """Nothing where no method has what it compares, or the lake holds more than `MOST` clips."""
-        return [shard for shard in self.every(at) if shard.key not in at.done(self.name)]
+        every = at.once("every", self.name, lambda: self._every(at))
+        return [shard for shard in every if shard.key not in at.done(self.name)]
 
-    def every(self, at: LakeReader) -> list[Shard]:
-        """All shards of the lake as it stands, done or not."""
-        return at.once("every", self.name, lambda: self._every(at))
+    def again(self, at: LakeReader, key: str) -> Shard | None:
+        return next((shard for shard in self._every(at) if shard.key == key), None)
 
     def _every(self, at: LakeReader) -> list[Shard]:
         live = frames_parts(at.con)
@@ -165,17 +165,15 @@ def _by_signature(at: LakeReader, nodes: Mapping[str, int], _: Shard) -> Nearest
     from motionlake.deep_motifs.emd import ground_distances
     from motionlake.deep_motifs.emd_search import SignatureIndex
 
-    motifs, rows = fetch(at.con, "corpus_motifs"), fetch_table(at.con, "signature_index")
-    ground = ground_distances(np.array([row["centroid"] for row in motifs], dtype=np.float32))
-    signatures = np.array(np.from_dlpack(pc.list_flatten(rows["signature"]).combine_chunks())).reshape(len(rows), -1)
-    index = SignatureIndex.build(signatures, ground)
-    every = np.arange(len(rows))
+    motifs, clips, signatures = read_signatures(at.con)
+    index = SignatureIndex.build(signatures, ground_distances(np.array([m["centroid"] for m in motifs], np.float32)))
+    every = np.arange(len(clips))
 
     def nearest(place: int, k: int) -> tuple[ArrayLike, ArrayLike]:
         found = index.nearest(signatures[place], k, every)
         return found.indices, found.distances
 
-    return _Listed(rows["clip"].to_pylist(), nodes, nearest).of()
+    return _Listed([clip.clip for clip in clips], nodes, nearest).of()
 
 
 def _by_alignment(at: LakeReader, nodes: Mapping[str, int], shard: Shard) -> Nearest:

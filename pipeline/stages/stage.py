@@ -119,6 +119,10 @@ class ShardStage(Stage):
         """What must be made before it can plan, for people; None where nothing is missing."""
         return None
 
+    def again(self, at: LakeReader, key: str) -> Shard | None:
+        """The shard with this key, done or not; None where the lake as it stands needs none such."""
+        return None
+
     def at_once(self, at: LakeReader) -> bool:
         """Whether all shards must be loaded in one transaction, because they are of use only together."""
         return False
@@ -229,11 +233,14 @@ class PartStage(ShardStage):
     def plan(self, at: LakeReader) -> list[Shard]:
         done = at.done(self.name)
         ready = {r["key"] for r in fetch(at.con, "ready_keys", {"stage": self.upstream[0]})}
-        return [
-            Shard(self.name, p.key, p.part, p.dataset, self.spec(at, p), p.clips)
-            for p in self.parts(at) or []
-            if p.key not in done and p.upstream in ready
-        ]
+        return [self._shard(at, p) for p in self.parts(at) or [] if p.key not in done and p.upstream in ready]
+
+    def again(self, at: LakeReader, key: str) -> Shard | None:
+        part = next((p for p in self.parts(at) or [] if p.key == key), None)
+        return None if part is None else self._shard(at, part)
+
+    def _shard(self, at: LakeReader, part: Part) -> Shard:
+        return Shard(self.name, part.key, part.part, part.dataset, self.spec(at, part), part.clips)
 
     def due(self, at: LakeReader) -> int:
         parts, done = self.parts(at), at.done(self.name)
