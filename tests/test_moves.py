@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from motionlake.arrays import Float32Array, Float64Array
 from motionlake.deephums.sequence import clip_sequence
-from motionlake.motion.moves import FPS, LEAST, MOST, WIDTH, Track, at_12
+from motionlake.motion.moves import FPS, JOINTS_COUNT, LEAST, MOST, WIDTH, Track, at_12
 from motionlake.motion.moves_index import MovesIndex, Stack, aligned, moves_distance
 from motionlake.motion.moves_windows import nearest_place, windows_distances
 
@@ -91,18 +91,26 @@ def track_of(positions: Float64Array, fps: float) -> Track:
 
 
 @given(st.floats(0.3, 3), st.floats(-3, 3), st.integers(0, 99))
-def test_moves_tell_neither_size_nor_posture_nor_facing(size: float, angle: float, seed: int) -> None:
+def test_displacement_and_velocity_tell_neither_size_nor_posture_and_moves_no_facing(
+    size: float, angle: float, seed: int
+) -> None:
     track = wandering(seed, 25)
-    posture = np.random.default_rng(seed).normal(size=45)
-    np.testing.assert_allclose(Track.of(track.joints * size + posture).moves(), track.moves(), atol=1e-4)
+    body = np.random.default_rng(seed).normal(size=45)
+    ahead = Track(track.joints, track.velocity, np.tile([1.0, 0.0], (25, 1)))
+    other = Track(track.joints * size + body, track.velocity * size, ahead.facing)
+    np.testing.assert_allclose(other.moves()[:, :90], ahead.moves()[:, :90], atol=1e-4)
+    np.testing.assert_allclose(other.moves()[:, 93:], ahead.moves()[:, 93:] * size + JOINTS_COUNT * body[3:], atol=1e-4)
+    np.testing.assert_allclose(other.moves()[:, 90:93], ahead.moves()[:, 90:93] * size, atol=1e-4)
     cosine, sine = np.cos(angle), np.sin(angle)
     turn = np.array([[cosine, 0, sine], [0, 1, 0], [-sine, 0, cosine]])
     turned = Track.of((track.joints.reshape(-1, 15, 3) @ turn).reshape(-1, 45))
-    np.testing.assert_allclose(turned.turned().moves(), track.turned().moves(), atol=1e-4)
+    np.testing.assert_allclose(turned.moves(), track.turned().moves(), atol=1e-4)
 
 
 def test_what_stands_still_or_is_long_has_moves() -> None:
-    assert not Track.of(np.ones((LEAST, 45))).moves().any()
+    still = Track.of(np.ones((LEAST, 45))).moves()
+    assert not still[:, :93].any()
+    np.testing.assert_allclose(still[:, 93:], JOINTS_COUNT)
     assert Track.of(np.ones((1, 45))).moves().shape == (1, WIDTH)
     assert wandering(0, MOST + 77).moves().shape == (MOST, WIDTH)
     assert len(at_12(np.zeros((1, 15, 3)))) == LEAST
@@ -111,17 +119,17 @@ def test_what_stands_still_or_is_long_has_moves() -> None:
 
 @given(st.integers(0, 99), st.integers(LEAST, 20), st.integers(LEAST, 20), st.integers(0, 30))
 def test_windows_have_moves_of_their_own(seed: int, length: int, width: int, more: int) -> None:
-    query, track = wandering(seed + 1, length).turned().moves(), wandering(seed, width + more)
+    query, track = wandering(seed + 1, length).moves(), wandering(seed, width + more)
     starts = np.arange(more + 1)
     found = windows_distances(query, track, starts, width)
-    expected = [naive(query, track.cut(start, start + width).turned().moves()) for start in starts.tolist()]
+    expected = [naive(query, track.cut(start, start + width).moves()) for start in starts.tolist()]
     np.testing.assert_allclose(found, expected, rtol=1e-3, atol=3e-3)
 
 
 @given(st.integers(0, 99), st.integers(LEAST, 40), st.integers(0, 60), st.integers(0, 60))
 def test_a_piece_is_found_where_it_was_cut_out(seed: int, length: int, before: int, after: int) -> None:
     track = wandering(seed, before + length + after)
-    piece = track.cut(before, before + length).turned().moves()
+    piece = track.cut(before, before + length).moves()
     found = nearest_place(piece, track)
     assert found is not None
     assert found.distance <= 0.1

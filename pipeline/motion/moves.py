@@ -1,7 +1,9 @@
-"""How a body moves: the moves of a clip, which tell neither how far it moves nor how it stands.
+"""How a body moves: the moves of a clip.
 
 A frame of moves is the displacement of the joints from the posture that a clip starts and ends in, and their velocity,
-each divided by its root mean square over the clip. Clips are compared by dynamic time warping of their moves.
+each divided by its root mean square over the clip: these tell neither how far a body moves nor how it stands. Beside
+them, and counting less, are the joints themselves and how far the body has come. Clips are compared by dynamic time
+warping of their moves.
 """
 
 from __future__ import annotations
@@ -17,7 +19,9 @@ FPS: Final = 12.0
 LEAST: Final = 4  # frames
 MOST: Final = 160  # frames of a clip that are aligned; of a longer one as many, evenly spread
 SMOOTHED: Final = 1.0  # frames; standard deviation of the filter before velocities
-WIDTH: Final = 2 * 3 * len(COMMON)  # numbers of a frame
+WIDTH: Final = 3 * 3 * len(COMMON)  # numbers of a frame: displacement, velocity, joints
+JOINTS_COUNT: Final = 0.4  # a body length of the joints themselves, beside a root mean square of the others
+HIPS: Final = slice(3 * COMMON.index("hips"), 3 * COMMON.index("hips") + 3)  # columns; they hold the path
 SILENT: Final = 1e-6  # body lengths; a root mean square below it is of what does not move
 # Columns of the joints whose left and right tell where a body faces.
 _SIDES: Final = tuple(
@@ -68,13 +72,20 @@ class Track:
         return Track(joints, velocity, _facing(joints))
 
     def moves(self) -> Float32Array:
-        """[m, 90] its moves; of more than 160 frames, 160."""
-        count = len(self.joints)
+        """[m, 135] its moves, the body facing +z in the mean; of more than 160 frames, 160."""
+        track, count = self.turned(), len(self.joints)
         chosen = np.linspace(0, count - 1, MOST).round().astype(int) if count > MOST else np.arange(count)
-        joints = self.joints[chosen]
-        parts = (joints - joints[ends(len(joints))].mean(axis=0), self.velocity[chosen])
+        joints = track.joints[chosen]
+        parts = (joints - joints[ends(len(joints))].mean(axis=0), track.velocity[chosen])
         scaled = [part / max(float(np.sqrt((part**2).sum(axis=1).mean())), SILENT) for part in parts]
-        return np.concatenate(scaled, axis=1).astype(np.float32)
+        return np.concatenate([*scaled, JOINTS_COUNT * from_start(joints)], axis=1).astype(np.float32)
+
+
+def from_start(joints: Float64Array) -> Float64Array:
+    """Joints [N, 45] whose path starts at zero in the first frame."""
+    started = joints.copy()
+    started[:, HIPS] -= joints[0, HIPS]
+    return started
 
 
 def _facing(joints: Float64Array) -> Float64Array:

@@ -41,7 +41,7 @@ class Nearest(NamedTuple):
 
 
 class MovesIndex:
-    """The moves of clips, each [m, 90], held so that the nearest to a query are found without aligning it with all.
+    """The moves of clips, each [m, 135], held so that the nearest to a query are found without aligning it with all.
 
     Raises:
         ValueError: a clip has no frames.
@@ -56,7 +56,7 @@ class MovesIndex:
         self._bounds = Stack.of([self._projected(clip) for clip in self._clips])
 
     def nearest(self, query: Float32Array, k: int) -> Nearest:
-        """The k clips nearest to a query [n, 90]; of equal ones the first."""
+        """The k clips nearest to a query [n, 135]; of equal ones the first."""
         bounds = self._bounds_from(query)
         rows: list[int] = []
         found: list[float] = []

@@ -12,7 +12,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from motionlake.arrays import Float32Array, Float64Array, Int64Array
 from motionlake.kernels import njit
-from motionlake.motion.moves import LEAST, MOST, SILENT, Track, heading
+from motionlake.motion.moves import HIPS, JOINTS_COUNT, LEAST, MOST, SILENT, Track, heading
 
 TEMPI: Final = (0.75, 1.0, 4 / 3)  # lengths of windows, in lengths of the query
 FINER: Final = (0.87, 0.93, 1.0, 1.07, 1.15)  # the same around the best of them
@@ -28,7 +28,7 @@ class Place(NamedTuple):
 
 
 def nearest_place(query: Float32Array, track: Track, barred: tuple[int, int] | None = None) -> Place | None:
-    """The window of a track [N frames] nearest to the moves of a query [m, 90]; None where none is long enough.
+    """The window of a track [N frames] nearest to the moves of a query [m, 135]; None where none is long enough.
 
     Windows are from three quarters to four thirds as long as the query, first a sixth of it apart, then, about the
     nearest, one frame.
@@ -55,7 +55,7 @@ def nearest_place(query: Float32Array, track: Track, barred: tuple[int, int] | N
 
 
 def windows_distances(query: Float32Array, track: Track, starts: Int64Array, width: int) -> Float64Array:
-    """[s] distances of a query [m, 90] from the windows of a track that begin at some frames and are all as long."""
+    """[s] distances of a query [m, 135] from the windows of a track that begin at some frames and are all as long."""
     return _Products(query, track).distances(starts, width)
 
 
@@ -82,13 +82,18 @@ class _Products:
     def __init__(self, query: Float32Array, track: Track) -> None:
         if len(query) > MOST:
             raise ValueError(f"a query of {len(query)} frames: at most {MOST} are aligned")
-        half = query.shape[1] // 2
+        displacement, motion, posture = np.split(query, 3, axis=1)
         self._joints = (track.joints - track.joints.mean(axis=0)).astype(np.float32)
         velocity = track.velocity.astype(np.float32)
-        self._displaced = _products(query[:, :half], self._joints)
-        self._moving = _products(query[:, half:], velocity)
+        placed = (JOINTS_COUNT * track.joints).astype(np.float32)
+        self._path = np.ascontiguousarray(placed[:, HIPS])
+        self._displaced = _products(displacement, self._joints)
+        self._moving = _products(motion, velocity)
+        self._placed = _products(posture, placed)
+        self._started = _products(posture[:, HIPS], self._path)
         self._norms = np.einsum("td,td->t", query, query)
         self._speeds = np.einsum("td,td->t", velocity, velocity)
+        self._sizes = np.einsum("td,td->t", placed, placed) - np.einsum("td,td->t", self._path, self._path)
         self._facing = np.concatenate([np.zeros((1, 2)), np.cumsum(track.facing, axis=0)])
 
     def nearest(self, starts: Int64Array, width: int) -> Place | None:
@@ -105,12 +110,15 @@ class _Products:
         padded = np.append(starts, np.full(len(found) - len(starts), starts[-1]))
         facing = self._facing[padded + width] - self._facing[padded]
         turns = np.array([heading(one) for one in facing], dtype=np.float32)
-        _windows(self._joints, self._displaced, self._moving, self._norms, self._speeds, padded, turns, width, found)
+        _windows(
+            self._joints, self._displaced, self._moving, self._placed, self._started, self._path, self._norms,
+            self._speeds, self._sizes, padded, turns, width, found,
+        )  # fmt: skip
         return np.asarray(found[: len(starts)] / (len(self._norms) + width), dtype=np.float64)
 
 
 def _products(query: Float32Array, track: Float32Array) -> Float32Array:
-    """[n, N, 3] along, across, up, of frames [n, 45] and [N, 45]."""
+    """[n, N, 3] along, across, up, of frames [n, D] and [N, D] of points."""
     own, other = (part.reshape(len(part), -1, 3) for part in (query, track))
     level = np.concatenate([other[..., 0], other[..., 2]], axis=1).T
     along = np.concatenate([own[..., 0], own[..., 2]], axis=1) @ level
@@ -120,16 +128,20 @@ def _products(query: Float32Array, track: Float32Array) -> Float32Array:
 
 @njit(cache=True, nogil=True, fastmath={"contract", "reassoc", "nsz", "arcp"})  # type: ignore[untyped-decorator]
 def _windows(
-    joints: Float32Array, displaced: Float32Array, moving: Float32Array, norms: Float32Array, speeds: Float32Array,
-    starts: Int64Array, turns: Float32Array, width: int, out: Float32Array,
+    joints: Float32Array, displaced: Float32Array, moving: Float32Array, placed: Float32Array, started: Float32Array,
+    path: Float32Array, norms: Float32Array, speeds: Float32Array, sizes: Float32Array, starts: Int64Array,
+    turns: Float32Array, width: int, out: Float32Array,
 ) -> None:  # fmt: skip
     """Kernel: summed costs of the cheapest paths from a query [n] to windows of a track [N], eight side by side.
 
     Args:
         joints: [N, D] of the track.
-        displaced, moving: [n, N, 3] `_products` of the query's displacements with joints, and of its velocities with
-            those of the track.
-        norms, speeds: [n] squared lengths of the query's frames, [N] of the track's velocities.
+        displaced, moving, placed: [n, N, 3] `_products` of the query's displacements with joints, of its velocities
+            with those of the track, and of its joints with those of the track.
+        started: [n, N, 3] of their paths.
+        path: [N, 3] of the track, as moves have it.
+        norms, speeds, sizes: [n] squared lengths of the query's frames, [N] of the track's velocities, and of its
+            joints without the path, as moves have them.
         starts: [s] of the windows, a multiple of eight.
         turns: [s, 2] cosine and sine of where each faces.
         width: frames of a window.
@@ -139,7 +151,7 @@ def _windows(
     own, row = np.empty(width * 8, np.float32), np.empty(width * 8, np.float32)
     posture = np.empty(joints.shape[1], np.float32)
     # Of each window: what products are multiplied by, those of displacements first.
-    by = np.empty((6, 8), np.float32)
+    by = np.empty((9, 8), np.float32)
     base, left, diagonal = np.empty(8, np.float32), np.empty(8, np.float32), np.empty(8, np.float32)
     for first in range(0, len(starts), 8):
         for lane in range(8):
@@ -157,10 +169,15 @@ def _windows(
                 speed += speeds[start + j]
             root, rate = max(np.sqrt(spread / width), SILENT), max(np.sqrt(speed / width), SILENT)
             for j in range(width):
+                way = zero
+                for d in range(3):
+                    way += (path[start + j, d] - path[start, d]) ** 2
                 own[j * 8 + lane] = own[j * 8 + lane] / (root * root) + speeds[start + j] / (rate * rate)
+                own[j * 8 + lane] += sizes[start + j] + way
             cosine, sine = turns[first + lane, 0], turns[first + lane, 1]
             by[0, lane], by[1, lane], by[2, lane] = 2 * cosine / root, 2 * sine / root, 2 / root
             by[3, lane], by[4, lane], by[5, lane] = 2 * cosine / rate, 2 * sine / rate, 2 / rate
+            by[6, lane], by[7, lane], by[8, lane] = 2 * cosine, 2 * sine, 2
         row[:] = inf
         for i in range(n):
             for lane in range(8):
@@ -170,6 +187,7 @@ def _windows(
                 for k in range(3):
                     at_ends = displaced[i, start, k] + displaced[i, start + 1, k]
                     mean += by[k, lane] * (at_ends + displaced[i, last - 1, k] + displaced[i, last, k]) / 4
+                    mean += by[6 + k, lane] * started[i, start, k]
                 base[lane] = norms[i] + mean
             left[:] = inf
             diagonal[:] = inf if i else zero
@@ -180,6 +198,8 @@ def _windows(
                         by[0, lane] * displaced[i, at, 0] + by[1, lane] * displaced[i, at, 1]
                         + by[2, lane] * displaced[i, at, 2] + by[3, lane] * moving[i, at, 0]
                         + by[4, lane] * moving[i, at, 1] + by[5, lane] * moving[i, at, 2]
+                        + by[6, lane] * placed[i, at, 0] + by[7, lane] * placed[i, at, 1]
+                        + by[8, lane] * placed[i, at, 2]
                     )  # fmt: skip
                     above = row[j * 8 + lane]
                     cost = np.sqrt(max(base[lane] + own[j * 8 + lane] - near, zero))

@@ -161,4 +161,4 @@ class MovesRangeSearcher(_Tracks):
                 f"{query.name}: {len(track.joints) / FPS:.1f} s; ranges are found by their moves for pieces of "
                 f"{LEAST / FPS:.1f} to {MOST / FPS:.0f} s; take other frames"
             )
-        return track.turned().moves()
+        return track.moves()

@@ -44,6 +44,7 @@ class Graph(ShardStage):
     """Lists of neighbours; those of a new lake replace the old together."""
 
     name = "graph"
+    version = 2
     about = "the clips nearest to each clip, along which search goes"
     upstream = tuple(stage.name for stage in SOURCES.values())
     folders = ("graph",)
