@@ -26,8 +26,8 @@ from motionlake.jobs.session import session
 from motionlake.lake.catalog import reading
 from motionlake.lake.config import load_config
 from motionlake.lake.layout import Lake
+from motionlake.motion.diffusion import JOINED, NeighbourGraph, diffused, joined_of, scale
 from motionlake.motion.dtw import dtw_matrix
-from motionlake.retrieval.diffusion import JOINED, NeighbourGraph, diffused, joined_of, scale
 from motionlake.retrieval.fused import DIRECT, EVERY, REACH, WEIGHTS
 from motionlake.retrieval.protocol import Query, Scope
 from motionlake.retrieval.registry import searcher

@@ -13,9 +13,10 @@ from pathlib import Path
 from typing import Any, Final
 
 from motionlake.arrays import Float32Array
-from motionlake.deephums.batches import windows
+from motionlake.deephums.batches import mirrored, windows
 from motionlake.deephums.config import PRETRAINED_DESCRIPTORS, PRETRAINED_SUBMOTION, DescriptorsConfig, SubmotionConfig
 from motionlake.deephums.network import TrainedDescriptor
+from motionlake.deephums.recipes import PRETRAINED
 from motionlake.deephums.sequence import clip_sequence
 from motionlake.deephums.submotions import TrainedSubmotion, train_submotion
 from motionlake.deephums.training import TrainingClip, train_descriptor
@@ -42,12 +43,11 @@ def sequences_of(paths: Sequence[Path]) -> list[Float32Array]:
     return found
 
 
-def train_descriptors(
-    sequences: Sequence[Float32Array], about: Mapping[str, Any], seed: int = 0, epochs: int = 0
-) -> TrainedDescriptor:
-    """The default network, trained without labels; 0 epochs are the recipe's."""
-    config = DescriptorsConfig(supervision="none", weights="own", seed=seed, epochs=epochs)
-    made = train_descriptor([TrainingClip(sequence) for sequence in sequences], config, progress=_tell)
+def train_descriptors(sequences: Sequence[Float32Array], about: Mapping[str, Any], seed: int = 0) -> TrainedDescriptor:
+    """Sketches in the principal directions of pieces and of their mirror images."""
+    config = DescriptorsConfig(supervision="none", weights="own", seed=seed)
+    clips = [TrainingClip(each) for sequence in sequences for each in (sequence, mirrored(sequence))]
+    made = train_descriptor(clips, config, recipe=PRETRAINED)
     return replace(made, metrics={**about, **made.metrics, "training": asdict(made.recipe)})
 
 
@@ -83,7 +83,7 @@ def main() -> None:
     sequences, about = sequences_of(paths), _about(sets, paths)
     made: TrainedDescriptor | TrainedSubmotion
     if given.which == "descriptors":
-        made = train_descriptors(sequences, about, given.seed, given.rounds)
+        made = train_descriptors(sequences, about, given.seed)
         named = {"recipe": made.config.recipe, "descriptors": asdict(made.config)}
     else:
         made = train_pieces(sequences, about, given.seed, given.rounds)

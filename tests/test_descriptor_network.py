@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,9 +14,10 @@ from hypothesis import strategies as st
 from motionlake.arrays import Float32Array, Float64Array
 from motionlake.deephums.batches import NO_AUGMENTATION, Augmentation, at_speeds, resampled, windows
 from motionlake.deephums.config import DIMENSION, DescriptorsConfig
-from motionlake.deephums.network import DescriptorRecipe, MissingJoints, load_descriptor, recipe_of
+from motionlake.deephums.encoders import MissingJoints
+from motionlake.deephums.network import load_descriptor
+from motionlake.deephums.recipes import PRETRAINED, THESIS, DescriptorRecipe, read_recipe, recipe_of
 from motionlake.deephums.sequence import (
-    alignment_distances,
     clip_sequence,
     motion_distance,
     motion_field,
@@ -121,7 +122,7 @@ class TestSimilarity:
 
     def test_alignment_ignores_speed_and_size(self) -> None:
         clips = [clip.sequence for clip in toy_clips()]
-        near = neighbourhoods(alignment_distances(clips), 3, 2.0)
+        near = neighbourhoods(clips, 3)
         np.fill_diagonal(near, 0)
         assert (near.argmax(axis=1) // 4 == np.arange(16) // 4).all()
 
@@ -242,7 +243,8 @@ class TestTraining:
     @pytest.mark.parametrize("supervision", ["labels", "none"])
     @pytest.mark.parametrize("recipe", ["default", "deephums"])
     def test_classes_draw_together(self, recipe: str, supervision: str) -> None:
-        chosen = replace(recipe_of(DescriptorsConfig(recipe=recipe)), hidden=24, epochs=40, batch=8)
+        named = recipe_of(DescriptorsConfig(recipe=recipe), labels=supervision == "labels")
+        chosen = replace(named, hidden=24, epochs=40, batch=8, neighbours=3)
         clips = toy_clips()
         model = train_descriptor(clips, DescriptorsConfig(supervision=supervision, recipe=recipe), recipe=chosen)
         descriptors = model.embed([clip.sequence for clip in clips])
@@ -285,11 +287,11 @@ class TestTraining:
         np.testing.assert_array_equal(model.embed(clips)[3], model.embed([clips[3]])[0])
 
     @pytest.mark.parametrize("frames", [1, 2, 15, 600, 601, 2000])
-    @pytest.mark.parametrize("encoder", ["conv_gru", "lstm"])
-    def test_clips_of_any_length(self, frames: int, encoder: str) -> None:
-        recipe = replace(recipe_of(DescriptorsConfig()), hidden=8, epochs=1)
-        if encoder == "lstm":
-            recipe = replace(recipe, encoder="lstm", frames=0, objective="pairs", augmentation=NO_AUGMENTATION)
+    @pytest.mark.parametrize(
+        "recipe", [recipe_of(DescriptorsConfig()), THESIS, PRETRAINED], ids=lambda r: r.encoders[0]
+    )
+    def test_clips_of_any_length(self, frames: int, recipe: DescriptorRecipe) -> None:
+        recipe = replace(recipe, hidden=8, epochs=min(1, recipe.epochs))
         model = train_descriptor(toy_clips(), DescriptorsConfig(), recipe=recipe)
         assert np.isfinite(model.embed([clip_sequence(swinging(frames, 3.0), 30.0)])).all()
 
@@ -319,7 +321,16 @@ def test_windows_cover_a_long_clip_evenly() -> None:
 
 def test_recipes_by_name() -> None:
     thesis = recipe_of(DescriptorsConfig(recipe="deephums"))
-    assert (thesis.encoder, thesis.objective, thesis.speeds, thesis.learning_rate) == ("lstm", "pairs", True, 1e-3)
+    assert (thesis.encoders, thesis.objective, thesis.speeds, thesis.learning_rate) == (("lstm",), "pairs", True, 1e-3)
+    assert recipe_of(DescriptorsConfig(), labels=False).encoders == ("sketch", "moves_and_joints")
     assert recipe_of(DescriptorsConfig(epochs=7)).epochs == 7
     assert Augmentation().missing > 0
-    assert isinstance(TINY, DescriptorRecipe)
+    assert read_recipe(asdict(TINY)) == TINY
+
+
+def test_a_recipe_of_an_earlier_file_is_read() -> None:
+    kept = asdict(TINY) | {"encoder": "conv_gru", "sharpness": 2.0}
+    for name in ("encoders", "convolutions", "paced"):
+        del kept[name]
+    assert read_recipe(kept) == TINY
+    assert read_recipe(kept | {"encoder": "lstm"}).encoders == ("lstm",)

@@ -7,7 +7,7 @@ from typing import Any, Final
 
 import numpy as np
 from motionlake.deephums.config import DescriptorsConfig
-from motionlake.deephums.network import DescriptorRecipe, recipe_of
+from motionlake.deephums.recipes import PRETRAINED, DescriptorRecipe, recipe_of
 from motionlake.deephums.training import train_descriptor
 from motionlake.evaluation.ranking import Questions, score_split
 
@@ -17,6 +17,7 @@ from bench.units import Found, in_processes, table, with_seeds
 
 SET: Final = "utd_mhad"
 DEFAULT: Final = recipe_of(DescriptorsConfig())
+WITHOUT: Final = recipe_of(DescriptorsConfig(), labels=False)
 THESIS: Final = recipe_of(DescriptorsConfig(recipe="deephums"))
 _AUGMENTATION: Final = DEFAULT.augmentation
 CHOICES: Final[dict[str, tuple[str, DescriptorRecipe]]] = {
@@ -27,9 +28,12 @@ CHOICES: Final[dict[str, tuple[str, DescriptorRecipe]]] = {
     "  without speeds": ("labels", replace(DEFAULT, augmentation=replace(_AUGMENTATION, warp=0.0, crop=0.0))),
     "  mirrored half of the time": ("labels", replace(DEFAULT, augmentation=replace(_AUGMENTATION, mirror=0.5))),
     "  hidden 96": ("labels", replace(DEFAULT, hidden=96)),
-    "default, no labels": ("none", DEFAULT),
-    "  4 neighbours": ("none", replace(DEFAULT, neighbours=4)),
-    "  16 neighbours": ("none", replace(DEFAULT, neighbours=16)),
+    "default, no labels": ("none", WITHOUT),
+    "  joined to 5": ("none", replace(WITHOUT, neighbours=5)),
+    "  joined to 20": ("none", replace(WITHOUT, neighbours=20)),
+    "  even in time": ("none", replace(WITHOUT, paced=0.0)),
+    "  sketch alone": ("none", PRETRAINED),
+    "  network alone": ("none", replace(WITHOUT, encoders=WITHOUT.encoders[1:])),
     "thesis, no labels": ("none", THESIS),
     "  5 % of pairs pass a test": ("none", replace(THESIS, similar=0.05)),
     "  40 % of pairs pass a test": ("none", replace(THESIS, similar=0.4)),
@@ -54,7 +58,7 @@ class Unit:
 
 def measure_unit(unit: Unit) -> dict[str, Found]:
     supervision, recipe = CHOICES[unit.choice]
-    recipe = replace(recipe, epochs=unit.epochs) if unit.epochs else recipe
+    recipe = replace(recipe, epochs=min(unit.epochs, recipe.epochs)) if unit.epochs else recipe
     asked, known = left_out(split_of(SET, "train"), unit.subject)
     model = train_descriptor(training_clips(known), DescriptorsConfig(supervision=supervision), recipe=recipe)
     apart = euclidean(model.embed(asked.sequences), model.embed(known.sequences))

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from motionlake.deephums.batches import resampled
 from motionlake.deephums.config import DescriptorsConfig
-from motionlake.deephums.network import recipe_of
+from motionlake.deephums.recipes import recipe_of
 from motionlake.deephums.training import train_descriptor
 
 from bench.deephums.choices import left_out

@@ -13,8 +13,10 @@ import torch
 from motionlake.arrays import Float32Array, FloatArray
 from motionlake.deephums.batches import Augmentation, resampled
 from motionlake.deephums.config import DescriptorsConfig
-from motionlake.deephums.network import TrainedDescriptor, recipe_of
+from motionlake.deephums.network import TrainedDescriptor
+from motionlake.deephums.recipes import PRETRAINED, recipe_of
 from motionlake.deephums.sequence import alignment_distances, motion_distance, motion_field
+from motionlake.deephums.sketch import sketches
 from motionlake.deephums.training import TrainingClip, train_descriptor
 from motionlake.evaluation.dtw import baseline_features, joint_error
 from motionlake.evaluation.ranking import Questions, first_hits, score_split
@@ -86,6 +88,16 @@ def by_joints(asked: Split, known: Split) -> FloatArray:
     return euclidean(*(np.stack([resampled(s, 32).ravel() for s in split.sequences]) for split in (asked, known)))
 
 
+def by_sketch(asked: Split, known: Split) -> FloatArray:
+    """Sketches themselves: the shallow floor of a network that learns without labels."""
+
+    def rows(split: Split) -> Float32Array:
+        clips = np.stack([resampled(s, PRETRAINED.frames, PRETRAINED.paced) for s in split.sequences])
+        return np.asarray(sketches(torch.from_numpy(clips)).numpy())
+
+    return euclidean(rows(asked), rows(known))
+
+
 def by_motion(asked: Split, known: Split) -> FloatArray:
     """Motion fields and distances (equations 3.3 and 3.4) themselves."""
 
@@ -100,6 +112,7 @@ UNTRAINED: Final[Mapping[str, Callable[[Split, Split], FloatArray]]] = {
     "whole-clip DTW": by_dtw,
     "DTW of normalised moves": by_moves,
     "joints at 32 instants": by_joints,
+    "sketch": by_sketch,
     "motion field and distance": by_motion,
 }
 

@@ -66,8 +66,8 @@ class Augmentation:
         if self.limbs and partners is not None:
             varied = self._with_limbs(varied, self._moved(partners, rng), rng)
         if self.mirror:
-            swapped = varied[:, :, _SWAPPED] * torch.tensor([-1.0, 1.0, 1.0])
-            varied = torch.where(torch.from_numpy(rng.random((len(clips), 1, 1, 1)) < self.mirror), swapped, varied)
+            chosen = torch.from_numpy(rng.random((len(clips), 1, 1, 1)) < self.mirror)
+            varied = torch.where(chosen, torch.from_numpy(mirrored(varied.numpy())), varied)
         if self.missing:
             shares = 2 * self.missing * rng.random((len(clips), 1, 1, 1))
             varied = varied * torch.from_numpy(rng.random((len(clips), 1, len(COMMON), 1)) >= shares)
@@ -124,17 +124,42 @@ def _interpolated(clips: Tensor, instants: Float64Array) -> Tensor:
     return earlier + (clips[rows, np.minimum(before + 1, frames - 1)] - earlier) * share
 
 
+def mirrored(clips: Float32Array) -> Float32Array:
+    """[..., 15, 3] clips whose left and right are swapped."""
+    return np.asarray(clips[..., _SWAPPED, :] * np.array([-1, 1, 1], dtype=np.float32))
+
+
 NO_AUGMENTATION: Final = Augmentation(0, 0, 0, 0, 0, 0, 0, 0, 0, 0)
 # A longer clip is read in windows of at most so many frames (at 30 a second), each half over the one before.
 LONGEST: Final = 600
+CALM: Final = 2.0  # frames; standard deviation of the filter before what moves is summed
+STILL: Final = 1e-6  # body lengths; a clip that moves less stands still
 
 
-def resampled(clip: Float32Array, frames: int) -> Float32Array:
-    """[frames, J, 3] a clip [T, J, 3] at so many instants, evenly from its first frame to its last."""
-    at = np.linspace(0, len(clip) - 1, frames)
+def resampled(clip: Float32Array, frames: int, paced: float = 0.0) -> Float32Array:
+    """[frames, J, 3] a clip [T, J, 3] at so many instants from its first frame to its last.
+
+    Args:
+        clip: 15 joints and the path in the place of the hips, as `clip_sequence` has it, where it is paced.
+        frames: how many instants.
+        paced: 0: even in time; 1: between two of them all joints together move as far as between any two others, so
+            that a pause does not count; in between: so much of both.
+    """
+    at = _instants(clip, frames, paced) if paced and len(clip) > 2 else np.linspace(0, len(clip) - 1, frames)
     before, after, share = beside(at, len(clip))
     weight = share.astype(np.float32)[:, None, None]
     return np.asarray(clip[before] + (clip[after] - clip[before]) * weight, dtype=np.float32)
+
+
+def _instants(clip: Float32Array, frames: int, paced: float) -> Float64Array:
+    """[frames] where in a clip [T, J, 3], from 0 to T - 1, instants are that keep pace with what moves."""
+    from scipy.ndimage import gaussian_filter1d
+
+    smooth = gaussian_filter1d(clip.reshape(len(clip), -1).astype(np.float64), CALM, axis=0, mode="nearest")
+    moved = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(smooth, axis=0), axis=1))])
+    time = np.linspace(0, 1, len(clip))
+    done = time if moved[-1] < STILL else paced * moved / moved[-1] + (1 - paced) * time
+    return np.interp(np.linspace(0, 1, frames), done, np.arange(len(clip)))
 
 
 def windows(clip: Float32Array, longest: int = LONGEST) -> list[Float32Array]:

@@ -180,8 +180,8 @@ def alignment_distances(clips: Sequence[Float32Array]) -> Float64Array:
     return dtw_matrix([Track.of(at_12(clip)).moves() for clip in clips])
 
 
-def neighbourhoods(distances: Float64Array, k: int, sharpness: float) -> Float32Array:
-    """[n, n] how near clips are: exp(-sharpness d_ij^2 / (d_ik d_jk)); d_ik is the distance of the k-th nearest."""
-    k = min(k, len(distances) - 1)
-    scale = np.maximum(np.sort(distances, axis=1)[:, k], 1e-9)
-    return np.asarray(np.exp(-sharpness * distances**2 / np.outer(scale, scale)), dtype=np.float32)
+def neighbourhoods(clips: Sequence[Float32Array], joined: int) -> Float32Array:
+    """[n, n] how near clips [T, 15, 3] are along the graph in which each is joined to so many (`diffused_all`)."""
+    from motionlake.motion.diffusion import NeighbourGraph, diffused_all
+
+    return diffused_all(NeighbourGraph.of(alignment_distances(clips), joined)).astype(np.float32)

@@ -19,7 +19,7 @@ import torch
 from motionlake.arrays import Float32Array, Int64Array, Progress
 from motionlake.deephums.batches import NO_AUGMENTATION, padded, part_of
 from motionlake.deephums.config import DIMENSION, LONGEST, SHORTEST, SubmotionConfig
-from motionlake.deephums.network import CHANNELS, Lstm, motion_of
+from motionlake.deephums.encoders import CHANNELS, Lstm, motion_of
 from motionlake.deephums.sequence import BONES, one_cycle
 from motionlake.motion.skeleton import COMMON
 from motionlake.training import Checkpoint, Loop, on_threads, read_network, save_network

@@ -13,14 +13,9 @@ import torch
 from motionlake.arrays import Float32Array, Int64Array, Progress
 from motionlake.deephums.batches import at_speeds, padded, resampled, windows
 from motionlake.deephums.config import DescriptorsConfig
-from motionlake.deephums.network import (
-    DescriptorNetwork,
-    DescriptorRecipe,
-    MissingJoints,
-    TrainedDescriptor,
-    recipe_of,
-)
-from motionlake.deephums.sequence import alignment_distances, neighbourhoods, one_cycle, similar_by_motion
+from motionlake.deephums.network import DescriptorNetwork, TrainedDescriptor
+from motionlake.deephums.recipes import DescriptorRecipe, recipe_of
+from motionlake.deephums.sequence import neighbourhoods, one_cycle, similar_by_motion
 from motionlake.training import Checkpoint, Training, on_threads
 from numpy.typing import NDArray
 from torch import Tensor
@@ -67,9 +62,9 @@ def train_descriptor(
     Raises:
         ValueError: too few clips, or labels that are required and are not there.
     """
-    recipe = recipe or recipe_of(config)
     device = device or ("cuda" if torch.cuda.is_available() else "cpu")
     classes = _classes(clips, config.supervision)
+    recipe = recipe or recipe_of(config, labels=bool(classes))
     used = [clip for clip in clips if clip.label in classes] if classes else list(clips)
     if len(used) < 2:
         raise ValueError(f"{len(used)} clips are too few to train on")
@@ -80,11 +75,13 @@ def train_descriptor(
         material = _Material.of(used, classes, recipe)
         torch.manual_seed(config.seed)
         network = DescriptorNetwork(recipe, len(classes))
-        if isinstance(network.fill, MissingJoints):
-            network.fill.learn(torch.from_numpy(np.concatenate([clip.sequence for clip in used])))
+        every = torch.from_numpy(np.concatenate([clip.sequence for clip in used]))
+        network.learn(every, torch.from_numpy(np.stack(material.clips)) if recipe.frames else None)
         network.to(device)
         data = np.concatenate([clip.sequence.ravel() for clip in used])
         kept = Checkpoint(checkpoint, data, config, recipe) if checkpoint else None
+        if not recipe.epochs:
+            return TrainedDescriptor(config, recipe, network.cpu().eval(), classes, _metrics(offered, classes))
         optimiser = torch.optim.AdamW(
             network.parameters(), lr=recipe.learning_rate, weight_decay=recipe.weight_decay, eps=1e-7
         )
@@ -107,15 +104,14 @@ def train_descriptor(
             lambda rows: _loss(network, material, rows, recipe, rng, device), config.seed, rng, kept,
             CHECKPOINT_EVERY, progress, after,
         ).run()  # fmt: skip
-    metrics: dict[str, Any] = {
-        "clips": offered,
-        "classes": len(classes) or None,
-        "supervision": "labels" if classes else "none",
-        "loss": [round(loss, 5) for loss in losses],
-    }
+    metrics = {**_metrics(offered, classes), "loss": [round(loss, 5) for loss in losses]}
     if followed:
         metrics["validation"] = followed
     return TrainedDescriptor(config, recipe, network.cpu().eval(), classes, metrics)
+
+
+def _metrics(clips: int, classes: Sequence[str]) -> dict[str, Any]:
+    return {"clips": clips, "classes": len(classes) or None, "supervision": "labels" if classes else "none"}
 
 
 @dataclass(frozen=True)
@@ -140,13 +136,13 @@ class _Material:
         near: NDArray[np.generic] | None = None
         if recipe.objective == "pairs":
             near = similar_by_motion(sequences, recipe.similar)
-        elif not classes:
-            near = neighbourhoods(alignment_distances(sequences), recipe.neighbours, recipe.sharpness)
+        elif not classes and recipe.epochs:
+            near = neighbourhoods(sequences, recipe.neighbours)
         copies = [at_speeds(clip) if recipe.speeds else [clip] for clip in sequences]
         source = np.repeat(np.arange(len(used)), [len(c) for c in copies])
         clips = [clip for several in copies for clip in several]
         if recipe.frames:
-            clips = [resampled(clip, recipe.frames) for clip in clips]
+            clips = [resampled(clip, recipe.frames, recipe.paced) for clip in clips]
         index = {label: i for i, label in enumerate(classes)}
         labels = np.array([index[clip.label or ""] for clip in used], dtype=np.int64) if classes else None
         return cls(clips, labels[source] if labels is not None else None, near, source)
@@ -198,7 +194,7 @@ def _loss(
         if material.targets is None:  # two variants of each clip: its own other variant is its nearest
             rows, clips = np.tile(rows, 2), clips.repeat(2, 1, 1, 1)
         clips = recipe.augmentation(clips, rng, material.partners(rows, rng))
-    parts = network.parts(clips.to(device), lengths.to(device))
+    parts = network.learning_parts(clips.to(device), lengths.to(device))
     loss = torch.zeros((), device=device)
     if network.heads is not None and material.targets is not None:
         targets = torch.from_numpy(material.targets[rows]).to(device)

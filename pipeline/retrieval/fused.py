@@ -12,7 +12,7 @@ from motionlake.arrays import Float64Array
 from motionlake.errors import UserError
 from motionlake.lake.catalog import fetch, reading
 from motionlake.lake.layout import Lake
-from motionlake.retrieval.diffusion import NOWHERE, diffused, scale
+from motionlake.motion.diffusion import NOWHERE, diffused, scale
 from motionlake.retrieval.lake_neighbours import LakeNeighbours, read_neighbours
 from motionlake.retrieval.protocol import Finds, Hit, LakeSearcher, Query, Scope, Share
 from motionlake.retrieval.registry import ready, searcher

@@ -13,7 +13,7 @@ from motionlake.arrays import Int64Array
 from motionlake.lake.catalog import fetch, reading
 from motionlake.lake.integrity import sound
 from motionlake.lake.layout import Lake
-from motionlake.retrieval.diffusion import NOWHERE, NeighbourGraph, joined_of
+from motionlake.motion.diffusion import NOWHERE, NeighbourGraph, joined_of
 
 
 @dataclass(frozen=True)
