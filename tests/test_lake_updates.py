@@ -160,7 +160,7 @@ def test_changed_labels_recompute_nothing(own_lake: Path, source: Path, schedule
         (QUICK.replace("m = 40", "m = 30"), {"postures", "symbols", "graph"}),
         (QUICK + "[symbols]\nruns = false\n", {"symbols", "graph"}),
         (QUICK + "[alignment]\nstride = 3\n", {"graph"}),
-        (QUICK + "[descriptors]\nseed = 1\n", {"descriptors"}),
+        (QUICK + "[descriptors]\nseed = 1\n", {"descriptors", "graph"}),
         (QUICK + "[submotion]\nseed = 1\n", {"submotions"}),
     ],
 )

@@ -1,4 +1,4 @@
-"""The k nearest descriptors: two ways to the answer of a naive scan."""
+"""The k nearest descriptors: three ways to the answer of a naive scan."""
 
 from __future__ import annotations
 
@@ -12,13 +12,18 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from motionlake.arrays import Float32Array
-from motionlake.deephums.nearest import DescriptorScan, Neighbours, QuickIndex
+from motionlake.deephums.exact import ExactScan, Neighbours
+from motionlake.deephums.nearest import DescriptorScan, QuickIndex
 
 Search = Callable[[Float32Array, Float32Array, int], Neighbours]
 
 
 def by_scan(rows: Float32Array, query: Float32Array, k: int) -> Neighbours:
     return DescriptorScan(rows).nearest(query, k)
+
+
+def exactly(rows: Float32Array, query: Float32Array, k: int) -> Neighbours:
+    return ExactScan(rows).nearest(query, k)
 
 
 def by_quick_index(rows: Float32Array, query: Float32Array, k: int) -> Neighbours:
@@ -29,7 +34,7 @@ def by_blocks(rows: Float32Array, query: Float32Array, k: int) -> Neighbours:
     return QuickIndex.build(rows, cuts=(1, 3)).nearest(query, k)
 
 
-SEARCHES = pytest.mark.parametrize("search", [by_scan, by_quick_index, by_blocks])
+SEARCHES = pytest.mark.parametrize("search", [exactly, by_scan, by_quick_index, by_blocks])
 
 
 def naive(rows: Float32Array, query: Float32Array, k: int) -> list[tuple[float, int]]:

@@ -102,7 +102,7 @@ def test_clips_that_the_graph_does_not_hold() -> None:
 def test_the_stage_keeps_the_nearest_clips(built_lake: Path) -> None:
     lake = open_lake(built_lake)
     known = read_neighbours(lake)
-    assert set(known.methods) == {"signature", "alignment", "moves"}
+    assert set(known.methods) == set(WEIGHTS)
     clips = [row[0] for row in query(built_lake, "SELECT clip FROM clips ORDER BY clip")]
     assert set(known.nodes) == set(clips)
     for method in known.methods:

@@ -21,13 +21,19 @@ from typing import Any, Final, NamedTuple, Self
 import numpy as np
 import torch
 from motionlake.arrays import Float32Array, Float64Array, Int64Array
+from motionlake.deephums.exact import (
+    Neighbours,
+    best_of,
+    checked_queries,
+    checked_rows,
+    nearest_of,
+    squared_distances,
+)
 from motionlake.kernels import njit
 from numpy.typing import ArrayLike, NDArray
 
 SPARE: Final = 32  # rows that a scan looks at beyond k, for those that rounding puts in the wrong order
 SCANNED: Final = 1 << 24  # values that a scan holds at a time
-ROWS: Final = 4096  # rows whose exact distances are computed at a time
-LARGEST: Final = 1e15  # squares of larger values leave the range of float32
 UNIT: Final = 2.0**-24  # rounding of float32
 
 WIDTHS: Final = (32, 64, 128)  # of the first block: the least that holds most of the variance
@@ -40,13 +46,6 @@ CODE: Final = 127
 QUERY_CODE: Final = 8191
 LARGEST_SUM: Final = 2**31 - 1  # of products of codes
 SLACK: Final = 1e-9  # of the lengths: more than what float64 rounds off in a bound
-
-
-class Neighbours(NamedTuple):
-    """The nearest rows of m queries, nearest first, ties by index: `indices` [m, k] and `distances` [m, k]."""
-
-    indices: Int64Array
-    distances: Float64Array
 
 
 class DescriptorScan:
@@ -113,48 +112,6 @@ class DescriptorScan:
         length, d = float(np.linalg.norm(query.astype(np.float64))), len(query)
         scan = UNIT * (2 * (d + 4) * length * self._longest + 4 * self._longest**2)
         return 1.01 * scan + 1e-12 * (length + self._longest) ** 2 + (d + 4) * float(np.finfo(np.float32).tiny)
-
-
-def squared_distances(rows: Float32Array, query: Float32Array) -> Float64Array:
-    """[n] squared distances of rows [n, d] from a query [d], in float64; of a row, the same among any others."""
-    found = np.empty(len(rows))
-    for first in range(0, len(rows), ROWS):
-        apart = rows[first : first + ROWS].astype(np.float64) - query
-        found[first : first + ROWS] = np.square(apart, out=apart).sum(axis=1)
-    return found
-
-
-def nearest_of(
-    rows: Float32Array, candidates: Int64Array, query: Float32Array, k: int
-) -> tuple[Int64Array, Float64Array]:
-    """The k candidates [c] among `rows` nearest to a query, and their distances; ties by index."""
-    found, squares = _best(candidates, squared_distances(rows[candidates], query), k)
-    return found, np.sqrt(squares)
-
-
-def checked_rows(descriptors: ArrayLike) -> Float32Array:
-    """[n, d] float32. Raises `ValueError` for another shape, or values that are not finite."""
-    rows = np.ascontiguousarray(descriptors, dtype=np.float32)
-    if rows.ndim != 2:
-        raise ValueError(f"descriptors are rows [n, d], not an array of shape {rows.shape}")
-    return _finite(rows)
-
-
-def checked_queries(queries: ArrayLike, d: int, k: int) -> Float32Array:
-    """[m, d] float32 of m queries or one. Raises `ValueError` for k < 1, another width, values that are not finite."""
-    if k < 1:
-        raise ValueError(f"k = {k}: ask for at least 1 nearest descriptor")
-    checked = np.atleast_2d(np.ascontiguousarray(queries, dtype=np.float32))
-    if checked.ndim != 2 or checked.shape[1] != d:
-        raise ValueError(f"queries of shape {checked.shape} do not compare with descriptors of {d} values")
-    return _finite(checked)
-
-
-def _finite(values: Float32Array) -> Float32Array:
-    sound = (np.abs(values) <= LARGEST).all(axis=1)
-    if not sound.all():
-        raise ValueError(f"row {int(np.argmin(sound))} holds NaN, or a value beyond {LARGEST:g}")
-    return values
 
 
 @contextmanager
@@ -247,7 +204,7 @@ class QuickIndex:
             if at == 0:
                 count = min(PROBES * k, len(bounds))
                 probes = torch.topk(torch.from_numpy(bounds), count, largest=False, sorted=False).indices.numpy()
-                best = _best(probes, squared_distances(self._rows[probes], query), k)
+                best = best_of(probes, squared_distances(self._rows[probes], query), k)
             kept = np.flatnonzero(bounds <= _limit(best[1], slack))
             rows, done, bounds = rows[kept], done[kept], bounds[kept]
         return self._settle(query, k, rows, bounds, best, slack)
@@ -270,7 +227,7 @@ class QuickIndex:
             if bounds[some[0]] > _limit(best[1], slack):
                 break
             squares = squared_distances(self._rows[rows[some]], query)
-            best = _best(np.concatenate([best[0], rows[some]]), np.concatenate([best[1], squares]), k)
+            best = best_of(np.concatenate([best[0], rows[some]]), np.concatenate([best[1], squares]), k)
         return best[0]
 
     def _cut(self, query: Float32Array) -> list[Block]:
@@ -314,11 +271,6 @@ def _block(values: Float64Array, rest: Float64Array, most: int = CODE, kind: typ
 def _limit(squares: Float64Array, slack: float) -> float:
     """What exceeds this is no bound of an answer, where the k-th best of `squares` is the last."""
     return float(np.sqrt(squares[-1]) + slack) ** 2
-
-
-def _best(rows: Int64Array, squares: Float64Array, k: int) -> tuple[Int64Array, Float64Array]:
-    order = np.lexsort((rows, squares))[:k]
-    return rows[order], squares[order]
 
 
 @njit(cache=True)  # type: ignore[untyped-decorator]

@@ -5,9 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import pyarrow as pa
 import pyarrow.compute as pc
 from motionlake.arrays import Float32Array
 from motionlake.deep_motifs.signatures import Corpus, CorpusClip
+from motionlake.deephums.config import DIMENSION
 from motionlake.errors import UserError
 from motionlake.lake.catalog import Connection, fetch, fetch_table
 
@@ -46,7 +48,15 @@ def read_signatures(con: Connection) -> tuple[list[dict[str, Any]], list[CorpusC
     motifs, rows = fetch(con, "corpus_motifs"), fetch_table(con, "signature_index")
     if not motifs:
         return [], [], np.zeros((0, 0), dtype=np.float32)
+    return motifs, *_vectors(rows, "signature", len(motifs))
+
+
+def read_descriptors(con: Connection) -> tuple[list[CorpusClip], Float32Array]:
+    """The n described clips of a lake by name, and their descriptors [n, 512]."""
+    return _vectors(fetch_table(con, "descriptor_clips"), "descriptor", DIMENSION)
+
+
+def _vectors(rows: pa.Table, column: str, width: int) -> tuple[list[CorpusClip], Float32Array]:
     # Not `to_numpy`, which imports pandas.
-    flat = np.array(np.from_dlpack(pc.list_flatten(rows["signature"]).combine_chunks()))
-    clips = [CorpusClip(**row) for row in rows.drop_columns(["signature"]).to_pylist()]
-    return motifs, clips, flat.reshape(len(rows), len(motifs))
+    flat = np.array(np.from_dlpack(pc.list_flatten(rows[column]).combine_chunks()))
+    return [CorpusClip(**row) for row in rows.drop_columns([column]).to_pylist()], flat.reshape(len(rows), width)

@@ -7,12 +7,12 @@ from functools import cache, cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
-import pyarrow.compute as pc
 from motionlake.arrays import Float32Array, Float64Array, Int64Array
-from motionlake.deep_motifs.signatures import CorpusClip
 from motionlake.deephums.config import DIMENSION
+from motionlake.deephums.exact import FEW, ExactScan
 from motionlake.errors import UserError
-from motionlake.lake.catalog import fetch_table, reading
+from motionlake.lake.catalog import reading
+from motionlake.lake.corpus import read_descriptors
 from motionlake.lake.integrity import sound
 from motionlake.lake.layout import Lake
 from motionlake.retrieval.encode import query_motion
@@ -22,6 +22,15 @@ from motionlake.stages.descriptors import DESCRIPTORS
 if TYPE_CHECKING:
     from motionlake.deephums.nearest import DescriptorScan, QuickIndex
     from motionlake.deephums.network import TrainedDescriptor
+
+
+def scan_of(descriptors: Float32Array) -> ExactScan | DescriptorScan:
+    """A search of descriptors [n, 512] that is quick for so many, the time to import what it needs among it."""
+    if len(descriptors) <= FEW:
+        return ExactScan(descriptors)
+    from motionlake.deephums.nearest import DescriptorScan
+
+    return DescriptorScan(descriptors)
 
 
 class DescriptorSearcher(LakeSearcher):
@@ -48,10 +57,8 @@ class DescriptorSearcher(LakeSearcher):
             network = DESCRIPTORS.served(con)
             if network is None:
                 raise UserError(f"{lake.root}: has no descriptors yet; make them with `motionlake run all`")
-            table = fetch_table(con, "descriptor_clips")
+            self.clips, self.descriptors = read_descriptors(con)
         self._file, self._quick = network.file, quick
-        self.descriptors = pc.list_flatten(table.column("descriptor")).to_numpy().reshape(-1, DIMENSION)
-        self.clips = [CorpusClip(**row) for row in table.drop_columns(["descriptor"]).to_pylist()]
         self._rows = {clip.clip: row for row, clip in enumerate(self.clips)}
         self._scan, self._index = cache(self._new_scan), cache(self._new_index)
 
@@ -91,12 +98,10 @@ class DescriptorSearcher(LakeSearcher):
             answers.append([hit for hit in hits if scope.own or hit.clip != query.clip][:k])
         return answers
 
-    def _new_scan(self, kept: ClipFilter) -> tuple[Int64Array, DescriptorScan]:
+    def _new_scan(self, kept: ClipFilter) -> tuple[Int64Array, ExactScan | DescriptorScan]:
         """The rows of the clips that may be answers, and a scan of them."""
-        from motionlake.deephums.nearest import DescriptorScan
-
         rows = np.array([row for row, clip in enumerate(self.clips) if kept.admits(clip)], dtype=np.int64)
-        return rows, DescriptorScan(self.descriptors[rows])
+        return rows, scan_of(self.descriptors[rows])
 
     def _new_index(self, kept: ClipFilter) -> QuickIndex:
         from motionlake.deephums.nearest import QuickIndex

@@ -19,7 +19,7 @@ from motionlake.retrieval.registry import ready, searcher
 from motionlake.stages.graph import MOST
 
 # How much each method counts, chosen with one set of recordings left out in turn.
-WEIGHTS: Final = {"signature": 1.0, "alignment": 1.0, "moves": 4.0}
+WEIGHTS: Final = {"signature": 1.0, "alignment": 1.0, "moves": 4.0, "descriptor": 2.0}
 LARGE: Final = ("signature",)
 REACH: Final = 200  # nearest clips by each method, which are ranked by all
 DIRECT: Final = 0.1  # what the distance itself counts beside the way along the graph

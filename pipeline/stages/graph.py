@@ -14,12 +14,14 @@ from typing import Any, Final
 import numpy as np
 import pyarrow as pa
 from motionlake.arrays import Float64Array, Int64Array
+from motionlake.deephums.exact import ExactScan
 from motionlake.lake.catalog import Connection, fetch, run_sql
 from motionlake.lake.config import config_hash, load_config
-from motionlake.lake.corpus import read_signatures
+from motionlake.lake.corpus import read_descriptors, read_signatures
 from motionlake.lake.layout import Lake
 from motionlake.lake.parts import write_part
 from motionlake.pesta.config import AlignmentConfig
+from motionlake.stages.descriptors import DESCRIPTORS
 from motionlake.stages.moves import MOVES, made_parts, tracks_in
 from motionlake.stages.reader import LakeReader, lake_reader
 from motionlake.stages.signatures import SIGNATURES
@@ -30,7 +32,9 @@ from numpy.typing import ArrayLike
 KEPT: Final = 32  # neighbours of a clip that are kept
 MOST: Final = 20_000  # clips of a lake; the work grows with their square
 CLIPS: Final = 2048  # of a shard, at least, but for the last of a dataset
-SOURCES: Final[Mapping[str, PartStage]] = {"signature": SIGNATURES, "alignment": SYMBOLS, "moves": MOVES}
+SOURCES: Final[Mapping[str, PartStage]] = {
+    "signature": SIGNATURES, "alignment": SYMBOLS, "moves": MOVES, "descriptor": DESCRIPTORS
+}  # fmt: skip
 ROWS: Final = pa.schema(
     [
         ("clip", pa.string()), ("key", pa.string()), ("method", pa.string()), ("node", pa.int32()),
@@ -203,8 +207,20 @@ def _by_moves(at: LakeReader, nodes: Mapping[str, int], shard: Shard) -> Nearest
     return _Listed(clips, nodes, lambda place, k: index.nearest(moves[place], k)).of()
 
 
+def _by_descriptor(at: LakeReader, nodes: Mapping[str, int], _: Shard) -> Nearest:
+    clips, descriptors = read_descriptors(at.con)
+    scan = ExactScan(descriptors)
+
+    def nearest(place: int, k: int) -> tuple[ArrayLike, ArrayLike]:
+        found = scan.nearest(descriptors[place], k)
+        return found.indices[0], found.distances[0]
+
+    return _Listed([clip.clip for clip in clips], nodes, nearest).of()
+
+
 NEAREST: Final[Mapping[str, Callable[[LakeReader, Mapping[str, int], Shard], Nearest]]] = {
     "signature": _by_signature,
     "alignment": _by_alignment,
     "moves": _by_moves,
+    "descriptor": _by_descriptor,
 }
