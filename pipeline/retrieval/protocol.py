@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from motionlake.deep_motifs.signatures import CorpusClip
 
 Finds: TypeAlias = Literal["clip", "range"]
-OPTIONAL = ("start", "stop", "cost", "start_seconds", "stop_clip", "path", "shares")
+OPTIONAL = ("start", "stop", "cost", "start_seconds", "stop_clip", "path", "shares", "text")
 
 
 @dataclass(frozen=True)
@@ -140,6 +140,7 @@ class Hit:
         stop_clip: where an answer may cross from clip to clip: the clip that `stop` is a frame of.
         path: what is aligned to what, where it was asked for; symbols that are strided over are left out.
         shares: what each of several methods made of it, where it was asked for.
+        text: what it says of what was asked for, where that was asked for in words.
     """
 
     rank: int
@@ -156,6 +157,7 @@ class Hit:
     stop_clip: str | None = None
     path: tuple[PathStep, ...] | None = None
     shares: tuple[Share, ...] | None = None
+    text: str | None = None
 
     def as_row(self) -> dict[str, object]:
         """For JSON: what an answer of this kind does not have is left out."""
