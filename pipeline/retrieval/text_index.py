@@ -63,7 +63,7 @@ class TextIndex:
 
         made = bm25s.BM25(b=0.1)
         ids = [[self._known[one] for one in each] for each in self._terms]
-        made.index(Tokenized(ids, self._known), show_progress=False)
+        made.index(Tokenized(ids, dict(self._known)), create_empty_token=False, show_progress=False)
         return made
 
     @cached_property
