@@ -44,7 +44,9 @@ def read_clips(recordings: Path, sets: Sequence[str] = SETS) -> list[SaidClip]:
         segments = _rows(recordings / name / "segments.csv")
         for file in sorted(rows.keys() | {row["file"] for row in segments}):
             says = {k: v for k, v in rows.get(file, {}).items() if v} | {"dataset": name, "file": Path(file).stem}
-            found.append(SaidClip(f"{name}/{file}", says, tuple(row["label"] for row in segments if row["file"] == file)))
+            found.append(
+                SaidClip(f"{name}/{file}", says, tuple(row["label"] for row in segments if row["file"] == file))
+            )
     return found
 
 

@@ -1,9 +1,9 @@
-"""motionlake search, find, align and duplicates: answers to questions about clips."""
+"""motionlake search, find and align: answers to questions about clips."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -218,34 +218,6 @@ def align(
             AlignmentPictures(material, searcher.symbols_of(piece), fps, searcher.config).save(picture, hits)
     rows = [(hit if path else replace(hit, path=None)).as_row() for hit in hits]
     _tell_hits(rows, mirrored=mirrored, as_json=as_json)
-
-
-def duplicates(
-    lake: LakeOption,
-    dataset: DatasetOption = None,
-    split: SplitOption = None,
-    recorded_only: RecordedOnlyOption = False,
-    mirrored: MirroredOption = False,
-    across: Annotated[bool, typer.Option("--across", help="Only pairs of clips of two datasets.")] = False,
-    max_distance: Annotated[
-        float | None,
-        option("--max-distance", help="How much clips may differ: 0.1 by a tenth of their movement (default)."),
-    ] = None,
-    as_json: JsonOption = False,
-) -> None:
-    """Clips that are one recording: exported again, resampled, cut, or mirrored.
-
-    Example: motionlake duplicates --across --mirrored --lake mylake
-    """
-    from motionlake.deep_motifs.duplicates import MAX_DISTANCE
-    from motionlake.retrieval.duplicates import near_duplicates
-    from motionlake.retrieval.protocol import Scope
-
-    target, scope = open_lake(lake), Scope(dataset, split, recorded_only, mirrored)
-    most = MAX_DISTANCE if max_distance is None else max_distance
-    with reading(target) as con:
-        found = near_duplicates(con, target, scope, max_distance=most, across=across)
-    tell([asdict(pair) for pair in found], as_json=as_json)
 
 
 def _check_picture(path: Path | None, queries: int) -> None:

@@ -166,4 +166,3 @@ def _of_word(word: str, known: Mapping[str, int], table: Thesaurus, spelling: Sp
     for longer in spelling.parts(word):
         found.setdefault(stem(longer), PART)
     return found
-
