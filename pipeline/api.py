@@ -16,7 +16,8 @@ if TYPE_CHECKING:
     from motionlake.lake.clip_dataset import ClipDataset
     from motionlake.lake.safe import LakeConnection
     from motionlake.motion.canonicalise import CanonicalMotion
-    from motionlake.retrieval.protocol import Finds
+    from motionlake.retrieval.protocol import Finds, Searcher
+    from motionlake.retrieval.text import Encoder
 
 T = TypeVar("T")
 Clip: TypeAlias = str | Path  # a clip of the lake by its name or the end of it, else a clip file, as is every `Path`
@@ -160,15 +161,17 @@ class Lake:
 
     def search(
         self,
-        query: Clip,
+        query: Clip | None = None,
         k: int = 10,
         *,
         start: int | None = None,
         stop: int | None = None,
         method: str = "fused",
+        text: str | None = None,
+        encoder: str | Encoder | None = None,
         **scope: Unpack[ScopeOptions],
     ) -> Rows:
-        """The clips most like one, nearest first.
+        """The clips most like one, or those that say what is asked for, nearest first.
 
         Examples:
             >>> hits = lake.search("humanoid3d_walk", k=3)
@@ -178,23 +181,32 @@ class Lake:
             [1, 2, 3]
             >>> len(lake.search("humanoid3d_walk", k=2, method="descriptor"))
             2
+            >>> lake.search(text="somebody kicks", k=1)[0]["clip"]
+            'clips/humanoid3d_kick.txt'
 
         Args:
-            query: a clip of the lake, or a clip file.
+            query: a clip of the lake, or a clip file; None: look for the text alone.
             k: how many at most.
             method: "fused" (signature, alignment and moves together, along the neighbour graph), "signature"
                 (histograms of motion words; Deep Motifs, section 4.3), "alignment" (strings of postures; PESTA, section
                 6), "moves" (joints over time, warped) or "descriptor" (one vector a clip; DeepHuMS, section 3.2).
             start: first frame of the part of it that counts, at its own rate; None: its first.
             stop: frame after the last; None: after its last.
+            text: what labels, descriptions, segments or names of clips should say; beside a clip, both count the same.
+            encoder: compare meanings of texts as well: a function of n texts that gives [n, d] numbers, or the name that
+                an installed package gives one.
             scope: `dataset`: from its clips only; `split`: from clips of this split only; `recorded_only`: synthetic
                 clips are no answers; `mirrored`: search for the mirror image too, the nearer of both counts; `own`: the
                 query may be an answer itself.
 
         Raises:
-            UserError: as `motion`; an unknown method, or the lake is not ready for it.
+            UserError: as `motion`; an unknown method, or the lake is not ready for it; neither a clip nor a text.
         """
-        return self._search("clip", method, (query, start, stop), k, scope)
+        if text is None:
+            if query is None:
+                raise UserError("search: name a clip or a clip file, or give a text")
+            return self._search("clip", method, (query, start, stop), k, scope)
+        return self._search_text(text, encoder, None if query is None else (query, start, stop), k, method, scope)
 
     def find(
         self,
@@ -413,11 +425,36 @@ class Lake:
 
     def _search(self, finds: Finds, method: str, part: ClipRange, k: int, scope: ScopeOptions, /, **how: Any) -> Rows:
         from motionlake.retrieval.protocol import Query, Scope
-        from motionlake.retrieval.registry import searcher
 
         query = Query(self._query(part[0]), *part[1:])
-        found = self._keep((finds, method, *how.items()), lambda: searcher(finds, method, self._lake, **how))
-        return Rows.of(hit.as_row() for hit in found.search([query], k, Scope(**scope))[0])
+        found = self._searcher(finds, method, **how).search([query], k, Scope(**scope))[0]
+        return Rows.of(hit.as_row() for hit in found)
+
+    def _search_text(
+        self,
+        text: str,
+        encoder: str | Encoder | None,
+        part: ClipRange | None,
+        k: int,
+        method: str,
+        scope: ScopeOptions,
+    ) -> Rows:
+        from motionlake.retrieval.protocol import Query, Scope
+        from motionlake.retrieval.text import LakeText, encoder_named
+        from motionlake.retrieval.text_example import ExampleAndText
+
+        encode = encoder_named(encoder) if isinstance(encoder, str) else encoder
+        says = self._keep(("text", encode), lambda: LakeText(self._lake, encode))
+        if part is None:
+            return Rows.of(hit.as_row() for hit in says.search(text, k, Scope(**scope)))
+        query = Query(self._query(part[0]), *part[1:])
+        both = ExampleAndText(self._searcher("clip", method), says, text)
+        return Rows.of(hit.as_row() for hit in both.search([query], k, Scope(**scope))[0])
+
+    def _searcher(self, finds: Finds, method: str, /, **how: Any) -> Searcher:
+        from motionlake.retrieval.registry import searcher
+
+        return self._keep((finds, method, *how.items()), lambda: searcher(finds, method, self._lake, **how))
 
 
 def _asked(ask: Callable[[], T]) -> T:

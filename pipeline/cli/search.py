@@ -28,7 +28,9 @@ from motionlake.lake.layout import Lake, open_lake
 from motionlake.names import printable
 
 if TYPE_CHECKING:
-    from motionlake.retrieval.protocol import Query
+    from motionlake.retrieval.protocol import Query, Searcher
+    from motionlake.retrieval.text import LakeText
+    from motionlake.retrieval.text_example import ExampleAndText
 
 KOption = Annotated[int, typer.Option("-k", min=1, help="How many answers.")]
 MirroredOption = Annotated[
@@ -66,6 +68,15 @@ def search(
     mirrored: MirroredOption = False,
     own: OwnOption = False,
     sample: Annotated[int, typer.Option(min=0, help="Also ask for so many clips of the lake, to try it out.")] = 0,
+    text: Annotated[
+        str | None,
+        option(
+            "--text", help="Clips whose labels, descriptions, segments or names say this; beside a clip both count."
+        ),
+    ] = None,
+    encoder: Annotated[
+        str | None, option("--encoder", help="--text: compare meanings too, by this encoder of an installed package.")
+    ] = None,
     picture: PictureOption = None,
     as_json: JsonOption = False,
 ) -> None:
@@ -80,11 +91,17 @@ def search(
     Why these: motionlake search walk_01 -k 3 --explain --lake mylake
 
     By the descriptor network: motionlake search walk_01 --method descriptor --lake mylake
+
+    In words: motionlake search --text "walks and turns left" --lake mylake
+
+    Like a clip, and in words: motionlake search walk_01 --text angry --lake mylake
     """
     from motionlake.retrieval.protocol import Scope
     from motionlake.retrieval.registry import check_method, searcher
 
     target = open_lake(lake)
+    if encoder is not None and text is None:
+        raise UserError("--encoder: is for --text")
     check_method("clip", method)
     if method != "fused" and (explain or not graph):
         raise UserError(f"--{'explain' if explain else 'no-graph'}: is for --method fused")
@@ -92,10 +109,25 @@ def search(
     scope = Scope(dataset, split, recorded_only, mirrored, own)
     with reading(target) as con:
         names = [*(clips or []), *(row["clip"] for row in fetch(con, "sample_clips", {"count": sample}))]
+        if text is not None and not names:
+            needless = {
+                "--from": start,
+                "--to": stop,
+                "--picture": picture,
+                "--explain": explain,
+                "--mirrored": mirrored,
+            }
+            _check_clip_named({**needless, "--method": method != "fused", "--no-graph": not graph, "--own": own})
+            _tell_hits([hit.as_row() for hit in _text(target, encoder).search(text, k, scope)], as_json=as_json)
+            return
         if not names:
-            raise UserError("search: name a clip or a clip file, or give --sample N")
+            raise UserError("search: name a clip or a clip file, give --text WORDS, or --sample N")
         _check_picture(picture, len(names))
-        found = searcher("clip", method, target, **how)
+        found: Searcher | ExampleAndText = searcher("clip", method, target, **how)
+        if text is not None:
+            from motionlake.retrieval.text_example import ExampleAndText
+
+            found = ExampleAndText(found, _text(target, encoder), text, explain=explain)
         queries = [named_query(con, target, name, start, stop) for name in names]
         answers = [[hit.as_row() for hit in hits] for hits in found.search(queries, k, scope)]
         _save_picture(con, target, picture, method, zip(names, queries, answers, strict=True))
@@ -220,6 +252,19 @@ def align(
     _tell_hits(rows, mirrored=mirrored, as_json=as_json)
 
 
+def _text(lake: Lake, encoder: str | None) -> LakeText:
+    from motionlake.retrieval.text import LakeText, encoder_named
+
+    return LakeText(lake, None if encoder is None else encoder_named(encoder))
+
+
+def _check_clip_named(given: Mapping[str, object]) -> None:
+    """Raises `UserError` where an option is given that says something of the clip to search for, and none is."""
+    for option_name, value in given.items():
+        if value is not None and value is not False:
+            raise UserError(f"{option_name}: is for a clip to search for; name one beside --text")
+
+
 def _check_picture(path: Path | None, queries: int) -> None:
     """Before the search is made: can so many answers be drawn there? Raises `UserError` if not."""
     if path is None:
@@ -253,7 +298,7 @@ def _save_picture(
     write_hits(path, pages)
 
 
-def _tell_hits(rows: Sequence[Mapping[str, Any]], *, mirrored: bool, as_json: bool) -> None:
+def _tell_hits(rows: Sequence[Mapping[str, Any]], *, mirrored: bool = False, as_json: bool) -> None:
     """A table says which answers are `mirrored` only where mirror images were looked for."""
     shown = ({n: v for n, v in row.items() if mirrored or n != "mirrored"} for row in rows)
     tell(rows, [row | _explained(row.pop("shares", ())) for row in shown], as_json=as_json)
