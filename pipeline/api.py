@@ -193,8 +193,8 @@ class Lake:
             start: first frame of the part of it that counts, at its own rate; None: its first.
             stop: frame after the last; None: after its last.
             text: what labels, descriptions, segments or names of clips should say; beside a clip, both count the same.
-            encoder: compare meanings of texts as well: a function of n texts that gives [n, d] numbers, or the name that
-                an installed package gives one.
+            encoder: compare meanings of texts as well: a function that gives n texts [n, d] numbers, or the name of one
+                that an installed package brings.
             scope: `dataset`: from its clips only; `split`: from clips of this split only; `recorded_only`: synthetic
                 clips are no answers; `mirrored`: search for the mirror image too, the nearer of both counts; `own`: the
                 query may be an answer itself.

@@ -76,7 +76,7 @@ def _matches(clip: SaidClip, column: str, pattern: str) -> bool:
 def recall(scores: Float64Array, wanted: Sequence[bool], k: int = 10) -> float:
     """How many of the first k answers are wanted, of k or of all that are, if these are fewer; ties in their order."""
     order = [place for place in np.argsort(-scores, kind="stable")[:k] if scores[place] > 0]
-    return sum(wanted[place] for place in order) / min(k, sum(wanted))
+    return float(sum(wanted[place] for place in order) / min(k, sum(wanted)))
 
 
 def ours(clips: Sequence[SaidClip]) -> Ranking:

@@ -123,11 +123,12 @@ def search(
         if not names:
             raise UserError("search: name a clip or a clip file, give --text WORDS, or --sample N")
         _check_picture(picture, len(names))
-        found: Searcher | ExampleAndText = searcher("clip", method, target, **how)
+        alike = searcher("clip", method, target, **how)
+        found: Searcher | ExampleAndText = alike
         if text is not None:
             from motionlake.retrieval.text_example import ExampleAndText
 
-            found = ExampleAndText(found, _text(target, encoder), text, explain=explain)
+            found = ExampleAndText(alike, _text(target, encoder), text, explain=explain)
         queries = [named_query(con, target, name, start, stop) for name in names]
         answers = [[hit.as_row() for hit in hits] for hits in found.search(queries, k, scope)]
         _save_picture(con, target, picture, method, zip(names, queries, answers, strict=True))

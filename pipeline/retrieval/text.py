@@ -44,7 +44,7 @@ class Answers:
 
 
 class LakeText:
-    """What the clips of a lake say: labels, other columns of labels.csv, segments, names of subjects, files and datasets.
+    """What the clips of a lake say: in columns of labels.csv, segments, names of files and datasets.
 
     A clip is as near as its score by `TextIndex` over the greatest of any clip; its distance is one less that. A number
     counts for the clips whose name or subject has it. With an encoder, near is the mean of this and of the cosine of
@@ -122,7 +122,7 @@ class LakeText:
         pattern = rf"(^|[^0-9])0*{number}([^0-9]|$)"
         named = [pc.match_substring_regex(self._rows[column], pattern) for column in ("clip", "subject")]
         has = np.logical_or(*map(_true, named)).astype(np.float64)
-        return has * np.log1p((len(has) - has.sum() + 0.5) / (has.sum() + 0.5))
+        return np.asarray(has * np.log1p((len(has) - has.sum() + 0.5) / (has.sum() + 0.5)))
 
     @cached_property
     def _index(self) -> TextIndex:

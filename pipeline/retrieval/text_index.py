@@ -20,8 +20,8 @@ class TextIndex:
     """BM25 (Robertson and Zaragoza, 2009) of texts, by words without endings, synonyms and pieces of words.
 
     Every term of a text counts once, however often the text says it: a label that also names folder and file says no
-    more than one that does not. For each thing that a query asks for (`concepts`) a text gets the best of the terms that
-    stand for it, and the sum over all of them.
+    more than one that does not. For each thing that a query asks for (`concepts`) a text gets the best of the terms
+    that stand for it, and the sum over all of them.
 
     Args:
         texts: the parts of each, such as a label and a name; words of two parts make no pair. Texts that are the same
@@ -51,7 +51,9 @@ class TextIndex:
         """
         scores = {one: self._bm25(one) for one in each}
         most = min((scores[one].max() for one, counts in each.items() if counts == 1), default=np.inf)
-        return np.max([scores[one] * counts * min(1, most / scores[one].max()) for one, counts in each.items()], axis=0)
+        return np.asarray(
+            np.max([scores[one] * counts * min(1, most / scores[one].max()) for one, counts in each.items()], axis=0)
+        )
 
     def _bm25(self, term: str) -> Float64Array:
         return np.asarray(self._index.get_scores_from_ids([self._known[term]]), dtype=np.float64)

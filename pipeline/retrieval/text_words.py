@@ -17,11 +17,6 @@ from typing import Any, Final
 _HUMPS: Final = re.compile(r"(?<=[a-z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])")
 _WORDS: Final = re.compile(r"[^\W\d_]+")
 _NUMBERS: Final = re.compile(r"[0-9]+")
-STOP: Final = frozenset(
-    "a an and are as at be been being by can did do does doing for from has have having he her hers him his i in into is "
-    "it its me my of on or our she so some somebody someone something than that the their them then there these they "
-    "this those to was we were what when where which while who whose will with you your person people subject".split()
-)
 SAME, KIND = 0.8, 0.6  # what a word that means the same counts, and one that is a kind of it; the word itself 1
 PART = 0.5  # a word of which the one that was asked for is a part
 _ALIKE: Final = 0.5  # of the pieces of two words, below which they are not taken for one
@@ -31,7 +26,7 @@ _LEAST: Final = 4  # letters of a word that may be misspelled, or a part of anot
 def words(text: str) -> list[str]:
     """The words of a text or a name, in their order, in small letters, without those that say nothing."""
     apart = _HUMPS.sub(" ", unicodedata.normalize("NFKC", text))
-    return [word for word in (found.casefold() for found in _WORDS.findall(apart)) if word not in STOP]
+    return [word for word in (found.casefold() for found in _WORDS.findall(apart)) if word not in _stop()]
 
 
 def numbers(text: str) -> list[str]:
@@ -72,9 +67,19 @@ class Thesaurus:
 
 
 @cache
+def _table() -> dict[str, Any]:
+    return tomllib.loads(files(__package__).joinpath("synonyms.toml").read_text(encoding="utf-8"))
+
+
+@cache
+def _stop() -> frozenset[str]:
+    return frozenset(" ".join(_table()["stop"]).split())
+
+
+@cache
 def thesaurus() -> Thesaurus:
     """The table that comes with the program."""
-    table = tomllib.loads(files(__package__).joinpath("synonyms.toml").read_text(encoding="utf-8"))
+    table = _table()
     near: defaultdict[str, dict[str, float]] = defaultdict(dict)
     groups = [[term(entry) for entry in line.split(",")] for line in table["same"]]
     for group in groups:
@@ -149,7 +154,7 @@ def concepts(query: str, known: Mapping[str, int], spelling: Spelling) -> list[d
     found = [_of_word(word, known, table, spelling) for word in asked]
     for left, right in pairwise(asked):
         pair = f"{stem(left)} {stem(right)}"
-        found.append({pair: 0.5, stem(left + right): 1.0} | table.near.get(pair, {}))
+        found.append({pair: 0.5, stem(left + right): 1.0, **table.near.get(pair, {})})
     kept = [{one: value for one, value in each.items() if one in known} for each in found]
     return [each for each in kept if each]
 

@@ -23,7 +23,7 @@ def clips_saying(
     scope: Scope = EVERYTHING,
 ) -> list[Hit]:
     """The clips that say what is asked for, as `motionlake search --text`; `query`: and that are like this one."""
-    says = served.once(_says)
+    says: LakeText = served.once(_says)
     most = ALL if k is None else k
     if query is None:
         return says.search(words, most, scope)
