@@ -53,6 +53,7 @@ COMMANDS: Final = {
         "classify": "The class of clips, learned from the labelled clips of the lake.",
         "segment": "Which class each part of a clip shows, learned from labelled clips.",
         "cluster": "Groups of similar clips; no labels are used.",
+        "suggest": "What clips may be called: suggestions, which nothing takes for the truth unless you do.",
     },
     "Make new motion": {
         "compose": "A new motion cut together from a dataset's clips, as BVH.",
@@ -73,6 +74,7 @@ MODULES: Final = {
     "sql": ("sql",),
     "look": ("view", "report", "export"),
     "sort": ("classify", "segment", "cluster"),
+    "suggest": ("suggest",),
     "make": ("compose", "synthesize"),
     "train": ("train",),
     "evaluate": ("evaluate",),

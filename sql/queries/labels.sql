@@ -83,5 +83,16 @@ WHERE clip IN (SELECT clip FROM signatures)
         OR list_contains($datasets::VARCHAR[], dataset) OR list_contains($clips::VARCHAR[], clip))
 ORDER BY ALL;
 
+-- name: labels_of_recorded
+-- One column of what labels.csv says of the recorded clips.
+SELECT clip, dataset,
+    map_concat(attributes, MAP {'label': label, 'subject': subject, 'split': split, 'dataset': dataset})[$column] AS label
+FROM clips WHERE format <> 'synthetic' ORDER BY clip;
+
+-- name: labels_of_files
+-- What labels.csv says of the files that clips come from, and the source folder of each.
+SELECT c.clip, c.path, s.root, c.label, c.subject, c.split, c.licence, c.attributes
+FROM clips c JOIN sources s ON s.dataset = c.dataset AND s.path = c.path ORDER BY c.clip;
+
 -- name: forget_orphans_of_segments
 DELETE FROM segments WHERE clip NOT IN (SELECT clip FROM clips);
