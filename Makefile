@@ -20,7 +20,7 @@ DEMO_SYNTHESIS = $(if $(filter demo/deepmimic,$(DATA)),$(BIN)/motionlake run syn
 DEMO_QUERIES = $(if $(filter demo/deepmimic,$(DATA)),humanoid3d_walk humanoid3d_kick humanoid3d_dance_a,--sample 3)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test lint docs ingest all $(STAGES) neighbours transitions synth status wheel bench-ingest bench-dtw bench-moves bench-emd bench-generalise bench-retrieval bench-representation bench-words bench-find bench-motion-graph bench-neighbours bench-segmentation bench-signatures bench-align bench-pesta bench-descriptor-search bench-deephums bench-glogen bench-synthesis bench-kills bench-many bench-smoke fuzz
+.PHONY: help setup demo test lint docs ingest all $(STAGES) neighbours transitions synth status wheel bench-ingest bench-dtw bench-moves bench-emd bench-generalise bench-retrieval bench-representation bench-words bench-find bench-motion-graph bench-neighbours bench-segmentation bench-signatures bench-align bench-pesta bench-descriptor-search bench-deephums bench-glogen bench-synthesis bench-text bench-kills bench-many bench-smoke fuzz
 
 help: ## Show this help
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 24
@@ -173,6 +173,9 @@ bench-synthesis: setup ## Measure how fast motion is made: 1, 100 and 1,000 clip
 
 bench-glogen: setup ## Measure synthesis beside its baselines: sparse poses, real time, ablations (hours; PARTS="sparse ...": some)
 	$(BIN)/python -m bench.glogen $(PARTS)
+
+bench-text: setup ## Measure the search in words, its speed among 150,000 clips, and suggested labels (minutes)
+	$(BIN)/python -m bench.text_search queries speed labels
 
 bench-kills: setup ## Kill drivers, workers and schedulers at random moments, compare all tables (KILLS=100)
 	$(BIN)/python -m bench.kills --kills $(or $(KILLS),100)

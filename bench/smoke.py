@@ -136,6 +136,8 @@ SMOKES: Final[Sequence[Smoke]] = (
     Smoke("bench.pretrained_descriptors", ("submotion", "--rounds", "1", "--out", "OUT/submotion.safetensors")),
     Smoke("bench.pretrained_generator", ("--epochs", "1", "--out", "OUT/generator.safetensors"),
           {"bench.pretrained_generator.EXAMPLES": 50}),
+    Smoke("bench.text_search", ("queries", "speed", "labels"), {"bench.text_search.CLIPS": 300,
+          "bench.text_search.SEEDS": ONE_SEED, "bench.text_search.LABELLED": ("hdm05",)}),
     Smoke("bench.synthesis_speed", ("--counts", "1", "--workers", "1", "--epochs", "1"),
           {"bench.synthesis_speed.TOGETHER": 2, "bench.synthesis_speed.UNITS": 32,
           "bench.synthesis_speed.SECONDS": 2.0}),

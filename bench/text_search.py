@@ -53,10 +53,11 @@ def queries() -> dict[str, Any]:
     ways = {"ours": ours(clips), "substrings": substrings(clips), "bm25": plain_bm25(clips)}
     found: dict[str, Any] = {"clips": len(clips)}
     for name in ("text_queries", "text_development_queries"):
-        asked = read_queries(f"{name}.toml")
+        asked = [(each["text"], expected(each, clips)) for each in read_queries(f"{name}.toml")]
         rows = {
-            each["text"]: {way: recall(scores(each["text"]), expected(each, clips)) for way, scores in ways.items()}
-            for each in asked
+            text: {way: recall(scores(text), wanted) for way, scores in ways.items()}
+            for text, wanted in asked
+            if any(wanted)
         }
         means = {way: fmean(row[way] for row in rows.values()) for way in ways}
         found[name] = {"mean": means, "queries": rows}
@@ -112,9 +113,16 @@ def labels(ready: Path | None) -> dict[str, Any]:
             lake = Lake(ready / f"lake-{SETS[name].folder}") if ready else _made(Path(folder), name)
             hits, truth = _neighbours(lake, "AND label = 'salsa'" if name == "salsa" else "", SETS[name].label)
         runs = [_half(hits, truth, seed) for seed in SEEDS]
-        found[name] = {key: float(np.mean([one[key] for one in runs if one[key] is not None])) for key in runs[0]}
-        print(name, {key: round(value, 3) for key, value in found[name].items()}, flush=True)
+        found[name] = {key: _mean([one[key] for one in runs]) for key in runs[0]}
+        print(
+            name, {key: value if value is None else round(value, 3) for key, value in found[name].items()}, flush=True
+        )
     return found
+
+
+def _mean(values: Sequence[float | None]) -> float | None:
+    known = [value for value in values if value is not None]
+    return fmean(known) if known else None
 
 
 def _made(folder: Path, name: str) -> Lake:

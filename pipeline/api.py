@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias, TypedDict, TypeVar, Unpack
 
@@ -238,6 +239,27 @@ class Lake:
             UserError: as `search`; the query has no such frames, or too few.
         """
         return self._search("range", method, (query, start, stop), k, scope)
+
+    def suggest_labels(self, dataset: str | None = None, column: str = "label") -> Rows:
+        """Labels for the clips that have none: those of the labelled clips most like them, the surest first.
+
+        Nothing is written into the lake.
+
+        Examples:
+            >>> len(lake.suggest_labels())  # every clip has one
+            0
+
+        Args:
+            dataset: only for clips of this dataset.
+            column: of labels.csv that holds the labels.
+
+        Raises:
+            UserError: no such column, fewer than two labelled clips, or the lake is not ready for search.
+        """
+        from motionlake.retrieval.suggestions import LabelSuggester
+
+        found = LabelSuggester(self._lake, self._searcher("clip", "fused"), column).suggest(dataset)
+        return Rows.of(asdict(each) for each in found)
 
     def align(
         self,

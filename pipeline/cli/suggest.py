@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 suggest = typer.Typer(
     help="What clips may be called: suggestions, which nothing takes for the truth unless you do.\n\n"
-    "Example: motionlake suggest labels --dataset shots --lake mylake",
+    "Example: motionlake suggest labels --dataset shots --json --lake mylake",
     no_args_is_help=True,
     **SETTINGS,
 )
