@@ -12,7 +12,7 @@ from __future__ import annotations
 import argparse
 import tempfile
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from statistics import fmean
 from typing import Any, Final
@@ -168,7 +168,11 @@ def main() -> None:
     parser.add_argument("parts", nargs="+", choices=("queries", "speed", "labels"))
     parser.add_argument("--lakes", type=Path, help="labels: a folder of lakes that are made, named lake-<set>")
     given = parser.parse_args()
-    parts = {"queries": queries, "speed": speed, "labels": lambda: labels(given.lakes)}
+    parts: dict[str, Callable[[], dict[str, Any]]] = {
+        "queries": queries,
+        "speed": speed,
+        "labels": lambda: labels(given.lakes),
+    }
     print(record("text", {part: parts[part]() for part in given.parts}, packages=("bm25s", "pystemmer")))
 
 
