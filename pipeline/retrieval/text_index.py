@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 from motionlake.arrays import Float64Array
-from motionlake.retrieval.text_words import Spelling, concepts, terms, thesaurus, words
+from motionlake.retrieval.text_words import Spelling, concepts, terms_of, thesaurus, words
 
 if TYPE_CHECKING:
     import bm25s
@@ -29,9 +29,18 @@ class TextIndex:
     """
 
     def __init__(self, texts: Sequence[Sequence[str]]) -> None:
-        self._texts = texts
-        self._terms = [list(dict.fromkeys(one for part in text for one in terms(part))) for text in texts]
-        self._known = {one: i for i, one in enumerate(dict.fromkeys(one for each in self._terms for one in each))}
+        known: dict[str, int] = {}
+        parts: dict[str, list[int]] = {}  # many texts have folders in common
+        said: set[str] = set()
+        ids = []
+        for text in texts:
+            for part in text:
+                if part not in parts:
+                    found = words(part)
+                    said.update(found)
+                    parts[part] = [known.setdefault(one, len(known)) for one in terms_of(found)]
+            ids.append(list(dict.fromkeys(one for part in text for one in parts[part])))
+        self._ids, self._known, self._said = ids, known, said
 
     def asked(self, query: str) -> Asked:
         """What a query asks for, in terms of this index."""
@@ -39,7 +48,7 @@ class TextIndex:
 
     def scores(self, asked: Asked) -> Float64Array:
         """[n] how well each text answers; 0 where it does not at all."""
-        found = np.zeros(len(self._texts))
+        found = np.zeros(len(self._ids))
         for each in asked:
             found += self._answered(each)
         return found
@@ -64,11 +73,9 @@ class TextIndex:
         from bm25s.tokenization import Tokenized
 
         made = bm25s.BM25(b=0.1)
-        ids = [[self._known[one] for one in each] for each in self._terms]
-        made.index(Tokenized(ids, dict(self._known)), create_empty_token=False, show_progress=False)
+        made.index(Tokenized(self._ids, dict(self._known)), create_empty_token=False, show_progress=False)
         return made
 
     @cached_property
     def _spelling(self) -> Spelling:
-        said = {word for text in self._texts for part in text for word in words(part)}
-        return Spelling(said | thesaurus().spelled)
+        return Spelling(self._said | thesaurus().spelled)

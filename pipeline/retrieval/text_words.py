@@ -25,8 +25,9 @@ _LEAST: Final = 4  # letters of a word that may be misspelled, or a part of anot
 
 def words(text: str) -> list[str]:
     """The words of a text or a name, in their order, in small letters, without those that say nothing."""
-    apart = _HUMPS.sub(" ", unicodedata.normalize("NFKC", text))
-    return [word for word in (found.casefold() for found in _WORDS.findall(apart)) if word not in _stop()]
+    plain = text if text.isascii() else unicodedata.normalize("NFKC", text)
+    apart, stop = _HUMPS.sub(" ", plain).casefold(), _stop()
+    return [word for word in _WORDS.findall(apart) if word not in stop]
 
 
 def numbers(text: str) -> list[str]:
@@ -42,7 +43,12 @@ def stem(word: str) -> str:
 
 def terms(text: str) -> list[str]:
     """What a text is found by: its words without endings, and each with the one that follows it, as "walk left"."""
-    found = [stem(word) for word in words(text)]
+    return terms_of(words(text))
+
+
+def terms_of(said: Iterable[str]) -> list[str]:
+    """The same of words in their order."""
+    found = [stem(word) for word in said]
     return [*found, *map(" ".join, pairwise(found))]
 
 
