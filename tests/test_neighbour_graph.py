@@ -147,7 +147,7 @@ def test_the_command_says_why(built_lake: Path, lake: Path) -> None:
     rows = motionlake(*words, "--explain", "--json").json
     assert all({share["method"] for share in row["shares"]} <= set(WEIGHTS) for row in rows)
     said = motionlake(*words, "--explain").out
-    assert "moves (67%)" in said
+    assert "moves (50%)" in said
     assert "graph 0." in said
     without = motionlake(*words, "--no-graph", "--json").json
     assert "shares" not in without[0]

@@ -201,5 +201,5 @@ def _ready(lake: Lake) -> dict[str, LakeSearcher]:
     with reading(lake) as con:
         (count,) = fetch(con, "count_clips")
     wanted = WEIGHTS if count["clips"] <= MOST else LARGE
-    chosen = [name for name in names if name in wanted] or names
+    chosen = [name for name in wanted if name in names] or names
     return {name: cast(LakeSearcher, searcher("clip", name, lake)) for name in chosen}
