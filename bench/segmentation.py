@@ -2,8 +2,9 @@
 
 "cmu_exercises": leave one take out; every take is segmented by what the other four teach. "cmu_86": the take
 86_01 is segmented by clips of other sets that show walking, jumping, punching and kicking, chosen by their
-label or description alone (`TAUGHT`). Each has a lake of its own with the default configuration but for the
-seeds; the network is trained on that lake's clips without their labels. Shares of words, means over seeds.
+label or description alone (`TAUGHT`). Each has a lake of its own. "pretrained": with the pretrained word network, as
+`motionlake segment` has it by default; the seed is that of the motifs alone. Else the network is trained on that
+lake's clips without their labels. Shares of words, means over seeds.
 
 The configuration is the first of `VARIANTS`; the others stand beside it to show what each choice does.
 """
@@ -14,27 +15,36 @@ import csv
 import shutil
 import sys
 import tempfile
+from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+from motionlake.deep_motifs.config import PRETRAINED_WORDS
 from motionlake.deep_motifs.segmentation import LabelledRange, SegmentationConfig
+from motionlake.deep_motifs.signatures import Corpus
+from motionlake.deep_motifs.word_segmentation import WordSegmentation
 from motionlake.evaluation.segmentation import SegmentationScores, segmentation_scores, segments_of
-from motionlake.lake.catalog import reading
+from motionlake.lake.catalog import Connection, reading
 from motionlake.lake.corpus import read_corpus
 from motionlake.lake.layout import Lake
-from motionlake.retrieval.segments import mirrored_motifs
+from motionlake.retrieval.segment_methods import Config, segment_method
 
 from bench.lakes import make_lake, run_all
 from bench.record import record, recordings
 
 SEEDS: Final = (0, 1, 2)
 CONFIG: Final = SegmentationConfig()
+WORDS: Final = WordSegmentation()
 # (configuration, mirror images teach too); the first is what is reported.
-VARIANTS: Final[dict[str, tuple[SegmentationConfig, bool]]] = {
-    "default": (CONFIG, True),
+VARIANTS: Final[dict[str, tuple[Config, bool]]] = {
+    "default": (WORDS, True),
+    "words, no mirror images": (WORDS, False),
+    "words, every border alike": (replace(WORDS, rest=0.0), True),
+    "words, borders for nothing": (replace(WORDS, border=0.0), True),
+    "signatures": (CONFIG, True),
     "no mirror images": (CONFIG, False),
     "mirror images as near": (replace(CONFIG, mirror_factor=1.0), True),
     "middle word (the paper's)": (replace(CONFIG, reach=0), False),
@@ -44,6 +54,7 @@ VARIANTS: Final[dict[str, tuple[SegmentationConfig, bool]]] = {
     "window of 27 words": (replace(CONFIG, window=27), True),
     "window of 9 words": (replace(CONFIG, window=9), True),
 }
+ORIGINS: Final = {"pretrained": PRETRAINED_WORDS.file, "own": None}  # of the word network
 EXERCISES_FLOOR: Final = {"13_29": 0.938, "13_30": 0.975, "13_31": 0.925, "14_14": 0.847, "14_20": 0.969}
 TAKE: Final = "cmu_86/clips/86_01.amc"
 # What 86_01 is taught by: (set, column of its labels, their text, class of 86_01).
@@ -67,40 +78,38 @@ def exercises(lake: Lake) -> dict[str, dict[str, SegmentationScores]]:
     with reading(lake) as con:
         corpus = read_corpus(con)
         ranges = segments_of(con, corpus)
-        takes = {Path(corpus.clips[i].clip).stem: i for i in sorted({r.clip for r in ranges})}
-        turned = mirrored_motifs(con, lake, corpus, takes.values())
-    return {
-        name: {
-            take: segmentation_scores(
-                corpus,
-                clip,
-                [r for r in ranges if r.clip != clip],
-                [r for r in ranges if r.clip == clip],
-                config,
-                turned if mirrored else None,
-            )
-            for take, clip in takes.items()
-        }
-        for name, (config, mirrored) in VARIANTS.items()
-    }
+        takes = sorted({r.clip for r in ranges})
+        taught = {clip: [r for r in ranges if r.clip != clip] for clip in takes}
+        return _scores(con, lake, corpus, ranges, taught)
 
 
 def taught_by_other_sets(lake: Lake) -> dict[str, dict[str, SegmentationScores]]:
     """Scores of 86_01 under each variant."""
     with reading(lake) as con:
         corpus = read_corpus(con)
-        truth = segments_of(con, corpus)
         clip = corpus.positions[TAKE]
         taught = [
             LabelledRange(i, 0, c.frames, c.label)
             for i, c in enumerate(corpus.clips)
             if c.label is not None and i != clip
         ]
-        turned = mirrored_motifs(con, lake, corpus, (r.clip for r in taught))
-    return {
-        name: {"86_01": segmentation_scores(corpus, clip, taught, truth, config, turned if mirrored else None)}
-        for name, (config, mirrored) in VARIANTS.items()
-    }
+        return _scores(con, lake, corpus, segments_of(con, corpus), {clip: taught})
+
+
+def _scores(
+    con: Connection, lake: Lake, corpus: Corpus, truth: Sequence[LabelledRange], taught: dict[int, list[LabelledRange]]
+) -> dict[str, dict[str, SegmentationScores]]:
+    found = {}
+    for name, (config, mirrored) in VARIANTS.items():
+        method = segment_method(con, lake, corpus, config, mirrored=mirrored)
+        method.read([*taught, *(r.clip for ranges in taught.values() for r in ranges)])
+        found[name] = {
+            Path(corpus.clips[clip].clip).stem: segmentation_scores(
+                method, clip, ranges, [r for r in truth if r.clip == clip]
+            )
+            for clip, ranges in taught.items()
+        }
+    return found
 
 
 def teaching_clips(folder: Path) -> Path:
@@ -141,16 +150,17 @@ def _mean(rows: Sequence[Mapping[str, Any]]) -> Scores:
 
 def main() -> None:
     seeds = [int(word) for word in sys.argv[1:]] or list(SEEDS)
-    runs: dict[str, list[dict[str, dict[str, SegmentationScores]]]] = {"cmu_exercises": [], "cmu_86": []}
+    runs: dict[str, list[dict[str, dict[str, SegmentationScores]]]] = defaultdict(list)
     with tempfile.TemporaryDirectory(prefix="bench-segmentation-") as folder:
         alone = make_lake(Path(folder) / "exercises", [recordings() / "cmu_exercises"])
         other = make_lake(Path(folder) / "other", [recordings() / "cmu_86", teaching_clips(Path(folder))])
         for seed in seeds:
             for name, lake, measure in (("cmu_exercises", alone, exercises), ("cmu_86", other, taught_by_other_sets)):
-                run_all(lake, seed)
-                runs[name].append(measure(lake))
-                print(f"seed {seed}", flush=True)
-                show(name, means(runs[name][-1:]))
+                for origin, weights in ORIGINS.items():
+                    run_all(lake, seed, weights)
+                    runs[f"{name}, {origin}"].append(measure(lake))
+                    print(f"seed {seed}", flush=True)
+                    show(f"{name}, {origin}", means(runs[f"{name}, {origin}"][-1:]))
     figures = {name: means(each) for name, each in runs.items()}
     print("\nmeans")
     for name, found in figures.items():
@@ -164,7 +174,7 @@ def show(name: str, found: Mapping[str, Mapping[str, Scores]]) -> None:
         mean = takes["mean"]
         each = " ".join(f"{scores['accuracy_known']:.3f}" for take, scores in takes.items() if take != "mean")
         print(
-            f"  {name:14} {variant:26} accuracy_known {mean['accuracy_known']:.3f} ({each})  "
+            f"  {name:25} {variant:26} accuracy_known {mean['accuracy_known']:.3f} ({each})  "
             f"or unknown {mean['accuracy_known_or_unknown']:.3f}  accuracy {mean['accuracy']:.3f}",
             flush=True,
         )

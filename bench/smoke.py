@@ -27,7 +27,7 @@ from typing import Any, Final
 from unittest import mock
 
 from distributed import LocalCluster
-from motionlake.deep_motifs.segmentation import SegmentationConfig
+from motionlake.deep_motifs.word_segmentation import WordSegmentation
 from motionlake.pesta.config import PosturesConfig
 from motionlake.pesta.dictionary import AutoencoderRecipe
 
@@ -125,7 +125,7 @@ SMOKES: Final[Sequence[Smoke]] = (
           "bench.query_by_example.EVERY": 40, **_FEW_K}),
     Smoke("bench.duplicates", (), {"bench.duplicates.COPIED": 5, **_FEW_K}),
     Smoke("bench.segmentation", ("0",),
-          {"bench.segmentation.VARIANTS": {"default": (SegmentationConfig(), True)}, **_FEW_K}),
+          {"bench.segmentation.VARIANTS": {"default": (WordSegmentation(), True)}, **_FEW_K}),
     Smoke("bench.signatures", ("--k", "8", "hdm05"), {"bench.signatures.SEEDS": ONE_SEED}),
     Smoke("bench.joint_twist", (), {"bench.representation.K": 8, "bench.representation.COMPONENTS": 8}),
     Smoke("bench.pretrained_words", ("--out", "OUT/words.safetensors")),

@@ -127,12 +127,14 @@ ASK: Final = {
     "cluster": "cluster --json",
     "cluster in": "cluster --k 3 --dataset utd_mhad --json",
     "cluster real": "cluster --k 5 --recorded-only --json",
-    "segment": "segment {walk} --window 5 --reach 3 --json",
-    "segment taught": "segment {salsa} --dataset bandai1 --dataset hdm05 --no-unknown --window 9 --reach 4 -k 3 --json",
+    "segment": "segment {walk} --json",
+    "segment by signatures": "segment {walk} --method signatures --window 5 --reach 3 --json",
+    "segment taught": "segment {salsa} --dataset bandai1 --dataset hdm05 --no-unknown --json",
     "segment by clips": (
-        "segment {stride} --labelled-clip {walk} --labelled-clip {run} --no-mirrored --window 5 -k 3 --json"
+        "segment {stride} --labelled-clip {walk} --labelled-clip {run} --no-mirrored --method signatures --window 5 "
+        "-k 3 --json"
     ),
-    "segment file": "segment {src}/{run} --dataset cmu_bvh --window 5 --json",
+    "segment file": "segment {src}/{run} --dataset cmu_bvh --json",
     "classify": "classify {kick} {kinect} --json",
     "classify one-vs-all": "classify {kick} --method one-vs-all --dataset hdm05 --json",
     "classify unlabelled": "classify --unlabelled --write-labels {out}/found.csv --json",
@@ -154,7 +156,10 @@ ASK: Final = {
     "evaluate pesta with segments": "evaluate pesta --dataset cmu_bvh --baseline none --json",
     "evaluate descriptor": "evaluate descriptor --dataset utd_mhad --json",
     "evaluate descriptor by split": "evaluate descriptor --dataset hdm05 --split test --train-split train --json",
-    "evaluate segmentation": "evaluate segmentation --dataset cmu_bvh --window 5 --reach 3 --json",
+    "evaluate segmentation": "evaluate segmentation --dataset cmu_bvh --json",
+    "evaluate segmentation by signatures": (
+        "evaluate segmentation --dataset cmu_bvh --method signatures --window 5 --reach 3 --json"
+    ),
     "rigs": "rig --json",
     "rig": "rig {src}/{dash} --json",
     "rig starter": "rig {src}/{walk} --starter",

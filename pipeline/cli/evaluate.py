@@ -19,6 +19,7 @@ from motionlake.cli.common import (
     stage_progress,
     tell,
 )
+from motionlake.cli.segment_options import ReachOption, SegmentationOption, VotersOption, WindowOption
 from motionlake.errors import UserError
 from motionlake.lake.catalog import reading
 from motionlake.lake.layout import open_lake
@@ -151,9 +152,10 @@ def signatures(
 def segmentation(
     lake: LakeOption,
     dataset: DatasetOption = None,
-    window: Annotated[int, typer.Option(min=1, help="Words of a window.")] = 19,
-    k: Annotated[int, typer.Option("-k", min=1, help="Nearest windows that vote.")] = 5,
-    reach: Annotated[int, typer.Option(min=0, help="A window votes for words up to so many from its middle.")] = 12,
+    method: SegmentationOption = "words",
+    window: WindowOption = None,
+    k: VotersOption = None,
+    reach: ReachOption = None,
     mirrored: Annotated[bool, typer.Option(help="Learn from the mirrored clips too.")] = True,
     as_json: JsonOption = False,
 ) -> None:
@@ -161,11 +163,11 @@ def segmentation(
 
     Example: motionlake evaluate segmentation --dataset cmu_exercises --json --lake mylake
     """
-    from motionlake.deep_motifs.segmentation import SegmentationConfig
     from motionlake.evaluation.segmentation import evaluate_segmentation
+    from motionlake.retrieval.segment_methods import config_of
 
     target = open_lake(lake)
-    config = SegmentationConfig(window, k, reach)
+    config = config_of(method, window, k, reach)
     with reading(target) as con:
         found = evaluate_segmentation(con, target, dataset=dataset, config=config, mirrored=mirrored)
     rows = [{"clip": clip, **scores} for clip, scores in found["per_clip"].items()]

@@ -23,6 +23,7 @@ from motionlake.cli.common import (
     tell,
     write_csv,
 )
+from motionlake.cli.segment_options import ReachOption, SegmentationOption, VotersOption, WindowOption
 from motionlake.errors import UserError
 from motionlake.lake.catalog import reading
 from motionlake.lake.layout import check_dataset, open_lake
@@ -91,9 +92,10 @@ def segment(
     ] = None,
     column: LabelColumn = "label",
     mirrored: Annotated[bool, typer.Option(help="Learn from the mirrored clips too.")] = True,
-    window: Annotated[int, typer.Option(min=1, help="Words of a window.")] = 19,
-    k: Annotated[int, typer.Option("-k", min=1, help="Nearest windows that vote.")] = 5,
-    reach: Annotated[int, typer.Option(min=0, help="How many words from its middle a window votes for.")] = 12,
+    method: SegmentationOption = "words",
+    window: WindowOption = None,
+    k: VotersOption = None,
+    reach: ReachOption = None,
     unknown: Annotated[bool, typer.Option(help="Say unknown where no labelled clip is like it.")] = True,
     as_json: JsonOption = False,
 ) -> None:
@@ -106,13 +108,13 @@ def segment(
 
     Of a file that is not in the lake: motionlake segment shots/new_take.bvh --dataset hdm05 --lake mylake
     """
-    from motionlake.deep_motifs.segmentation import SegmentationConfig
+    from motionlake.retrieval.segment_methods import config_of
     from motionlake.retrieval.segments import LakeSegmenter, Lessons
 
     target = open_lake(lake)
     for dataset in teach or ():
         check_dataset(dataset)
-    config = SegmentationConfig(window, k, reach, unknown=1.0 if unknown else None)
+    config = config_of(method, window, k, reach, unknown=unknown)
     with reading(target) as con:
         names = [resolve_clip(con, name) for name in teach_clips or ()] or None
         segmenter = LakeSegmenter(target, Lessons(teach or None, names, column, mirrored), config)

@@ -154,7 +154,7 @@ def labelled_windows(
     signatures: list[Float32Array] = []
     about: list[tuple[str, int, bool]] = []
     for taught in ranges:
-        inside = _words_in(word_centres(corpus, taught.clip), taught)
+        inside = words_in(word_centres(corpus, taught.clip), taught)
         for side, side_windows in enumerate(windows(taught.clip)):
             signatures.append(side_windows[inside])
             about.extend([(taught.label, taught.clip, side == 1)] * len(inside))
@@ -162,7 +162,7 @@ def labelled_windows(
     return Teaching(np.concatenate(signatures), np.array(labels), np.array(clips, dtype=np.int64), np.array(turned))
 
 
-def _words_in(centres: Float64Array, taught: LabelledRange) -> Int64Array:
+def words_in(centres: Float64Array, taught: LabelledRange) -> Int64Array:
     """The words whose centre lies in a range, or that whose centre is nearest to the middle of the range."""
     inside = np.flatnonzero((centres >= taught.start) & (centres < taught.stop))
     if len(inside):

@@ -7,20 +7,14 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
-from motionlake.arrays import FloatArray, Int32Array
-from motionlake.deep_motifs.segmentation import (
-    LabelledRange,
-    SegmentationConfig,
-    Segmenter,
-    labelled_windows,
-    word_centres,
-)
+from motionlake.arrays import FloatArray
+from motionlake.deep_motifs.segmentation import LabelledRange, word_centres
 from motionlake.deep_motifs.signatures import Corpus
 from motionlake.errors import UserError
 from motionlake.lake.catalog import Connection, fetch
 from motionlake.lake.corpus import read_corpus
 from motionlake.lake.layout import Lake
-from motionlake.retrieval.segments import mirrored_motifs
+from motionlake.retrieval.segment_methods import Config, SegmentMethod, segment_method
 
 
 @dataclass(frozen=True)
@@ -98,7 +92,7 @@ def evaluate_segmentation(
     lake: Lake,
     *,
     dataset: str | None = None,
-    config: SegmentationConfig | None = None,
+    config: Config | None = None,
     mirrored: bool = True,
 ) -> dict[str, Any]:
     """Segment each clip that has segments by those of the other clips (section 6.2).
@@ -106,7 +100,7 @@ def evaluate_segmentation(
     Args:
         con, lake: the lake.
         dataset: its clips only.
-        config: how words are classified.
+        config: how words are classified; it tells the method.
         mirrored: mirrored clips are examples too.
 
     Returns:
@@ -123,12 +117,13 @@ def evaluate_segmentation(
             f"{len(clips)} clips of the lake have segments; leaving one out needs two: "
             "give them in segments.csv beside the clips"
         )
-    turned = mirrored_motifs(con, lake, corpus, clips) if mirrored else None
+    method = segment_method(con, lake, corpus, config, mirrored=mirrored)
+    method.read(clips)
     scores = {}
     for clip in clips:
         taught = [r for r in ranges if r.clip != clip]
         truth = [r for r in ranges if r.clip == clip]
-        scores[corpus.clips[clip].clip] = segmentation_scores(corpus, clip, taught, truth, config, turned)
+        scores[corpus.clips[clip].clip] = segmentation_scores(method, clip, taught, truth)
     means = asdict(mean_scores(list(scores.values())))
     return {**means, "per_clip": {clip: asdict(each) for clip, each in scores.items()}}
 
@@ -144,17 +139,10 @@ def segments_of(con: Connection, corpus: Corpus) -> list[LabelledRange]:
 
 
 def segmentation_scores(
-    corpus: Corpus,
-    clip: int,
-    taught: list[LabelledRange],
-    truth: list[LabelledRange],
-    config: SegmentationConfig | None = None,
-    mirrored: dict[int, Int32Array] | None = None,
+    method: SegmentMethod, clip: int, taught: list[LabelledRange], truth: list[LabelledRange]
 ) -> SegmentationScores:
-    """Segment one clip by what `taught` (and its mirror images) shows, and score it by `truth`."""
-    chosen = config or SegmentationConfig()
-    segmenter = Segmenter(labelled_windows(corpus, taught, chosen.window, mirrored), corpus.ground, chosen)
-    motifs = corpus.motifs[corpus.words_of(clip)]
-    judged, forced = segmenter.label_words(motifs, corpus.idf), segmenter.label_words(motifs, corpus.idf, forced=True)
-    classes = word_truth(word_centres(corpus, clip), [(r.start, r.stop, r.label) for r in truth])
-    return score_words(classes, judged.labels.tolist(), forced.labels.tolist(), segmenter.classes.tolist())
+    """Segment one clip by what `taught` (and its mirror images) shows, and score it by `truth`; all have been read."""
+    label, seen = method.taught(taught), method.of_clip(clip)
+    judged, forced = label(seen, False), label(seen, True)
+    classes = word_truth(word_centres(method.corpus, clip), [(r.start, r.stop, r.label) for r in truth])
+    return score_words(classes, judged.labels.tolist(), forced.labels.tolist(), {r.label for r in taught})

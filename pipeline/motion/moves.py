@@ -58,6 +58,13 @@ class Track:
             return Track(exact, np.zeros_like(exact), _facing(exact))
         return Track(exact, np.gradient(gaussian_filter1d(exact, SMOOTHED, axis=0), axis=0), _facing(exact))
 
+    def pace(self) -> Float64Array:
+        """[N] how far the joints move a frame, in body lengths: the mean of three frames."""
+        if len(self.joints) < 2:
+            return np.zeros(len(self.joints))
+        speed = np.linalg.norm(np.gradient(self.joints, axis=0), axis=1)
+        return np.convolve(np.pad(speed, 1, mode="edge"), np.full(3, 1 / 3), "valid")
+
     def cut(self, start: int, stop: int) -> Track:
         """Frames [start, stop) of it."""
         return Track(self.joints[start:stop], self.velocity[start:stop], self.facing[start:stop])

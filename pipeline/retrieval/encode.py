@@ -44,9 +44,13 @@ class Models:
 
     def motifs_of(self, features: Float32Array, *, mirrored: bool = False) -> NDArray[np.int32]:
         """[n] motif of each word of a clip, or of the mirrored clip, with features [T, D]."""
+        return assign(self.vectors_of(features, mirrored=mirrored), self._vocabulary)
+
+    def vectors_of(self, features: Float32Array, *, mirrored: bool = False) -> Float32Array:
+        """[n, d] vector of each word of a clip, or of the mirrored clip, with features [T, D]."""
         if mirrored:
             features = mirrored_features(features, self.config)
-        return assign(self._network.embed(word_windows(features, self.config)), self._vocabulary)
+        return self._network.embed(word_windows(features, self.config))
 
     @cached_property
     def _network(self) -> TrainedNetwork:
@@ -61,12 +65,23 @@ class Models:
 
 @dataclass(frozen=True)
 class FileWords:
-    """Features [T, D] of a clip file, and the half-open frames [n, 2] of its words at its own rate."""
+    """Features [T, D] of a clip file, the half-open frames [n, 2] of its words at its own rate, and its canonical
+    joints [F, 21, 3]."""
 
     features: Float32Array
     ranges: NDArray[np.int64]
-    frames: int
+    positions: Float64Array
     fps: float
+
+    @property
+    def frames(self) -> int:
+        """F, at its own rate."""
+        return len(self.positions)
+
+    @property
+    def centres(self) -> Float64Array:
+        """[n] frame at the centre of each word."""
+        return np.asarray((self.ranges[:, 0] + self.ranges[:, 1] - 1) / 2, dtype=np.float64)
 
 
 def serving_models(con: Connection, lake: Lake) -> Models:
@@ -111,7 +126,7 @@ def words_of_file(lake: Lake, config: WordConfig, path: Path) -> FileWords:
     features = word_features(motion.positions, motion.rotations, clip.fps, config)
     frames = len(motion.positions)
     ranges = [native_range(int(s), clip.fps, frames, config) for s in windows(len(features), config)]
-    return FileWords(features, np.array(ranges, dtype=np.int64), frames, clip.fps)
+    return FileWords(features, np.array(ranges, dtype=np.int64), motion.positions, clip.fps)
 
 
 @dataclass(frozen=True)

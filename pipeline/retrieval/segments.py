@@ -2,31 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-import numpy as np
-from motionlake.deep_motifs.segmentation import (
-    LabelledRange,
-    SegmentationConfig,
-    Segmenter,
-    SegmentRange,
-    bands,
-    labelled_windows,
-    word_centres,
-)
+from motionlake.deep_motifs.segmentation import LabelledRange, SegmentRange, bands, word_centres
 from motionlake.deep_motifs.signatures import Corpus
 from motionlake.errors import UserError
 from motionlake.lake.catalog import Connection, fetch, reading
 from motionlake.lake.corpus import read_corpus
-from motionlake.lake.integrity import sound
 from motionlake.lake.layout import Lake
 from motionlake.retrieval.encode import serving_models, words_of_file
 from motionlake.retrieval.labelled_clips import check_column
 from motionlake.retrieval.protocol import Query, not_ready
-from motionlake.stages import words
-from numpy.typing import NDArray
+from motionlake.retrieval.segment_methods import Config, segment_method
 
 
 @dataclass(frozen=True)
@@ -67,10 +56,10 @@ class LakeSegmenter:
         self,
         lake: Lake,
         lessons: Lessons | None = None,
-        config: SegmentationConfig | None = None,
+        config: Config | None = None,
         corpus: Corpus | None = None,
     ) -> None:
-        self._lake, self._lessons, self._config = lake, lessons or Lessons(), config or SegmentationConfig()
+        self._lake, self._lessons, self._config = lake, lessons or Lessons(), config
         with reading(lake) as con:
             self.corpus = corpus or read_corpus(con)
             check_column(con, self._lessons.column)
@@ -82,47 +71,24 @@ class LakeSegmenter:
         Raises:
             UserError: no such clip or file, no words yet, or there is nothing to learn from.
         """
-        if query.clip is None:
-            with reading(self._lake) as con:
-                models = serving_models(con, self._lake)
-            file = words_of_file(self._lake, models.config, Path(query.source))
-            found = self.segmenter(None).label_words(models.motifs_of(file.features), self.corpus.idf)
-            centres = (file.ranges[:, 0] + file.ranges[:, 1] - 1) / 2
-            return _timed(bands(found, centres, file.frames), file.fps)
-        index = self.corpus.positions.get(query.clip)
-        if index is None:
-            raise not_ready(self._lake, query.clip, "signature")
-        found = self.segmenter(index).label_words(self.corpus.motifs[self.corpus.words_of(index)], self.corpus.idf)
-        clip = self.corpus.clips[index]
-        return _timed(bands(found, word_centres(self.corpus, index), clip.frames), clip.fps)
-
-    def segmenter(self, without: int | None) -> Segmenter:
-        """What the clips teach, one of them left out.
-
-        Raises:
-            UserError: there is nothing to learn from.
-        """
-        ranges = [r for r in self._ranges if r.clip != without]
-        mirrored = None
-        if self._lessons.mirrored:
-            with reading(self._lake) as con:
-                mirrored = mirrored_motifs(con, self._lake, self.corpus, (r.clip for r in ranges))
-        teaching = labelled_windows(self.corpus, ranges, self._config.window, mirrored)
-        return Segmenter(teaching, self.corpus.ground, self._config)
-
-
-def mirrored_motifs(con: Connection, lake: Lake, corpus: Corpus, clips: Iterable[int]) -> dict[int, NDArray[np.int32]]:
-    """Motifs of the words of some clips of a lake, by index, mirrored left to right."""
-    models = serving_models(con, lake)
-    wanted = {corpus.clips[clip].clip: clip for clip in clips}
-    parts = {row["part"] for row in fetch(con, "words_per_clip") if row["clip"] in wanted}
-    found = {}
-    for part, file in words.features_files(con, models.config).items():
-        if part in parts:
-            for name, features in words.read_features(sound(lake, file)):
-                if name in wanted:
-                    found[wanted[name]] = models.motifs_of(features, mirrored=True)
-    return found
+        with reading(self._lake) as con:
+            method = segment_method(con, self._lake, self.corpus, self._config, mirrored=self._lessons.mirrored)
+            if query.clip is None:
+                file = words_of_file(self._lake, serving_models(con, self._lake).config, Path(query.source))
+                seen, centres, frames, fps = method.of_file(file), file.centres, file.frames, file.fps
+            else:
+                index = self.corpus.positions.get(query.clip)
+                if index is None:
+                    raise not_ready(self._lake, query.clip, "signature")
+                method.read([index])
+                clip = self.corpus.clips[index]
+                seen, centres, frames, fps = (
+                    method.of_clip(index), word_centres(self.corpus, index), clip.frames, clip.fps,
+                )  # fmt: skip
+            ranges = [r for r in self._ranges if self.corpus.clips[r.clip].clip != query.clip]
+            method.read(r.clip for r in ranges)
+            found = method.taught(ranges)(seen, False)
+        return _timed(bands(found, centres, frames), fps)
 
 
 def taught_ranges(con: Connection, corpus: Corpus, lessons: Lessons) -> list[LabelledRange]:
