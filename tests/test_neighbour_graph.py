@@ -15,7 +15,7 @@ from motionlake.arrays import Float64Array
 from motionlake.evaluation.ranking import Questions, score_search
 from motionlake.lake.config import LakeConfig
 from motionlake.lake.layout import open_lake
-from motionlake.motion.diffusion import JOINED, NOWHERE, RESTART, NeighbourGraph, diffused, diffused_all
+from motionlake.motion.diffusion import JOINED, NOWHERE, RESTART, NeighbourGraph, diffused
 from motionlake.retrieval.fused import DIRECT, WEIGHTS, FusedSearcher
 from motionlake.retrieval.lake_neighbours import read_neighbours
 from motionlake.retrieval.protocol import Query, Scope
@@ -67,14 +67,6 @@ def test_diffusion_against_a_naive_one(count: int, seed: int) -> None:
     rest = distances[1:, 1:]
     outside = diffused(graph_of(rest, count - 2), nodes - 1, distances[0, nodes])
     assert ((outside >= 0) & (outside <= 1 + 1e-9)).all()
-
-
-@given(st.integers(3, 30), st.integers(0, 1000))
-def test_diffusion_between_all_clips_against_a_naive_one(count: int, seed: int) -> None:
-    distances = apart(np.random.default_rng(seed).normal(size=(count, 3)))
-    found = diffused_all(NeighbourGraph.of(distances))
-    for start in (0, count // 2, count - 1):
-        np.testing.assert_allclose(found[start], naive(distances, start), atol=1e-6)
 
 
 def test_a_chain_is_followed() -> None:

@@ -31,19 +31,23 @@ from motionlake.lake.resolve import resolve_clip
 from motionlake.names import typed
 
 if TYPE_CHECKING:
-    from motionlake.deep_motifs.classification import Method
-    from motionlake.retrieval.classes import ClassifiedClip
+    from motionlake.retrieval.classes import ClassifiedClip, Method
     from motionlake.retrieval.labelled_clips import SignedClip
 
-METHODS: dict[str, Method] = {"knn": "knn", "one-vs-all": "one_vs_all"}
+METHODS: dict[str, Method] = {"search": "search", "knn": "knn", "one-vs-all": "one_vs_all"}
 
 
 def classify(
     lake: LakeOption,
     clips: ClipsArgument = None,
     unlabelled: Annotated[bool, typer.Option("--unlabelled", help="Also every clip without a label.")] = False,
-    method: Annotated[str, typer.Option(help="knn, or one-vs-all (a classifier for each class).")] = "knn",
-    k: Annotated[int, typer.Option("-k", min=1, help="knn: nearest clips that vote.")] = 5,
+    method: Annotated[
+        str,
+        typer.Option(
+            help="search (its first clips vote), knn (the nearest by signatures), or one-vs-all (classifiers)."
+        ),
+    ] = "search",
+    k: Annotated[int, typer.Option("-k", min=1, help="Clips that vote.")] = 5,
     dataset: DatasetOption = None,
     split: SplitOption = None,
     column: LabelColumn = "label",
@@ -128,6 +132,9 @@ def cluster(
     dataset: DatasetOption = None,
     split: SplitOption = None,
     recorded_only: RecordedOnlyOption = False,
+    method: Annotated[
+        str, typer.Option(help="fused (all that search compares), or signatures (the paper's).")
+    ] = "fused",
     as_json: JsonOption = False,
 ) -> None:
     """Groups of similar clips; no labels are used.
@@ -136,7 +143,7 @@ def cluster(
 
     Example: motionlake cluster --k 12 --dataset bandai1 --lake mylake
     """
-    from motionlake.retrieval.classes import clusters_of_lake
+    from motionlake.retrieval.clusters import clusters_of_lake
     from motionlake.retrieval.protocol import Scope
 
     target = open_lake(lake)
@@ -144,7 +151,7 @@ def cluster(
         raise UserError(f"--k {k}: give a number of clusters, or auto")
     with reading(target) as con:
         wanted = None if k == "auto" else int(k)
-        rows, silhouette = clusters_of_lake(con, wanted, Scope(dataset, split, recorded_only))
+        rows, silhouette = clusters_of_lake(con, target, wanted, Scope(dataset, split, recorded_only), method)
     notice(f"{len({row.cluster for row in rows})} clusters of {len(rows)} clips, silhouette {silhouette:.3f}")
     tell([asdict(row) for row in rows], as_json=as_json)
 

@@ -14,14 +14,12 @@ import warnings
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final, Literal
+from typing import Final
 
 import numpy as np
 from motionlake.arrays import Float64Array, Int64Array
 from motionlake.errors import UserError
 from threadpoolctl import threadpool_limits
-
-Method = Literal["knn", "one_vs_all"]
 
 # Cost of a margin violation: labels are taken to be right, so it is high.
 _C: Final = 100.0
@@ -147,15 +145,20 @@ def cluster_clips(distances: Float64Array, k: int | None, *, seed: int = 0, dime
         UserError: k below 2, or not below the number of clips.
     """
     n = len(distances)
-    if n < 3:
-        raise UserError(f"{n} clips: clusters need at least 3")
-    if k is not None and not 2 <= k < n:
-        raise UserError(f"{k} clusters of {n} clips: ask for 2 to {n - 1}")
+    check_count(n, k)
     places = mds(distances, dimensions)
     wanted = [k] if k is not None else list(range(2, min(MOST, n - 1) + 1))
     found = [_kmeans(places, count, seed) for count in wanted]
     clusters, silhouette = max(found, key=lambda each: each[1])
-    return Clustering(_by_size(clusters), places, silhouette)
+    return Clustering(by_size(clusters), places, silhouette)
+
+
+def check_count(n: int, k: int | None) -> None:
+    """Raises `UserError` where n clips cannot be k clusters, or any (None)."""
+    if n < 3:
+        raise UserError(f"{n} clips: clusters need at least 3")
+    if k is not None and not 2 <= k < n:
+        raise UserError(f"{k} clusters of {n} clips: ask for 2 to {n - 1}")
 
 
 def _kmeans(places: Float64Array, k: int, seed: int) -> tuple[Int64Array, float]:
@@ -183,7 +186,7 @@ def _classical(distances: Float64Array, dimensions: int) -> Float64Array:
     return np.asarray(vectors * signs * np.sqrt(np.maximum(values[chosen], 0)), dtype=np.float64)
 
 
-def _by_size(clusters: Int64Array) -> Int64Array:
+def by_size(clusters: Int64Array) -> Int64Array:
     """Numbers by size, the largest first, equal sizes by their first clip."""
     _, first, where, counts = np.unique(clusters, return_index=True, return_inverse=True, return_counts=True)
     return np.asarray(np.argsort(np.lexsort((first, -counts)))[where], dtype=np.int64)

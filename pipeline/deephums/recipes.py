@@ -30,7 +30,7 @@ class DescriptorRecipe:
             equation 3.1 over pairs that are similar by motion field and motion distance.
         contrast: weight of "contrast" beside cross entropy.
         temperature: of the softmax over cosines ("contrast").
-        neighbours: to how many clips each is joined, along which clips are near without labels (`diffused_all`).
+        neighbours: to how many clips each is joined, along which clips are near without labels (`way_between`).
         margin, similar: m of equation 3.1, and the share of pairs that either test passes (`similar_by_motion`).
         smoothing: of the labels in cross entropy.
         speeds: adds a copy of every clip at twice the speed and one at half of it (section 3.3.2).

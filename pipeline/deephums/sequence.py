@@ -181,7 +181,7 @@ def alignment_distances(clips: Sequence[Float32Array]) -> Float64Array:
 
 
 def neighbourhoods(clips: Sequence[Float32Array], joined: int) -> Float32Array:
-    """[n, n] how near clips [T, 15, 3] are along the graph in which each is joined to so many (`diffused_all`)."""
-    from motionlake.motion.diffusion import NeighbourGraph, diffused_all
+    """[n, n] how near clips [T, 15, 3] are along the graph in which each is joined to so many (`way_between`)."""
+    from motionlake.motion.diffusion import way_between
 
-    return diffused_all(NeighbourGraph.of(alignment_distances(clips), joined)).astype(np.float32)
+    return way_between(alignment_distances(clips), joined).astype(np.float32)

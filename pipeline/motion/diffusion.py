@@ -15,7 +15,6 @@ from motionlake.arrays import Float64Array, Int64Array
 RESTART: Final = 0.05  # share of what starts at the query in every step; the rest passes on to neighbours
 JOINED: Final = 10  # neighbours that a clip is joined to, at most
 FEWEST: Final = 4  # clips of a lake for each of them
-KEPT: Final = 3  # times as many neighbours as are joined, among which those are whose edges weigh most
 _LEAST: Final = 1e-12  # of distances that others are divided by
 NOWHERE: Final = -1  # in place of the node of a clip that the graph does not hold
 
@@ -38,14 +37,6 @@ class NeighbourGraph:
     neighbours: Int64Array
     distances: Float64Array
     joined: int = JOINED
-
-    @staticmethod
-    def of(distances: Float64Array, joined: int = JOINED) -> NeighbourGraph:
-        """Of all n clips by their distances [n, n], to `joined` of which each is joined."""
-        others = distances.copy()
-        np.fill_diagonal(others, np.inf)
-        order = np.argsort(others, axis=1, kind="stable")[:, : min(KEPT * joined, len(others) - 1)]
-        return NeighbourGraph(order, np.take_along_axis(others, order, axis=1), min(joined, max(1, len(others) - 1)))
 
     def scales(self, nodes: Int64Array) -> Float64Array:
         """[m] distance of each node from its tenth (`joined`) neighbour, or the last; 0 without neighbours."""
@@ -91,16 +82,25 @@ def diffused(graph: NeighbourGraph, nodes: Int64Array, distances: Float64Array, 
     return np.asarray(spread[count, :count] / (lengths[count] * lengths[:count]))
 
 
-def diffused_all(graph: NeighbourGraph) -> Float64Array:
-    """[n, n] how near all clips of a graph are to each other along it, as `diffused` has it, from 0 to 1."""
-    nodes = np.arange(len(graph.neighbours))
-    scales = np.maximum(graph.scales(nodes), _LEAST)
-    weights, _, _ = _joined(graph, nodes, scales)
+def way_between(distances: Float64Array, most: int = JOINED) -> Float64Array:
+    """[n, n] how near all of n clips are to one another along their graph, from 0 to 1: `diffused` of every clip.
+
+    Args:
+        distances: [n, n], symmetric, zero on the diagonal; two clips at least.
+        most: neighbours that a clip is joined to, at most.
+    """
+    count = len(distances)
+    joined = min(joined_of(count, most), count - 1)
+    others = distances + np.diag(np.full(count, np.inf))
+    scales = np.maximum(np.sort(others, axis=1)[:, joined - 1], _LEAST)
+    edges = _weight(others, scales[:, None], scales)
+    edges[edges < _largest(edges, joined)[:, None]] = 0.0
+    weights = np.maximum(edges, edges.T)
     degrees = weights.sum(axis=1)
     root = 1 / np.sqrt(np.where(degrees > 0, degrees, 1.0))
-    spread = np.linalg.inv(np.eye(len(nodes)) - (1 - RESTART) * weights * root[:, None] * root)
+    spread = np.linalg.inv(np.eye(count) - (1 - RESTART) * weights * root[:, None] * root)
     lengths = np.sqrt(np.diag(spread))
-    return np.asarray(spread / (lengths[:, None] * lengths))
+    return np.asarray((spread + spread.T) / 2 / (lengths[:, None] * lengths))
 
 
 def _weight(distances: Float64Array, one: Float64Array | float, other: Float64Array) -> Float64Array:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from motionlake.deep_motifs.duplicates import MAX_DISTANCE, Duplicate
 from motionlake.lake.catalog import reading
-from motionlake.retrieval.classes import ClassifiedClip, ClusteredClip, LakeClassifier, clusters_of_lake
+from motionlake.retrieval.classes import ClassifiedClip, LakeClassifier
+from motionlake.retrieval.clusters import ClusteredClip, clusters_of_lake
 from motionlake.retrieval.protocol import EVERYTHING, ClipFilter, Scope
 from motionlake.retrieval.segments import LabelledBand, LakeSegmenter, Lessons, corpus_of
 from motionlake.retrieval.sql_functions import Served, columns, sql_function
@@ -14,7 +15,7 @@ from motionlake.retrieval.sql_functions import Served, columns, sql_function
 def classify_clip(
     served: Served, query: str, k: int = 5, dataset: str | None = None, split: str | None = None
 ) -> list[ClassifiedClip]:
-    """The class of a clip by a vote of its k nearest labelled, recorded clips, as `motionlake classify`."""
+    """The class of a clip by a vote of the first k recorded, labelled clips found, as `motionlake classify`."""
     scope = Scope(dataset, split, recorded_only=dataset is None)
     classifier: LakeClassifier = served.once(LakeClassifier, k=k, scope=scope)
     return classifier.classify([served.query(query)])
@@ -38,7 +39,7 @@ def segment_clip(
 def clip_clusters(served: Served, k: int | None = None, clips: ClipFilter = EVERYTHING) -> list[ClusteredClip]:
     """Every clip in one of k clusters, as `motionlake cluster`; NULL takes the best number."""
     with reading(served.lake) as con:
-        return clusters_of_lake(con, k, clips)[0]
+        return clusters_of_lake(con, served.lake, k, clips)[0]
 
 
 @sql_function(columns(Duplicate))
