@@ -45,14 +45,7 @@ VARIANTS: Final[dict[str, tuple[Config, bool]]] = {
     "words, every border alike": (replace(WORDS, rest=0.0), True),
     "words, borders for nothing": (replace(WORDS, border=0.0), True),
     "signatures": (CONFIG, True),
-    "no mirror images": (CONFIG, False),
-    "mirror images as near": (replace(CONFIG, mirror_factor=1.0), True),
-    "middle word (the paper's)": (replace(CONFIG, reach=0), False),
-    "middle word, mirror images": (replace(CONFIG, reach=0), True),
-    "reach of 8 words": (replace(CONFIG, reach=8), True),
-    "9 neighbours": (replace(CONFIG, k=9), True),
-    "window of 27 words": (replace(CONFIG, window=27), True),
-    "window of 9 words": (replace(CONFIG, window=9), True),
+    "signatures, the paper's": (replace(CONFIG, reach=0), False),
 }
 ORIGINS: Final = {"pretrained": PRETRAINED_WORDS.file, "own": None}  # of the word network
 EXERCISES_FLOOR: Final = {"13_29": 0.938, "13_30": 0.975, "13_31": 0.925, "14_14": 0.847, "14_20": 0.969}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+from collections import Counter
 from pathlib import Path
 
 import numpy as np
@@ -78,6 +79,21 @@ def test_a_file_gets_the_class_of_the_clip_it_is(built_lake: Path, clips_folder:
     assert one["label"] in {r[0] for r in query(built_lake, "SELECT DISTINCT label FROM clips")}
 
 
+def test_the_first_labelled_answers_of_search_vote(built_lake: Path) -> None:
+    rows = query(built_lake, "SELECT clip, label FROM clips ORDER BY clip")
+    labels = {clip: label for clip, label in rows if label is not None}
+    for clip in list(labels)[:2]:
+        hits = motionlake("search", clip, "-k", len(rows), "--lake", built_lake, "--json").json
+        voters = [hit for hit in hits if hit["clip"] in labels][:3]
+        (found,) = motionlake("classify", clip, "-k", 3, "--lake", built_lake, "--json").json
+        votes = Counter(labels[hit["clip"]] for hit in voters)
+        assert votes[found["label"]] == max(votes.values())
+        assert found["confidence"] == pytest.approx(votes[found["label"]] / len(voters))
+        assert found["distance"] == pytest.approx(voters[0]["distance"])
+        by_signatures = motionlake("classify", clip, "-k", 3, "--method", "knn", "--lake", built_lake, "--json").json
+        assert by_signatures[0]["label"] in labels.values()
+
+
 @pytest.mark.parametrize(
     ("words", "says"),
     [
@@ -85,7 +101,7 @@ def test_a_file_gets_the_class_of_the_clip_it_is(built_lake: Path, clips_folder:
         (["nothing_like_it"], "no such clip"),
         (["--unlabelled", "--label-column", "shoes"], "no such column"),
         (["--unlabelled", "--dataset", "elsewhere"], "no clip of dataset elsewhere"),
-        (["--unlabelled", "--method", "guess"], "knn, one-vs-all"),
+        (["--unlabelled", "--method", "guess"], "search, knn, one-vs-all"),
     ],
 )
 def test_what_cannot_be_answered_gets_one_clear_line(built_lake: Path, words: list[str], says: str) -> None:
