@@ -109,6 +109,7 @@ SMOKES: Final[Sequence[Smoke]] = (
     Smoke("bench.moves", (), {"bench.moves.QUERIES": 2}),
     Smoke("bench.generalise", ("hdm05", "--seeds", "0"), {"bench.generalise.JOINS": (10,),
           "bench.generalise.DIRECTS": (0.1,)}),
+    Smoke("bench.sorting", ("hdm05", "--seeds", "0"), {}),
     Smoke("bench.retrieval", ("hdm05",), {"bench.retrieval.SEEDS": ONE_SEED, **_FEW_K}),
     Smoke("bench.retrieval", ("cross-rig",), {"bench.retrieval.SEEDS": ONE_SEED, **_FEW_K}),
     Smoke("bench.representation", ("hdm05", "--processes", "1", "--seeds", "1", "--rows",

@@ -20,7 +20,7 @@ from motionlake.errors import UserError
 from motionlake.lake.catalog import Connection
 from motionlake.lake.layout import Lake
 from motionlake.lake.settings import served_config
-from motionlake.retrieval.diffusion import way_between
+from motionlake.motion.diffusion import way_between
 from motionlake.retrieval.fused import WEIGHTS
 from motionlake.retrieval.labelled_clips import SignedClip, SignedClips, lake_ground, signed_clips
 from motionlake.retrieval.protocol import EVERYTHING, ClipFilter, Query
