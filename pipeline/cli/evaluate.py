@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
+from motionlake.cli._segment_options import ReachOption, SegmentationOption, VotersOption, WindowOption
 from motionlake.cli.common import (
     SETTINGS,
     DatasetOption,
@@ -19,7 +20,6 @@ from motionlake.cli.common import (
     stage_progress,
     tell,
 )
-from motionlake.cli.segment_options import ReachOption, SegmentationOption, VotersOption, WindowOption
 from motionlake.errors import UserError
 from motionlake.lake.catalog import reading
 from motionlake.lake.layout import open_lake

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from motionlake.cli._segment_options import ReachOption, SegmentationOption, VotersOption, WindowOption
 from motionlake.cli.common import (
     ClipArgument,
     ClipsArgument,
@@ -23,7 +24,6 @@ from motionlake.cli.common import (
     tell,
     write_csv,
 )
-from motionlake.cli.segment_options import ReachOption, SegmentationOption, VotersOption, WindowOption
 from motionlake.errors import UserError
 from motionlake.lake.catalog import reading
 from motionlake.lake.layout import check_dataset, open_lake
