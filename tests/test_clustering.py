@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from motionlake.deep_motifs.classification import cluster_clips, mds
 from motionlake.errors import UserError
+from motionlake.motion.diffusion import joined_of, way_between
 from motionlake.retrieval import clusters
 from motionlake.retrieval.clusters import fused, group
-from motionlake.motion.diffusion import joined_of, way_between
 from motionlake.retrieval.sql_functions import connect
 from scipy.spatial.distance import cdist
 from sklearn.metrics import adjusted_rand_score
