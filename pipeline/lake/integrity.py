@@ -90,6 +90,14 @@ def stat_fault(lake: Lake, wanted: FileSums) -> str | None:
     return None if found.st_size == wanted.size else _other_size(found.st_size, wanted)
 
 
+def size_fault(lake: Lake, file: str) -> str | None:
+    """The same of a file of the catalog that serves now, by its name."""
+    listed = _given.get()
+    if listed is None:
+        listed = _listed(lake)
+    return stat_fault(lake, listed[file]) if file in listed else "is not listed in the catalog"
+
+
 def fault(lake: Lake, wanted: FileSums) -> str | None:
     """What is wrong with a file, by all of its bytes; remembered while nobody touches it."""
     return _fault_at(lake.path(wanted.file), wanted)

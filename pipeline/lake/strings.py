@@ -10,6 +10,7 @@ from itertools import compress
 import numpy as np
 import pyarrow.compute as pc
 from motionlake.arrays import Int64Array
+from motionlake.deep_motifs.emd import ground_distances
 from motionlake.deep_motifs.signatures import CorpusClip
 from motionlake.errors import UserError
 from motionlake.lake.catalog import Connection, fetch, fetch_table
@@ -90,14 +91,12 @@ def read_strings(con: Connection) -> LakeStrings:
     starts = pc.list_flatten(rows.column("starts")).to_numpy().astype(np.int64)
     stops = np.append(starts[1:], 0)
     stops[offsets[1:] - 1] = rows.column("frames").to_numpy()
-    from scipy.spatial.distance import cdist
-
-    points = np.array([row["code"] for row in codes], dtype=np.float64)
+    points = np.array([row["code"] for row in codes], dtype=np.float32)
     return LakeStrings(
         [CorpusClip(**row) for row in known],
         Repository(pc.list_flatten(rows.column("symbols")).to_numpy().astype(np.int32), offsets),
         starts,
         stops,
-        SymbolDistances(cdist(points, points).astype(np.float32)),
+        SymbolDistances(ground_distances(points).astype(np.float32)),
         codes[0]["model"],
     )

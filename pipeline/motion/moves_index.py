@@ -33,6 +33,11 @@ def moves_distance(one: Float32Array, other: Float32Array) -> float:
     return distance if distance > _ROUNDING else 0.0
 
 
+def floored(distances: Float64Array) -> Float64Array:
+    """The same of many distances of which single precision is all there is."""
+    return np.where(distances > _ROUNDING, distances, 0.0)
+
+
 class Nearest(NamedTuple):
     """Clips by the distance of their moves, nearest first, and these distances."""
 
@@ -111,13 +116,14 @@ class Stack:
         width = clips[0].shape[1] if clips else 0
         frames = np.zeros((starts[-1], width + 2), dtype=np.float32)
         frames[:, -2] = 1
-        for group, members in enumerate(order.tolist()):
-            rows = frames[starts[group] : starts[group + 1]].reshape(-1, LANES, width + 2)
-            for lane, clip in enumerate(members):
-                if clip >= 0:
-                    own = clips[clip]
-                    rows[: len(own), lane, :-2] = own
-                    rows[: len(own), lane, -1] = np.einsum("td,td->t", own, own)
+        if clips:
+            every = np.concatenate(clips)
+            place = np.argsort(padded[: len(clips)])  # of each clip in the order
+            first = starts[place // LANES] + place % LANES
+            within = np.arange(len(every)) - np.repeat(np.cumsum(sizes) - sizes, sizes)
+            rows = np.repeat(first, sizes) + within * LANES
+            frames[rows, :-2] = every
+            frames[rows, -1] = np.einsum("td,td->t", every, every)
         return Stack(frames, starts, lengths, order)
 
     def spread(self, found: Float64Array) -> Float64Array:

@@ -62,6 +62,28 @@ class AlignmentOptions(TypedDict, total=False):
     strings: LakeStrings | None
 
 
+def served_dictionary(lake: Lake, model: str) -> PostureDictionary:
+    """The dictionary of that name."""
+    from motionlake.pesta.dictionary import load_dictionary
+
+    with reading(lake) as con:
+        rows = fetch(con, "model_file", {"model": model})
+    return load_dictionary(sound(lake, rows[0]["file"]))
+
+
+def encoded(lake: Lake, query: Query, dictionary: PostureDictionary, *, mirrored: bool = False) -> StringQuery:
+    """The symbols of a clip file, or of a clip mirrored, or of a range of either.
+
+    Raises:
+        UserError: no such clip or file, it has no such frames, or these are one symbol.
+    """
+    motion, coding = query_motion(lake, Query(query.source), mirrored=mirrored), dictionary.config
+    codes = dictionary.encode(word_features(motion.positions, motion.rotations, motion.fps, coding.frames))
+    frames, config = len(motion.positions), served_config(lake).symbols
+    string = symbolise(codes, codes_fps=coding.fps, fps=motion.fps, n_frames=frames, config=config)
+    return string_query(query.name, string, frames, query.start, query.stop, query.clip)
+
+
 class _Aligner(LakeSearcher):
     """What both ways to align share: the strings of a lake, read once, and queries as symbols of its dictionary.
 
@@ -79,7 +101,7 @@ class _Aligner(LakeSearcher):
             self.config = replace(settings.alignment, **given)
         except ValueError as error:
             raise UserError(str(error)) from error
-        self._symbols, self._threads = settings.symbols, os.cpu_count() or 1
+        self._threads = os.cpu_count() or 1
         strings = options.get("strings")
         if strings is None:
             with reading(lake) as con:
@@ -95,23 +117,15 @@ class _Aligner(LakeSearcher):
         strings = self.strings
         if query.clip is not None and query.clip not in strings.positions:
             raise not_ready(self.lake, query.clip, "symbol string")
-        if query.clip is not None and not mirrored:
-            index = strings.positions[query.clip]
-            string, frames = strings.string_of(index), strings.clips[index].frames
-        else:
-            motion, coding = query_motion(self.lake, Query(query.source), mirrored=mirrored), self._dictionary.config
-            features = word_features(motion.positions, motion.rotations, motion.fps, coding.frames)
-            codes, frames = self._dictionary.encode(features), len(motion.positions)
-            string = symbolise(codes, codes_fps=coding.fps, fps=motion.fps, n_frames=frames, config=self._symbols)
-        return string_query(query.name, string, frames, query.start, query.stop, query.clip)
+        if query.clip is None or mirrored:
+            return encoded(self.lake, query, self._dictionary, mirrored=mirrored)
+        index = strings.positions[query.clip]
+        frames = strings.clips[index].frames
+        return string_query(query.name, strings.string_of(index), frames, query.start, query.stop, query.clip)
 
     @cached_property
     def _dictionary(self) -> PostureDictionary:
-        from motionlake.pesta.dictionary import load_dictionary
-
-        with reading(self.lake) as con:
-            rows = fetch(con, "model_file", {"model": self.strings.model})
-        return load_dictionary(sound(self.lake, rows[0]["file"]))
+        return served_dictionary(self.lake, self.strings.model)
 
     def _pairwise(self, queries: Sequence[StringQuery], gallery: Sequence[StringQuery]) -> Float64Array:
         """[q, g] least cost of each query in each of some strings, for each symbol of the query."""

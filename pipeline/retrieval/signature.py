@@ -27,6 +27,25 @@ from motionlake.retrieval.protocol import (
 from numpy.typing import NDArray
 
 
+def signature_of(lake: Lake, query: Query, idf: Float64Array, *, mirrored: bool = False) -> NDArray[np.float32]:
+    """[K] of a file, of a range, or of a clip mirrored, over motifs with `idf` [K].
+
+    Raises:
+        UserError: no such clip or file, no signature yet, or a range that is too short.
+    """
+    if query.clip is not None and query.whole:
+        with reading(lake) as con:
+            kept = fetch(con, "mirrored_signature", {"clip": query.clip}) if mirrored else []
+        if not kept:
+            raise not_ready(lake, query.clip, "mirrored signature" if mirrored else "signature")
+        return np.array(kept[0]["signature"], dtype=np.float32)
+    from motionlake.retrieval.encode import query_motifs
+
+    with reading(lake) as con:
+        found = query_motifs(con, lake, query, mirrored=mirrored)
+    return tf_idf(motif_counts(found, len(idf)), idf)
+
+
 class SignatureSearcher(LakeSearcher):
     """Search by signature; a `Searcher`. The signatures of the lake are read once.
 
@@ -60,19 +79,9 @@ class SignatureSearcher(LakeSearcher):
         Raises:
             UserError: no such clip or file, no signature yet, or a range that is too short.
         """
-        if query.clip is not None and query.whole:
-            if not mirrored and query.clip in self._rows:
-                return np.asarray(self.signatures[self._rows[query.clip]])
-            with reading(self.lake) as con:
-                kept = fetch(con, "mirrored_signature", {"clip": query.clip}) if mirrored else []
-            if not kept:
-                raise not_ready(self.lake, query.clip, "mirrored signature" if mirrored else "signature")
-            return np.array(kept[0]["signature"], dtype=np.float32)
-        from motionlake.retrieval.encode import query_motifs
-
-        with reading(self.lake) as con:
-            found = query_motifs(con, self.lake, query, mirrored=mirrored)
-        return tf_idf(motif_counts(found, len(self.ground)), self._idf)
+        if query.clip in self._rows and query.whole and not mirrored:
+            return np.asarray(self.signatures[self._rows[query.clip]])
+        return signature_of(self.lake, query, self._idf, mirrored=mirrored)
 
     def like(
         self,

@@ -49,8 +49,8 @@ def string_query(
     return _long_enough(StringQuery(name, string, int(covered[0]), int(covered[-1]) + 1, first, last, clip))
 
 
-def query_of_symbols(symbols: NDArray[np.int32]) -> StringQuery:
-    """A string that is no clip's; its frames are its symbols.
+def query_of_symbols(symbols: NDArray[np.int32], name: str = "query") -> StringQuery:
+    """A string without frames: these are its symbols.
 
     Raises:
         UserError: an empty string, or one symbol.
@@ -59,7 +59,7 @@ def query_of_symbols(symbols: NDArray[np.int32]) -> StringQuery:
         raise UserError(f"a query is one row of symbols, not an array of shape {symbols.shape}")
     places = np.arange(len(symbols) + 1, dtype=np.int64)
     string = SymbolString(symbols, places[:-1], places[1:])
-    return _long_enough(StringQuery("query", string, 0, len(symbols), 0, len(symbols)))
+    return _long_enough(StringQuery(name, string, 0, len(symbols), 0, len(symbols)))
 
 
 def _long_enough(query: StringQuery) -> StringQuery:
