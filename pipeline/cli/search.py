@@ -22,6 +22,7 @@ from motionlake.cli.common import (
     option,
     tell,
 )
+from motionlake.cli.hits import alike, tell_hits
 from motionlake.errors import UserError
 from motionlake.lake.catalog import Connection, fetch, reading
 from motionlake.lake.layout import Lake, open_lake
@@ -118,7 +119,7 @@ def search(
                 "--mirrored": mirrored,
             }
             _check_clip_named({**needless, "--method": method != "fused", "--no-graph": not graph, "--own": own})
-            _tell_hits([hit.as_row() for hit in _text(target, encoder).search(text, k, scope)], as_json=as_json)
+            tell_hits([hit.as_row() for hit in _text(target, encoder).search(text, k, scope)], as_json=as_json)
             return
         if not names:
             raise UserError("search: name a clip or a clip file, give --text WORDS, or --sample N")
@@ -138,7 +139,9 @@ def search(
     for name, rows in zip(names, answers, strict=True):
         if len(names) > 1:
             print(f"\n{printable(name)}")
-        _tell_hits(rows, mirrored=mirrored, as_json=False)
+        tell_hits(rows, mirrored=mirrored, as_json=False)
+        for line in alike(rows) if explain else ():
+            print(line)
 
 
 def find(
@@ -184,7 +187,7 @@ def find(
         (hits,) = found.search([piece], k, Scope(dataset, split, recorded_only, mirrored, own))
         rows = [hit.as_row() for hit in hits]
         _save_picture(con, target, picture, method, [(query, piece, rows)])
-    _tell_hits(rows, mirrored=mirrored, as_json=as_json)
+    tell_hits(rows, mirrored=mirrored, as_json=as_json)
 
 
 def align(
@@ -250,7 +253,7 @@ def align(
             fps = query_motion(target, piece).fps
             AlignmentPictures(material, searcher.symbols_of(piece), fps, searcher.config).save(picture, hits)
     rows = [(hit if path else replace(hit, path=None)).as_row() for hit in hits]
-    _tell_hits(rows, mirrored=mirrored, as_json=as_json)
+    tell_hits(rows, mirrored=mirrored, as_json=as_json)
 
 
 def _text(lake: Lake, encoder: str | None) -> LakeText:
@@ -297,19 +300,3 @@ def _save_picture(
         for i, (name, query, rows) in enumerate(answers, start=1)
     ]  # fmt: skip
     write_hits(path, pages)
-
-
-def _tell_hits(rows: Sequence[Mapping[str, Any]], *, mirrored: bool = False, as_json: bool) -> None:
-    """A table says which answers are `mirrored` only where mirror images were looked for."""
-    shown = ({n: v for n, v in row.items() if mirrored or n != "mirrored"} for row in rows)
-    tell(rows, [row | _explained(row.pop("shares", ())) for row in shown], as_json=as_json)
-
-
-def _explained(shares: Sequence[Mapping[str, Any]]) -> dict[str, str]:
-    """A column a method: what it counts, its distance, and how near that is, from 0 to 1, alone and by the graph."""
-    found = {}
-    for share in shares:
-        distance = "beyond its nearest" if share["distance"] is None else f"{share['distance']:.4g}"
-        along = "" if share["along"] is None else f", graph {share['along']:.2f}"
-        found[f"{share['method']} ({share['weight']:.0%})"] = f"{distance}: near {share['near']:.2f}{along}"
-    return found

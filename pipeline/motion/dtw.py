@@ -139,6 +139,43 @@ def _aligned(squared: Float32Array) -> float:
     return float(before[m] / (n + m))
 
 
+def clip_path(a: Float32Array, b: Float32Array) -> Int64Array:
+    """[p, 2] the frames of two clips [n, D] and [m, D] that the path of `clip_dtw` matches, from first to last.
+
+    Of equal steps the one in both clips is taken, then that in the first.
+
+    Raises:
+        ValueError: a clip has no frames.
+    """
+    if not (len(a) and len(b)):
+        raise ValueError("a clip without frames cannot be aligned")
+    found: Int64Array = _path(squared_distances(a, b))
+    return found
+
+
+@njit(cache=True)  # type: ignore[untyped-decorator]
+def _path(squared: Float32Array) -> Int64Array:
+    n, m = squared.shape
+    cost = np.full((n + 1, m + 1), np.inf)
+    cost[0, 0] = 0
+    for i in range(n):
+        for j in range(m):
+            through = min(cost[i, j], min(cost[i, j + 1], cost[i + 1, j]))
+            cost[i + 1, j + 1] = np.sqrt(max(squared[i, j], np.float32(0))) + through
+    path = np.empty((n + m, 2), dtype=np.int64)
+    first, i, j = n + m, n, m
+    while i > 0 and j > 0:
+        first -= 1
+        path[first, 0], path[first, 1] = i - 1, j - 1
+        if cost[i - 1, j - 1] <= cost[i - 1, j] and cost[i - 1, j - 1] <= cost[i, j - 1]:
+            i, j = i - 1, j - 1
+        elif cost[i - 1, j] <= cost[i, j - 1]:
+            i -= 1
+        else:
+            j -= 1
+    return path[first:]
+
+
 # Steps (query frames, sequence frames). Free: as in ordinary DTW. Limited: the tempo at most halves or doubles.
 STEPS: Final = {
     "free": np.array([(1, 1), (1, 0), (0, 1)], dtype=np.int64),

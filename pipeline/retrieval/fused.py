@@ -97,16 +97,31 @@ class FusedSearcher(LakeSearcher):
         known = {hit.clip: hit for hits in found.values() for hit in hits}
         own = query.clip if query.whole and not mirrored else None
         views = {name: self._view(name, hits, own) for name, hits in found.items()}
-        best = self._ranked(views, known, query, scope, own)
+        best = self._ranked(views, known, query, scope, own, k)
         if len(best) < k and max(map(len, found.values())) > REACH:
             # Who asks for more than the nearest gets the others after them, by distance alone.
             rest = dict(self._asked(query, EVERY, scope, mirrored=mirrored))
             others = {hit.clip: hit for hits in rest.values() for hit in hits if hit.clip not in known}
             plain = {name: replace(self._view(name, hits, own, graph=False), along={}) for name, hits in rest.items()}
             farthest = max((hit.distance for hit in best), default=0.0)
-            behind = self._ranked(plain, others, query, scope, own)
+            behind = self._ranked(plain, others, query, scope, own, k)
             best += [replace(hit, distance=max(farthest, hit.distance)) for hit in behind]
-        return best[:k]
+        return self._matched(query, best[:k], mirrored=mirrored) if self._explain else best[:k]
+
+    def _matched(self, query: Query, hits: Sequence[Hit], *, mirrored: bool) -> list[Hit]:
+        """The same answers; each method that compared the query and can tell says what of both is alike."""
+        asked = {share.method for hit in hits for share in hit.shares or ()}
+        found = {
+            name: each.matches(query, hits, mirrored=mirrored)
+            for name, each in self._searchers.items()
+            if name in asked
+        }
+        return [
+            replace(hit, shares=tuple(
+                replace(share, match=found.get(share.method, {}).get(hit.clip)) for share in hit.shares or ()
+            ))
+            for hit in hits
+        ]  # fmt: skip
 
     def _asked(self, query: Query, k: int, scope: Scope, *, mirrored: bool) -> Iterator[tuple[str, list[Hit]]]:
         """The k nearest by each method that can compare the query, itself among them.
@@ -144,18 +159,21 @@ class FusedSearcher(LakeSearcher):
         )
 
     def _ranked(
-        self, views: Mapping[str, _View], known: Mapping[str, Hit], query: Query, scope: Scope, own: str | None
+        self, views: Mapping[str, _View], known: Mapping[str, Hit], query: Query, scope: Scope, own: str | None, k: int
     ) -> list[Hit]:
-        """The known clips that may be answers, in order."""
-        total = sum(WEIGHTS.get(name, 1.0) for name in views)
-        hits = []
-        for clip, hit in known.items():
+        """The first k of the known clips that may be answers, in order."""
+        weights = {name: WEIGHTS.get(name, 1.0) for name in views}
+        total = sum(weights.values())
+        distances = {}
+        for clip in known:
             if clip == query.clip and not scope.own:
                 continue
             scores = {name: 1.0 if clip == own else view.score(clip) for name, view in views.items()}
-            near = sum(WEIGHTS.get(name, 1.0) * score for name, score in scores.items()) / total
-            hits.append(replace(hit, distance=max(0.0, 1 - near), shares=self._shares(views, clip, total)))
-        return sorted(hits, key=lambda hit: (hit.distance, hit.clip))
+            near = sum(weights[name] * score for name, score in scores.items()) / total
+            distances[clip] = max(0.0, 1 - near)
+        nearest = sorted(distances, key=lambda clip: (distances[clip], clip))[:k]
+        return [replace(known[clip], distance=distances[clip], shares=self._shares(views, clip, total))
+                for clip in nearest]  # fmt: skip
 
     def _shares(self, views: Mapping[str, _View], clip: str, total: float) -> tuple[Share, ...] | None:
         if not self._explain:

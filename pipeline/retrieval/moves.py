@@ -17,11 +17,13 @@ from motionlake.motion.moves import FPS, LEAST, MOST, Track
 from motionlake.motion.moves_index import MovesIndex, moves_distance
 from motionlake.motion.moves_windows import nearest_place
 from motionlake.retrieval.encode import query_motion
+from motionlake.retrieval.matched import asked_frames, matched_moves
 from motionlake.retrieval.protocol import (
     ClipFilter,
     Finds,
     Hit,
     LakeSearcher,
+    Match,
     Query,
     Scope,
     about,
@@ -64,10 +66,28 @@ class _Tracks(LakeSearcher):
             known = self._clips[query.clip]
             start, stop = frame_range(query.name, query.start, query.stop, known.frames)
             return track.cut(*in_track(track, known.frames, start, stop))
-        motion = query_motion(self.lake, query, mirrored=mirrored)
-        with about(query.name):
-            track = Track.of(joints_of(motion.positions, motion.fps))
-        return track.cut(*in_track(track, len(motion.positions), *motion.asked))
+        return track_of_motion(self.lake, query, mirrored=mirrored)
+
+
+def track_of_motion(lake: Lake, query: Query, *, mirrored: bool = False) -> Track:
+    """The track of a query, from the frames of its clip or file. Raises `UserError` as `query_motion`."""
+    motion = query_motion(lake, query, mirrored=mirrored)
+    with about(query.name):
+        track = Track.of(joints_of(motion.positions, motion.fps))
+    return track.cut(*in_track(track, len(motion.positions), *motion.asked))
+
+
+def track_of(lake: Lake, query: Query, *, mirrored: bool = False) -> Track:
+    """The same, from what the stage has made of a clip of the lake, of which no other is read."""
+    if query.clip is None or mirrored:
+        return track_of_motion(lake, query, mirrored=mirrored)
+    with reading(lake) as con:
+        rows = fetch(con, "clip", {"clip": query.clip})
+        known = read_tracks(LakeReader(con, lake, served_config(lake)), {row["clip"]: row["part"] for row in rows})
+    if query.clip not in known:
+        raise not_ready(lake, query.clip, "moves")
+    track, frames = known[query.clip], rows[0]["frames"]
+    return track.cut(*in_track(track, frames, *frame_range(query.name, query.start, query.stop, frames)))
 
 
 def in_track(track: Track, frames: int, start: int, stop: int) -> tuple[int, int]:
@@ -101,6 +121,11 @@ class MovesSearcher(_Tracks):
             hits = [clip_hit(self.clips[row], distance) for row, distance in pairs]
             answers.append([hit for hit in hits if scope.own or hit.clip != query.clip][:k])
         return answers
+
+    def matches(self, query: Query, hits: Sequence[Hit], *, mirrored: bool) -> dict[str, Match]:
+        moves, asked = self._moves(query, mirrored=mirrored), asked_frames(self.lake, query)
+        return {hit.clip: matched_moves(moves, self._tracks[hit.clip].moves(), asked, self._clips[hit.clip].frames)
+                for hit in hits if hit.clip in self._tracks}  # fmt: skip
 
     def _moves(self, query: Query, *, mirrored: bool = False) -> Float32Array:
         return self._cut(query, mirrored=mirrored).moves()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -107,6 +107,19 @@ class PathStep:
 
 
 @dataclass(frozen=True)
+class Match:
+    """What of a query and of an answer is alike by one method.
+
+    Attributes:
+        joints: how far each of the fifteen joints is apart, in the mean along the path, the nearest first.
+        path: the frames of the query, in their order, and those of the answer that they are aligned to.
+    """
+
+    joints: Mapping[str, float]
+    path: tuple[PathStep, ...]
+
+
+@dataclass(frozen=True)
 class Share:
     """What one of several methods makes of an answer.
 
@@ -116,6 +129,7 @@ class Share:
         distance: of the answer by it; None where it is not among the nearest.
         near: how near that is, from 0 to 1.
         along: how near the answer is along the neighbour graph, from 0 to 1; None without one.
+        match: what of both is alike, by methods that can tell.
     """
 
     method: str
@@ -123,6 +137,7 @@ class Share:
     distance: float | None
     near: float
     along: float | None
+    match: Match | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -273,6 +288,10 @@ class LakeSearcher(ABC):
     @abstractmethod
     def distances(self, queries: Sequence[Query], gallery: Sequence[Query]) -> Float64Array:
         """As `Searcher.distances`."""
+
+    def matches(self, query: Query, hits: Sequence[Hit], *, mirrored: bool) -> dict[str, Match]:
+        """What is alike of a query, or of its mirror image, and of answers, by clip; of none where it cannot tell."""
+        return {}
 
 
 def check_k(k: int) -> None:
