@@ -8,7 +8,7 @@ SITE ?= site
 # The folders of the repository under the names they are imported by, for tools that read the files.
 LINKS = rm -rf .venv/src && mkdir -p .venv/src/motionlake && \
 	ln -s $(CURDIR)/pipeline/* $(CURDIR)/jobs $(CURDIR)/sql .venv/src/motionlake/
-STAGES := frames words embed motifs signatures mirrored postures symbols moves descriptors submotions graph
+STAGES := frames words embed motifs signatures mirrored postures symbols moves descriptors submotions graph shortlist
 # What `make demo` takes in: by default the DeepMimic motions, fetched first.
 DATA ?= demo/deepmimic
 DEMO_LAKE = demo/$(notdir $(abspath $(DATA)))-lake
@@ -20,7 +20,7 @@ DEMO_SYNTHESIS = $(if $(filter demo/deepmimic,$(DATA)),$(BIN)/motionlake run syn
 DEMO_QUERIES = $(if $(filter demo/deepmimic,$(DATA)),humanoid3d_walk humanoid3d_kick humanoid3d_dance_a,--sample 3)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test lint docs ingest all $(STAGES) neighbours transitions synth status wheel bench-ingest bench-dtw bench-moves bench-emd bench-generalise bench-retrieval bench-representation bench-words bench-find bench-motion-graph bench-neighbours bench-segmentation bench-signatures bench-sorting bench-align bench-pesta bench-descriptor-search bench-deephums bench-glogen bench-synthesis bench-text bench-kills bench-many bench-smoke fuzz
+.PHONY: help setup demo test lint docs ingest all $(STAGES) neighbours transitions synth status wheel bench-ingest bench-dtw bench-moves bench-emd bench-generalise bench-retrieval bench-scale bench-representation bench-words bench-find bench-motion-graph bench-neighbours bench-segmentation bench-signatures bench-sorting bench-align bench-pesta bench-descriptor-search bench-deephums bench-glogen bench-synthesis bench-text bench-kills bench-many bench-smoke fuzz
 
 help: ## Show this help
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 24
@@ -88,6 +88,7 @@ moves: setup ## Stage: joints at 12 frames a second, by whose moves clips are al
 descriptors: setup ## Stage: train the descriptor network if there is none, one vector a clip
 submotions: setup ## Stage: train the sub-motion encoder if there is none, vectors of the windows of clips
 graph: setup ## Stage: the clips nearest to each clip, along which search goes
+shortlist: setup ## Stage: short vectors by which the search of a large lake chooses the clips that it compares
 neighbours: setup ## Stage of its own: the nearest words of every word in other clips
 	$(BIN)/motionlake run neighbours --lake "$(LAKE)"
 transitions: setup ## Stage of its own: where clips of DATASET=name (all datasets) can be joined into motion graphs
@@ -119,6 +120,9 @@ bench-ingest: .venv-bench/.ready setup ## Measure reading against peers, then wh
 
 bench-dtw: .venv-bench/.ready ## Measure word DTW against peers
 	$(BENCH)/python -m bench.dtw
+
+bench-scale: setup ## Measure the default search of 150,000 clips (twenty minutes to make them, FOLDER=folder keeps them)
+	$(BIN)/python -m bench.scale_search $(if $(FOLDER),--folder "$(FOLDER)")
 
 bench-moves: .venv-bench/.ready ## Measure the alignment of moves against a peer
 	$(BENCH)/python -m bench.moves

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Final, cast
+from typing import TYPE_CHECKING, Final, cast
 
 import numpy as np
 from motionlake.arrays import Float64Array
@@ -13,10 +13,13 @@ from motionlake.errors import UserError
 from motionlake.lake.catalog import fetch, reading
 from motionlake.lake.layout import Lake
 from motionlake.motion.diffusion import NOWHERE, diffused, scale
-from motionlake.retrieval.lake_neighbours import LakeNeighbours, read_neighbours
 from motionlake.retrieval.protocol import Finds, Hit, LakeSearcher, Query, Scope, Share
 from motionlake.retrieval.registry import ready, searcher
-from motionlake.stages.graph import MOST
+from motionlake.stages.shortlist_files import MOST
+
+if TYPE_CHECKING:
+    from motionlake.retrieval.lake_neighbours import LakeNeighbours
+    from motionlake.retrieval.shortlist import Cascade
 
 # How much each method counts, chosen with one set of recordings left out in turn.
 WEIGHTS: Final = {"signature": 1.0, "alignment": 1.0, "moves": 4.0, "descriptor": 2.0}
@@ -79,8 +82,10 @@ class FusedSearcher(LakeSearcher):
         explain: bool = False,
     ) -> None:
         super().__init__(lake)
-        self._searchers = _ready(lake) if searchers is None else dict(searchers)
-        if not self._searchers:
+        self._cascade = _cascade(lake) if searchers is None else None
+        if searchers is not None:
+            self._searchers = dict(searchers)
+        if self._cascade is None and not self._searchers:
             raise UserError(f"{lake.root}: is not ready for search; make it so with `motionlake run all`")
         self._along, self._explain = graph, explain
 
@@ -100,7 +105,7 @@ class FusedSearcher(LakeSearcher):
         best = self._ranked(views, known, query, scope, own, k)
         if len(best) < k and max(map(len, found.values())) > REACH:
             # Who asks for more than the nearest gets the others after them, by distance alone.
-            rest = dict(self._asked(query, EVERY, scope, mirrored=mirrored))
+            rest = dict(self._asked(query, EVERY if self._cascade is None else k + 1, scope, mirrored=mirrored))
             others = {hit.clip: hit for hits in rest.values() for hit in hits if hit.clip not in known}
             plain = {name: replace(self._view(name, hits, own, graph=False), along={}) for name, hits in rest.items()}
             farthest = max((hit.distance for hit in best), default=0.0)
@@ -111,11 +116,8 @@ class FusedSearcher(LakeSearcher):
     def _matched(self, query: Query, hits: Sequence[Hit], *, mirrored: bool) -> list[Hit]:
         """The same answers; each method that compared the query and can tell says what of both is alike."""
         asked = {share.method for hit in hits for share in hit.shares or ()}
-        found = {
-            name: each.matches(query, hits, mirrored=mirrored)
-            for name, each in self._searchers.items()
-            if name in asked
-        }
+        by = {"moves": self._cascade} if self._cascade is not None else self._searchers
+        found = {name: each.matches(query, hits, mirrored=mirrored) for name, each in by.items() if name in asked}
         return [
             replace(hit, shares=tuple(
                 replace(share, match=found.get(share.method, {}).get(hit.clip)) for share in hit.shares or ()
@@ -129,6 +131,9 @@ class FusedSearcher(LakeSearcher):
         Raises:
             UserError: none can.
         """
+        if self._cascade is not None:
+            yield from self._cascade.nearest(query, k, replace(scope, own=True), mirrored=mirrored)
+            return
         failed: UserError | None = None
         count = 0
         for name, each in self._searchers.items():
@@ -187,7 +192,13 @@ class FusedSearcher(LakeSearcher):
         )  # fmt: skip
 
     @cached_property
+    def _searchers(self) -> dict[str, LakeSearcher]:
+        return _ready(self.lake)
+
+    @cached_property
     def _graph(self) -> LakeNeighbours:
+        from motionlake.retrieval.lake_neighbours import read_neighbours
+
         return read_neighbours(self.lake)
 
 
@@ -211,6 +222,17 @@ def _units(distances: Float64Array) -> Float64Array:
 
 def _near(distances: Float64Array, units: Float64Array | np.float64) -> Float64Array:
     return np.asarray(1 / (1 + distances / units))
+
+
+def _cascade(lake: Lake) -> Cascade | None:
+    """The search of a lake of more than `MOST` clips that has a shortlist."""
+    with reading(lake) as con:
+        (count,), files = fetch(con, "count_clips"), [row["file"] for row in fetch(con, "shortlist_files")]
+    if count["clips"] <= MOST or not files:
+        return None
+    from motionlake.retrieval.shortlist import Cascade
+
+    return Cascade(lake, files)
 
 
 def _ready(lake: Lake) -> dict[str, LakeSearcher]:

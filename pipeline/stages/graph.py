@@ -24,13 +24,13 @@ from motionlake.pesta.config import AlignmentConfig
 from motionlake.stages.descriptors import DESCRIPTORS
 from motionlake.stages.moves import MOVES, made_parts, tracks_in
 from motionlake.stages.reader import LakeReader, lake_reader
+from motionlake.stages.shortlist_files import MOST
 from motionlake.stages.signatures import SIGNATURES
 from motionlake.stages.stage import Part, PartStage, Shard, ShardResult, ShardStage, frames_parts
 from motionlake.stages.symbols import SYMBOLS
 from numpy.typing import ArrayLike
 
 KEPT: Final = 32  # neighbours of a clip that are kept
-MOST: Final = 20_000  # clips of a lake; the work grows with their square
 CLIPS: Final = 2048  # of a shard, at least, but for the last of a dataset
 SOURCES: Final[Mapping[str, PartStage]] = {
     "signature": SIGNATURES, "alignment": SYMBOLS, "moves": MOVES, "descriptor": DESCRIPTORS
@@ -60,7 +60,9 @@ class Graph(ShardStage):
         return len(self.plan(at))
 
     def plan(self, at: LakeReader) -> list[Shard]:
-        """Nothing where no method has what it compares, or the lake holds more than `MOST` clips."""
+        """Nothing where no method has what it compares, or the lake holds more than `MOST` clips: the work grows with
+        their square.
+        """
         every = at.once("every", self.name, lambda: self._every(at))
         return [shard for shard in every if shard.key not in at.done(self.name)]
 
@@ -69,7 +71,7 @@ class Graph(ShardStage):
 
     def _every(self, at: LakeReader) -> list[Shard]:
         live = frames_parts(at.con)
-        made = {method: _made(at, stage) for method, stage in SOURCES.items()}
+        made = {method: made_keys(at, stage) for method, stage in SOURCES.items()}
         methods = [method for method, keys in made.items() if keys]
         if not methods or not 1 < sum(part.clips for part in live) <= MOST:
             return []
@@ -108,7 +110,7 @@ def _shard(stage: str, of: str, spec: Mapping[str, Any], group: Sequence[Part]) 
     return Shard(stage, config_hash(of, parts), "+".join(parts), group[0].dataset, {**spec, "parts": parts}, clips)
 
 
-def _made(at: LakeReader, stage: PartStage) -> list[str]:
+def made_keys(at: LakeReader, stage: PartStage) -> list[str]:
     """Keys of what a stage has made of the lake as it stands."""
     done = at.done(stage.name)
     return sorted(part.key for part in stage.parts(at) or [] if part.key in done)

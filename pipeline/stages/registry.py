@@ -19,6 +19,7 @@ from motionlake.stages.moves import MOVES
 from motionlake.stages.neighbours import NEIGHBOURS
 from motionlake.stages.postures import POSTURES
 from motionlake.stages.reader import LakeReader
+from motionlake.stages.shortlist import SHORTLIST
 from motionlake.stages.signatures import MOTIFS, SIGNATURES
 from motionlake.stages.stage import Stage
 from motionlake.stages.submotions import SUBMOTIONS
@@ -41,6 +42,7 @@ EVERY: Final[tuple[Stage, ...]] = (
     DESCRIPTORS,
     SUBMOTIONS,
     GRAPH,
+    SHORTLIST,
     NEIGHBOURS,
     TRANSITIONS,
     SYNTH,

@@ -75,7 +75,7 @@ class Symbols(PartStage):
             string = symbolise(codes, codes_fps=shard.spec["codes_fps"], fps=fps, n_frames=n_frames, config=config)
             names.append(clip)
             strings.append(string)
-        yield _rows(names, strings, shard.part)
+        yield string_rows(names, strings, shard.part)
 
     def count(self, table: pa.Table, shard: Shard) -> int:
         return sum(map(len, table.column("symbols")))
@@ -104,7 +104,7 @@ class Symbols(PartStage):
 SYMBOLS: Final = Symbols()
 
 
-def _rows(names: list[str], strings: list[SymbolString], part: str) -> pa.Table:
+def string_rows(names: list[str], strings: list[SymbolString], part: str) -> pa.Table:
     offsets = pa.array(np.cumsum([0, *map(len, strings)]).astype(np.int32))
     symbols = np.concatenate([s.symbols for s in strings]) if strings else np.zeros(0, dtype=np.int32)
     starts = np.concatenate([s.starts for s in strings]) if strings else np.zeros(0, dtype=np.int64)

@@ -40,8 +40,16 @@ SELECT clip, dataset, part FROM clips WHERE clip IN (SELECT unnest($clips::VARCH
 SELECT clip, dataset, label, subject, split, fps, frames, format = 'synthetic' AS synthetic, part FROM clips
 ORDER BY clip;
 
+-- name: clips_admitted
+SELECT clip FROM clips
+WHERE ($dataset::VARCHAR IS NULL OR dataset = $dataset) AND ($split::VARCHAR IS NULL OR split = $split)
+    AND NOT ($recorded_only AND format = 'synthetic');
+
 -- name: graph_files
 SELECT unnest(files) AS file FROM manifest WHERE stage = 'graph' AND state = 'ok' ORDER BY file;
+
+-- name: shortlist_files
+SELECT unnest(files) AS file FROM manifest WHERE stage = 'shortlist' AND state = 'ok' ORDER BY file;
 
 -- name: part_clips
 SELECT clip FROM clips WHERE part = $part ORDER BY clip;

@@ -20,6 +20,10 @@ SELECT DISTINCT model FROM motifs;
 -- name: served_postures
 SELECT model FROM postures LIMIT 1;
 
+-- name: models_compared
+-- What the signatures and strings of the lake are made over, by the method that compares them.
+SELECT DISTINCT 'signature' AS method, model FROM motifs UNION ALL SELECT DISTINCT 'alignment', model FROM postures;
+
 -- name: served_descriptors
 SELECT model, kind, key, file, metrics FROM models WHERE model = (SELECT model FROM descriptors LIMIT 1);
 

@@ -1,0 +1,58 @@
+"""Short vectors in the place of long sequences: near ones are looked at, far ones are not."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from motionlake.arrays import Float32Array, FloatArray
+from motionlake.motion.resampling import interpolated
+
+BY_PATH: Final = 0.5  # how much of an instant is told by the way gone so far; the rest by time
+_STILL: Final = 1e-9
+
+
+def instants(frames: FloatArray, count: int) -> Float32Array:
+    """[count, D] a sequence [m, D] at so many instants, half of them by time and half by the way that it has gone.
+
+    Two performances of one motion, of which one hurries where the other lingers, are nearer at the same share of their
+    way than of their time.
+    """
+    exact = np.asarray(frames, dtype=np.float64)
+    time = np.linspace(0, 1, len(exact))
+    way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(exact, axis=0), axis=1))])
+    share = time if way[-1] < _STILL else BY_PATH * way / way[-1] + (1 - BY_PATH) * time
+    places = np.interp(np.linspace(0, 1, count), share, np.arange(len(exact)))
+    return np.asarray(interpolated(exact, places), dtype=np.float32)
+
+
+@dataclass(frozen=True)
+class Directions:
+    """What is left of vectors [D]: where they lie along `matrix` [D, w] from `mean` [D]."""
+
+    mean: Float32Array
+    matrix: Float32Array
+
+    @staticmethod
+    def of(rows: FloatArray, width: int, *, centred: bool = True) -> Directions:
+        """The principal directions of rows [n, D], as many as `width` or D; `centred`: about their mean."""
+        exact = np.asarray(rows, dtype=np.float64)
+        mean = exact.mean(axis=0) if centred and len(exact) else np.zeros(exact.shape[1])
+        _, found = np.linalg.eigh((exact - mean).T @ (exact - mean))
+        matrix = np.ascontiguousarray(found[:, ::-1][:, :width], dtype=np.float32)
+        return Directions(mean.astype(np.float32), matrix)
+
+    def project(self, rows: FloatArray) -> Float32Array:
+        """[..., w] of rows [..., D]."""
+        return np.asarray((rows - self.mean) @ self.matrix, dtype=np.float32)
+
+
+def searchable(sketches: Float32Array) -> Float32Array:
+    """[n, w + 1] sketches [n, w] with a column more, by which one product tells how near each is (`nearness`)."""
+    return np.column_stack([sketches, -np.einsum("nw,nw->n", sketches, sketches) / 2])
+
+
+def nearness(kept: Float32Array, sketch: Float32Array) -> Float32Array:
+    """[n] greater for what is nearer to a sketch [w], of rows as `searchable` gives them."""
+    return np.asarray(kept @ np.append(sketch, np.float32(1)))

@@ -1,0 +1,331 @@
+"""The default search of a large lake: clips are chosen by short vectors, and compared as in a small one.
+
+Every method chooses by its own vectors, which stage "shortlist" keeps, and all that were chosen by any are compared by
+all. The answers by a method are then its nearest among these.
+"""
+
+from __future__ import annotations
+
+import os
+from abc import ABC, abstractmethod
+from bisect import bisect_left
+from collections.abc import Iterator, Mapping, Sequence
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+import pyarrow as pa
+from motionlake.arrays import Float32Array, Float64Array, Int64Array
+from motionlake.deep_motifs.emd import ground_distances
+from motionlake.deep_motifs.emd_search import SignatureIndex
+from motionlake.deep_motifs.signatures import CorpusClip
+from motionlake.errors import DamagedError, UserError
+from motionlake.lake.catalog import Connection, fetch, fetch_table, reading
+from motionlake.lake.layout import Lake
+from motionlake.lake.settings import served_config
+from motionlake.motion.moves import WIDTH
+from motionlake.motion.moves_index import Stack, aligned, floored
+from motionlake.motion.sketches import instants, nearness
+from motionlake.pesta.scan import nearest_strings
+from motionlake.pesta.strings import Repository, SymbolDistances
+from motionlake.pesta.symbols import SymbolString
+from motionlake.retrieval.matched import asked_frames, matched_moves
+from motionlake.retrieval.protocol import ClipFilter, Hit, Match, Query, Scope, clip_hit, not_ready
+from motionlake.retrieval.symbol_strings import query_of_symbols, string_query
+from motionlake.stages.shortlist_files import INSTANTS, ShortlistFiles, string_sketch
+
+if TYPE_CHECKING:
+    from motionlake.pesta.dictionary import PostureDictionary
+
+Value = Any
+LOOKED_AT: Final = 5000  # clips whose outlines of moves are aligned
+NEAR: Final = 400  # clips that a method chooses, at least
+Answers = tuple[Int64Array, Float64Array]  # rows and distances, nearest first
+
+
+class Cascade:
+    """The nearest clips of a large lake by each method that its shortlist has vectors for.
+
+    Raises:
+        UserError: the shortlist is of other motifs, postures or moves than the lake serves.
+        DamagedError: a file of it is not as it was written.
+    """
+
+    def __init__(self, lake: Lake, files: Sequence[str]) -> None:
+        self.lake, self.files = lake, ShortlistFiles.open(lake, files)
+        with reading(lake) as con:
+            served = {row["method"]: row["model"] for row in fetch(con, "models_compared")}
+            self._catalog = fetch_table(con, "clips_with_parts")
+            if self._stale(served):
+                raise UserError(
+                    f"{lake.root}: its shortlist of clips is of other models than it serves now; make it anew with "
+                    "`motionlake run shortlist`"
+                )
+            self._methods = {
+                name: METHODS[name](lake, self.files, con) for name in METHODS if name in self.files.methods
+            }
+        self._admitted: dict[ClipFilter, Float32Array] = {}
+
+    def _stale(self, served: Mapping[str, str]) -> bool:
+        widths = [self.files.arrays["outlines-directions"].shape[0]] if "moves" in self.files.methods else []
+        return any(served.get(name) != model for name, model in self.files.models.items()) or widths not in (
+            [],
+            [WIDTH],
+        )
+
+    def nearest(self, query: Query, k: int, scope: Scope, *, mirrored: bool) -> Iterator[tuple[str, list[Hit]]]:
+        """The k nearest by each method that can compare the query.
+
+        Raises:
+            UserError: none can.
+        """
+        values: dict[str, Value] = {}
+        failed: UserError | None = None
+        for name, method in self._methods.items():
+            try:
+                values[name] = self._value(method, query, mirrored=mirrored)
+            except DamagedError:
+                raise
+            except UserError as error:
+                failed = failed or error
+        if failed is not None and not values:
+            raise failed
+        admitted = self._admits(ClipFilter(scope.dataset, scope.split, scope.recorded_only))
+        count = min(max(k, NEAR), int(np.isfinite(admitted).sum()))
+        chosen = [self._methods[name].choose(value, count, admitted) for name, value in values.items()]
+        rows = np.unique(np.concatenate(chosen))
+        hits = self._hits(rows)
+        for name, value in values.items():
+            found, distances = self._methods[name].among(value, rows, k)
+            pairs = zip(found.tolist(), distances.tolist(), strict=True)
+            kept = [clip_hit(hits[at], distance) for at, distance in pairs]
+            yield name, [hit for hit in kept if scope.own or hit.clip != query.clip]
+
+    def matches(self, query: Query, hits: Sequence[Hit], *, mirrored: bool) -> dict[str, Match]:
+        """As `LakeSearcher.matches`, by moves."""
+        method = self._methods.get("moves")
+        if not isinstance(method, ByMoves):
+            return {}
+        value, asked = self._value(method, query, mirrored=mirrored), asked_frames(self.lake, query)
+        rows = np.array([self._row(hit.clip) for hit in hits], dtype=np.int64)
+        known = rows[self.files.numbers("frames")[rows] > 0]
+        clips = self._hits(known)
+        return {clips[row].clip: matched_moves(value, moves, asked, clips[row].frames)
+                for row, moves in zip(known.tolist(), self.files.moves(known), strict=True)}  # fmt: skip
+
+    def _value(self, method: Method, query: Query, *, mirrored: bool) -> Value:
+        if query.clip is not None and query.whole and not mirrored:
+            return method.of_row(self._row(query.clip))
+        return method.of_query(query, mirrored=mirrored)
+
+    def _hits(self, rows: Int64Array) -> dict[int, CorpusClip]:
+        # Not `pa.array`, which imports pandas.
+        entries = pa.Array.from_buffers(pa.int64(), len(rows), [None, pa.py_buffer(self._entries[rows])])
+        found = self._catalog.take(entries).drop_columns(["part"]).to_pylist()
+        return {row: CorpusClip(**each) for row, each in zip(rows.tolist(), found, strict=True)}
+
+    def _row(self, clip: str) -> int:
+        """Raises `UserError` for a clip that it does not hold, or that was another one when it was made."""
+        names = self.files.table["clip"]
+        row = bisect_left(range(len(names)), clip, key=lambda at: names[at].as_py())
+        if row == len(names) or names[row].as_py() != clip or self._entries[row] < 0:
+            raise not_ready(self.lake, clip, "place in the shortlist")
+        return row
+
+    @cached_property
+    def _entries(self) -> Int64Array:
+        """[n] the row in the catalog of each clip; -1 where it left the lake, or is another one since."""
+        made, known = self.files.table, self._catalog
+        if made["clip"].equals(known["clip"]) and made["part"].equals(known["part"]):
+            return np.arange(len(made))
+        rows = {pair: row for row, pair in enumerate(zip(*_names(known), strict=True))}
+        return np.array([rows.get(pair, -1) for pair in zip(*_names(made), strict=True)], dtype=np.int64)
+
+    def _admits(self, kept: ClipFilter) -> Float32Array:
+        """[n] 0 for the clips that may be answers, minus infinity for all others."""
+        if kept not in self._admitted:
+            there = self._entries >= 0
+            if kept != ClipFilter():
+                with reading(self.lake) as con:
+                    admitted = {row["clip"] for row in fetch(con, "clips_admitted", kept.as_parameters())}
+                there &= [name in admitted for name in self.files.table["clip"].to_pylist()]
+            self._admitted[kept] = np.where(there, np.float32(0), np.float32(-np.inf))
+        return self._admitted[kept]
+
+
+def _names(table: pa.Table) -> tuple[list[str], list[str]]:
+    return table["clip"].to_pylist(), table["part"].to_pylist()
+
+
+class Method(ABC):
+    """What a method keeps of every clip, and how it compares a query with it."""
+
+    name: str
+
+    def __init__(self, lake: Lake, files: ShortlistFiles, con: Connection) -> None:
+        self.lake, self.files = lake, files
+        self._kept = files.arrays[f"{self.name}-sketches"]
+        self._directions = files.directions(self.name)
+
+    @abstractmethod
+    def of_row(self, row: int) -> Value:
+        """What is compared of a clip of the shortlist. Raises `UserError` where it has none."""
+
+    @abstractmethod
+    def of_query(self, query: Query, *, mirrored: bool) -> Value:
+        """The same of a file, of a part of a clip, or mirrored. Raises `UserError` where it cannot be made."""
+
+    @abstractmethod
+    def sketch(self, value: Value) -> Float32Array:
+        """[D] the vector that is projected and compared first."""
+
+    @abstractmethod
+    def among(self, value: Value, rows: Int64Array, k: int) -> Answers:
+        """The k nearest of the clips of some rows; those that the method does not know are left out."""
+
+    def choose(self, value: Value, count: int, admitted: Float32Array) -> Int64Array:
+        """About so many rows that are likely to be the nearest of those admitted ([n] 0, else minus infinity)."""
+        near = nearness(self._kept, self._directions.project(self.sketch(value))) + admitted
+        return _largest(near, count)
+
+    def _without(self, row: int, what: str) -> UserError:
+        clip = self.files.table["clip"][row].as_py()
+        return UserError(f"{clip}: has no {what} yet; make it with `motionlake run all`")
+
+
+def _largest(near: Float32Array, count: int) -> Int64Array:
+    """Rows of the `count` largest that are finite."""
+    rows = np.argpartition(-near, count - 1)[:count] if count < len(near) else np.arange(len(near))
+    return np.asarray(rows[np.isfinite(near[rows])], dtype=np.int64)
+
+
+class BySignature(Method):
+    """Signatures [K], by the earth mover's distance."""
+
+    name = "signature"
+
+    def __init__(self, lake: Lake, files: ShortlistFiles, con: Connection) -> None:
+        super().__init__(lake, files, con)
+        motifs = fetch(con, "corpus_motifs")
+        self._ground = ground_distances(np.array([row["centroid"] for row in motifs], dtype=np.float32))
+        self._idf = np.array([row["idf"] for row in motifs], dtype=np.float64)
+
+    def of_row(self, row: int) -> Value:
+        (signature,) = self._dense(np.array([row]))
+        if not signature.any():
+            raise self._without(row, "signature")
+        return signature
+
+    def of_query(self, query: Query, *, mirrored: bool) -> Value:
+        from motionlake.retrieval.signature import signature_of
+
+        return signature_of(self.lake, query, self._idf, mirrored=mirrored)
+
+    def sketch(self, value: Value) -> Float32Array:
+        return np.asarray(value @ self._ground, dtype=np.float32)
+
+    def among(self, value: Value, rows: Int64Array, k: int) -> Answers:
+        signatures = self._dense(rows)
+        there = signatures.any(axis=1)
+        if not there.any():
+            return np.zeros(0, dtype=np.int64), np.zeros(0)
+        found = SignatureIndex.build(signatures[there], self._ground).nearest(value, min(k, int(there.sum())))
+        return rows[there][found.indices], found.distances
+
+    def _dense(self, rows: Int64Array) -> Float32Array:
+        dense = np.zeros((len(rows), len(self._ground)), dtype=np.float32)
+        held, weights = self.files.lists("motifs", rows), self.files.lists("weights", rows)
+        for own, at, weight in zip(dense, held, weights, strict=True):
+            own[at] = weight
+        return dense
+
+
+class ByAlignment(Method):
+    """Strings of symbols, by alignment both ways."""
+
+    name = "alignment"
+
+    def __init__(self, lake: Lake, files: ShortlistFiles, con: Connection) -> None:
+        super().__init__(lake, files, con)
+        codes = fetch(con, "posture_codes")
+        self._codes = np.array([row["code"] for row in codes], dtype=np.float64)
+        self._model = codes[0]["model"]
+        self._distances = SymbolDistances(ground_distances(self._codes.astype(np.float32)).astype(np.float32))
+        self._config = served_config(lake).alignment
+
+    def of_row(self, row: int) -> Value:
+        (symbols,) = self.files.lists("symbols", np.array([row]))
+        if len(symbols) == 0:
+            raise self._without(row, "symbol string")
+        return query_of_symbols(symbols, self.files.table["clip"][row].as_py()).symbols
+
+    def of_query(self, query: Query, *, mirrored: bool) -> Value:
+        if query.clip is None or mirrored:
+            from motionlake.retrieval.alignment import encoded
+
+            return encoded(self.lake, query, self._dictionary, mirrored=mirrored).symbols
+        with reading(self.lake) as con:
+            found = fetch(con, "symbol_string", {"clip": query.clip})
+        if not found:
+            raise not_ready(self.lake, query.clip, "symbol string")
+        ((symbols, starts, frames),) = (each.values() for each in found)
+        string = SymbolString(np.array(symbols, np.int32), np.array(starts), np.append(starts[1:], frames))
+        return string_query(query.name, string, frames, query.start, query.stop).symbols
+
+    @cached_property
+    def _dictionary(self) -> PostureDictionary:
+        from motionlake.retrieval.alignment import served_dictionary
+
+        return served_dictionary(self.lake, self._model)
+
+    def sketch(self, value: Value) -> Float32Array:
+        return string_sketch(value, self._codes)
+
+    def among(self, value: Value, rows: Int64Array, k: int) -> Answers:
+        strings = Repository.of(self.files.lists("symbols", rows))
+        threads = os.cpu_count() or 1
+        found = nearest_strings(value, strings, self._distances, k, self._config, threads=threads)
+        return rows[[at for at, _ in found]], np.array([cost for _, cost in found])
+
+
+class ByMoves(Method):
+    """Moves, by dynamic time warping: first of outlines, moves at a few instants along a few directions."""
+
+    name = "moves"
+
+    def __init__(self, lake: Lake, files: ShortlistFiles, con: Connection) -> None:
+        super().__init__(lake, files, con)
+        self._outlines, self._frames = files.arrays["moves-outlines"], files.directions("outlines")
+
+    def of_row(self, row: int) -> Value:
+        if self.files.numbers("frames")[row] == 0:
+            raise self._without(row, "moves")
+        return self.files.moves(np.array([row]))[0]
+
+    def of_query(self, query: Query, *, mirrored: bool) -> Value:
+        from motionlake.retrieval.moves import track_of
+
+        return track_of(self.lake, query, mirrored=mirrored).moves()
+
+    def sketch(self, value: Value) -> Float32Array:
+        return instants(value, INSTANTS).ravel()
+
+    def choose(self, value: Value, count: int, admitted: Float32Array) -> Int64Array:
+        rows = super().choose(value, max(count, min(LOOKED_AT, len(admitted))), admitted)
+        if len(rows) <= count:
+            return rows
+        rows.sort()
+        outline = self._frames.project(instants(value, INSTANTS))
+        stack = Stack.of(list(self._outlines[rows].astype(np.float32)))
+        apart = stack.spread(aligned(outline, stack))
+        return rows[np.argpartition(apart, count - 1)[:count]]
+
+    def among(self, value: Value, rows: Int64Array, k: int) -> Answers:
+        known = rows[self.files.numbers("frames")[rows] > 0]
+        stack = Stack.of(self.files.moves(known))
+        distances = floored(stack.spread(aligned(value, stack)))
+        order = np.lexsort((known, distances))[:k]
+        return known[order], distances[order]
+
+
+METHODS: Final[Mapping[str, type[Method]]] = {"signature": BySignature, "alignment": ByAlignment, "moves": ByMoves}

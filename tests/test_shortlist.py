@@ -1,0 +1,241 @@
+"""The search of a large lake: what the stage keeps, and that its answers are those of comparing every clip."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from motionlake.errors import UserError
+from motionlake.lake.layout import Lake, open_lake
+from motionlake.motion.dtw import clip_dtw, clip_path
+from motionlake.motion.skeleton import COMMON
+from motionlake.motion.sketches import Directions, instants, nearness, searchable
+from motionlake.retrieval.fused import FusedSearcher
+from motionlake.retrieval.matched import matched_moves
+from motionlake.retrieval.moves import MovesSearcher
+from motionlake.retrieval.protocol import Hit, Query, Scope
+
+from tests.lakes import Changed, files, motionlake, query
+
+MODULES = ("stages.graph", "stages.shortlist", "retrieval.fused")
+
+
+@pytest.fixture(scope="module")
+def large(tmp_path_factory: pytest.TempPathFactory, built_lake: Path, scheduler: str) -> Path:
+    """A lake that counts as a large one, with its shortlist."""
+    root = Path(shutil.copytree(built_lake, tmp_path_factory.mktemp("shortlist") / "lake"))
+    with Changed(root) as con:
+        con.execute("UPDATE clips SET split = if(rowid % 3 = 0, 'train', 'test')")
+        con.execute("UPDATE clips SET format = 'synthetic' WHERE clip = (SELECT min(clip) FROM clips)")
+    with few():
+        run = motionlake("run", "shortlist", "--lake", root, "--scheduler", scheduler)
+    assert run.status == 0, run.err
+    return root
+
+
+@contextmanager
+def few() -> Iterator[None]:
+    """Within the block a lake of more than three clips is a large one."""
+    with pytest.MonkeyPatch.context() as patched:
+        for module in MODULES:
+            patched.setattr(f"motionlake.{module}.MOST", 3)
+        yield
+
+
+def some(root: Path, count: int) -> list[str]:
+    text = "SELECT clip FROM symbol_strings JOIN signatures USING (clip) WHERE len(symbols) > 3 ORDER BY clip"
+    return [row[0] for row in query(root, text)][:count]
+
+
+def both(root: Path, asked: Query, k: int, scope: Scope, *, explain: bool = False) -> tuple[list[Hit], list[Hit]]:
+    """Answers by the shortlist, and by comparing every clip."""
+    with few():
+        search = FusedSearcher(open_lake(root), graph=False, explain=explain)
+        assert search._cascade is not None
+        (ours,) = search.search([asked], k, scope)
+    (exact,) = FusedSearcher(open_lake(root), graph=False, explain=explain).search([asked], k, scope)
+    return ours, exact
+
+
+def assert_alike(ours: list[Hit], exact: list[Hit]) -> None:
+    assert [hit.distance for hit in ours] == pytest.approx([hit.distance for hit in exact], abs=2e-4)
+    expected = {hit.clip: hit for hit in exact}
+    assert {hit.clip for hit in ours} == set(expected)
+    assert [replace(hit, rank=0, distance=0.0, shares=None) for hit in ours] == [
+        replace(expected[hit.clip], rank=0, distance=0.0, shares=None) for hit in ours
+    ]
+
+
+def test_answers_are_those_of_comparing_every_clip(large: Path, clips_folder: Path) -> None:
+    """Of a small lake all clips are chosen; a clip, a part of one, a file, and each of them mirrored."""
+    clip, other = some(large, 2)
+    for scope in (
+        Scope(), Scope(mirrored=True), Scope(split="train"), Scope(recorded_only=True), Scope(own=True), Scope("none"),
+    ):  # fmt: skip
+        ours, exact = both(large, Query(clip), 1000, scope)
+        assert_alike(ours, exact)
+        assert bool(ours) == (scope.dataset is None)
+    ((frames,),) = query(large, "SELECT frames FROM clips WHERE clip = $clip", clip=other)
+    assert_alike(*both(large, Query(other, 0, frames // 2), 5, Scope()))
+    assert_alike(*both(large, Query(clips_folder / other.partition("/")[2]), 5, Scope()))
+    with few(), pytest.raises(UserError, match="nobody"):
+        FusedSearcher(open_lake(large)).search([Query("clips/nobody.bvh")], 3)
+
+
+def test_few_chosen_clips_hold_the_nearest(large: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("motionlake.retrieval.shortlist.NEAR", 6)
+    monkeypatch.setattr("motionlake.retrieval.shortlist.LOOKED_AT", 10)
+    monkeypatch.setattr("motionlake.retrieval.fused.REACH", 5)
+    found = []
+    for clip in some(large, 99):
+        ours, exact = both(large, Query(clip), 3, Scope())
+        found.append(len({hit.clip for hit in ours} & {hit.clip for hit in exact}) / 3)
+    assert np.mean(found) > 0.9
+    with few():
+        (hits,) = FusedSearcher(open_lake(large)).search([Query(some(large, 1)[0])], 1000)
+    assert len(hits) > 12, "who asks for more gets more"
+
+
+def test_what_is_alike_is_told(large: Path) -> None:
+    clip = some(large, 1)[0]
+    ours, exact = both(large, Query(clip), 3, Scope(), explain=True)
+    by_moves = MovesSearcher(open_lake(large))
+    for hit in ours:
+        known = {share.method: share.match for each in exact if each.clip == hit.clip for share in each.shares or ()}
+        for share in hit.shares or ():
+            if share.method != "moves":
+                assert share.match is None
+                continue
+            assert share.match is not None
+            told = known["moves"]
+            assert told is not None
+            assert dict(share.match.joints) == pytest.approx(dict(told.joints), abs=1e-3)
+            assert set(share.match.joints) == set(COMMON)
+            assert list(share.match.joints.values()) == sorted(share.match.joints.values())
+            ends = share.match.path[0], share.match.path[-1]
+            frames = dict(query(large, "SELECT clip, frames FROM clips"))
+            assert (ends[0].query[0], ends[0].clip[0]) == (0, 0)
+            assert (ends[1].query[1], ends[1].clip[1]) == (frames[clip], frames[hit.clip])
+    assert by_moves.matches(Query(clip), [], mirrored=False) == {}
+    with few():
+        said = motionlake("search", clip, "-k", 2, "--explain", "--lake", large).out
+    assert "most alike" in said
+
+
+def test_a_large_lake_of_which_clips_leave(large: Path, tmp_path: Path, scheduler: str) -> None:
+    """What left is no answer; the stage is due, and its files replace those of before."""
+    root = Path(shutil.copytree(large, tmp_path / "lake"))
+    gone, clip = some(root, 2)
+    before = {name for name in files(root) if name.startswith("shortlist/")}
+    assert motionlake("remove", gone, "--lake", root).status == 0
+    with few():
+        (hits,) = FusedSearcher(open_lake(root)).search([Query(clip)], 1000)
+        assert gone not in {hit.clip for hit in hits}
+        with pytest.raises(UserError, match=r"no clip|no such"):
+            FusedSearcher(open_lake(root)).search([Query(gone)], 3)
+        assert motionlake("run", "shortlist", "--lake", root, "--scheduler", scheduler).status == 0
+    after = {name for name in files(root) if name.startswith("shortlist/")}
+    assert len(after) == len(before)
+    assert not after & before
+    assert_alike(*both(root, Query(clip), 5, Scope()))
+
+
+def test_a_shortlist_of_other_models_is_refused(large: Path, tmp_path: Path) -> None:
+    root = Path(shutil.copytree(large, tmp_path / "lake"))
+    clip = some(root, 1)[0]
+    with Changed(root) as con:
+        con.execute("UPDATE motifs SET model = 'motifs-9'")
+    with few():
+        run = motionlake("search", clip, "--lake", root)
+    assert (run.status, "run shortlist" in run.err) == (2, True)
+
+
+@pytest.mark.parametrize("name", ["signature-sketches.npy", "clips.arrow", "moves.f16"])
+def test_a_damaged_shortlist_is_found_and_made_again(large: Path, tmp_path: Path, name: str) -> None:
+    root = Path(shutil.copytree(large, tmp_path / "lake"))
+    clip = some(root, 1)[0]
+    (file,) = root.glob(f"shortlist/*-{name}")
+    before = file.read_bytes()
+    middle = len(before) // 2
+    # Every byte of the second half: whichever frames the search reads of, some are others.
+    file.write_bytes(before[:middle] + bytes(byte ^ 0x5A for byte in before[middle:]))
+    with few():
+        run = motionlake("search", clip, "--lake", root)
+        assert (run.status, run.out) == (2, "")
+        assert name in run.err
+        assert motionlake("verify", "--deep", "--lake", root).status != 0
+        assert motionlake("repair", "--lake", root).status == 0
+        assert file.read_bytes() == before
+        assert motionlake("verify", "--deep", "--lake", root).status == 0
+        file.unlink()
+        assert motionlake("search", clip, "--lake", root).status == 2
+
+
+def test_a_small_lake_has_no_shortlist(built_lake: Path) -> None:
+    assert not list(built_lake.glob("shortlist/*"))
+    assert FusedSearcher(Lake(built_lake))._cascade is None
+
+
+clips_of_frames = st.integers(1, 9).flatmap(
+    lambda m: st.integers(0, 10_000).map(
+        lambda seed: np.random.default_rng(seed).normal(size=(m, 6)).astype(np.float32)
+    )
+)
+
+
+@given(clips_of_frames, clips_of_frames)
+def test_a_path_costs_what_the_alignment_does(one: np.ndarray, other: np.ndarray) -> None:
+    path = clip_path(one, other)
+    assert path[0].tolist() == [0, 0]
+    assert path[-1].tolist() == [len(one) - 1, len(other) - 1]
+    steps = np.diff(path, axis=0)
+    assert ((steps >= 0) & (steps <= 1)).all()
+    assert (steps.sum(axis=1) > 0).all()
+    cost = np.linalg.norm(one[path[:, 0]] - other[path[:, 1]], axis=1).sum()
+    assert cost / (len(one) + len(other)) == pytest.approx(clip_dtw(one, other), rel=1e-4, abs=2e-3)
+
+
+def test_joints_and_frames_by_hand() -> None:
+    rng = np.random.default_rng(0)
+    clip = rng.normal(size=(5, 2 * 45)).astype(np.float32)
+    twice = np.repeat(clip, 2, axis=0)
+    twice.reshape(10, 2, 15, 3)[:, :, 4] += (0.0, 3.0, 4.0)
+    match = matched_moves(clip, twice, (10, 60), 100)
+    assert list(match.joints)[-1] == COMMON[4]
+    assert match.joints[COMMON[4]] == pytest.approx(5 * np.sqrt(2), rel=1e-5)
+    assert sum(match.joints.values()) == pytest.approx(5 * np.sqrt(2), rel=1e-5)
+    assert [(step.query, step.clip) for step in match.path] == [
+        ((10, 17), (0, 17)), ((17, 29), (17, 39)), ((29, 41), (39, 61)), ((41, 53), (61, 83)), ((53, 60), (83, 100)),
+    ]  # fmt: skip
+
+
+def test_instants_do_not_ask_how_fast() -> None:
+    """A motion that lingers and hurries is nearer to itself at half by its way than by its time alone."""
+    course = np.column_stack([np.linspace(0, 1, 40), np.sin(np.linspace(0, 3, 40))])
+    slow_first = course[np.round(39 * np.linspace(0, 1, 60) ** 2).astype(int)]
+    np.testing.assert_allclose(instants(course, 9)[[0, -1]], course[[0, -1]], rtol=1e-6)
+    by_time = slow_first[np.linspace(0, 59, 9).round().astype(int)]
+    ours = np.linalg.norm(instants(course, 9) - instants(slow_first, 9))
+    assert ours < 0.7 * np.linalg.norm(instants(course, 9) - by_time)
+    still = np.ones((1, 3))
+    assert instants(still, 4).tolist() == [[1, 1, 1]] * 4
+
+
+@given(st.integers(2, 30), st.integers(0, 1000))
+def test_sketches_tell_who_is_near(count: int, seed: int) -> None:
+    rows = np.random.default_rng(seed).normal(size=(count, 4)) * (9, 5, 2, 1)
+    whole = Directions.of(rows, 4)
+    kept = searchable(whole.project(rows))
+    expected = np.linalg.norm(rows - rows[0], axis=1)
+    near = nearness(kept, whole.project(rows[0]))
+    assert np.argmax(near) == 0
+    np.testing.assert_allclose(2 * (near[0] - near), expected**2, rtol=1e-3, atol=1e-2)
+    less = Directions.of(rows, 2).project(rows)
+    assert (np.linalg.norm(less - less[0], axis=1) <= expected + 1e-4).all()
