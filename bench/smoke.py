@@ -110,6 +110,9 @@ SMOKES: Final[Sequence[Smoke]] = (
     Smoke("bench.generalise", ("hdm05", "--seeds", "0"), {"bench.generalise.JOINS": (10,),
           "bench.generalise.DIRECTS": (0.1,)}),
     Smoke("bench.sorting", ("hdm05", "--seeds", "0"), {}),
+    Smoke("bench.scale_search", ("--clips", "60", "--queries", "4", "--processes", "1"), {
+          "bench.scale_search.COMMANDS": 1, "bench.large_lakes.PART": 40, "motionlake.stages.graph.MOST": 20,
+          "motionlake.stages.shortlist.MOST": 20, "motionlake.retrieval.fused.MOST": 20}),
     Smoke("bench.retrieval", ("hdm05",), {"bench.retrieval.SEEDS": ONE_SEED, **_FEW_K}),
     Smoke("bench.retrieval", ("cross-rig",), {"bench.retrieval.SEEDS": ONE_SEED, **_FEW_K}),
     Smoke("bench.representation", ("hdm05", "--processes", "1", "--seeds", "1", "--rows",

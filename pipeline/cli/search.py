@@ -22,7 +22,7 @@ from motionlake.cli.common import (
     option,
     tell,
 )
-from motionlake.cli.hits import alike, tell_hits
+from motionlake.cli.hits import tell_hits
 from motionlake.errors import UserError
 from motionlake.lake.catalog import Connection, fetch, reading
 from motionlake.lake.layout import Lake, open_lake
