@@ -14,6 +14,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from functools import cache
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, Final
 
@@ -85,7 +86,7 @@ def large_lake(folder: Path, data: Path, clips: int, seed: int = 0, processes: i
     (lake.root / "made").mkdir()
     parts = [(str(small.root), str(lake.root), part, seed, min(PART, clips - part * PART))
              for part in range(-(-clips // PART))]  # fmt: skip
-    with ProcessPoolExecutor(processes) as pool:
+    with ProcessPoolExecutor(processes, get_context("spawn")) as pool:
         for part in pool.map(_make_part, parts):
             print(f"part {part + 1} of {len(parts)}", end="\r", flush=True)
     _load(small, lake, [_name(part) for _, _, part, _, _ in parts])

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from motionlake.cli._hits import alike, tell_hits
 from motionlake.cli.common import (
     ClipArgument,
     ClipsArgument,
@@ -22,7 +23,6 @@ from motionlake.cli.common import (
     option,
     tell,
 )
-from motionlake.cli.hits import tell_hits
 from motionlake.errors import UserError
 from motionlake.lake.catalog import Connection, fetch, reading
 from motionlake.lake.layout import Lake, open_lake
