@@ -40,6 +40,7 @@ from threadpoolctl import threadpool_limits
 from bench.large_lakes import large_lake
 from bench.record import record, recordings
 
+CHECKOUT: Final = Path(__file__).parents[1]
 CLIPS: Final = 150_000
 QUERIES: Final = 60
 WARMING: Final = 5  # queries before the clock runs
@@ -120,8 +121,8 @@ def _child(lake: Lake, queries: int, seed: int) -> dict[str, Any]:
     """What `warm` says, in a process of its own."""
     words = ["--warm", str(lake.root), "--queries", str(queries), "--seed", str(seed)]
     done = subprocess.run(
-        [sys.executable, "-m", "bench.scale_search", *words], capture_output=True, text=True, check=True,
-        cwd=Path(__file__).parents[1],
+        [sys.executable, "-m", "bench.scale_search", *words], stdout=subprocess.PIPE, text=True, check=True,
+        cwd=CHECKOUT, env=os.environ | {"PYTHONPATH": str(CHECKOUT)},
     )  # fmt: skip
     found: dict[str, Any] = json.loads(done.stdout)
     return found
@@ -164,7 +165,7 @@ def _command(words: Sequence[str], dropped: Lake | None) -> dict[str, float]:
     # As where motionlake is installed: Python keeps what it has compiled.
     kept = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
     before, started = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
-    subprocess.run(words, check=True, stdout=subprocess.DEVNULL, cwd=Path(__file__).parents[1], env=kept)
+    subprocess.run(words, check=True, stdout=subprocess.DEVNULL, cwd=CHECKOUT, env=kept)
     seconds, after = time.perf_counter() - started, resource.getrusage(resource.RUSAGE_CHILDREN)
     return {"clock": seconds, "processor": after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime}
 
