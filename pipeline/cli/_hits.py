@@ -24,7 +24,7 @@ def _explained(shares: Sequence[Mapping[str, Any]]) -> dict[str, str]:
     return found
 
 
-def alike(rows: Sequence[Mapping[str, Any]]) -> Iterator[str]:
+def what_is_alike(rows: Sequence[Mapping[str, Any]]) -> Iterator[str]:
     """A line an answer: which joints move most and least like those of the query, and where the frames lie."""
     for row in rows:
         for match in (share["match"] for share in row["shares"] if share["match"] is not None):

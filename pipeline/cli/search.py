@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from motionlake.cli._hits import alike, tell_hits
+from motionlake.cli._hits import tell_hits, what_is_alike
 from motionlake.cli.common import (
     ClipArgument,
     ClipsArgument,
@@ -119,7 +119,9 @@ def search(
                 "--mirrored": mirrored,
             }
             _check_clip_named({**needless, "--method": method != "fused", "--no-graph": not graph, "--own": own})
-            tell_hits([hit.as_row() for hit in _text(target, encoder).search(text, k, scope)], as_json=as_json)
+            tell_hits(
+                [hit.as_row() for hit in _text(target, encoder).search(text, k, scope)], mirrored=False, as_json=as_json
+            )
             return
         if not names:
             raise UserError("search: name a clip or a clip file, give --text WORDS, or --sample N")
@@ -140,7 +142,7 @@ def search(
         if len(names) > 1:
             print(f"\n{printable(name)}")
         tell_hits(rows, mirrored=mirrored, as_json=False)
-        for line in alike(rows) if explain else ():
+        for line in what_is_alike(rows) if explain else ():
             print(line)
 
 

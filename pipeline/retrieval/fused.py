@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final, cast
 
 import numpy as np
 from motionlake.arrays import Float64Array
-from motionlake.errors import UserError
+from motionlake.errors import DamagedError, UserError
 from motionlake.lake.catalog import fetch, reading
 from motionlake.lake.layout import Lake
 from motionlake.motion.diffusion import NOWHERE, diffused, scale
@@ -139,6 +139,8 @@ class FusedSearcher(LakeSearcher):
         for name, each in self._searchers.items():
             try:
                 (hits,) = each.nearest([query], k, replace(scope, own=True), mirrored=mirrored)
+            except DamagedError:
+                raise
             except UserError as error:
                 failed = failed or error
             else:
