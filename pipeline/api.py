@@ -216,7 +216,7 @@ class Lake:
         stop: int | None = None,
         k: int = 10,
         *,
-        method: str = "words",
+        method: str = "fused",
         **scope: Unpack[ScopeOptions],
     ) -> Rows:
         """Where a motion occurs inside the clips: ranges of frames, nearest first.
@@ -231,7 +231,8 @@ class Lake:
             start: its first frame that is asked for, at its own rate; by default 0.
             stop: the frame after the last; by default that after its last.
             k: how many at most.
-            method: "words" (histograms of motion words; Deep Motifs, section 6.1), "alignment" (see `align`) or
+            method: "fused" (words and moves together), "words" (histograms of motion words; Deep Motifs, section
+                6.1), "alignment" (see `align`), "moves" (how joints move) or
                 "submotion" (a network that says which clips hold the motion; DeepHuMS, section 3.3.5).
             scope: as of `search`; `own`: ranges that overlap the query in its own clip may be answers.
 

@@ -25,10 +25,14 @@ from motionlake.errors import UserError
 from motionlake.formats import read_clips
 from motionlake.formats.write.bvh import write_bvh
 from motionlake.lake.layout import open_lake
+from motionlake.motion.features import WordConfig
+from motionlake.retrieval.fused_ranges import FusedRangeSearcher
 from motionlake.retrieval.protocol import Query, Scope
 from motionlake.retrieval.query_by_example import WordsSearcher
 
-from bench.query_by_example import frame_distances_along
+from bench.example_queries import Query as LabelledQuery
+from bench.example_queries import Takes
+from bench.query_by_example import answers, frame_distances_along, printed
 from tests.lakes import motionlake, query
 
 K = 8
@@ -166,14 +170,41 @@ def test_every_way_to_ask_gives_the_same_answer(built_lake: Path, clips_folder: 
     assert len(found) == 5
     text = f"FROM find_motion('{clip}', {frames // 4}, NULL, k := 5, mirrored := {mirrored})"
     assert motionlake("sql", text, "--lake", built_lake, "--json").json == found
-    searcher = WordsSearcher(open_lake(built_lake))
-    (hits,) = searcher.search([Query(clip, frames // 4)], 5, Scope(mirrored=mirrored))
+    asked, scope = Query(clip, frames // 4), Scope(mirrored=mirrored)
+    (hits,) = FusedRangeSearcher(open_lake(built_lake)).search([asked], 5, scope)
     assert [h.as_row() for h in hits] == found
+    (hits,) = WordsSearcher(open_lake(built_lake)).search([asked], 5, scope)
+    by_words = motionlake("find", clip, "--from", frames // 4, *flag, "--method", "words", *words).json
+    assert [h.as_row() for h in hits] == by_words
     file = clips_folder / clip.partition("/")[2]
-    of_file = motionlake("find", file, "--from", frames // 4, *flag, "-k", 6, "--lake", built_lake, "--json").json
-    own = [row for row in of_file if row["clip"] == clip and row["stop"] > frames // 4]
-    assert own[0]["distance"] == pytest.approx(0, abs=1e-6)  # a file is not in the lake: its own range is an answer
+    for method, least in (("fused", 5e-3), ("words", 1e-6)):
+        ask = ["find", file, "--from", frames // 4, *flag, "--method", method, "-k", 6, "--lake", built_lake, "--json"]
+        own = [row for row in motionlake(*ask).json if row["clip"] == clip and row["stop"] > frames // 4]
+        # A file is not in the lake: its own range is an answer.
+        assert own[0]["distance"] == pytest.approx(0, abs=least)
     assert all(row["clip"] != clip or row["stop"] <= frames // 4 for row in found)
+
+
+def test_the_bench_scores_what_the_command_prints(built_lake: Path) -> None:
+    clip, _ = longest(built_lake)
+    lake = open_lake(built_lake)
+    searcher = FusedRangeSearcher(lake)
+    corpus = searcher.corpus
+    labels = [np.full(round((each.frames - 1) / each.fps * 24) + 1, "some") for each in corpus.clips]
+    takes = Takes(corpus, [], labels, [], WordConfig())
+    asked = LabelledQuery(corpus.positions[clip], 2, 5, "some")
+    part = takes.asked(asked)
+    edges = ["--from", part.start, "--to", part.stop]
+    found = motionlake("find", clip, *edges, "-k", 9999, "--lake", lake.root, "--json").json
+    rows = [(row["clip"], range(row["start"], row["stop"]), row["distance"]) for row in found]
+    for at, (along, known) in enumerate(
+        zip(printed(takes, answers(takes, [asked], searcher))(asked), corpus.clips, strict=True)
+    ):
+        for i, distance in enumerate(along.tolist()):
+            frame = min(round(i / 24 * known.fps), known.frames - 1)
+            over = [away for name, frames, away in rows if name == known.clip and frame in frames]
+            assert over in ([distance], []), (at, i)
+            assert over or known.clip == clip
 
 
 def test_hits_lie_in_their_clips_and_may_be_kept_to_a_dataset(built_lake: Path) -> None:

@@ -48,7 +48,9 @@ def two_sets(tmp_path_factory: pytest.TempPathFactory, built_lake: Path) -> Lake
         con.execute(f"UPDATE clips SET format = 'synthetic' WHERE clip = ({first})")
     lake = open_lake(root)
     # Those of words place the answers of "submotion".
-    for part in sorted([*root.glob("features/**/*.parquet"), *root.glob("moves/**/*.parquet")]):
+    for part in sorted(
+        part for kind in ("features", "embeddings", "moves") for part in root.glob(f"{kind}/**/*.parquet")
+    ):
         _copy_clips(part)
     for part in sorted(root.glob("frames/**/*.parquet")):
         target = root / "frames" / f"dataset={OTHER}" / part.name
@@ -263,7 +265,7 @@ def test_a_part_of_a_clip_is_searched_for_too(two_sets: Lake) -> None:
 def test_the_command_line_refuses_what_there_is_not(built_lake: Path) -> None:
     for command, said in (
         ("search", "not one of fused, signature, alignment, descriptor, moves"),
-        ("find", "not one of words, alignment, submotion, moves"),
+        ("find", "not one of fused, words, alignment, submotion, moves"),
     ):
         run = motionlake(command, "anything", "--method", "magic", "--lake", built_lake)
         assert (run.status, run.out) == (2, "")

@@ -155,10 +155,11 @@ def find(
     method: Annotated[
         str,
         typer.Option(
-            help="What is compared: words (which short moves occur), alignment (poses in their order), or "
-            "submotion (what a network sees; one answer a clip)."
+            help="What is compared: fused (short moves and how joints move, along the graph of likeness), words (which "
+            "short moves occur), alignment (poses in their order), submotion (what a network sees; one answer a clip), "
+            "or moves (how joints move, in their order; one answer a clip)."
         ),
-    ] = "words",
+    ] = "fused",
     dataset: DatasetOption = None,
     split: SplitOption = None,
     recorded_only: RecordedOnlyOption = False,
@@ -169,7 +170,8 @@ def find(
 ) -> None:
     """Where a piece of motion occurs inside other clips, nearest first.
 
-    Frames are the clip's own, from 0. The piece must last 0.6 s for "words" and 0.3 s for "submotion", by default.
+    Frames are the clip's own, from 0. The piece must last 0.6 s for "fused" and "words" and 0.3 s for "submotion" and
+    "moves", by default.
 
     Example: motionlake find 13_29 --from 4s --to 6s -k 5 --lake mylake
 

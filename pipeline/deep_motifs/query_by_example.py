@@ -139,7 +139,7 @@ class _Windows:
         all_bags = np.concatenate([np.zeros((0, n_words), np.int32), *bags])[kept]
         unique, where = np.unique(all_bags, axis=0, return_inverse=True)
         self.kind = where.ravel()
-        self.signatures = _signatures(unique, corpus.idf)
+        self.signatures = signatures_of_bags(unique, corpus.idf)
 
 
 def _bags(motifs: Int32Array, n_words: int) -> Int32Array:
@@ -149,7 +149,20 @@ def _bags(motifs: Int32Array, n_words: int) -> Int32Array:
     return np.sort(np.lib.stride_tricks.sliding_window_view(motifs, n_words), axis=1)
 
 
-def _signatures(bags: Int32Array, idf: Float64Array) -> Float32Array:
+def bags_of(motifs: Int32Array, first: Int64Array, words: Int64Array) -> Int32Array:
+    """[v, n] sorted motifs of runs of words, n of the longest; of a shorter one -1 for what it lacks.
+
+    Args:
+        motifs: [W] of all words.
+        first: [v] of each run.
+        words: [v] how many it has.
+    """
+    steps = np.arange(words.max(initial=0))
+    found = motifs[np.minimum(first[:, None] + steps, len(motifs) - 1)]
+    return np.sort(np.where(steps < words[:, None], found, np.int32(-1)), axis=1)
+
+
+def signatures_of_bags(bags: Int32Array, idf: Float64Array) -> Float32Array:
     """[u, K] signatures of windows by their motifs [u, n] (-1: none)."""
     counts = np.zeros((len(bags), len(idf) + 1), dtype=np.int64)
     np.add.at(counts, (np.arange(len(bags))[:, None], bags), 1)  # -1 falls into a last column, which is dropped

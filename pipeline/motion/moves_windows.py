@@ -59,6 +59,19 @@ def windows_distances(query: Float32Array, track: Track, starts: Int64Array, wid
     return _Products(query, track).distances(starts, width)
 
 
+def distances_about(query: Float32Array, track: Track, middles: Int64Array) -> Float64Array:
+    """[s] of the query [m, 90] from the nearest of the windows of each tempo about some frames of a track.
+
+    Where a window would reach beyond the track it is moved, and where it is longer, it is the track.
+    """
+    shared, count = _Products(query, track), len(track.joints)
+    best = np.full(len(middles), np.inf)
+    for width in sorted({min(count, max(LEAST, round(len(query) * tempo))) for tempo in TEMPI}):
+        starts, places = np.unique(np.clip(middles - width // 2, 0, count - width), return_inverse=True)
+        best = np.minimum(best, shared.distances(starts, width)[places])
+    return best
+
+
 def _widths(length: int, factors: Sequence[float], most: int) -> list[int]:
     wanted = {max(LEAST, round(length * factor)) for factor in factors}
     return sorted(width for width in wanted if width <= most)

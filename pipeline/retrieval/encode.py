@@ -164,18 +164,33 @@ def query_motion(lake: Lake, query: Query, *, mirrored: bool = False) -> QueryMo
     return QueryMotion(positions, rotations, fps, frame_range(query.name, query.start, query.stop, len(positions)))
 
 
-def query_motifs(
-    con: Connection, lake: Lake, query: Query, *, least: int = 1, mirrored: bool = False
-) -> NDArray[np.int32]:
-    """[n] motifs of the words that lie wholly within a query, or of the same words mirrored.
+@dataclass(frozen=True)
+class AskedWords:
+    """The words that lie wholly within a query.
+
+    Attributes:
+        chosen: which words of its clip or file they are.
+        motifs: [w] of all words of the clip; None of a file.
+        features: [T, D] of the file; None of a clip of the lake.
+    """
+
+    chosen: slice
+    motifs: NDArray[np.int32] | None
+    features: Float32Array | None
+
+
+def asked_words(con: Connection, lake: Lake, query: Query, *, least: int = 1) -> AskedWords:
+    """The words of a query.
 
     Raises:
         UserError: no such clip or file, it has no such frames, no words yet, or fewer than `least` in these frames.
     """
     config = served_config(lake).words
+    motifs = features = None
     if query.clip is None:
         file = words_of_file(lake, config, Path(query.source))
         starts, stops, frames, fps = file.ranges[:, 0], file.ranges[:, 1], file.frames, file.fps
+        features = file.features
     else:
         row = fetch(con, "clip", {"clip": resolve_clip(con, query.clip)})[0]
         frames, fps = row["frames"], row["fps"]
@@ -183,6 +198,7 @@ def query_motifs(
         if not known:
             raise UserError(f"{query.clip}: has no signature yet; make it with `motionlake run all`")
         starts, stops = (np.array([word[end] for word in known], dtype=np.int64) for end in ("start", "stop"))
+        motifs = np.array([word["motif"] for word in known], dtype=np.int32)
     first, last = frame_range(query.name, query.start, query.stop, frames)
     chosen = words_within(starts, stops, first, last)
     if chosen.stop - chosen.start < least:
@@ -191,10 +207,37 @@ def query_motifs(
             f"{query.name}: frames {first} to {last} last {(last - first) / fps:.2f} s, too short to compare; take a "
             f"range of at least {needed + 0.05:.1f} s"
         )
-    if query.clip is None:
-        features = file.features
-    elif mirrored:
-        (features,) = features_of_clips(con, lake, config, [query.clip])
-    else:
-        return np.array([word["motif"] for word in known], dtype=np.int32)[chosen]
-    return serving_models(con, lake).motifs_of(features, mirrored=mirrored)[chosen]
+    return AskedWords(chosen, motifs, features)
+
+
+def query_motifs(
+    con: Connection, lake: Lake, query: Query, *, least: int = 1, mirrored: bool = False
+) -> NDArray[np.int32]:
+    """[n] motifs of the words that lie wholly within a query, or of the same words mirrored.
+
+    Raises:
+        UserError: as `asked_words`.
+    """
+    asked = asked_words(con, lake, query, least=least)
+    if asked.motifs is not None and not mirrored:
+        return asked.motifs[asked.chosen]
+    features = _features_asked(con, lake, query, asked)
+    return serving_models(con, lake).motifs_of(features, mirrored=mirrored)[asked.chosen]
+
+
+def query_vectors(con: Connection, lake: Lake, query: Query, *, least: int = 1, mirrored: bool = False) -> Float32Array:
+    """[n, d] the same words, embedded by the network that the lake serves.
+
+    Raises:
+        UserError: as `asked_words`.
+    """
+    asked = asked_words(con, lake, query, least=least)
+    features = _features_asked(con, lake, query, asked)
+    return serving_models(con, lake).vectors_of(features, mirrored=mirrored)[asked.chosen]
+
+
+def _features_asked(con: Connection, lake: Lake, query: Query, asked: AskedWords) -> Float32Array:
+    if asked.features is not None:
+        return asked.features
+    (features,) = features_of_clips(con, lake, served_config(lake).words, [query.name])
+    return features

@@ -15,7 +15,7 @@ from motionlake.lake.layout import Lake
 from motionlake.lake.settings import served_config
 from motionlake.motion.moves import FPS, LEAST, MOST, Track
 from motionlake.motion.moves_index import MovesIndex, moves_distance
-from motionlake.motion.moves_windows import nearest_place
+from motionlake.motion.moves_windows import distances_about, nearest_place
 from motionlake.retrieval.encode import query_motion
 from motionlake.retrieval.matched import asked_frames, matched_moves
 from motionlake.retrieval.protocol import (
@@ -148,7 +148,7 @@ class MovesRangeSearcher(_Tracks):
         tracks = [self._cut(query) for query in gallery]
         found = np.full((len(queries), len(gallery)), np.inf)
         for row, query in zip(found, queries, strict=True):
-            moves = self._moves(query)
+            moves = self.moves(query)
             for column, track in enumerate(tracks):
                 place = nearest_place(moves, track)
                 row[column] = np.inf if place is None else place.distance
@@ -160,7 +160,7 @@ class MovesRangeSearcher(_Tracks):
     def _answers(self, query: Query, scope: Scope, *, mirrored: bool) -> list[Hit]:
         if query.clip is not None:
             self._known(query.clip)
-        moves, hits = self._moves(query, mirrored=mirrored), []
+        moves, hits = self.moves(query, mirrored=mirrored), []
         for clip in self.clips:
             if not scope.admits(clip):
                 continue
@@ -178,8 +178,16 @@ class MovesRangeSearcher(_Tracks):
             hits.append(range_hit(clip, start, stop, place.distance))
         return sorted(hits, key=lambda hit: (hit.distance, hit.clip))
 
-    def _moves(self, query: Query, *, mirrored: bool = False) -> Float32Array:
-        """Raises `UserError` where the query is too short or too long."""
+    def distances_about(self, moves: Float32Array, clip: str, middles: Int64Array) -> Float64Array:
+        """[s] distances of `moves` from the nearest windows about some frames of a clip; infinite where it has none."""
+        if clip not in self._tracks:
+            return np.full(len(middles), np.inf)
+        track, known = self._tracks[clip], self._clips[clip]
+        pace = max(1, known.frames - 1) / (len(track.joints) - 1)
+        return distances_about(moves, track, np.round(middles / pace).astype(np.int64))
+
+    def moves(self, query: Query, *, mirrored: bool = False) -> Float32Array:
+        """[m, 90] of a query. Raises `UserError` where it is too short or too long."""
         track = self._cut(query, mirrored=mirrored)
         if not LEAST <= len(track.joints) <= MOST:
             raise UserError(

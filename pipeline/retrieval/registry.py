@@ -20,6 +20,7 @@ SEARCHERS: Final[dict[Finds, dict[str, str]]] = {
         "moves": "moves:MovesSearcher",
     },
     "range": {
+        "fused": "fused_ranges:FusedRangeSearcher",
         "words": "query_by_example:WordsSearcher",
         "alignment": "alignment:AlignmentRangeSearcher",
         "submotion": "submotion_search:SubmotionSearcher",

@@ -10,6 +10,8 @@ from typing import Any, Final
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
+from motionlake.arrays import Float32Array
+from motionlake.lake.frames import runs_of
 from motionlake.lake.integrity import sound
 from motionlake.lake.layout import Lake
 from motionlake.motion.features import WordConfig, word_windows
@@ -58,3 +60,19 @@ def read_embeddings(path: Path) -> tuple[pa.Table, NDArray[np.float32]]:
     table = pq.read_table(path)
     vectors = table.column("embedding").combine_chunks().flatten().to_numpy()
     return table.select(["clip", "part", "word"]), vectors.reshape(table.num_rows, -1)
+
+
+def vectors_of_clips(at: LakeReader, parts: Mapping[str, str]) -> dict[str, Float32Array]:
+    """[n, d] embedded words of some clips, by the frames part of each, of those that the stage has embedded.
+
+    Raises:
+        DamagedError: a part is not as it was written.
+    """
+    done, wanted = at.done(EMBED.name), set(parts.values())
+    found: dict[str, Float32Array] = {}
+    for part in EMBED.parts(at) or []:
+        if part.key in done and part.part in wanted:
+            rows, vectors = read_embeddings(sound(at.lake, EMBED.file(part.key)))
+            runs = runs_of(rows.column("clip"))
+            found |= {clip: vectors[run] for clip, run in runs if parts.get(clip) == part.part}
+    return found

@@ -86,7 +86,7 @@ def aligned_clips(
 @sql_function(RANGE)
 def find_motion(served: Served, part: Part, scope: Scope = EVERYTHING) -> list[Hit]:
     """Where frames [start, stop) of a clip occur inside the clips, as `motionlake find`."""
-    return served.searcher("range", "words").search([part.of(served)], part.k, scope)[0]
+    return served.searcher("range", "fused").search([part.of(served)], part.k, scope)[0]
 
 
 @sql_function(ALIGNED)

@@ -1,0 +1,88 @@
+"""How far runs of embedded words are from one another, whatever their order: a Hausdorff distance of means.
+
+Each word of either run is compared with the nearest word of the other; the distance of the runs is the mean of both
+means. Motifs tell words apart as far as their clusters do, and runs of the same motifs are equal by them; here no two
+runs are that do not hold the same words.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from motionlake.arrays import Float32Array, Float64Array, Int64Array
+from motionlake.kernels import njit
+
+MOST: Final = 12  # words of a run that are compared; of a longer one as many, evenly spread
+_ROUNDING: Final = 1e-5
+
+
+def spread(count: int) -> Int64Array:
+    """Which words of a run of so many are compared."""
+    return np.unique(np.linspace(0, count - 1, min(count, MOST)).round().astype(np.int64))
+
+
+def set_distances(query: Float32Array, words: Float32Array, runs: Int64Array) -> Float64Array:
+    """[v] distance of a run of words [n, d] from others.
+
+    Args:
+        query: its words.
+        words: [W, d], of all the others.
+        runs: [v, m] rows of `words`.
+    """
+    found = np.empty(len(runs))
+    _one_with_many(_between(query, words), runs, found)
+    return found
+
+
+def set_matrix(words: Float32Array, runs: Int64Array) -> Float64Array:
+    """[v, v] distances of runs [v, m] of words [W, d] from one another."""
+    used, places = np.unique(runs, return_inverse=True)
+    found = np.zeros((len(runs), len(runs)))
+    _all_with_all(_between(words[used], words[used]), places.reshape(runs.shape), found)
+    return found
+
+
+def _between(one: Float32Array, other: Float32Array) -> Float32Array:
+    """[n, m] Euclidean distances; exactly 0 of equal words."""
+    first, second = (np.einsum("nd,nd->n", each, each) for each in (one, other))
+    sums = first[:, None] + second
+    apart = sums - 2 * one @ other.T
+    apart[apart < _ROUNDING * sums] = 0.0
+    return np.asarray(np.sqrt(apart), dtype=np.float32)
+
+
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _one_with_many(between: Float32Array, runs: Int64Array, out: Float64Array) -> None:
+    """Kernel: `between` [n, W] distances of the query's words from all."""
+    nearest = np.empty(len(between))
+    for run in range(len(runs)):
+        nearest[:] = np.inf
+        total = 0.0
+        for word in runs[run]:
+            least = np.inf
+            for i in range(len(between)):
+                apart = between[i, word]
+                least = min(least, apart)
+                nearest[i] = min(nearest[i], apart)
+            total += least
+        out[run] = (total / runs.shape[1] + nearest.mean()) / 2
+
+
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _all_with_all(between: Float32Array, runs: Int64Array, out: Float64Array) -> None:
+    """Kernel: `between` [W, W] distances of all words; `out` [v, v], zero on its diagonal."""
+    count, length = runs.shape
+    nearest = np.empty(length)
+    for one in range(count):
+        for other in range(one):
+            nearest[:] = np.inf
+            total = 0.0
+            for j in range(length):
+                least = np.inf
+                for i in range(length):
+                    apart = between[runs[one, i], runs[other, j]]
+                    least = min(least, apart)
+                    nearest[i] = min(nearest[i], apart)
+                total += least
+            out[one, other] = out[other, one] = (total + nearest.sum()) / (2 * length)
