@@ -151,7 +151,7 @@ def test_mistakes_are_said_in_one_line(lake: motionlake.Lake) -> None:
         "no column colour": lambda: lake.clips(colour="red"),
         "no statement": lambda: lake.sql("-- nothing"),
         "not one of": lambda: lake.search("humanoid3d_walk", method="luck"),
-        "not one of words": lambda: lake.find("humanoid3d_walk", method="luck"),
+        "not one of fused, words": lambda: lake.find("humanoid3d_walk", method="luck"),
         "knows no such class": lambda: lake.synthesize("moonwalk"),
         "not a range": lambda: lake.find("humanoid3d_walk", 5, 5000),
     }

@@ -197,9 +197,8 @@ def test_the_bench_scores_what_the_command_prints(built_lake: Path) -> None:
     edges = ["--from", part.start, "--to", part.stop]
     found = motionlake("find", clip, *edges, "-k", 9999, "--lake", lake.root, "--json").json
     rows = [(row["clip"], range(row["start"], row["stop"]), row["distance"]) for row in found]
-    for at, (along, known) in enumerate(
-        zip(printed(takes, answers(takes, [asked], searcher))(asked), corpus.clips, strict=True)
-    ):
+    scored = printed(takes, answers(takes, [asked], searcher))(asked)
+    for at, (along, known) in enumerate(zip(scored, corpus.clips, strict=True)):
         for i, distance in enumerate(along.tolist()):
             frame = min(round(i / 24 * known.fps), known.frames - 1)
             over = [away for name, frames, away in rows if name == known.clip and frame in frames]

@@ -105,8 +105,9 @@ def test_answers_lie_end_to_end(seed: int, clips: int, width: int, bar: bool) ->
         for start in range(0, max(1, length - width + 1), int(rng.integers(1, 4)))
         if not (barred and clip == 0 and start < barred[2] and min(start + width, length) > barred[1])
     ]
-    clip, start, stop = (np.array([window[i] for window in windows], dtype=np.int64) for i in (1, 2, 3))
-    found = end_to_end(Stretches(clip, start, stop, np.array([window[0] for window in windows])), lengths, barred)
+    columns = [np.array([window[i] for window in windows], dtype=np.int64) for i in (1, 2, 3)]
+    asked = Stretches(columns[0], columns[1], columns[2], np.array([window[0] for window in windows]))
+    found = end_to_end(asked, lengths, barred)
     rows = list(zip(*(v.tolist() for v in (found.distance, found.clip, found.start, found.stop)), strict=True))
     expected = by_definition(windows, lengths.tolist(), barred)
     assert [row[1:] for row in rows] == [row[1:] for row in expected]

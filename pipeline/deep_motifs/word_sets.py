@@ -45,11 +45,19 @@ def set_matrix(words: Float32Array, runs: Int64Array) -> Float64Array:
 
 def _between(one: Float32Array, other: Float32Array) -> Float32Array:
     """[n, m] Euclidean distances; exactly 0 of equal words."""
-    first, second = (np.einsum("nd,nd->n", each, each) for each in (one, other))
-    sums = first[:, None] + second
-    apart = sums - 2 * one @ other.T
-    apart[apart < _ROUNDING * sums] = 0.0
-    return np.asarray(np.sqrt(apart), dtype=np.float32)
+    products = one @ other.T
+    _roots(products, np.einsum("nd,nd->n", one, one), np.einsum("nd,nd->n", other, other))
+    return products
+
+
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _roots(products: Float32Array, first: Float32Array, second: Float32Array) -> None:
+    """Kernel: products [n, m] of vectors become their distances; `first` [n], `second` [m] their squared lengths."""
+    for i in range(len(first)):
+        for j in range(len(second)):
+            lengths = first[i] + second[j]
+            square = lengths - 2 * products[i, j]
+            products[i, j] = np.sqrt(square) if square > _ROUNDING * lengths else 0
 
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
