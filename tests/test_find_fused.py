@@ -82,7 +82,7 @@ def by_definition(
             over = [w[0] for w in windows if w[1] == clip and w[2] <= middle < w[3]]
             sides = [owner.get((clip, start - 1)), owner.get((clip, stop))]
             known = [(answers[side][0], -at, side, at) for at, side in enumerate(sides) if side is not None]
-            if stop - start >= (widest + 1) // 2 and over:
+            if stop - start >= (widest + 3) // 4 and over:
                 more.append([float(np.mean(over)), clip, start, stop])
             elif known:
                 _, _, side, at = max(known)

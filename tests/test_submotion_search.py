@@ -294,7 +294,7 @@ def test_mistakes_are_met_with_one_clear_line(lake: Path, scheduler: str) -> Non
         ((clip, frames, frames + 9), f"has frames 0 to {frames}"),
         ((clip, 9, 4), f"has frames 0 to {frames}"),
         ((clip, 0, 2), "a piece to find needs at least 8"),
-        ((clip, 0, frames, "--method", "sound"), "--method sound: not one of words, alignment, submotion"),
+        ((clip, 0, frames, "--method", "sound"), "--method sound: not one of fused, words, alignment, submotion"),
         (("nowhere", 0, 9), "no such clip"),
     ):
         done = find(lake, *asked)

@@ -1,8 +1,8 @@
 """Ranked windows of clips as answers that do not overlap and leave nothing between them out.
 
 Windows are taken from the nearest on, as long as they overlap none before them. What lies between two answers and is
-half as long as the query at least is an answer of its own, as far as the windows over its middle are in the mean; what
-is shorter goes to the farther of the two, so that the best ones stay as they are.
+a quarter as long as a window at least is an answer of its own, as far as the windows over its middle are in the mean;
+what is shorter goes to the farther of the two, so that the best ones stay as they are.
 """
 
 from __future__ import annotations
@@ -51,9 +51,9 @@ def end_to_end(windows: Stretches, lengths: Int64Array, barred: tuple[int, int, 
     with np.errstate(invalid="ignore", divide="ignore"):
         mean = np.where(counts > 0.5, sums / counts, np.nan)
     begins, ends, distances = (values[chosen] for values in (starts, stops, windows.distance))
-    half = np.zeros(len(lengths), dtype=np.int64)
-    np.maximum.at(half, windows.clip, (windows.stop - windows.start + 1) // 2)
-    found = _between(offsets, half, owner, mean, begins, ends, distances)
+    least = np.zeros(len(lengths), dtype=np.int64)
+    np.maximum.at(least, windows.clip, (windows.stop - windows.start + 3) // 4)
+    found = _between(offsets, least, owner, mean, begins, ends, distances)
     begins, ends = (
         np.concatenate([own, gap.astype(np.int64)]) for own, gap in ((begins, found[:, 0]), (ends, found[:, 1]))
     )
@@ -89,14 +89,14 @@ def _apart(starts: Int64Array, stops: Int64Array, owner: Int64Array) -> Int64Arr
 
 @njit(cache=True)  # type: ignore[untyped-decorator]
 def _between(
-    offsets: Int64Array, half: Int64Array, owner: Int64Array, mean: Float64Array, begins: Int64Array, ends: Int64Array,
+    offsets: Int64Array, least: Int64Array, owner: Int64Array, mean: Float64Array, begins: Int64Array, ends: Int64Array,
     distances: Float64Array,
 ) -> Float64Array:  # fmt: skip
     """Kernel: [g, 3] start, stop and distance of what is between answers and long enough; the rest lengthens them.
 
     Args:
         offsets: [clips + 1] of clips in the frames of all.
-        half: [clips] frames of half a window.
+        least: [clips] frames of a quarter of a window.
         owner: [frames] answer that each is in.
         mean: [frames] distance of the windows over each; nan without one.
         begins, ends, distances: [n] of the answers; lengthened here.
@@ -112,7 +112,7 @@ def _between(
             before = owner[first - 1] if first > offsets[clip] else _NONE
             after = owner[frame] if frame < end else _NONE
             if frame > first:
-                if frame - first >= half[clip] and not np.isnan(mean[middle]):
+                if frame - first >= least[clip] and not np.isnan(mean[middle]):
                     found.append((float(first), float(frame), mean[middle]))
                 elif before >= 0 and (after < 0 or distances[before] >= distances[after]):
                     ends[before] = frame

@@ -75,7 +75,8 @@ class FusedRangeSearcher(LakeSearcher):
     Windows of as many words as the query are compared with it in three ways. By a way with distance d, and u ten
     answers on, a window is as near as 1 / (1 + d / u); it is near by the mean of these, by `WEIGHTS`. Among the nearest
     windows what is near the query passes on to what is near them (`along_windows`). The distance of a window is one
-    less (a + .1 n) / 1.1, with a along the graph and n how near it is. Answers do not overlap.
+    less n (a + .1 n) / 1.1, with a along the graph and n how near it is by itself, which says where exactly a movement
+    lies. Answers do not overlap.
 
     A lake of more than 20,000 clips is searched by signatures alone.
 
@@ -189,8 +190,8 @@ class FusedRangeSearcher(LakeSearcher):
         along[nodes] = along_windows(apart, near[nodes])
         line = windows.clip * (_FAR * (windows.first.max() + 1)) + windows.first  # of clips that are far apart
         along = np.interp(line, line[grid], along[grid])
-        along[same] = 1.0
-        return np.asarray(1 - (along + DIRECT * near) / (1 + DIRECT))
+        along[same] = near[same] = 1.0
+        return _together(along, near)
 
     def _near(self, asked: _Asked, windows: _Windows, sets: Float64Array) -> tuple[Float64Array, BoolArray]:
         """[v] how near windows are by all ways, and which hold the very words of the query."""
@@ -226,6 +227,11 @@ class FusedRangeSearcher(LakeSearcher):
             name = self.corpus.clips[clips[begin]].clip
             found[begin:end] = self._moves.distances_about(moves, name, middles[begin:end])
         return _rounded(found)
+
+
+def _together(along: Float64Array, near: Float64Array) -> Float64Array:
+    """Distance of what is so near along the graph and by itself."""
+    return np.asarray(1 - near * (along + DIRECT * near) / (1 + DIRECT))
 
 
 def _rounded(moves: Float64Array) -> Float64Array:
