@@ -12,9 +12,9 @@ from motionlake.arrays import Float64Array
 from motionlake.deep_motifs.end_to_end import Stretches, end_to_end
 from motionlake.deep_motifs.query_by_example import bags_of
 from motionlake.deep_motifs.word_sets import MOST, set_distances, set_matrix, spread
+from motionlake.motion.diffusion import JOINED, RESTART
 from motionlake.motion.moves import LEAST, Track
 from motionlake.motion.moves_windows import TEMPI, distances_about, windows_distances
-from motionlake.retrieval.diffusion import JOINED, RESTART
 from motionlake.retrieval.window_graph import along_windows
 
 

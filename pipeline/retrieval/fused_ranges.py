@@ -25,8 +25,8 @@ from motionlake.retrieval.query_by_example import WordsSearcher
 from motionlake.retrieval.registry import ready
 from motionlake.retrieval.window_graph import along_windows
 from motionlake.stages.embed import vectors_of_clips
-from motionlake.stages.graph import MOST
 from motionlake.stages.reader import LakeReader
+from motionlake.stages.shortlist_files import MOST
 
 # How much each counts, chosen with one set of recordings left out in turn.
 WEIGHTS: Final = {"signature": 1.0, "embedding": 1.0, "moves": 2.0}

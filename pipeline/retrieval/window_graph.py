@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 from motionlake.arrays import Float64Array
-from motionlake.retrieval.diffusion import JOINED, RESTART
+from motionlake.motion.diffusion import JOINED, RESTART
 
 _LEAST = 1e-12  # of distances that others are divided by
 _STEPS = 300  # of the solution
