@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 import pytest
@@ -20,7 +21,9 @@ from motionlake.motion.sketches import Directions, instants, nearness, searchabl
 from motionlake.retrieval.fused import FusedSearcher
 from motionlake.retrieval.matched import matched_moves
 from motionlake.retrieval.moves import MovesSearcher
-from motionlake.retrieval.protocol import Hit, Query, Scope
+from motionlake.retrieval.protocol import Hit, LakeSearcher, Query, Scope
+from motionlake.retrieval.registry import searcher
+from motionlake.stages.shortlist import COMPARED
 
 from tests.lakes import Changed, files, motionlake, query
 
@@ -60,7 +63,9 @@ def both(root: Path, asked: Query, k: int, scope: Scope, *, explain: bool = Fals
         search = FusedSearcher(open_lake(root), graph=False, explain=explain)
         assert search._cascade is not None
         (ours,) = search.search([asked], k, scope)
-    (exact,) = FusedSearcher(open_lake(root), graph=False, explain=explain).search([asked], k, scope)
+    lake = open_lake(root)
+    methods = {name: cast(LakeSearcher, searcher("clip", name, lake)) for name in COMPARED}
+    (exact,) = FusedSearcher(lake, searchers=methods, graph=False, explain=explain).search([asked], k, scope)
     return ours, exact
 
 

@@ -84,7 +84,8 @@ class FusedSearcher(LakeSearcher):
         super().__init__(lake)
         self._cascade = _cascade(lake) if searchers is None else None
         if searchers is not None:
-            self._searchers = dict(searchers)
+            order = [*WEIGHTS, *searchers]  # of summation: the same answers whichever way they are given
+            self._searchers = {name: searchers[name] for name in dict.fromkeys(order) if name in searchers}
         if self._cascade is None and not self._searchers:
             raise UserError(f"{lake.root}: is not ready for search; make it so with `motionlake run all`")
         self._along, self._explain = graph, explain

@@ -36,9 +36,10 @@ from motionlake.stages.shortlist_files import (
     write_array,
     write_clips,
 )
-from motionlake.stages.stage import Shard, ShardResult, ShardStage, frames_parts
+from motionlake.stages.stage import PartStage, Shard, ShardResult, ShardStage, frames_parts
 
 WIDTHS: Final[Mapping[str, int]] = {"signature": 32, "alignment": 64, "moves": 64}  # of sketches
+COMPARED: Final[Mapping[str, PartStage]] = {method: SOURCES[method] for method in WIDTHS}
 DIRECTIONS: Final = 24  # of frames of moves, in outlines
 SAMPLE: Final = 2048  # clips that directions are fitted to
 SPREAD: Final = 16  # parts that they are from, at least
@@ -50,7 +51,7 @@ class Shortlist(ShardStage):
 
     name = "shortlist"
     about = "short vectors by which the search of a large lake chooses the clips that it compares"
-    upstream = tuple(stage.name for stage in SOURCES.values())
+    upstream = tuple(stage.name for stage in COMPARED.values())
     folders = (FOLDER,)
 
     def due(self, at: LakeReader) -> int:
@@ -67,7 +68,7 @@ class Shortlist(ShardStage):
 
     def _whole(self, at: LakeReader) -> Shard | None:
         live = frames_parts(at.con)
-        made = {method: made_keys(at, stage) for method, stage in SOURCES.items()}
+        made = {method: made_keys(at, stage) for method, stage in COMPARED.items()}
         methods = [method for method, keys in made.items() if keys]
         if not methods or sum(part.clips for part in live) <= MOST:
             return None
