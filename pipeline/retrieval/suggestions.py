@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 from typing import Any, Final, TypeAlias
 
-from motionlake.errors import UserError
+from motionlake.errors import DamagedError, UserError
 from motionlake.lake.catalog import Connection, fetch, reading
 from motionlake.lake.layout import Lake
 from motionlake.names import kept
@@ -143,6 +143,8 @@ class LabelSuggester:
         for k in (REACH, EVERY):
             try:
                 (hits,) = self.searcher.search([Query(clip)], k, Scope(recorded_only=True))
+            except DamagedError:
+                raise
             except UserError:  # a clip that cannot be compared
                 return None
             found = vote(hits, labels)
