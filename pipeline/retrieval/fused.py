@@ -26,7 +26,8 @@ WEIGHTS: Final = {"signature": 1.0, "alignment": 1.0, "moves": 4.0, "descriptor"
 LARGE: Final = ("signature",)
 REACH: Final = 200  # nearest clips by each method, which are ranked by all
 DIRECT: Final = 0.1  # what the distance itself counts beside the way along the graph
-_ROUNDING: Final = 1e-6  # of the distance of the tenth nearest clip
+# Of the distance of the tenth nearest clip: what rounding of stored frames makes of the distance of a clip from itself.
+_ROUNDING: Final = 3e-3
 EVERY: Final = 10**9  # answers
 
 
@@ -154,12 +155,13 @@ class FusedSearcher(LakeSearcher):
         others = [hit for hit in hits if hit.clip != own]
         clips, distances = [hit.clip for hit in others], np.array([hit.distance for hit in others])
         unit = scale(distances)
-        near = _near(distances, np.float64(unit))
+        same = distances <= _ROUNDING * unit
+        near = np.where(same, 1.0, _near(distances, np.float64(unit)))
         along: Mapping[str, float] = {}
         if graph and self._along and name in self._graph.methods:
             nodes, start = self._graph.of(clips), self._graph.nodes.get(own or "", NOWHERE)
             way = diffused(self._graph.methods[name], nodes, distances, start)
-            way[distances <= _ROUNDING * unit] = 1.0
+            way[same] = 1.0
             along = dict(zip(clips, way.tolist(), strict=True))
         far = float(near[-1]) if len(near) else 0.0
         return _View(
