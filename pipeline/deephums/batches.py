@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 import torch
 from motionlake.arrays import Float32Array, Float64Array
-from motionlake.motion.resampling import beside
+from motionlake.motion.resampling import beside, paced_places
 from motionlake.motion.skeleton import COMMON
 from torch import Tensor
 
@@ -133,7 +133,6 @@ NO_AUGMENTATION: Final = Augmentation(0, 0, 0, 0, 0, 0, 0, 0, 0, 0)
 # A longer clip is read in windows of at most so many frames (at 30 a second), each half over the one before.
 LONGEST: Final = 600
 CALM: Final = 2.0  # frames; standard deviation of the filter before what moves is summed
-STILL: Final = 1e-6  # body lengths; a clip that moves less stands still
 
 
 def resampled(clip: Float32Array, frames: int, paced: float = 0.0) -> Float32Array:
@@ -156,10 +155,7 @@ def _instants(clip: Float32Array, frames: int, paced: float) -> Float64Array:
     from scipy.ndimage import gaussian_filter1d
 
     smooth = gaussian_filter1d(clip.reshape(len(clip), -1).astype(np.float64), CALM, axis=0, mode="nearest")
-    moved = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(smooth, axis=0), axis=1))])
-    time = np.linspace(0, 1, len(clip))
-    done = time if moved[-1] < STILL else paced * moved / moved[-1] + (1 - paced) * time
-    return np.interp(np.linspace(0, 1, frames), done, np.arange(len(clip)))
+    return paced_places(smooth, frames, paced)
 
 
 def windows(clip: Float32Array, longest: int = LONGEST) -> list[Float32Array]:

@@ -9,6 +9,7 @@ from motionlake.arrays import Float64Array, FloatArray, Int64Array
 
 # An instant this close (in frames) to a frame counts as that frame, and as inside the clip after its last frame.
 TOLERANCE: Final = 1e-6
+STILL: Final = 1e-6  # what goes no farther stands still
 
 
 def sample_count(n_frames: int, fps: float, wanted: float) -> int:
@@ -37,6 +38,21 @@ def interpolated(frames: Float64Array, at: Float64Array) -> Float64Array:
     before, after, share = beside(at, len(frames))
     share = share.reshape(-1, *[1] * (frames.ndim - 1))
     return np.asarray(frames[before] * (1 - share) + frames[after] * share)
+
+
+def paced_places(frames: Float64Array, count: int, paced: float) -> Float64Array:
+    """[count] places from the first of frames [F, D] to the last that keep pace with what moves.
+
+    Args:
+        frames: one at least.
+        count: how many places.
+        paced: 0: even in time; 1: even in the way that the frames go, so that a pause does not count; in between: so
+            much of both. What stands still is even in time.
+    """
+    time = np.linspace(0, 1, len(frames))
+    way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(frames, axis=0), axis=1))])
+    done = time if way[-1] < STILL else paced * way / way[-1] + (1 - paced) * time
+    return np.interp(np.linspace(0, 1, count), done, np.arange(len(frames)))
 
 
 def resample(frames: Float64Array, fps: float, wanted: float, *, spherical: bool = False) -> Float64Array:

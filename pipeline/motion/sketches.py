@@ -7,10 +7,9 @@ from typing import Final
 
 import numpy as np
 from motionlake.arrays import Float32Array, FloatArray
-from motionlake.motion.resampling import interpolated
+from motionlake.motion.resampling import interpolated, paced_places
 
 BY_PATH: Final = 0.5  # how much of an instant is told by the way gone so far; the rest by time
-_STILL: Final = 1e-9
 
 
 def instants(frames: FloatArray, count: int) -> Float32Array:
@@ -20,10 +19,7 @@ def instants(frames: FloatArray, count: int) -> Float32Array:
     way than of their time.
     """
     exact = np.asarray(frames, dtype=np.float64)
-    time = np.linspace(0, 1, len(exact))
-    way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(exact, axis=0), axis=1))])
-    share = time if way[-1] < _STILL else BY_PATH * way / way[-1] + (1 - BY_PATH) * time
-    places = np.interp(np.linspace(0, 1, count), share, np.arange(len(exact)))
+    places = paced_places(exact, count, BY_PATH)
     return np.asarray(interpolated(exact, places), dtype=np.float32)
 
 
