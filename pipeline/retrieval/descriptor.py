@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from motionlake.arrays import Float32Array, Float64Array, Int64Array
 from motionlake.deephums.config import DIMENSION
-from motionlake.deephums.exact import FEW, ExactScan
+from motionlake.deephums.scans import scan_of
 from motionlake.errors import UserError
 from motionlake.lake.catalog import reading
 from motionlake.lake.corpus import read_descriptors
@@ -20,17 +20,9 @@ from motionlake.retrieval.protocol import ClipFilter, Hit, LakeSearcher, Query, 
 from motionlake.stages.descriptors import DESCRIPTORS
 
 if TYPE_CHECKING:
+    from motionlake.deephums.exact import ExactScan
     from motionlake.deephums.nearest import DescriptorScan, QuickIndex
     from motionlake.deephums.network import TrainedDescriptor
-
-
-def scan_of(descriptors: Float32Array) -> ExactScan | DescriptorScan:
-    """A search of descriptors [n, 512] that is quick for so many, the time to import what it needs among it."""
-    if len(descriptors) <= FEW:
-        return ExactScan(descriptors)
-    from motionlake.deephums.nearest import DescriptorScan
-
-    return DescriptorScan(descriptors)
 
 
 class DescriptorSearcher(LakeSearcher):

@@ -14,7 +14,7 @@ from typing import Any, Final
 import numpy as np
 import pyarrow as pa
 from motionlake.arrays import Float64Array, Int64Array
-from motionlake.deephums.exact import ExactScan
+from motionlake.deephums.scans import scan_of
 from motionlake.lake.catalog import Connection, fetch, run_sql
 from motionlake.lake.config import config_hash, load_config
 from motionlake.lake.corpus import read_descriptors, read_signatures
@@ -211,7 +211,7 @@ def _by_moves(at: LakeReader, nodes: Mapping[str, int], shard: Shard) -> Nearest
 
 def _by_descriptor(at: LakeReader, nodes: Mapping[str, int], _: Shard) -> Nearest:
     clips, descriptors = read_descriptors(at.con)
-    scan = ExactScan(descriptors)
+    scan = scan_of(descriptors)
 
     def nearest(place: int, k: int) -> tuple[ArrayLike, ArrayLike]:
         found = scan.nearest(descriptors[place], k)
