@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -88,7 +89,8 @@ def train(
     def progress(step: int, steps: int, loss: float) -> None:
         session.progress("train", step, steps)
         first.append((step, time.monotonic()))
-        session.notice(f"train: step {step} of {steps}, loss {loss:.4f}{_left(*first[0], step, steps)}")
+        said = "" if math.isnan(loss) else f", loss {loss:.4f}"
+        session.notice(f"train: step {step} of {steps}{said}{_left(*first[0], step, steps)}")
 
     model = _make(session, kind, config, lambda file: kind.train(session.lake, config, data, file, progress))
     for line in kind.hints(config, model.metrics):

@@ -17,5 +17,5 @@ IntArray = NDArray[np.integer]  # of any size
 UInt8Array = NDArray[np.uint8]
 UInt32Array = NDArray[np.uint32]
 
-Progress = Callable[[int, int, float], None]  # (steps or epochs done, in all, mean loss)
+Progress = Callable[[int, int, float], None]  # (steps or epochs done, in all, mean loss or nan)
 StepProgress = Callable[[str, int, int], None]  # (what is being done, done, in all)

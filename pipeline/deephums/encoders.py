@@ -123,11 +123,6 @@ def motion_of(clips: Tensor) -> Tensor:
     return motion
 
 
-def moves_and_joints(clips: Tensor) -> Tensor:
-    """[B, T, 135] `displacement_and_motion`, and the joints, of clips [B, T, 15, 3]."""
-    return torch.cat([displacement_and_motion(clips), clips.flatten(2)], dim=2)
-
-
 class Reading(NamedTuple):
     """What an encoder reads of clips [B, T, 15, 3], and how many numbers a frame that is."""
 
@@ -135,11 +130,10 @@ class Reading(NamedTuple):
     channels: int
 
 
-# How a body moves, where its joints are, and both.
+# How a body moves, and where its joints are.
 READINGS: Final = {
     "moves": Reading(displacement_and_motion, CHANNELS),
     "joints": Reading(positions_and_speed, CHANNELS),
-    "moves_and_joints": Reading(moves_and_joints, CHANNELS + 3 * len(COMMON)),
 }
 
 

@@ -13,6 +13,7 @@ from motionlake.arrays import Float32Array
 from motionlake.deephums.batches import padded, resampled, windows
 from motionlake.deephums.config import DIMENSION, DescriptorsConfig
 from motionlake.deephums.encoders import ConvolutionalGru, Lstm, MissingJoints
+from motionlake.deephums.neighbourhood import Neighbourhood
 from motionlake.deephums.recipes import DescriptorRecipe, read_recipe
 from motionlake.deephums.sketch import Sketch
 from motionlake.training import on_threads, read_network, save_network
@@ -22,6 +23,9 @@ from torch.nn.functional import normalize
 METADATA_KEY: Final = "descriptor_network"
 # Batches of exactly this many, the last one filled up, so that a descriptor does not depend on the clips beside it.
 BATCH: Final = 32
+
+
+WITHOUT_GRADIENTS: Final = (Sketch, Neighbourhood)
 
 
 class DescriptorNetwork(nn.Module):
@@ -41,19 +45,24 @@ class DescriptorNetwork(nn.Module):
         self.heads = nn.ModuleList(nn.Linear(width, classes) for _ in encoders) if classes else None
         self.fill = nn.Identity() if recipe.encoders == ("lstm",) else MissingJoints()
 
-    def learn(self, frames: Tensor, clips: Tensor | None) -> None:
+    def learn(self, frames: Tensor, clips: Tensor | None, near: Tensor | None = None) -> None:
         """What is learned without gradients.
 
         Args:
             frames: [n, 15, 3] postures.
             clips: [m, 48, 15, 3], for a sketch.
+            near: [m, m] how near these clips are to one another, for a neighbourhood.
         """
         if isinstance(self.fill, MissingJoints):
             self.fill.learn(frames)
         for encoder in self.encoders:
             if isinstance(encoder, Sketch):
                 assert clips is not None
-                encoder.learn(clips)
+                encoder.learn(self.fill(clips))
+            elif isinstance(encoder, Neighbourhood):
+                assert clips is not None
+                assert near is not None
+                encoder.learn(self.fill(clips), near)
 
     def forward(self, clips: Tensor, lengths: Tensor | None = None) -> Tensor:
         """[B, 512] descriptors of clips [B, T, 15, 3]; of clip i the first lengths[i] frames count."""
@@ -68,7 +77,7 @@ class DescriptorNetwork(nn.Module):
     def learning_parts(self, clips: Tensor, lengths: Tensor | None = None) -> list[Tensor]:
         """Those of `parts` that learn by gradients."""
         filled = self.fill(clips)
-        return [encoder(filled, lengths) for encoder in self.encoders if not isinstance(encoder, Sketch)]
+        return [encoder(filled, lengths) for encoder in self.encoders if not isinstance(encoder, WITHOUT_GRADIENTS)]
 
     def logits(self, parts: list[Tensor]) -> list[Tensor]:
         """[B, C] of each part."""
@@ -81,6 +90,8 @@ def _encoder(name: str, recipe: DescriptorRecipe, width: int) -> nn.Module:
         return Lstm(recipe.hidden, width)
     if name == "sketch":
         return Sketch(width)
+    if name == "neighbourhood":
+        return Neighbourhood(width)
     return ConvolutionalGru(name, recipe.convolutions, recipe.hidden, recipe.dropout, width)
 
 

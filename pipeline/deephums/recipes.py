@@ -20,17 +20,17 @@ class DescriptorRecipe:
     """Sizes, training and objective of a descriptor network.
 
     Attributes:
-        encoders: each makes an equal part of the descriptor: "sketch", "lstm" (the thesis's), or of `READINGS` what a
-            network of convolutions and a GRU reads.
+        encoders: each makes an equal part of the descriptor: "sketch", "neighbourhood" (both learn without gradients),
+            "lstm" (the thesis's), or of `READINGS` what a network of convolutions and a GRU reads.
         convolutions: width and stride of each.
         frames: every clip is brought to so many; 0 leaves clips as they are, at 30 frames a second.
         paced: how much these keep pace with what moves, not with time (`batches.resampled`).
         hidden: width of the encoder.
-        objective: "contrast": near clips (by class, else by alignment) should be the nearest of a batch; "pairs":
-            equation 3.1 over pairs that are similar by motion field and motion distance.
-        contrast: weight of "contrast" beside cross entropy.
+        objective: "contrast": clips of a class should be the nearest of a batch; "pairs": equation 3.1 over pairs that
+            are similar by motion field and motion distance.
+        contrast: its weight beside cross entropy.
         temperature: of the softmax over cosines ("contrast").
-        neighbours: to how many clips each is joined, along which clips are near without labels (`way_between`).
+        neighbours: to how many clips each is joined in the graph of a neighbourhood.
         margin, similar: m of equation 3.1, and the share of pairs that either test passes (`similar_by_motion`).
         smoothing: of the labels in cross entropy.
         speeds: adds a copy of every clip at twice the speed and one at half of it (section 3.3.2).
@@ -51,7 +51,7 @@ class DescriptorRecipe:
     objective: Objective = "contrast"
     contrast: float = 1.0
     temperature: float = 0.1
-    neighbours: int = 10
+    neighbours: int = 6
     margin: float = 1.0
     similar: float = 0.2
     smoothing: float = 0.1
@@ -60,9 +60,7 @@ class DescriptorRecipe:
 
 
 WITH_LABELS: Final = DescriptorRecipe()
-WITHOUT: Final = DescriptorRecipe(
-    encoders=("sketch", "moves_and_joints"), convolutions=((5, 2), (5, 2)), paced=0.5, epochs=250, batch=192
-)
+WITHOUT: Final = DescriptorRecipe(encoders=("sketch", "neighbourhood"), paced=0.5, epochs=0)
 # Section 3.3.2: Adam at 1e-3, batches of 128 (NTU) or 8 (HDM05), faster and slower copies. Widths, epochs, margin and
 # thresholds are not given there.
 THESIS: Final = DescriptorRecipe(
@@ -77,7 +75,7 @@ PRETRAINED: Final = DescriptorRecipe(encoders=("sketch",), paced=0.5, epochs=0)
 def recipe_of(config: DescriptorsConfig, *, labels: bool = True) -> DescriptorRecipe:
     """The recipe that a configuration names, for training with labels or without."""
     recipe = THESIS if config.recipe == "deephums" else WITH_LABELS if labels else WITHOUT
-    return replace(recipe, epochs=config.epochs) if config.epochs else recipe
+    return replace(recipe, epochs=config.epochs) if config.epochs and recipe.epochs else recipe
 
 
 _FORMERLY: Final = {"conv_gru": ("moves", "joints"), "lstm": ("lstm",)}

@@ -178,10 +178,3 @@ def alignment_distances(clips: Sequence[Float32Array]) -> Float64Array:
     from motionlake.motion.moves import Track, at_12
 
     return dtw_matrix([Track.of(at_12(clip)).moves() for clip in clips])
-
-
-def neighbourhoods(clips: Sequence[Float32Array], joined: int) -> Float32Array:
-    """[n, n] how near clips [T, 15, 3] are along the graph in which each is joined to so many (`way_between`)."""
-    from motionlake.motion.diffusion import way_between
-
-    return way_between(alignment_distances(clips), joined).astype(np.float32)

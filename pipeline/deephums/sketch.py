@@ -17,9 +17,9 @@ from torch.nn.functional import normalize
 
 FRAMES: Final = 48  # of a clip that is sketched
 EVERY: Final = 3  # of them one instant of the sketch
-BREADTH: Final = 5.0  # frames; standard deviation of the filter over time
+BREADTH: Final = 4.0  # frames; standard deviation of the filter over time
 # How much displacement and velocity count, whose root mean square over the clip is 1, and joints, in body lengths.
-COUNTS: Final = (1.0, 2.0, 0.8)
+COUNTS: Final = (0.5, 2.0, 0.8)
 INSTANTS: Final = FRAMES // EVERY
 NUMBERS: Final = INSTANTS * 2 * 3 * 3 * len(COMMON)
 _PAIRS: Final = tuple((COMMON.index(f"left_{side}"), COMMON.index(f"right_{side}")) for side in ("hip", "shoulder"))
@@ -40,15 +40,19 @@ class Sketch(nn.Module):
 
     def learn(self, clips: Tensor) -> None:
         """The directions in which clips [n, 48, 15, 3] differ most, as many as there are; the others stay zero."""
-        _, _, directions = torch.linalg.svd(sketches(clips), full_matrices=False)
-        signs = torch.sign(directions.sum(dim=1, keepdim=True))  # SVD leaves them open
-        self.directions.zero_()
-        found = (directions * torch.where(signs == 0, 1.0, signs))[: len(self.directions)]
-        self.directions[: len(found)] = found
+        self.directions.copy_(principal(sketches(clips), len(self.directions)))
 
     def forward(self, clips: Tensor, _lengths: Tensor | None = None) -> Tensor:
         """[B, width] of clips [B, 48, 15, 3]; `lengths` is not used."""
         return sketches(clips) @ self.directions.T
+
+
+def principal(rows: Tensor, width: int) -> Tensor:
+    """[width, d] the directions, of length one, in which rows [n, d] are longest; zero where there are fewer."""
+    _, _, directions = torch.linalg.svd(rows, full_matrices=False)
+    signs = torch.sign(directions.sum(dim=1, keepdim=True))  # SVD leaves them open
+    found = (directions * torch.where(signs == 0, 1.0, signs))[:width]
+    return nn.functional.pad(found, (0, 0, 0, width - len(found)))
 
 
 def sketches(clips: Tensor) -> Tensor:

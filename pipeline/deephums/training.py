@@ -13,9 +13,10 @@ import torch
 from motionlake.arrays import Float32Array, Int64Array, Progress
 from motionlake.deephums.batches import at_speeds, padded, resampled, windows
 from motionlake.deephums.config import DescriptorsConfig
+from motionlake.deephums.neighbourhood import neighbourhoods
 from motionlake.deephums.network import DescriptorNetwork, TrainedDescriptor
 from motionlake.deephums.recipes import DescriptorRecipe, recipe_of
-from motionlake.deephums.sequence import neighbourhoods, one_cycle, similar_by_motion
+from motionlake.deephums.sequence import one_cycle, similar_by_motion
 from motionlake.training import Checkpoint, Training, on_threads
 from numpy.typing import NDArray
 from torch import Tensor
@@ -23,6 +24,7 @@ from torch.nn.functional import cross_entropy, normalize
 
 CHECKPOINT_EVERY: Final = 5
 VALIDATE_EVERY: Final = 10
+TOLD: Final = 100  # clips whose neighbours are found, from one call of `progress` to the next
 
 
 @dataclass(frozen=True)
@@ -52,7 +54,8 @@ def train_descriptor(
         validation: labelled clips that are not trained on, to follow training by.
         checkpoint: a file to save training to and to go on from; deleted at the end.
         device: of the computation; CUDA where there is one, else the CPU.
-        progress: called with (epochs done, epochs, mean loss) after each epoch.
+        progress: called with (epochs done, epochs, mean loss) after each epoch; where neighbours are looked for, with
+            (clips done, clips, not a number).
 
     Returns:
         The network; the same for the same input, configuration and seed, interrupted or not (on CUDA: up to
@@ -60,7 +63,7 @@ def train_descriptor(
         `validation`: (epoch, top-1 of the validation clips among those trained on) every so often.
 
     Raises:
-        ValueError: too few clips, or labels that are required and are not there.
+        ValueError: too few clips, or labels that are required (for "contrast" too) and are not there.
     """
     device = device or ("cuda" if torch.cuda.is_available() else "cpu")
     classes = _classes(clips, config.supervision)
@@ -68,6 +71,8 @@ def train_descriptor(
     used = [clip for clip in clips if clip.label in classes] if classes else list(clips)
     if len(used) < 2:
         raise ValueError(f"{len(used)} clips are too few to train on")
+    if recipe.objective == "contrast" and recipe.epochs and not classes:
+        raise ValueError("clips of a class are to be near, but no class has two clips")
     offered = len(used)
     used = [TrainingClip(part, clip.label) for clip in used for part in windows(clip.sequence)]
     rng = np.random.default_rng(config.seed)
@@ -75,13 +80,12 @@ def train_descriptor(
         material = _Material.of(used, classes, recipe)
         torch.manual_seed(config.seed)
         network = DescriptorNetwork(recipe, len(classes))
-        every = torch.from_numpy(np.concatenate([clip.sequence for clip in used]))
-        network.learn(every, torch.from_numpy(np.stack(material.clips)) if recipe.frames else None)
+        _learn(network, used, material, recipe, progress)
+        if not recipe.epochs:
+            return TrainedDescriptor(config, recipe, network.eval(), classes, _metrics(offered, classes))
         network.to(device)
         data = np.concatenate([clip.sequence.ravel() for clip in used])
         kept = Checkpoint(checkpoint, data, config, recipe) if checkpoint else None
-        if not recipe.epochs:
-            return TrainedDescriptor(config, recipe, network.cpu().eval(), classes, _metrics(offered, classes))
         optimiser = torch.optim.AdamW(
             network.parameters(), lr=recipe.learning_rate, weight_decay=recipe.weight_decay, eps=1e-7
         )
@@ -110,6 +114,26 @@ def train_descriptor(
     return TrainedDescriptor(config, recipe, network.cpu().eval(), classes, metrics)
 
 
+def _learn(
+    network: DescriptorNetwork,
+    used: Sequence[TrainingClip],
+    material: _Material,
+    recipe: DescriptorRecipe,
+    progress: Progress | None,
+) -> None:
+    """What is learned without gradients."""
+    near = None
+    if "neighbourhood" in recipe.encoders:
+
+        def found(done: int, count: int) -> None:
+            if progress and (done % TOLD == 0 or done == count):
+                progress(done, count, float("nan"))
+
+        near = torch.from_numpy(neighbourhoods([clip.sequence for clip in used], recipe.neighbours, found))
+    frames = torch.from_numpy(np.concatenate([clip.sequence for clip in used]))
+    network.learn(frames, torch.from_numpy(np.stack(material.clips)) if recipe.frames else None, near)
+
+
 def _metrics(clips: int, classes: Sequence[str]) -> dict[str, Any]:
     return {"clips": clips, "classes": len(classes) or None, "supervision": "labels" if classes else "none"}
 
@@ -121,23 +145,19 @@ class _Material:
     Attributes:
         clips: [n] of any length, or all of one.
         targets: [n] class of each clip, or None.
-        near: [n, n] how near clips are without labels, or whether pairs are similar.
+        near: [n, n] whether pairs are similar (section 3.2), where the objective is "pairs".
         source: [n] rows of `near` that clips stand for: copies at other speeds share one.
     """
 
     clips: list[Float32Array]
     targets: Int64Array | None
-    near: NDArray[np.generic] | None
+    near: NDArray[np.bool_] | None
     source: Int64Array
 
     @classmethod
     def of(cls, used: Sequence[TrainingClip], classes: list[str], recipe: DescriptorRecipe) -> _Material:
         sequences = [clip.sequence for clip in used]
-        near: NDArray[np.generic] | None = None
-        if recipe.objective == "pairs":
-            near = similar_by_motion(sequences, recipe.similar)
-        elif not classes and recipe.epochs:
-            near = neighbourhoods(sequences, recipe.neighbours)
+        near = similar_by_motion(sequences, recipe.similar) if recipe.objective == "pairs" else None
         copies = [at_speeds(clip) if recipe.speeds else [clip] for clip in sequences]
         source = np.repeat(np.arange(len(used)), [len(c) for c in copies])
         clips = [clip for several in copies for clip in several]
@@ -191,8 +211,6 @@ def _loss(
 ) -> Tensor:
     clips, lengths = padded([material.clips[i] for i in rows])
     if recipe.objective == "contrast":
-        if material.targets is None:  # two variants of each clip: its own other variant is its nearest
-            rows, clips = np.tile(rows, 2), clips.repeat(2, 1, 1, 1)
         clips = recipe.augmentation(clips, rng, material.partners(rows, rng))
     parts = network.learning_parts(clips.to(device), lengths.to(device))
     loss = torch.zeros((), device=device)
@@ -205,11 +223,7 @@ def _loss(
             return loss + recipe.contrast * torch.stack(contrasts).sum()
     assert material.near is not None
     near = torch.from_numpy(material.near[np.ix_(material.source[rows], material.source[rows])]).to(device)
-    if recipe.objective == "pairs":
-        return loss + torch.stack([contrastive_loss(part, near, recipe.margin) for part in parts]).sum()
-    near = near.masked_fill(torch.eye(len(near), dtype=torch.bool, device=device), 0)
-    wanted = near / near.sum(dim=1, keepdim=True)
-    return torch.stack([neighbour_contrast(part, wanted, recipe.temperature) for part in parts]).sum()
+    return loss + torch.stack([contrastive_loss(part, near, recipe.margin) for part in parts]).sum()
 
 
 def contrastive_loss(descriptors: Tensor, similar: Tensor, margin: float) -> Tensor:
@@ -238,28 +252,13 @@ def class_contrast(descriptors: Tensor, classes: Tensor, temperature: float) -> 
         classes: [B].
         temperature: of the softmax over cosines.
     """
-    same = classes[:, None] == classes[None]
-    wanted = same & ~_diagonal(same)
-    return neighbour_contrast(descriptors, wanted / wanted.sum(dim=1, keepdim=True).clamp(min=1), temperature)
-
-
-def neighbour_contrast(descriptors: Tensor, wanted: Tensor, temperature: float) -> Tensor:
-    """Cross entropy between wanted neighbours and those that the descriptors give.
-
-    Args:
-        descriptors: [B, d].
-        wanted: [B, B] how much of a clip's neighbourhood each other clip is; rows sum to one, or to zero for clips
-            that have none.
-        temperature: of the softmax over cosines.
-    """
+    itself = torch.eye(len(classes), dtype=torch.bool, device=descriptors.device)
+    wanted = ((classes[:, None] == classes[None]) & ~itself).to(descriptors.dtype)
+    wanted = wanted / wanted.sum(dim=1, keepdim=True).clamp(min=1)
     unit = normalize(descriptors, dim=1)
-    cosines = (unit @ unit.T / temperature).masked_fill(_diagonal(wanted), -1e9)
-    logarithms = torch.log_softmax(cosines, dim=1).masked_fill(_diagonal(wanted), 0)
+    cosines = (unit @ unit.T / temperature).masked_fill(itself, -1e9)
+    logarithms = torch.log_softmax(cosines, dim=1).masked_fill(itself, 0)
     return -(wanted * logarithms).sum(dim=1).mean()
-
-
-def _diagonal(square: Tensor) -> Tensor:
-    return torch.eye(len(square), dtype=torch.bool, device=square.device)
 
 
 def _mean(values: Tensor, chosen: Tensor) -> Tensor:

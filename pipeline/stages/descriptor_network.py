@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 # Of more than these, clips are drawn at random.
 MOST_FRAMES = 10_000_000  # at 30 a second: 93 hours
-MOST_UNLABELLED = 5_000  # clips; without labels every clip is compared with every other
+MOST_UNLABELLED = 5_000  # clips; without labels the time goes by their square
 
 
 @dataclass(frozen=True)
@@ -89,6 +89,7 @@ class DescriptorNetwork(ModelKind[TrainingSet]):
     """What turns a clip into a vector."""
 
     name = "descriptors"
+    version = 2  # sketches by other constants
     config = DescriptorsConfig
     title = "descriptor network"
     use = "describes the clips"
