@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,8 +11,11 @@ from motionlake.deep_motifs.config import PRETRAINED_WORDS, NetworkConfig
 from motionlake.deep_motifs.words.network import load_network
 from motionlake.lake.catalog import fetch, reading
 from motionlake.lake.config import LakeConfig
-from motionlake.lake.layout import Lake
+from motionlake.lake.layout import Lake, open_lake
 from motionlake.motion.features import WordConfig
+from motionlake.stages import word_network
+from motionlake.stages.reader import LakeReader
+from motionlake.stages.word_network import WORD_NETWORK
 
 from tests.lakes import motionlake, quick_lake
 
@@ -66,9 +70,25 @@ def test_a_lake_is_embedded_pretrained_then_fine_tuned_then_afresh(
     assert after != signatures
 
 
+def test_a_lake_with_words_enough_trains_a_network_of_its_own(
+    built_lake: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    target, config = open_lake(built_lake), LakeConfig()
+    with reading(target) as con:
+        ((count,),) = con.execute("SELECT count(*) FROM words").fetchall()
+        for enough, taken in ((count + 1, True), (count, False)):
+            monkeypatch.setattr(word_network, "ENOUGH", enough)
+            assert WORD_NETWORK.takes_pretrained(LakeReader(con, target, config)) is taken
+            wanted = replace(config, network=replace(config.network, weights="pretrained"))
+            assert WORD_NETWORK.takes_pretrained(LakeReader(con, target, wanted))
+        monkeypatch.setattr(word_network, "ENOUGH", 10**9)
+        wanted = replace(config, network=replace(config.network, weights="own"))
+        assert not WORD_NETWORK.takes_pretrained(LakeReader(con, target, wanted))
+
+
 def test_configurations_of_the_network_without_meaning_are_refused() -> None:
-    assert LakeConfig().network.weights == "pretrained"
-    with pytest.raises(ValueError, match="pretrained or own"):
+    assert LakeConfig().network.weights == "auto"
+    with pytest.raises(ValueError, match="auto, pretrained or own"):
         NetworkConfig(weights="theirs")
     with pytest.raises(ValueError, match="two words"):
         NetworkConfig(max_words=1)

@@ -2,7 +2,8 @@
 
 retrieval: test clips of utd_mhad and hdm05 query their training clips, by every method, with the rows of robustness.
 curves: learning curves with one training subject held out. choices: what the thesis leaves open, by cross-validation
-over training subjects. submotion: pieces of clips and the clips they are from.
+over training subjects. unlabelled: constants without labels, chosen with one set left out in turn. submotion: pieces of
+clips and the clips they are from.
 """
 
 from __future__ import annotations
@@ -11,7 +12,8 @@ import argparse
 from collections.abc import Callable
 from typing import Any, Final
 
-from bench.deephums import choices, curves, retrieval, submotion
+from bench import canonical_sets
+from bench.deephums import choices, curves, retrieval, submotion, unlabelled
 from bench.deephums.sets import SETS
 from bench.record import hash_files, record, recordings
 from bench.units import SEEDS, Found, in_processes, table, with_seeds
@@ -42,6 +44,10 @@ def measure_choices(given: argparse.Namespace) -> dict[str, Any]:
     return choices.measure(given.epochs, given.processes)
 
 
+def measure_unlabelled(given: argparse.Namespace) -> dict[str, Any]:
+    return unlabelled.measure(list(canonical_sets.SETS))
+
+
 def measure_submotion(given: argparse.Namespace) -> dict[str, Any]:
     return submotion.measure(given.chosen, given.steps, given.epochs, thesis=not given.without_thesis)
 
@@ -50,6 +56,7 @@ PARTS: Final[dict[str, Callable[[argparse.Namespace], dict[str, Any]]]] = {
     "retrieval": measure_retrieval,
     "curves": measure_curves,
     "choices": measure_choices,
+    "unlabelled": measure_unlabelled,
     "submotion": measure_submotion,
 }
 
@@ -68,7 +75,8 @@ def main() -> None:
     given.chosen = tuple(range(given.seeds))
     for part in given.parts or PARTS:
         figures = PARTS[part](given)
-        sets = given.sets if part == "retrieval" else ["utd_mhad"]
+        every = [chosen.folder for chosen in canonical_sets.SETS.values()]
+        sets = {"retrieval": given.sets, "unlabelled": every}.get(part, ["utd_mhad"])
         files = [path for name in sets for path in (recordings() / name).rglob("*") if path.is_file()]
         print(f"wrote {record(f'deephums-{part}', figures, hash_files(files, recordings()))}")
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from motionlake.arrays import Float32Array, Progress
-from motionlake.deep_motifs.config import PRETRAINED_WORDS, NetworkConfig
+from motionlake.deep_motifs.config import ENOUGH, PRETRAINED_WORDS, NetworkConfig
 from motionlake.lake.catalog import fetch
 from motionlake.lake.config import LakeConfig, config_hash
 from motionlake.lake.integrity import sound
@@ -62,6 +62,9 @@ class WordNetwork(ModelKind[WordSample]):
     def fits(self, config: LakeConfig) -> bool:
         return PRETRAINED_WORDS.fits(config.words, config.network)
 
+    def takes_pretrained(self, at: LakeReader) -> bool:
+        return self.fits(at.config) and (at.config.network.weights == "pretrained" or _count(at) < ENOUGH)
+
     def announce(self, at: LakeReader) -> str:
         network = at.config.network
         steps = "" if network.architecture == "linear" else f", {network.steps} steps; says how long after the first"
@@ -99,6 +102,10 @@ class WordNetwork(ModelKind[WordSample]):
 
 
 WORD_NETWORK: Final = WordNetwork()
+
+
+def _count(at: LakeReader) -> int:
+    return sum(row["words"] for row in fetch(at.con, "recorded_words"))
 
 
 def training_sample(at: LakeReader) -> list[Float32Array]:
