@@ -16,7 +16,7 @@ from motionlake.evaluation.dtw import PATIENCE, baseline_features, frame_distanc
 from motionlake.evaluation.ranking import first_hits, score_split
 from motionlake.lake.catalog import Connection
 from motionlake.lake.layout import Lake
-from motionlake.lake.models import Model
+from motionlake.lake.models import Model, check_served
 from motionlake.lake.settings import served_config
 from motionlake.lake.strings import read_strings
 from motionlake.motion.features import body_length
@@ -142,6 +142,7 @@ def evaluate_descriptor(
     network = DESCRIPTORS.served(con)
     if network is None:
         raise UserError(f"{lake.root}: has no descriptors yet; make them with `motionlake run descriptors`")
+    check_served(con, lake, ("descriptors", "network", "motifs", "postures"))
     clips = described_clips(con, dataset, column)
     chosen = choose(clips.clips, queries, repository)
     notice(f"{chosen.protocol}: {len(chosen.queries)} queries, {len(chosen.repository)} clips to find")

@@ -30,6 +30,7 @@ from motionlake.evaluation.ranking import (
 )
 from motionlake.lake.catalog import Connection, fetch
 from motionlake.lake.layout import Lake
+from motionlake.lake.models import check_served
 from motionlake.lake.settings import served_config
 from motionlake.lake.strings import LakeStrings, read_strings
 from motionlake.pesta.config import METHODS, AlignmentConfig
@@ -75,6 +76,7 @@ def evaluate_pesta(
     Raises:
         UserError: no such column, no strings, or neither labels nor segments to measure by.
     """
+    check_served(con, lake, ("network", "motifs", "postures"))
     strings, signed = read_strings(con), options.signed(con)
     signed = signed.chosen([clip.clip in strings.positions for clip in signed.clips])
     labelled = signed.labelled()

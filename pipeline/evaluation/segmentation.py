@@ -14,6 +14,7 @@ from motionlake.errors import UserError
 from motionlake.lake.catalog import Connection, fetch
 from motionlake.lake.corpus import read_corpus
 from motionlake.lake.layout import Lake
+from motionlake.lake.models import check_served
 from motionlake.retrieval.segment_methods import Config, SegmentMethod, segment_method
 
 
@@ -109,6 +110,7 @@ def evaluate_segmentation(
     Raises:
         UserError: fewer than two clips have segments.
     """
+    check_served(con, lake, ("network", "motifs"))
     corpus = read_corpus(con, dataset)
     ranges = segments_of(con, corpus)
     clips = sorted({r.clip for r in ranges})

@@ -16,6 +16,7 @@ from motionlake.evaluation.dtw import dtw_baseline
 from motionlake.evaluation.ranking import leave_one_out
 from motionlake.lake.catalog import Connection
 from motionlake.lake.layout import Lake
+from motionlake.lake.models import check_served
 from motionlake.retrieval.labelled_clips import SignedClips, lake_ground
 
 # Parts of the clips that are left out in turn, where there are more clips than `MOST_LEFT_OUT`.
@@ -35,6 +36,7 @@ def evaluate_signatures(con: Connection, lake: Lake, options: LabelledOptions) -
     Raises:
         UserError: no such column, or no two clips with one label.
     """
+    check_served(con, lake, ("network", "motifs"))
     signed = options.signed(con).labelled()
     labels = signed.labels
     if len(set(labels)) == len(labels):

@@ -5,15 +5,17 @@ from __future__ import annotations
 import hashlib
 import json
 import shutil
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Container, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from motionlake.errors import UserError
 from motionlake.lake.catalog import Connection, fetch, run_sql
 from motionlake.lake.config import canonical_json
 from motionlake.lake.integrity import FileSums, list_files
 from motionlake.lake.layout import Lake
+from motionlake.lake.lock import writes_now
 from motionlake.lake.parts import replacing
 
 OF_TRAINING = ("sets", "data_sha256")  # metrics that every pretrained file has
@@ -50,6 +52,22 @@ def fitting_model(con: Connection, kind: str, key: str) -> Model | None:
     """The current version if it has the key that a configuration asks for."""
     model = current_model(con, kind)
     return model if model and model.key == key else None
+
+
+def check_served(con: Connection, lake: Lake, kinds: Container[str]) -> None:
+    """Refuse to compare what models of some kinds have made where there are newer models, which have made nothing yet.
+
+    While a command brings the lake up to date, what is there serves.
+
+    Raises:
+        UserError: there is a newer model.
+    """
+    for row in fetch(con, "models_behind"):
+        if row["kind"] in kinds and not writes_now(lake):
+            raise UserError(
+                f"{lake.root}: {row['model']} is newer than what is compared, which {row['served']} has made; bring "
+                f"the lake up to date with `motionlake run all --lake {lake.root}`"
+            )
 
 
 def next_file(con: Connection, kind: str, suffix: str) -> str:

@@ -19,6 +19,7 @@ from motionlake.deep_motifs.emd import emd_matrix
 from motionlake.errors import UserError
 from motionlake.lake.catalog import Connection
 from motionlake.lake.layout import Lake
+from motionlake.lake.models import check_served
 from motionlake.lake.settings import served_config
 from motionlake.motion.diffusion import way_between
 from motionlake.retrieval.fused import WEIGHTS
@@ -58,6 +59,7 @@ def clusters_of_lake(
     """
     if method not in CLUSTER_METHODS:
         raise UserError(f"--method {method}: use one of {', '.join(CLUSTER_METHODS)}")
+    check_served(con, lake, ("network", "motifs", "postures"))
     signed = signed_clips(con, scope)
     check_count(len(signed.clips), k)
     if method == "signatures":

@@ -12,6 +12,7 @@ from motionlake.errors import UserError
 from motionlake.lake.catalog import Connection, fetch, reading
 from motionlake.lake.corpus import read_corpus
 from motionlake.lake.layout import Lake
+from motionlake.lake.models import check_served
 from motionlake.retrieval.encode import serving_models, words_of_file
 from motionlake.retrieval.labelled_clips import check_column
 from motionlake.retrieval.protocol import Query, not_ready
@@ -61,6 +62,7 @@ class LakeSegmenter:
     ) -> None:
         self._lake, self._lessons, self._config = lake, lessons or Lessons(), config
         with reading(lake) as con:
+            check_served(con, lake, ("network", "motifs"))
             self.corpus = corpus or read_corpus(con)
             check_column(con, self._lessons.column)
             self._ranges = taught_ranges(con, self.corpus, self._lessons)
