@@ -2,20 +2,22 @@
 
 Every set becomes a lake with the default configuration and a seed of its motifs. Each labelled clip is searched for
 among all others. For every set the constants are those with the greatest mean average precision, mean over the seeds of
-the other sets; what they reach on the set itself is what to expect of recordings that nobody tuned on. The defaults are
-the choice of all sets together. Beside them stand each method, alone and along the graph, and dynamic time warping of
-the joints that moves see.
+the other sets; what they reach on the set itself is what to expect of recordings that nobody tuned on. Beside
+them stand each method, alone and along the graph, all of them without a graph, and dynamic time warping of the joints
+that moves see.
 """
 
 from __future__ import annotations
 
 import argparse
+import csv
 import itertools
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Final
+from unittest import mock
 
 import numpy as np
 from motionlake.arrays import Float64Array, Int64Array
@@ -26,43 +28,53 @@ from motionlake.jobs.session import session
 from motionlake.lake.catalog import reading
 from motionlake.lake.config import load_config
 from motionlake.lake.layout import Lake
-from motionlake.motion.diffusion import JOINED, NeighbourGraph, diffused, joined_of, scale
+from motionlake.motion import diffusion
+from motionlake.motion.diffusion import NeighbourGraph, diffused, scale
 from motionlake.motion.dtw import dtw_matrix
 from motionlake.retrieval.fused import DIRECT, EVERY, REACH, WEIGHTS
 from motionlake.retrieval.protocol import Query, Scope
 from motionlake.retrieval.registry import searcher
+from motionlake.retrieval.views import View, near_again
 from motionlake.stages.graph import KEPT
 from motionlake.stages.moves import read_tracks
 from motionlake.stages.reader import LakeReader
 from motionlake.stages.registry import ALL
 
-from bench.canonical_sets import SETS
+from bench.canonical_sets import SETS, LabelledSet
 from bench.lakes import make_lake
 from bench.record import hash_files, record, recordings
 
 SEEDS: Final = (0, 1, 2)
 METHODS: Final = ("signature", "alignment", "moves", "descriptor")
 # How much each of them counts.
-SHARES: Final = (
-    (1, 1, 1, 0), (1, 1, 2, 0), (1, 1, 3, 0), (1, 1, 4, 0), (1, 0, 1, 0), (1, 0, 2, 0), (1, 0, 4, 0), (0, 1, 2, 0),
-    (0, 0, 1, 0), (1, 0, 0, 0), (0, 0, 1, 1), (1, 0, 2, 2), (1, 1, 1, 1), (1, 1, 2, 2), (1, 1, 4, 1), (1, 1, 4, 2),
-    (1, 1, 4, 4), (1, 1, 0, 4), (2, 1, 4, 2),
-)  # fmt: skip
-JOINS: Final = (6, 8, 10, 12)
-DIRECTS: Final = (0.01, 0.1, 0.3, 1.0)
-CHOSEN: Final = "SELECT clip, {label}, subject FROM clips WHERE label IS NOT NULL {only} ORDER BY clip"
+SHARES: Final = ((1, 1, 4, 2), (2, 1, 4, 2), (1, 1, 2, 1), (1, 1, 2, 2))
+RECIPROCALS: Final = (16, 24)
+DIRECTS: Final = (0.1, 0.3, 1.0)
+SECONDS: Final = (0.0, 1.0)
+# Two more that no bar names, of other kinds of motion: a lake as small as people begin with, and long walks.
+TASKS: Final = {
+    **SETS, "dance": LabelledSet("cmu_dance", "label"), "cmu_bvh": LabelledSet("cmu_bvh", "description")
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
 class Constants:
-    """Of the default search."""
+    """Of the default search.
 
-    joined: int
+    Attributes:
+        reciprocal: `diffusion.RECIPROCAL`.
+        direct: `fused.DIRECT`.
+        second: what the way by all methods counts: 1, or 0, which leaves it out.
+        shares: what each method counts.
+    """
+
+    reciprocal: int
     direct: float
+    second: float
     shares: tuple[float, ...]
 
 
-NOW: Final = Constants(JOINED, DIRECT, tuple(WEIGHTS.get(method, 0.0) for method in METHODS))
+NOW: Final = Constants(diffusion.RECIPROCAL, DIRECT, 1.0, tuple(WEIGHTS.get(method, 0.0) for method in METHODS))
 
 
 @dataclass(frozen=True)
@@ -75,6 +87,10 @@ class Measured:
     labels: list[str]
     subjects: list[str | None]
 
+    @property
+    def clips(self) -> int:
+        return len(self.distances["moves"])
+
     def scores(self, near: Float64Array) -> SearchScores:
         """Of how near [n, n] clips are."""
         same = ~np.eye(len(self.rows), dtype=np.bool_)
@@ -83,29 +99,37 @@ class Measured:
 
 
 def every_constants() -> Iterator[Constants]:
-    return itertools.starmap(Constants, itertools.product(JOINS, DIRECTS, SHARES))
+    return itertools.starmap(Constants, itertools.product(RECIPROCALS, DIRECTS, SECONDS, SHARES))
 
 
 def measured(folder: Path, name: str, seed: int) -> Measured:
     """A set as a lake with every stage, and the distances of its clips."""
-    chosen = SETS[name]
+    chosen = TASKS[name]
     lake = make_lake(folder, [recordings() / chosen.folder])
     lake.config_file.write_text(f"[motifs]\nseed = {seed}\n", encoding="utf-8")
     with session(lake, "bench", lambda stage, done, total: None, lambda line: None) as job:
         run(job, tuple(stage for stage in ALL if stage not in ("submotions", "graph")))
     with reading(lake) as con:
         every = [row[0] for row in con.execute("SELECT clip FROM clips ORDER BY clip").fetchall()]
-        only = "AND label = 'salsa'" if name == "salsa" else ""
-        rows = con.execute(CHOSEN.format(label=chosen.label, only=only)).fetchall()
         tracks = read_tracks(
             LakeReader(con, lake, load_config(lake.config_file)),
             dict(con.execute("SELECT clip, part FROM clips").fetchall()),
         )
     found = {method: _distances(lake, method, every) for method in METHODS}
     found["dtw"] = dtw_matrix([tracks[clip].turned().joints.astype(np.float32) for clip in every])
-    at = np.array([every.index(row[0]) for row in rows])
-    known = [row[2] if name != "salsa" else None for row in rows]
-    return Measured(found, at, [row[1] for row in rows], known)
+    labels, subjects = labels_of(chosen)
+    rows = [row for row, clip in enumerate(every) if clip in labels]
+    known = [subjects.get(every[row]) if name != "salsa" else None for row in rows]
+    return Measured(found, np.array(rows), [labels[every[row]] for row in rows], known)
+
+
+def labels_of(chosen: LabelledSet) -> tuple[dict[str, str], dict[str, str]]:
+    """Class and subject by clip of the lake; of a description what stands before a stroke ("walk/stride")."""
+    with (recordings() / chosen.folder / "labels.csv").open(newline="", encoding="utf-8") as handle:
+        rows = [row for row in csv.DictReader(handle) if chosen.chosen(row) and row[chosen.label]]
+    clips = {f"{chosen.folder}/{row['file']}": row for row in rows}
+    subjects = {clip: row["subject"] for clip, row in clips.items() if row.get("subject")}
+    return {clip: row[chosen.label].split("/")[0] for clip, row in clips.items()}, subjects
 
 
 def _distances(lake: Lake, method: str, clips: Sequence[str]) -> Float64Array:
@@ -121,35 +145,57 @@ def _distances(lake: Lake, method: str, clips: Sequence[str]) -> Float64Array:
     return found
 
 
-def views(one: Measured, joined: int) -> dict[str, tuple[Float64Array, Float64Array]]:
-    """By method, how near [n, n] clips are by their distance, and along the graph."""
-    return {method: _view(distances, joined) for method, distances in one.distances.items()}
+@dataclass(frozen=True)
+class Near:
+    """Of all clips [n, n], by one method or by several."""
+
+    direct: Float64Array
+    along: Float64Array
 
 
-def _view(distances: Float64Array, joined: int) -> tuple[Float64Array, Float64Array]:
-    order = np.argsort(distances, axis=1, kind="stable")
-    kept, at = order[:, :KEPT], np.arange(len(order))[:, None]
-    near = np.where(np.isfinite(distances[at, kept]), kept, -1)
-    graph = NeighbourGraph(near, distances[at, kept], joined_of(len(order), joined))
-    direct, along = np.zeros_like(distances), np.zeros_like(distances)
-    for row, others in enumerate(order):
-        there = others[np.isfinite(distances[row, others])]
-        if len(there):
-            unit = scale(distances[row, there], joined)
-            direct[row, there] = 1 / (1 + distances[row, there] / unit)
-            nodes = there[: REACH + 1]
-            along[row, nodes] = diffused(graph, nodes, distances[row, nodes], row)
-    return direct, along
+def views(one: Measured, reciprocal: int) -> list[dict[str, View[int]]]:
+    """What each method makes of each clip, as the default search does."""
+    with mock.patch.object(diffusion, "RECIPROCAL", reciprocal):
+        of_each = {method: _views(distances) for method, distances in one.distances.items()}
+    return [{method: found[row] for method, found in of_each.items()} for row in range(one.clips)]
 
 
-def fused(of_each: Mapping[str, tuple[Float64Array, Float64Array]], how: Constants) -> Float64Array:
-    """How near [n, n] clips are by all methods together."""
-    parts = [
-        share * (along + how.direct * direct)
-        for share, (direct, along) in zip(how.shares, (of_each[method] for method in METHODS), strict=True)
-        if share
-    ]
-    return np.asarray(sum(parts))
+def _views(distances: Float64Array) -> list[View[int]]:
+    count = len(distances)
+    others = [np.flatnonzero(np.arange(count) != row) for row in range(count)]
+    order = [clips[np.argsort(distances[row, clips], kind="stable")] for row, clips in enumerate(others)]
+    kept = np.stack([clips[:KEPT] for clips in order])
+    apart = distances[np.arange(count)[:, None], kept]
+    graph = NeighbourGraph(np.where(np.isfinite(apart), kept, -1), apart, count)
+    found = []
+    for row, clips in enumerate(order):
+        there = clips[np.isfinite(distances[row, clips])]
+        near = 1 / (1 + distances[row, there] / scale(distances[row, there]))
+        nodes = there[: REACH + 1]
+        ways = diffused(graph, nodes, distances[row, nodes], row) if len(nodes) else None
+        found.append(View(there.tolist(), distances[row, there], near, ways))
+    return found
+
+
+def near_of(
+    one: Measured, rows: Sequence[Mapping[str, View[int]]], shares: Mapping[str, float], *, second: bool
+) -> Near:
+    """How near clips are by some methods: by distances, and along the graph, both ways together with `second`."""
+    direct, along = np.zeros((2, one.clips, one.clips))
+    total = sum(shares.values())
+    for row, of_each in enumerate(rows):
+        nearest = {}
+        for method, share in shares.items():
+            view = of_each[method]
+            direct[row, list(view.clips)] += share / total * view.near
+            if view.ways is not None:
+                nodes = list(view.clips[: len(view.ways) - 1])
+                along[row, nodes] += share / total * view.ways[-1, :-1]
+                nearest[method] = replace(view, clips=nodes)
+        if second:
+            again = near_again(nearest, shares, one.clips)
+            along[row, list(again)] += list(again.values())
+    return Near(direct, along)
 
 
 def best(scores: Mapping[Constants, Mapping[str, float]], sets: Sequence[str]) -> Constants:
@@ -164,17 +210,24 @@ def measure(names: Sequence[str], seeds: Sequence[int]) -> dict[str, object]:
     for name, seed in itertools.product(names, seeds):
         with tempfile.TemporaryDirectory(prefix="bench-generalise-") as folder:
             one = measured(Path(folder), name, seed)
-        for joined in sorted({*JOINS, NOW.joined}):
-            of_each = views(one, joined)
-            for how in {NOW, *every_constants()}:
-                if how.joined == joined:
-                    maps.setdefault(how, {}).setdefault(name, []).append(one.scores(fused(of_each, how)))
-            if joined == NOW.joined:
-                for method, (direct, along) in of_each.items():
-                    alone.setdefault(method, {}).setdefault(name, []).append(one.scores(direct))
-                    alone.setdefault(f"{method}, graph", {}).setdefault(name, []).append(
-                        one.scores(along + NOW.direct * direct)
-                    )
+        for reciprocal in sorted({*RECIPROCALS, NOW.reciprocal}):
+            rows = views(one, reciprocal)
+            for shares, second in {(how.shares, how.second) for how in (NOW, *every_constants())}:
+                counted = {method: share for method, share in zip(METHODS, shares, strict=True) if share}
+                near = near_of(one, rows, counted, second=second > 0)
+                for direct in sorted({*DIRECTS, NOW.direct}):
+                    how = Constants(reciprocal, direct, second, shares)
+                    scores = one.scores(near.along + direct * near.direct)
+                    maps.setdefault(how, {}).setdefault(name, []).append(scores)
+            if reciprocal == NOW.reciprocal:
+                for method in one.distances:
+                    near = near_of(one, rows, {method: 1.0}, second=False)
+                    alone.setdefault(method, {}).setdefault(name, []).append(one.scores(near.direct))
+                    scores = one.scores(near.along + NOW.direct * near.direct)
+                    alone.setdefault(f"{method}, graph", {}).setdefault(name, []).append(scores)
+                counted = {method: share for method, share in zip(METHODS, NOW.shares, strict=True) if share}
+                near = near_of(one, rows, counted, second=False)
+                alone.setdefault("all, no graph", {}).setdefault(name, []).append(one.scores(near.direct))
         print(f"{name}, seed {seed}: {_mean(maps[NOW][name])}", flush=True)
     order = {how: {name: _mean(maps[how][name])["map"] for name in names} for how in sorted(maps, key=str)}
     left_out = {}
@@ -187,6 +240,7 @@ def measure(names: Sequence[str], seeds: Sequence[int]) -> dict[str, object]:
         "seeds": list(seeds),
         "left out": left_out,
         "best on all": {"constants": asdict(best(order, names)), **{n: order[best(order, names)][n] for n in names}},
+        "by constants": {str(how): found for how, found in order.items()},
         "now": {"constants": asdict(NOW), **{name: _mean(maps[NOW][name]) for name in names}},
         "alone": {method: {name: _mean(found[name]) for name in names} for method, found in alone.items()},
     }
@@ -199,13 +253,13 @@ def _mean(runs: Sequence[SearchScores]) -> dict[str, float]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("sets", nargs="*", default=list(SETS), help="which to measure (default: all)")
+    parser.add_argument("sets", nargs="*", default=list(TASKS), help="which to measure (default: all)")
     parser.add_argument("--seeds", type=int, nargs="+", default=list(SEEDS))
     given = parser.parse_args()
     figures = measure(given.sets, given.seeds)
     for part in ("left out", "best on all", "now", "alone"):
         print(part, figures[part])
-    folders = [recordings() / SETS[name].folder for name in given.sets]
+    folders = [recordings() / TASKS[name].folder for name in given.sets]
     files = [path for folder in folders for path in folder.rglob("*") if path.is_file()]
     print(record("generalise", figures, hash_files(files, recordings())))
 

@@ -107,8 +107,8 @@ SMOKES: Final[Sequence[Smoke]] = (
     Smoke("bench.ingest", ("peers", "--rounds", "1")),
     Smoke("bench.lake", ("ingest", "--clips", "8", "--workers", "1", "--sets", "hdm05")),
     Smoke("bench.moves", (), {"bench.moves.QUERIES": 2}),
-    Smoke("bench.generalise", ("hdm05", "--seeds", "0"), {"bench.generalise.JOINS": (10,),
-          "bench.generalise.DIRECTS": (0.1,)}),
+    Smoke("bench.generalise", ("hdm05", "--seeds", "0"), {"bench.generalise.RECIPROCALS": (24,),
+          "bench.generalise.DIRECTS": (0.3,), "bench.generalise.SHARES": ((1, 1, 4, 2),)}),
     Smoke("bench.sorting", ("hdm05", "--seeds", "0"), {}),
     Smoke("bench.scale_search", ("--clips", "60", "--queries", "4", "--processes", "1"), {
           "bench.scale_search.COMMANDS": 1, "bench.large_lakes.PART": 40, "motionlake.stages.graph.MOST": 20,

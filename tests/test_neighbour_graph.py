@@ -15,11 +15,23 @@ from motionlake.arrays import Float64Array
 from motionlake.evaluation.ranking import Questions, score_search
 from motionlake.lake.config import LakeConfig
 from motionlake.lake.layout import open_lake
-from motionlake.motion.diffusion import JOINED, NOWHERE, RESTART, NeighbourGraph, diffused
-from motionlake.retrieval.fused import DIRECT, WEIGHTS, FusedSearcher
+from motionlake.motion.diffusion import (
+    FEWEST,
+    NOWHERE,
+    RECIPROCAL,
+    RESTART,
+    SECOND,
+    SHARPNESS,
+    UNIT,
+    NeighbourGraph,
+    diffused,
+    diffused_again,
+)
+from motionlake.retrieval.fused import DIRECT, TOGETHER, WEIGHTS, FusedSearcher
 from motionlake.retrieval.lake_neighbours import read_neighbours
 from motionlake.retrieval.protocol import Query, Scope
 from motionlake.retrieval.registry import searcher
+from motionlake.retrieval.views import View, near_again
 from motionlake.stages.graph import GRAPH, KEPT
 from motionlake.stages.reader import lake_reader
 
@@ -33,22 +45,25 @@ def apart(points: Float64Array) -> Float64Array:
 def graph_of(distances: Float64Array, kept: int) -> NeighbourGraph:
     others = distances + np.diag(np.full(len(distances), np.inf))
     order = np.argsort(others, axis=1, kind="stable")[:, :kept]
-    return NeighbourGraph(order, np.take_along_axis(others, order, axis=1))
+    return NeighbourGraph(order, np.take_along_axis(others, order, axis=1), len(distances))
 
 
-def naive(distances: Float64Array, start: int) -> Float64Array:
-    """[n] diffusion over the graph of all clips, edge by edge."""
+def naive(
+    distances: Float64Array, start: int, reciprocal: int = RECIPROCAL, sharpness: float = SHARPNESS
+) -> Float64Array:
+    """[n] diffusion over the graph of all clips, edge by edge and step by step."""
     n = len(distances)
+    unit, most = (max(1, min(k, n // FEWEST)) for k in (UNIT, reciprocal))
     others = [sorted(set(range(n)) - {i}, key=lambda j: (distances[i, j], j)) for i in range(n)]
-    scales = [distances[i, others[i][min(JOINED, n - 1) - 1]] for i in range(n)]
+    scales = [distances[i, others[i][min(unit, n - 1) - 1]] for i in range(n)]
+    radii = [distances[i, others[i][min(most, n - 1) - 1]] for i in range(n)]
     weights = np.zeros((n, n))
     for i in range(n):
-        edges = {j: np.exp(-(distances[i, j] ** 2) / (scales[i] * scales[j])) for j in others[i]}
-        least = sorted(edges.values())[-min(JOINED, n - 1)]
-        for j, weight in edges.items():
-            if weight >= least:
-                weights[i, j] = weights[j, i] = weight
+        for j in others[i]:
+            if distances[i, j] <= min(radii[i], radii[j]):
+                weights[i, j] = np.exp(-sharpness * distances[i, j] ** 2 / (scales[i] * scales[j]))
     degrees = weights.sum(axis=1)
+    degrees[degrees == 0] = 1
     steps = np.eye(n)
     passed = np.eye(n)
     for _ in range(600):
@@ -57,16 +72,54 @@ def naive(distances: Float64Array, start: int) -> Float64Array:
     return np.asarray(steps[start] / np.sqrt(steps[start, start] * np.diag(steps)))
 
 
-@given(st.integers(3, 30), st.integers(0, 1000))
+@given(st.integers(3, 120), st.integers(0, 1000))
 def test_diffusion_against_a_naive_one(count: int, seed: int) -> None:
     distances = apart(np.random.default_rng(seed).normal(size=(count, 3)))
     nodes = np.argsort(distances[0], kind="stable")[1:]
     found = diffused(graph_of(distances, count - 1), nodes, distances[0, nodes], own=0)
-    np.testing.assert_allclose(found, naive(distances, 0)[nodes], atol=1e-6)
-    # A query that is no clip of the lake is joined to it for the moment: the same where the graph is without it.
+    np.testing.assert_allclose(found[-1, :-1], naive(distances, 0)[nodes], atol=1e-6)
+    np.testing.assert_allclose(found[0, 1:-1], naive(distances, int(nodes[0]))[nodes[1:]], atol=1e-6)
+    # A query that is no clip of the lake is joined to it for the moment.
     rest = distances[1:, 1:]
     outside = diffused(graph_of(rest, count - 2), nodes - 1, distances[0, nodes])
     assert ((outside >= 0) & (outside <= 1 + 1e-9)).all()
+
+
+@given(st.integers(3, 60), st.integers(0, 1000))
+def test_the_second_way_against_a_naive_one(count: int, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    near = np.exp(-apart(rng.normal(size=(count, 3))))
+    found = diffused_again(near, count)
+    distances = 1 - near
+    np.fill_diagonal(distances, 0)
+    np.testing.assert_allclose(found, naive(distances, count - 1, SECOND, 1.0)[:-1], atol=1e-6)
+
+
+def test_a_clip_is_joined_only_to_those_that_it_is_near_to() -> None:
+    """Of a small class all that is left over is far: to it the others are the nearest, but not it to them."""
+    rng = np.random.default_rng(0)
+    many, few = rng.normal(size=(100, 2)), rng.normal(size=(3, 2)) * 0.1 + 30
+    distances = apart(np.concatenate([many, few]))
+    nodes = np.argsort(distances[100], kind="stable")[1:]
+    found = diffused(graph_of(distances, 32), nodes, distances[100, nodes], own=100)[-1, :-1]
+    assert (found[:2] > 0.5).all()
+    assert not found[2:].any()
+
+
+def test_the_ways_of_several_methods_are_put_together() -> None:
+    one = np.array([[1.0, 0.2, 0.5], [0.2, 1.0, 0.1], [0.5, 0.1, 1.0]])
+    other = np.array([[1.0, 0.8], [0.8, 1.0]])
+    nothing = np.zeros(0)
+    views = {
+        "one": View(["a", "b"], nothing, nothing, one),
+        "other": View(["c"], nothing, nothing, other),
+        "without": View(["d"], nothing, nothing, None),
+    }
+    near = np.array([[0.75, 0.15, 0, 0.375], [0.15, 0.75, 0, 0.075], [0, 0, 0.25, 0.2], [0.375, 0.075, 0.2, 1]])
+    expected = diffused_again(near, 40)
+    found = near_again(views, {"one": 3, "other": 1, "without": 5}, 40)
+    assert found == pytest.approx(dict(zip("abc", expected.tolist(), strict=True)))
+    assert near_again({"without": views["without"]}, {"without": 5}, 40) == {}
 
 
 def test_a_chain_is_followed() -> None:
@@ -77,18 +130,20 @@ def test_a_chain_is_followed() -> None:
     points[20], points[21] = (20.0, 0.0), (0.0, 20.0)
     distances = apart(points)
     nodes = np.argsort(distances[0], kind="stable")[1:]
-    found = dict(zip(nodes.tolist(), diffused(graph_of(distances, 20), nodes, distances[0, nodes], 0), strict=True))
+    ways = diffused(graph_of(distances, 20), nodes, distances[0, nodes], 0)[-1, :-1]
+    found = dict(zip(nodes.tolist(), ways.tolist(), strict=True))
     assert distances[0, 20] == distances[0, 21]
     assert found[20] > 3 * found[21]
 
 
 def test_clips_that_the_graph_does_not_hold() -> None:
-    empty = NeighbourGraph(np.full((0, 1), NOWHERE), np.full((0, 1), np.inf))
-    found = diffused(empty, np.full(3, NOWHERE), np.array([0.0, 1.0, 2.0]))
-    assert found[0] > found[1] > found[2] > 0
-    assert len(diffused(empty, np.zeros(0, dtype=np.int64), np.zeros(0))) == 0
+    empty = NeighbourGraph(np.full((0, 1), NOWHERE), np.full((0, 1), np.inf), 0)
+    found = diffused(empty, np.full(3, NOWHERE), np.array([1.0, 1.5, 2.0]))
+    assert found.shape == (4, 4)
+    assert found[-1, 0] > 0 == found[-1, 2]  # of so small a lake one neighbour counts
+    assert diffused(empty, np.zeros(0, dtype=np.int64), np.zeros(0)) == 1
     one = diffused(empty, np.full(1, NOWHERE), np.zeros(1))
-    assert 0 < one[0] <= 1
+    assert 0 < one[-1, 0] <= 1
 
 
 def test_the_stage_keeps_the_nearest_clips(built_lake: Path) -> None:
@@ -122,7 +177,8 @@ def test_search_by_its_definition(built_lake: Path) -> None:
     (hits,) = FusedSearcher(lake, explain=True).search([Query(clip)], 6)
     for hit in hits:
         assert hit.shares is not None
-        assert [share.method for share in hit.shares] == list(WEIGHTS)
+        assert [share.method for share in hit.shares] == [*WEIGHTS, TOGETHER]
+        assert sum(share.weight for share in hit.shares) == pytest.approx(1)
         near = 0.0
         for share in hit.shares:
             assert share.along is not None
@@ -137,9 +193,9 @@ def test_the_command_says_why(built_lake: Path, lake: Path) -> None:
     ((clip,),) = query(built_lake, "SELECT max(clip) FROM symbol_strings WHERE len(symbols) > 3")
     words = ("search", clip, "-k", 2, "--lake", built_lake)
     rows = motionlake(*words, "--explain", "--json").json
-    assert all({share["method"] for share in row["shares"]} <= set(WEIGHTS) for row in rows)
+    assert all({share["method"] for share in row["shares"]} <= {*WEIGHTS, TOGETHER} for row in rows)
     said = motionlake(*words, "--explain").out
-    assert "moves (50%)" in said
+    assert "moves (28%)" in said
     assert "graph 0." in said
     without = motionlake(*words, "--no-graph", "--json").json
     assert "shares" not in without[0]

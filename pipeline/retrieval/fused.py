@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Final, cast
@@ -15,6 +15,7 @@ from motionlake.lake.layout import Lake
 from motionlake.motion.diffusion import NOWHERE, diffused, scale
 from motionlake.retrieval.protocol import Finds, Hit, LakeSearcher, Query, Scope, Share
 from motionlake.retrieval.registry import ready, searcher
+from motionlake.retrieval.views import View, near_again
 from motionlake.stages.shortlist_files import MOST
 
 if TYPE_CHECKING:
@@ -24,20 +25,19 @@ if TYPE_CHECKING:
 # How much each counts: of the first three chosen with one set of recordings left out in turn, of descriptors with none.
 WEIGHTS: Final = {"signature": 1.0, "alignment": 1.0, "moves": 4.0, "descriptor": 2.0}
 LARGE: Final = ("signature",)
-REACH: Final = 200  # nearest clips by each method, which are ranked by all
-DIRECT: Final = 0.1  # what the distance itself counts beside the way along the graph
-# Of the distance of the tenth nearest clip: what rounding of stored frames makes of the distance of a clip from itself.
-_ROUNDING: Final = 3e-3
+REACH: Final = 300  # nearest clips by each method, which are ranked by all
+DIRECT: Final = 0.3  # what the distance itself counts beside a way along the graph
 EVERY: Final = 10**9  # answers
+TOGETHER: Final = "together"  # stands in for a method in what an answer is made of: the way by all of them
 
 
 @dataclass(frozen=True)
-class _View:
-    """What one method makes of one query: its nearest clips, and how near each is, from 0 to 1.
+class _Found:
+    """What one method makes of one query, by clip.
 
     Attributes:
         distances: of clips.
-        near: by these alone.
+        near: by these alone, from 0 to 1.
         along: by the way along the graph; empty without one.
         far: `near` of the farthest: of the other clips no more is known.
     """
@@ -47,6 +47,15 @@ class _View:
     along: Mapping[str, float]
     far: float
 
+    @classmethod
+    def of(cls, view: View[str]) -> _Found:
+        def by_clip(values: Float64Array) -> dict[str, float]:
+            return dict(zip(view.clips, values.tolist(), strict=True))
+
+        along = {} if view.ways is None else by_clip(view.ways[-1, :-1])
+        far = float(view.near[-1]) if len(view.near) else 0.0
+        return cls(by_clip(view.distances), by_clip(view.near), along, far)
+
     def score(self, clip: str) -> float:
         near = self.near.get(clip, self.far)
         return (self.along.get(clip, 0.0) + DIRECT * near) / (1 + DIRECT) if self.along else near
@@ -55,11 +64,12 @@ class _View:
 class FusedSearcher(LakeSearcher):
     """One ranking by several methods; a `Searcher`.
 
-    Every method names its 200 nearest clips, and all of them are ranked by all methods. By a method with distance d,
-    and u to the tenth nearest clip, a clip is as near as 1 / (1 + d / u). Where the lake has a neighbour graph, a clip
-    is near that is near to what is near (`diffused`): then it is as near as (a + .1 / (1 + d / u)) / 1.1, with a along
-    the graph. The distance of a clip is one less the mean of how near it is, by the weights of methods. A clip that a
-    method does not name is to it as far as the last that it does; a method that cannot compare the query is left out.
+    Every method names its 300 nearest clips, and all of them are ranked by all methods. By a method with distance d,
+    and u to the tenth nearest clip, a clip is as near as 1 / (1 + d / u); n is the mean of that, by the weights of
+    methods. Where the lake has a neighbour graph, a clip is near that is near to what is near (`diffused`); a is the
+    mean of that by the methods, and b how near it is along the graph of a (`near_again`). The distance of a clip is one
+    less n, or less (a + b + .3 n) / 2.3. A clip that a method does not name is to it as far as the last that it does; a
+    method that cannot compare the query is left out.
 
     Args:
         lake: which holds the graph.
@@ -103,15 +113,18 @@ class FusedSearcher(LakeSearcher):
         found = dict(self._asked(query, REACH + 1, scope, mirrored=mirrored))
         known = {hit.clip: hit for hits in found.values() for hit in hits}
         own = query.clip if query.whole and not mirrored else None
-        views = {name: self._view(name, hits, own) for name, hits in found.items()}
-        best = self._ranked(views, known, query, scope, own, k)
+        same = _same(found)
+        views = {name: self._view(name, hits, own, same) for name, hits in found.items()}
+        again = near_again(views, _weights(views), len(self._graph.nodes)) if self._along else {}
+        by_clip = {name: _Found.of(view) for name, view in views.items()}
+        best = self._ranked(by_clip, again, known, query, scope, own, k)
         if len(best) < k and max(map(len, found.values())) > REACH:
             # Who asks for more than the nearest gets the others after them, by distance alone.
             rest = dict(self._asked(query, EVERY if self._cascade is None else k + 1, scope, mirrored=mirrored))
             others = {hit.clip: hit for hits in rest.values() for hit in hits if hit.clip not in known}
-            plain = {name: replace(self._view(name, hits, own, graph=False), along={}) for name, hits in rest.items()}
+            plain = {name: _Found.of(self._view(name, hits, own, same, graph=False)) for name, hits in rest.items()}
             farthest = max((hit.distance for hit in best), default=0.0)
-            behind = self._ranked(plain, others, query, scope, own, k)
+            behind = self._ranked(plain, {}, others, query, scope, own, k)
             best += [replace(hit, distance=max(farthest, hit.distance)) for hit in behind]
         return self._matched(query, best[:k], mirrored=mirrored) if self._explain else best[:k]
 
@@ -151,28 +164,33 @@ class FusedSearcher(LakeSearcher):
         if failed is not None and not count:
             raise failed
 
-    def _view(self, name: str, hits: Sequence[Hit], own: str | None, *, graph: bool = True) -> _View:
+    def _view(
+        self, name: str, hits: Sequence[Hit], own: str | None, same: Container[str], *, graph: bool = True
+    ) -> View[str]:
         others = [hit for hit in hits if hit.clip != own]
         clips, distances = [hit.clip for hit in others], np.array([hit.distance for hit in others])
         unit = scale(distances)
-        same = distances <= _ROUNDING * unit
-        near = np.where(same, 1.0, _near(distances, np.float64(unit)))
-        along: Mapping[str, float] = {}
+        equal = np.array([clip in same for clip in clips], dtype=np.bool_)
+        near = np.where(equal, 1.0, _near(distances, np.float64(unit)))
+        ways = None
         if graph and self._along and name in self._graph.methods:
             nodes, start = self._graph.of(clips), self._graph.nodes.get(own or "", NOWHERE)
-            way = diffused(self._graph.methods[name], nodes, distances, start)
-            way[same] = 1.0
-            along = dict(zip(clips, way.tolist(), strict=True))
-        far = float(near[-1]) if len(near) else 0.0
-        return _View(
-            dict(zip(clips, distances.tolist(), strict=True)), dict(zip(clips, near.tolist(), strict=True)), along, far
-        )
+            ways = diffused(self._graph.methods[name], nodes, distances, start)
+            ways[-1, :-1][equal] = ways[:-1, -1][equal] = 1.0
+        return View(clips, distances, near, ways)
 
     def _ranked(
-        self, views: Mapping[str, _View], known: Mapping[str, Hit], query: Query, scope: Scope, own: str | None, k: int
+        self,
+        views: Mapping[str, _Found],
+        again: Mapping[str, float],
+        known: Mapping[str, Hit],
+        query: Query,
+        scope: Scope,
+        own: str | None,
+        k: int,
     ) -> list[Hit]:
         """The first k of the known clips that may be answers, in order."""
-        weights = {name: WEIGHTS.get(name, 1.0) for name in views}
+        weights = _weights(views)
         total = sum(weights.values())
         distances = {}
         for clip in known:
@@ -180,21 +198,29 @@ class FusedSearcher(LakeSearcher):
                 continue
             scores = {name: 1.0 if clip == own else view.score(clip) for name, view in views.items()}
             near = sum(weights[name] * score for name, score in scores.items()) / total
+            if again:
+                near = ((1 + DIRECT) * near + (1.0 if clip == own else again.get(clip, 0.0))) / (2 + DIRECT)
             distances[clip] = max(0.0, 1 - near)
         nearest = sorted(distances, key=lambda clip: (distances[clip], clip))[:k]
-        return [replace(known[clip], distance=distances[clip], shares=self._shares(views, clip, total))
+        return [replace(known[clip], distance=distances[clip], shares=self._shares(views, again, clip))
                 for clip in nearest]  # fmt: skip
 
-    def _shares(self, views: Mapping[str, _View], clip: str, total: float) -> tuple[Share, ...] | None:
+    def _shares(self, views: Mapping[str, _Found], again: Mapping[str, float], clip: str) -> tuple[Share, ...] | None:
         if not self._explain:
             return None
-        return tuple(
+        weights = _weights(views)
+        each = ((1 + DIRECT) / (2 + DIRECT) if again else 1.0) / sum(weights.values())
+        shares = [
             Share(
-                name, WEIGHTS.get(name, 1.0) / total, view.distances.get(clip), view.near.get(clip, view.far),
+                name, weights[name] * each, view.distances.get(clip), view.near.get(clip, view.far),
                 view.along.get(clip, 0.0) if view.along else None,
             )
             for name, view in views.items()
-        )  # fmt: skip
+        ]  # fmt: skip
+        if again:
+            way = again.get(clip, 0.0)
+            shares.append(Share(TOGETHER, 1 / (2 + DIRECT), None, way, way))
+        return tuple(shares)
 
     @cached_property
     def _searchers(self) -> dict[str, LakeSearcher]:
@@ -205,6 +231,19 @@ class FusedSearcher(LakeSearcher):
         from motionlake.retrieval.lake_neighbours import read_neighbours
 
         return read_neighbours(self.lake)
+
+
+def _same(found: Mapping[str, Sequence[Hit]]) -> set[str]:
+    """Clips that are the query but for the rounding of stored frames: by moves, which know it, or else by all methods.
+
+    Few takes that are alike, and else far ones, are as near by the other methods as rounding makes a clip to itself.
+    """
+    asked = [found["moves"]] if "moves" in found else list(found.values())
+    return set.intersection(*({hit.clip for hit in hits if hit.distance == 0} for hits in asked)) if asked else set()
+
+
+def _weights(methods: Iterable[str]) -> dict[str, float]:
+    return {name: WEIGHTS.get(name, 1.0) for name in methods}
 
 
 def fused_distances(of_each: Mapping[str, Float64Array]) -> Float64Array:

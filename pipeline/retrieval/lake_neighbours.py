@@ -13,7 +13,7 @@ from motionlake.arrays import Int64Array
 from motionlake.lake.catalog import fetch, reading
 from motionlake.lake.integrity import sound
 from motionlake.lake.layout import Lake
-from motionlake.motion.diffusion import NOWHERE, NeighbourGraph, joined_of
+from motionlake.motion.diffusion import NOWHERE, NeighbourGraph
 
 
 @dataclass(frozen=True)
@@ -54,4 +54,4 @@ def _graph(rows: pa.Table, count: int) -> NeighbourGraph:
     at = np.repeat(rows["node"].to_numpy(), lengths), np.concatenate([np.arange(length) for length in lengths])
     neighbours[at] = pc.list_flatten(rows["neighbours"]).to_numpy()
     distances[at] = pc.list_flatten(rows["distances"]).to_numpy()
-    return NeighbourGraph(neighbours, distances, joined_of(int((lengths > 0).sum())))
+    return NeighbourGraph(neighbours, distances, int((lengths > 0).sum()))
