@@ -16,7 +16,7 @@ from typing import Any, Final
 from unittest import mock
 
 import numpy as np
-from motionlake.arrays import Float32Array
+from motionlake.arrays import Float32Array, FloatArray
 from motionlake.deephums import neighbourhood, sketch, training
 from motionlake.deephums.config import PRETRAINED_DESCRIPTORS, DescriptorsConfig
 from motionlake.deephums.network import load_descriptor
@@ -30,6 +30,7 @@ from bench.canonical_sets import load
 from bench.deephums.retrieval import euclidean
 
 DRAWS: Final = 4
+SCORES: Final = ("top1", "top10", "map", "n")
 SKETCHES: Final = ((5.0, (1.0, 2.0, 0.8)), (4.0, (0.5, 2.0, 0.8)), (4.0, (0.3, 2.0, 0.3)))
 BREADTHS: Final = (0.01, 0.015, 0.025, 0.05)
 RIDGES: Final = (0.03, 0.3)
@@ -95,7 +96,7 @@ def scored(clips: Clips, known: NDArray[np.bool_], how: Constants) -> dict[str, 
         )
         rows = made.embed(clips.sequences)
     questions = Questions.of([clips.labels[i] for i in others], [clips.labels[i] for i in at])
-    return asdict(score_split(euclidean(rows[others], rows[at]), questions))
+    return _scores(euclidean(rows[others], rows[at]), questions)
 
 
 def pretrained(clips: Clips) -> dict[str, dict[str, float]]:
@@ -103,13 +104,18 @@ def pretrained(clips: Clips) -> dict[str, dict[str, float]]:
     rows = load_descriptor(PRETRAINED_DESCRIPTORS.file).embed(clips.sequences)
     itself = np.eye(len(rows), dtype=np.bool_)
     questions = Questions.of(clips.labels, clips.labels, ~itself)
-    found = {"leave-one-out": asdict(score_split(euclidean(rows, rows), questions))}
+    found = {"leave-one-out": _scores(euclidean(rows, rows), questions)}
     known = np.array([split == "train" for split in clips.split])
     if known.any():
         asked, kept = np.flatnonzero(~known), np.flatnonzero(known)
         questions = Questions.of([clips.labels[i] for i in asked], [clips.labels[i] for i in kept])
-        found["split"] = asdict(score_split(euclidean(rows[asked], rows[kept]), questions))
+        found["split"] = _scores(euclidean(rows[asked], rows[kept]), questions)
     return found
+
+
+def _scores(distances: FloatArray, questions: Questions) -> dict[str, float]:
+    found = asdict(score_split(distances, questions))
+    return {key: float(found[key]) for key in SCORES}
 
 
 def measure(names: Sequence[str]) -> dict[str, Any]:
