@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from motionlake.deephums import training
 from motionlake.deephums.batches import resampled
 from motionlake.deephums.config import DescriptorsConfig
 from motionlake.deephums.neighbourhood import BREADTH, RIDGE, Neighbourhood, neighbourhoods
@@ -82,6 +83,13 @@ def test_it_is_read_as_it_was_kept_and_the_same_each_time(tmp_path: Path) -> Non
     np.testing.assert_array_equal(read.embed(sequences), model.embed(sequences))
     np.testing.assert_array_equal(trained(toy_clips()).embed(sequences), model.embed(sequences))
     assert model.metrics == {"clips": 16, "classes": None, "supervision": "none"}
+
+
+def test_of_many_clips_some_are_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(training, "MOST_EXAMPLES", 9)
+    encoder = trained(toy_clips()).network.encoders[1]
+    assert isinstance(encoder, Neighbourhood)
+    assert len(encoder.examples) == len(encoder.ways) == 9
 
 
 def test_two_clips_are_enough() -> None:

@@ -20,6 +20,7 @@ from torch.nn.functional import normalize
 
 BREADTH: Final = 0.015  # of the kernel exp((cosine - 1) / BREADTH)
 RIDGE: Final = 0.3
+MOST_EXAMPLES: Final = 5_000  # clips or windows of them; of more, so many are drawn
 KEPT: Final = 32  # nearest clips of a clip among which those that are joined to it are found
 
 

@@ -13,7 +13,7 @@ import torch
 from motionlake.arrays import Float32Array, Int64Array, Progress
 from motionlake.deephums.batches import at_speeds, padded, resampled, windows
 from motionlake.deephums.config import DescriptorsConfig
-from motionlake.deephums.neighbourhood import neighbourhoods
+from motionlake.deephums.neighbourhood import MOST_EXAMPLES, neighbourhoods
 from motionlake.deephums.network import DescriptorNetwork, TrainedDescriptor
 from motionlake.deephums.recipes import DescriptorRecipe, recipe_of
 from motionlake.deephums.sequence import one_cycle, similar_by_motion
@@ -76,6 +76,8 @@ def train_descriptor(
     offered = len(used)
     used = [TrainingClip(part, clip.label) for clip in used for part in windows(clip.sequence)]
     rng = np.random.default_rng(config.seed)
+    if "neighbourhood" in recipe.encoders and len(used) > MOST_EXAMPLES:
+        used = [used[i] for i in sorted(rng.permutation(len(used))[:MOST_EXAMPLES].tolist())]
     with on_threads(1), torch.random.fork_rng(devices=[]):
         material = _Material.of(used, classes, recipe)
         torch.manual_seed(config.seed)
