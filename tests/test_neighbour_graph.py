@@ -27,9 +27,9 @@ from motionlake.motion.diffusion import (
     diffused,
     diffused_again,
 )
-from motionlake.retrieval.fused import DIRECT, TOGETHER, WEIGHTS, FusedSearcher
+from motionlake.retrieval.fused import DIRECT, WEIGHTS, FusedSearcher
 from motionlake.retrieval.lake_neighbours import read_neighbours
-from motionlake.retrieval.protocol import Query, Scope
+from motionlake.retrieval.protocol import TOGETHER, Query, Scope
 from motionlake.retrieval.registry import searcher
 from motionlake.retrieval.views import View, near_again
 from motionlake.stages.graph import GRAPH, KEPT
@@ -197,6 +197,7 @@ def test_the_command_says_why(built_lake: Path, lake: Path) -> None:
     said = motionlake(*words, "--explain").out
     assert "moves (28%)" in said
     assert "graph 0." in said
+    assert "together (43%)" in said
     without = motionlake(*words, "--no-graph", "--json").json
     assert "shares" not in without[0]
     assert [row["distance"] for row in without] != [row["distance"] for row in rows]

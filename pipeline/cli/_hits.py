@@ -16,8 +16,13 @@ def tell_hits(rows: Sequence[Mapping[str, Any]], *, mirrored: bool, as_json: boo
 
 def _explained(shares: Sequence[Mapping[str, Any]]) -> dict[str, str]:
     """A column a method: what it counts, its distance, and how near that is, from 0 to 1, alone and by the graph."""
+    from motionlake.retrieval.protocol import TOGETHER
+
     found = {}
     for share in shares:
+        if share["method"] == TOGETHER:
+            found[f"{TOGETHER} ({share['weight']:.0%})"] = f"graph {share['along']:.2f}"
+            continue
         distance = "beyond its nearest" if share["distance"] is None else f"{share['distance']:.4g}"
         along = "" if share["along"] is None else f", graph {share['along']:.2f}"
         found[f"{share['method']} ({share['weight']:.0%})"] = f"{distance}: near {share['near']:.2f}{along}"

@@ -13,7 +13,7 @@ from motionlake.errors import DamagedError, UserError
 from motionlake.lake.catalog import fetch, reading
 from motionlake.lake.layout import Lake
 from motionlake.motion.diffusion import NOWHERE, diffused, scale
-from motionlake.retrieval.protocol import Finds, Hit, LakeSearcher, Query, Scope, Share
+from motionlake.retrieval.protocol import TOGETHER, Finds, Hit, LakeSearcher, Query, Scope, Share
 from motionlake.retrieval.registry import ready, searcher
 from motionlake.retrieval.views import View, near_again
 from motionlake.stages.shortlist_files import MOST
@@ -28,7 +28,6 @@ LARGE: Final = ("signature",)
 REACH: Final = 300  # nearest clips by each method, which are ranked by all
 DIRECT: Final = 0.3  # what the distance itself counts beside a way along the graph
 EVERY: Final = 10**9  # answers
-TOGETHER: Final = "together"  # stands in for a method in what an answer is made of: the way by all of them
 
 
 @dataclass(frozen=True)

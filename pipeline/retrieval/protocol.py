@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, Protocol, TypeAlias
+from typing import TYPE_CHECKING, Final, Literal, Protocol, TypeAlias
 
 import numpy as np
 from motionlake.arrays import Float64Array, Int64Array
@@ -119,12 +119,15 @@ class Match:
     path: tuple[PathStep, ...]
 
 
+TOGETHER: Final = "together"
+
+
 @dataclass(frozen=True)
 class Share:
     """What one of several methods makes of an answer.
 
     Attributes:
-        method: its name.
+        method: its name, or `TOGETHER`: the way along the graph of what all methods find near.
         weight: how much it counts, of 1.
         distance: of the answer by it; None where it is not among the nearest.
         near: how near that is, from 0 to 1.
