@@ -60,7 +60,7 @@ def naive(
     weights = np.zeros((n, n))
     for i in range(n):
         for j in others[i]:
-            if distances[i, j] <= min(radii[i], radii[j]):
+            if distances[i, j] <= min(radii[i], radii[j]) * (1 + 1e-6):  # as lists in single precision need
                 weights[i, j] = np.exp(-sharpness * distances[i, j] ** 2 / (scales[i] * scales[j]))
     degrees = weights.sum(axis=1)
     degrees[degrees == 0] = 1
