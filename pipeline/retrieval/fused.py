@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from motionlake.retrieval.lake_neighbours import LakeNeighbours
     from motionlake.retrieval.shortlist import Cascade
 
-# How much each counts: of the first three chosen with one set of recordings left out in turn, of descriptors with none.
+# How much each counts: looked at on all sets (docs/search.md says what choices with one set left out make of it).
 WEIGHTS: Final = {"signature": 1.0, "alignment": 1.0, "moves": 4.0, "descriptor": 2.0}
 LARGE: Final = ("signature",)
 REACH: Final = 300  # nearest clips by each method, which are ranked by all
