@@ -18,7 +18,6 @@ from motionlake.lake.catalog import fetch, reading
 from motionlake.lake.layout import Lake
 from motionlake.lake.settings import served_config
 from motionlake.retrieval.encode import asked_words, query_motifs, query_vectors
-from motionlake.retrieval.fused import DIRECT
 from motionlake.retrieval.moves import MovesRangeSearcher
 from motionlake.retrieval.protocol import EVERYTHING, Finds, Hit, LakeSearcher, Query, Scope, not_ready, range_hit
 from motionlake.retrieval.query_by_example import WordsSearcher
@@ -30,6 +29,7 @@ from motionlake.stages.shortlist_files import MOST
 
 # How much each counts, looked at on five sets of recordings; none was left out.
 WEIGHTS: Final = {"signature": 1.0, "embedding": 1.0, "moves": 2.0}
+DIRECT: Final = 0.1  # what the distance itself counts beside the way along the graph
 UNIT: Final = 10  # the answer by whose distance others are measured
 REACH: Final = 6000  # windows nearest by their embedded words, which are compared by all
 NODES: Final = 2000  # windows of the graph
