@@ -18,7 +18,7 @@ from motionlake.deephums.sketch import Sketch, principal
 from torch import Tensor, nn
 from torch.nn.functional import normalize
 
-BREADTH: Final = 0.015  # of the kernel exp((cosine - 1) / BREADTH)
+BREADTH: Final = 0.025  # of the kernel exp((cosine - 1) / BREADTH)
 RIDGE: Final = 0.3
 MOST_EXAMPLES: Final = 5_000  # clips or windows of them; of more, so many are drawn
 KEPT: Final = 32  # nearest clips of a clip among which those that are joined to it are found
