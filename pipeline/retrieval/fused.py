@@ -27,6 +27,7 @@ WEIGHTS: Final = {"signature": 1.0, "alignment": 1.0, "moves": 4.0, "descriptor"
 LARGE: Final = ("signature",)
 REACH: Final = 300  # nearest clips by each method, which are ranked by all
 DIRECT: Final = 0.3  # what the distance itself counts beside a way along the graph
+_SAME: Final = 5e-3  # of moves, whose root mean square is one, as far as rounding takes a clip from itself
 EVERY: Final = 10**9  # answers
 
 
@@ -237,8 +238,10 @@ def _same(found: Mapping[str, Sequence[Hit]]) -> set[str]:
 
     Few takes that are alike, and else far ones, are as near by the other methods as rounding makes a clip to itself.
     """
-    asked = [found["moves"]] if "moves" in found else list(found.values())
-    return set.intersection(*({hit.clip for hit in hits if hit.distance == 0} for hits in asked)) if asked else set()
+    if "moves" in found:
+        return {hit.clip for hit in found["moves"] if hit.distance <= _SAME}
+    equal = [{hit.clip for hit in hits if hit.distance == 0} for hits in found.values()]
+    return set.intersection(*equal) if equal else set()
 
 
 def _weights(methods: Iterable[str]) -> dict[str, float]:
