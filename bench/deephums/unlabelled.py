@@ -59,11 +59,14 @@ class Constants:
 
 
 NOW: Final = Constants(sketch.BREADTH, sketch.COUNTS, neighbourhood.BREADTH, neighbourhood.RIDGE, WITHOUT.neighbours)
-CHOICES: Final = tuple(
-    dict.fromkeys(
-        [NOW, *(Constants(*of, b, r, j) for of, b, r, j in itertools.product(SKETCHES, BREADTHS, RIDGES, JOINED))]
+
+
+def every_choice() -> list[Constants]:
+    """Those in use first."""
+    others = itertools.product(SKETCHES, BREADTHS, RIDGES, JOINED)
+    return list(
+        dict.fromkeys([NOW, *(Constants(*of, breadth, ridge, joined) for of, breadth, ridge, joined in others)])
     )
-)
 
 
 @dataclass(frozen=True)
@@ -120,14 +123,15 @@ def _scores(distances: FloatArray, questions: Questions) -> dict[str, float]:
 
 def measure(names: Sequence[str]) -> dict[str, Any]:
     """Top-1, top-10 and MAP of each set: constants chosen on the others, those in use, pretrained."""
-    halves: dict[Constants, dict[str, dict[str, float]]] = {how: {} for how in CHOICES}
-    by_split: dict[Constants, dict[str, dict[str, float]]] = {how: {} for how in CHOICES}
+    choices = every_choice()
+    halves: dict[Constants, dict[str, dict[str, float]]] = {how: {} for how in choices}
+    by_split: dict[Constants, dict[str, dict[str, float]]] = {how: {} for how in choices}
     ready: dict[str, Any] = {}
     for name in names:
         clips = Clips.of(name)
         ready[name] = pretrained(clips)
         with mock.patch.object(training, "neighbourhoods", _remembered()):
-            for how in CHOICES:
+            for how in choices:
                 draws = [scored(clips, known, how) for known in clips.halves()]
                 halves[how][name] = {key: float(np.mean([draw[key] for draw in draws])) for key in draws[0]}
                 known = np.array([split == "train" for split in clips.split])
