@@ -31,7 +31,7 @@ def nearest_place(query: Float32Array, track: Track, barred: tuple[int, int] | N
     """The window of a track [N frames] nearest to the moves of a query [m, 135]; None where none is long enough.
 
     Windows are from three quarters to four thirds as long as the query, first a sixth of it apart, then, about the
-    nearest, one frame.
+    nearest, one frame and of more lengths, and so again while the nearest is the longest or shortest of these.
 
     Args:
         query: at most 160 frames, all that there are.
@@ -46,12 +46,14 @@ def nearest_place(query: Float32Array, track: Track, barred: tuple[int, int] | N
         best = _better(best, shared.nearest(_apart(starts, width, barred), width))
     if best is None:
         return None
-    coarse = best
-    for width in _widths(coarse.stop - coarse.start, FINER, len(track.joints)):
-        middle = (coarse.start + coarse.stop - width) // 2
-        starts = np.arange(max(0, middle - step), min(len(track.joints) - width, middle + step) + 1)
-        best = _better(best, shared.nearest(_apart(starts, width, barred), width))
-    return best
+    while True:
+        coarse, widths = best, _widths(best.stop - best.start, FINER, len(track.joints))
+        for width in widths:
+            middle = (coarse.start + coarse.stop - width) // 2
+            starts = np.arange(max(0, middle - step), min(len(track.joints) - width, middle + step) + 1)
+            best = _better(best, shared.nearest(_apart(starts, width, barred), width)) or best
+        if best == coarse or best.stop - best.start not in (widths[0], widths[-1]):
+            return best
 
 
 def windows_distances(query: Float32Array, track: Track, starts: Int64Array, width: int) -> Float64Array:
