@@ -26,7 +26,7 @@ class DescriptorsConfig:
         weights: what a lake without a trained network starts with: "pretrained" takes the pretrained one where it fits
             this configuration, "own" trains on the lake's clips.
         seed: of training.
-        epochs: of training; 0 takes the recipe's.
+        epochs: of training by gradients; 0 takes the recipe's. Without labels there are none.
 
     Raises:
         ValueError: an unknown name, or a value out of range.
