@@ -18,13 +18,30 @@ from motionlake.lake.models import add_model, current_model
 from tests.lakes import motionlake
 
 ASKED = {
-    "network": [["search", "--method", "signature"], ["find", "--from", "0", "--to", "40"], ["cluster", "-k", "2"]],
-    "motifs": [["search", "--method", "signature"], ["evaluate", "signatures"], ["segment"]],
-    "postures": [["search", "--method", "alignment"], ["search"], ["evaluate", "pesta"]],
+    "network": [
+        ["search", "--method", "signature"],
+        ["find", "--from", "0", "--to", "40"],
+        ["cluster", "-k", "2"],
+        ["find", "--method", "words", "--from", "0", "--to", "40"],
+    ],
+    "motifs": [
+        ["search", "--method", "signature"],
+        ["evaluate", "signatures"],
+        ["segment"],
+        ["classify", "--method", "knn"],
+    ],
+    "postures": [
+        ["search", "--method", "alignment"],
+        ["search"],
+        ["evaluate", "pesta"],
+        ["classify"],
+        ["align"],
+        ["align", "--whole"],
+    ],
     "descriptors": [["search", "--method", "descriptor"], ["search"], ["evaluate", "descriptor"]],
     "submotion": [["find", "--method", "submotion", "--from", "0", "--to", "40"]],
 }
-WITH_CLIP = ("search", "find", "segment")
+WITH_CLIP = ("search", "find", "segment", "classify", "align")
 
 
 def newer(root: Path, kind: str) -> str:

@@ -76,7 +76,7 @@ def evaluate_pesta(
     Raises:
         UserError: no such column, no strings, or neither labels nor segments to measure by.
     """
-    check_served(con, lake, ("network", "motifs", "postures"))
+    check_served(con, lake, "signature", "alignment")
     strings, signed = read_strings(con), options.signed(con)
     signed = signed.chosen([clip.clip in strings.positions for clip in signed.clips])
     labelled = signed.labelled()

@@ -110,7 +110,7 @@ def evaluate_segmentation(
     Raises:
         UserError: fewer than two clips have segments.
     """
-    check_served(con, lake, ("network", "motifs"))
+    check_served(con, lake, "signature")
     corpus = read_corpus(con, dataset)
     ranges = segments_of(con, corpus)
     clips = sorted({r.clip for r in ranges})

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import shutil
-from collections.abc import Callable, Container, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -54,16 +54,20 @@ def fitting_model(con: Connection, kind: str, key: str) -> Model | None:
     return model if model and model.key == key else None
 
 
-def check_served(con: Connection, lake: Lake, kinds: Container[str]) -> None:
-    """Refuse to compare what models of some kinds have made where there are newer models, which have made nothing yet.
+def check_served(con: Connection, lake: Lake, *methods: str) -> None:
+    """Refuse to compare clips by what a model has made where there is a newer one, which has made nothing yet.
 
     While a command brings the lake up to date, what is there serves.
+
+    Args:
+        con, lake: the lake.
+        methods: ways to compare: "signature", "alignment", "descriptor", "submotion".
 
     Raises:
         UserError: there is a newer model.
     """
     for row in fetch(con, "models_behind"):
-        if row["kind"] in kinds and not writes_now(lake):
+        if row["method"] in methods and not writes_now(lake):
             raise UserError(
                 f"{lake.root}: {row['model']} is newer than what is compared, which {row['served']} has made; bring "
                 f"the lake up to date with `motionlake run all --lake {lake.root}`"

@@ -92,6 +92,7 @@ class _Aligner(LakeSearcher):
     """
 
     name = "alignment"
+    compares = ("alignment",)
 
     def __init__(self, lake: Lake, **options: Unpack[AlignmentOptions]) -> None:
         super().__init__(lake)

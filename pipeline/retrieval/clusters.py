@@ -59,7 +59,7 @@ def clusters_of_lake(
     """
     if method not in CLUSTER_METHODS:
         raise UserError(f"--method {method}: use one of {', '.join(CLUSTER_METHODS)}")
-    check_served(con, lake, ("network", "motifs", "postures"))
+    check_served(con, lake, "signature", "alignment")
     signed = signed_clips(con, scope)
     check_count(len(signed.clips), k)
     if method == "signatures":

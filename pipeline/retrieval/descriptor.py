@@ -41,6 +41,7 @@ class DescriptorSearcher(LakeSearcher):
     """
 
     name = "descriptor"
+    compares = ("descriptor",)
     finds = "clip"
 
     def __init__(self, lake: Lake, *, quick: bool = False) -> None:

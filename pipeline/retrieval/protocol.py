@@ -7,13 +7,14 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, Literal, Protocol, TypeAlias
+from typing import TYPE_CHECKING, ClassVar, Final, Literal, Protocol, TypeAlias
 
 import numpy as np
 from motionlake.arrays import Float64Array, Int64Array
 from motionlake.errors import UserError
 from motionlake.lake.catalog import Connection, reading
 from motionlake.lake.layout import Lake
+from motionlake.lake.models import check_served
 from motionlake.lake.resolve import clip_or_file, resolve_clip
 
 if TYPE_CHECKING:
@@ -263,14 +264,22 @@ class Searcher(Protocol):
 
 
 class LakeSearcher(ABC):
-    """A `Searcher` that compares the query and its mirror image one after the other."""
+    """A `Searcher` that compares the query and its mirror image one after the other.
+
+    Raises:
+        UserError: there is a newer model than the one that has made what is compared.
+    """
 
     name: str
     finds: Finds
+    compares: ClassVar[tuple[str, ...]] = ()  # what models have made: see `check_served`
     several = False  # answers inside one clip
 
     def __init__(self, lake: Lake) -> None:
         self.lake = lake
+        if self.compares:
+            with reading(lake) as con:
+                check_served(con, lake, *self.compares)
 
     def search(self, queries: Sequence[Query], k: int, scope: Scope = EVERYTHING) -> list[list[Hit]]:
         """As `Searcher.search`."""

@@ -13,6 +13,7 @@ from motionlake.deep_motifs.signatures import window_signatures
 from motionlake.lake.catalog import reading
 from motionlake.lake.corpus import read_corpus
 from motionlake.lake.layout import Lake
+from motionlake.lake.models import check_served
 from motionlake.retrieval.encode import query_motifs
 from motionlake.retrieval.protocol import EVERYTHING, Finds, Hit, Query, Scope, check_k, not_ready, range_hit, ranked
 
@@ -23,7 +24,7 @@ class WordsSearcher:
     The query needs two words at least. A clip may have several answers, which do not overlap.
 
     Raises:
-        UserError: the lake has no motifs yet.
+        UserError: the lake has no motifs yet, or a newer model than theirs.
     """
 
     name = "words"
@@ -32,6 +33,7 @@ class WordsSearcher:
     def __init__(self, lake: Lake) -> None:
         self.lake = lake
         with reading(lake) as con:
+            check_served(con, lake, "signature")
             self.corpus = read_corpus(con)
 
     def search(self, queries: Sequence[Query], k: int, scope: Scope = EVERYTHING) -> list[list[Hit]]:

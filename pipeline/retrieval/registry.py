@@ -8,19 +8,7 @@ from typing import Any, Final
 from motionlake.errors import UserError
 from motionlake.lake.catalog import fetch, reading
 from motionlake.lake.layout import Lake
-from motionlake.lake.models import check_served
 from motionlake.retrieval.protocol import Finds, Searcher
-
-# Kinds of models that make what a method compares.
-MODELS: Final[dict[tuple[Finds, str], tuple[str, ...]]] = {
-    ("clip", "signature"): ("network", "motifs"),
-    ("clip", "alignment"): ("postures",),
-    ("clip", "descriptor"): ("descriptors",),
-    ("range", "fused"): ("network", "motifs"),
-    ("range", "words"): ("network", "motifs"),
-    ("range", "alignment"): ("postures",),
-    ("range", "submotion"): ("submotion",),
-}
 
 # The first of each kind is what commands take by default. Named, not imported: each needs other libraries.
 SEARCHERS: Final[dict[Finds, dict[str, str]]] = {
@@ -63,12 +51,9 @@ def searcher(finds: Finds, name: str, lake: Lake, /, **options: Any) -> Searcher
         options: of the method itself, such as the stride of "alignment".
 
     Raises:
-        UserError: an unknown method, one that the lake is not ready for, or one that would compare what a model before
-            the current one has made.
+        UserError: an unknown method, or one that the lake is not ready for.
     """
     module, _, maker = SEARCHERS[finds][check_method(finds, name)].partition(":")
-    with reading(lake) as con:
-        check_served(con, lake, MODELS.get((finds, name), ()))
     found: Searcher = getattr(import_module(f"motionlake.retrieval.{module}"), maker)(lake, **options)
     return found
 

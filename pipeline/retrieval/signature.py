@@ -59,6 +59,7 @@ class SignatureSearcher(LakeSearcher):
     """
 
     name = "signature"
+    compares = ("signature",)
     finds = "clip"
 
     def __init__(self, lake: Lake) -> None:

@@ -62,6 +62,7 @@ class SubmotionSearcher(LakeSearcher):
     """
 
     name = "submotion"
+    compares = ("submotion",)
     finds = "range"
 
     def __init__(self, lake: Lake) -> None:

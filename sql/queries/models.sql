@@ -15,21 +15,21 @@ SELECT file FROM models WHERE model = $model;
 SELECT coalesce(max(version), 0) + 1 AS version FROM models WHERE kind = $kind;
 
 -- name: models_behind
--- The models whose numbers are served, where the current one of the kind is another. A word network that is newer than
--- the motifs has embedded nothing that is served.
+-- By the way to compare clips: the model that has made what it compares, where another is current now. A word network
+-- that is newer than the motifs has embedded nothing that is compared.
 WITH served AS (
-    (SELECT 'motifs' AS kind, model FROM motifs LIMIT 1) UNION ALL
-    (SELECT 'postures', model FROM postures LIMIT 1) UNION ALL
-    (SELECT 'descriptors', model FROM descriptors LIMIT 1) UNION ALL
-    (SELECT 'submotion', model FROM submotions LIMIT 1)
+    (SELECT 'signature' AS method, 'motifs' AS kind, model FROM motifs LIMIT 1) UNION ALL
+    (SELECT 'alignment', 'postures', model FROM postures LIMIT 1) UNION ALL
+    (SELECT 'descriptor', 'descriptors', model FROM descriptors LIMIT 1) UNION ALL
+    (SELECT 'submotion', 'submotion', model FROM submotions LIMIT 1)
 ), current AS (SELECT kind, model, created FROM models WHERE "current")
-SELECT kind, current.model, served.model AS served FROM current JOIN served USING (kind)
+SELECT method, current.model, served.model AS served FROM current JOIN served USING (kind)
 WHERE current.model <> served.model
 UNION ALL
-SELECT network.kind, network.model, motifs.model
-FROM current AS network JOIN current AS motifs ON network.kind = 'network' AND motifs.kind = 'motifs'
-WHERE network.created > motifs.created AND EXISTS (FROM served WHERE kind = 'motifs')
-ORDER BY kind;
+SELECT method, network.model, served.model
+FROM served JOIN current AS motifs USING (kind) JOIN current AS network ON network.kind = 'network'
+WHERE motifs.kind = 'motifs' AND network.created > motifs.created
+ORDER BY method;
 
 -- name: served_motifs
 SELECT DISTINCT model FROM motifs;
