@@ -171,7 +171,7 @@ def _views(distances: Float64Array) -> list[View[int]]:
     for row, clips in enumerate(order):
         there = clips[np.isfinite(distances[row, clips])]
         near = 1 / (1 + distances[row, there] / scale(distances[row, there]))
-        nodes = there[: REACH + 1]
+        nodes = there[:REACH]
         ways = diffused(graph, nodes, distances[row, nodes], row) if len(nodes) else None
         found.append(View(there.tolist(), distances[row, there], near, ways))
     return found
