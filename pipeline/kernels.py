@@ -16,6 +16,7 @@ from typing import Final
 
 from numba import guvectorize, njit
 from numba.core import event
+from numba.np import linalg
 
 __all__ = ["guvectorize", "njit"]
 
@@ -85,4 +86,17 @@ def _unlock(file: int) -> None:
     os.close(file)
 
 
+def _without_blas() -> None:
+    """Have numba load its functions of arrays without importing scipy.linalg, a tenth of a cold search.
+
+    It only asks whether BLAS is there, and asks again where a kernel multiplies matrices.
+    """
+    asked, linalg.ensure_blas = linalg.ensure_blas, lambda: None
+    try:
+        import numba.np.arraymath  # noqa: F401
+    finally:
+        linalg.ensure_blas = asked
+
+
 event.register("numba:compiler_lock", _OneProcess())
+_without_blas()

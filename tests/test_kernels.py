@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import fcntl
 import os
+import subprocess
+import sys
 from concurrent.futures import ThreadPoolExecutor
 from concurrent.futures import TimeoutError as NotYet
 from pathlib import Path
@@ -54,3 +56,19 @@ def test_nobody_waits_for_a_stopped_process_for_good(file: int, monkeypatch: pyt
     fcntl.flock(file, fcntl.LOCK_EX)
     compile_something()
     os.close(file)
+
+
+def test_kernels_import_no_linear_algebra_and_can_have_it() -> None:
+    code = """
+import sys
+import numpy as np
+from motionlake.kernels import njit
+total = njit(lambda row: row.sum())
+assert total(np.ones(3)) == 3
+print(*sys.modules)
+product = njit(lambda a, b: a @ b)
+assert (product(np.eye(2), np.ones((2, 2))) == 1).all()
+"""
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert run.returncode == 0, run.stderr
+    assert not {name for name in run.stdout.split() if name.startswith("scipy.linalg")}

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 import numpy as np
-from motionlake.arrays import Float32Array, Float64Array, Int64Array
+from motionlake.arrays import Float32Array, Float64Array, FloatArray, Int64Array
 from motionlake.kernels import njit
 from motionlake.motion.dtw import clip_dtw
 from motionlake.motion.moves import WIDTH
@@ -102,8 +102,8 @@ class Stack:
     clips: Int64Array
 
     @staticmethod
-    def of(clips: Sequence[Float32Array]) -> Stack:
-        """Raises `ValueError` for a clip without frames."""
+    def of(clips: Sequence[FloatArray]) -> Stack:
+        """Of clips, each [m, D]. Raises `ValueError` for a clip without frames."""
         if not all(len(clip) for clip in clips):
             raise ValueError("a clip without frames cannot be aligned")
         sizes = np.array([len(clip) for clip in clips], dtype=np.int64)
@@ -123,8 +123,24 @@ class Stack:
             within = np.arange(len(every)) - np.repeat(np.cumsum(sizes) - sizes, sizes)
             rows = np.repeat(first, sizes) + within * LANES
             frames[rows, :-2] = every
-            frames[rows, -1] = np.einsum("td,td->t", every, every)
+            _squared(frames)
         return Stack(frames, starts, lengths, order)
+
+    @staticmethod
+    def even(clips: FloatArray) -> Stack:
+        """Of n clips [n, m, D] that are equally long."""
+        count, length, width = clips.shape
+        groups = -(-count // LANES)
+        order = np.full(groups * LANES, -1, dtype=np.int64)
+        order[:count] = np.arange(count)
+        padded = np.pad(clips, ((0, len(order) - count), (0, 0), (0, 0)))
+        frames = np.ones((groups, length, LANES, width + 2), dtype=np.float32)
+        frames[..., :-2] = padded.reshape(groups, LANES, length, width).swapaxes(1, 2)
+        flat = frames.reshape(-1, width + 2)
+        _squared(flat)
+        order = order.reshape(groups, LANES)
+        starts = np.arange(groups + 1, dtype=np.int64) * (length * LANES)
+        return Stack(flat, starts, np.where(order < 0, 0, length), order)
 
     def spread(self, found: Float64Array) -> Float64Array:
         """[n] what was found [G, 8] for each clip, in the order in which they were given."""
@@ -132,6 +148,11 @@ class Stack:
         by_clip = np.empty(int(there.sum()))
         by_clip[self.clips[there]] = found[there]
         return by_clip
+
+
+def _squared(frames: Float32Array) -> None:
+    """Set the last column of rows [R, D + 2] to the squared lengths of the first D."""
+    np.einsum("td,td->t", frames[:, :-2], frames[:, :-2], out=frames[:, -1])
 
 
 def aligned(query: Float32Array, stack: Stack) -> Float64Array:

@@ -22,6 +22,7 @@ from motionlake.deep_motifs.signatures import CorpusClip
 from motionlake.errors import DamagedError, UserError
 from motionlake.lake.catalog import Connection, fetch, fetch_table, reading
 from motionlake.lake.layout import Lake
+from motionlake.lake.models import check_served
 from motionlake.lake.settings import served_config
 from motionlake.motion.moves import WIDTH
 from motionlake.motion.moves_index import Stack, aligned, floored
@@ -29,7 +30,6 @@ from motionlake.motion.sketches import instants, nearness
 from motionlake.pesta.scan import nearest_strings
 from motionlake.pesta.strings import Repository, SymbolDistances
 from motionlake.pesta.symbols import SymbolString
-from motionlake.retrieval.matched import asked_frames, matched_moves
 from motionlake.retrieval.protocol import ClipFilter, Hit, Match, Query, Scope, clip_hit, not_ready
 from motionlake.retrieval.symbol_strings import query_of_symbols, string_query
 from motionlake.stages.shortlist_files import INSTANTS, ShortlistFiles, string_sketch
@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 
 Value = Any
 LOOKED_AT: Final = 5000  # clips whose outlines of moves are aligned
-NEAR: Final = 400  # clips that a method chooses, at least
+NEAR: Final = 500  # clips that a method chooses, at least
 Answers = tuple[Int64Array, Float64Array]  # rows and distances, nearest first
 
 
@@ -47,7 +47,7 @@ class Cascade:
     """The nearest clips of a large lake by each method that its shortlist has vectors for.
 
     Raises:
-        UserError: the shortlist is of other motifs, postures or moves than the lake serves.
+        UserError: the shortlist is of other motifs, postures or moves than the lake serves, or there is a newer model.
         DamagedError: a file of it is not as it was written.
     """
 
@@ -61,6 +61,7 @@ class Cascade:
                     f"{lake.root}: its shortlist of clips is of other models than it serves now; make it anew with "
                     "`motionlake run shortlist`"
                 )
+            check_served(con, lake, *self.files.methods)
             self._methods = {
                 name: METHODS[name](lake, self.files, con) for name in METHODS if name in self.files.methods
             }
@@ -106,11 +107,13 @@ class Cascade:
         method = self._methods.get("moves")
         if not isinstance(method, ByMoves):
             return {}
+        from motionlake.retrieval.matched import asked_frames, matched_moves
+
         value, asked = self._value(method, query, mirrored=mirrored), asked_frames(self.lake, query)
         rows = np.array([self._row(hit.clip) for hit in hits], dtype=np.int64)
         known = rows[self.files.numbers("frames")[rows] > 0]
         clips = self._hits(known)
-        return {clips[row].clip: matched_moves(value, moves, asked, clips[row].frames)
+        return {clips[row].clip: matched_moves(value, moves.astype(np.float32), asked, clips[row].frames)
                 for row, moves in zip(known.tolist(), self.files.moves(known), strict=True)}  # fmt: skip
 
     def _value(self, method: Method, query: Query, *, mirrored: bool) -> Value:
@@ -300,7 +303,7 @@ class ByMoves(Method):
     def of_row(self, row: int) -> Value:
         if self.files.numbers("frames")[row] == 0:
             raise self._without(row, "moves")
-        return self.files.moves(np.array([row]))[0]
+        return self.files.moves(np.array([row]))[0].astype(np.float32)
 
     def of_query(self, query: Query, *, mirrored: bool) -> Value:
         from motionlake.retrieval.moves import track_of
@@ -316,7 +319,7 @@ class ByMoves(Method):
             return rows
         rows.sort()
         outline = self._frames.project(instants(value, INSTANTS))
-        stack = Stack.of(list(self._outlines[rows].astype(np.float32)))
+        stack = Stack.even(self._outlines[rows])
         apart = stack.spread(aligned(outline, stack))
         return rows[np.argpartition(apart, count - 1)[:count]]
 
