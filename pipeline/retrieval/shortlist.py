@@ -6,7 +6,6 @@ all. The answers by a method are then its nearest among these.
 
 from __future__ import annotations
 
-import os
 from abc import ABC, abstractmethod
 from bisect import bisect_left
 from collections.abc import Iterator, Mapping, Sequence
@@ -286,8 +285,7 @@ class ByAlignment(Method):
 
     def among(self, value: Value, rows: Int64Array, k: int) -> Answers:
         strings = Repository.of(self.files.lists("symbols", rows))
-        threads = os.cpu_count() or 1
-        found = nearest_strings(value, strings, self._distances, k, self._config, threads=threads)
+        found = nearest_strings(value, strings, self._distances, k, self._config)  # of so few, in one thread
         return rows[[at for at, _ in found]], np.array([cost for _, cost in found])
 
 
