@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import atexit
 import gc
 import importlib
 import os
@@ -230,7 +229,6 @@ def main() -> None:
     """Run the command line; a mistake gets one line on stderr and exit status 2, a signal one and 128 + its number."""
     os.environ.setdefault("POT_BACKEND_DISABLE_PYTORCH", "1")  # else POT takes a second to import torch for nothing
     gc.set_threshold(_UNUSED)
-    atexit.register(gc.freeze)  # nor at the end
     with _streams():
         try:
             with obeying():
