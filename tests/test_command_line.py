@@ -403,3 +403,19 @@ def test_errors_spell_out_what_they_name(tmp_path: Path) -> None:
 def test_metrics_of_tables_say_which_way_is_better() -> None:
     counts = {name for name in METRICS if name.startswith(("n", "all_p")) and name != "nn"}
     assert all("is better" in line for name, line in METRICS.items() if name not in counts)
+
+
+@pytest.mark.parametrize(("words", "status"), [(["--help"], 0), (["status", "--lake", "nowhere"], 2)])
+@pytest.mark.parametrize("thread", [False, True])
+def test_a_process_ends_with_all_that_it_had_to_say(words: list[str], status: int, thread: bool) -> None:
+    code = (
+        "import atexit, sys, threading, time\nfrom motionlake.cli.main import program\n"
+        "atexit.register(print, 'the end')\n"
+        f"if {thread}: threading.Thread(target=lambda: (time.sleep(0.5), print('done'))).start()\n"
+        "program()"
+    )
+    run = subprocess.run([sys.executable, "-c", code, *words], capture_output=True, text=True, check=False)
+    assert run.returncode == status
+    assert bool(run.stdout.startswith("Usage")) == (status == 0)
+    assert bool(run.stderr) == (status == 2)
+    assert run.stdout.endswith("done\nthe end\n" if thread else "the end\n")
