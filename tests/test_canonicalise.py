@@ -15,7 +15,7 @@ from motionlake.errors import ClipError
 from motionlake.formats import read_clips
 from motionlake.formats.deepmimic import READER
 from motionlake.formats.write.bvh import write_bvh
-from motionlake.motion.canonicalise import CanonicalMotion, canonicalise, to_source_clip
+from motionlake.motion.canonicalise import UNITS, CanonicalMotion, canonicalise, to_source_clip
 from motionlake.motion.clip import ChannelKind, Hierarchy, SolvedMotion, SourceClip
 from motionlake.motion.kinematics import forward_kinematics, local_rotations, solve, world_rotations
 from motionlake.motion.rigs import Rest, identify, load_rigs
@@ -158,8 +158,41 @@ def test_the_unit_is_the_option_then_the_file_then_the_rig_and_a_giant_is_refuse
     assert canonicalise(replace(clip, metres_per_unit=1.0), motion, rig, metres_per_unit=0.012).metres_per_unit == 0.012
     with pytest.raises(ClipError, match=r"^body height 1\d\d\.?\d* m with unit 1 m: say --unit$"):
         canonicalise(clip, motion, rig, metres_per_unit=1.0)
+
+
+@pytest.mark.parametrize("unit", UNITS)
+@pytest.mark.parametrize("said", [None, 1e-4, 50.0])
+def test_a_unit_that_nobody_says_or_that_makes_no_person_is_found_by_body_height(
+    unit: float, said: float | None
+) -> None:
+    _, world, positions = made_motion(4)
+    rig = replace(RIGS["canonical"], metres_per_unit=said)
+    clip, motion = clip_of(world, positions / unit)
+    found = canonicalise(clip, motion, rig)
+    assert found.metres_per_unit == unit
+    assert f"unit {unit:g} m, by body height" in found.notes
+    np.testing.assert_allclose(found.positions, positions, atol=1e-9)
+    with pytest.raises(ClipError, match=r"body height .* say --unit"):
+        canonicalise(clip, motion, rig, metres_per_unit=unit / 1000)
+
+
+def test_a_body_of_no_size_has_no_unit() -> None:
+    _, world, positions = made_motion(4)
+    clip, motion = clip_of(world, positions * 1e-5)
     with pytest.raises(ClipError, match="unit is unknown"):
-        canonicalise(clip, motion, replace(rig, metres_per_unit=None))
+        canonicalise(clip, motion, replace(RIGS["canonical"], metres_per_unit=None))
+
+
+@pytest.mark.recordings
+@pytest.mark.parametrize("name", SETS)
+def test_units_of_recordings_are_found_by_body_height(recordings: Path, name: str) -> None:
+    for path in sample(recordings, name):
+        clip = read_clips(path)[0]
+        rig = identify(clip.hierarchy.joints, RIGS)
+        motion = solve(clip)
+        known = canonicalise(clip, motion, rig).metres_per_unit
+        unsaid = replace(rig, metres_per_unit=None)
+        assert canonicalise(replace(clip, metres_per_unit=None), motion, unsaid).metres_per_unit == pytest.approx(known)
 
 
 @pytest.mark.parametrize(("joint", "distance"), [(0, 1001.0), (8, -1001.0), (20, 1e200), (3, np.inf)])

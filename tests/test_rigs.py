@@ -9,6 +9,7 @@ import pytest
 from motionlake.errors import ClipError, UserError
 from motionlake.formats import read_clips
 from motionlake.motion.clip import ChannelKind, Hierarchy
+from motionlake.motion.rest import bind
 from motionlake.motion.rigs import RigMap, bare_names, identify, load_rigs, parse_rig
 from motionlake.motion.skeleton import INDEX, JOINTS, PARENTS
 from motionlake.motion.starter import guess_joints, starter_map
@@ -42,11 +43,12 @@ def test_an_unknown_rig_is_told_with_the_closest_and_its_missing_joints() -> Non
         identify(names, RIGS)
 
 
-def test_a_named_rig_is_taken_and_must_fit() -> None:
+def test_a_named_rig_is_taken_where_it_fits() -> None:
     names = tuple(RIGS["smpl"].joints.values())
     assert identify(names, RIGS, "smpl").name == "smpl"
+    assert identify(names, RIGS, "bandai").name == "smpl"
     with pytest.raises(ClipError, match=r"^rig bandai does not fit: the file has no joint Hips, Spine"):
-        identify(names, RIGS, "bandai")
+        identify(names[:9], RIGS, "bandai")
     with pytest.raises(UserError, match=r"--rig nobody: no such rig; there are bandai"):
         identify(names, RIGS, "nobody")
 
@@ -101,6 +103,18 @@ def test_starter_maps_of_recordings_load_and_find_the_limbs(recordings: Path, na
     same = [joint for joint, source in known.joints.items() if starter.joints.get(joint) == source]
     assert len(same) >= 16
     assert {"hips", "left_shoulder", "right_elbow", "left_hip", "right_knee", "left_ankle"} <= set(same)
+
+
+@pytest.mark.parametrize("spelt", ["CC_{}", "Model:{}", "{}", "a_{}_b", "x|CC_{}"])
+def test_a_starter_map_is_of_its_own_file(spelt: str) -> None:
+    offsets = np.zeros((len(JOINTS), 3))
+    hierarchy = Hierarchy(
+        tuple(spelt.format(joint) for joint in JOINTS), PARENTS, offsets, ((),) * len(JOINTS), ChannelKind.POSITIONS,
+        np.tile(np.array([1.0, 0, 0, 0]), (len(JOINTS), 1)),
+    )  # fmt: skip
+    starter = parse_rig(starter_map(hierarchy), "starter")
+    assert identify(hierarchy.joints, {"my_rig": starter}) is starter
+    assert bind(starter, hierarchy).source == {INDEX[joint]: INDEX[joint] for joint in JOINTS}
 
 
 def test_a_starter_map_of_nonsense_still_loads() -> None:

@@ -30,7 +30,7 @@ from motionlake.names import kept
 from motionlake.stages.reader import lake_reader
 from motionlake.stages.registry import ALL, BY_NAME, dry_run
 from motionlake.stages.removal import Removal, gone_sources, remove_dataset, remove_sources, sources_of
-from motionlake.stages.sources import IngestOptions, Root, check_options, known_roots, scan
+from motionlake.stages.sources import AUTO, IngestOptions, Root, check_options, known_roots, scan
 
 SHOWN = 5  # files that a notice names
 
@@ -45,9 +45,16 @@ def ingest(
     segments: Annotated[
         Path | None, typer.Option(help="CSV: file, start, stop, label (default: SRC/segments.csv).")
     ] = None,
-    rig: Annotated[str | None, typer.Option(help="Use this rig map whatever the joints are called.")] = None,
-    up: Annotated[str | None, typer.Option(help="Axis that points up: x, y, z, -x, -y or -z.")] = None,
-    unit: Annotated[str | None, typer.Option(help="Length unit: m, dm, cm, mm, in, ft, or metres per unit.")] = None,
+    rig: Annotated[str | None, typer.Option(help="Use this rig map where it fits; auto: choose one.")] = None,
+    up: Annotated[
+        str | None, typer.Option(help="Axis that points up: x, y, z, -x, -y or -z; auto: that of the rig.")
+    ] = None,
+    unit: Annotated[
+        str | None,
+        typer.Option(
+            help="Length unit: m, dm, cm, mm, in, ft, or metres per unit; auto: of the file, the rig or body height."
+        ),
+    ] = None,
     fps: Annotated[float | None, typer.Option(help="Frames a second, whatever the file says.")] = None,
     licence: Annotated[str | None, typer.Option(help="Licence to record with every clip.")] = None,
     checksum: Annotated[bool, typer.Option(help="Hash every file again; do not trust size and date.")] = False,
@@ -61,7 +68,7 @@ def ingest(
 ) -> None:
     """Take clips into a lake, which is created if it is not there.
 
-    Only new and changed files are read.
+    Only new and changed files are read. Options of a folder hold until others are given; auto undoes one.
 
     Example: motionlake ingest recordings/hdm05 --lake mylake --licence CC-BY-SA-3.0
 
@@ -76,7 +83,7 @@ def ingest(
     target = Lake(lake.absolute())
     roots = [_root(source, dataset, options) for source in sources]
     _check_clips(target, roots)
-    if rig is not None and rig not in load_rigs(target.rigs):
+    if rig not in (None, AUTO) and rig not in load_rigs(target.rigs):
         raise UserError(f"--rig {rig}: no such rig map; known are {', '.join(sorted(load_rigs(target.rigs)))}")
     with running(target, "ingest", workers, scheduler, create=True) as job:
         with reading(target) as con:
@@ -131,12 +138,19 @@ def _check_clips(lake: Lake, roots: Sequence[Root]) -> None:
 
 
 def _merged(root: Root, known: Root | None, take_back: bool) -> Root:
-    """Options not given again stay as they were when the folder was first taken in."""
-    if known is None:
-        return root
+    """Options not given again stay as they were when the folder was taken in last, which is said of those that shape
+    frames; "auto" undoes one."""
     given = {name: value for name, value in vars(root.options).items() if value not in (None, ())}
+    known = known or Root(root.dataset, root.root, IngestOptions())
+    stay = {name: value for name, value in known.options.shaping().items() if value is not None and name not in given}
+    if stay:
+        words, undone = (" ".join(f"--{name} {value}" for name, value in each) for each in (
+            stay.items(), ((name, AUTO) for name in stay if name != "fps")
+        ))  # fmt: skip
+        notice(f"{root.root}: is taken in with {words}, as before" + (f"; {undone} undoes it" if undone else ""))
     if take_back:
         given["ignored"] = ()
+    given = {name: None if value == AUTO else value for name, value in given.items()}
     return replace(known, options=replace(known.options, **given))
 
 

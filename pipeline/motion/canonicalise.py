@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -23,6 +24,9 @@ from motionlake.motion.skeleton import INDEX, JOINTS, PARENTS, chained
 
 MIN_HEIGHT: Final = 0.4
 MAX_HEIGHT: Final = 3.0
+PERSON: Final = 1.35  # metres from the ankles to the head joint of a grown person
+# Metres a unit: metres, decimetres, feet, inches, centimetres, millimetres, and inches / 0.45, as CMU's files have.
+UNITS: Final = (1.0, 0.1, 0.3048, 0.0254, 0.01, 0.001, 0.0254 / 0.45)
 # No recording goes this far (metres) from where it starts: a number is damaged, or the unit is wrong.
 FARTHEST: Final = 1000.0
 # Up axis of the file -> axis and degrees of the turn that brings it to +y.
@@ -116,7 +120,8 @@ def canonicalise(
         motion: its forward kinematics.
         rig: the map for its joints.
         up: up axis of the file, x y z -x -y -z; by default the rig's.
-        metres_per_unit: length unit of the file; by default what the file says, else the rig's.
+        metres_per_unit: length unit of the file; by default what the file says, else the rig's. Where neither does, or
+            the body would not be 0.4 to 3 m tall by it, it is found by body height (`unit_of_height`), with a note.
 
     Raises:
         ClipError: the rig does not fit, no length unit is known, a joint goes more than 1 km from the first
@@ -125,31 +130,24 @@ def canonicalise(
     up = up if up is not None else rig.up
     if up not in _TURNS:
         raise ClipError(f"up axis {up!r} is not one of {', '.join(_TURNS)}")
-    units = (metres_per_unit, clip.metres_per_unit, rig.metres_per_unit)
-    scale = next((unit for unit in units if unit is not None), None)
-    if scale is None:
-        raise ClipError("the length unit is unknown: say --unit")
     binding = bind(rig, clip.hierarchy)
-    turn = _turn(up)
+    said = (metres_per_unit, clip.metres_per_unit, rig.metres_per_unit)
+    scale = next((unit for unit in said if unit is not None), None)
+    _check_reach(motion.positions, clip.hierarchy.joints, min(UNITS) if metres_per_unit is None else metres_per_unit)
+    placed = _placed(binding, motion, up, scale or 1.0)
+    notes = []
+    if metres_per_unit is None and (scale is None or not _is_height(placed.height)):
+        found = unit_of_height(placed.height / (scale or 1.0))
+        if found is not None:
+            notes.append(f"unit {found:g} m, by body height")
+            scale, placed = found, _placed(binding, motion, up, found)
+    if scale is None:
+        raise ClipError("the length unit is unknown, and by none is the body as tall as a person: say --unit")
     _check_reach(motion.positions, clip.hierarchy.joints, scale)
-    source_positions = rotate(turn, motion.positions) * scale
-    source_world = None if motion.world is None else multiply(turn, motion.world)
-    positions = place(binding, source_positions, source_world, scale)
-    notes = _orientation_notes(positions, up)
-
-    in_rest = None
-    if source_world is not None and rig.rest is not Rest.POSITIONS:
-        in_rest = to_canonical_rest(binding, motion, scale)
-        if in_rest is None:
-            notes.append("the zero pose is no standing human: rotations come from positions, without twist")
-    if in_rest is None or source_world is None:
-        world = world_from_positions(positions)
-    else:
-        world = _world_rotations(binding, source_world, in_rest)
-
-    height = body_height(bone_vectors(positions, world).mean(axis=0))
-    if not MIN_HEIGHT <= height <= MAX_HEIGHT:
+    positions, world, in_rest, height = placed.positions, placed.world, placed.in_rest, placed.height
+    if not _is_height(height):
         raise ClipError(f"body height {height:.4g} m with unit {scale:.4g} m: say --unit")
+    notes = [*_orientation_notes(positions, up), *placed.notes, *notes]
     place_offsets(binding, positions, world, height)
     rest_offsets = bone_vectors(positions, world).mean(axis=0)
     rotations = continuous_signs(normalise(local_rotations(world)))
@@ -170,6 +168,46 @@ def canonicalise(
         fk_error_mean=float(errors.mean()),
         notes=tuple(notes),
     )
+
+
+@dataclass(frozen=True)
+class _Placed:
+    """The canonical joints of a motion by some length unit, before what the rig lacks is placed by body height."""
+
+    positions: Float64Array
+    world: Float64Array
+    in_rest: Float64Array | None
+    height: float
+    notes: tuple[str, ...]
+
+
+def _placed(binding: Binding, motion: SolvedMotion, up: str, scale: float) -> _Placed:
+    turn = _turn(up)
+    source_positions = rotate(turn, motion.positions) * scale
+    source_world = None if motion.world is None else multiply(turn, motion.world)
+    positions = place(binding, source_positions, source_world, scale)
+    notes, in_rest = [], None
+    if source_world is not None and binding.rig.rest is not Rest.POSITIONS:
+        in_rest = to_canonical_rest(binding, motion, scale)
+        if in_rest is None:
+            notes.append("the zero pose is no standing human: rotations come from positions, without twist")
+    if in_rest is None or source_world is None:
+        world = world_from_positions(positions)
+    else:
+        world = _world_rotations(binding, source_world, in_rest)
+    height = body_height(bone_vectors(positions, world).mean(axis=0))
+    return _Placed(positions, world, in_rest, height, tuple(notes))
+
+
+def unit_of_height(units: float) -> float | None:
+    """Metres a unit of a file in which a body is so many units tall from the ankles to the head: of `UNITS` the one by
+    which it is nearest to a grown person's height, as a ratio. None where it is no body's height by any."""
+    fitting = [unit for unit in UNITS if _is_height(units * unit)]
+    return min(fitting, key=lambda unit: abs(math.log(units * unit / PERSON)), default=None)
+
+
+def _is_height(metres: float) -> bool:
+    return MIN_HEIGHT <= metres <= MAX_HEIGHT
 
 
 def _check_reach(positions: Float64Array, joints: tuple[str, ...], scale: float) -> None:

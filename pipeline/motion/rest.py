@@ -9,7 +9,7 @@ import numpy as np
 from motionlake.arrays import Float64Array
 from motionlake.errors import ClipError
 from motionlake.motion.clip import Hierarchy, SolvedMotion
-from motionlake.motion.rigs import Fill, Rest, RigMap, bare_names
+from motionlake.motion.rigs import Fill, Rest, RigMap, joints_by_name
 from motionlake.motion.rotations import (
     IDENTITY,
     MIN_LENGTH,
@@ -37,7 +37,7 @@ class Binding:
         rig, hierarchy: what is bound to what.
         source: canonical joint index -> index of the joint in the file, measured joints only.
         rules: canonical joint index -> rule, filled joints only, each after the joints it needs.
-        names: index of a joint in the file by its bare name.
+        names: index of a joint in the file by its name (`joints_by_name`).
     """
 
     rig: RigMap
@@ -61,9 +61,7 @@ def bind(rig: RigMap, hierarchy: Hierarchy) -> Binding:
     Raises:
         ClipError: the file lacks a joint of the rig, or its fill rules need each other.
     """
-    names: dict[str, int] = {}
-    for index, name in enumerate(bare_names(hierarchy.joints)):
-        names.setdefault(name, index)
+    names = joints_by_name(hierarchy.joints)
     if missing := [name for name in rig.required if name.casefold() not in names]:
         raise ClipError(f"rig {rig.name} does not fit: the file has no joint {', '.join(missing)}")
     source = {INDEX[c]: names[s.casefold()] for c, s in rig.joints.items() if s.casefold() in names}

@@ -193,26 +193,38 @@ def bare_names(joint_names: Sequence[str]) -> list[str]:
     return [name.casefold() for name in names]
 
 
+def joints_by_name(joint_names: Sequence[str]) -> dict[str, int]:
+    """Index of each joint of a file by the names that a rig map may call it by: with its namespace and without, lower
+    case. Of two joints with one name it is the first."""
+    found: dict[str, int] = {}
+    for names in (bare_names(joint_names), [name.casefold() for name in joint_names]):
+        for index, name in enumerate(names):
+            found.setdefault(name, index)
+    return found
+
+
 def identify(joint_names: Sequence[str], rigs: Mapping[str, RigMap], name: str | None = None) -> RigMap:
     """The rig whose required joints the file has all, and that explains most of its other joints.
 
     Args:
         joint_names: as the file spells them; namespaces and letter case are ignored.
         rigs: maps to choose from, by name.
-        name: take this map instead of choosing.
+        name: take this map where it fits.
 
     Raises:
         UserError: there is no map called `name`.
-        ClipError: no map fits, or not the one called `name`; the reason says what did not match.
+        ClipError: no map fits; the reason says what did not match, of the one called `name` where it is given.
     """
     if name is not None and name not in rigs:
         raise UserError(f"--rig {name}: no such rig; there are {', '.join(sorted(rigs))}")
-    candidates = list(rigs.values()) if name is None else [rigs[name]]
-    present = set(bare_names(joint_names))
-    lacked = {rig.name: [s for s in rig.required if s.casefold() not in present] for rig in candidates}
-    fitting = [rig for rig in candidates if not lacked[rig.name]]
+    present = joints_by_name(joint_names)
+    lacked = {rig.name: [s for s in rig.required if s.casefold() not in present] for rig in rigs.values()}
+    fitting = [rig for rig in rigs.values() if not lacked[rig.name]]
+    if name is not None and not lacked[name]:
+        return rigs[name]
     if fitting:
         return min(fitting, key=lambda rig: (_unexplained(rig, present), rig.name))
+    candidates = list(rigs.values()) if name is None else [rigs[name]]
     closest = min(candidates, key=lambda rig: (len(lacked[rig.name]) / len(rig.required), rig.name))
     missing = lacked[closest.name]
     more = f" and {len(missing) - MAX_LISTED} more" if len(missing) > MAX_LISTED else ""
@@ -225,6 +237,7 @@ def identify(joint_names: Sequence[str], rigs: Mapping[str, RigMap], name: str |
     )
 
 
-def _unexplained(rig: RigMap, present: set[str]) -> int:
-    """How many of the joints present the rig map does not name."""
-    return len(present - {source.casefold() for source in (*rig.joints.values(), *rig.known)})
+def _unexplained(rig: RigMap, present: Mapping[str, int]) -> int:
+    """How many of the joints present (`joints_by_name`) the rig map does not name."""
+    named = {present.get(source.casefold()) for source in (*rig.joints.values(), *rig.known)}
+    return len(set(present.values()) - named)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import pyarrow as pa
+from motionlake.errors import UserError
 from motionlake.lake.catalog import Connection, fetch, load_rows, reading, run_sql, table_of, writing
 from motionlake.lake.config import LakeConfig
 from motionlake.lake.layout import Lake
@@ -37,8 +38,16 @@ def prepare(
     with lake_reader(lake, config) as at:
         known = known_roots(at.con)
         roots = known if roots is None else roots
-        if any(lake.rigs.glob("*.toml")):
-            load_rigs(lake.rigs)  # a mistake in one is told of before anything is read
+        named = [root for root in roots if root.options.rig is not None]
+        if named or any(lake.rigs.glob("*.toml")):
+            rigs = load_rigs(lake.rigs)  # a mistake in one is told of before anything is read
+            for root in named:
+                if root.options.rig not in rigs:
+                    raise UserError(
+                        f"{root.root}: is taken in with --rig {root.options.rig}, and there is no such map any more; "
+                        f"put it back into {lake.rigs}, or undo the option with `motionlake ingest {root.root} "
+                        f"--dataset {root.dataset} --rig auto --lake {lake.root}`"
+                    )
         check_apart(at.con, [root.dataset for root in roots])
         for root in roots:
             labels_hash(root)  # first of all: a label file that is not there is a mistake

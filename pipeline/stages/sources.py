@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any, Final, TypeAlias
 
 from motionlake.errors import ClipError, UserError
 from motionlake.formats import companions, is_clip
@@ -24,6 +24,9 @@ UPS = ("x", "y", "z", "-x", "-y", "-z")
 FRAMES_VERSION = 1
 HASHED_TOGETHER = 256
 Hashing: TypeAlias = Callable[[int, int], None]  # told of (files hashed, all files)
+
+
+AUTO: Final = "auto"  # undoes an option that was given before
 
 
 @dataclass(frozen=True)
@@ -60,9 +63,9 @@ class IngestOptions:
 
 def check_options(options: IngestOptions) -> None:
     """Raises `UserError` on an option no file could satisfy."""
-    if options.up is not None and options.up not in UPS:
+    if options.up not in (None, AUTO) and options.up not in UPS:
         raise UserError(f"--up {options.up}: use one of {', '.join(UPS)}")
-    if options.unit is not None and options.unit not in UNITS:
+    if options.unit not in (None, AUTO) and options.unit not in UNITS:
         try:
             fits = 0 < float(options.unit) < 1000
         except ValueError:
