@@ -87,7 +87,7 @@ def _unlock(file: int) -> None:
 
 
 def _without_blas() -> None:
-    """Have numba load its functions of arrays without importing scipy.linalg, a tenth of a cold search.
+    """Have numba load its functions of arrays without importing scipy.linalg, which takes longer than all of them.
 
     It only asks whether BLAS is there, and asks again where a kernel multiplies matrices.
     """

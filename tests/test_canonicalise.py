@@ -15,12 +15,13 @@ from motionlake.errors import ClipError
 from motionlake.formats import read_clips
 from motionlake.formats.deepmimic import READER
 from motionlake.formats.write.bvh import write_bvh
-from motionlake.motion.canonicalise import UNITS, CanonicalMotion, canonicalise, to_source_clip
+from motionlake.motion.canonicalise import CanonicalMotion, canonicalise, to_source_clip
 from motionlake.motion.clip import ChannelKind, Hierarchy, SolvedMotion, SourceClip
 from motionlake.motion.kinematics import forward_kinematics, local_rotations, solve, world_rotations
 from motionlake.motion.rigs import Rest, identify, load_rigs
 from motionlake.motion.rotations import angle, conjugate, from_axis_angle, multiply, rotate
 from motionlake.motion.skeleton import BONES, INDEX, JOINTS, PARENTS, facing
+from motionlake.motion.units import CMU, UNITS
 from scipy.spatial.transform import Rotation
 
 from tests.rig_samples import SETS, sample
@@ -160,7 +161,7 @@ def test_the_unit_is_the_option_then_the_file_then_the_rig_and_a_giant_is_refuse
         canonicalise(clip, motion, rig, metres_per_unit=1.0)
 
 
-@pytest.mark.parametrize("unit", UNITS)
+@pytest.mark.parametrize("unit", [*UNITS.values(), CMU])
 @pytest.mark.parametrize("said", [None, 1e-4, 50.0])
 def test_a_unit_that_nobody_says_or_that_makes_no_person_is_found_by_body_height(
     unit: float, said: float | None

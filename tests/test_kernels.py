@@ -68,6 +68,8 @@ assert total(np.ones(3)) == 3
 print(*sys.modules)
 product = njit(lambda a, b: a @ b)
 assert (product(np.eye(2), np.ones((2, 2))) == 1).all()
+from numba.np import linalg
+assert linalg.ensure_blas.__module__ == linalg.__name__
 """
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert run.returncode == 0, run.stderr

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from motionlake.motion.units import UNITS
+
 from tests.lakes import made_clips, motionlake
 from tests.samples import KINECT_1, KINECT_1_PARENTS, npz_bytes, swinging_body
 
@@ -12,7 +14,7 @@ def renamed(folder: Path) -> Path:
     """A folder of made clips, of which one has joints of a namespace that only it knows."""
     made_clips(folder, 2)
     names = tuple(f"CC_Base_{name}_of_ours" for name in KINECT_1)
-    (folder / "ours.npz").write_bytes(npz_bytes(swinging_body(40), names, KINECT_1_PARENTS, 30.0))
+    (folder / "ours.npz").write_bytes(npz_bytes(swinging_body(40) / UNITS["in"], names, KINECT_1_PARENTS, 30.0))
     return folder
 
 
@@ -36,7 +38,7 @@ def test_a_starter_map_takes_its_file_in_and_no_option_drops_another(tmp_path: P
     assert taken.status == 0, taken.err
     assert rigs_of(lake) == others | {"ours.npz": "my_rig"}
     notes = motionlake("sql", "SELECT notes FROM clips WHERE rig = 'my_rig'", "--json", "--lake", lake).json
-    assert len(notes) == 1
+    assert any("unit 0.0254 m, by body height" in note for note in notes[0]["notes"])
 
     again = motionlake("ingest", source, "--lake", lake)
     assert f"{source}: is taken in with --rig my_rig, as before; --rig auto undoes it" in again.err

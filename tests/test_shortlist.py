@@ -26,6 +26,7 @@ from motionlake.retrieval.registry import searcher
 from motionlake.stages.shortlist import COMPARED
 
 from tests.lakes import Changed, files, motionlake, query
+from tests.test_newer_models import newer
 
 MODULES = ("stages.graph", "stages.shortlist", "retrieval.fused")
 
@@ -174,6 +175,16 @@ def test_a_shortlist_of_other_models_is_refused(large: Path, tmp_path: Path) -> 
     with few():
         run = motionlake("search", clip, "--lake", root)
     assert (run.status, "run shortlist" in run.err) == (2, True)
+
+
+@pytest.mark.parametrize("kind", ["motifs", "postures"])
+def test_a_newer_model_than_the_shortlist_has_seen_is_told(large: Path, tmp_path: Path, kind: str) -> None:
+    root = Path(shutil.copytree(large, tmp_path / "lake"))
+    clip = some(root, 1)[0]
+    name = newer(root, kind)
+    with few():
+        run = motionlake("search", clip, "--lake", root)
+    assert (run.status, f"{name} is newer than what is compared" in run.err) == (2, True)
 
 
 @pytest.mark.parametrize("name", ["signature-sketches.npy", "clips.arrow", "moves.f16"])

@@ -144,9 +144,8 @@ def _merged(root: Root, known: Root | None, take_back: bool) -> Root:
     known = known or Root(root.dataset, root.root, IngestOptions())
     stay = {name: value for name, value in known.options.shaping().items() if value is not None and name not in given}
     if stay:
-        words, undone = (" ".join(f"--{name} {value}" for name, value in each) for each in (
-            stay.items(), ((name, AUTO) for name in stay if name != "fps")
-        ))  # fmt: skip
+        words = " ".join(f"--{name} {value}" for name, value in stay.items())
+        undone = " ".join(f"--{name} {AUTO}" for name in stay if name != "fps")
         notice(f"{root.root}: is taken in with {words}, as before" + (f"; {undone} undoes it" if undone else ""))
     if take_back:
         given["ignored"] = ()

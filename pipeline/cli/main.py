@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import atexit
-import gc
 import importlib
 import os
 import select
@@ -23,9 +22,6 @@ from motionlake.names import printable
 from motionlake.stopping import obeying, signal_asked
 from typer.core import TyperGroup
 
-# Objects that are made before Python looks for those that nobody uses: what libraries make at import stays, and to look
-# through that again and again takes a tenth of a search.
-_UNUSED: Final = 1_000_000
 # What each command does, by what people come for. The first line of its own help is the same (a test compares them).
 COMMANDS: Final = {
     "Fill a lake": {
@@ -230,7 +226,6 @@ def _send_nowhere(descriptor: int) -> None:
 def main() -> None:
     """Run the command line; a mistake gets one line on stderr and exit status 2, a signal one and 128 + its number."""
     os.environ.setdefault("POT_BACKEND_DISABLE_PYTORCH", "1")  # else POT takes a second to import torch for nothing
-    gc.set_threshold(_UNUSED)
     with _streams():
         try:
             with obeying():
@@ -269,8 +264,8 @@ def _fail(message: str, error: BaseException, status: int = 2) -> NoReturn:
 
 
 def program() -> None:
-    """`main` as a process of its own, which ends at once: to free one by one all that libraries made takes a third of a
-    second. Where a thread still runs, Python ends in its own way."""
+    """`main` as a process of its own, which ends at once: Python would first free one by one all that libraries made.
+    Where a thread still runs, Python ends in its own way."""
     try:
         main()
     except SystemExit as end:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -21,12 +20,8 @@ from motionlake.motion.rest import Binding, bind, place, place_offsets, to_canon
 from motionlake.motion.rigs import Rest, RigMap
 from motionlake.motion.rotations import IDENTITY, conjugate, from_axis_angle, multiply, normalise, rotate, to_euler
 from motionlake.motion.skeleton import INDEX, JOINTS, PARENTS, chained
+from motionlake.motion.units import UNITS, is_height, unit_of_height
 
-MIN_HEIGHT: Final = 0.4
-MAX_HEIGHT: Final = 3.0
-PERSON: Final = 1.35  # metres from the ankles to the head joint of a grown person
-# Metres a unit: metres, decimetres, feet, inches, centimetres, millimetres, and inches / 0.45, as CMU's files have.
-UNITS: Final = (1.0, 0.1, 0.3048, 0.0254, 0.01, 0.001, 0.0254 / 0.45)
 # No recording goes this far (metres) from where it starts: a number is damaged, or the unit is wrong.
 FARTHEST: Final = 1000.0
 # Up axis of the file -> axis and degrees of the turn that brings it to +y.
@@ -133,10 +128,11 @@ def canonicalise(
     binding = bind(rig, clip.hierarchy)
     said = (metres_per_unit, clip.metres_per_unit, rig.metres_per_unit)
     scale = next((unit for unit in said if unit is not None), None)
-    _check_reach(motion.positions, clip.hierarchy.joints, min(UNITS) if metres_per_unit is None else metres_per_unit)
+    # What goes too far by the smallest unit is a damaged number, before anything is told by it.
+    _check_reach(motion.positions, clip.hierarchy.joints, metres_per_unit or min(UNITS.values()))
     placed = _placed(binding, motion, up, scale or 1.0)
     notes = []
-    if metres_per_unit is None and (scale is None or not _is_height(placed.height)):
+    if metres_per_unit is None and (scale is None or not is_height(placed.height)):
         found = unit_of_height(placed.height / (scale or 1.0))
         if found is not None:
             notes.append(f"unit {found:g} m, by body height")
@@ -145,7 +141,7 @@ def canonicalise(
         raise ClipError("the length unit is unknown, and by none is the body as tall as a person: say --unit")
     _check_reach(motion.positions, clip.hierarchy.joints, scale)
     positions, world, in_rest, height = placed.positions, placed.world, placed.in_rest, placed.height
-    if not _is_height(height):
+    if not is_height(height):
         raise ClipError(f"body height {height:.4g} m with unit {scale:.4g} m: say --unit")
     notes = [*_orientation_notes(positions, up), *placed.notes, *notes]
     place_offsets(binding, positions, world, height)
@@ -197,17 +193,6 @@ def _placed(binding: Binding, motion: SolvedMotion, up: str, scale: float) -> _P
         world = _world_rotations(binding, source_world, in_rest)
     height = body_height(bone_vectors(positions, world).mean(axis=0))
     return _Placed(positions, world, in_rest, height, tuple(notes))
-
-
-def unit_of_height(units: float) -> float | None:
-    """Metres a unit of a file in which a body is so many units tall from the ankles to the head: of `UNITS` the one by
-    which it is nearest to a grown person's height, as a ratio. None where it is no body's height by any."""
-    fitting = [unit for unit in UNITS if _is_height(units * unit)]
-    return min(fitting, key=lambda unit: abs(math.log(units * unit / PERSON)), default=None)
-
-
-def _is_height(metres: float) -> bool:
-    return MIN_HEIGHT <= metres <= MAX_HEIGHT
 
 
 def _check_reach(positions: Float64Array, joints: tuple[str, ...], scale: float) -> None:

@@ -7,9 +7,8 @@ import re
 from itertools import product
 from typing import Final
 
-import numpy as np
 from motionlake.motion.clip import ChannelKind, Hierarchy
-from motionlake.motion.skeleton import JOINTS, chained
+from motionlake.motion.skeleton import JOINTS
 from motionlake.names import toml_text
 
 # In each limb the joints from the body outwards, with what their names contain.
@@ -54,7 +53,7 @@ def starter_map(hierarchy: Hierarchy) -> str:
         'description = "guessed by motionlake rig"',
         'source = "joint names of the file"',
         'up = "y"',
-        f"metres_per_unit = {json.dumps(_unit(hierarchy))}",
+        'metres_per_unit = "file"',
         f"rest = {json.dumps(rest)}",
         "",
         "[joints]",
@@ -158,11 +157,3 @@ def _fill(canonical: str, guesses: dict[str, int], hierarchy: Hierarchy) -> str:
         return f"{{ end_site = {toml_text(hierarchy.joints[guesses[before]])} }}"
     x, y, z = _OFFSETS[part]
     return f"{{ offset = [{-x if side == 'right' else x}, {y}, {z}] }}"
-
-
-def _unit(hierarchy: Hierarchy) -> float | str:
-    """Metres per unit from the size of the zero pose: metres, centimetres, or whatever the file says."""
-    size = float(np.ptp(chained(hierarchy.offsets, hierarchy.parents), axis=0).max())
-    if 0.8 <= size <= 3.0:
-        return 1.0
-    return 0.01 if 80 <= size <= 300 else "file"

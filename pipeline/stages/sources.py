@@ -17,9 +17,9 @@ from motionlake.formats.limits_config import Limits, raised
 from motionlake.lake.catalog import Connection, fetch
 from motionlake.lake.config import FramesConfig, config_hash
 from motionlake.lake.layout import Lake
+from motionlake.motion.units import UNITS
 from motionlake.names import folded, kept, on_disk
 
-UNITS = {"m": 1.0, "dm": 0.1, "cm": 0.01, "mm": 0.001, "in": 0.0254, "ft": 0.3048}
 UPS = ("x", "y", "z", "-x", "-y", "-z")
 FRAMES_VERSION = 1
 HASHED_TOGETHER = 256
