@@ -16,6 +16,7 @@ KINECT_1 = (
     "HipRight", "KneeRight", "AnkleRight", "FootRight",
 )  # fmt: skip
 KINECT_1_PARENTS = (-1, 0, 1, 2, 2, 4, 5, 6, 2, 8, 9, 10, 0, 12, 13, 14, 0, 16, 17, 18)
+FLAT = (-1, *[0] * 19)
 
 
 def kinect_2_from_1(positions: Float64Array) -> Float64Array:

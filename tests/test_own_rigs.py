@@ -7,14 +7,14 @@ from pathlib import Path
 from motionlake.motion.units import UNITS
 
 from tests.lakes import made_clips, motionlake
-from tests.samples import KINECT_1, KINECT_1_PARENTS, npz_bytes, swinging_body
+from tests.samples import FLAT, KINECT_1, npz_bytes, swinging_body
 
 
 def renamed(folder: Path) -> Path:
-    """A folder of made clips, of which one has joints of a namespace that only it knows."""
+    """A folder of made clips, of which one has joint names that only it knows, and no tree that tells a body."""
     made_clips(folder, 2)
     names = tuple(f"CC_Base_{name}_of_ours" for name in KINECT_1)
-    (folder / "ours.npz").write_bytes(npz_bytes(swinging_body(40) / UNITS["in"], names, KINECT_1_PARENTS, 30.0))
+    (folder / "ours.npz").write_bytes(npz_bytes(swinging_body(40) / UNITS["in"], names, FLAT, 30.0))
     return folder
 
 

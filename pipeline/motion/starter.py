@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Sequence
 from itertools import product
 from typing import Final
 
+from motionlake.arrays import Float64Array
 from motionlake.motion.clip import ChannelKind, Hierarchy
+from motionlake.motion.rig_solver import solve_rig
 from motionlake.motion.skeleton import JOINTS
 from motionlake.names import toml_text
 
@@ -24,7 +27,7 @@ _ARM: Final = (
     ("elbow", r"elbow|fore|lo.*arm|radius"),
     ("wrist", r"wrist|hand"),
 )
-_LIMB_WORDS: Final = {
+LIMB_WORDS: Final = {
     "leg": r"leg|thigh|femur|hip|butt|knee|shin|calf|tibia|ankle|foot|toe",
     "arm": r"arm|clav|collar|should|shldr|humer|elbow|radius|wrist|hand",
 }
@@ -39,12 +42,16 @@ _OFFSETS: Final = {
 _FINGER: Final = r"finger|thumb|index|mid|ring|pinky"
 
 
-def starter_map(hierarchy: Hierarchy) -> str:
+def starter_map(hierarchy: Hierarchy, positions: Float64Array | None = None) -> str:
     """TOML text of a rig map for a clip of an unknown rig, to be checked and mended by a person.
 
     `parse_rig` reads it; canonical joints without a guess are filled by an offset.
+
+    Args:
+        hierarchy: joint tree of the clip.
+        positions: [F, J, 3] of its joints in some frames; None: of the zero pose.
     """
-    guesses = guess_joints(hierarchy)
+    guesses = solve_rig(hierarchy, name_sides(hierarchy.joints), positions) or guess_joints(hierarchy)
     others = [joint for index, joint in enumerate(hierarchy.joints) if index not in guesses.values()]
     rest = "positions" if hierarchy.kind is ChannelKind.POSITIONS else "zero"
     lines = [
@@ -69,17 +76,22 @@ def starter_map(hierarchy: Hierarchy) -> str:
 
 
 def guess_joints(hierarchy: Hierarchy) -> dict[str, int]:
-    """Canonical joint -> index of the file's joint, for those that a guess was found for; always the hips."""
+    """Canonical joint -> index of the file's joint, of those that names alone tell; always the hips."""
     guesses: dict[str, int] = {}
-    sides = [_side(name) for name in hierarchy.joints]
+    sides = name_sides(hierarchy.joints)
     for side, (limb, parts) in product(("left", "right"), (("leg", _LEG), ("arm", _ARM))):
         joints = [
             index
             for index, name in enumerate(map(str.lower, hierarchy.joints))
-            if sides[index] == side and re.search(_LIMB_WORDS[limb], name) and not re.search(_FINGER, name)
+            if sides[index] == side and re.search(LIMB_WORDS[limb], name) and not re.search(_FINGER, name)
         ]
         guesses.update({f"{side}_{part}": index for part, index in _limb(hierarchy, joints, parts).items()})
     return guesses | _trunk(hierarchy, guesses, sides)
+
+
+def name_sides(joints: Sequence[str]) -> list[str | None]:
+    """ "left", "right" or None of each joint, as its name says."""
+    return [_side(name) for name in joints]
 
 
 def _side(name: str) -> str | None:
@@ -90,7 +102,7 @@ def _side(name: str) -> str | None:
             side in bare.lower(),
             re.search(rf"(^|[_. -]){letter}([_. -]|$)", bare.lower()),
             re.search(rf"^({letter}|{letter.upper()})(?=[A-Z])", bare),
-            re.search(rf"^{letter}({_LIMB_WORDS['leg']}|{_LIMB_WORDS['arm']})", bare),
+            re.search(rf"^{letter}({LIMB_WORDS['leg']}|{LIMB_WORDS['arm']})", bare),
         )
         if any(marks):
             return side

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, Final
 
@@ -17,7 +17,7 @@ from motionlake.lake.catalog import Connection, fetch, run_sql
 from motionlake.lake.config import FramesConfig, config_hash, load_config
 from motionlake.lake.layout import Lake
 from motionlake.motion.clip import SourceClip
-from motionlake.motion.rigs import RigMap, identify, load_rigs
+from motionlake.motion.rigs import RigMap, load_rigs
 from motionlake.names import on_disk, typed
 from motionlake.stages.clip_parts import BODY_ROWS, CLIP_ROWS, ClipParts, ClipStage
 from motionlake.stages.file_watch import watching
@@ -203,12 +203,16 @@ def canonical_motions(
             no sense.
         UserError: `options.rig` is no rig.
     """
+    from motionlake.motion.auto_rig import NOTE, PREFIX, rig_of
     from motionlake.motion.canonicalise import canonicalise
     from motionlake.motion.kinematics import solve
 
     for clip in read_clips(path, options.fps, allowed):
-        rig = identify(clip.hierarchy.joints, rigs, options.rig)
-        motion = canonicalise(clip, solve(clip), rig, up=options.up, metres_per_unit=options.metres_per_unit)
+        solved = solve(clip)
+        rig = rig_of(clip, solved, rigs, options.rig)
+        motion = canonicalise(clip, solved, rig, up=options.up, metres_per_unit=options.metres_per_unit)
+        if rig.name.startswith(PREFIX):
+            motion = replace(motion, notes=(*motion.notes, NOTE))
         yield clip, motion, rig
 
 

@@ -26,6 +26,7 @@ def write_frames_from_raw(at: LakeReader, dataset: str, part: str, key: str) -> 
         DamagedError: a raw block is not as it was written.
         UserError: a rig is not known any more.
     """
+    from motionlake.motion.auto_rig import PREFIX, auto_rig
     from motionlake.motion.canonicalise import canonicalise
     from motionlake.motion.kinematics import solve
 
@@ -34,10 +35,12 @@ def write_frames_from_raw(at: LakeReader, dataset: str, part: str, key: str) -> 
     with replacing(at.lake.path(name)) as temporary:
         writer = PartWriter(temporary, SCHEMA, {"key": key})
         for row in fetch(at.con, "clip_rows_of_part", {"part": part}):
-            clip, rig = own_rig(at.con, at.lake, row["clip"]), rigs.get(row["rig"])
+            clip = own_rig(at.con, at.lake, row["clip"])
+            solved = solve(clip)
+            rig = auto_rig(clip.hierarchy, solved) if row["rig"].startswith(PREFIX) else rigs.get(row["rig"])
             if rig is None:
                 raise UserError(f"rig {row['rig']}: there is no such map any more; put it back into {at.lake.rigs}")
-            motion = canonicalise(clip, solve(clip), rig, up=row["up"], metres_per_unit=row["metres_per_unit"])
+            motion = canonicalise(clip, solved, rig, up=row["up"], metres_per_unit=row["metres_per_unit"])
             found = Frames(row["clip"], row["fps"], motion.rotations, motion.positions)
             writer.append(to_table(found, part, config.position_step, config.rotation_step))
             footer[row["clip"]] = footer_clip(row["fps"], row["rest_offsets"])

@@ -1,0 +1,192 @@
+"""Rigs that solve themselves: known maps hidden, with the names of files and with numbers for names."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+import pytest
+from motionlake.arrays import Float64Array
+from motionlake.errors import ClipError
+from motionlake.formats import read_clips
+from motionlake.motion.auto_rig import LIMBS, NOTE, auto_rig, rig_of, sampled
+from motionlake.motion.canonicalise import canonicalise
+from motionlake.motion.clip import ChannelKind, Hierarchy, SolvedMotion, SourceClip
+from motionlake.motion.kinematics import solve
+from motionlake.motion.rig_solver import solve_rig
+from motionlake.motion.rigs import identify, joints_by_name, load_rigs
+from motionlake.motion.skeleton import chained
+from motionlake.motion.starter import name_sides
+
+from tests.lakes import motionlake
+from tests.rig_samples import SETS, sample
+from tests.samples import KINECT_1, KINECT_1_PARENTS, npz_bytes, swinging_body
+
+
+def numbered(clip: SourceClip) -> SourceClip:
+    names = tuple(f"joint{i:02}" for i in range(len(clip.hierarchy.joints)))
+    return replace(clip, hierarchy=replace(clip.hierarchy, joints=names))
+
+
+def places(clip: SourceClip) -> dict[str, int]:
+    """Canonical joint -> joint of the file, by the known map of its rig."""
+    present = joints_by_name(clip.hierarchy.joints)
+    rig = identify(clip.hierarchy.joints, load_rigs())
+    return {joint: present[name.casefold()] for joint, name in rig.joints.items() if name.casefold() in present}
+
+
+CHAINS = [
+    [f"{side}_{part}" for part in parts]
+    for side, parts in product(
+        ("left", "right"), (("hip", "knee", "ankle", "toe"), ("clavicle", "shoulder", "elbow", "wrist"))
+    )
+]
+
+
+@pytest.mark.recordings
+@pytest.mark.parametrize("name", SETS)
+@pytest.mark.parametrize(("named", "least", "least_limbs"), [(True, 0.95, 1.0), (False, 0.9, 0.9)])
+def test_hidden_maps_are_found_again(
+    recordings: Path, name: str, named: bool, least: float, least_limbs: float
+) -> None:
+    """These shares of all joints and of all limbs are right; Kinect's feet do not always tell where they point."""
+    joints: list[bool] = []
+    limbs: list[bool] = []
+    for clip in (clip for path in sample(recordings, name) for clip in read_clips(path)):
+        asked = clip if named else numbered(clip)
+        positions = sampled(solve(clip))
+        found = solve_rig(asked.hierarchy, name_sides(asked.hierarchy.joints), positions)
+        # Of joints in one place each is right.
+        right = {
+            joint: joint in found and bool((positions[:, found[joint]] == positions[:, place]).all())
+            for joint, place in places(clip).items()
+        }
+        joints += right.values()
+        limbs += [all(right.get(joint, True) for joint in chain) for chain in CHAINS]
+    assert np.mean(joints) >= least
+    assert np.mean(limbs) >= least_limbs
+
+
+@pytest.mark.recordings
+@pytest.mark.parametrize("name", ["bandai1", "utd_mhad", "cmu_bvh"])
+def test_joints_are_where_the_known_map_has_them(recordings: Path, name: str) -> None:
+    clip = read_clips(sample(recordings, name)[0])[0]
+    motion = solve(clip)
+    rig = auto_rig(clip.hierarchy, motion)
+    assert rig.name.startswith("auto:")
+    assert rig.name == auto_rig(clip.hierarchy, motion).name
+    by_itself = canonicalise(clip, motion, rig)
+    known = canonicalise(clip, motion, identify(clip.hierarchy.joints, load_rigs()))
+    apart = np.linalg.norm(by_itself.positions - known.positions, axis=-1)
+    measured = [joint for joint in range(apart.shape[1]) if apart[:, joint].max() < 1e-3]
+    assert len(measured) >= len(places(clip))
+
+
+# Joint, parent, offset: y up, z to where the body faces, x to its left.
+Tree = list[tuple[str, int, tuple[float, float, float]]]
+
+
+def tree(bones: Tree) -> Hierarchy:
+    offsets = np.array([offset for _, _, offset in bones], dtype=np.float64)
+    parents = tuple(parent for _, parent, _ in bones)
+    axes = np.tile([1.0, 0, 0, 0], (len(bones), 1))
+    channels = (("Xrotation", "Yrotation", "Zrotation"),) * len(bones)
+    return Hierarchy(tuple(name for name, _, _ in bones), parents, offsets, channels, ChannelKind.EULER, axes)
+
+
+def body(*, spines: int, clavicles: bool, toes: bool, buttocks: bool, fingers: int) -> tuple[Hierarchy, dict[str, int]]:
+    """A person in a T-pose with more joints or fewer, the knees a little bent, and what its joints are."""
+    bones: Tree = [("j0", -1, (0, 0.9, 0))]
+    truth = {"hips": 0}
+
+    def add(parent: int, offset: tuple[float, float, float], part: str | None = None) -> int:
+        bones.append((f"j{len(bones)}", parent, offset))
+        if part:
+            truth[part] = len(bones) - 1
+        return len(bones) - 1
+
+    for side, x in (("right", -1), ("left", 1)):
+        start = add(0, (0.03 * x, -0.02, 0)) if buttocks else 0
+        hip = add(start, (0.07 * x, -0.05, 0), f"{side}_hip")
+        knee = add(hip, (0, -0.4, 0.03), f"{side}_knee")
+        ankle = add(knee, (0, -0.38, -0.03), f"{side}_ankle")
+        if toes:
+            add(ankle, (0, -0.05, 0.13), f"{side}_toe")
+    last = 0
+    for i in range(spines):
+        last = add(last, (0, 0.4 / spines, 0), "spine" if i == 0 and spines > 1 else None)
+    truth["chest"] = last
+    neck = add(last, (0, 0.12, 0), "neck")
+    head = add(neck, (0, 0.1, 0.01), "head")
+    for x in (-1, 1) if fingers else ():
+        add(head, (0.03 * x, 0.05, 0.08))
+    for side, x in (("right", -1), ("left", 1)):
+        start = add(last, (0.03 * x, 0.08, 0), f"{side}_clavicle") if clavicles else last
+        shoulder = add(start, (0.14 * x, 0.02 if clavicles else 0.1, 0), f"{side}_shoulder")
+        elbow = add(shoulder, (0.28 * x, 0, 0), f"{side}_elbow")
+        wrist = add(elbow, (0.25 * x, 0, 0), f"{side}_wrist")
+        for finger in range(fingers):
+            place = add(wrist, (0.08 * x, 0, 0.02 * finger))
+            for _ in range(2):
+                place = add(place, (0.03 * x, 0, 0))
+    return tree(bones), truth
+
+
+@pytest.mark.parametrize("spines", [1, 2, 3, 7])
+@pytest.mark.parametrize("clavicles", [True, False])
+@pytest.mark.parametrize("toes", [True, False])
+@pytest.mark.parametrize("buttocks", [True, False])
+@pytest.mark.parametrize("fingers", [0, 5])
+def test_bodies_of_more_joints_and_fewer(
+    spines: int, clavicles: bool, toes: bool, buttocks: bool, fingers: int
+) -> None:
+    hierarchy, truth = body(spines=spines, clavicles=clavicles, toes=toes, buttocks=buttocks, fingers=fingers)
+    assert solve_rig(hierarchy, [None] * len(hierarchy.joints)) == truth
+
+
+def still(hierarchy: Hierarchy) -> SolvedMotion:
+    places_of_joints: Float64Array = chained(hierarchy.offsets, hierarchy.parents)
+    return SolvedMotion(places_of_joints[None].repeat(3, axis=0), None, None)
+
+
+def test_what_is_no_person_is_refused() -> None:
+    person, _ = body(spines=3, clavicles=True, toes=True, buttocks=False, fingers=0)
+    auto_rig(person, still(person))
+    snake = tree([(f"j{i}", i - 1, (0, 0.1, 0)) for i in range(20)])
+    with pytest.raises(ClipError, match="no joint is clearly the hips"):
+        auto_rig(snake, still(snake))
+    # An animal on four legs: the trunk lies, what the person has as arms stands.
+    offsets = person.offsets.copy()
+    for joint, name in enumerate(person.joints):
+        assert name
+        if joint and person.parents[joint] >= 0 and not any(offsets[joint, :1]) and offsets[joint, 1] > 0:
+            offsets[joint] = offsets[joint][[0, 2, 1]]
+    lying = replace(person, offsets=offsets)
+    with pytest.raises(ClipError, match="never stands"):
+        auto_rig(lying, still(lying))
+    contrary = replace(person, joints=tuple(f"front_leg_{i}" for i in range(len(person.joints))))
+    with pytest.raises(ClipError, match="is where the left shoulder should be"):
+        auto_rig(contrary, still(contrary))
+
+
+def test_known_maps_come_first_and_the_reason_says_both() -> None:
+    person, _ = body(spines=3, clavicles=True, toes=True, buttocks=False, fingers=0)
+    clip = SourceClip(person, np.zeros((3, 3 * len(person.joints))), 30.0)
+    assert set(LIMBS) <= set(rig_of(clip, still(person), load_rigs()).joints)
+    snake = tree([(f"j{i}", i - 1, (0, 0.1, 0)) for i in range(20)])
+    with pytest.raises(ClipError, match=r"unknown rig: .* it was not solved by itself: no joint is clearly the hips"):
+        rig_of(replace(clip, hierarchy=snake), still(snake), load_rigs())
+
+
+def test_a_clip_of_an_unknown_rig_goes_in_and_is_told(tmp_path: Path) -> None:
+    source, lake = tmp_path / "shots", tmp_path / "lake"
+    source.mkdir()
+    names = [f"n{i}" for i in range(len(KINECT_1))]
+    (source / "take.npz").write_bytes(npz_bytes(swinging_body(40), names, KINECT_1_PARENTS, 30.0))
+    assert motionlake("ingest", source, "--lake", lake).status == 0
+    rows = motionlake("sql", "SELECT rig, notes FROM clips", "--json", "--lake", lake).json
+    assert rows[0]["rig"].startswith("auto:")
+    assert NOTE in rows[0]["notes"]
+    assert motionlake("rig", source / "take.npz").status == 0
