@@ -154,7 +154,7 @@ def still(hierarchy: Hierarchy) -> SolvedMotion:
 def test_what_is_no_person_is_refused() -> None:
     person, _ = body(spines=3, clavicles=True, toes=True, buttocks=False, fingers=0)
     auto_rig(person, still(person))
-    snake = tree([(f"j{i}", i - 1, (0, 0.1, 0)) for i in range(20)])
+    snake = tree([(f"j{i}", i - 1, (0, 0.1, 0)) for i in range(5000)])
     with pytest.raises(ClipError, match="no joint is clearly the hips"):
         auto_rig(snake, still(snake))
     # An animal on four legs: the trunk lies, what the person has as arms stands.

@@ -79,6 +79,13 @@ class _Body:
         for joint, parent in enumerate(self.parents):
             if parent >= 0:
                 self.children[parent].append(joint)
+        # Of the joints that hang on each the one that reaches farthest; parents come before what hangs on them.
+        self.onwards: dict[int, int] = {}
+        reach = self.bones.copy()
+        for joint in range(len(self.parents) - 1, -1, -1):
+            if self.children[joint]:
+                self.onwards[joint] = max(self.children[joint], key=reach.__getitem__)
+                reach[joint] += reach[self.onwards[joint]]
         self.tips = {joint for joint, offset in hierarchy.end_sites if np.linalg.norm(offset) > 0}
 
     def solved(self) -> dict[str, int]:
@@ -113,6 +120,8 @@ class _Body:
         return max(fitting, key=lambda both: both[0].length + both[1].length, default=None)
 
     def _pairs(self, carrier: int) -> list[_Pair]:
+        if len(self.children[carrier]) < 2:
+            return []
         limbs = [limb for child in self.children[carrier] if len(limb := self._longest(child)) >= _LIMB]
         found = []
         for one, other in combinations(limbs, 2):
@@ -128,13 +137,10 @@ class _Body:
 
     def _longest(self, joint: int) -> tuple[int, ...]:
         """The chain of joints from here that reaches farthest along its bones."""
-
-        def reach(start: int) -> tuple[float, tuple[int, ...]]:
-            onwards = [reach(child) for child in self.children[start]]
-            length, chain = max(onwards, key=lambda each: (len(each[1]) >= 1, each[0]), default=(0.0, ()))
-            return float(self.bones[start]) + length, (start, *chain)
-
-        return reach(joint)[1]
+        chain = [joint]
+        while chain[-1] in self.onwards:
+            chain.append(self.onwards[chain[-1]])
+        return tuple(chain)
 
     def _long_bones(self, limb: tuple[int, ...]) -> tuple[int, int, int]:
         """Where the two long bones of a limb begin, meet and end, as places in the limb."""
