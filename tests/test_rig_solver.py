@@ -159,13 +159,17 @@ def test_what_is_no_person_is_refused() -> None:
         auto_rig(snake, still(snake))
     # An animal on four legs: the trunk lies, what the person has as arms stands.
     offsets = person.offsets.copy()
-    for joint, name in enumerate(person.joints):
-        assert name
-        if joint and person.parents[joint] >= 0 and not any(offsets[joint, :1]) and offsets[joint, 1] > 0:
+    for joint in range(1, len(person.joints)):
+        if not any(offsets[joint, :1]) and offsets[joint, 1] > 0:
             offsets[joint] = offsets[joint][[0, 2, 1]]
     lying = replace(person, offsets=offsets)
     with pytest.raises(ClipError, match="never stands"):
         auto_rig(lying, still(lying))
+    twins = replace(person, joints=("hips", *["joint"] * (len(person.joints) - 1)))
+    with pytest.raises(ClipError, match="two joints are called joint"):
+        auto_rig(twins, still(twins))
+    spaced = replace(person, joints=tuple(f"Armature|Bone.{i:03}" for i in range(len(person.joints))))
+    auto_rig(spaced, still(spaced))
     contrary = replace(person, joints=tuple(f"front_leg_{i}" for i in range(len(person.joints))))
     with pytest.raises(ClipError, match="is where the left shoulder should be"):
         auto_rig(contrary, still(contrary))

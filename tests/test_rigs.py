@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 from motionlake.errors import ClipError, UserError
 from motionlake.formats import read_clips
+from motionlake.motion.auto_rig import first_map
 from motionlake.motion.clip import ChannelKind, Hierarchy
+from motionlake.motion.kinematics import solve
 from motionlake.motion.rest import bind
 from motionlake.motion.rigs import RigMap, bare_names, identify, load_rigs, parse_rig
 from motionlake.motion.skeleton import INDEX, JOINTS, PARENTS
@@ -96,8 +98,9 @@ def test_namespaces_are_stripped_but_not_sides() -> None:
 @pytest.mark.recordings
 @pytest.mark.parametrize("name", SETS)
 def test_starter_maps_of_recordings_load_and_find_the_limbs(recordings: Path, name: str) -> None:
-    hierarchy = read_clips(sample(recordings, name)[0])[0].hierarchy
-    starter = parse_rig(starter_map(hierarchy), "starter")
+    clip = read_clips(sample(recordings, name)[0])[0]
+    hierarchy = clip.hierarchy
+    starter = parse_rig(first_map(hierarchy, solve(clip)), "starter")
     assert identify(hierarchy.joints, {"my_rig": starter}) is starter
     known = identify(hierarchy.joints, RIGS)
     same = [joint for joint, source in known.joints.items() if starter.joints.get(joint) == source]
@@ -112,7 +115,7 @@ def test_a_starter_map_is_of_its_own_file(spelt: str) -> None:
         tuple(spelt.format(joint) for joint in JOINTS), PARENTS, offsets, ((),) * len(JOINTS), ChannelKind.POSITIONS,
         np.tile(np.array([1.0, 0, 0, 0]), (len(JOINTS), 1)),
     )  # fmt: skip
-    starter = parse_rig(starter_map(hierarchy), "starter")
+    starter = parse_rig(starter_map(hierarchy, guess_joints(hierarchy)), "starter")
     assert identify(hierarchy.joints, {"my_rig": starter}) is starter
     assert bind(starter, hierarchy).source == {INDEX[joint]: INDEX[joint] for joint in JOINTS}
 
@@ -128,7 +131,7 @@ def test_a_starter_map_of_nonsense_still_loads() -> None:
         ChannelKind.POSITIONS,
         np.tile(np.array([1.0, 0, 0, 0]), (len(JOINTS), 1)),
     )
-    starter = parse_rig(starter_map(hierarchy), "starter")
+    starter = parse_rig(starter_map(hierarchy, guess_joints(hierarchy)), "starter")
     assert starter.joints == {"hips": "J0"}
     assert set(starter.filled) == set(JOINTS) - {"hips"}
     named = Hierarchy(JOINTS, parents, hierarchy.offsets, hierarchy.channels, hierarchy.kind, hierarchy.axes)

@@ -140,10 +140,9 @@ def rig(
     Example: motionlake rig
     """
     from motionlake.formats import read_clips
-    from motionlake.motion.auto_rig import sampled
+    from motionlake.motion.auto_rig import first_map
     from motionlake.motion.kinematics import solve
     from motionlake.motion.rigs import identify, load_rigs
-    from motionlake.motion.starter import starter_map
 
     rigs = load_rigs(lake / "rigs" if lake else None)
     if clip is None:
@@ -161,7 +160,7 @@ def rig(
     if as_json or known is not None:
         tell(found, f"{known.name}: {known.description}" if known else None, as_json=as_json)
     else:
-        print(starter_map(source.hierarchy, sampled(solve(source))))
+        print(first_map(source.hierarchy, solve(source)))
 
 
 def _named_folder(context: typer.Context, folder: Path | None, lake: Path | None) -> Path:

@@ -15,9 +15,9 @@ from motionlake.arrays import Float64Array
 from motionlake.errors import ClipError
 from motionlake.motion.clip import Hierarchy, SolvedMotion, SourceClip
 from motionlake.motion.rig_solver import solve_rig
-from motionlake.motion.rigs import RigMap, identify, parse_rig
+from motionlake.motion.rigs import RigMap, bare_names, identify, joints_by_name, parse_rig
 from motionlake.motion.skeleton import chained
-from motionlake.motion.starter import LIMB_WORDS, name_sides, starter_map
+from motionlake.motion.starter import LIMB_WORDS, guess_joints, name_sides, starter_map
 
 PREFIX: Final = "auto:"
 NOTE: Final = "rig map solved from the joint tree; `motionlake rig FILE` prints it"
@@ -58,10 +58,16 @@ def auto_rig(hierarchy: Hierarchy, motion: SolvedMotion) -> RigMap:
     positions = sampled(motion)
     found = solve_rig(hierarchy, name_sides(hierarchy.joints), positions)
     _check(hierarchy, found, positions)
-    rig = parse_rig(starter_map(hierarchy, positions), "solved")
+    rig = parse_rig(starter_map(hierarchy, found), "solved")
     content = json.dumps([dict(rig.joints), {joint: repr(rule) for joint, rule in rig.filled.items()}, rig.rest])
     name = PREFIX + hashlib.sha256(content.encode()).hexdigest()[:12]
     return replace(rig, name=name, description="solved from a joint tree")
+
+
+def first_map(hierarchy: Hierarchy, motion: SolvedMotion) -> str:
+    """TOML text of a rig map to edit: as the joint tree gives it, or else as names do."""
+    found = solve_rig(hierarchy, name_sides(hierarchy.joints), sampled(motion)) or guess_joints(hierarchy)
+    return starter_map(hierarchy, found)
 
 
 def sampled(motion: SolvedMotion) -> Float64Array:
@@ -75,11 +81,16 @@ def _check(hierarchy: Hierarchy, found: Mapping[str, int], positions: Float64Arr
         raise ClipError(f"no joint is clearly the {missing[0].replace('_', ' ')}")
     if not {"neck", "head"} & found.keys():
         raise ClipError("no joint is clearly the neck or the head")
+    by_name = joints_by_name(hierarchy.joints)
+    for place in found.values():
+        if by_name[hierarchy.joints[place].casefold()] != place:
+            raise ClipError(f"two joints are called {hierarchy.joints[place]}")
+    names = bare_names(hierarchy.joints)
     for joint in LIMBS:
         limb, other = ("leg", "arm") if joint.endswith(("hip", "knee", "ankle")) else ("arm", "leg")
-        name = hierarchy.joints[found[joint]]
-        if re.search(LIMB_WORDS[other], name.lower()) and not re.search(LIMB_WORDS[limb], name.lower()):
-            raise ClipError(f"joint {name} is where the {joint.replace('_', ' ')} should be")
+        name = names[found[joint]]
+        if re.search(LIMB_WORDS[other], name) and not re.search(LIMB_WORDS[limb], name):
+            raise ClipError(f"joint {hierarchy.joints[found[joint]]} is where the {joint.replace('_', ' ')} should be")
     lengths = [
         np.median([_far(positions, found, side, *pair) for side, pair in product(("left", "right"), pairs)]) * 2
         for pairs in ((("shoulder", "elbow"), ("elbow", "wrist")), (("hip", "knee"), ("knee", "ankle")))

@@ -16,6 +16,7 @@ from typing import Final
 import numpy as np
 from motionlake.arrays import Float64Array
 from motionlake.motion.clip import ChannelKind, Hierarchy
+from motionlake.motion.rigs import bare_names
 from motionlake.motion.skeleton import chained
 
 # Limbs are chains of as many joints at least: hip, knee, ankle.
@@ -70,7 +71,7 @@ def solve_rig(
 class _Body:
     def __init__(self, hierarchy: Hierarchy, sides: Sequence[str | None], positions: Float64Array) -> None:
         self.parents = hierarchy.parents
-        self.names = [re.split(r"[:|]", name)[-1].lower() for name in hierarchy.joints]
+        self.names = bare_names(hierarchy.joints)
         self.sides = sides
         self.positions = positions
         self.children: list[list[int]] = [[] for _ in self.parents]

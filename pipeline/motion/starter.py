@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import product
 from typing import Final
 
-from motionlake.arrays import Float64Array
 from motionlake.motion.clip import ChannelKind, Hierarchy
-from motionlake.motion.rig_solver import solve_rig
 from motionlake.motion.skeleton import JOINTS
 from motionlake.names import toml_text
 
@@ -42,16 +40,15 @@ _OFFSETS: Final = {
 _FINGER: Final = r"finger|thumb|index|mid|ring|pinky"
 
 
-def starter_map(hierarchy: Hierarchy, positions: Float64Array | None = None) -> str:
+def starter_map(hierarchy: Hierarchy, guesses: Mapping[str, int]) -> str:
     """TOML text of a rig map for a clip of an unknown rig, to be checked and mended by a person.
 
     `parse_rig` reads it; canonical joints without a guess are filled by an offset.
 
     Args:
         hierarchy: joint tree of the clip.
-        positions: [F, J, 3] of its joints in some frames; None: of the zero pose.
+        guesses: canonical joint -> index of the joint that is it.
     """
-    guesses = solve_rig(hierarchy, name_sides(hierarchy.joints), positions) or guess_joints(hierarchy)
     others = [joint for index, joint in enumerate(hierarchy.joints) if index not in guesses.values()]
     rest = "positions" if hierarchy.kind is ChannelKind.POSITIONS else "zero"
     lines = [
@@ -155,10 +152,10 @@ def _trunk(hierarchy: Hierarchy, limbs: dict[str, int], sides: list[str | None])
     return found
 
 
-def _fill(canonical: str, guesses: dict[str, int], hierarchy: Hierarchy) -> str:
+def _fill(canonical: str, guesses: Mapping[str, int], hierarchy: Hierarchy) -> str:
     side, _, part = canonical.rpartition("_")
     ends = {joint for joint, _ in hierarchy.end_sites}
-    before = {"toe": f"{side}_ankle", "wrist": f"{side}_elbow", "head": "neck"}.get(part)
+    before = {"toe": f"{side}_ankle", "wrist": f"{side}_elbow", "head": "neck"}.get(part, "")
     if part == "clavicle" and {"neck", f"{side}_shoulder"} <= guesses.keys():
         return f'{{ between = ["neck", "{side}_shoulder"], at = 0.2 }}'
     if canonical == "spine" and "chest" in guesses:

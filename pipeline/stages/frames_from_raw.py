@@ -38,7 +38,7 @@ def write_frames_from_raw(at: LakeReader, dataset: str, part: str, key: str) -> 
             clip = own_rig(at.con, at.lake, row["clip"])
             solved = solve(clip)
             rig = auto_rig(clip.hierarchy, solved) if row["rig"].startswith(PREFIX) else rigs.get(row["rig"])
-            if rig is None:
+            if rig is None or rig.name != row["rig"]:
                 raise UserError(f"rig {row['rig']}: there is no such map any more; put it back into {at.lake.rigs}")
             motion = canonicalise(clip, solved, rig, up=row["up"], metres_per_unit=row["metres_per_unit"])
             found = Frames(row["clip"], row["fps"], motion.rotations, motion.positions)
