@@ -129,3 +129,32 @@ def test_what_is_no_clip_is_rejected_with_one_line(reader: Reader, tmp_path: Pat
             read_clips(path)
         assert str(caught.value)
         assert "\n" not in str(caught.value)
+
+
+def test_of_readers_of_one_suffix_the_one_that_claims_a_file_reads_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Plain:
+        name = "plain"
+        suffixes: tuple[str, ...] = (".moves",)
+
+        def read(self, data: bytes, path: Path, fps: float | None = None) -> list[SourceClip]:
+            return []
+
+    class Marked(Plain):
+        name = "marked"
+
+        def claims(self, path: Path) -> bool:
+            return path.is_file() and path.read_bytes().startswith(b"marked")
+
+    plain: Reader = Plain()
+    marked: Reader = Marked()
+    file = tmp_path / "walk.moves"
+    for order in ((plain, marked), (marked, plain)):
+        monkeypatch.setattr("motionlake.formats.registry.readers", lambda found=order: found)
+        file.write_bytes(b"marked 1 2 3")
+        assert reader_for(file) is marked
+        file.write_bytes(b"1 2 3")
+        assert reader_for(file) is plain
+    monkeypatch.setattr("motionlake.formats.registry.readers", lambda: (marked,))
+    assert reader_for(file) is marked

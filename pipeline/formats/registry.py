@@ -63,10 +63,16 @@ MAX_REASON: Final = 200
 class Reader(Protocol):
     """One file format.
 
-    A reader may also have `companions(path: Path) -> list[Path]`, further files that belong to the clip, such as the
-    .asf of an .amc; and `sniff(head: bytes) -> bool`, whether a file that begins so is of this format, where other
-    files have its suffixes too. `read_clips` holds every clip against the limits of the lake; a reader whose file
-    promises frames or joints before it holds them asks `limits().check_body(...)` before it makes room for them.
+    A reader may also have
+
+    - `companions(path: Path) -> list[Path]`: further files that belong to the clip, such as the .asf of an .amc;
+    - `sniff(head: bytes) -> bool`: whether a file that begins so is of this format, where other files have its
+      suffixes too;
+    - `claims(path: Path) -> bool`: whether the file there is this reader's, where another reader has its suffixes too;
+      one that has no `claims` reads what no other claims.
+
+    `read_clips` holds every clip against the limits of the lake; a reader whose file promises frames or joints before
+    it holds them asks `limits().check_body(...)` before it makes room for them.
 
     Attributes:
         name: the format's name, as users see it.
@@ -97,10 +103,20 @@ def readers() -> tuple[Reader, ...]:
 
 
 def reader_for(path: Path) -> Reader | None:
-    """The reader for the file's name (".gz" and letter case aside), or None where there is none."""
+    """The reader for the file's name (".gz" and letter case aside), or None where there is none.
+
+    Of readers of one suffix it is the first that claims the file there, or else the one that claims none.
+    """
     name = path.name.lower().removesuffix(COMPRESSED_SUFFIX)
     matches = [(suffix, reader) for reader in readers() for suffix in reader.suffixes if name.endswith(suffix)]
-    return max(matches, key=lambda match: len(match[0]))[1] if matches else None
+    if not matches:
+        return None
+    longest = max(len(suffix) for suffix, _ in matches)
+    of_suffix = [reader for suffix, reader in matches if len(suffix) == longest]
+    if len(of_suffix) == 1:
+        return of_suffix[0]
+    claiming = (reader for reader in of_suffix if hasattr(reader, "claims") and reader.claims(path))
+    return next(claiming, next((reader for reader in of_suffix if not hasattr(reader, "claims")), None))
 
 
 def is_clip(path: Path) -> bool:

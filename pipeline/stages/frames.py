@@ -91,7 +91,7 @@ class FramesStage(ClipStage):
                 reject = {"dataset": shard.dataset, "line": line, "reason": typed(reason), **content}
                 parts.rows["rejects"].append(reject)
                 continue
-            reader = reader_for(Path(file["path"]))
+            reader = reader_for(path)
             for clip, motion, rig in made:
                 name = f"{shard.dataset}/{file['path']}" + (f"#{clip.body}" if clip.body else "")
                 parts.write(

@@ -13,6 +13,7 @@ from typing import Final, TextIO
 import numpy as np
 from motionlake.arrays import Float64Array
 from motionlake.formats.bvh import unique
+from motionlake.formats.write.registry import ClipToWrite
 from motionlake.motion.clip import POSITION_CHANNELS, ChannelKind, Hierarchy, SourceClip, depth_first
 from motionlake.motion.kinematics import channel_starts, solve
 from motionlake.motion.rotations import IDENTITY, to_euler
@@ -180,3 +181,18 @@ def _write_whole(hierarchy: Hierarchy, channels: Float64Array, fps: float, path:
     except BaseException:
         temporary.unlink(missing_ok=True)
         raise
+
+
+class BvhWriter:
+    """BVH in the clip's own joints, unit and axes."""
+
+    name = "bvh"
+    suffix = ".bvh"
+    rig = ""
+
+    def write(self, motion: ClipToWrite, path: Path) -> None:
+        """Write the file, whole or not at all."""
+        write_bvh(motion.clip, path)
+
+
+WRITER: Final = BvhWriter()
