@@ -5,7 +5,10 @@ from __future__ import annotations
 import hashlib
 import io
 import json
+import os
+import re
 import shutil
+import signal
 import time
 import zipfile
 from collections.abc import Callable, Iterator
@@ -13,6 +16,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import requests
+from motionlake.cli._bytes import ByteProgress
 from motionlake.errors import UserError
 from motionlake.lake.catalog import reading
 from motionlake.lake.citations import citations
@@ -20,8 +25,10 @@ from motionlake.lake.layout import open_lake
 from motionlake.recipes.download import CHUNK, Patience
 from motionlake.recipes.fetching import Fetched, fetch_dataset
 from motionlake.recipes.recipe import Recipe, find_recipe
+from rich import progress
+from rich.console import Console
 
-from tests.lakes import motionlake, query
+from tests.lakes import Changed, finish, motionlake, query
 from tests.loopback import Site, serving
 from tests.processes import start_fresh
 from tests.samples import KINECT_1, KINECT_1_PARENTS, npz_bytes, swinging_body
@@ -234,6 +241,14 @@ def test_a_file_is_as_long_as_the_recipe_says(tmp_path: Path, site: Site, archiv
     assert_whole(tmp_path / "a", archive)
 
 
+def test_a_connection_that_ends_early_without_a_word(tmp_path: Path, site: Site, archive: bytes) -> None:
+    """A server that does not say how long its file is: the recipe does."""
+    site.files["/walks.zip"], site.cut, site.unsaid = archive, 10 * CHUNK, True
+    fetched(recipe_file(tmp_path, site, f"size = {len(archive)}"), tmp_path / "a")
+    assert_whole(tmp_path / "a", archive)
+    assert len(site.asked) == 3
+
+
 def test_redirects_and_nobody_there(tmp_path: Path, site: Site, archive: bytes) -> None:
     site.files["/here.zip"], site.moved["/walks.zip"] = archive, "/here.zip"
     fetched(recipe_file(tmp_path, site), tmp_path / "a")
@@ -241,6 +256,43 @@ def test_redirects_and_nobody_there(tmp_path: Path, site: Site, archive: bytes) 
     nobody = Site(url="http://127.0.0.1:1")
     with pytest.raises(UserError, match=r"cannot be reached \(connection refused\); 0 bytes are kept"):
         fetched(recipe_file(tmp_path, nobody), tmp_path / "b")
+
+
+@pytest.mark.parametrize("declared", [False, True])
+def test_no_way_leads_from_https_to_http(
+    tmp_path: Path, archive: bytes, declared: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """But to a file whose sha256 is known, which another one cannot have."""
+    far = Site(url="https://example.org")
+    answer = requests.Response()
+    answer.status_code, answer.url, answer.raw = 200, "http://example.org/walks.zip", io.BytesIO(archive)
+    asked = requests.Response()
+    asked.url, answer.history = f"{far.url}/walks.zip", [asked]
+    monkeypatch.setattr(requests.Session, "get", lambda *_, **__: answer)
+    known = f'sha256 = "{hashlib.sha256(archive).hexdigest()}"' if declared else ""
+    recipe = recipe_file(tmp_path, far, known)
+    if declared:
+        fetched(recipe, tmp_path / "a")
+        assert_whole(tmp_path / "a", archive)
+        return
+    with pytest.raises(UserError, match=r"leads to an address without https, http://example\.org"):
+        fetched(recipe, tmp_path / "a")
+
+
+def test_progress_tells_bytes_rate_and_what_is_left(
+    tmp_path: Path, site: Site, archive: bytes, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("motionlake.cli._bytes.SPOKEN", 0)
+    site.files["/walks.zip"] = archive
+    run = motionlake("fetch", recipe_file(tmp_path, site), "--to", tmp_path / "a")
+    assert re.search(r"^walks\.zip: \d+ kB of 388 kB, [\d.]+ [kMG]B/s, about \d+ s left$", run.err, re.MULTILINE)
+    shown = io.StringIO()
+    columns = (progress.DownloadColumn(), progress.TransferSpeedColumn(), progress.TimeRemainingColumn())
+    with progress.Progress(*columns, console=Console(file=shown, force_terminal=True, width=99)) as bars:
+        told = ByteProgress(bars)
+        told("walks.zip", 100_000, 400_000)
+        told("walks.zip", 300_000, 400_000)
+    assert "300.0/400.0 kB" in shown.getvalue()
 
 
 def test_one_call_at_a_time(tmp_path: Path, site: Site, archive: bytes) -> None:
@@ -257,17 +309,19 @@ def test_one_call_at_a_time(tmp_path: Path, site: Site, archive: bytes) -> None:
     assert "another motionlake fetches into it" in said[0]
 
 
-def test_a_killed_download_goes_on(tmp_path: Path, site: Site, archive: bytes) -> None:
-    """kill -9 in mid-download: the next call asks for what is missing alone."""
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGINT])
+def test_a_killed_download_goes_on(tmp_path: Path, site: Site, archive: bytes, number: int) -> None:
+    """kill -9 or Ctrl-C in mid-download: the next call asks for what is missing alone."""
     site.files["/walks.zip"], site.rate = archive, 400_000
     recipe, part = recipe_file(tmp_path, site), tmp_path / "a" / ".fetch" / "walks.zip.part"
     process = start_fresh("fetch", recipe, "--to", tmp_path / "a")
     until = time.monotonic() + 60
     while not (part.exists() and part.stat().st_size > 0) and time.monotonic() < until:
         time.sleep(0.01)
-    process.kill()
-    process.wait(60)
-    shutil.rmtree(process.folder)
+    os.kill(process.pid, number)
+    died = finish(process)
+    assert died.status == (-number if number == signal.SIGKILL else 128 + number)
+    assert number == signal.SIGKILL or died.err.endswith("the same command goes on where this one stopped\n")
     have = part.stat().st_size
     assert 0 < have < len(archive)
     site.rate = 0
@@ -327,7 +381,17 @@ def test_licence_and_citation_go_into_the_lake(tmp_path: Path, site: Site, archi
     told = motionlake("cite", "--lake", lake).out.splitlines()
     assert told[0] == "% dataset own: 2 clips, licence not stated"
     assert "% dataset walks: 2 clips, licence mine" in told
-    assert motionlake("run", "frames", "--lake", lake, "--scheduler", scheduler).status == 0
+    # A folder within the fetched one has its licence too; what a generator made of clips has their citations.
+    run = motionlake("ingest", folder / "clips", "--dataset", "inner", "--lake", lake, "--scheduler", scheduler)
+    assert f"{folder / 'SOURCE.json'}: walks" in run.err
+    assert query(lake, "SELECT DISTINCT licence FROM clips WHERE dataset = 'inner'") == [("CC BY 4.0",)]
+    with Changed(lake) as con:
+        con.execute(
+            "INSERT INTO synthetic BY NAME SELECT clip, 'm' AS model, '{}' AS config, ['c'] AS classes, 1 AS seconds, "
+            "1 AS seed, 1 AS number, 1 AS pace, 1 AS temperature, clip AS seed_clip, 0 AS seed_start, 9 AS seed_stop, "
+            "['walks'] AS datasets, ['l'] AS licences, clip AS key FROM clips WHERE dataset = 'own' LIMIT 1"
+        )
+    assert "% Walks of two https://example.org/walks" in motionlake("cite", "own/run_bob.npz", "--lake", lake).out
     (folder / "SOURCE.json").write_text('{"name": 7}', encoding="utf-8")
     run = motionlake("ingest", folder, "--dataset", "walks", "--lake", lake, "--scheduler", scheduler)
     assert (run.status, "its licence is not taken" in run.err) == (0, True)

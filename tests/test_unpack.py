@@ -125,10 +125,13 @@ def test_hostile_archives_are_refused_in_a_line(tmp_path: Path, kind: str, data:
     assert [path for path in tmp_path.rglob("*") if path.is_file()] == [archive]
 
 
-def test_a_file_that_is_longer_than_it_says(tmp_path: Path) -> None:
-    data = bytearray(zip_of({"liar.bvh": bytes(100_000)}))
+@pytest.mark.parametrize(
+    ("length", "told", "kind"), [(100_000, 10, zipfile.ZIP_DEFLATED), (10, 20, zipfile.ZIP_STORED)]
+)
+def test_a_file_that_is_not_as_long_as_it_says(tmp_path: Path, length: int, told: int, kind: int) -> None:
+    data = bytearray(zip_of({"liar.bvh": bytes(length)}, lambda info: setattr(info, "compress_type", kind)))
     for place in (data.index(b"PK\x01\x02") + 24, data.index(b"PK\x03\x04") + 22):  # both of its headers
-        data[place : place + 4] = (10).to_bytes(4, "little")
+        data[place : place + 4] = told.to_bytes(4, "little")
     (tmp_path / "archive").write_bytes(data)
     with pytest.raises(UserError, match=r"not as long as it says|is damaged"):
         unpack(tmp_path / "archive", "zip", tmp_path / "new")

@@ -53,8 +53,11 @@ class _AnewError(Exception):
 class ResumingDownloader:
     """What pooch calls to download: `(url, file to write, pooch)`. One for each file of a recipe."""
 
-    def __init__(self, file: RecipeFile, part: Path, arriving: Arriving, patience: Patience) -> None:
-        self._file, self._part, self._arriving, self._patience = file, part, arriving, patience
+    def __init__(
+        self, file: RecipeFile, part: Path, arriving: Arriving, notice: Callable[[str], object], patience: Patience
+    ) -> None:
+        self._file, self._part, self._arriving = file, part, arriving
+        self._notice, self._patience = notice, patience
         self._notes = part.with_name(part.name + ".json")
         self._asked_pause = 0.0  # seconds that the server has asked for
         self.resumed = False
@@ -67,8 +70,7 @@ class ResumingDownloader:
         with requests.Session() as session:
             while tries < self._patience.tries:
                 if tries:
-                    pause = self._patience.pause * 2 ** (tries - 1)
-                    time.sleep(min(max(pause, self._asked_pause), self._patience.longest))
+                    self._wait(tries, failed)
                 try:
                     self._ask(session, url)
                 except _AnewError:
@@ -86,6 +88,14 @@ class ResumingDownloader:
         raise UserError(
             f"{url}: cannot be reached ({failed}); {self._there()} bytes are kept, and the same command goes on"
         )
+
+    def _wait(self, tries: int, failed: str) -> None:
+        """Pause before a server is asked again; long pauses are told."""
+        pause = max(self._patience.pause * 2 ** (tries - 1), self._asked_pause)
+        pause = min(pause, self._patience.longest)
+        if pause > 1:
+            self._notice(f"{self._file.name}: {failed}; is asked for again in {pause:.0f} s")
+        time.sleep(pause)
 
     def forget(self) -> None:
         """Throw away what has arrived."""

@@ -161,7 +161,7 @@ def _download(
     if wanted is None and file.url.startswith("http:"):
         notice(f"{file.url}: is fetched without https, and no hash of it is known: nothing tells what has arrived")
     while True:
-        downloader = ResumingDownloader(file, part, arriving, patience)
+        downloader = ResumingDownloader(file, part, arriving, notice, patience)
         try:
             found = pooch.retrieve(file.url, wanted, fname=file.name, path=work, downloader=downloader)
         except ValueError as error:
