@@ -331,6 +331,24 @@ def test_a_killed_download_goes_on(tmp_path: Path, site: Site, archive: bytes, n
     assert_whole(tmp_path / "a", archive)
 
 
+def test_ctrl_c_while_a_file_is_compared_loses_nothing(
+    tmp_path: Path, site: Site, archive: bytes, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    site.files["/walks.zip"] = archive
+    recipe = recipe_file(tmp_path, site, f'sha256 = "{hashlib.sha256(archive).hexdigest()}"')
+
+    def interrupt(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr("pooch.core.hash_matches", interrupt)
+        with pytest.raises(KeyboardInterrupt):
+            fetched(recipe, tmp_path / "a")
+    fetched(recipe, tmp_path / "a")
+    assert len(site.asked) == 1
+    assert_whole(tmp_path / "a", archive)
+
+
 def test_by_hand(tmp_path: Path, site: Site, archive: bytes) -> None:
     text = recipe_file(tmp_path, site).read_text(encoding="utf-8")
     text = text.replace(f'url = "{site.url}/walks.zip"', 'name = "walks.zip"')

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+import json
 import re
+from contextlib import suppress
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
 from motionlake.cli._bytes import amount
 from motionlake.errors import UserError
+from motionlake.lake.citations import Source, read_source
 from motionlake.motion.rigs import load_rigs
 from motionlake.recipes.recipe import Recipe, find_recipe, parse_recipe, recipes
 
@@ -127,6 +133,29 @@ def test_a_recipe_that_is_none_says_why(tmp_path: Path, old: str, new: str, said
     assert "docs/fetch.md" in run.err
     assert said.lower() in run.err.lower() or said == "TOML"
     assert not (tmp_path / "a").exists()
+
+
+ANY = st.recursive(st.none() | st.booleans() | st.integers() | st.text(max_size=9), st.lists, max_leaves=3)
+
+
+@settings(max_examples=60)
+@given(
+    said=st.dictionaries(st.sampled_from([*Source.__annotations__, "motionlake_source", "files"]), ANY), raw=st.binary()
+)
+@example(said={"name": "\ud800"}, raw=b"")
+@example(said={}, raw=b"[" * 100_000)
+def test_a_source_file_of_others_is_read_or_refused(said: dict[str, object], raw: bytes) -> None:
+    with TemporaryDirectory() as temporary:
+        folder = Path(temporary) / "clips"
+        folder.mkdir()
+        for content in (json.dumps({"motionlake_source": 1, "name": "x", **said}).encode(), raw):
+            (folder / "SOURCE.json").write_bytes(content)
+            with suppress(ValueError):
+                found = read_source(folder)
+                assert found is not None
+                assert found[0] == folder / "SOURCE.json"
+                texts = [value for value in vars(found[1]).values() if not isinstance(value, bool | None)]
+                assert "".join(texts).encode()
 
 
 def test_a_recipe_that_is_not_there(tmp_path: Path) -> None:

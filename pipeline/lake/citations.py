@@ -48,6 +48,7 @@ def source_from(said: Mapping[str, Any]) -> Source:
     for name, value in found.items():
         if not (value is None or isinstance(value, bool) if name == "commercial" else isinstance(value, str)):
             raise ValueError(f"{name} is {json.dumps(value)[:40]}")
+        str(value).encode()  # JSON can spell halves of characters, which no text of a lake may hold
     if not found.get("name"):
         raise ValueError("it has no name")
     return Source(**found)

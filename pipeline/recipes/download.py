@@ -8,6 +8,7 @@ is asked for all of it.
 from __future__ import annotations
 
 import json
+import os
 import re
 import time
 from collections.abc import Callable, Mapping
@@ -82,12 +83,19 @@ class ResumingDownloader:
                     tries = 1 if self._there() > furthest else tries + 1
                     furthest = max(furthest, self._there())
                 else:
-                    self._part.replace(output_file)
-                    self._notes.unlink(missing_ok=True)
+                    self._hand_over(Path(output_file))
                     return
         raise UserError(
             f"{url}: cannot be reached ({failed}); {self._there()} bytes are kept, and the same command goes on"
         )
+
+    def _hand_over(self, file: Path) -> None:
+        """Let pooch have the bytes. They stay here until they are found right, which takes minutes of a large file."""
+        file.unlink(missing_ok=True)
+        try:
+            os.link(self._part, file)
+        except OSError:  # a file system without links
+            self._part.replace(file)
 
     def _wait(self, tries: int, failed: str) -> None:
         """Pause before a server is asked again; long pauses are told."""
@@ -112,6 +120,9 @@ class ResumingDownloader:
         self._asked_pause = 0.0
         known = self._known_version(url)
         have = self._there()
+        if have and have == self._expected(known):
+            self.resumed = True
+            return
         headers = {"Accept-Encoding": "identity"}
         if have:
             headers["Range"] = f"bytes={have}-"
@@ -125,8 +136,6 @@ class ResumingDownloader:
                     self._asked_pause = float(answer.headers.get("Retry-After", 0))
                 raise _LaterError(f"the server says {answer.status_code} {answer.reason}")
             if answer.status_code == 416 and have:
-                if have == self._expected(known):
-                    return
                 raise _AnewError
             if answer.status_code not in (200, 206):
                 raise UserError(

@@ -10,6 +10,7 @@ import csv
 import fcntl
 import hashlib
 import json
+import os
 import re
 import shutil
 import uuid
@@ -110,7 +111,7 @@ def _at_work(folder: Path) -> Iterator[Path]:
         except OSError as error:
             raise UserError(f"{folder}: another motionlake fetches into it; wait for its end") from error
         for stale in (*work.glob("new-*"), *work.glob("old-*"), *work.glob("tmp*")):
-            shutil.rmtree(stale) if stale.is_dir() else stale.unlink()
+            _remove(stale)
         yield work
         if [path.name for path in work.iterdir()] == ["lock"]:
             shutil.rmtree(work)
@@ -171,6 +172,7 @@ def _download(
                 continue
             why = "the recipe says" if file.known_hash else f"{FETCHED} says it had before (delete that to take it)"
             raise UserError(f"{file.url}: has another hash than {why}, {wanted}; it is thrown away") from error
+        downloader.forget()
         return Path(found)
 
 
@@ -189,6 +191,8 @@ def _put(archive: Path, file: RecipeFile, folder: Path, work: Path) -> None:
     if file.unpack == "none":
         new.mkdir()
         shutil.copyfile(archive, new / file.name)
+        with (new / file.name).open("rb") as handle:
+            os.fsync(handle.fileno())
     else:
         try:
             unpack(archive, file.unpack, new, file.only)
@@ -203,7 +207,14 @@ def _put(archive: Path, file: RecipeFile, folder: Path, work: Path) -> None:
     new.rename(target)
     sync_folder(folder)
     for old in work.glob("old-*"):
-        shutil.rmtree(old) if old.is_dir() else old.unlink()
+        _remove(old)
+
+
+def _remove(path: Path) -> None:
+    if path.is_dir() and not path.is_symlink():
+        shutil.rmtree(path)
+    else:
+        path.unlink()
 
 
 def _holds_files(folder: Path, recipe: Recipe) -> bool:
