@@ -118,7 +118,7 @@ def test_the_version() -> None:
 def test_a_command_that_is_not_there() -> None:
     run = motionlake("serch", "x")
     assert run.status == 2
-    assert "Did you mean 'search'?" in run.err
+    assert "Did you mean 'search'" in run.err
 
 
 @pytest.mark.parametrize("words", [["{lake}"], ["--lake", "{lake}"], ["{lake}", "--lake", "{lake}"]])

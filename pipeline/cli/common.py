@@ -21,8 +21,9 @@ if TYPE_CHECKING:
     from motionlake.lake.catalog import Connection
     from motionlake.lake.layout import Lake
     from motionlake.retrieval.protocol import Query
-    from rich.progress import Progress
+    from rich.progress import Progress, ProgressColumn
 
+SPOKEN: Final = 10  # seconds between two lines of progress where there is no terminal
 FORMULA: Final = ("=", "+", "-", "@", "\t", "\r")
 # Of every typer application.
 SETTINGS: Final[dict[str, Any]] = {
@@ -239,7 +240,7 @@ class StageProgress:
             return
         now = time.monotonic()
         started = self._started.setdefault(stage, now)
-        if now - self._spoke >= 10 and 0 < done < total:
+        if now - self._spoke >= SPOKEN and 0 < done < total:
             self._spoke = now
             left = (now - started) / done * (total - done)
             notice(f"{stage}: {done} of {total}, about {left:.0f} s left")
@@ -251,14 +252,19 @@ def stage_progress() -> Iterator[StageProgress]:
         yield StageProgress(None)
         return
     from rich import progress
+
+    columns = (progress.MofNCompleteColumn(), progress.TimeElapsedColumn(), progress.TimeRemainingColumn())
+    with bars(*columns) as shown:
+        yield StageProgress(shown)
+
+
+def bars(*columns: ProgressColumn) -> Progress:
+    """Bars on stderr, each with its name and these columns."""
+    from rich import progress
     from rich.console import Console
 
-    columns = (
-        progress.TextColumn("{task.description:>10}"), progress.BarColumn(), progress.MofNCompleteColumn(),
-        progress.TimeElapsedColumn(), progress.TimeRemainingColumn(),
-    )  # fmt: skip
-    with progress.Progress(*columns, console=Console(stderr=True)) as bars:
-        yield StageProgress(bars)
+    named = progress.TextColumn("{task.description:>10}", markup=False)
+    return progress.Progress(named, progress.BarColumn(), *columns, console=Console(stderr=True))
 
 
 @contextmanager

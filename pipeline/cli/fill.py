@@ -24,6 +24,7 @@ from motionlake.errors import UserError
 from motionlake.formats import readers
 from motionlake.jobs import run as jobs
 from motionlake.lake.catalog import fetch, reading
+from motionlake.lake.citations import read_source
 from motionlake.lake.layout import Lake, check_dataset, open_lake
 from motionlake.motion.rigs import load_rigs
 from motionlake.names import kept
@@ -56,7 +57,9 @@ def ingest(
         ),
     ] = None,
     fps: Annotated[float | None, typer.Option(help="Frames a second, whatever the file says.")] = None,
-    licence: Annotated[str | None, typer.Option(help="Licence to record with every clip.")] = None,
+    licence: Annotated[
+        str | None, typer.Option(help="Licence to record with every clip (default: that of SRC/SOURCE.json).")
+    ] = None,
     checksum: Annotated[bool, typer.Option(help="Hash every file again; do not trust size and date.")] = False,
     retry_failed: Annotated[bool, typer.Option("--retry-failed", help="Take up rejected files again.")] = False,
     take_back: Annotated[
@@ -122,7 +125,22 @@ def _root(source: Path, dataset: str | None, options: IngestOptions) -> Root:
         raise UserError(f"{source}: no such file or folder")
     path = source.resolve()
     folder = path.parent if path.is_file() else path
-    return Root(check_dataset(dataset or kept(folder.name)), kept(path), options)
+    return Root(check_dataset(dataset or kept(folder.name)), kept(path), _with_source(folder, options))
+
+
+def _with_source(folder: Path, options: IngestOptions) -> IngestOptions:
+    """The options with what SOURCE.json of the folder says, which is told in a line."""
+    try:
+        found = read_source(folder)
+    except ValueError as error:
+        notice(f"{error}; its licence is not taken")
+        return options
+    if found is None:
+        return options
+    file, source = found
+    licence = options.licence or source.licence or "not stated"
+    notice(f"{file}: {source.name}, licence {licence}" + ", citation kept" * bool(source.citation))
+    return replace(options, source=source)
 
 
 def _check_clips(lake: Lake, roots: Sequence[Root]) -> None:

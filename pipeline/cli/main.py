@@ -26,6 +26,7 @@ from typer.core import TyperGroup
 COMMANDS: Final = {
     "Fill a lake": {
         "init": "Create an empty lake, the folder that holds clips and all that is computed of them.",
+        "fetch": "Fetch a dataset that others publish, with licence and citation; without a name, list what there is.",
         "ingest": "Take clips into a lake, which is created if it is not there.",
         "run": "Bring a lake up to date: only what is missing is computed.",
         "status": "What a lake holds, what is made, what is missing, what was rejected and what failed.",
@@ -48,6 +49,7 @@ COMMANDS: Final = {
     },
     "Look at it": {
         "view": "Play a clip beside the recorded one most like it: an HTML page, a GIF or a PNG.",
+        "cite": "The licences and citations of what a lake holds, as BibTeX with comments.",
         "report": "One HTML page that shows what a lake holds: signatures, maps, motifs, sequences, a search.",
         "export": "Write a clip, or a range of it, as BVH.",
     },
@@ -69,6 +71,7 @@ COMMANDS: Final = {
 # The module of every command.
 MODULES: Final = {
     "fill": ("ingest", "run", "remove"),
+    "fetch": ("fetch", "cite"),
     "lake": ("init", "migrate", "status", "rig"),
     "mend": ("verify", "repair", "backup", "restore"),
     "search": ("search", "find", "align"),

@@ -96,7 +96,7 @@ class FramesStage(ClipStage):
                 name = f"{shard.dataset}/{file['path']}" + (f"#{clip.body}" if clip.body else "")
                 parts.write(
                     name, clip, motion, config, format=reader.name if reader else "", rig=rig.name,
-                    notes=[*clip.notes, *motion.notes], licence=options.licence, **content,
+                    notes=[*clip.notes, *motion.notes], licence=options.recorded_licence, **content,
                 )  # fmt: skip
 
 

@@ -55,7 +55,7 @@ def apply_labels(con: Connection, root: Root) -> list[LabelReport]:
         UserError: a label file named by the user is missing.
     """
     reports = []
-    parameters = {"dataset": root.dataset, "root": root.kept_base, "licence": root.options.licence}
+    parameters = {"dataset": root.dataset, "root": root.kept_base, "licence": root.options.recorded_licence}
     kinds = (("load_labels", LABEL_ROWS, _label_rows), ("load_segments", SEGMENT_ROWS, _segment_rows))
     for file, (statement, schema, read) in zip(_files(root), kinds, strict=True):
         rows = read(root, file) if file else []
@@ -68,7 +68,7 @@ def apply_labels(con: Connection, root: Root) -> list[LabelReport]:
 def labels_hash(root: Root) -> str:
     """sha256 over what the label files of a root say, and the licence that was given with it."""
     said = [hashlib.sha256(file.read_bytes()).hexdigest() if file else None for file in _files(root)]
-    return config_hash([root.options.licence, *said])
+    return config_hash([root.options.recorded_licence, *said])
 
 
 def _files(root: Root) -> list[Path | None]:

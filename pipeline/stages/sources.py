@@ -7,7 +7,7 @@ import json
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any, Final, TypeAlias
 
@@ -15,6 +15,7 @@ from motionlake.errors import ClipError, UserError
 from motionlake.formats import companions, is_clip
 from motionlake.formats.limits_config import Limits, raised
 from motionlake.lake.catalog import Connection, fetch
+from motionlake.lake.citations import Source, source_from
 from motionlake.lake.config import FramesConfig, config_hash
 from motionlake.lake.layout import Lake
 from motionlake.motion.units import UNITS
@@ -38,9 +39,10 @@ class IngestOptions:
         unit: length unit of the files: a name of `UNITS` or metres per unit as a number.
         fps: frames a second.
         rig: name of the rig map.
-        licence: recorded with every clip.
+        licence: recorded with every clip; None takes that of the source.
         labels, segments: files; None means labels.csv and segments.csv in the source folder, where they are.
         ignored: paths that were removed for good and are not taken in again.
+        source: what SOURCE.json of the folder said of it.
     """
 
     up: str | None = None
@@ -51,6 +53,12 @@ class IngestOptions:
     labels: str | None = None
     segments: str | None = None
     ignored: tuple[str, ...] = ()
+    source: Source | None = None
+
+    @property
+    def recorded_licence(self) -> str | None:
+        """The licence that goes with every clip."""
+        return self.licence or (self.source.licence if self.source else None) or None
 
     @property
     def metres_per_unit(self) -> float | None:
@@ -143,14 +151,16 @@ def check_apart(con: Connection, datasets: Iterable[str]) -> None:
 
 
 def options_json(options: IngestOptions) -> str:
-    """As `roots` keeps them; `ignored` only where there are such paths."""
-    kept = asdict(options)
-    return json.dumps(kept if options.ignored else {k: v for k, v in kept.items() if k != "ignored"}, sort_keys=True)
+    """As `roots` keeps them; `ignored` and `source` only where there are such."""
+    kept = {k: v for k, v in asdict(options).items() if v or k not in ("ignored", "source")}
+    return json.dumps(kept, sort_keys=True)
 
 
 def options_from(kept: Mapping[str, Any]) -> IngestOptions:
-    """What `options_json` wrote."""
-    return IngestOptions(**{**kept, "ignored": tuple(kept.get("ignored", ()))})
+    """What `options_json` wrote; options of a later motionlake are ignored."""
+    known = {field.name: kept[field.name] for field in fields(IngestOptions) if field.name in kept}
+    source = source_from(kept["source"]) if kept.get("source") else None
+    return IngestOptions(**{**known, "ignored": tuple(kept.get("ignored", ())), "source": source})
 
 
 @dataclass(frozen=True, slots=True)

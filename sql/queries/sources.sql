@@ -42,3 +42,22 @@ SELECT path, line, reason FROM rejects WHERE dataset = $dataset ORDER BY path;
 -- name: count_rejects
 SELECT count(*)::BIGINT AS rejects FROM rejects r JOIN sources s USING (dataset, path)
 WHERE dataset = $dataset AND s.root = $root;
+
+-- name: sources_told
+-- What SOURCE.json of each folder said when it was taken in.
+SELECT dataset, options->'$.source' AS source FROM roots
+WHERE coalesce(json_type(options, '$.source'), 'NULL') = 'OBJECT' ORDER BY dataset, root;
+
+-- name: datasets_of_clips
+-- What the catalog itself knows of the licences of each dataset.
+SELECT dataset, count(*)::BIGINT AS clips,
+    coalesce(list_sort(list(DISTINCT licence) FILTER (licence IS NOT NULL)), []) AS licences,
+    count(*) FILTER (licence IS NULL)::BIGINT AS unlicensed
+FROM clips GROUP BY dataset ORDER BY dataset;
+
+-- name: origins_of_synthetic
+-- Datasets of the training clips and of the seed clips of synthetic ones.
+SELECT DISTINCT dataset, origin FROM (
+    SELECT c.dataset, unnest(list_append(s.datasets, o.dataset)) AS origin
+    FROM synthetic s JOIN clips c USING (clip) LEFT JOIN clips o ON o.clip = s.seed_clip
+) WHERE origin IS NOT NULL ORDER BY ALL;

@@ -2,7 +2,7 @@
 CREATE TABLE roots (
     dataset VARCHAR NOT NULL,
     root VARCHAR NOT NULL,           -- absolute folder
-    options VARCHAR NOT NULL,        -- JSON: up, unit, fps, rig, licence, labels, segments
+    options VARCHAR NOT NULL,        -- JSON: up, unit, fps, rig, licence, labels, segments, source
     labels_hash VARCHAR NOT NULL,    -- of the label files as they were last entered
     PRIMARY KEY (dataset, root)
 );
