@@ -110,8 +110,9 @@ class _Body:
             done.add(source)
         for joint, source in self.character.source.items():
             done |= self._share(joint, self._between(source), canonical)
-        for start, end in POINTED if measured is not None else ():
-            self._point(INDEX[start], INDEX[end], measured)
+        if measured is not None:
+            for start, end in POINTED:
+                self._point(INDEX[start], INDEX[end], measured)
         for joint, parent in enumerate(self.parents):
             if joint not in done:
                 above = turn_to_y_up(self.character.up) if parent < 0 else np.ascontiguousarray(self.world[:, parent])
@@ -197,7 +198,7 @@ class _Body:
         if drop.max() > SAME_PLACE:
             spread = max(1, round(fps * SPREAD))
             drop = gaussian_filter1d(maximum_filter1d(drop, 4 * spread + 1), spread)
-        return root - drop[:, None] * np.array([0.0, 1.0, 0.0])
+        return np.asarray(root - drop[:, None] * np.array([0.0, 1.0, 0.0]))
 
     def bend(self, side: str, root: Float64Array, targets: Float64Array) -> None:
         """Bring an ankle to where it is wanted, [F, 21, 3], by hip and knee."""

@@ -16,6 +16,7 @@ SIDES: Final = ("left", "right")
 # lowest place of the clip.
 STILL: Final = 0.15
 LOW: Final = 0.04
+LOWEST: Final = 0.02  # quantile of heights that counts as the lowest place
 
 
 @dataclass(frozen=True)
@@ -36,7 +37,7 @@ def contacts(positions: Float64Array, fps: float, body_height: float) -> BoolArr
     rows = [[INDEX[f"{side}_ankle"], INDEX[f"{side}_toe"]] for side in SIDES]
     feet = positions[:, rows] / body_height
     speed = np.linalg.norm(np.gradient(feet, axis=0), axis=-1) * fps if len(feet) > 1 else np.zeros(feet.shape[:3])
-    lowest = np.quantile(feet[..., 1], 0.02, axis=(0, 1))
+    lowest = np.quantile(feet[..., 1], LOWEST, axis=(0, 1))
     return np.asarray(((speed < STILL) & (feet[..., 1] < lowest + LOW)).all(axis=-1))
 
 
@@ -65,3 +66,9 @@ def _flat(bones: Float64Array) -> FlatFoot | None:
         return None
     rise = np.arcsin(np.clip(bones[:, 1] / lengths, -1, 1))
     return FlatFoot(float(np.median(rise)), float(-np.median(bones[:, 1])))
+
+
+def foot_height(motion: CanonicalMotion) -> float:
+    """Metres at which the toe joints of a motion lie when they are lowest."""
+    toes = motion.positions[:, [INDEX[f"{side}_toe"] for side in SIDES], 1]
+    return float(np.quantile(toes, LOWEST))
