@@ -77,10 +77,12 @@ def retarget(motion: CanonicalMotion, character: Character, source: Character | 
 
 
 def t_pose(character: Character, place: Float64Array, fps: float) -> SourceClip:
-    """One frame of a character in the T-pose, facing +z, its toes at the height of a place [3] (metres, y up)."""
-    body = _Body(character, 1)
-    body.turn(np.tile(IDENTITY, (1, len(JOINTS), 1)), None)
-    height = leg_length(character.rest_offsets) + (character.foot.height if character.foot else 0.0)
+    """One frame of a character in the T-pose, facing +z, feet flat, its toes as high as a place [3] (metres, y up)."""
+    body, pose, height = _Body(character, 1), np.tile(IDENTITY, (1, len(JOINTS), 1)), leg_length(character.rest_offsets)
+    if character.foot is not None:  # the canonical T-pose stretches the feet; here they are flat
+        _tilt_feet(pose, FlatFoot(0.0, 0.0), character.foot)
+        height += character.foot.height
+    body.turn(pose, None)
     return body.clip(body.root_for((place + np.array([0.0, height, 0.0]))[None]), fps)
 
 
