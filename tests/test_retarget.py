@@ -174,6 +174,15 @@ def test_resampled_rotations_are_those_of_the_instants(made: CanonicalMotion) ->
 
 @pytest.mark.recordings
 @pytest.mark.parametrize("name", REAL)
+def test_a_recording_keeps_its_poses_at_half_its_rate(recordings: Path, name: str) -> None:
+    of = real(recordings, name)
+    half = solve(resampled(of.clip, of.clip.fps / 2)).positions
+    error = np.abs(half - solve(of.clip).positions[::2]) * of.character.metres_per_unit
+    assert error.max() < 1e-6
+
+
+@pytest.mark.recordings
+@pytest.mark.parametrize("name", REAL)
 def test_a_recording_on_its_own_character_is_itself(recordings: Path, name: str) -> None:
     of = real(recordings, name)
     again = solve(retarget(of.motion, of.character, of.character)).positions
