@@ -139,13 +139,22 @@ def export_set(
 
 
 def _put(made: Path, folder: Path, before: Path) -> None:
-    """Move what was made into a folder; what is there under the same names goes `before`, other things stay."""
+    """Move what was made into a folder; what is there under the same names goes `before`, other things stay.
+
+    Where that fails, what was there comes back.
+    """
     folder.mkdir(exist_ok=True)
     before.mkdir()
-    for path in sorted(made.iterdir()):
-        if (folder / path.name).exists():
-            (folder / path.name).rename(before / path.name)
-        path.rename(folder / path.name)
+    try:
+        for path in sorted(made.iterdir()):
+            if (folder / path.name).exists():
+                (folder / path.name).rename(before / path.name)
+            path.rename(folder / path.name)
+    except OSError:
+        for path in before.iterdir():
+            if not (folder / path.name).exists():
+                path.rename(folder / path.name)
+        raise
 
 
 def _failure(one: ClipRange, error: Exception) -> dict[str, Any]:
