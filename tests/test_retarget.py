@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 
@@ -18,7 +18,7 @@ from motionlake.motion.clip import POSITION_CHANNELS, QUATERNION_CHANNELS, Chann
 from motionlake.motion.kinematics import solve, world_rotations
 from motionlake.motion.posing import resampled
 from motionlake.motion.retarget import retarget, t_pose
-from motionlake.motion.rigs import load_rigs
+from motionlake.motion.rigs import Rest, load_rigs
 from motionlake.motion.rotations import IDENTITY, angle, multiply, rotate
 from motionlake.motion.skeleton import INDEX
 from motionlake.motion.standing import contacts
@@ -221,3 +221,18 @@ def test_there_and_back(recordings: Path, hero: Character, name: str, target: st
     back = solve(retarget(there, of.character, character)).positions
     error = np.linalg.norm(back - solve(of.clip).positions, axis=-1) * of.character.metres_per_unit
     assert error[:, list(of.character.source.values())].mean() < 2e-3 * of.motion.body_height
+
+
+@pytest.mark.recordings
+def test_a_character_whose_zero_pose_does_not_stand(recordings: Path) -> None:
+    """Without the map's rest orientations the bones of bandai's zero pose all point one way: its first frame tells."""
+    of, other = real(recordings, "hdm05"), real(recordings, "bandai1")
+    rig = replace(load_rigs()["bandai"], rest=Rest.ZERO, rest_orientations={})
+    character = character_of(other.clip, rig)
+    made = solve(retarget(of.motion, character, of.character))
+    again = canonicalise(other.clip, made, rig, metres_per_unit=character.metres_per_unit)
+    assert misplaced(of.motion, again, character).max() < 0.02
+    for start, end in LIMBS:
+        before, after = (m.positions[:, INDEX[end]] - m.positions[:, INDEX[start]] for m in (of.motion, again))
+        cosines = (before * after).sum(1) / np.linalg.norm(before, axis=1) / np.linalg.norm(after, axis=1)
+        assert cosines.min() > 0.95, (start, end)
