@@ -10,9 +10,10 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 from motionlake.arrays import Float64Array
-from motionlake.glogen.feet import BLEND, CLEAR, FAST, bent, planted
+from motionlake.glogen.feet import BLEND, CLEAR, FAST, planted
 from motionlake.glogen.trajectories import FPS, STANDARD, body_motion, measured_length, resampled
 from motionlake.motion.skeleton import INDEX, PARENTS
+from motionlake.motion.two_bones import bent
 
 from tests.lakes import canonical_clips
 

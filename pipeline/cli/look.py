@@ -1,4 +1,4 @@
-"""motionlake view, report and export: clips to look at, and clips as files."""
+"""motionlake view and report: clips to look at."""
 
 from __future__ import annotations
 
@@ -13,19 +13,16 @@ from motionlake.cli.common import (
     LakeOption,
     StartOption,
     StopOption,
-    argument,
     check_folder_of,
     named_query,
     notice,
     option,
-    range_query,
     tell,
 )
 from motionlake.errors import UserError
 from motionlake.lake.catalog import Connection, fetch, reading
 from motionlake.lake.layout import Lake, open_lake
-from motionlake.lake.resolve import resolve_clip
-from motionlake.names import file_name, safe_name, told_apart
+from motionlake.names import safe_name, told_apart
 
 if TYPE_CHECKING:
     from motionlake.pictures.player_material import PlayerClip
@@ -114,58 +111,11 @@ def report(
     tell(found, f"wrote {out}" + (f" and {len(files)} pictures into {pictures}" if files else ""), as_json=as_json)
 
 
-def export(
-    clip: Annotated[str, argument("A clip of the lake.")],
-    lake: LakeOption,
-    out: Annotated[Path | None, typer.Option("--out", "-o", help="BVH file to write (default: CLIP.bvh here).")] = None,
-    rig: Annotated[str, typer.Option(help="own: the clip's own rig; canonical: retargeted.")] = "own",
-    start: StartOption = None,
-    stop: StopOption = None,
-    as_json: JsonOption = False,
-) -> None:
-    """Write a clip, or a range of it, as BVH.
-
-    Example: motionlake export walk_01 --lake mylake --rig canonical --from 0s --to 4s -o walk.bvh
-    """
-    from motionlake.formats.write.bvh import write_bvh
-    from motionlake.lake.frames import frame_range
-    from motionlake.lake.raw import canonical_rig, own_rig
-
-    if rig not in ("own", "canonical"):
-        raise UserError(f"--rig {rig}: use own or canonical")
-    target = open_lake(lake)
-    with reading(target) as con:
-        name = resolve_clip(con, clip)
-        source = (own_rig if rig == "own" else canonical_rig)(con, target, name)
-        query = range_query(con, target, name, start, stop)
-    first, last = frame_range(name, query.start, query.stop, len(source.channels))
-    file = out or Path(f"{_file_stem(name)}.bvh")
-    if out is None and file.exists():  # the recording itself, maybe, or that of another folder
-        raise UserError(f"{file}: is there already; say with --out which file to write")
-    check_folder_of(file)
-    write_bvh(source, file, first, last)
-    found = {"clip": name, "file": str(file), "frames": last - first, "fps": source.fps}
-    tell(found, f"{file}: {last - first} frames of {name}", as_json=as_json)
-
-
 def _page_name(con: Connection, query: Query, name: str) -> str:
     """The name of a clip's page, which no other clip of the lake has."""
     if query.clip is None:
         return safe_name(name)
     return told_apart((row["clip"] for row in fetch(con, "clip_names")), safe_name)[name]
-
-
-def _file_stem(clip: str) -> str:
-    """The name of a clip's file without its suffix, and which body of it is meant."""
-    from motionlake.formats import readers
-
-    path, mark, body = clip.rpartition("#")
-    if not mark or "." in body:  # the mark is of the file's own name
-        path, body = clip, ""
-    stem = path.rpartition("/")[2].removesuffix(".gz")
-    suffixes = (suffix for reader in readers() for suffix in reader.suffixes)
-    longest = max((s for s in suffixes if stem.lower().endswith(s)), key=len, default="")
-    return file_name(stem[: len(stem) - len(longest)] + (f"-{body}" if body else ""))
 
 
 def _check_no_folder(out: Path) -> None:

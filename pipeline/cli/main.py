@@ -51,7 +51,7 @@ COMMANDS: Final = {
         "view": "Play a clip beside the recorded one most like it: an HTML page, a GIF or a PNG.",
         "cite": "The licences and citations of what a lake holds, as BibTeX with comments.",
         "report": "One HTML page that shows what a lake holds: signatures, maps, motifs, sequences, a search.",
-        "export": "Write a clip, or a range of it, as BVH.",
+        "export": "Write clips, or ranges of them, as files of many formats, on their own rig or on your character.",
     },
     "Sort it": {
         "classify": "The class of clips, learned from the labelled clips of the lake.",
@@ -77,7 +77,8 @@ MODULES: Final = {
     "search": ("search", "find", "align"),
     "duplicates": ("duplicates",),
     "sql": ("sql",),
-    "look": ("view", "report", "export"),
+    "look": ("view", "report"),
+    "export": ("export",),
     "sort": ("classify", "segment", "cluster"),
     "suggest": ("suggest",),
     "make": ("compose", "synthesize"),

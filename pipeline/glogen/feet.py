@@ -11,6 +11,7 @@ from typing import Final
 import numpy as np
 from motionlake.arrays import BoolArray, Float64Array
 from motionlake.motion.skeleton import INDEX
+from motionlake.motion.two_bones import bent, level_ahead
 from scipy.ndimage import gaussian_filter1d, label, maximum_filter1d
 
 SIDES: Final = ("left", "right")
@@ -26,11 +27,6 @@ FAST: Final = 1.2
 CLEAR: Final = 0.025
 SMOOTH: Final = 1.5  # frames
 GROUND: Final = 0.05  # quantile over time of the height of the lower foot
-REACH: Final = 0.999  # of a leg's length
-AHEAD: Final = 0.02  # of a thigh: a leg whose knee is less to a side is straight, and bends ahead
-
-UP: Final = np.array([0.0, 1.0, 0.0])
-SIDE: Final = np.array([1.0, 0.0, 0.0])
 
 
 def planted(joints: Float64Array, stands: Float64Array, size: float, fps: float) -> Float64Array:
@@ -51,7 +47,7 @@ def planted(joints: Float64Array, stands: Float64Array, size: float, fps: float)
     rows = {side: [INDEX[f"{side}_{part}"] for part in PARTS] for side in SIDES}
     heights = np.minimum(*(joints[:, rows[side], 1] for side in SIDES))
     grounds = np.quantile(heights, GROUND, axis=0)  # rigs differ in how high ankle and toe lie above the sole
-    ahead = _ahead(joints)
+    ahead = level_ahead(joints[:, INDEX["left_hip"]], joints[:, INDEX["right_hip"]])
     done = joints.copy()
     for side, standing in zip(SIDES, stands.T, strict=True):
         hip, knee = INDEX[f"{side}_hip"], INDEX[f"{side}_knee"]
@@ -63,14 +59,6 @@ def planted(joints: Float64Array, stands: Float64Array, size: float, fps: float)
         )
         done[:, toe] += done[:, ankle] - joints[:, ankle]
     return done
-
-
-def _ahead(joints: Float64Array) -> Float64Array:
-    """[T, 3] where the body faces, level."""
-    across = joints[:, INDEX["left_hip"]] - joints[:, INDEX["right_hip"]]
-    ahead = np.cross(across, [0.0, 1.0, 0.0])
-    level: Float64Array = ahead / np.maximum(np.linalg.norm(ahead, axis=1, keepdims=True), 1e-9)
-    return level
 
 
 def _staying(foot: Float64Array, standing: BoolArray, far: float) -> Float64Array:
@@ -102,34 +90,3 @@ def _lift(foot: Float64Array, grounds: Float64Array, size: float, fps: float) ->
     missing = np.maximum(wanted - (foot[..., 1] - grounds), 0).max(axis=1)
     lift: Float64Array = gaussian_filter1d(maximum_filter1d(missing, 3), SMOOTH)
     return lift
-
-
-def bent(
-    hip: Float64Array, knee: Float64Array, ankle: Float64Array, wanted: Float64Array, ahead: Float64Array
-) -> tuple[Float64Array, Float64Array]:
-    """Knees and ankles [T, 3] of legs whose ankles come to `wanted`, or as near to it as the legs are long.
-
-    A knee stays on the side of the leg where it is; that of a straight leg bends towards `ahead`.
-    """
-    thigh, shin = np.linalg.norm(knee - hip, axis=1), np.linalg.norm(ankle - knee, axis=1)
-    line = wanted - hip
-    length = np.linalg.norm(line, axis=1)
-    along = line / np.maximum(length, 1e-9)[:, None]
-    # Not quite straight, for knees snap into that; but a leg that was straighter may stay so.
-    longest = np.maximum(REACH * (thigh + shin), np.linalg.norm(ankle - hip, axis=1))
-    length = np.clip(length, np.abs(thigh - shin), np.minimum(longest, thigh + shin))
-    out = _across(knee - hip, along)
-    # A leg that points ahead bends upwards; where it is not known what is ahead, to a side.
-    for towards in (ahead, UP, SIDE):
-        straight = np.maximum(0, AHEAD * thigh - np.linalg.norm(out, axis=1))
-        out += straight[:, None] * _across(np.broadcast_to(towards, hip.shape), along)
-    out /= np.maximum(np.linalg.norm(out, axis=1), 1e-9)[:, None]
-    share = (thigh**2 - shin**2 + length**2) / (2 * np.maximum(length, 1e-9))
-    height = np.sqrt(np.maximum(thigh**2 - share**2, 0))
-    return hip + share[:, None] * along + height[:, None] * out, hip + length[:, None] * along
-
-
-def _across(vectors: Float64Array, along: Float64Array) -> Float64Array:
-    """[T, 3] what of vectors is at right angles to directions."""
-    rest: Float64Array = vectors - (vectors * along).sum(axis=1, keepdims=True) * along
-    return rest

@@ -178,7 +178,7 @@ class _Placed:
 
 
 def _placed(binding: Binding, motion: SolvedMotion, up: str, scale: float) -> _Placed:
-    turn = _turn(up)
+    turn = turn_to_y_up(up)
     source_positions = rotate(turn, motion.positions) * scale
     source_world = None if motion.world is None else multiply(turn, motion.world)
     positions = place(binding, source_positions, source_world, scale)
@@ -208,7 +208,8 @@ def _check_reach(positions: Float64Array, joints: tuple[str, ...], scale: float)
         )
 
 
-def _turn(up: str) -> Float64Array:
+def turn_to_y_up(up: str) -> Float64Array:
+    """The turn [4] that brings an up axis, one of x y z -x -y -z, to +y."""
     axis, degrees = _TURNS[up]
     return from_axis_angle(np.array(axis), degrees)
 
@@ -236,7 +237,7 @@ def _orientation_notes(positions: Float64Array, up: str) -> list[str]:
     upright = np.mean((np.argmax(np.abs(body), axis=1) == 1) & (body[:, 1] > 0))
     if upright >= 0.5:
         return []
-    longest = rotate(conjugate(_turn(up)), np.median(body, axis=0))
+    longest = rotate(conjugate(turn_to_y_up(up)), np.median(body, axis=0))
     strongest = int(np.argmax(np.abs(longest)))
     name = ("-" if longest[strongest] < 0 else "") + "xyz"[strongest]
     share = f"the head is not above the ankles in {1 - upright:.0%} of frames"

@@ -136,17 +136,10 @@ def to_canonical_rest(binding: Binding, motion: SolvedMotion, scale: float) -> F
     result = np.tile(IDENTITY, (len(JOINTS), 1))
     if binding.rig.rest is Rest.CANONICAL:
         return result
-    orientations = _rest_orientations(binding)
-    parents = binding.hierarchy.parents
-    rest = chained(rotate(orientations[list(parents)], _mean_offsets(parents, motion)), parents) * scale
-    placed = place(binding, rest[None], orientations[None], scale)[0]
-    if binding.rig.rest is Rest.ZERO:
-        upright = _to_upright(placed)
-        if upright is None:
-            return None
-        orientations, placed = multiply(upright, orientations), rotate(upright, placed)
-    if not _stands(placed):
+    standing = standing_rest(binding, motion, scale)
+    if standing is None:
         return None
+    orientations, placed = standing
     swings = _swings(placed, binding)
     for name, degrees in binding.rig.twists.items():
         twist = from_axis_angle(np.array(TWIST_AXES[name]), degrees)
@@ -156,7 +149,25 @@ def to_canonical_rest(binding: Binding, motion: SolvedMotion, scale: float) -> F
     return result
 
 
-def _mean_offsets(parents: tuple[int, ...], motion: SolvedMotion) -> Float64Array:
+def standing_rest(binding: Binding, motion: SolvedMotion, scale: float) -> tuple[Float64Array, Float64Array] | None:
+    """The rest pose of a file, y up and facing +z; None where it does not stand. Arguments as of `to_canonical_rest`.
+
+    Returns:
+        [J, 4] the global orientations A R of the file's joints, and [21, 3] where canonical joints are, metres.
+    """
+    orientations = rest_orientations(binding)
+    parents = binding.hierarchy.parents
+    rest = chained(rotate(orientations[list(parents)], mean_offsets(parents, motion)), parents) * scale
+    placed = place(binding, rest[None], orientations[None], scale)[0]
+    if binding.rig.rest is Rest.ZERO:
+        upright = _to_upright(placed)
+        if upright is None:
+            return None
+        orientations, placed = multiply(upright, orientations), rotate(upright, placed)
+    return (orientations, placed) if _stands(placed) else None
+
+
+def mean_offsets(parents: tuple[int, ...], motion: SolvedMotion) -> Float64Array:
     """[J, 3] offsets from the parent as the motion shows them: position channels replace rest offsets."""
     assert motion.world is not None
     frames = np.unique(np.linspace(0, len(motion.positions) - 1, SAMPLED_FRAMES).round().astype(int))
@@ -167,7 +178,7 @@ def _mean_offsets(parents: tuple[int, ...], motion: SolvedMotion) -> Float64Arra
     return offsets
 
 
-def _rest_orientations(binding: Binding) -> Float64Array:
+def rest_orientations(binding: Binding) -> Float64Array:
     """[J, 4] global orientations in the source's rest pose."""
     given = {binding.names.get(name.casefold()): q for name, q in binding.rig.rest_orientations.items()}
     orientations = np.tile(IDENTITY, (len(binding.hierarchy.joints), 1))

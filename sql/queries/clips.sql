@@ -93,3 +93,6 @@ DELETE FROM layouts WHERE layout NOT IN (SELECT layout FROM clips);
 
 -- name: forget_orphans_of_skeletons
 DELETE FROM skeletons WHERE skeleton NOT IN (SELECT skeleton FROM clips);
+
+-- name: clips_of_dataset
+SELECT * FROM clips WHERE $dataset::VARCHAR IS NULL OR dataset = $dataset;

@@ -1,16 +1,20 @@
-"""Which writer makes which file: every module of this package with a `WRITER` is one format that clips leave in."""
+"""Which writer makes which file: every module of this package with a `WRITER` is one format that clips leave in.
+
+A `Writer` makes one file of a clip, a `SetWriter` one folder of many.
+"""
 
 from __future__ import annotations
 
 import functools
 import importlib
 import pkgutil
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import ModuleType
 from typing import Protocol, runtime_checkable
 
+from motionlake.errors import ClipError
 from motionlake.motion.clip import SourceClip
 
 
@@ -52,13 +56,45 @@ class Writer(Protocol):
         ...
 
 
+@runtime_checkable
+class SetWriter(Protocol):
+    """One format that holds a set of clips in the files of one folder.
+
+    Attributes:
+        name: as users say it (`--format`).
+        rig: as of a `Writer`.
+    """
+
+    name: str
+    rig: str
+
+    def write_all(self, motions: Iterable[ClipToWrite], folder: Path) -> list[tuple[int, ClipError]]:
+        """Write the set into a folder that is there and empty; clips come once, one by one.
+
+        Which clips it left out, as numbers from 0 in the order in which they came, and why. `ClipError` where none
+        could be written.
+        """
+        ...
+
+
 @functools.cache
 def writers() -> dict[str, Writer]:
+    """The writers of one file a clip, by name."""
+    return {name: writer for name, writer in _found().items() if isinstance(writer, Writer)}
+
+
+@functools.cache
+def set_writers() -> dict[str, SetWriter]:
+    """The writers of sets of clips, by name."""
+    return {name: writer for name, writer in _found().items() if isinstance(writer, SetWriter)}
+
+
+def _found() -> dict[str, Writer | SetWriter]:
     """The `WRITER` of every module of this package, by name."""
     found = {}
     for module_info in pkgutil.iter_modules([str(Path(__file__).parent)]):
         module: ModuleType = importlib.import_module(f"{__package__}.{module_info.name}")
         writer = getattr(module, "WRITER", None)
-        if isinstance(writer, Writer):
+        if isinstance(writer, Writer | SetWriter):
             found[writer.name] = writer
     return dict(sorted(found.items()))

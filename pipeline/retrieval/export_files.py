@@ -1,0 +1,174 @@
+"""Clips as files of a format in one folder, with a manifest of what they are and what was done to them."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, Final
+
+from motionlake.errors import ClipError, UserError
+from motionlake.formats import readers
+from motionlake.formats.write.registry import ClipToWrite, SetWriter, Writer
+from motionlake.formats.write.whole import whole_file
+from motionlake.names import file_name, json_text, told_apart
+from motionlake.retrieval.export import ClipExporter
+from motionlake.retrieval.selection import ClipRange
+
+MANIFEST: Final = "manifest.json"
+
+
+@dataclass
+class Exported:
+    """What an export made: a row a file of the manifest, and (clip, reason) of what it left out."""
+
+    folder: Path
+    rows: list[dict[str, Any]] = field(default_factory=list)
+    failed: list[dict[str, Any]] = field(default_factory=list)
+
+
+def clip_stem(clip: str) -> str:
+    """The name of a clip's file without its suffix, and which body of it is meant."""
+    path, mark, body = clip.rpartition("#")
+    if not mark or "." in body:  # the mark is of the file's own name
+        path, body = clip, ""
+    stem = path.rpartition("/")[2].removesuffix(".gz")
+    suffixes = (suffix for reader in readers() for suffix in reader.suffixes)
+    longest = max((s for s in suffixes if stem.lower().endswith(s)), key=len, default="")
+    return file_name(stem[: len(stem) - len(longest)] + (f"-{body}" if body else ""))
+
+
+def file_names(chosen: Sequence[ClipRange], suffix: str) -> dict[ClipRange, str]:
+    """The file of each range of clips, told apart on every file system."""
+    keys = {f"{one.clip}\0{one.start}\0{one.stop}": one for one in chosen}
+
+    def stem(key: str) -> str:
+        one = keys[key]
+        whole = one.start is None and one.stop is None
+        return clip_stem(one.clip) + ("" if whole else f"-{one.start or 0}-{'end' if one.stop is None else one.stop}")
+
+    return {keys[key]: f"{name}{suffix}" for key, name in told_apart(keys, stem).items()}
+
+
+def check_free(folder: Path, names: Sequence[str], *, overwrite: bool) -> None:
+    """Raises `UserError` where the folder is none, or holds what would be written and must not be written over.
+
+    Without `names`, for a set whose files are not known yet, it must be empty.
+    """
+    if folder.exists() and not folder.is_dir():
+        raise UserError(f"{folder}: is no folder; say with --out which folder to write into")
+    if not names and not overwrite and folder.exists() and any(folder.iterdir()):
+        raise UserError(f"{folder}: is not empty; say another --out, or --overwrite")
+    there = [name for name in (MANIFEST, *names) if (folder / name).exists()]
+    if there and not overwrite:
+        raise UserError(f"{folder / there[0]}: is there already; say another --out, or --overwrite")
+
+
+def export_files(
+    exporter: ClipExporter,
+    chosen: Sequence[ClipRange],
+    writer: Writer,
+    folder: Path,
+    progress: Callable[[int, int], None],
+) -> Exported:
+    """Write a file a clip, and the manifest last; a clip that cannot be written is noted, and the others go on."""
+    done, files = Exported(folder), file_names(chosen, writer.suffix)
+    folder.mkdir(parents=True, exist_ok=True)
+    for number, one in enumerate(chosen):
+        progress(number, len(chosen))
+        try:
+            motion = exporter.ready(one)
+            writer.write(motion, folder / files[one])
+        except (OSError, MemoryError):  # of the machine, not of the clip
+            raise
+        except Exception as error:  # one clip's surprise must not cost the others
+            done.failed.append(_failure(one, error))
+            continue
+        done.rows.append(_row(motion, writer.name, files[one]))
+    progress(len(chosen), len(chosen))
+    _write_manifest(done)
+    return done
+
+
+def export_set(
+    exporter: ClipExporter,
+    chosen: Sequence[ClipRange],
+    writer: SetWriter,
+    folder: Path,
+    progress: Callable[[int, int], None],
+) -> Exported:
+    """Write one set of all clips: beside the folder, into which it is moved once it is whole.
+
+    Raises:
+        UserError: no clip could be written.
+    """
+    done = Exported(folder)
+
+    def motions() -> Iterator[ClipToWrite]:
+        for number, one in enumerate(chosen):
+            progress(number, len(chosen))
+            try:
+                motion = exporter.ready(one)
+            except (OSError, MemoryError):
+                raise
+            except Exception as error:
+                done.failed.append(_failure(one, error))
+                continue
+            done.rows.append(_row(motion, writer.name, "."))
+            yield motion
+        progress(len(chosen), len(chosen))
+
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(prefix=".export-", dir=folder.parent) as temporary:
+        made = Path(temporary) / "set"
+        made.mkdir()
+        try:
+            left_out = dict(writer.write_all(motions(), made))
+        except ClipError as error:
+            first = done.failed[0]["reason"] if done.failed and not done.rows else error.reason
+            raise UserError(f"nothing was written: {first}") from error
+        for number, reason in left_out.items():
+            row = done.rows[number]
+            done.failed.append(_failure(ClipRange(row["clip"], row["start"], row["stop"]), reason))
+        done.rows = [row for number, row in enumerate(done.rows) if number not in left_out]
+        _write_manifest(replace(done, folder=made))
+        _put(made, folder, Path(temporary) / "before")
+    return done
+
+
+def _put(made: Path, folder: Path, before: Path) -> None:
+    """Move what was made into a folder; what is there under the same names goes `before`, other things stay.
+
+    Where that fails, what was there comes back.
+    """
+    folder.mkdir(exist_ok=True)
+    before.mkdir()
+    try:
+        for path in sorted(made.iterdir()):
+            if (folder / path.name).exists():
+                (folder / path.name).rename(before / path.name)
+            path.rename(folder / path.name)
+    except OSError:
+        for path in before.iterdir():
+            if not (folder / path.name).exists():
+                path.rename(folder / path.name)
+        raise
+
+
+def _failure(one: ClipRange, error: Exception) -> dict[str, Any]:
+    reason = str(error) if isinstance(error, ClipError | UserError) else f"{type(error).__name__}: {error}"
+    return {"clip": one.clip, "start": one.start, "stop": one.stop, "reason": reason}
+
+
+def _row(motion: ClipToWrite, form: str, file: str) -> dict[str, Any]:
+    """A clip's row of the manifest."""
+    own = {"clip": motion.name, "file": file, "format": form, "frames": len(motion.clip.channels)}
+    return {**own, "fps": motion.clip.fps, "unit_metres": motion.metres_per_unit, "up": motion.up, **motion.facts}
+
+
+def _write_manifest(done: Exported) -> None:
+    found = {"motionlake": version("motionlake"), "clips": done.rows, "failed": done.failed}
+    with whole_file(done.folder / MANIFEST) as stream:
+        stream.write((json_text(found) + "\n").encode())
