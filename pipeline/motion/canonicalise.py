@@ -123,8 +123,7 @@ def canonicalise(
             frame's root, or the body is outside 0.4 to 3 m.
     """
     up = next(axis for axis in (up, clip.up, rig.up) if axis is not None)
-    if up not in _TURNS:
-        raise ClipError(f"up axis {up!r} is not one of {', '.join(_TURNS)}")
+    turn_to_y(up)  # what is no axis is told before the rig
     binding = bind(rig, clip.hierarchy)
     said = (metres_per_unit, clip.metres_per_unit, rig.metres_per_unit)
     scale = next((unit for unit in said if unit is not None), None)
@@ -178,7 +177,7 @@ class _Placed:
 
 
 def _placed(binding: Binding, motion: SolvedMotion, up: str, scale: float) -> _Placed:
-    turn = _turn(up)
+    turn = turn_to_y(up)
     source_positions = rotate(turn, motion.positions) * scale
     source_world = None if motion.world is None else multiply(turn, motion.world)
     positions = place(binding, source_positions, source_world, scale)
@@ -208,7 +207,10 @@ def _check_reach(positions: Float64Array, joints: tuple[str, ...], scale: float)
         )
 
 
-def _turn(up: str) -> Float64Array:
+def turn_to_y(up: str) -> Float64Array:
+    """The rotation [4] that brings a file's up axis to +y; `ClipError` for what is no axis."""
+    if up not in _TURNS:
+        raise ClipError(f"up axis {up!r} is not one of {', '.join(_TURNS)}")
     axis, degrees = _TURNS[up]
     return from_axis_angle(np.array(axis), degrees)
 
@@ -236,7 +238,7 @@ def _orientation_notes(positions: Float64Array, up: str) -> list[str]:
     upright = np.mean((np.argmax(np.abs(body), axis=1) == 1) & (body[:, 1] > 0))
     if upright >= 0.5:
         return []
-    longest = rotate(conjugate(_turn(up)), np.median(body, axis=0))
+    longest = rotate(conjugate(turn_to_y(up)), np.median(body, axis=0))
     strongest = int(np.argmax(np.abs(longest)))
     name = ("-" if longest[strongest] < 0 else "") + "xyz"[strongest]
     share = f"the head is not above the ankles in {1 - upright:.0%} of frames"
