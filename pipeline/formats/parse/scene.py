@@ -13,7 +13,6 @@ from typing import Final
 import numpy as np
 from motionlake.arrays import Float64Array
 from motionlake.errors import ClipError
-from motionlake.formats.bvh import unique
 from motionlake.formats.limits_config import FRAME_BYTES, JOINT_BYTES, limits
 from motionlake.motion.clip import (
     POSITION_CHANNELS,
@@ -24,7 +23,7 @@ from motionlake.motion.clip import (
     depth_first,
 )
 from motionlake.motion.rotations import IDENTITY, conjugate, from_matrix, multiply, normalise, rotate, to_matrix
-from motionlake.names import printable
+from motionlake.names import printable, unique
 
 # Shares of the body's size: what a joint's place under its parent may waver by and still be one offset.
 STEADY: Final = 1e-5
@@ -246,7 +245,7 @@ def _matrices(tree: JointTree, rest: Sequence[Placing]) -> list[Float64Array]:
 
 def _inverse(matrix: Float64Array) -> Float64Array:
     try:
-        return np.linalg.inv(matrix)
+        return np.asarray(np.linalg.inv(matrix), np.float64)
     except np.linalg.LinAlgError as error:
         raise ClipError("has a node that is scaled to nothing, or placed at no number") from error
 
