@@ -12,8 +12,9 @@ import os
 import re
 import unicodedata
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from html import escape
+from itertools import count
 from typing import Any, Final
 
 LONGEST: Final = 100  # characters of a file name that is made of a clip's
@@ -90,6 +91,20 @@ def _short(name: str) -> str:
 def folded(name: str) -> str:
     """What names have in common that some file systems take for one."""
     return unicodedata.normalize("NFKC", name).casefold().rstrip(". ")
+
+
+def unique(names: list[str]) -> Iterator[str]:
+    """The names, every repetition with a number that makes it another name ("Hand", "Hand.2")."""
+    taken = set(names)
+    repeats: dict[str, Iterator[int]] = {}
+    for name in names:
+        fresh = name
+        if name in repeats:
+            fresh = next(new for i in repeats[name] if (new := f"{name}.{i}") not in taken)
+            taken.add(fresh)
+        else:
+            repeats[name] = count(2)
+        yield fresh
 
 
 def told_apart(clips: Iterable[str], name: Callable[[str], str]) -> dict[str, str]:

@@ -9,6 +9,9 @@ from pathlib import Path
 
 import numpy as np
 from motionlake.arrays import Float64Array
+from motionlake.formats import read_clips
+from motionlake.formats.write.glb import glb_bytes
+from motionlake.formats.write.registry import ClipToWrite
 
 KINECT_1 = (
     "HipCenter", "Spine", "ShoulderCenter", "Head", "ShoulderLeft", "ElbowLeft", "WristLeft", "HandLeft",
@@ -221,6 +224,25 @@ def _amc(folder: Path) -> bytes:
     return AMC.encode()
 
 
+def _scene(folder: Path) -> bytes:
+    """A made-up body as a skinned .glb."""
+    path = folder / "of_scene.npz"
+    path.write_bytes(npz_bytes(swinging_body(12), KINECT_1, KINECT_1_PARENTS, 30.0))
+    clip = read_clips(path)[0]
+    path.unlink()
+    return glb_bytes(ClipToWrite("sample", clip, 1.0))
+
+
+def _gltf(folder: Path) -> bytes:
+    """The same as JSON, and its buffer beside it."""
+    data = _scene(folder)
+    size = int.from_bytes(data[12:16], "little")
+    document = json.loads(data[20 : 20 + size])
+    document["buffers"][0]["uri"] = "sample.bin"
+    (folder / "sample.bin").write_bytes(data[28 + size :])
+    return json.dumps(document, indent=1).encode()
+
+
 # By suffix: the bytes of a good clip, after its companions are written to the given folder.
 SAMPLES: dict[str, Callable[[Path], bytes]] = {
     ".bvh": _text(lambda: BVH),
@@ -228,5 +250,7 @@ SAMPLES: dict[str, Callable[[Path], bytes]] = {
     ".skeleton": _text(lambda: ntu_text([("72057594037944738", 0, kinect_2_from_1(swinging_body(12)))])),
     ".txt": _text(lambda: deepmimic_text(deepmimic_frames(12))),
     ".npz": lambda folder: npz_bytes(swinging_body(12), KINECT_1, KINECT_1_PARENTS, 30.0),
+    ".glb": lambda folder: _scene(folder),
+    ".gltf": lambda folder: _gltf(folder),
 }
-BINARY = frozenset({".npz"})
+BINARY = frozenset({".npz", ".glb"})

@@ -44,7 +44,7 @@ def turning(lake: Path) -> list[str]:
 
 
 def test_writers_are_found_by_themselves() -> None:
-    assert {"bvh", "csv", "c3d"} <= writers().keys()
+    assert {"bvh", "csv", "c3d", "glb"} <= writers().keys()
     assert "lerobot" in set_writers()
     assert not writers().keys() & set_writers().keys()
     assert all(isinstance(each, Writer) and each.suffix.startswith(".") for each in writers().values())
@@ -182,6 +182,18 @@ def test_a_t_pose_comes_first_on_other_rigs(lake: Path, tmp_path: Path, rig: str
     posed, plain = (solve(read_clips(tmp_path / name)[0]).positions for name in ("a.bvh", "b.bvh"))
     assert len(posed) == frames + 1
     np.testing.assert_allclose(posed[1:], plain, atol=1e-3 * np.abs(plain - plain[:, :1]).max())
+
+
+def test_a_glb_is_a_character_too(lake: Path, tmp_path: Path) -> None:
+    where = ("--where", f"clip = '{turning(lake)[0]}'")
+    found = exported(lake, tmp_path / "hero", *where, "--rig", "canonical", "--format", "glb")
+    assert found["sources"] == {"clips": []}
+    hero = tmp_path / "hero" / found["clips"][0]["file"]
+    places = []
+    for name, rig in (("a", hero), ("b", "canonical")):
+        (row,) = exported(lake, tmp_path / name, *where, "--rig", rig, "--format", "csv")["clips"]
+        places.append(np.loadtxt(tmp_path / name / row["file"], delimiter=",", skiprows=1))
+    np.testing.assert_allclose(places[0], places[1], atol=0.02)
 
 
 def test_csv_says_where_joints_are(lake: Path, tmp_path: Path) -> None:

@@ -62,9 +62,11 @@ def folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, scheduler: str) -> 
     shutil.copy(tmp_path / "deepmimic" / "walk.txt", tmp_path / "shots")
     monkeypatch.chdir(tmp_path)
     quick_lake(tmp_path / "first")
+    (tmp_path / "gltf").mkdir()
     for words in (
         ["ingest", "deepmimic", "--lake", "first"],
         ["export", "walk", "--rig", "canonical", "-o", "walk.bvh", "--lake", "first"],
+        ["export", "walk", "--rig", "canonical", "--format", "glb", "-o", "gltf/walk.glb", "--lake", "first"],
     ):
         run = on_cluster(words, scheduler)
         assert run.status == 0, run.err
@@ -94,6 +96,7 @@ def test_every_command_of_the_page(folders: Path, scheduler: str) -> None:
     assert {"ntu/S001C001P001R001A050.skeleton#1", "ntu/S001C001P001R001A050.skeleton#2"} < set(rows)
     assert rows["strange/walk.bvh"][1].startswith("auto:")
     assert rows["bvh/walk.bvh"][1] == "canonical"
+    assert rows["gltf/walk.glb"][:2] == ("glTF", "canonical")
     assert rows["labelled/take2.npz"][2] == "walk"
     assert rows["positions/take.npz"][3] == "CC-BY-4.0"
     assert rows["zup/take.npz"][4] == pytest.approx(rows["positions/take.npz"][4], rel=1e-3)

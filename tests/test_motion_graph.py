@@ -29,7 +29,6 @@ from motionlake.deep_motifs.motion_graph.blend import (
     placed,
     poses_of,
     resampled,
-    slerp,
     steps,
 )
 from motionlake.deep_motifs.motion_graph.graph import (
@@ -54,7 +53,7 @@ from motionlake.errors import UserError
 from motionlake.formats import read_clips
 from motionlake.motion.clip import SourceClip
 from motionlake.motion.kinematics import solve
-from motionlake.motion.rotations import angle, from_axis_angle, multiply, rotate
+from motionlake.motion.rotations import angle, from_axis_angle, multiply, rotate, slerp
 from scipy.optimize import minimize_scalar
 
 from tests.lakes import QUICK, motionlake, query, quick_lake

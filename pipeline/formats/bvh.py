@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator
 from dataclasses import dataclass, field
-from itertools import chain, count
+from itertools import chain
 from pathlib import Path
 from typing import Final
 
@@ -17,6 +16,7 @@ from motionlake.formats.parse.lines import line_of
 from motionlake.formats.registry import MAX_FPS, MIN_FPS, most_of
 from motionlake.motion.clip import POSITION_CHANNELS, ROTATION_CHANNELS, ChannelKind, Hierarchy, SourceClip
 from motionlake.motion.rotations import IDENTITY
+from motionlake.names import unique
 
 MAX_HEADER_BYTES: Final = 4 * 1024**2  # tokens take twenty times as much
 _CHANNELS: Final = {name.lower(): name for name in POSITION_CHANNELS + ROTATION_CHANNELS}
@@ -151,20 +151,6 @@ def _read_tree(tokens: _Tokens) -> _Tree:
     if tokens.next < len(tokens.words):
         raise ClipError(f"{tokens.take('MOTION')!r} where 'MOTION' is expected", tokens.line)
     return tree
-
-
-def unique(names: list[str]) -> Iterator[str]:
-    """The names, every repetition with a number that makes it another name ("Hand", "Hand.2")."""
-    taken = set(names)
-    repeats: dict[str, Iterator[int]] = {}
-    for name in names:
-        fresh = name
-        if name in repeats:
-            fresh = next(new for i in repeats[name] if (new := f"{name}.{i}") not in taken)
-            taken.add(fresh)
-        else:
-            repeats[name] = count(2)
-        yield fresh
 
 
 def frame_rate(frame_time: str) -> float:

@@ -8,7 +8,6 @@ The character faces +x, y is up, lengths are metres.
 
 from __future__ import annotations
 
-import json
 import re
 from pathlib import Path
 from typing import Final
@@ -17,6 +16,7 @@ import numpy as np
 from motionlake.arrays import Float64Array
 from motionlake.errors import ClipError
 from motionlake.formats.limits_config import limits
+from motionlake.formats.parse.json_document import json_document
 from motionlake.formats.repair import FARTHEST
 from motionlake.motion.clip import POSITION_CHANNELS, QUATERNION_CHANNELS, ChannelKind, Hierarchy, SourceClip
 from motionlake.motion.rotations import IDENTITY
@@ -55,7 +55,6 @@ MAX_STRETCH: Final = 100
 # Less than the difference between 30 and 29.97 a second.
 ROUNDING: Final = 1e-4
 MIN_NORM: Final = 1e-3
-VALUE_BYTES: Final = 80  # the most that one value of a document takes as an object, with its place in a list
 _SIGNS: Final = (
     re.compile(rb'"Loop"\s*+:\s*+"(?:wrap|none)"'),
     re.compile(rb'"Frames"\s*+:\s*+\['),
@@ -107,14 +106,7 @@ class DeepMimicReader:
 
 def _frames(data: bytes) -> Float64Array:
     """[F, 44] the file's numbers."""
-    objects = sum(data.count(mark) for mark in (b",", b"[", b"{"))
-    limits().check_memory(len(data) + objects * VALUE_BYTES)
-    try:
-        document = json.loads(data)
-    except json.JSONDecodeError as error:
-        raise ClipError(f"is not JSON: {error.msg}", error.lineno) from error
-    except (UnicodeDecodeError, RecursionError, ValueError) as error:
-        raise ClipError(f"is not JSON: {error}") from error
+    document = json_document(data)
     frames = document.get("Frames") if isinstance(document, dict) else None
     if not isinstance(frames, list):
         raise ClipError('is JSON without a list "Frames"')

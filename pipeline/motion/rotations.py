@@ -117,6 +117,20 @@ def swing(u: Float64Array, v: Float64Array) -> Float64Array:
     return np.where(pointing, np.concatenate([cosine, axis], -1), IDENTITY)
 
 
+def slerp(a: Float64Array, b: Float64Array, weight: Float64Array) -> Float64Array:
+    """Unit quaternions [..., 4] on the shortest arc from a to b; `weight` [...] from 0 to 1, exact at both ends."""
+    cosine = np.sum(a * b, axis=-1)
+    b = np.where((cosine < 0)[..., None], -b, b)
+    half = np.arccos(np.clip(np.abs(cosine), 0.0, 1.0))
+    sine = np.sin(half)
+    near = sine < 1e-6
+    safe = np.where(near, 1.0, sine)
+    left = np.where(near, 1 - weight, np.sin((1 - weight) * half) / safe)
+    right = np.where(near, weight, np.sin(weight * half) / safe)
+    mixed = left[..., None] * a + right[..., None] * b
+    return np.asarray(mixed / np.linalg.norm(mixed, axis=-1, keepdims=True))
+
+
 def angle(a: Float64Array, b: Float64Array) -> Float64Array:
     """Angle in degrees [...] of the rotation between a and b [..., 4], in [0, 180]."""
     relative = multiply(conjugate(a), b)

@@ -15,6 +15,7 @@ from motionlake.formats import read_clips
 from motionlake.formats.write.registry import ClipToWrite
 from motionlake.lake import raw
 from motionlake.lake.catalog import Connection, fetch
+from motionlake.lake.citations import Source, citations
 from motionlake.lake.frames import canonical_motion, frame_range
 from motionlake.lake.layout import Lake
 from motionlake.motion.auto_rig import auto_rig, rig_of
@@ -133,6 +134,10 @@ class ClipExporter:
         facts = {name: row[name] for name in _FACTS}
         facts |= {"start": start, "stop": stop, "rig": rig, "transforms": done}
         return ClipToWrite(chosen.clip, clip, unit, up, facts)
+
+    def sources(self) -> dict[str, tuple[Source, ...]]:
+        """Where the clips of each dataset come from: licence and citation, as `motionlake cite` has them."""
+        return citations(self._con)
 
     def _retargeted(
         self, row: Mapping[str, Any], motion: CanonicalMotion

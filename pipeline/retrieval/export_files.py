@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Final
@@ -13,6 +13,7 @@ from motionlake.errors import ClipError, UserError
 from motionlake.formats import readers
 from motionlake.formats.write.registry import ClipToWrite, SetWriter, Writer
 from motionlake.formats.write.whole import whole_file
+from motionlake.lake.citations import Source
 from motionlake.names import file_name, json_text, told_apart
 from motionlake.retrieval.export import ClipExporter
 from motionlake.retrieval.selection import ClipRange
@@ -22,9 +23,13 @@ MANIFEST: Final = "manifest.json"
 
 @dataclass
 class Exported:
-    """What an export made: a row a file of the manifest, and (clip, reason) of what it left out."""
+    """What an export made: a row a file of the manifest, and (clip, reason) of what it left out.
+
+    `sources` are those of every dataset of the lake.
+    """
 
     folder: Path
+    sources: Mapping[str, Sequence[Source]]
     rows: list[dict[str, Any]] = field(default_factory=list)
     failed: list[dict[str, Any]] = field(default_factory=list)
 
@@ -74,7 +79,7 @@ def export_files(
     progress: Callable[[int, int], None],
 ) -> Exported:
     """Write a file a clip, and the manifest last; a clip that cannot be written is noted, and the others go on."""
-    done, files = Exported(folder), file_names(chosen, writer.suffix)
+    done, files = Exported(folder, exporter.sources()), file_names(chosen, writer.suffix)
     folder.mkdir(parents=True, exist_ok=True)
     for number, one in enumerate(chosen):
         progress(number, len(chosen))
@@ -104,7 +109,7 @@ def export_set(
     Raises:
         UserError: no clip could be written.
     """
-    done = Exported(folder)
+    done = Exported(folder, exporter.sources())
 
     def motions() -> Iterator[ClipToWrite]:
         for number, one in enumerate(chosen):
@@ -169,6 +174,8 @@ def _row(motion: ClipToWrite, form: str, file: str) -> dict[str, Any]:
 
 
 def _write_manifest(done: Exported) -> None:
-    found = {"motionlake": version("motionlake"), "clips": done.rows, "failed": done.failed}
+    datasets = sorted({row["dataset"] for row in done.rows})
+    sources = {name: [asdict(source) for source in done.sources.get(name, ())] for name in datasets}
+    found = {"motionlake": version("motionlake"), "clips": done.rows, "sources": sources, "failed": done.failed}
     with whole_file(done.folder / MANIFEST) as stream:
         stream.write((json_text(found) + "\n").encode())

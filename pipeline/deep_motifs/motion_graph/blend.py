@@ -14,7 +14,7 @@ from motionlake.errors import ClipError
 from motionlake.motion.clip import POSITION_CHANNELS, QUATERNION_CHANNELS, ChannelKind, Hierarchy, SourceClip
 from motionlake.motion.kinematics import solve
 from motionlake.motion.resampling import samples
-from motionlake.motion.rotations import IDENTITY, angle, from_axis_angle, multiply, rotate
+from motionlake.motion.rotations import IDENTITY, angle, from_axis_angle, multiply, rotate, slerp
 
 _AXES: Final = "xyz"
 
@@ -183,20 +183,6 @@ def mixture(a: RigPoses, b: RigPoses, weight: Float64Array) -> RigPoses:
         shifts=a.shifts + line * (b.shifts - a.shifts),
         rotations=slerp(a.rotations, b.rotations, line),
     )
-
-
-def slerp(a: Float64Array, b: Float64Array, weight: Float64Array) -> Float64Array:
-    """Unit quaternions [..., 4] on the shortest arc from a to b; `weight` [...] from 0 to 1, exact at both ends."""
-    cosine = np.sum(a * b, axis=-1)
-    b = np.where((cosine < 0)[..., None], -b, b)
-    half = np.arccos(np.clip(np.abs(cosine), 0.0, 1.0))
-    sine = np.sin(half)
-    near = sine < 1e-6
-    safe = np.where(near, 1.0, sine)
-    left = np.where(near, 1 - weight, np.sin((1 - weight) * half) / safe)
-    right = np.where(near, weight, np.sin(weight * half) / safe)
-    mixed = left[..., None] * a + right[..., None] * b
-    return np.asarray(mixed / np.linalg.norm(mixed, axis=-1, keepdims=True))
 
 
 def placements(pieces: Sequence[WalkPiece], poses: Callable[[int], RigPoses]) -> list[Placement]:

@@ -10,13 +10,12 @@ from typing import Final, TextIO
 
 import numpy as np
 from motionlake.arrays import Float64Array
-from motionlake.formats.bvh import unique
 from motionlake.formats.write.registry import ClipToWrite
 from motionlake.formats.write.whole import whole_file
 from motionlake.motion.clip import POSITION_CHANNELS, ChannelKind, Hierarchy, SourceClip, depth_first
 from motionlake.motion.kinematics import channel_starts, solve
 from motionlake.motion.rotations import IDENTITY, to_euler
-from motionlake.names import printable
+from motionlake.names import printable, unique
 
 _ORDER: Final = "ZYX"
 _ROTATIONS: Final = tuple(f"{axis}rotation" for axis in _ORDER)

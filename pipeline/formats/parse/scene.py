@@ -1,0 +1,354 @@
+"""Joints of a scene: a tree of nodes that are placed, turned and scaled below one another, as a clip.
+
+glTF, FBX and USD differ in how they are stored and agree in this: a skeleton's joints are nodes among others, what
+stands above them moves them too, and the pose in which they were bound to the skin is the body's rest pose.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+from motionlake.arrays import Float64Array
+from motionlake.errors import ClipError
+from motionlake.formats.limits_config import FRAME_BYTES, JOINT_BYTES, limits
+from motionlake.motion.clip import (
+    POSITION_CHANNELS,
+    QUATERNION_CHANNELS,
+    ChannelKind,
+    Hierarchy,
+    SourceClip,
+    depth_first,
+)
+from motionlake.motion.rotations import IDENTITY, conjugate, from_matrix, multiply, normalise, rotate, to_matrix
+from motionlake.names import printable, unique
+
+# Shares of the body's size: what a joint's place under its parent may waver by and still be one offset.
+STEADY: Final = 1e-5
+FLATTEST: Final = 1e-12  # a matrix whose determinant is smaller, its largest number being 1, turns a body into a plane
+UNEQUAL: Final = 1e-3  # of a scale's largest number
+LONGEST_NAME: Final = 100
+FEWEST_JOINTS: Final = 5  # beside a body: props such as a flag or a weapon have fewer
+
+
+@dataclass(frozen=True)
+class Placing:
+    """How one node stands below its parent, at F frames or, with F = 1, at all of them.
+
+    Attributes:
+        translation: [F, 3].
+        rotation: [F, 4] unit quaternions (w, x, y, z).
+        scale: [F, 3].
+    """
+
+    translation: Float64Array = field(default_factory=lambda: np.zeros((1, 3)))
+    rotation: Float64Array = field(default_factory=lambda: IDENTITY[None])
+    scale: Float64Array = field(default_factory=lambda: np.ones((1, 3)))
+
+    @classmethod
+    def of_matrices(cls, matrices: Float64Array) -> Placing:
+        """Of [F, 4, 4] matrices that turn column vectors; shear is lost, as everywhere where nodes have none."""
+        linear = matrices[:, :3, :3]
+        if not all(map(_is_sound, matrices)):
+            raise ClipError("has a node whose matrix is no placement")
+        scale = np.linalg.norm(linear, axis=1)
+        scale[:, 0] *= np.where(np.linalg.det(linear) < 0, -1.0, 1.0)
+        return cls(matrices[:, :3, 3].copy(), from_matrix(linear / scale[:, None, :]), scale)
+
+    @property
+    def unequal(self) -> bool:
+        """Whether it is scaled more along one axis than along another."""
+        size = np.abs(self.scale)
+        return bool((np.ptp(size, axis=1) > UNEQUAL * size.max(axis=1)).any())
+
+
+@dataclass(frozen=True)
+class JointTree:
+    """Which nodes of a scene are a body's joints.
+
+    Attributes:
+        nodes: indices of the nodes, parents first, from those above the joints on; -1 is the scene itself.
+        parents: for each its parent's place in `nodes`; -1 at the first.
+        root: the place at which the joints begin.
+    """
+
+    nodes: tuple[int, ...]
+    parents: tuple[int, ...]
+    root: int
+
+    @property
+    def joints(self) -> tuple[int, ...]:
+        """Indices of the nodes that are joints."""
+        return self.nodes[self.root :]
+
+    @property
+    def joint_parents(self) -> tuple[int, ...]:
+        """For each joint its parent among the joints; -1 at the first."""
+        return (-1, *(parent - self.root for parent in self.parents[self.root + 1 :]))
+
+
+def joint_tree(parents: Sequence[int], wanted: Iterable[int]) -> JointTree:
+    """The smallest tree with the wanted nodes in it: they, what is between them, and what is above.
+
+    Args:
+        parents: for each node of the scene its parent; -1 at the top.
+        wanted: indices of nodes, one at least.
+
+    Raises:
+        ClipError: nodes that are below themselves, or more of them than `limits` allow.
+    """
+    chosen = set(wanted)
+    order = depth_first(parents)
+    marked = set()
+    for node in reversed(order):  # children before parents
+        if node in chosen or node in marked:
+            marked.add(node)
+            marked.add(parents[node])
+    if not chosen <= marked:
+        raise ClipError("has joints that are below themselves")
+    nodes = [-1, *(node for node in order if node in marked)]
+    limits().check("joints", len(nodes) - 1, f"has {len(nodes) - 1} joints")
+    place = {node: index for index, node in enumerate(nodes)}
+    above = [-1, *(place[parents[node]] for node in nodes[1:])]
+    root = 0
+    while nodes[root] not in chosen and above.count(root) == 1:
+        root += 1  # depth first: an only child comes next
+    return JointTree(tuple(nodes), tuple(above), root)
+
+
+def body_trees(parents: Sequence[int], skins: Sequence[Iterable[int]]) -> list[JointTree]:
+    """The bodies that several skins move: skins whose joints hang from one root are one body's.
+
+    Where there is a body, what has fewer than `FEWEST_JOINTS` joints is none.
+    """
+    groups: dict[int, set[int]] = {}
+    for joints in _sharing(skins):
+        limits().check("bodies", len(groups), f"holds {len(groups)} skeletons")
+        tree = joint_tree(parents, joints)
+        above = set(tree.nodes[: tree.root + 1])
+        here = tree.nodes[tree.root]
+        akin = [root for root in groups if root in above or _is_below(parents, root, here)]
+        for root in akin:
+            joints |= groups.pop(root)
+        groups[here if not akin else min((here, *akin), key=lambda node: _depth(parents, node))] = joints
+    trees = [joint_tree(parents, joints) for joints in groups.values()]
+    bodies = [tree for tree in trees if len(tree.joints) >= FEWEST_JOINTS]
+    return bodies or trees
+
+
+def _sharing(skins: Sequence[Iterable[int]]) -> list[set[int]]:
+    """Sets of joints, those that share one made one."""
+    found: list[set[int]] = []
+    for skin in sorted({frozenset(skin) for skin in skins}, key=sorted):
+        joints = set(skin)
+        apart = [each for each in found if not each & joints]
+        joints = joints.union(*(each for each in found if each & joints))
+        found = [*apart, joints]
+    return found
+
+
+def _depth(parents: Sequence[int], node: int) -> int:
+    depth = 0
+    while node >= 0:
+        node, depth = parents[node], depth + 1
+    return depth
+
+
+def _is_below(parents: Sequence[int], node: int, top: int) -> bool:
+    while node != top and node >= 0:
+        node = parents[node]
+    return node == top
+
+
+@dataclass(frozen=True)
+class Worlds:
+    """Where nodes are in the scene.
+
+    Attributes:
+        positions: [F, J, 3].
+        rotations: [F, J, 4].
+    """
+
+    positions: Float64Array
+    rotations: Float64Array
+
+
+def worlds(tree: JointTree, placings: Sequence[Placing], frames: int) -> Worlds:
+    """Where a tree's joints are, of the placing of each of its nodes at one frame or `frames` of them."""
+    linear: list[Float64Array] = []
+    positions: list[Float64Array] = []
+    rotations: list[Float64Array] = []
+    for parent, placing in zip(tree.parents, placings, strict=True):
+        own = to_matrix(placing.rotation) * placing.scale[:, None, :]
+        if parent < 0:
+            linear.append(own)
+            positions.append(placing.translation)
+            rotations.append(placing.rotation)
+            continue
+        positions.append(positions[parent] + (linear[parent] @ placing.translation[..., None])[..., 0])
+        linear.append(linear[parent] @ own)
+        rotations.append(multiply(rotations[parent], placing.rotation))
+    return Worlds(*(_stacked(values[tree.root :], frames) for values in (positions, rotations)))
+
+
+def _stacked(values: list[Float64Array], frames: int) -> Float64Array:
+    return np.stack([np.broadcast_to(each, (frames, each.shape[1])) for each in values], axis=1)
+
+
+def bind_pose(tree: JointTree, rest: Sequence[Placing], bound: Mapping[int, Float64Array]) -> Worlds:
+    """Where joints were when they were bound to the skin; those that were not stand below their parent as they rest.
+
+    Args:
+        tree: of the joints.
+        rest: how each of the tree's nodes rests.
+        bound: by node, the inverse of the matrix [4, 4] at which it was bound, in the mesh's own axes. Those are the
+            scene's or those of what the skeleton hangs from: whichever brings the joints nearer to where they rest.
+    """
+    standing = worlds(tree, rest, 1)
+    matrices = _matrices(tree, rest)
+    inverses = {node: matrix for node, matrix in bound.items() if _is_sound(matrix)}
+    above = matrices[tree.parents[tree.root]] if tree.root else np.eye(4)
+    best, nearest = standing, np.inf
+    for axes in (np.eye(4), above):
+        found: dict[int, Float64Array] = {}
+        places, turns = [], []
+        for at in range(tree.root, len(tree.nodes)):
+            own, parent = matrices[at], tree.parents[at]
+            if tree.nodes[at] in inverses:
+                own = axes @ _inverse(inverses[tree.nodes[at]])
+            elif at > tree.root:
+                own = found[parent] @ _inverse(matrices[parent]) @ own
+            found[at] = own
+            change = Placing.of_matrices((_inverse(matrices[at]) @ own)[None])
+            places.append(own[:3, 3])
+            turns.append(multiply(standing.rotations[0, at - tree.root], change.rotation[0]))
+        here = Worlds(np.array(places)[None], np.array(turns)[None])
+        apart = float(np.median(np.linalg.norm(here.positions - standing.positions, axis=-1)))
+        if apart < nearest:
+            best, nearest = here, apart
+    return best
+
+
+def _matrices(tree: JointTree, rest: Sequence[Placing]) -> list[Float64Array]:
+    found: list[Float64Array] = []
+    for parent, placing in zip(tree.parents, rest, strict=True):
+        own = np.eye(4)
+        own[:3, :3] = to_matrix(placing.rotation)[0] * placing.scale[0]
+        own[:3, 3] = placing.translation[0]
+        found.append(own if parent < 0 else found[parent] @ own)
+        if not _is_sound(found[-1]):
+            raise ClipError("has a node that is scaled to nothing, or placed at no number")
+    return found
+
+
+def _inverse(matrix: Float64Array) -> Float64Array:
+    try:
+        return np.asarray(np.linalg.inv(matrix), np.float64)
+    except np.linalg.LinAlgError as error:
+        raise ClipError("has a node that is scaled to nothing, or placed at no number") from error
+
+
+def _is_sound(matrix: Float64Array) -> bool:
+    """Whether a matrix [4, 4] is a placement that can be undone."""
+    linear = matrix[:3, :3]
+    with np.errstate(all="ignore"):
+        size = np.abs(linear).max()
+        sized = bool(FLATTEST < size < 1 / FLATTEST and np.isfinite(matrix).all())
+        return sized and bool(abs(np.linalg.det(linear / size)) > FLATTEST)
+
+
+def uneven_note(names: Sequence[str], placings: Sequence[Placing]) -> tuple[str, ...]:
+    """A note where nodes are scaled more along one axis than along another."""
+    uneven = [name for name, placing in zip(names, placings, strict=True) if placing.unequal]
+    if not uneven:
+        return ()
+    return (f"{printable(uneven[0])} is scaled unequally: bones below it stretch as they turn",)
+
+
+def check_room(clips: Iterable[tuple[int, int]]) -> None:
+    """Hold clips of so many (frames, joints) against the limits, each and together, before room is made for them."""
+    total = 0
+    for frames, joints in clips:
+        limits().check_body(frames, joints)
+        total += frames * (FRAME_BYTES + JOINT_BYTES * joints)
+    limits().check_memory(total)
+
+
+def joint_names(names: Iterable[str]) -> tuple[str, ...]:
+    """Names of joints as a clip has them: printable, none empty, none twice."""
+    return tuple(unique([printable(name) or f"joint {number}" for number, name in enumerate(names)]))
+
+
+def body_names(takes: Sequence[tuple[str, str]]) -> list[str]:
+    """What tells clips of one file apart, of the names of each one's take and skeleton; "" where there is one clip.
+
+    Printable, short, none twice; a take or skeleton is named where there are several.
+    """
+    if len(takes) == 1:
+        return [""]
+    several = [len({take[part] for take in takes}) > 1 for part in (0, 1)]
+    told = [" ".join(name for name, tells in zip(take, several, strict=True) if tells) for take in takes]
+    short = [" ".join(printable(name).split())[:LONGEST_NAME] for name in told]
+    return list(unique([name or str(number) for number, name in enumerate(short, start=1)]))
+
+
+def clip_of_worlds(
+    names: tuple[str, ...],
+    parents: tuple[int, ...],
+    moved: Worlds,
+    rest: Worlds,
+    *,
+    fps: float,
+    body: str,
+    metres_per_unit: float | None,
+    up: str,
+    notes: tuple[str, ...] = (),
+) -> SourceClip:
+    """A clip whose zero pose is the rest pose, of joints in the scene.
+
+    The root and joints whose place under their parent changes have position channels, all have quaternions: a joint's
+    rotation against its rest, as its parent's sees it.
+
+    Args:
+        names, parents: of J joints; the root, which is joint 0, has parent -1.
+        moved: the joints at F frames.
+        rest: the joints in the rest pose, F = 1.
+        fps, body, metres_per_unit, up, notes: as `SourceClip` has them.
+    """
+    above = [max(parent, 0) for parent in parents]
+    turns = normalise(multiply(moved.rotations, conjugate(rest.rotations)))
+    local = multiply(conjugate(turns[:, above]), turns)
+    local[:, 0] = turns[:, 0]
+    seen = rotate(conjugate(turns[:, above]), moved.positions - moved.positions[:, above])
+    seen[:, 0] = moved.positions[:, 0]
+    bones = rest.positions[0] - rest.positions[0, above]
+    size = max(float(np.ptp(rest.positions[0], axis=0).max()), np.finfo(float).tiny)
+    middle = np.asarray((seen.min(axis=0) + seen.max(axis=0)) / 2)
+    steady = (np.ptp(seen, axis=0) <= 2 * STEADY * size).all(axis=-1)
+    as_bound = (np.abs(middle - bones) <= STEADY * size).all(axis=-1)
+    offsets = np.where((steady & ~as_bound)[:, None], middle, bones)
+    offsets[0] = 0.0
+    columns, channels = [], []
+    for joint in range(len(names)):
+        places = joint == 0 or not steady[joint]
+        columns.append((*(POSITION_CHANNELS if places else ()), *QUATERNION_CHANNELS))
+        channels += [seen[:, joint]] * places + [local[:, joint]]
+    hierarchy = Hierarchy(
+        joints=names,
+        parents=parents,
+        offsets=offsets,
+        channels=tuple(columns),
+        kind=ChannelKind.QUATERNION,
+        axes=np.tile(IDENTITY, (len(names), 1)),
+    )
+    return SourceClip(
+        hierarchy,
+        np.concatenate(channels, axis=1),
+        fps=fps,
+        body=body,
+        metres_per_unit=metres_per_unit,
+        up=up,
+        notes=notes,
+    )
