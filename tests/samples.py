@@ -124,6 +124,41 @@ def mirrored_body(positions: Float64Array) -> Float64Array:
     return mirrored
 
 
+def plug_in_gait_markers(positions: Float64Array) -> tuple[list[str], Float64Array]:
+    """Names of 29 markers and their places [F, 29, 3] on a Kinect v1 body [F, 20, 3] that faces -z."""
+    joint = {name: positions[:, index] for index, name in enumerate(KINECT_1)}
+    placed = {"C7": joint["ShoulderCenter"] + [0, 0, 0.05], "CLAV": joint["ShoulderCenter"] - [0, 0, 0.05]}
+    for side, letter, out in (("Left", "L", -1.0), ("Right", "R", 1.0)):
+        offsets = {
+            "FHD": ("Head", (0.07, 0, -0.08)), "BHD": ("Head", (0.07, 0, 0.08)),
+            "ASI": ("HipCenter", (0.12, 0.05, -0.1)), "PSI": ("HipCenter", (0.04, 0.05, 0.08)),
+            "SHO": (f"Shoulder{side}", (0, 0, 0)), "ELB": (f"Elbow{side}", (0.04, 0, 0)),
+            "WRA": (f"Wrist{side}", (0, 0, -0.03)), "WRB": (f"Wrist{side}", (0, 0, 0.03)),
+            "KNE": (f"Knee{side}", (0.05, 0, 0)), "ANK": (f"Ankle{side}", (0.04, 0, 0)),
+            "TOE": (f"Foot{side}", (0, 0, -0.15)),
+        }  # fmt: skip
+        for name, (of, offset) in offsets.items():
+            placed[letter + name] = joint[of] + np.array(offset) * [out, 1.0, 1.0]
+    return list(placed), np.stack(list(placed.values()), axis=1)
+
+
+def trc_text(markers: Sequence[str], positions: Float64Array, fps: float = 100.0) -> str:
+    """An OpenSim TRC in millimetres; a marker [F, M, 3] in metres is blank where it is not finite."""
+    frames, count = positions.shape[:2]
+    lines = [
+        "PathFileType\t4\t(X/Y/Z)\tsample.trc",
+        "DataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\tOrigDataRate\tOrigDataStartFrame\tOrigNumFrames",
+        f"{fps:g}\t{fps:g}\t{frames}\t{count}\tmm\t{fps:g}\t1\t{frames}",
+        "Frame#\tTime\t" + "\t\t\t".join(markers),
+        "\t\t" + "\t".join(f"{axis}{number}" for number in range(1, count + 1) for axis in "XYZ"),
+        "",
+    ]
+    for frame, row in enumerate(positions.reshape(frames, -1) * 1000.0):
+        values = [f"{value:.5f}" if np.isfinite(value) else "" for value in row]
+        lines.append("\t".join([str(frame + 1), f"{frame / fps:.5f}", *values]))
+    return "\n".join(lines) + "\n"
+
+
 BVH = """HIERARCHY
 ROOT Hips
 {
@@ -249,6 +284,7 @@ SAMPLES: dict[str, Callable[[Path], bytes]] = {
     ".amc": _amc,
     ".skeleton": _text(lambda: ntu_text([("72057594037944738", 0, kinect_2_from_1(swinging_body(12)))])),
     ".txt": _text(lambda: deepmimic_text(deepmimic_frames(12))),
+    ".trc": _text(lambda: trc_text(*plug_in_gait_markers(swinging_body(12)))),
     ".npz": lambda folder: npz_bytes(swinging_body(12), KINECT_1, KINECT_1_PARENTS, 30.0),
     ".glb": lambda folder: _scene(folder),
     ".gltf": lambda folder: _gltf(folder),

@@ -1,0 +1,83 @@
+"""OpenSim TRC: places of markers as text, columns parted by tabs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from motionlake.arrays import Float64Array
+from motionlake.errors import ClipError
+from motionlake.formats.limits_config import limits
+from motionlake.formats.markers import clips_of_markers
+from motionlake.motion.clip import SourceClip
+from motionlake.motion.units import UNITS
+
+_HEADER_LINES: Final = 5
+# Before the markers: the frame's number and its time.
+_LEADING: Final = 2
+# Python's `float` takes quadratic time: no endless digits.
+_LONGEST: Final = 64
+
+
+class TrcReader:
+    """Markers of OpenSim, Vicon and Pose2Sim, turned into joints."""
+
+    name = "TRC"
+    suffixes = (".trc",)
+
+    def read(self, data: bytes, path: Path, fps: float | None = None) -> list[SourceClip]:
+        """Read every subject, at `fps` in place of the file's `DataRate`.
+
+        Raises:
+            ClipError: the header or a row is damaged, the file is cut short, or its markers fit no set.
+        """
+        lines = data.decode("utf-8", errors="replace").splitlines()
+        if len(lines) <= _HEADER_LINES or not lines[0].startswith("PathFileType"):
+            raise ClipError("is no TRC: it does not begin with the five lines of its header", line=1)
+        settings = dict(zip(lines[1].split(), lines[2].split(), strict=False))
+        markers = [name.strip() for name in lines[3].split("\t")[_LEADING:] if name.strip()]
+        frames, declared = _number(settings, "NumFrames"), _number(settings, "NumMarkers")
+        if declared != len(markers):
+            raise ClipError(f"{declared:g} markers declared, {len(markers)} named", line=4)
+        unit = UNITS.get(settings.get("Units", "").lower())
+        if unit is None:
+            raise ClipError(f"Units is {settings.get('Units')!r}, not one of {', '.join(UNITS)}", line=3)
+        rate = _number(settings, "DataRate") if fps is None else fps
+        rows = [(at, row) for at, row in enumerate(lines[_HEADER_LINES:], start=_HEADER_LINES + 1) if row.strip()]
+        if len(rows) != frames:
+            lost = "but the file is cut short" if len(rows) < frames else f"but the file has {len(rows)}"
+            raise ClipError(f"{frames:g} frames declared, {lost}")
+        limits().check_body(len(rows), len(markers), len(data))
+        places = np.empty((len(rows), 3 * len(markers)))
+        for frame, (line, row) in enumerate(rows):
+            places[frame] = _values(row, 3 * len(markers), line)
+        return clips_of_markers(places.reshape(len(rows), -1, 3) * unit, markers, rate)
+
+
+def _number(settings: dict[str, str], name: str) -> float:
+    try:
+        return _float(settings[name])
+    except (KeyError, ValueError) as error:
+        raise ClipError(f"{name} is {settings.get(name)!r:.40}, not a number", line=3) from error
+
+
+def _float(text: str) -> float:
+    """The number of a field; `ValueError` where it is none or endless."""
+    if len(text) > _LONGEST:
+        raise ValueError(f"{len(text)} characters")
+    return float(text)
+
+
+def _values(row: str, count: int, line: int) -> Float64Array:
+    """[count] the numbers after a row's number and time; NaN where a field is blank."""
+    fields = row.split("\t")[_LEADING:]
+    if len(fields) < count or any(field.strip() for field in fields[count:]):
+        raise ClipError(f"the row has {len(fields)} values, not {count}", line=line)
+    try:
+        return np.array([_float(field) if field.strip() else np.nan for field in fields[:count]])
+    except ValueError as error:
+        raise ClipError(f"the row has a value that is no number ({error})", line=line) from error
+
+
+READER: Final = TrcReader()
