@@ -34,7 +34,7 @@ from motionlake.motion.dtw import dtw_matrix
 from motionlake.retrieval.fused import DIRECT, EVERY, REACH, WEIGHTS
 from motionlake.retrieval.protocol import Query, Scope
 from motionlake.retrieval.registry import searcher
-from motionlake.retrieval.views import View, near_again
+from motionlake.retrieval.views import TURNS, View, near_again
 from motionlake.stages.graph import KEPT
 from motionlake.stages.moves import read_tracks
 from motionlake.stages.reader import LakeReader
@@ -50,7 +50,7 @@ METHODS: Final = ("signature", "alignment", "moves", "descriptor")
 SHARES: Final = ((1, 1, 4, 2), (2, 1, 4, 2), (1, 1, 2, 1), (1, 1, 2, 2))
 RECIPROCALS: Final = (16, 24)
 DIRECTS: Final = (0.1, 0.3, 1.0)
-SECONDS: Final = (0.0, 1.0)
+TURNS_TRIED: Final = (0, 1, 2)
 # Two more that no bar names, of other kinds of motion: a lake as small as people begin with, and long walks.
 TASKS: Final = {
     **SETS, "dance": LabelledSet("cmu_dance", "label"), "cmu_bvh": LabelledSet("cmu_bvh", "description")
@@ -64,17 +64,17 @@ class Constants:
     Attributes:
         reciprocal: `diffusion.RECIPROCAL`.
         direct: `fused.DIRECT`.
-        second: what the way by all methods counts: 1, or 0, which leaves it out.
+        turns: `views.TURNS`; 0 leaves the way by all methods out.
         shares: what each method counts.
     """
 
     reciprocal: int
     direct: float
-    second: float
+    turns: int
     shares: tuple[float, ...]
 
 
-NOW: Final = Constants(diffusion.RECIPROCAL, DIRECT, 1.0, tuple(WEIGHTS.get(method, 0.0) for method in METHODS))
+NOW: Final = Constants(diffusion.RECIPROCAL, DIRECT, TURNS, tuple(WEIGHTS.get(method, 0.0) for method in METHODS))
 
 
 @dataclass(frozen=True)
@@ -99,7 +99,7 @@ class Measured:
 
 
 def every_constants() -> Iterator[Constants]:
-    return itertools.starmap(Constants, itertools.product(RECIPROCALS, DIRECTS, SECONDS, SHARES))
+    return itertools.starmap(Constants, itertools.product(RECIPROCALS, DIRECTS, TURNS_TRIED, SHARES))
 
 
 def measured(folder: Path, name: str, seed: int) -> Measured:
@@ -177,10 +177,8 @@ def _views(distances: Float64Array) -> list[View[int]]:
     return found
 
 
-def near_of(
-    one: Measured, rows: Sequence[Mapping[str, View[int]]], shares: Mapping[str, float], *, second: bool
-) -> Near:
-    """How near clips are by some methods: by distances, and along the graph, both ways together with `second`."""
+def near_of(one: Measured, rows: Sequence[Mapping[str, View[int]]], shares: Mapping[str, float], turns: int) -> Near:
+    """How near clips are by some methods: by distances, and along the graph, with `turns` by all together too."""
     direct, along = np.zeros((2, one.clips, one.clips))
     total = sum(shares.values())
     for row, of_each in enumerate(rows):
@@ -192,8 +190,8 @@ def near_of(
                 nodes = list(view.clips[: len(view.ways) - 1])
                 along[row, nodes] += share / total * view.ways[-1, :-1]
                 nearest[method] = replace(view, clips=nodes)
-        if second:
-            again = near_again(nearest, shares, one.clips)
+        if turns:
+            again = near_again(nearest, shares, one.clips, turns)
             along[row, list(again)] += list(again.values())
     return Near(direct, along)
 
@@ -212,21 +210,21 @@ def measure(names: Sequence[str], seeds: Sequence[int]) -> dict[str, object]:
             one = measured(Path(folder), name, seed)
         for reciprocal in sorted({*RECIPROCALS, NOW.reciprocal}):
             rows = views(one, reciprocal)
-            for shares, second in {(how.shares, how.second) for how in (NOW, *every_constants())}:
+            for shares, turns in {(how.shares, how.turns) for how in (NOW, *every_constants())}:
                 counted = {method: share for method, share in zip(METHODS, shares, strict=True) if share}
-                near = near_of(one, rows, counted, second=second > 0)
+                near = near_of(one, rows, counted, turns)
                 for direct in sorted({*DIRECTS, NOW.direct}):
-                    how = Constants(reciprocal, direct, second, shares)
+                    how = Constants(reciprocal, direct, turns, shares)
                     scores = one.scores(near.along + direct * near.direct)
                     maps.setdefault(how, {}).setdefault(name, []).append(scores)
             if reciprocal == NOW.reciprocal:
                 for method in one.distances:
-                    near = near_of(one, rows, {method: 1.0}, second=False)
+                    near = near_of(one, rows, {method: 1.0}, turns=0)
                     alone.setdefault(method, {}).setdefault(name, []).append(one.scores(near.direct))
                     scores = one.scores(near.along + NOW.direct * near.direct)
                     alone.setdefault(f"{method}, graph", {}).setdefault(name, []).append(scores)
                 counted = {method: share for method, share in zip(METHODS, NOW.shares, strict=True) if share}
-                near = near_of(one, rows, counted, second=False)
+                near = near_of(one, rows, counted, turns=0)
                 alone.setdefault("all, no graph", {}).setdefault(name, []).append(one.scores(near.direct))
         print(f"{name}, seed {seed}: {_mean(maps[NOW][name])}", flush=True)
     order = {how: {name: _mean(maps[how][name])["map"] for name in names} for how in sorted(maps, key=str)}

@@ -17,7 +17,7 @@ from motionlake.arrays import BoolArray, Float64Array, Int64Array
 
 RESTART: Final = 0.05  # share of what starts at the query in every step; the rest passes on to neighbours
 RECIPROCAL: Final = 24  # two clips are joined where each is among so many nearest of the other
-SECOND: Final = 12  # the same of the second way, by how near clips are along the first
+AGAIN: Final = 12  # the same of `diffused_again`, by how near clips are along the ways before
 UNIT: Final = 10  # the distance of the tenth neighbour is the scale of a clip
 SHARPNESS: Final = 2.0  # of the weight of an edge by its distance
 JOINED: Final = 10  # nearest that a clip is joined to in `way_between`, at most
@@ -92,7 +92,7 @@ def diffused(graph: NeighbourGraph, nodes: Int64Array, distances: Float64Array, 
 
 
 def diffused_again(near: Float64Array, clips: int) -> Float64Array:
-    """[m] how near m clips are to a query along the graph of what is near along the first ways.
+    """[m + 1, m + 1] how near m clips and a query are to one another along the graph of what is near along other ways.
 
     Args:
         near: [m + 1, m + 1] of the clips and of the query, the last; from 0 to 1.
@@ -100,12 +100,12 @@ def diffused_again(near: Float64Array, clips: int) -> Float64Array:
     """
     apart = 1 - (near + near.T) / 2
     np.fill_diagonal(apart, np.inf)
-    ordered = np.sort(apart, axis=1)
     last = max(0, len(apart) - 2)
-    scales, radii = (ordered[:, min(joined_of(clips, k) - 1, last)] for k in (UNIT, SECOND))
+    places = [min(joined_of(clips, k) - 1, last) for k in (UNIT, AGAIN)]
+    scales, radii = np.partition(apart, sorted(set(places)), axis=1)[:, places].T
     scales = np.maximum(scales, _LEAST)
     mutual = _within(apart, radii[:, None]) & _within(apart, radii)
-    return _spread(np.where(mutual, _weight(apart, scales[:, None], scales), 0.0))[-1, :-1]
+    return _spread(np.where(mutual, _weight(apart, scales[:, None], scales), 0.0))
 
 
 def way_between(distances: Float64Array, most: int = JOINED) -> Float64Array:

@@ -10,7 +10,8 @@ import numpy as np
 from motionlake.arrays import Float64Array
 from motionlake.motion.diffusion import diffused_again
 
-AGAIN: Final = 400  # clips that are nearest by all methods, among which the second way goes
+TOGETHER_MOST: Final = 400  # clips that are nearest by all methods, among which the way of all methods goes
+TURNS: Final = 2  # times that way is taken
 _ITSELF: Final = 1 - 1e-9  # how near a clip is that is the query
 Clip = TypeVar("Clip")
 
@@ -32,27 +33,36 @@ class View(Generic[Clip]):
     ways: Float64Array | None
 
 
-def near_again(views: Mapping[str, View[Clip]], weights: Mapping[str, float], clips: int) -> dict[Clip, float]:
+def near_again(
+    views: Mapping[str, View[Clip]], weights: Mapping[str, float], clips: int, turns: int = TURNS
+) -> dict[Clip, float]:
     """How near clips are along the graph of what is near by all methods together; empty without graphs.
+
+    Every further turn goes along the graph of the mean of what was near and of what the turn before made of it.
 
     Args:
         views: by method.
         weights: how much each counts.
         clips: that the lake holds.
+        turns: 1 or more.
     """
-    along = {name: view for name, view in views.items() if view.ways is not None and len(view.clips)}
-    if not along:
+    joined = {name: view for name, view in views.items() if view.ways is not None and len(view.clips)}
+    if not joined:
         return {}
-    known = list(dict.fromkeys(clip for view in along.values() for clip in view.clips))
+    known = list(dict.fromkeys(clip for view in joined.values() for clip in view.clips))
     place = {clip: at for at, clip in enumerate(known)}
-    total = sum(weights[name] for name in along)
+    total = sum(weights[name] for name in joined)
     near = np.zeros((len(known) + 1, len(known) + 1))
-    for name, view in along.items():
+    for name, view in joined.items():
         assert view.ways is not None
         rows = np.array([*(place[clip] for clip in view.clips), len(known)])
         near[np.ix_(rows, rows)] += weights[name] / total * view.ways
-    best = np.sort(np.argsort(-near[-1, :-1], kind="stable")[:AGAIN])
+    best = np.sort(np.argsort(-near[-1, :-1], kind="stable")[:TOGETHER_MOST])
     rows = np.append(best, len(known))
-    found = diffused_again(near[np.ix_(rows, rows)], clips)
+    before = near[np.ix_(rows, rows)]
+    along = diffused_again(before, clips)
+    for _ in range(turns - 1):
+        along = diffused_again((before + along) / 2, clips)
+    found = along[-1, :-1]
     found[near[-1, best] > _ITSELF] = 1.0
     return {known[at]: float(way) for at, way in zip(best.tolist(), found, strict=True)}
