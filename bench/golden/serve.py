@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import io
 import json
 import os
@@ -41,7 +42,13 @@ def say(words: Sequence[str]) -> Said:
     out, err = io.StringIO(), io.StringIO()
     status: object = 0
     began = time.perf_counter()
-    with mock.patch.object(sys, "argv", [str(script()), *words]), redirect_stdout(out), redirect_stderr(err):
+    with (
+        mock.patch.object(sys, "argv", [str(script()), *words]),
+        mock.patch.object(os, "_exit", sys.exit),  # the command ends its process so
+        mock.patch.object(atexit, "_run_exitfuncs"),
+        redirect_stdout(out),
+        redirect_stderr(err),
+    ):
         try:
             runpy.run_path(str(script()), run_name="__main__")
         except SystemExit as stopped:
