@@ -278,6 +278,47 @@ def _gltf(folder: Path) -> bytes:
     return json.dumps(document, indent=1).encode()
 
 
+def fbx_text(frames: int = 12) -> str:
+    """A chain of three bones as ASCII FBX 7.4, centimetres, z up, whose first bone moves and second turns."""
+    bones, objects, links = ("Hips", "Spine", "Head"), [], []
+    ticks = ",".join(str(round(frame * 46186158000 / 30)) for frame in range(frames))
+    for number, name in enumerate(bones, start=1):
+        place = f'P: "Lcl Translation", "Lcl Translation", "", "A",0,0,{90 if number == 1 else 30}'
+        objects.append(f'NodeAttribute: {number + 10}, "NodeAttribute::", "LimbNode" {{\nTypeFlags: "Skeleton"\n}}')
+        properties = f"Properties70: {{\n{place}\n}}"
+        objects.append(f'Model: {number}, "Model::{name}", "LimbNode" {{\nVersion: 232\n{properties}\n}}')
+        links += [f'C: "OO",{number + 10},{number}', f'C: "OO",{number},{number - 1}']
+    objects.append(
+        'AnimationStack: 50, "AnimStack::walk", "" {\nProperties70: {\n'
+        f'P: "LocalStart", "KTime", "Time", "",0\n'
+        f'P: "LocalStop", "KTime", "Time", "",{round((frames - 1) * 46186158000 / 30)}\n}}\n}}'
+    )
+    objects.append('AnimationLayer: 51, "AnimLayer::base", "" {\n}')
+    links.append('C: "OO",51,50')
+    for curve, (bone, what, axis, step) in enumerate(((1, "T", "X", 2.0), (2, "R", "Y", 3.0))):
+        node, keys = 60 + curve, 70 + curve
+        values = ",".join(str(step * frame) for frame in range(frames))
+        held = "".join(f'P: "d|{name}", "Number", "", "A",{90 if what + name == "TZ" else 0}\n' for name in "XYZ")
+        objects.append(f'AnimationCurveNode: {node}, "AnimCurveNode::{what}", "" {{\nProperties70: {{\n{held}}}\n}}')
+        lists = f"KeyTime: *{frames} {{\na: {ticks}\n}}\nKeyValueFloat: *{frames} {{\na: {values}\n}}"
+        flags = "KeyAttrFlags: *1 {\na: 4\n}\nKeyAttrDataFloat: *4 {\na: 0,0,0,0\n}"
+        count = f"KeyAttrRefCount: *1 {{\na: {frames}\n}}"
+        objects.append(f'AnimationCurve: {keys}, "AnimCurve::", "" {{\nKeyVer: 4008\n{lists}\n{flags}\n{count}\n}}')
+        long = {"T": "Lcl Translation", "R": "Lcl Rotation"}[what]
+        links += [f'C: "OO",{node},51', f'C: "OP",{node},{bone}, "{long}"', f'C: "OP",{keys},{node}, "d|{axis}"']
+    axes = "".join(
+        f'P: "{name}", "int", "Integer", "",{value}\n'
+        for name, value in (("UpAxis", 2), ("UpAxisSign", 1), ("FrontAxis", 1), ("FrontAxisSign", -1),
+                            ("CoordAxis", 0), ("CoordAxisSign", 1), ("TimeMode", 6))
+    )  # fmt: skip
+    unit = 'P: "UnitScaleFactor", "double", "Number", "",1\n'
+    return (
+        "; FBX 7.4.0 project file\nFBXHeaderExtension: {\nFBXHeaderVersion: 1003\nFBXVersion: 7400\n}\n"
+        f"GlobalSettings: {{\nVersion: 1000\nProperties70: {{\n{axes}{unit}}}\n}}\n"
+        "Objects: {\n" + "\n".join(objects) + "\n}\nConnections: {\n" + "\n".join(links) + "\n}\n"
+    )
+
+
 # By suffix: the bytes of a good clip, after its companions are written to the given folder.
 SAMPLES: dict[str, Callable[[Path], bytes]] = {
     ".bvh": _text(lambda: BVH),
@@ -287,6 +328,7 @@ SAMPLES: dict[str, Callable[[Path], bytes]] = {
     ".trc": _text(lambda: trc_text(*plug_in_gait_markers(swinging_body(12)))),
     ".npz": lambda folder: npz_bytes(swinging_body(12), KINECT_1, KINECT_1_PARENTS, 30.0),
     ".glb": lambda folder: _scene(folder),
+    ".fbx": _text(fbx_text),
     ".gltf": lambda folder: _gltf(folder),
 }
 BINARY = frozenset({".npz", ".glb"})
