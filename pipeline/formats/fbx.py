@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Final
 
+from motionlake.errors import ClipError
 from motionlake.formats.parse.fbx_nodes import FbxNodes, read_nodes
 from motionlake.formats.parse.scene import (
     JointTree,
@@ -20,6 +22,9 @@ from motionlake.formats.parse.scene import (
 )
 from motionlake.motion.clip import SourceClip
 
+_BINARY: Final = b"Kaydara FBX Binary"
+_WORDS: Final = re.compile(rb'"[^"]*"|;[^\n]*')  # and remarks, whose braces are none
+
 
 class FbxReader:
     """FBX scenes: a clip for every animation stack and every skeleton."""
@@ -33,6 +38,7 @@ class FbxReader:
         Raises:
             ClipError: ufbx is not installed, cannot read the file, or finds no bones or no animation.
         """
+        _check_whole(data)
         scene = read_nodes(data)
         trees = body_trees(scene.parents, _skeletons(scene))
         takes = [(stack, tree) for stack in range(len(scene.stacks)) for tree in trees]
@@ -43,6 +49,15 @@ class FbxReader:
             _clip(scene, tree, stack, frames[stack], body, fps)
             for (stack, tree), body in zip(takes, names, strict=True)
         ]
+
+
+def _check_whole(data: bytes) -> None:
+    """Reject text that is cut short, of which ufbx takes what is left."""
+    if data.startswith(_BINARY):
+        return
+    marks = _WORDS.sub(b"", data)
+    if marks.count(b"{") != marks.count(b"}"):
+        raise ClipError("is cut short: it has braces that are not closed")
 
 
 def _clip(scene: FbxNodes, tree: JointTree, stack: int, frames: int, body: str, fps: float | None) -> SourceClip:
