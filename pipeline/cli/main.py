@@ -47,6 +47,8 @@ COMMANDS: Final = {
         "sql": "Run SQL on a lake, with the lake's functions and macros. It reads the lake alone, and changes nothing.",
     },
     "Look at it": {
+        "check": "What is wrong with recordings, worst first; exit status 1 where a clip is bad, else 0.",
+        "clean": "Write mended copies of clips as BVH, and beside each what was mended where.",
         "view": "Play a clip beside the recorded one most like it: an HTML page, a GIF or a PNG.",
         "report": "One HTML page that shows what a lake holds: signatures, maps, motifs, sequences, a search.",
         "export": "Write a clip, or a range of it, as BVH.",
@@ -74,6 +76,7 @@ MODULES: Final = {
     "search": ("search", "find", "align"),
     "duplicates": ("duplicates",),
     "sql": ("sql",),
+    "check": ("check", "clean"),
     "look": ("view", "report", "export"),
     "sort": ("classify", "segment", "cluster"),
     "suggest": ("suggest",),

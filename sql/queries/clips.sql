@@ -54,6 +54,13 @@ SELECT unnest(files) AS file FROM manifest WHERE stage = 'shortlist' AND state =
 -- name: part_clips
 SELECT clip FROM clips WHERE part = $part ORDER BY clip;
 
+-- name: part_bodies
+-- What checks of recordings have to know beside the frames.
+SELECT clip, twist, filled FROM clips WHERE part = $part ORDER BY clip;
+
+-- name: clips_of_dataset
+SELECT clip FROM clips WHERE $dataset::VARCHAR IS NULL OR dataset = $dataset ORDER BY clip;
+
 -- name: frames_parts
 -- Parts of recorded and of synthetic clips.
 SELECT c.part, c.dataset, any_value(m.key) AS key, count(*)::BIGINT AS clips, sum(c.frames)::BIGINT AS frames,
