@@ -20,7 +20,7 @@ DEMO_SYNTHESIS = $(if $(filter demo/deepmimic,$(DATA)),$(BIN)/motionlake run syn
 DEMO_QUERIES = $(if $(filter demo/deepmimic,$(DATA)),humanoid3d_walk humanoid3d_kick humanoid3d_dance_a,--sample 3)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test lint docs ingest all $(STAGES) neighbours transitions synth status wheel bench-ingest bench-dtw bench-moves bench-emd bench-generalise bench-retrieval bench-scale bench-representation bench-words bench-find bench-motion-graph bench-neighbours bench-segmentation bench-signatures bench-sorting bench-align bench-pesta bench-descriptor-search bench-deephums bench-glogen bench-synthesis bench-text bench-kills bench-many bench-smoke fuzz
+.PHONY: help setup demo test lint docs ingest all $(STAGES) neighbours transitions synth quality status wheel bench-ingest bench-dtw bench-moves bench-emd bench-generalise bench-retrieval bench-scale bench-representation bench-words bench-find bench-motion-graph bench-neighbours bench-segmentation bench-signatures bench-sorting bench-align bench-pesta bench-quality bench-descriptor-search bench-deephums bench-glogen bench-synthesis bench-text bench-kills bench-many bench-smoke fuzz
 
 help: ## Show this help
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 24
@@ -95,6 +95,8 @@ transitions: setup ## Stage of its own: where clips of DATASET=name (all dataset
 	$(BIN)/motionlake run transitions $(if $(DATASET),--dataset "$(DATASET)") --lake "$(LAKE)"
 synth: setup ## Stage of its own: a generator of motion, trained on labelled clips or pretrained (then motionlake synthesize)
 	$(BIN)/motionlake run synth --lake "$(LAKE)"
+quality: setup ## Stage of its own: what of every clip no body did, by range, with a verdict
+	$(BIN)/motionlake run quality --lake "$(LAKE)"
 
 $(STAGES):
 	$(BIN)/motionlake run $@ --lake "$(LAKE)"
@@ -123,6 +125,9 @@ bench-dtw: .venv-bench/.ready ## Measure word DTW against peers
 
 bench-scale: setup ## Measure the default search of 150,000 clips (twenty minutes to make them, FOLDER=folder keeps them)
 	$(BIN)/python -m bench.scale_search $(if $(FOLDER),--folder "$(FOLDER)")
+
+bench-quality: setup ## Measure how many faults planted in recordings are found
+	$(BIN)/python -m bench.quality
 
 bench-moves: .venv-bench/.ready ## Measure the alignment of moves against a peer
 	$(BENCH)/python -m bench.moves

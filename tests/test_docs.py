@@ -21,7 +21,7 @@ ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
 COMMAND = re.compile(r"^(?:    )?motionlake +([a-z][^\n]*)$", re.MULTILINE)
 ADDED = ("longest_clips", "speeds", "metres_each_second", "novelty")  # by the guide to extending
-MADE_ON_REQUEST = ("similar_words",)  # of the stage neighbours, which `run all` leaves out
+MADE_ON_REQUEST = ("similar_words", "FROM quality")  # of stages that `run all` leaves out
 
 
 def commands(page: Path) -> list[str]:

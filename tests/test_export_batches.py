@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -194,6 +195,22 @@ def test_a_glb_is_a_character_too(lake: Path, tmp_path: Path) -> None:
         (row,) = exported(lake, tmp_path / name, *where, "--rig", rig, "--format", "csv")["clips"]
         places.append(np.loadtxt(tmp_path / name / row["file"], delimiter=",", skiprows=1))
     np.testing.assert_allclose(places[0], places[1], atol=0.02)
+
+
+def test_clips_are_chosen_by_their_faults(lake: Path, tmp_path: Path, scheduler: str) -> None:
+    own = tmp_path / "lake"
+    shutil.copytree(lake, own)
+    asked = ("export", "--lake", own, "--format", "csv", "--out", tmp_path / "out", "--where")
+    refused = motionlake(*asked, "quality.slide < 0.5")
+    assert (refused.status, "motionlake run quality" in refused.err) == (2, True), refused.err
+    assert motionlake("run", "quality", "--lake", own, "--scheduler", scheduler).status == 0
+    median = query(own, "SELECT median(limb_drift) FROM quality")[0][0]
+    steady = {row[0] for row in query(own, f"SELECT clip FROM quality WHERE limb_drift <= {median!r}")}
+    assert len(steady) > 0
+    run = motionlake(*asked, f"quality.limb_drift <= {median!r}")
+    assert run.status == 0, run.err
+    manifest = json.loads((tmp_path / "out" / "manifest.json").read_text(encoding="utf-8"))
+    assert {row["clip"] for row in manifest["clips"]} == steady
 
 
 def test_csv_says_where_joints_are(lake: Path, tmp_path: Path) -> None:

@@ -48,6 +48,8 @@ COMMANDS: Final = {
         "sql": "Run SQL on a lake, with the lake's functions and macros. It reads the lake alone, and changes nothing.",
     },
     "Look at it": {
+        "check": "What is wrong with recordings, worst first; exit status 1 where a clip is bad, else 0.",
+        "clean": "Write mended copies of clips as BVH, and beside each what was mended where.",
         "view": "Play a clip beside the recorded one most like it: an HTML page, a GIF or a PNG.",
         "cite": "The licences and citations of what a lake holds, as BibTeX with comments.",
         "report": "One HTML page that shows what a lake holds: signatures, maps, motifs, sequences, a search.",
@@ -78,6 +80,7 @@ MODULES: Final = {
     "duplicates": ("duplicates",),
     "sql": ("sql",),
     "look": ("view", "report"),
+    "check": ("check", "clean"),
     "export": ("export",),
     "sort": ("classify", "segment", "cluster"),
     "suggest": ("suggest",),

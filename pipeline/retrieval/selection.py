@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,6 +19,7 @@ from motionlake.lake.resolve import resolve_clip
 if TYPE_CHECKING:
     from motionlake.lake.safe import LakeConnection
 
+_QUALITY: Final = re.compile(r"\bquality\s*\.", re.IGNORECASE)
 SECONDS: Final = 600.0  # that a condition or query may take
 MOST_BYTES: Final = 256 << 20  # of a list
 
@@ -34,14 +36,18 @@ class ClipRange:
 def by_condition(lake: Lake, condition: str | None, dataset: str | None) -> list[ClipRange]:
     """The whole clips of which a condition over the table `clips` is true, in the order of their names.
 
-    The condition can read the lake and nothing else (`motionlake.lake.safe`).
+    The condition can read the lake and nothing else (`motionlake.lake.safe`). After stage "quality" it knows the
+    columns of that view, too, as `quality.slide`.
 
     Raises:
         UserError: the condition is no condition, or takes more than `SECONDS`.
     """
 
     def rows(con: LakeConnection) -> list[tuple[Any, ...]]:
-        found = con.sql(sql.read("clips_of_dataset"), params={"dataset": dataset})
+        ((known,),) = con.execute(sql.read("has_view"), {"view": "quality"}).fetchall()
+        if not known and condition is not None and _QUALITY.search(condition):
+            raise UserError("--where: quality is not known of these clips; find it out with `motionlake run quality`")
+        found = con.sql(sql.read("clips_with_quality" if known else "clips_of_dataset"), params={"dataset": dataset})
         chosen = found if condition is None else found.filter(condition)
         return chosen.project("clip").order("clip").fetchall()
 

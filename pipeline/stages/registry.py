@@ -18,6 +18,7 @@ from motionlake.stages.model_kind import ModelKind
 from motionlake.stages.moves import MOVES
 from motionlake.stages.neighbours import NEIGHBOURS
 from motionlake.stages.postures import POSTURES
+from motionlake.stages.quality import QUALITY
 from motionlake.stages.reader import LakeReader
 from motionlake.stages.shortlist import SHORTLIST
 from motionlake.stages.signatures import MOTIFS, SIGNATURES
@@ -46,6 +47,7 @@ EVERY: Final[tuple[Stage, ...]] = (
     NEIGHBOURS,
     TRANSITIONS,
     SYNTH,
+    QUALITY,
 )
 ON_REQUEST: Final[Stage] = SYNTHESIZE  # planned for what `motionlake synthesize` is asked for, never due
 

@@ -54,6 +54,10 @@ SELECT unnest(files) AS file FROM manifest WHERE stage = 'shortlist' AND state =
 -- name: part_clips
 SELECT clip FROM clips WHERE part = $part ORDER BY clip;
 
+-- name: part_bodies
+-- What checks of recordings have to know beside the frames.
+SELECT clip, twist, filled FROM clips WHERE part = $part ORDER BY clip;
+
 -- name: frames_parts
 -- Parts of recorded and of synthetic clips.
 SELECT c.part, c.dataset, any_value(m.key) AS key, count(*)::BIGINT AS clips, sum(c.frames)::BIGINT AS frames,
@@ -96,3 +100,11 @@ DELETE FROM skeletons WHERE skeleton NOT IN (SELECT skeleton FROM clips);
 
 -- name: clips_of_dataset
 SELECT * FROM clips WHERE $dataset::VARCHAR IS NULL OR dataset = $dataset;
+
+-- name: clips_with_quality
+-- The same with the row of view quality as a struct; NULL where the stage has not seen the clip as it is now.
+SELECT c.*, q AS quality FROM clips c LEFT JOIN quality q ON q.clip = c.clip
+WHERE $dataset::VARCHAR IS NULL OR c.dataset = $dataset;
+
+-- name: has_view
+SELECT count(*) > 0 FROM duckdb_views() WHERE view_name = $view;

@@ -1,0 +1,223 @@
+"""motionlake check and clean: what in recordings no body did, and copies in which that is mended."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Final
+
+import typer
+from motionlake.cli.common import (
+    PATHS,
+    ClipsArgument,
+    DatasetOption,
+    JsonOption,
+    LakeOption,
+    argument,
+    check_folder_of,
+    named_source,
+    notice,
+    option,
+    tell,
+)
+from motionlake.errors import UserError
+from motionlake.lake.catalog import Connection, fetch, reading
+from motionlake.lake.layout import Lake, open_lake
+from motionlake.names import file_name, json_text, told_apart
+
+if TYPE_CHECKING:
+    from motionlake.motion.canonicalise import CanonicalMotion
+    from motionlake.motion.quality import Quality
+    from motionlake.motion.quality.mend import Mended
+    from motionlake.motion.quality_config import QualityConfig
+
+MOST_TOLD: Final = 5  # faults of a kind and clip in the table; JSON has them all
+
+
+@dataclass(frozen=True)
+class _Checked:
+    name: str
+    motion: CanonicalMotion | None  # where it is to be drawn
+    quality: Quality
+
+
+def check(
+    lake: LakeOption,
+    clips: ClipsArgument = None,
+    dataset: DatasetOption = None,
+    picture: Annotated[
+        Path | None,
+        option("--picture", help="Also draw the worst clips and their faults into this .png or .html file."),
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """What is wrong with recordings, worst first; exit status 1 where a clip is bad, else 0.
+
+    Without names all clips of the lake, or of a dataset, are checked. Thresholds stand in config.toml, table [quality].
+
+    Example: motionlake check walk_01 --lake mylake
+
+    A file that is not in the lake: motionlake check shots/new_take.bvh --picture faults.png --lake mylake
+
+    All clips of a dataset: motionlake check --dataset hdm05 --json --lake mylake
+    """
+    target = open_lake(lake)
+    if picture is not None:
+        if picture.suffix not in (".png", ".html"):
+            raise UserError(f"--picture {picture}: its name must end in .png or .html")
+        check_folder_of(picture)
+    if clips and dataset is not None:
+        raise UserError("--dataset: is for a check without names")
+    with reading(target) as con:
+        found = list(_checked(con, target, clips, dataset, drawn=picture is not None))
+    found.sort(key=_badness)
+    if picture is not None:
+        _draw(picture, found)
+    tell([_as_row(one) for one in found], [row for one in found for row in _table(one)], as_json=as_json)
+    bad = sum(one.quality.verdict == "bad" for one in found)
+    if bad:
+        notice(f"{bad} of {len(found)} clips {'is' if bad == 1 else 'are'} bad")
+        raise typer.Exit(1)
+
+
+def clean(
+    lake: LakeOption,
+    clips: Annotated[list[str], argument(f"Clips of the lake, or clip files; {PATHS}.")],
+    out: Annotated[Path, option("--out", "-o", help="Folder for the mended copies, which is made.")],
+    as_json: JsonOption = False,
+) -> None:
+    """Write mended copies of clips as BVH, and beside each what was mended where.
+
+    Clips stay as they are. T-poses at the ends are cut off, spikes and flips filled from the frames around, jitter is
+    smoothed. Other faults stay, and are told; exit status 1 where a copy is still bad. Copies have the canonical
+    skeleton with the body's own bone lengths.
+
+    Example: motionlake clean walk_01 --out mended --lake mylake
+    """
+    from motionlake.motion.quality import sentence
+
+    target = open_lake(lake)
+    with reading(target) as con:
+        found = list(_checked(con, target, clips, None, drawn=True))
+    names = told_apart((one.name for one in found), lambda name: file_name(Path(name).name.rpartition(".")[0] or name))
+    rows, left = [], False
+    for one in found:
+        file, done, after = _mend(target, one, out / f"{names[one.name]}.bvh")
+        rows.append(
+            {
+                "clip": one.name, "file": str(file), "mended": len(done), "verdict": after.verdict,
+                "left": "; ".join(sentence(fault, after.fps) for fault in after.faults),
+            }
+        )  # fmt: skip
+        left = left or after.verdict == "bad"
+    tell(rows, as_json=as_json)
+    if left:
+        notice("what is still bad cannot be mended here")
+        raise typer.Exit(1)
+
+
+def _mend(lake: Lake, one: _Checked, file: Path) -> tuple[Path, list[Mended], Quality]:
+    from motionlake.formats.write.bvh import write_bvh
+    from motionlake.lake.parts import replacing
+    from motionlake.motion.canonicalise import to_source_clip
+    from motionlake.motion.quality import Recording, sentence
+    from motionlake.motion.quality import check as checked
+    from motionlake.motion.quality.mend import mended
+
+    assert one.motion is not None
+    if file.exists():
+        raise UserError(f"{file}: is there already; say with --out another folder")
+    try:
+        copy, done = mended(one.motion, one.quality.faults)
+    except ValueError as error:
+        raise UserError(f"{one.name}: {error}") from error
+    recording = Recording.of(copy.positions, copy.rotations, copy.fps, twist=copy.twist, filled=copy.filled)
+    after = checked(recording, _config(lake))
+    lineage = {
+        "source": one.name, "frames": one.quality.frames, "fps": one.quality.fps, "verdict": one.quality.verdict,
+        "mended": [each.as_row() for each in done], "verdict_after": after.verdict,
+        "left": [{**fault.as_row(), "says": sentence(fault, after.fps)} for fault in after.faults],
+    }  # fmt: skip
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        with replacing(file.with_suffix(".json")) as temporary:
+            temporary.write_text(json_text(lineage) + "\n", encoding="utf-8")
+        write_bvh(to_source_clip(copy), file)
+    except OSError as error:
+        raise UserError(f"{file}: cannot be written ({error.strerror or error})") from error
+    return file, done, after
+
+
+def _config(lake: Lake) -> QualityConfig:
+    from motionlake.lake.config import load_config
+    from motionlake.motion.quality_config import QualityConfig
+
+    return load_config(lake.config_file).of(QualityConfig)
+
+
+def _checked(
+    con: Connection, lake: Lake, names: list[str] | None, dataset: str | None, *, drawn: bool
+) -> Iterator[_Checked]:
+    from motionlake.lake.frames import canonical_motion
+    from motionlake.motion.quality import Recording
+    from motionlake.motion.quality import check as checked
+    from motionlake.stages.frames import first_body
+
+    config = _config(lake)
+    every = sorted(row["clip"] for row in fetch(con, "clips_of_dataset", {"dataset": dataset})) if not names else []
+    sources = [named_source(con, name) for name in names] if names else every
+    for source in sources:
+        motion = first_body(lake, source)[1] if isinstance(source, Path) else canonical_motion(con, lake, source)
+        recording = Recording.of(
+            motion.positions, motion.rotations, motion.fps, twist=motion.twist, filled=motion.filled
+        )
+        yield _Checked(str(source), motion if drawn else None, checked(recording, config))
+
+
+def _badness(one: _Checked) -> tuple[int, float, str]:
+    from motionlake.motion.quality import VERDICTS
+
+    return -VERDICTS.index(one.quality.verdict), -one.quality.share, one.name
+
+
+def _draw(path: Path, found: list[_Checked]) -> None:
+    from motionlake.pictures.faults import MOST_CLIPS, CheckedClip, fault_bands
+    from motionlake.pictures.html import page, picture, write_file
+    from motionlake.pictures.style import png
+
+    drawn = [CheckedClip(one.name, one.motion, one.quality) for one in found[:MOST_CLIPS] if one.motion is not None]
+    if len(found) > MOST_CLIPS:
+        notice(f"{path}: the worst {MOST_CLIPS} of {len(found)} clips are drawn")
+    figure = fault_bands(drawn, "Faults of recordings", "the worst clips first; the body at the worst frame")
+    if path.suffix == ".png":
+        write_file(path, png(figure))
+        return
+    tables = [[row for one in found for row in _table(one)]]
+    one = picture("faults", "Faults of recordings", "Bands show where each fault is; the body its worst frame.", figure)
+    write_file(path, page("Faults of recordings", [], tables, {"Where": [one]}).encode(errors="replace"))
+
+
+def _as_row(one: _Checked) -> dict[str, Any]:
+    from motionlake.motion.quality import sentence
+
+    quality = one.quality
+    faults = [{**fault.as_row(), "says": sentence(fault, quality.fps)} for fault in quality.faults]
+    return {
+        "clip": one.name, "verdict": quality.verdict, "frames": quality.frames, "fps": quality.fps,
+        "measures": dict(quality.measures), "faults": faults,
+    }  # fmt: skip
+
+
+def _table(one: _Checked) -> list[dict[str, Any]]:
+    """A row a fault, the worst of each kind; one without any of a clip that is ok."""
+    from motionlake.motion.quality import KINDS, sentence
+
+    quality, rows = one.quality, []
+    for kind in KINDS:
+        faults = [fault for fault in quality.faults if fault.kind == kind]
+        told = sorted(sorted(faults, key=lambda fault: -fault.severity)[:MOST_TOLD], key=lambda fault: fault.start)
+        rows += [sentence(fault, quality.fps) for fault in told]
+        if len(faults) > len(told):
+            rows.append(f"and {len(faults) - len(told)} more of {kind.replace('_', ' ')} (--json tells all)")
+    return [{"clip": one.name, "verdict": quality.verdict, "fault": row} for row in rows or [""]]

@@ -1,0 +1,67 @@
+"""Stage "quality": what of each clip no body did, and whether the clip is ok, doubtful or bad."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict
+from typing import Any, Final
+
+import pyarrow as pa
+from motionlake.lake.catalog import fetch
+from motionlake.lake.layout import Lake
+from motionlake.motion.quality import MEASURES, Quality, Recording, check
+from motionlake.motion.quality_config import QualityConfig
+from motionlake.stages.reader import LakeReader
+from motionlake.stages.stage import PART_KEYS, Part, PartStage, Shard, clips_of_shard
+
+RANGE: Final = pa.struct(
+    [
+        ("fault", pa.string()), ("joint", pa.string()), ("start", pa.int64()), ("stop", pa.int64()),
+        ("severity", pa.float64()),
+    ]
+)  # fmt: skip
+ROWS: Final = pa.schema(
+    [*PART_KEYS, ("verdict", pa.string()), *((name, pa.float64()) for name in MEASURES), ("ranges", pa.list_(RANGE))]
+)
+
+
+class QualityStage(PartStage):
+    """A row a clip, with its faulty ranges."""
+
+    name = "quality"
+    about = "what of every clip no body did, by range, with a verdict"
+    folder = "quality"
+    schema = ROWS
+    by_name = True
+
+    def shaping(self, at: LakeReader) -> Sequence[Any]:
+        return (at.config.of(QualityConfig),)
+
+    def spec(self, at: LakeReader, part: Part) -> Mapping[str, Any]:
+        bodies = fetch(at.con, "part_bodies", {"part": part.part})
+        return {
+            "clips": [row["clip"] for row in bodies],
+            "bodies": {row["clip"]: [row["twist"], row["filled"]] for row in bodies},
+            "quality": asdict(at.config.of(QualityConfig)),
+        }
+
+    def rows(self, lake: Lake, shard: Shard) -> Iterator[pa.Table]:
+        config = QualityConfig(**shard.spec["quality"])
+        for clip in clips_of_shard(lake, shard):
+            twist, filled = shard.spec["bodies"][clip.clip]
+            found = check(
+                Recording.of(clip.positions, clip.rotations, clip.fps, twist=twist, filled=tuple(filled)), config
+            )
+            yield pa.Table.from_pylist([_row(clip.clip, shard, found)], schema=ROWS)
+
+
+QUALITY: Final = QualityStage()
+
+
+def _row(clip: str, shard: Shard, found: Quality) -> dict[str, Any]:
+    ranges = [
+        {"fault": f.kind, "joint": f.joint, "start": f.start, "stop": f.stop, "severity": f.severity}
+        for f in found.faults
+    ]
+    keys = {"clip": clip, "part": shard.part, "key": shard.key}
+    return {**keys, "verdict": found.verdict, **found.measures, "ranges": ranges}
