@@ -37,6 +37,8 @@ _IN_LINE: Final = 0.95  # cosine
 # that joint is the neck.
 _BETWEEN_SHOULDERS: Final = 0.4
 _ABOVE: Final = 0.1
+# Legs may hang on a pelvis beside the spine, so many joints below where both begin.
+_BESIDE: Final = 1
 # Of two pairs of bones that follow each other this nearly as long as the longest, the outer are the limb.
 _NEARLY: Final = 0.65
 _TIP: Final = re.compile(r"end|top|nub|site|tip")
@@ -94,7 +96,7 @@ class _Body:
         if pair is None:
             return {}
         legs, arms = pair
-        found = {"hips": legs.carrier}
+        found = {"hips": self._fork(legs, arms)}
         sides = self._leg_sides(legs, arms)
         for side, limb in zip(sides, legs.limbs, strict=True):
             found |= {f"{side}_{part}": joint for part, joint in self._leg(limb).items()}
@@ -115,10 +117,21 @@ class _Body:
             (legs, arms)
             for legs in pairs
             for arms in pairs
-            if legs.carrier != arms.carrier and legs.carrier in self._above(arms.carrier)
+            if legs.carrier != arms.carrier and self._is_lower(legs, arms)
             and not set(self._above(arms.carrier)) & set().union(*legs.limbs)
         ]  # fmt: skip
         return max(fitting, key=lambda both: both[0].length + both[1].length, default=None)
+
+    def _is_lower(self, legs: _Pair, arms: _Pair) -> bool:
+        """Whether legs hang on the trunk that carries the arms, or on a joint beside its first bone."""
+        fork = self._fork(legs, arms)
+        below, higher = (self._above(pair.carrier).index(fork) for pair in (legs, arms))
+        return below <= _BESIDE and below < higher
+
+    def _fork(self, legs: _Pair, arms: _Pair) -> int:
+        """The last joint above both pairs."""
+        trunk = set(self._above(arms.carrier))
+        return next(joint for joint in self._above(legs.carrier) if joint in trunk)
 
     def _pairs(self, carrier: int) -> list[_Pair]:
         if len(self.children[carrier]) < 2:
@@ -228,7 +241,7 @@ class _Body:
 
     def _trunk(self, legs: _Pair, arms: _Pair, limbs: dict[str, int]) -> dict[str, int]:
         way = self._above(arms.carrier)
-        trunk = way[: way.index(legs.carrier)][::-1]
+        trunk = way[: way.index(limbs["hips"])][::-1]
         head = self._head(arms, limbs)
         found: dict[str, int] = {}
         if "left_clavicle" not in limbs and self._carries_shoulders(arms, limbs):
