@@ -33,6 +33,11 @@ _BONE: Final = 0.03
 _SPLIT: Final = 0.8
 _HALF: Final = 0.4
 _IN_LINE: Final = 0.95  # cosine
+# A joint that stays this straight in all frames turns half of a bone on the other half, where the long bones that
+# this leaves are alike and the joint where they meet does bend: their lengths, and cosines of angles.
+_STRAIGHT: Final = 0.9998
+_BENT: Final = 0.99
+_EVEN: Final = 0.6
 # Shoulders whose middle is nearer to the joint that carries them, as a share of their distance, and hardly above it:
 # that joint is the neck.
 _BETWEEN_SHOULDERS: Final = 0.4
@@ -163,15 +168,39 @@ class _Body:
         if len(real) < _LIMB:
             return 0, 1, 2
         # Of joints in one place the last bears the bone.
-        last = [*(following - 1 for following in real[1:]), real[-1]]
+        last = {place: following - 1 for place, following in pairwise(real)} | {real[-1]: real[-1]}
+        lengths_found, found = self._pair_of_bones(limb, real, last)
+        halves = self._halves(limb, real)
+        whole = [place for place in real if place not in halves]
+        if halves and len(whole) >= _LIMB:
+            longer, places = self._pair_of_bones(limb, whole, last)
+            much = _SPLIT * min(longer) > min(lengths_found)
+            if much and min(longer) >= _EVEN * max(longer) and self._bends(limb, *places):
+                return places
+        return found
+
+    def _pair_of_bones(
+        self, limb: tuple[int, ...], real: list[int], last: dict[int, int]
+    ) -> tuple[tuple[float, float], tuple[int, int, int]]:
+        """Lengths of the two long bones of a limb, and where they begin, meet and end."""
+        lengths = self.bones[list(limb)]
         bones = []
         for i in range(len(real) - 2):
             end = i + 3 if self._is_split(limb, real[i + 1 : i + 4]) else i + 2
-            lower, upper = (float(lengths[last[a] + 1 : last[b] + 1].sum()) for a, b in ((i, i + 1), (i + 1, end)))
-            bones.append((min(lower, upper), (last[i], last[i + 1], last[end])))
+            places = last[real[i]], last[real[i + 1]], last[real[end]]
+            shares = tuple(float(lengths[one + 1 : other + 1].sum()) for one, other in pairwise(places))
+            bones.append(((shares[0], shares[1]), places))
         # A long collar bone is followed by longer ones.
-        longest = max(bone for bone, _ in bones)
-        return next(places for bone, places in reversed(bones) if bone >= _NEARLY * longest)
+        longest = max(min(shares) for shares, _ in bones)
+        return next((shares, places) for shares, places in reversed(bones) if min(shares) >= _NEARLY * longest)
+
+    def _halves(self, limb: tuple[int, ...], real: list[int]) -> set[int]:
+        """Places in a limb at which it never bends."""
+        inner = zip(real, real[1:], real[2:], strict=False)
+        return {b for a, b, c in inner if self._cosines(limb[a], limb[b], limb[c]).min() > _STRAIGHT}
+
+    def _bends(self, limb: tuple[int, ...], start: int, middle: int, end: int) -> bool:
+        return bool(self._cosines(limb[start], limb[middle], limb[end]).min() < _BENT)
 
     def _is_split(self, limb: tuple[int, ...], places: list[int]) -> bool:
         """Whether a lower limb goes on beyond its next joint, where files split it to turn one half on the other."""
@@ -184,7 +213,11 @@ class _Body:
 
     def _leg(self, limb: tuple[int, ...]) -> dict[str, int]:
         hip, knee, ankle = self._long_bones(limb)
-        places = {"hip": hip, "knee": knee, "ankle": ankle, "toe": ankle + 1}
+        toe = ankle + 1
+        # A foot may be split as well.
+        if toe + 1 < len(limb) and toe in self._halves(limb, [ankle, toe, toe + 1]):
+            toe += 1
+        places = {"hip": hip, "knee": knee, "ankle": ankle, "toe": toe}
         return {part: limb[place] for part, place in places.items() if place < len(limb)}
 
     def _arm(self, limb: tuple[int, ...]) -> dict[str, int]:
@@ -193,9 +226,13 @@ class _Body:
         return found | ({"clavicle": limb[shoulder - 1]} if shoulder else {})
 
     def _in_line(self, start: int, middle: int, end: int) -> bool:
+        return bool(np.median(self._cosines(start, middle, end)) > _IN_LINE)
+
+    def _cosines(self, start: int, middle: int, end: int) -> Float64Array:
+        """[F] of the angle by which the bones from `start` and to `end` are out of line."""
         one, other = (self.positions[:, b] - self.positions[:, a] for a, b in ((start, middle), (middle, end)))
         norms = np.linalg.norm(one, axis=-1) * np.linalg.norm(other, axis=-1)
-        return bool(np.median((one * other).sum(axis=-1) / np.maximum(norms, 1e-12)) > _IN_LINE)
+        return np.asarray((one * other).sum(axis=-1) / np.maximum(norms, 1e-12), np.float64)
 
     # Sides
 
