@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from motionlake.arrays import Float64Array
 from motionlake.motion.clip import ChannelKind, Hierarchy, SourceClip
+from motionlake.motion.kinematics import solve
 from motionlake.motion.rotations import from_axis_angle, to_euler
 
 FRAMES = 40
@@ -14,6 +15,8 @@ _ROTATIONS = ("Zrotation", "Yrotation", "Xrotation")
 # From the joint before it in metres: y up, z to where the body faces, x to the left.
 _TOE, _SHIN, _THIGH, _HIP = (0.0, -0.05, 0.13), (0.0, -0.4, -0.01), (0.0, -0.41, 0.01), (0.09, -0.05, 0.0)
 _CLAVICLE, _SHOULDER, _UPPER, _LOWER = (0.03, 0.1, 0.0), (0.14, 0.02, 0.0), (0.28, 0.0, 0.0), (0.25, 0.0, 0.0)
+
+Offset = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
@@ -24,10 +27,14 @@ class Names:
         above: joints above the hips.
         hips, trunk, neck, head: from the hips up; arms hang on the last of `trunk`, the head on the last of `neck`.
         legs: what carries both legs below the hips, "" where they hang there.
-        arm, leg: joints from the body outwards; "+NAME" is a twist joint beside the next one, "=NAME" one on the way.
+        arm, leg: joints from the body outwards; "+NAME" is a twist joint beside the next one, "=NAME" one on the way,
+            and "NAME~END" has END after its side.
         fingers: first joints of fingers and how many follow; "{}" is where their number stands.
         sides: how names of the left and of the right are formed.
         helpers: joints of the root that belong to no body, each with its children.
+        shoulder: of a body without collar bones, where the left arm begins from the last of `trunk`.
+        positions: whether its files hold positions in place of rotations.
+        rig: the map that these names are of, "" where it is called as the body is.
     """
 
     hips: str
@@ -42,6 +49,9 @@ class Names:
     legs: str = ""
     face: tuple[str, ...] = ()
     helpers: tuple[tuple[str, tuple[str, ...]], ...] = ()
+    shoulder: Offset | None = None
+    positions: bool = False
+    rig: str = ""
 
 
 _LEFT_RIGHT = ("Left{}", "Right{}")
@@ -55,6 +65,8 @@ def _rigify(prefix: str, arm: tuple[str, ...], leg: tuple[str, ...]) -> Names:
     return Names(f"{prefix}spine", tuple(spine[:3]), tuple(spine[3:5]), spine[5], arm, leg, _RIGIFY_FINGERS, sides)
 
 
+_RIGIFY_TURNED_ARM = ("shoulder", "upper_arm", "=upper_arm~.001", "forearm", "=forearm~.001", "hand")
+_RIGIFY_TURNED_LEG = ("thigh", "=thigh~.001", "shin", "=shin~.001", "foot", "toe")
 _RIGIFY_ARM, _RIGIFY_LEG = ("shoulder", "upper_arm", "forearm", "hand"), ("thigh", "shin", "foot", "toe")
 RIGS = {
     "soma": Names("Hips", ("Spine1", "Spine2", "Chest"), ("Neck1", "Neck2"), "Head",
@@ -82,6 +94,21 @@ RIGS = {
                    _LEFT_RIGHT),
     "rigify": _rigify("", _RIGIFY_ARM, _RIGIFY_LEG),
     "rigify_org": _rigify("ORG-", _RIGIFY_ARM, _RIGIFY_LEG),
+    "rigify_def": _rigify("DEF-", _RIGIFY_TURNED_ARM, _RIGIFY_TURNED_LEG),
+    "rokoko": Names("Hips", ("Spine1", "Spine2", "Spine3", "Spine4"), ("Neck",), "Head",
+                    ("Shoulder", "Arm", "ForeArm", "Hand"), ("Thigh", "Shin", "Foot", "Toe"),
+                    tuple(f"Finger{i}{{}}" for i in range(1, 6)), _LEFT_RIGHT, above=("Root",)),
+    "humanik": Names("Hips", ("Spine", "Spine1", "Spine2"), ("Neck",), "Head",
+                     ("Shoulder", "Arm", "+ArmRoll", "ForeArm", "+ForeArmRoll", "Hand"),
+                     ("UpLeg", "+UpLegRoll", "Leg", "+LegRoll", "Foot", "ToeBase"), _HANDS, _LEFT_RIGHT,
+                     above=("Reference",), rig="mixamo"),
+    "canonical": Names("hips", ("spine", "chest"), ("neck",), "head", ("clavicle", "shoulder", "elbow", "wrist"),
+                       ("hip", "knee", "ankle", "toe"), (), ("left_{}", "right_{}")),
+    "deepmimic": Names("root", ("chest",), ("neck",), "", ("shoulder", "elbow", "wrist"), ("hip", "knee", "ankle"), (),
+                       ("left_{}", "right_{}"), shoulder=(0.18, 0.24, 0.0)),
+    "kinect_v2": Names("SpineBase", ("SpineMid", "SpineShoulder"), ("Neck",), "Head",
+                       ("Shoulder", "Elbow", "Wrist", "Hand", "HandTip"), ("Hip", "Knee", "Ankle", "Foot"), (),
+                       ("{}Left", "{}Right"), shoulder=(0.17, -0.03, 0.0), positions=True),
     "mixamo": Names("Hips", ("Spine", "Spine1", "Spine2"), ("Neck",), "Head",
                     ("Shoulder", "Arm", "ForeArm", "Hand"), ("UpLeg", "Leg", "Foot", "ToeBase"), _HANDS, _LEFT_RIGHT,
                     face=("HeadTop_End",)),
@@ -103,32 +130,36 @@ class _Tree:
     def __init__(self) -> None:
         self.names: list[str] = []
         self.parents: list[int] = []
-        self.offsets: list[tuple[float, float, float]] = []
+        self.offsets: list[Offset] = []
+        self.tips: list[tuple[int, Offset]] = []
         self.swings: dict[int, tuple[tuple[float, float, float], float, float, float]] = {}
 
-    def add(self, name: str, parent: int, offset: tuple[float, float, float]) -> int:
+    def add(self, name: str, parent: int, offset: Offset) -> int:
         self.names.append(name)
         self.parents.append(parent)
         self.offsets.append(offset)
         return len(self.names) - 1
 
-    def limb(
-        self, names: tuple[str, ...], start: int, offsets: list[tuple[float, float, float]], form: str
-    ) -> list[int]:
-        """Joints of a limb; one that a name marks lies beside the next bone, or half way along it."""
+    def limb(self, names: tuple[str, ...], start: int, offsets: list[Offset], form: str) -> list[int]:
+        """Joints of a limb; one that a name marks lies beside the next bone, or half way along it.
+
+        An offset that is left ends the last bone.
+        """
         found, parent, waiting = [], start, iter(offsets)
-        offset: tuple[float, float, float] | None = None
+        offset: Offset | None = None
         for name in names:
             offset = offset or next(waiting, (offsets[-1][0] / 3, offsets[-1][1], offsets[-1][2] / 3))
             if name[0] in "+=":
                 half = (offset[0] / 2, offset[1] / 2, offset[2] / 2)
-                place = self.add(form.format(name[1:]), parent, half)
+                middle, _, end = name[1:].partition("~")
+                place = self.add(form.format(middle) + end, parent, half)
                 if name[0] == "=":
                     parent, offset = place, half
                 continue
             parent = self.add(form.format(name), parent, offset)
             found.append(parent)
             offset = None
+        self.tips += [(parent, tip) for tip in waiting]
         return found
 
 
@@ -150,13 +181,17 @@ def walker(rig: str) -> SourceClip:
     top = chest
     for i, name in enumerate(names.neck):
         top = tree.add(name, top, (0.0, 0.05, 0.01) if i else (0.0, 0.14, 0.0))
-    top = tree.add(names.head, top, (0.0, 0.09, 0.02))
+    if names.head:
+        top = tree.add(names.head, top, (0.0, 0.09, 0.02))
+    else:
+        tree.tips.append((top, (0.0, 0.18, 0.02)))
     for i, name in enumerate(names.face):
         tree.add(name, top, (0.03 * (i - 1), 0.06, 0.08))
     for side, x, phase in ((0, 1.0, np.pi), (1, -1.0, 0.0)):
         form = names.sides[side]
-        offsets = [(a * x, b, c) for a, b, c in (_CLAVICLE, _SHOULDER, _UPPER, _LOWER)]
-        _, shoulder, elbow, *hand = tree.limb(names.arm, chest, offsets, form)
+        first = (names.shoulder,) if names.shoulder else (_CLAVICLE, _SHOULDER)
+        offsets = [(a * x, b, c) for a, b, c in (*first, _UPPER, _LOWER)]
+        shoulder, elbow, *hand = tree.limb(names.arm, chest, offsets, form)[len(first) - 1 :]
         tree.swings[shoulder] = ((0.0, 0.0, 1.0), -70.0 * x, 8.0, phase)
         tree.swings[elbow] = ((0.0, 1.0, 0.0), -25.0 * x, 15.0, phase)
         for i, finger in enumerate(names.fingers):
@@ -168,14 +203,15 @@ def walker(rig: str) -> SourceClip:
         helper = tree.add(name, 0, (0.0, 0.0, 0.0))
         for i, child in enumerate(children):
             tree.add(child, helper, (0.1 * (i - 1), 0.05, 0.0))
-    return _moving(tree)
+    clip = _moving(tree)
+    return _of_positions(clip) if names.positions else clip
 
 
 def _moving(tree: _Tree) -> SourceClip:
     count = len(tree.names)
     hierarchy = Hierarchy(
         tuple(tree.names), tuple(tree.parents), np.array(tree.offsets), (_ROTATIONS,) * count, ChannelKind.EULER,
-        np.tile([1.0, 0.0, 0.0, 0.0], (count, 1)),
+        np.tile([1.0, 0.0, 0.0, 0.0], (count, 1)), end_sites=tuple(tree.tips),
     )  # fmt: skip
     time = np.linspace(0, 4 * np.pi, FRAMES)
     angles: Float64Array = np.zeros((FRAMES, count, 3))
@@ -183,3 +219,8 @@ def _moving(tree: _Tree) -> SourceClip:
         turns = [from_axis_angle(np.array(axis), mean + swing * float(np.sin(t + phase))) for t in time]
         angles[:, joint] = to_euler(np.stack(turns), "ZYX")
     return SourceClip(hierarchy, angles.reshape(FRAMES, -1), 30.0)
+
+
+def _of_positions(clip: SourceClip) -> SourceClip:
+    hierarchy = Hierarchy.of_positions(clip.hierarchy.joints, clip.hierarchy.parents)
+    return SourceClip(hierarchy, solve(clip).positions.reshape(FRAMES, -1), clip.fps)

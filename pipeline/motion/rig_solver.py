@@ -186,13 +186,17 @@ class _Body:
         lengths = self.bones[list(limb)]
         bones = []
         for i in range(len(real) - 2):
-            end = i + 3 if self._is_split(limb, real[i + 1 : i + 4]) else i + 2
-            places = last[real[i]], last[real[i + 1]], last[real[end]]
+            split = self._is_split(limb, real[i + 1 : i + 4])
+            places = last[real[i]], last[real[i + 1]], last[real[i + 3 if split else i + 2]]
             shares = tuple(float(lengths[one + 1 : other + 1].sum()) for one, other in pairwise(places))
-            bones.append(((shares[0], shares[1]), places))
-        # A long collar bone is followed by longer ones.
-        longest = max(min(shares) for shares, _ in bones)
-        return next((shares, places) for shares, places in reversed(bones) if min(shares) >= _NEARLY * longest)
+            bones.append(((shares[0], shares[1]), places, split))
+        # A long collar bone is followed by longer ones; a long hand of two bones looks like a split lower arm.
+        longest = max(min(shares) for shares, *_ in bones)
+        return next(
+            (shares, places)
+            for shares, places, split in reversed(bones)
+            if min(shares) >= (longest if split else _NEARLY * longest)
+        )
 
     def _halves(self, limb: tuple[int, ...], real: list[int]) -> set[int]:
         """Places in a limb at which it never bends."""
