@@ -14,11 +14,11 @@ from typing import Final
 import numpy as np
 from motionlake.formats import read_clips
 from motionlake.motion.clip import SourceClip
+
+from bench.record import hash_files, record, recordings
 from tests.hidden_maps import found_again
 from tests.rig_bodies import RIGS, walker
 from tests.rig_samples import SETS
-
-from bench.record import hash_files, record, recordings
 
 SHARES: Final = ("joints", "chains", "joints, numbers", "chains, numbers")
 BARS: Final = {"joints": 0.95, "chains": 1.0, "chains, numbers": 0.9}
@@ -50,7 +50,8 @@ def measured(clips: Iterable[SourceClip]) -> Figures:
     """How many clips of a rig there are, and the shares of their joints and of their limb chains that are found."""
     found: dict[str, list[bool]] = {share: [] for share in SHARES}
     count = 0
-    for count, clip in enumerate(clips, 1):
+    for clip in clips:
+        count += 1
         for named, suffix in ((True, ""), (False, ", numbers")):
             joints, chains = found_again(clip, named)
             found[f"joints{suffix}"] += joints
