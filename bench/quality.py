@@ -23,7 +23,7 @@ from motionlake.motion.quality_config import QualityConfig
 
 from bench.canonical_sets import SETS, LabelledClip, LabelledSet, read
 from bench.plants import PLANTS, Planted, Subject
-from bench.record import record
+from bench.record import hash_files, record, recordings
 
 CMU: Final = "cmu_bvh"
 READ: Final = {CMU: LabelledSet(CMU, "description"), "hdm05": SETS["hdm05"], "bandai1": SETS["bandai1"]}
@@ -47,7 +47,8 @@ def main() -> None:
             print(f"  {kind:14}" + "".join(f"{key} {_shown(row[key]):8}" for key in row))
     print(f"first frame of {CMU} told as a T-pose: {figures[CMU]['calibration']}")
     if not tuning:
-        print(record("quality", figures))
+        files = [path for each in READ.values() for path in (recordings() / each.folder).rglob("*") if path.is_file()]
+        print(record("quality", figures, hash_files(files, recordings())))
 
 
 def _shown(value: float | None) -> str:

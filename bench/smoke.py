@@ -111,6 +111,7 @@ SMOKES: Final[Sequence[Smoke]] = (
     Smoke("bench.generalise", ("hdm05", "--seeds", "0"), {"bench.generalise.RECIPROCALS": (24,),
           "bench.generalise.DIRECTS": (0.3,), "bench.generalise.SHARES": ((1, 1, 4, 2),)}),
     Smoke("bench.retargeting", (), {"bench.retargeting.CLIPS": 1}),
+    Smoke("bench.rigs"),
     Smoke("bench.sorting", ("hdm05", "--seeds", "0"), {}),
     Smoke("bench.first_pages", ("OUT/pages",), {"bench.first_pages.DRAWN": {"cmu_exercises": 1}}),
     Smoke("bench.scale_search", ("--clips", "60", "--queries", "4", "--processes", "1"), {

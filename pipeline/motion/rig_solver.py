@@ -33,10 +33,17 @@ _BONE: Final = 0.03
 _SPLIT: Final = 0.8
 _HALF: Final = 0.4
 _IN_LINE: Final = 0.95  # cosine
+# A joint that stays this straight in all frames turns half of a bone on the other half, where the long bones that
+# this leaves are alike and the joint where they meet does bend: their lengths, and cosines of angles.
+_STRAIGHT: Final = 0.9998
+_BENT: Final = 0.99
+_EVEN: Final = 0.6
 # Shoulders whose middle is nearer to the joint that carries them, as a share of their distance, and hardly above it:
 # that joint is the neck.
 _BETWEEN_SHOULDERS: Final = 0.4
 _ABOVE: Final = 0.1
+# Legs may hang on a pelvis beside the spine, so many joints below where both begin.
+_BESIDE: Final = 1
 # Of two pairs of bones that follow each other this nearly as long as the longest, the outer are the limb.
 _NEARLY: Final = 0.65
 _TIP: Final = re.compile(r"end|top|nub|site|tip")
@@ -94,7 +101,7 @@ class _Body:
         if pair is None:
             return {}
         legs, arms = pair
-        found = {"hips": legs.carrier}
+        found = {"hips": self._fork(legs, arms)}
         sides = self._leg_sides(legs, arms)
         for side, limb in zip(sides, legs.limbs, strict=True):
             found |= {f"{side}_{part}": joint for part, joint in self._leg(limb).items()}
@@ -115,10 +122,21 @@ class _Body:
             (legs, arms)
             for legs in pairs
             for arms in pairs
-            if legs.carrier != arms.carrier and legs.carrier in self._above(arms.carrier)
+            if legs.carrier != arms.carrier and self._is_lower(legs, arms)
             and not set(self._above(arms.carrier)) & set().union(*legs.limbs)
         ]  # fmt: skip
         return max(fitting, key=lambda both: both[0].length + both[1].length, default=None)
+
+    def _is_lower(self, legs: _Pair, arms: _Pair) -> bool:
+        """Whether legs hang on the trunk that carries the arms, or on a joint beside its first bone."""
+        fork = self._fork(legs, arms)
+        below, higher = (self._above(pair.carrier).index(fork) for pair in (legs, arms))
+        return below <= _BESIDE and below < higher
+
+    def _fork(self, legs: _Pair, arms: _Pair) -> int:
+        """The last joint above both pairs."""
+        trunk = set(self._above(arms.carrier))
+        return next(joint for joint in self._above(legs.carrier) if joint in trunk)
 
     def _pairs(self, carrier: int) -> list[_Pair]:
         if len(self.children[carrier]) < 2:
@@ -150,15 +168,43 @@ class _Body:
         if len(real) < _LIMB:
             return 0, 1, 2
         # Of joints in one place the last bears the bone.
-        last = [*(following - 1 for following in real[1:]), real[-1]]
+        last = {place: following - 1 for place, following in pairwise(real)} | {real[-1]: real[-1]}
+        lengths_found, found = self._pair_of_bones(limb, real, last)
+        halves = self._halves(limb, real)
+        whole = [place for place in real if place not in halves]
+        if halves and len(whole) >= _LIMB:
+            longer, places = self._pair_of_bones(limb, whole, last)
+            much = _SPLIT * min(longer) > min(lengths_found)
+            if much and min(longer) >= _EVEN * max(longer) and self._bends(limb, *places):
+                return places
+        return found
+
+    def _pair_of_bones(
+        self, limb: tuple[int, ...], real: list[int], last: dict[int, int]
+    ) -> tuple[tuple[float, float], tuple[int, int, int]]:
+        """Lengths of the two long bones of a limb, and where they begin, meet and end."""
+        lengths = self.bones[list(limb)]
         bones = []
         for i in range(len(real) - 2):
-            end = i + 3 if self._is_split(limb, real[i + 1 : i + 4]) else i + 2
-            lower, upper = (float(lengths[last[a] + 1 : last[b] + 1].sum()) for a, b in ((i, i + 1), (i + 1, end)))
-            bones.append((min(lower, upper), (last[i], last[i + 1], last[end])))
-        # A long collar bone is followed by longer ones.
-        longest = max(bone for bone, _ in bones)
-        return next(places for bone, places in reversed(bones) if bone >= _NEARLY * longest)
+            split = self._is_split(limb, real[i + 1 : i + 4])
+            places = last[real[i]], last[real[i + 1]], last[real[i + 3 if split else i + 2]]
+            shares = tuple(float(lengths[one + 1 : other + 1].sum()) for one, other in pairwise(places))
+            bones.append(((shares[0], shares[1]), places, split))
+        # A long collar bone is followed by longer ones; a long hand of two bones looks like a split lower arm.
+        longest = max(min(shares) for shares, *_ in bones)
+        return next(
+            (shares, places)
+            for shares, places, split in reversed(bones)
+            if min(shares) >= (longest if split else _NEARLY * longest)
+        )
+
+    def _halves(self, limb: tuple[int, ...], real: list[int]) -> set[int]:
+        """Places in a limb at which it never bends."""
+        inner = zip(real, real[1:], real[2:], strict=False)
+        return {b for a, b, c in inner if self._cosines(limb[a], limb[b], limb[c]).min() > _STRAIGHT}
+
+    def _bends(self, limb: tuple[int, ...], start: int, middle: int, end: int) -> bool:
+        return bool(self._cosines(limb[start], limb[middle], limb[end]).min() < _BENT)
 
     def _is_split(self, limb: tuple[int, ...], places: list[int]) -> bool:
         """Whether a lower limb goes on beyond its next joint, where files split it to turn one half on the other."""
@@ -171,7 +217,11 @@ class _Body:
 
     def _leg(self, limb: tuple[int, ...]) -> dict[str, int]:
         hip, knee, ankle = self._long_bones(limb)
-        places = {"hip": hip, "knee": knee, "ankle": ankle, "toe": ankle + 1}
+        toe = ankle + 1
+        # A foot may be split as well.
+        if toe + 1 < len(limb) and toe in self._halves(limb, [ankle, toe, toe + 1]):
+            toe += 1
+        places = {"hip": hip, "knee": knee, "ankle": ankle, "toe": toe}
         return {part: limb[place] for part, place in places.items() if place < len(limb)}
 
     def _arm(self, limb: tuple[int, ...]) -> dict[str, int]:
@@ -180,9 +230,13 @@ class _Body:
         return found | ({"clavicle": limb[shoulder - 1]} if shoulder else {})
 
     def _in_line(self, start: int, middle: int, end: int) -> bool:
+        return bool(np.median(self._cosines(start, middle, end)) > _IN_LINE)
+
+    def _cosines(self, start: int, middle: int, end: int) -> Float64Array:
+        """[F] of the angle by which the bones from `start` and to `end` are out of line."""
         one, other = (self.positions[:, b] - self.positions[:, a] for a, b in ((start, middle), (middle, end)))
         norms = np.linalg.norm(one, axis=-1) * np.linalg.norm(other, axis=-1)
-        return bool(np.median((one * other).sum(axis=-1) / np.maximum(norms, 1e-12)) > _IN_LINE)
+        return np.asarray((one * other).sum(axis=-1) / np.maximum(norms, 1e-12), np.float64)
 
     # Sides
 
@@ -228,7 +282,7 @@ class _Body:
 
     def _trunk(self, legs: _Pair, arms: _Pair, limbs: dict[str, int]) -> dict[str, int]:
         way = self._above(arms.carrier)
-        trunk = way[: way.index(legs.carrier)][::-1]
+        trunk = way[: way.index(limbs["hips"])][::-1]
         head = self._head(arms, limbs)
         found: dict[str, int] = {}
         if "left_clavicle" not in limbs and self._carries_shoulders(arms, limbs):
