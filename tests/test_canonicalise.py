@@ -161,6 +161,25 @@ def test_the_unit_is_the_option_then_the_file_then_the_rig_and_a_giant_is_refuse
         canonicalise(clip, motion, rig, metres_per_unit=1.0)
 
 
+def test_the_up_axis_is_the_option_then_the_file_then_the_rig() -> None:
+    _, world, positions = made_motion(4)
+    clip, motion = clip_of(world, positions * 100)
+    rig = RIGS["canonical"]
+    as_is = canonicalise(clip, motion, rig)
+    assert as_is.up == "y"
+    onto_z = from_axis_angle(np.array([1.0, 0.0, 0.0]), 90.0)
+    turned = SolvedMotion(rotate(onto_z, motion.positions), *[multiply(onto_z, world)] * 2)
+    for told in (
+        canonicalise(replace(clip, up="z"), turned, rig),
+        canonicalise(replace(clip, up="-x"), turned, rig, up="z"),
+        canonicalise(clip, turned, replace(rig, up="z")),
+    ):
+        assert told.up == "z"
+        np.testing.assert_allclose(told.positions, as_is.positions, atol=1e-9)
+    with pytest.raises(ClipError, match="up axis 'w' is not one of"):
+        canonicalise(replace(clip, up="w"), motion, rig)
+
+
 @pytest.mark.parametrize("unit", [*UNITS.values(), CMU])
 @pytest.mark.parametrize("said", [None, 1e-4, 50.0])
 def test_a_unit_that_nobody_says_or_that_makes_no_person_is_found_by_body_height(

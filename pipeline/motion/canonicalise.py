@@ -114,7 +114,7 @@ def canonicalise(
         clip: what the file holds.
         motion: its forward kinematics.
         rig: the map for its joints.
-        up: up axis of the file, x y z -x -y -z; by default the rig's.
+        up: up axis of the file, x y z -x -y -z; by default what the file says, else the rig's.
         metres_per_unit: length unit of the file; by default what the file says, else the rig's. Where neither does, or
             the body would not be 0.4 to 3 m tall by it, it is found by body height (`unit_of_height`), with a note.
 
@@ -122,7 +122,7 @@ def canonicalise(
         ClipError: the rig does not fit, no length unit is known, a joint goes more than 1 km from the first
             frame's root, or the body is outside 0.4 to 3 m.
     """
-    up = up if up is not None else rig.up
+    up = next(axis for axis in (up, clip.up, rig.up) if axis is not None)
     if up not in _TURNS:
         raise ClipError(f"up axis {up!r} is not one of {', '.join(_TURNS)}")
     binding = bind(rig, clip.hierarchy)

@@ -90,6 +90,7 @@ class SourceClip:
         fps: frames a second.
         body: suffix of the clip's name where one file holds several bodies, else "".
         metres_per_unit: where the file itself declares its length unit, else None.
+        up: where the file itself, or its format, declares its up axis, one of x y z -x -y -z; else None.
         repaired: frames whose missing values were filled by interpolation (Kinect).
         notes: what a person should know of how the file was read.
     """
@@ -99,6 +100,7 @@ class SourceClip:
     fps: float
     body: str = ""
     metres_per_unit: float | None = None
+    up: str | None = None
     repaired: int = 0
     notes: tuple[str, ...] = ()
 
