@@ -50,7 +50,8 @@ class CanonicalMotion:
         rest_offsets: [21, 3] offset of every joint from its parent in the canonical rest pose, metres: the
             mean over the clip of what the motion shows.
         body_height: metres from the ankles to the head joint in the rest pose.
-        twist: False where rotations come from positions only, so that turns about a bone's axis are unknown.
+        twist: False where rotations come from positions only, here or before the file was written, so that turns about
+            a bone's axis are unknown.
         filled: joints that the rig lacks.
         up, metres_per_unit: what was used for the file.
         fk_error, fk_error_mean: metres, the largest and the mean distance between `positions` and forward
@@ -156,7 +157,7 @@ def canonicalise(
         positions=positions,
         rest_offsets=rest_offsets,
         body_height=height,
-        twist=in_rest is not None,
+        twist=in_rest is not None and clip.twist,
         filled=tuple(JOINTS[joint] for joint in sorted(binding.rules)),
         up=up,
         metres_per_unit=scale,
@@ -178,7 +179,7 @@ class _Placed:
 
 
 def _placed(binding: Binding, motion: SolvedMotion, up: str, scale: float) -> _Placed:
-    turn = _turn(up)
+    turn = turn_to_y_up(up)
     source_positions = rotate(turn, motion.positions) * scale
     source_world = None if motion.world is None else multiply(turn, motion.world)
     positions = place(binding, source_positions, source_world, scale)
@@ -208,7 +209,8 @@ def _check_reach(positions: Float64Array, joints: tuple[str, ...], scale: float)
         )
 
 
-def _turn(up: str) -> Float64Array:
+def turn_to_y_up(up: str) -> Float64Array:
+    """The turn [4] that brings an up axis, one of x y z -x -y -z, to +y."""
     axis, degrees = _TURNS[up]
     return from_axis_angle(np.array(axis), degrees)
 
@@ -236,7 +238,7 @@ def _orientation_notes(positions: Float64Array, up: str) -> list[str]:
     upright = np.mean((np.argmax(np.abs(body), axis=1) == 1) & (body[:, 1] > 0))
     if upright >= 0.5:
         return []
-    longest = rotate(conjugate(_turn(up)), np.median(body, axis=0))
+    longest = rotate(conjugate(turn_to_y_up(up)), np.median(body, axis=0))
     strongest = int(np.argmax(np.abs(longest)))
     name = ("-" if longest[strongest] < 0 else "") + "xyz"[strongest]
     share = f"the head is not above the ankles in {1 - upright:.0%} of frames"

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import os
 import re
-import uuid
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -14,6 +12,7 @@ import numpy as np
 from motionlake.arrays import Float64Array
 from motionlake.formats.bvh import unique
 from motionlake.formats.write.registry import ClipToWrite
+from motionlake.formats.write.whole import whole_file
 from motionlake.motion.clip import POSITION_CHANNELS, ChannelKind, Hierarchy, SourceClip, depth_first
 from motionlake.motion.kinematics import channel_starts, solve
 from motionlake.motion.rotations import IDENTITY, to_euler
@@ -42,7 +41,8 @@ def write_bvh(clip: SourceClip, target: Path | TextIO, start: int = 0, stop: int
         raise IndexError(f"frames {start} to {stop} of a clip of {frames}")
     hierarchy, channels = to_bvh(replace(clip, channels=clip.channels[start:stop]))
     if isinstance(target, Path):
-        _write_whole(hierarchy, channels, clip.fps, target)
+        with whole_file(target) as stream:
+            stream.writelines(line.encode() for line in _lines(hierarchy, channels, clip.fps))
     else:
         target.writelines(_lines(hierarchy, channels, clip.fps))
 
@@ -167,20 +167,6 @@ def _tree_lines(hierarchy: Hierarchy) -> Iterator[str]:
     while open_joints:
         open_joints.pop()
         yield "\t" * len(open_joints) + "}\n"
-
-
-def _write_whole(hierarchy: Hierarchy, channels: Float64Array, fps: float, path: Path) -> None:
-    """Write beside the path first, so that no reader ever meets half a file."""
-    temporary = path.with_name(f".{uuid.uuid4().hex}.tmp")
-    try:
-        with temporary.open("x", encoding="utf-8", newline="\n") as stream:
-            stream.writelines(_lines(hierarchy, channels, fps))
-            stream.flush()
-            os.fsync(stream.fileno())
-        temporary.replace(path)
-    except BaseException:
-        temporary.unlink(missing_ok=True)
-        raise
 
 
 class BvhWriter:
