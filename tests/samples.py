@@ -319,6 +319,21 @@ def fbx_text(frames: int = 12) -> str:
     )
 
 
+def amass_bytes(frames: int = 12) -> bytes:
+    """A body of SMPL, z up, that walks along +y and bends its knees, at 60 frames a second."""
+    poses = np.zeros((frames, 72))
+    phase = np.linspace(0.0, 2.0 * np.pi, frames)
+    poses[:, 0] = np.pi / 2  # upright
+    poses[:, [12, 15]] = 0.4 + 0.4 * np.stack([np.sin(phase), np.cos(phase)], axis=1)
+    poses[:, [48 + 2, 51 + 2]] = np.array([-1.2, 1.2])  # arms hang
+    trans = np.stack([np.zeros(frames), np.linspace(0.0, 0.4, frames), np.full(frames, 1.15)], axis=1)
+    stream = io.BytesIO()
+    np.savez_compressed(
+        stream, poses=poses, trans=trans, betas=np.zeros(16), gender=np.array("neutral"), mocap_framerate=np.array(60.0)
+    )
+    return stream.getvalue()
+
+
 # By suffix: the bytes of a good clip, after its companions are written to the given folder.
 SAMPLES: dict[str, Callable[[Path], bytes]] = {
     ".bvh": _text(lambda: BVH),
@@ -328,7 +343,10 @@ SAMPLES: dict[str, Callable[[Path], bytes]] = {
     ".trc": _text(lambda: trc_text(*plug_in_gait_markers(swinging_body(12)))),
     ".npz": lambda folder: npz_bytes(swinging_body(12), KINECT_1, KINECT_1_PARENTS, 30.0),
     ".glb": lambda folder: _scene(folder),
+    ".amass.npz": lambda folder: amass_bytes(),
     ".fbx": _text(fbx_text),
     ".gltf": lambda folder: _gltf(folder),
 }
 BINARY = frozenset({".npz", ".glb"})
+# Of readers whose suffixes others have, too.
+SHARED = {"AMASS": ".amass.npz"}

@@ -186,7 +186,12 @@ def test_a_t_pose_comes_first_on_other_rigs(lake: Path, tmp_path: Path, rig: str
 
 
 def test_a_glb_is_a_character_too(lake: Path, tmp_path: Path) -> None:
-    where = ("--where", f"clip = '{turning(lake)[0]}'")
+    # Without toes in the file nobody knows how high over the floor its ankles are.
+    with_toes = query(lake, "SELECT clip FROM clips WHERE NOT list_contains(filled, 'left_toe') ORDER BY clip")
+    clip = next((clip for (clip,) in with_toes if clip in turning(lake)), None)
+    if clip is None:
+        pytest.skip("no made clip has toes and turns")
+    where = ("--where", f"clip = '{clip}'")
     found = exported(lake, tmp_path / "hero", *where, "--rig", "canonical", "--format", "glb")
     assert found["sources"] == {"clips": []}
     hero = tmp_path / "hero" / found["clips"][0]["file"]

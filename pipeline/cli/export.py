@@ -93,7 +93,7 @@ def export(
     single = _single(clips or [], many, listed, writer, out)
     if not single and (start is not None or stop is not None):
         raise UserError("--from and --to are of one clip; a list (--list) has start and stop for every clip")
-    treatment = Treatment(target_of(target, writer.rig or rig or "own"), fps, tpose)
+    treatment = Treatment(target_of(target, writer.rig or rig or "own"), fps, tpose, as_is=writer.rig)
     with reading(target) as con:
         exporter = ClipExporter(con, target, treatment)
         if single:

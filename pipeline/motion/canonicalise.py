@@ -50,7 +50,8 @@ class CanonicalMotion:
         rest_offsets: [21, 3] offset of every joint from its parent in the canonical rest pose, metres: the
             mean over the clip of what the motion shows.
         body_height: metres from the ankles to the head joint in the rest pose.
-        twist: False where rotations come from positions only, so that turns about a bone's axis are unknown.
+        twist: False where rotations come from positions only, here or before the file was written, so that turns about
+            a bone's axis are unknown.
         filled: joints that the rig lacks.
         up, metres_per_unit: what was used for the file.
         fk_error, fk_error_mean: metres, the largest and the mean distance between `positions` and forward
@@ -155,7 +156,7 @@ def canonicalise(
         positions=positions,
         rest_offsets=rest_offsets,
         body_height=height,
-        twist=in_rest is not None,
+        twist=in_rest is not None and clip.twist,
         filled=tuple(JOINTS[joint] for joint in sorted(binding.rules)),
         up=up,
         metres_per_unit=scale,

@@ -92,11 +92,13 @@ class Treatment:
         target: whom they are put on.
         fps: the rate that they get; None: their own.
         tpose: whether a frame of T-pose comes first.
+        as_is: the rig whose clips with rotations are not put on the target, since the format does that itself.
     """
 
     target: Target
     fps: float | None = None
     tpose: bool = False
+    as_is: str = ""
 
 
 class ClipExporter:
@@ -118,7 +120,8 @@ class ClipExporter:
         target = self._treatment.target
         done: list[dict[str, Any]] = []
         start, stop = frame_range(chosen.clip, chosen.start, chosen.stop, row["frames"])
-        if target.name == OWN:
+        own = target.name == OWN or (row["rig"] == self._treatment.as_is and row["twist"])
+        if own:
             clip, up, unit = raw.own_rig(self._con, self._lake, chosen.clip), row["up"], row["metres_per_unit"]
             clip = replace(clip, channels=clip.channels[start:stop])
             rig = row["rig"]

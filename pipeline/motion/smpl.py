@@ -1,0 +1,142 @@
+"""The skeleton of the SMPL body model: its joints, and the bone lengths of its mean body.
+
+The names and the tree are those of SMPL (Loper et al., SIGGRAPH Asia 2015). The offsets are the joints of the neutral
+template at zero shape parameters, to a tenth of a millimetre, as open programs list them that need the skeleton without
+the model (docs/smpl.md); the model itself is neither needed nor part of motionlake.
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from motionlake.arrays import Float64Array
+from motionlake.errors import ClipError
+from motionlake.motion.canonicalise import turn_to_y_up
+from motionlake.motion.clip import POSITION_CHANNELS, QUATERNION_CHANNELS, ChannelKind, Hierarchy, SourceClip
+from motionlake.motion.kinematics import solve
+from motionlake.motion.rigs import joints_by_name
+from motionlake.motion.rotations import IDENTITY, multiply, rotate
+from motionlake.motion.skeleton import chained
+
+JOINTS: Final[tuple[str, ...]] = (
+    "pelvis", "left_hip", "right_hip", "spine1", "left_knee", "right_knee", "spine2", "left_ankle", "right_ankle",
+    "spine3", "left_foot", "right_foot", "neck", "left_collar", "right_collar", "head", "left_shoulder",
+    "right_shoulder", "left_elbow", "right_elbow", "left_wrist", "right_wrist", "left_hand", "right_hand",
+)  # fmt: skip
+PARENTS: Final[tuple[int, ...]] = (
+    -1, 0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 9, 9, 12, 13, 14, 16, 17, 18, 19, 20, 21,
+)  # fmt: skip
+INDEX: Final[dict[str, int]] = {name: joint for joint, name in enumerate(JOINTS)}
+BODY_JOINTS: Final = 22  # all but the hands: what SMPL, SMPL-H, SMPL-X and HumanML3D have in common
+# [24, 3] metres from the parent joint in the T-pose: x to the body's left, y up, z forward.
+OFFSETS: Final[Float64Array] = np.array([
+    [0.0, 0.0, 0.0],
+    [0.0695, -0.0914, -0.0068], [-0.0677, -0.0905, -0.0043], [-0.0025, 0.1090, -0.0267],
+    [0.0343, -0.3752, -0.0045], [-0.0383, -0.3826, -0.0089], [0.0055, 0.1352, 0.0011],
+    [-0.0136, -0.3980, -0.0437], [0.0158, -0.3984, -0.0423], [0.0015, 0.0529, 0.0254],
+    [0.0264, -0.0558, 0.1193], [-0.0254, -0.0481, 0.1233], [-0.0028, 0.2139, -0.0429],
+    [0.0788, 0.1217, -0.0341], [-0.0818, 0.1188, -0.0386], [0.0052, 0.0650, 0.0513],
+    [0.0910, 0.0305, -0.0089], [-0.0960, 0.0326, -0.0091],
+    [0.2596, -0.0128, -0.0275], [-0.2537, -0.0133, -0.0214],
+    [0.2492, 0.0090, -0.0012], [-0.2553, 0.0078, -0.0056],
+    [0.0840, -0.0082, -0.0149], [-0.0846, -0.0061, -0.0103],
+])  # fmt: skip
+# Where the model puts the pelvis when nothing moves it: its `trans` counts from here.
+PELVIS: Final[Float64Array] = np.array([-0.0018, -0.2233, 0.0282])
+_LEG: Final = ("hip", "knee", "ankle")
+
+
+def smpl_hierarchy(joints: int = len(JOINTS), offsets: Float64Array = OFFSETS) -> Hierarchy:
+    """The tree of the first `joints` joints, 24 or 22, with quaternions for channels and a place for the pelvis.
+
+    Its zero pose is the T-pose, y up, facing +z.
+    """
+    return Hierarchy(
+        joints=JOINTS[:joints],
+        parents=PARENTS[:joints],
+        offsets=np.array(offsets[:joints]),
+        channels=((*POSITION_CHANNELS, *QUATERNION_CHANNELS), *(QUATERNION_CHANNELS,) * (joints - 1)),
+        kind=ChannelKind.QUATERNION,
+        axes=np.tile(IDENTITY, (joints, 1)),
+    )
+
+
+def smpl_clip(
+    root: Float64Array,
+    rotations: Float64Array,
+    fps: float,
+    *,
+    up: str = "y",
+    offsets: Float64Array = OFFSETS,
+    notes: tuple[str, ...] = (),
+    twist: bool = True,
+) -> SourceClip:
+    """A clip of the pelvis' places [F, 3] in metres and of local rotations [F, J, 4] of the first J joints."""
+    frames, joints = rotations.shape[:2]
+    return SourceClip(
+        hierarchy=smpl_hierarchy(joints, offsets),
+        channels=np.hstack([root, rotations.reshape(frames, 4 * joints)]),
+        fps=fps,
+        metres_per_unit=1.0,
+        up=up,
+        notes=notes,
+        twist=twist,
+    )
+
+
+@dataclass(frozen=True)
+class SmplMotion:
+    """A motion of the mean body, y up.
+
+    Attributes:
+        root: [F, 3] places of the pelvis, metres.
+        rotations: [F, 24, 4] local rotations (w, x, y, z) from the T-pose.
+        scale: of the way that the pelvis goes, from the clip's body to the mean body: the ratio of their legs.
+    """
+
+    root: Float64Array
+    rotations: Float64Array
+    scale: float
+
+
+def on_mean_body(clip: SourceClip, metres_per_unit: float, up: str) -> SmplMotion:
+    """A clip that has SMPL's joints and rotations from SMPL's T-pose, put on the mean body.
+
+    Where its legs are longer or shorter than the mean body's, its way is scaled by the ratio about the origin, which
+    lies on the ground, so that feet keep standing.
+
+    Raises:
+        ClipError: a body joint is missing (hands may be), the clip holds positions only, or its legs have no length.
+    """
+    names = joints_by_name(clip.hierarchy.joints)
+    if missing := [name for name in JOINTS[:BODY_JOINTS] if name not in names]:
+        raise ClipError(f"is no motion of the SMPL skeleton: it has no joint {missing[0]}")
+    motion = solve(clip)
+    if motion.local is None:
+        raise ClipError("holds positions only, without rotations")
+    rotations = np.tile(IDENTITY, (len(motion.local), len(JOINTS), 1))
+    for joint, name in enumerate(JOINTS):
+        if name in names:
+            rotations[:, joint] = motion.local[:, names[name]]
+    turn = turn_to_y_up(up)
+    rotations[:, 0] = multiply(turn, np.ascontiguousarray(motion.local[:, names["pelvis"]]))
+    legs = _leg_length({name: motion.positions[:, names[name]] for name in JOINTS[:BODY_JOINTS]}) * metres_per_unit
+    if not legs > 0:
+        raise ClipError("its legs have no length")
+    mean_body = chained(OFFSETS, PARENTS)
+    scale = _leg_length({name: mean_body[None, joint] for joint, name in enumerate(JOINTS)}) / legs
+    root = rotate(turn, motion.positions[:, names["pelvis"]]) * (metres_per_unit * scale)
+    return SmplMotion(root, rotations, scale)
+
+
+def _leg_length(places: dict[str, Float64Array]) -> float:
+    """Thigh and shin together, the mean of both sides and of all frames; `places` [F, 3] by joint."""
+    bones = [
+        np.linalg.norm(places[f"{side}_{lower}"] - places[f"{side}_{upper}"], axis=-1).mean()
+        for side in ("left", "right")
+        for upper, lower in itertools.pairwise(_LEG)
+    ]
+    return float(sum(bones)) / 2
