@@ -113,7 +113,7 @@ HOSTILE = [
 ]
 
 
-@pytest.mark.parametrize(("kind", "data", "said"), HOSTILE)
+@pytest.mark.parametrize(("kind", "data", "said"), HOSTILE, ids=[f"{kind}-{n}" for n, (kind, *_) in enumerate(HOSTILE)])
 def test_hostile_archives_are_refused_in_a_line(tmp_path: Path, kind: str, data: bytes, said: str) -> None:
     (tmp_path / "place").mkdir()
     archive = tmp_path / "place" / "archive"

@@ -141,9 +141,9 @@ def _mend(lake: Lake, one: _Checked, file: Path) -> tuple[Path, list[Mended], Qu
     }  # fmt: skip
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
+        write_bvh(to_source_clip(copy), file)
         with replacing(file.with_suffix(".json")) as temporary:
             temporary.write_text(json_text(lineage) + "\n", encoding="utf-8")
-        write_bvh(to_source_clip(copy), file)
     except OSError as error:
         raise UserError(f"{file}: cannot be written ({error.strerror or error})") from error
     return file, done, after

@@ -74,7 +74,8 @@ def check_feet(recording: Recording, config: QualityConfig) -> tuple[dict[str, f
 def _slides(recording: Recording, ground: Ground, config: QualityConfig) -> tuple[list[Fault], float]:
     low = (np.abs(ground.above) < NEAR) & (np.abs(ground.rising) < RISING)
     down = (low[:, :2] & low[:, 2:]).any(axis=1)
-    slowest = np.min(np.hypot(ground.speeds, ground.rising), axis=1)
+    # A foot in the air bears nothing, still as it may be.
+    slowest = np.where(low, np.hypot(ground.speeds, ground.rising), np.inf).min(axis=1)
     bears = down & (recording.lifted > UPRIGHT)
     found = []
     for start, stop in runs(

@@ -113,7 +113,7 @@ def _filled(root: Float64Array, rotations: Float64Array, fault: Fault) -> Mended
 
 
 def _unflipped(rotations: Float64Array, flips: Sequence[Fault], fps: float) -> list[Mended]:
-    """Undo a flip up to the next one of the same joint, which turns it back: the joints below it stay as they are."""
+    """Undo a flip up to the next one of the same joint, where that turns it back: joints below stay as they are."""
     done: list[Mended] = []
     last: dict[str, Fault] = {}
     for flip in flips:
@@ -123,13 +123,25 @@ def _unflipped(rotations: Float64Array, flips: Sequence[Fault], fps: float) -> l
             joint = INDEX[flip.joint]
             turn = multiply(conjugate(rotations[start - 1, joint]), rotations[start, joint])
             within = slice(start, stop)
-            rotations[within, joint] = multiply(rotations[within, joint], conjugate(turn))
+            undone = multiply(rotations[within, joint], conjugate(turn))
+            if (
+                _apart(undone[-1], rotations[stop, joint])
+                > _apart(rotations[stop - 1, joint], rotations[stop, joint]) / 2
+            ):
+                last[flip.joint] = flip  # it turns to somewhere else
+                continue
+            rotations[within, joint] = undone
             for below in (j for j, parent in enumerate(PARENTS) if parent == joint):
                 rotations[within, below] = multiply(turn, rotations[within, below])
             done.append(Mended("turned back", "flip", flip.joint, start, stop))
         else:
             last[flip.joint] = flip
     return done
+
+
+def _apart(one: Float64Array, other: Float64Array) -> float:
+    """The angle between two rotations [4], radians."""
+    return float(2 * np.arccos(np.clip(np.abs(one @ other), 0.0, 1.0)))
 
 
 def _smoothed(root: Float64Array, rotations: Float64Array, fault: Fault, fps: float) -> Mended:

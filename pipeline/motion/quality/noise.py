@@ -92,7 +92,7 @@ def _spikes(recording: Recording, config: QualityConfig) -> tuple[list[Fault], B
 
 
 def _usual(apart: Float64Array, recording: Recording) -> Float64Array:
-    """[F, 21] the median of [F, 21] around each frame."""
+    """[F, 21] what is usual around each frame of [F, 21]: the square of the mean root."""
     from scipy.ndimage import uniform_filter1d
 
     wide = recording.frames(AROUND, 4)
