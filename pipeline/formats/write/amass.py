@@ -12,7 +12,8 @@ from motionlake.formats.write.registry import ClipToWrite
 from motionlake.formats.write.whole import whole_file
 from motionlake.motion.canonicalise import turn_to_y_up
 from motionlake.motion.rotations import conjugate, multiply, rotate
-from motionlake.motion.smpl import BODY_JOINTS, PELVIS, on_mean_body
+from motionlake.motion.smpl import BODY_JOINTS, PELVIS
+from motionlake.motion.smpl_motion import on_mean_body
 from numpy.typing import NDArray
 
 _HAND_NUMBERS: Final = 2 * 15 * 3  # of SMPL-H: fifteen finger joints a hand
