@@ -5,6 +5,7 @@ Distance, leave one out over whole clips (MAP and NN). Rows differ in one thing 
 
 - what words are compared by: raw numbers, DTW, principal components ("shallow"), learned embeddings
 - the network and its recipe; rotations against positions; length of words, K, smoothing, the linear embedding
+- words as they are, as moves (over what they are in the word), and both side by side
 
 The first group has 3 seeds of training and k-means on all sets; all else seed 0 without utd_mhad, whose 861 clips cost
 more than the rest together. "conv" is trained for 150 steps; inception736, seconds a step without a GPU, is measured
@@ -30,6 +31,7 @@ from motionlake.deep_motifs.words.dtw import word_distances
 from motionlake.deep_motifs.words.linear import LinearConfig
 from motionlake.evaluation.ranking import RetrievalScores, leave_one_out
 from motionlake.motion.features import WordConfig, word_windows
+from motionlake.motion.moves import SILENT, ends
 from numpy.typing import NDArray
 from sklearn.decomposition import PCA
 from threadpoolctl import threadpool_limits
@@ -87,6 +89,29 @@ def shallow(clips: list[Float32Array], config: WordConfig, seed: int) -> list[Fl
 def raw(clips: list[Float32Array], config: WordConfig, seed: int) -> list[Float32Array]:
     """Words as they are, flattened."""
     return [np.ascontiguousarray(w.reshape(len(w), -1)) for w in (word_windows(clip, config) for clip in clips)]
+
+
+def moves(clips: list[Float32Array], config: WordConfig, seed: int, *, beside: bool = False) -> list[Float32Array]:
+    """Principal components of words as moves: displacement of the joints from where the word begins and ends, and their
+    velocity, each over its root mean square in the word; `beside` the words as they are, with as much variance."""
+    words = [word_windows(clip, config) for clip in clips]
+    joints = 3 * len(config.joint_indices)
+    stacked = np.concatenate([_word_moves(of_clip, joints) for of_clip in words])
+    if beside:
+        plain = np.concatenate(raw(clips, config, seed))
+        stacked = np.hstack([part / np.sqrt(part.var(axis=0).sum()) for part in (plain, stacked)])
+    with threadpool_limits(limits=1):
+        reduced = PCA(COMPONENTS, svd_solver="covariance_eigh").fit_transform(stacked)
+    return _split(reduced.astype(np.float32), words)
+
+
+def _word_moves(words: Float32Array, joints: int) -> Float32Array:
+    """[n, length * 2 * joints] of words [n, length, D] that begin with joints and their velocities."""
+    places, velocities = words[:, :, :joints], words[:, :, joints : 2 * joints]
+    begin = places[:, ends(words.shape[1])].mean(axis=1, keepdims=True)
+    parts = [places - begin, velocities]
+    scaled = [part / np.maximum(np.sqrt((part**2).sum(axis=2).mean(axis=1)), SILENT)[:, None, None] for part in parts]
+    return np.concatenate(scaled, axis=2).reshape(len(words), -1)
 
 
 def learned(
@@ -193,6 +218,10 @@ def rows() -> dict[str, Row]:
         made[name] = Row("length of words, seed 0", own, replace(default, length=length, stride=stride))
     for k in (50, 150, 200, 400):
         made[f"K {k}"] = Row("motifs, seed 0", own, k=k)
+    for length, stride in ((12, 2), (24, 2), (48, 2)):
+        longer = replace(default, length=length, stride=stride)
+        for said, embedding in (("shallow", shallow), ("moves", moves), ("both", partial(moves, beside=True))):
+            made[f"{said} {length}"] = Row("moves in words, seed 0", by_l2(embedding), longer, sets=ALL)
     made["smoothing 0"] = Row("smoothing, seed 0", own, replace(default, smoothing=0.0))
     for whitening in (0.0, 0.5):
         embedding = partial(learned, linear=LinearConfig(whitening=whitening))
