@@ -24,6 +24,7 @@ from motionlake.motion.character import Character, character_of, leg_length, zer
 from motionlake.motion.clip import ChannelKind, Hierarchy, SourceClip
 from motionlake.motion.kinematics import solve
 from motionlake.motion.posing import posed, relative_places, resampled
+from motionlake.motion.rest import bind, standing_rest
 from motionlake.motion.retarget import retarget, t_pose
 from motionlake.motion.rigs import load_rigs
 from motionlake.motion.standing import foot_height
@@ -120,7 +121,7 @@ class ClipExporter:
         target = self._treatment.target
         done: list[dict[str, Any]] = []
         start, stop = frame_range(chosen.clip, chosen.start, chosen.stop, row["frames"])
-        own = target.name == OWN or (row["rig"] == self._treatment.as_is and row["twist"])
+        own = target.name == OWN or (row["rig"] == self._treatment.as_is and self._turns_from_rest(row))
         if own:
             clip, up, unit = raw.own_rig(self._con, self._lake, chosen.clip), row["up"], row["metres_per_unit"]
             clip = replace(clip, channels=clip.channels[start:stop])
@@ -153,6 +154,16 @@ class ClipExporter:
         clip = retarget(motion, character, self._source(row))
         step |= {"scale": leg_length(character.rest_offsets) / leg_length(motion.rest_offsets), "feet": "pinned"}
         return clip, character.up, character.metres_per_unit, character.rig, [step]
+
+    def _turns_from_rest(self, row: Mapping[str, Any]) -> bool:
+        """Whether a clip's joints turn, counted from a zero pose in which the body stands."""
+        if row["twist"]:
+            return True
+        clip = raw.own_rig(self._con, self._lake, row["clip"])
+        if clip.hierarchy.kind is ChannelKind.POSITIONS:
+            return False
+        binding = bind(self._rigs[row["rig"]], clip.hierarchy)
+        return standing_rest(binding, solve(clip), row["metres_per_unit"]) is not None
 
     def _source(self, row: Mapping[str, Any]) -> Character | None:
         """The character that a clip was recorded on; None where its file has only positions, or tells none."""
