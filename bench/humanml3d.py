@@ -1,8 +1,8 @@
 """Real motion as HumanML3D's numbers and back: `python -m bench.humanml3d` (docs/humanml3d.md).
 
-Clips of four sets are put on SMPL's mean body at 20 frames a second, written, and read again. Prints, for every set: how
-far joints and standing feet are from where they were, how the body faces, how far joints turn from how they did, with
-and without the turns about bones, and frames a second. Needs MOTIONLAKE_DATA.
+Clips of four sets are put on SMPL's mean body at 20 frames a second, written, and read again. Prints, for every set,
+how far joints and standing feet are from where they were, how the body faces, how far joints turn from how they did,
+with and without the turns about bones, and frames a second. Needs MOTIONLAKE_DATA.
 """
 
 from __future__ import annotations

@@ -1,10 +1,12 @@
 """HumanML3D's features and their recovery written anew from the published definition: one frame, one joint at a time.
 
-Rotations are SciPy's. Only where the dataset's own program is known to slip (the sign of the turn of the one frame in which
-the heading passes -z) this takes the right value.
+Rotations are SciPy's. Where the dataset's own program slips (the sign of the turn of the one frame in which the heading
+passes -z) this takes the right value.
 """
 
 from __future__ import annotations
+
+import itertools
 
 import numpy as np
 from motionlake.arrays import Float64Array
@@ -52,7 +54,8 @@ def headings(positions: Float64Array) -> list[Rotation]:
     weights /= weights.sum()
     found = []
     for at in range(len(facing)):
-        smooth = sum(w * facing[min(max(at + by, 0), len(facing) - 1)] for w, by in zip(weights, reach, strict=True))
+        around = [facing[min(max(at + int(by), 0), len(facing) - 1)] for by in reach]
+        smooth = np.sum(weights[:, None] * np.array(around), axis=0)
         found.append(smallest(smooth / np.linalg.norm(smooth), Z))
     return found
 
@@ -71,7 +74,7 @@ def features(positions: Float64Array) -> Float64Array:
         local: dict[int, Float64Array] = {}
         for chain in CHAINS:
             before = heading[at]
-            for parent, joint in zip(chain, chain[1:], strict=False):
+            for parent, joint in itertools.pairwise(chain):
                 bone = now[joint] - now[parent]
                 own = smallest(DIRECTIONS[joint], bone / np.linalg.norm(bone))
                 local[joint] = (before.inv() * own).as_matrix()
@@ -115,7 +118,7 @@ def joints_by_rotations(rows: Float64Array, lengths: Float64Array, facing: float
         joints = np.zeros((22, 3))
         for chain in CHAINS:
             turn = Rotation.from_rotvec([0.0, heading, 0.0])
-            for parent, joint in zip(chain, chain[1:], strict=False):
+            for parent, joint in itertools.pairwise(chain):
                 numbers = row[67 + 6 * (joint - 1) : 73 + 6 * (joint - 1)]
                 columns = [numbers[:3], numbers[3:], np.cross(numbers[:3], numbers[3:])]
                 turn = turn * Rotation.from_matrix(np.stack(columns, axis=1))

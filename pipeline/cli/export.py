@@ -58,7 +58,8 @@ def export(
         option("--rig", help="own (default), canonical, a skeleton by name, or a clip file of your character."),
     ] = None,
     fps: Annotated[
-        float | None, option("--fps", help="Frames a second (default: the clip's own, or the format's).", callback=positive)
+        float | None,
+        option("--fps", help="Frames a second (default: the clip's own, or the format's).", callback=positive),
     ] = None,
     tpose: Annotated[bool, typer.Option("--tpose", help="Put a frame of T-pose before the motion.")] = False,
     out: Annotated[

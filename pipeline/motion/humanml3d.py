@@ -23,7 +23,16 @@ from typing import Final
 
 import numpy as np
 from motionlake.arrays import Float64Array
-from motionlake.motion.rotations import MIN_LENGTH, conjugate, from_matrix, multiply, rotate, swing, to_matrix
+from motionlake.motion.rotations import (
+    MIN_LENGTH,
+    conjugate,
+    from_matrix,
+    multiply,
+    of_length_one,
+    rotate,
+    swing,
+    to_matrix,
+)
 from motionlake.motion.smpl import BODY_JOINTS, INDEX, OFFSETS, PARENTS
 
 FPS: Final = 20.0
@@ -188,7 +197,7 @@ def _across(positions: Float64Array, joint: str) -> Float64Array:
 
 def _forward(left: Float64Array) -> Float64Array:
     """[F, 3] where a body faces whose left is known [F, 3]; as long as left is horizontal in a line of length 1."""
-    return np.cross(_of_length_one(left), np.array([0.0, 1.0, 0.0]))
+    return np.cross(of_length_one(left), np.array([0.0, 1.0, 0.0]))
 
 
 def _from_columns(columns: Float64Array) -> Float64Array:
@@ -196,14 +205,9 @@ def _from_columns(columns: Float64Array) -> Float64Array:
 
     Columns that are not upright on each other, or not of length 1, as networks make them, are set right.
     """
-    first = _of_length_one(columns[..., :3])
+    first = of_length_one(columns[..., :3])
     across = np.cross(first, columns[..., 3:])
     known = np.linalg.norm(across, axis=-1) > MIN_LENGTH
-    third = _of_length_one(across)
+    third = of_length_one(across)
     matrices = np.stack([first, np.cross(third, first), third], axis=-1)
     return from_matrix(np.where(known[..., None, None], matrices, np.eye(3)))
-
-
-def _of_length_one(vectors: Float64Array) -> Float64Array:
-    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
-    return np.asarray(vectors / np.where(length > 0, length, 1.0))

@@ -7,7 +7,17 @@ from typing import Final
 import numpy as np
 from motionlake.arrays import Float64Array
 from motionlake.motion.humanml3d import bone_vectors, joints_of_bones
-from motionlake.motion.rotations import IDENTITY, angle, conjugate, from_matrix, multiply, rotate, slerp, swing
+from motionlake.motion.rotations import (
+    IDENTITY,
+    angle,
+    conjugate,
+    from_matrix,
+    multiply,
+    of_length_one,
+    rotate,
+    slerp,
+    swing,
+)
 from motionlake.motion.smpl import BODY_JOINTS, INDEX, OFFSETS, PARENTS
 
 CHILDREN: Final = tuple(
@@ -15,6 +25,15 @@ CHILDREN: Final = tuple(
 )
 PELVIS, CHEST = INDEX["pelvis"], INDEX["spine3"]  # each bears three bones, which tell how it turns
 SPINE: Final = (PELVIS, INDEX["spine1"], INDEX["spine2"], CHEST)
+# Elbows and knees bend about one axis: the joint above each, and that axis in the T-pose.
+HINGES: Final = {
+    INDEX["left_shoulder"]: (0.0, -1.0, 0.0), INDEX["right_shoulder"]: (0.0, 1.0, 0.0),
+    INDEX["left_hip"]: (1.0, 0.0, 0.0), INDEX["right_hip"]: (1.0, 0.0, 0.0),
+}  # fmt: skip
+BENT: Final = (0.1, 0.3)  # sines of a bend: below the first it says nothing of the axis, above the second all
+# Where a limb is straight, it turns about itself as in the frames around it, so many each way, or as its parent does.
+AROUND: Final = 10.0
+AROUND_WEIGHT, PARENT_WEIGHT = 0.05, 0.01
 # Bones of pelvis and chest that agree with where their joints are, to so many degrees on average, tell of a body.
 AGREE: Final = 3.0
 
@@ -24,7 +43,8 @@ def joints_turn(positions: Float64Array, bones: Float64Array | None = None) -> F
 
     Pelvis and chest turn as the three bones that each bears. Any other joint turns from where its bone tells
     (`bones`), or else from its parent, by the smallest turn that lets its bone point along the measured one; the spine
-    shares the turn from pelvis to chest. Hands, feet and head, which bear no bone, turn with their parents.
+    shares the turn from pelvis to chest. Upper arms and thighs turn about themselves so that elbows and knees bend
+    about the axes that they have. Hands, feet and head, which bear no bone, turn with their parents.
 
     Args:
         positions: [F, 22, 3] joints, y up.
@@ -34,7 +54,7 @@ def joints_turn(positions: Float64Array, bones: Float64Array | None = None) -> F
     vectors = bone_vectors(positions)
     world = np.tile(IDENTITY, (len(positions), BODY_JOINTS, 1))
     for joint in (PELVIS, CHEST):
-        world[:, joint] = _as_a_whole(vectors[:, CHILDREN[joint]], OFFSETS[list(CHILDREN[joint])])
+        world[:, joint] = _as_a_whole(vectors, joint)
     for share, joint in zip((1 / 3, 2 / 3), SPINE[1:3], strict=True):
         world[:, joint] = slerp(world[:, PELVIS], world[:, CHEST], np.full(len(positions), share))
     told = None if bones is None else joints_of_bones(bones)
@@ -48,6 +68,10 @@ def joints_turn(positions: Float64Array, bones: Float64Array | None = None) -> F
         if children:
             bone = rotate(own, OFFSETS[children[0]])
             own = multiply(swing(bone, vectors[:, children[0]]), own)
+        if told is None and joint in HINGES:
+            [hinge] = children
+            [end] = CHILDREN[hinge]
+            own = _bending_right(own, vectors[:, hinge], vectors[:, end], np.array(HINGES[joint]))
         world[:, joint] = own
     return world
 
@@ -57,8 +81,9 @@ def tell_of_a_body(positions: Float64Array, bones: Float64Array) -> bool:
 
     The three bones of a pelvis or a chest turn as one. Smallest turns from a rest body do not, where it turns.
     """
-    told, wanted = joints_of_bones(bones), joints_turn(positions)
-    off = [angle(told[:, child], wanted[:, joint]) for joint in (PELVIS, CHEST) for child in CHILDREN[joint]]
+    told, vectors = joints_of_bones(bones), bone_vectors(positions)
+    whole = {joint: _as_a_whole(vectors, joint) for joint in (PELVIS, CHEST)}
+    off = [angle(told[:, child], own) for joint, own in whole.items() for child in CHILDREN[joint]]
     return float(np.mean(off)) < AGREE
 
 
@@ -68,14 +93,35 @@ def bones_at_rest(positions: Float64Array, world: Float64Array) -> Float64Array:
     return np.asarray(rotate(conjugate(world[:, parents]), bone_vectors(positions)).mean(axis=0))
 
 
-def _as_a_whole(bones: Float64Array, rest: Float64Array) -> Float64Array:
-    """[F, 4] the rotation that brings bones at rest [n, 3] nearest to those measured [F, n, 3].
+def _as_a_whole(vectors: Float64Array, joint: int) -> Float64Array:
+    """[F, 4] the rotation of a joint that brings its bones at rest nearest to those measured, of vectors [F, 22, 3].
 
-    Least squares over the directions (Kabsch, Acta Crystallographica A32, 1976), each bone for as much as it is long.
+    Least squares (Kabsch, Acta Crystallographica A32, 1976): each bone counts for as much as it is long.
     """
-    left, _, right = np.linalg.svd(np.einsum("fni,nj->fij", bones, rest))
+    children = list(CHILDREN[joint])
+    covariance = np.einsum("fni,nj->fij", vectors[:, children], OFFSETS[children])
+    left, _, right = np.linalg.svd(covariance)
     left[..., 2] *= np.sign(np.linalg.det(left @ right))[:, None]
     return from_matrix(left @ right)
+
+
+def _bending_right(own: Float64Array, upper: Float64Array, lower: Float64Array, axis: Float64Array) -> Float64Array:
+    """Rotations [F, 4] turned about the upper bone [F, 3] so that the lower one [F, 3] bends about an axis [3] at rest.
+
+    As a canonical limb does, which is straight at rest, so that the axis is upright on both bones.
+    """
+    from scipy.ndimage import gaussian_filter1d
+
+    upper, lower = of_length_one(upper), of_length_one(lower)
+    bend, across = np.cross(upper, lower), rotate(own, axis)
+    across -= np.sum(across * upper, axis=1, keepdims=True) * upper
+    about = np.arctan2(np.sum(np.cross(across, bend) * upper, axis=1), np.sum(across * bend, axis=1))
+    weight = np.clip((np.linalg.norm(bend, axis=1) - BENT[0]) / (BENT[1] - BENT[0]), 0.0, 1.0)
+    pointing = weight[:, None] * np.stack([np.cos(about), np.sin(about)], axis=1)
+    pointing = pointing + AROUND_WEIGHT * gaussian_filter1d(pointing, AROUND, axis=0, mode="nearest")
+    pointing[:, 0] += PARENT_WEIGHT
+    half = np.arctan2(pointing[:, 1], pointing[:, 0])[:, None] / 2
+    return multiply(np.concatenate([np.cos(half), np.sin(half) * upper], axis=1), own)
 
 
 def _going_on(parent: Float64Array, last: Float64Array, frames: int) -> Float64Array:
