@@ -291,7 +291,10 @@ def test_what_is_wrong_is_said(array: Any, reason: str, tmp_path: Path) -> None:
 def test_other_arrays_are_no_clips(tmp_path: Path) -> None:
     for shape in ((263,), (20, 24, 3), (20, 7), ()):
         assert not is_clip(saved(tmp_path / "a.npy", np.zeros(shape)))
-    assert is_clip(saved(tmp_path / "a.npy", np.zeros((5, 263))))
+    path = saved(tmp_path / "a.npy", np.zeros((5, 263)))
+    assert is_clip(path)
+    path.write_bytes(path.read_bytes()[20:])
+    assert is_clip(path), "what is damaged is rejected, not passed over"
 
 
 def joints_bytes() -> bytes:
@@ -319,6 +322,9 @@ def test_a_header_that_promises_too_much_is_turned_away(tmp_path: Path) -> None:
     path = saved(tmp_path / "a.npy", np.zeros((1_001, 263), np.float16))
     with pytest.raises(ClipError, match=r"has 1001 frames; \[limits\] frames = 1000"):
         read_clips(path, allowed=Limits(frames=1_000))
+    wide = saved(tmp_path / "b.npy", np.zeros((2, 5_000_000), np.float16))
+    with pytest.raises(ClipError, match=r"MiB of memory; \[limits\] memory_megabytes = 32"):
+        read_clips(wide, allowed=Limits(memory_megabytes=32))
     data = path.read_bytes().replace(b"(1001, 263)", b"(9e99, 263)")
     path.write_bytes(data)
     with pytest.raises(ClipError, match="damaged header"):

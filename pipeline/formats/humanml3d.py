@@ -13,7 +13,6 @@ from motionlake.formats.limits_config import FARTHEST, limits
 from motionlake.formats.parse.npz_members import MAGIC, described, npy_array, npy_header
 from motionlake.motion.clip import Hierarchy, SourceClip
 from motionlake.motion.humanml3d import FEATURES, FPS, are_turns, recovered
-from motionlake.motion.kinematics import continuous_signs, local_rotations, solve
 from motionlake.motion.smpl import BODY_JOINTS, JOINTS, PARENTS, smpl_clip
 from motionlake.motion.smpl_from_joints import bones_at_rest, joints_turn, tell_of_a_body
 
@@ -71,6 +70,8 @@ def _of_joints(positions: Float64Array, fps: float) -> SourceClip:
 
 def _of_features(rows: Float64Array, fps: float) -> SourceClip:
     """A clip with a frame more than there are features: the ways of the last one lead to it."""
+    from motionlake.motion.kinematics import continuous_signs, local_rotations, solve
+
     if not are_turns(rows):
         raise ClipError(
             "its numbers of rotations are none; if the features are standardised, multiply by Std.npy and add Mean.npy"
@@ -92,8 +93,8 @@ def _check_room(name: str, shape: tuple[int, ...], length: int) -> None:
     """What lets an array of so many bytes pass."""
     if shape:
         # A number takes eight bytes here, whatever it takes in the file.
-        numbers = int(np.prod(shape[1:], dtype=object))
-        limits().check_body(shape[0], -(-numbers // 3), length + shape[0] * numbers * 8)
+        numbers = int(np.prod(shape, dtype=object))
+        limits().check_body(shape[0], BODY_JOINTS, length + numbers * 8)
 
 
 READER: Final = HumanML3DReader()
