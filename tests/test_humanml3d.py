@@ -218,6 +218,11 @@ def test_features_come_back_the_same_through_bvh(form: str, tmp_path: Path, sche
         # The smallest turn onto nearly the opposite direction magnifies what a lake rounds off.
         np.testing.assert_allclose(again[:, TURNS], rows[:, TURNS], atol=5e-4)
         assert (again[:, 259:] != rows[:, 259:]).mean() < 0.01
+    out = exported(tmp_path / "one", tmp_path / "posed", "--where", "true", "--format", form, "--tpose")
+    joints = np.load(out / "new_joints" / "walk.npy")
+    assert len(joints) == 60
+    arm = joints[0, INDEX["left_wrist"]] - joints[0, INDEX["left_shoulder"]]
+    assert abs(arm[1]) < 0.1 * np.linalg.norm(arm)
 
 
 def test_a_set_is_laid_out_as_the_dataset(tmp_path: Path) -> None:

@@ -134,7 +134,7 @@ class ClipExporter:
             clip = resampled(clip, self._treatment.fps)
         if self._treatment.tpose:
             done.append({"t_pose": "first frame"})
-            clip = self._with_t_pose(row, clip)
+            clip = self._with_t_pose(row, clip, own=own)
         facts = {name: row[name] for name in _FACTS}
         facts |= {"start": start, "stop": stop, "rig": rig, "transforms": done}
         return ClipToWrite(chosen.clip, clip, unit, up, facts)
@@ -182,11 +182,11 @@ class ClipExporter:
         except ClipError:
             return None
 
-    def _with_t_pose(self, row: Mapping[str, Any], clip: SourceClip) -> SourceClip:
-        """A clip with a frame of T-pose before it."""
+    def _with_t_pose(self, row: Mapping[str, Any], clip: SourceClip, *, own: bool) -> SourceClip:
+        """A clip, on its own rig or another, with a frame of T-pose before it."""
         motion = canonical_motion(self._con, self._lake, row["clip"])
         name, character = self._treatment.target.name, self._treatment.target.character
-        if name == OWN:
+        if own:
             character = self._source(row)
         elif name == CANONICAL:
             character = character_of(to_source_clip(motion), self._rigs[CANONICAL])
