@@ -104,6 +104,7 @@ SMOKES: Final[Sequence[Smoke]] = (
     Smoke("bench.emd", (), {"bench.emd.K": 12, "bench.emd.COUNT": 200, "bench.emd.QUERIES": 6}),
     Smoke("bench.damage", ("--flips", "1", "--losses", "1", "--each", "1")),
     Smoke("bench.fuzz", ("files", "config", "--files", "28", "--examples", "3", "--workers", "1"), recordings=False),
+    Smoke("bench.humanml3d", (), {"bench.retargeting.CLIPS": 1}),
     Smoke("bench.ingest", ("peers", "--rounds", "1")),
     Smoke("bench.lake", ("ingest", "--clips", "8", "--workers", "1", "--sets", "hdm05")),
     Smoke("bench.moves", (), {"bench.moves.QUERIES": 2}),

@@ -12,6 +12,9 @@ from motionlake.arrays import Float64Array
 from motionlake.formats import read_clips
 from motionlake.formats.write.glb import glb_bytes
 from motionlake.formats.write.registry import ClipToWrite
+from motionlake.motion.humanml3d import features, placed
+from motionlake.motion.rotations import turn_about_y
+from motionlake.motion.smpl import OFFSETS, PARENTS
 
 KINECT_1 = (
     "HipCenter", "Spine", "ShoulderCenter", "Head", "ShoulderLeft", "ElbowLeft", "WristLeft", "HandLeft",
@@ -334,6 +337,21 @@ def amass_bytes(frames: int = 12) -> bytes:
     return stream.getvalue()
 
 
+def humanml3d_bytes(frames: int = 12) -> bytes:
+    """Features of HumanML3D of a body that stands with hanging arms, walks along +z and turns a little."""
+    down = np.array([0.0, -1.0, 0.0])
+    positions = np.zeros((frames, 22, 3))
+    for joint, parent in enumerate(PARENTS[:22]):
+        arm = joint in (18, 19, 20, 21)
+        bone = 0.26 * down if arm else OFFSETS[joint]
+        positions[:, joint] = positions[:, parent] + bone if parent >= 0 else np.array([0.0, 0.95, 0.0])
+    positions = turn_about_y(positions, np.linspace(0.0, 0.3, frames))
+    positions[..., 2] += np.linspace(0.0, 0.4, frames)[:, None]
+    stream = io.BytesIO()
+    np.save(stream, features(placed(positions)[0]).astype(np.float32))
+    return stream.getvalue()
+
+
 # By suffix: the bytes of a good clip, after its companions are written to the given folder.
 SAMPLES: dict[str, Callable[[Path], bytes]] = {
     ".bvh": _text(lambda: BVH),
@@ -344,9 +362,10 @@ SAMPLES: dict[str, Callable[[Path], bytes]] = {
     ".npz": lambda folder: npz_bytes(swinging_body(12), KINECT_1, KINECT_1_PARENTS, 30.0),
     ".glb": lambda folder: _scene(folder),
     ".amass.npz": lambda folder: amass_bytes(),
+    ".npy": lambda folder: humanml3d_bytes(),
     ".fbx": _text(fbx_text),
     ".gltf": lambda folder: _gltf(folder),
 }
-BINARY = frozenset({".npz", ".glb"})
+BINARY = frozenset({".npz", ".npy", ".glb"})
 # Of readers whose suffixes others have, too.
 SHARED = {"AMASS": ".amass.npz"}

@@ -123,6 +123,7 @@ BOMBS: dict[str, tuple[str, Callable[[], str | bytes], str]] = {
         lambda: archive(positions=array((2, 1_000_000, 3), "<f4", 24_000_000)),
         "has 1000000 joints",
     ),
+    "frames of npy": ("x.npy", lambda: array((20_000, 263), "<f4", 21_040_000), "has 20000 frames"),
     "size of npz": ("x.npz", lambda: archive(positions=array((100, 20, 3000), "<f8", 48_000_000)), "bytes long"),
     "names of npz": ("x.npz", lambda: archive(joints=array((20,), "<U300000", 24_000_000)), "24000000 bytes long"),
     "rate of npz": ("x.npz", lambda: archive(fps=array((6_000_000,), "<f4", 24_000_000)), "24000000 bytes long"),

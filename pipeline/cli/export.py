@@ -58,7 +58,8 @@ def export(
         option("--rig", help="own (default), canonical, a skeleton by name, or a clip file of your character."),
     ] = None,
     fps: Annotated[
-        float | None, option("--fps", help="Frames a second (default: the clip's own).", callback=positive)
+        float | None,
+        option("--fps", help="Frames a second (default: the clip's own, or the format's).", callback=positive),
     ] = None,
     tpose: Annotated[bool, typer.Option("--tpose", help="Put a frame of T-pose before the motion.")] = False,
     out: Annotated[
@@ -93,7 +94,8 @@ def export(
     single = _single(clips or [], many, listed, writer, out)
     if not single and (start is not None or stop is not None):
         raise UserError("--from and --to are of one clip; a list (--list) has start and stop for every clip")
-    treatment = Treatment(target_of(target, writer.rig or rig or "own"), fps, tpose, as_is=writer.rig)
+    rate = fps if fps is not None else getattr(writer, "fps", None)
+    treatment = Treatment(target_of(target, writer.rig or rig or "own"), rate, tpose, as_is=writer.rig)
     with reading(target) as con:
         exporter = ClipExporter(con, target, treatment)
         if single:
@@ -137,7 +139,7 @@ def _one(
     *,
     as_json: bool,
 ) -> None:
-    from motionlake.retrieval.export_files import clip_stem
+    from motionlake.formats.write.stems import clip_stem
     from motionlake.retrieval.selection import ClipRange
 
     name = resolve_clip(con, clip)

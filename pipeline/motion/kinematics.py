@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
@@ -163,10 +164,10 @@ def solve(clip: SourceClip) -> SolvedMotion:
     return SolvedMotion(positions, local, world)
 
 
-def world_rotations(local: Float64Array) -> Float64Array:
-    """Global rotations [..., 21, 4] of local ones."""
+def world_rotations(local: Float64Array, parents: Sequence[int] = PARENTS) -> Float64Array:
+    """Global rotations [..., J, 4] of local ones, of the canonical skeleton or another whose parents come first."""
     world = np.array(local, float)
-    for joint, parent in enumerate(PARENTS):
+    for joint, parent in enumerate(parents):
         if parent >= 0:
             world[..., joint, :] = multiply(
                 np.ascontiguousarray(world[..., parent, :]), np.ascontiguousarray(local[..., joint, :])
@@ -174,9 +175,9 @@ def world_rotations(local: Float64Array) -> Float64Array:
     return world
 
 
-def local_rotations(world: Float64Array) -> Float64Array:
-    """Local rotations [..., 21, 4] of global ones: parent^-1 * own."""
-    local: Float64Array = multiply(conjugate(world[..., list(PARENTS), :]), world)
+def local_rotations(world: Float64Array, parents: Sequence[int] = PARENTS) -> Float64Array:
+    """Local rotations [..., J, 4] of global ones: parent^-1 * own."""
+    local: Float64Array = multiply(conjugate(world[..., list(parents), :]), world)
     local[..., 0, :] = world[..., 0, :]
     return local
 

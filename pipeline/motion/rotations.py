@@ -40,6 +40,12 @@ def normalise(q: Float64Array) -> Float64Array:
     return np.asarray(q / np.linalg.norm(q, axis=-1, keepdims=True))
 
 
+def of_length_one(vectors: Float64Array) -> Float64Array:
+    """Vectors [..., n] scaled to length 1; one without length stays."""
+    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return np.asarray(vectors / np.where(length > 0, length, 1.0))
+
+
 def from_axis_angle(axis: Float64Array, degrees: Float64Array | float) -> Float64Array:
     """Rotation [..., 4] by `degrees` [...] about unit `axis` [..., 3]."""
     half = np.deg2rad(np.asarray(degrees, float)) / 2

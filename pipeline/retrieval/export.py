@@ -24,6 +24,7 @@ from motionlake.motion.character import Character, character_of, leg_length, zer
 from motionlake.motion.clip import ChannelKind, Hierarchy, SourceClip
 from motionlake.motion.kinematics import solve
 from motionlake.motion.posing import posed, relative_places, resampled
+from motionlake.motion.rest import bind, standing_rest
 from motionlake.motion.retarget import retarget, t_pose
 from motionlake.motion.rigs import load_rigs
 from motionlake.motion.standing import foot_height
@@ -120,7 +121,7 @@ class ClipExporter:
         target = self._treatment.target
         done: list[dict[str, Any]] = []
         start, stop = frame_range(chosen.clip, chosen.start, chosen.stop, row["frames"])
-        own = target.name == OWN or (row["rig"] == self._treatment.as_is and row["twist"])
+        own = target.name == OWN or (row["rig"] == self._treatment.as_is and self._turns_from_rest(row))
         if own:
             clip, up, unit = raw.own_rig(self._con, self._lake, chosen.clip), row["up"], row["metres_per_unit"]
             clip = replace(clip, channels=clip.channels[start:stop])
@@ -133,7 +134,7 @@ class ClipExporter:
             clip = resampled(clip, self._treatment.fps)
         if self._treatment.tpose:
             done.append({"t_pose": "first frame"})
-            clip = self._with_t_pose(row, clip)
+            clip = self._with_t_pose(row, clip, own=own)
         facts = {name: row[name] for name in _FACTS}
         facts |= {"start": start, "stop": stop, "rig": rig, "transforms": done}
         return ClipToWrite(chosen.clip, clip, unit, up, facts)
@@ -154,6 +155,16 @@ class ClipExporter:
         step |= {"scale": leg_length(character.rest_offsets) / leg_length(motion.rest_offsets), "feet": "pinned"}
         return clip, character.up, character.metres_per_unit, character.rig, [step]
 
+    def _turns_from_rest(self, row: Mapping[str, Any]) -> bool:
+        """Whether a clip's joints turn, counted from a zero pose in which the body stands."""
+        if row["twist"]:
+            return True
+        clip = raw.own_rig(self._con, self._lake, row["clip"])
+        if clip.hierarchy.kind is ChannelKind.POSITIONS:
+            return False
+        binding = bind(self._rigs[row["rig"]], clip.hierarchy)
+        return standing_rest(binding, solve(clip), row["metres_per_unit"]) is not None
+
     def _source(self, row: Mapping[str, Any]) -> Character | None:
         """The character that a clip was recorded on; None where its file has only positions, or tells none."""
         key = (row["rig"], row["layout"], row["skeleton"])
@@ -171,11 +182,11 @@ class ClipExporter:
         except ClipError:
             return None
 
-    def _with_t_pose(self, row: Mapping[str, Any], clip: SourceClip) -> SourceClip:
-        """A clip with a frame of T-pose before it."""
+    def _with_t_pose(self, row: Mapping[str, Any], clip: SourceClip, *, own: bool) -> SourceClip:
+        """A clip, on its own rig or another, with a frame of T-pose before it."""
         motion = canonical_motion(self._con, self._lake, row["clip"])
         name, character = self._treatment.target.name, self._treatment.target.character
-        if name == OWN:
+        if own:
             character = self._source(row)
         elif name == CANONICAL:
             character = character_of(to_source_clip(motion), self._rigs[CANONICAL])

@@ -10,11 +10,11 @@ from pathlib import Path
 from typing import Any, Final
 
 from motionlake.errors import ClipError, UserError
-from motionlake.formats import readers
 from motionlake.formats.write.registry import ClipToWrite, SetWriter, Writer
+from motionlake.formats.write.stems import clip_stem
 from motionlake.formats.write.whole import whole_file
 from motionlake.lake.citations import Source
-from motionlake.names import file_name, json_text, told_apart
+from motionlake.names import json_text, told_apart
 from motionlake.retrieval.export import ClipExporter
 from motionlake.retrieval.selection import ClipRange
 
@@ -32,17 +32,6 @@ class Exported:
     sources: Mapping[str, Sequence[Source]]
     rows: list[dict[str, Any]] = field(default_factory=list)
     failed: list[dict[str, Any]] = field(default_factory=list)
-
-
-def clip_stem(clip: str) -> str:
-    """The name of a clip's file without its suffix, and which body of it is meant."""
-    path, mark, body = clip.rpartition("#")
-    if not mark or "." in body:  # the mark is of the file's own name
-        path, body = clip, ""
-    stem = path.rpartition("/")[2].removesuffix(".gz")
-    suffixes = (suffix for reader in readers() for suffix in reader.suffixes)
-    longest = max((s for s in suffixes if stem.lower().endswith(s)), key=len, default="")
-    return file_name(stem[: len(stem) - len(longest)] + (f"-{body}" if body else ""))
 
 
 def file_names(chosen: Sequence[ClipRange], suffix: str) -> dict[ClipRange, str]:

@@ -1,6 +1,7 @@
 """Which writer makes which file: every module of this package with a `WRITER` is one format that clips leave in.
 
-A `Writer` makes one file of a clip, a `SetWriter` one folder of many.
+A `Writer` makes one file of a clip, a `SetWriter` one folder of many. Either may also have `fps`: the frames a second
+that its format has, to which clips are resampled unless the user says another rate.
 """
 
 from __future__ import annotations
