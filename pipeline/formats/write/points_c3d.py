@@ -16,10 +16,16 @@ MILLIMETRES: Final = 1000.0
 # The frame numbers of a C3D header are two bytes, and so is the length of a parameter.
 MOST_FRAMES: Final = 65_535
 MOST_POINTS: Final = 255
+# Where the tree of joints stands: for each point the number of its parent's, counted from 1; 0 at the root.
+OWN_GROUP: Final = "MOTIONLAKE"
+PARENTS: Final = "PARENTS"
 
 
 class C3dWriter:
-    """Points in millimetres, y up, named by `POINT:LABELS`; `POINT:RATE` is the frame rate."""
+    """Points in millimetres, y up, named by `POINT:LABELS`; `POINT:RATE` is the frame rate.
+
+    The tree of joints stands in `MOTIONLAKE:PARENTS`, so that the file comes back as the clip that it was.
+    """
 
     name = "c3d"
     suffix = ".c3d"
@@ -45,6 +51,7 @@ class C3dWriter:
         made["parameters"]["POINT"]["LABELS"]["value"] = list(motion.clip.hierarchy.joints)
         made.add_parameter("POINT", "X_SCREEN", "+X")
         made.add_parameter("POINT", "Y_SCREEN", "+Y")
+        made.add_parameter(OWN_GROUP, PARENTS, [parent + 1 for parent in motion.clip.hierarchy.parents])
         made["data"]["points"] = np.concatenate([places.transpose(2, 1, 0), np.ones((1, joints, frames))])
         temporary = path.with_name(f".{uuid.uuid4().hex}.tmp.c3d")  # ezc3d adds the suffix where there is none
         try:
