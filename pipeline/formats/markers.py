@@ -137,8 +137,8 @@ def _clip_of_joints(
 def up_of_tree(tree: NamedTree, positions: Float64Array) -> str | None:
     """The up axis by a body whose joints [F, J, 3] are those of a tree; None where it does not tell."""
     top = tree.canonical.get("head", tree.canonical.get("neck"))
-    feet = [tree.canonical.get(f"{side}_ankle") for side in ("left", "right")]
-    if top is None or None in feet:
+    feet = [tree.canonical[joint] for joint in ("left_ankle", "right_ankle") if joint in tree.canonical]
+    if top is None or not feet:
         return None
     return up_of_body(positions[:, top], np.asarray(positions[:, feet].mean(axis=1)))
 

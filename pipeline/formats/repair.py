@@ -53,6 +53,27 @@ def fill_missing(positions: Float64Array, missing: BoolArray, joints: Sequence[s
     return filled, int(missing.any(axis=1).sum())
 
 
+def fill_rotations(rotations: Float64Array, missing: BoolArray) -> Float64Array:
+    """[F, J, 4] rotations (w, x, y, z) of which those that are `missing` [F, J] go evenly from the last to the next.
+
+    Held at both ends. Every joint must be there in one frame.
+    """
+    from motionlake.motion.rotations import normalise, slerp
+
+    filled = rotations.copy()
+    times = np.arange(len(rotations))
+    for joint in np.flatnonzero(missing.any(axis=0)):
+        seen = np.flatnonzero(~missing[:, joint])
+        gaps = np.flatnonzero(missing[:, joint])
+        after = np.clip(np.searchsorted(seen, gaps), 0, len(seen) - 1)
+        before = np.clip(np.searchsorted(seen, gaps) - 1, 0, len(seen) - 1)
+        width = np.maximum(seen[after] - seen[before], 1)
+        weight = np.clip((times[gaps] - seen[before]) / width, 0.0, 1.0)
+        known = normalise(rotations[seen, joint])
+        filled[gaps, joint] = slerp(known[before], known[after], weight)
+    return filled
+
+
 def rarely_seen(missing: BoolArray) -> BoolArray:
     """[J] joints that `fill_missing` would refuse; `missing` is [F, J]."""
     seen = len(missing) - missing.sum(axis=0)

@@ -89,7 +89,7 @@ def _parse(text: str) -> MarkerSet:
 
 
 def fitting_sets(markers: Collection[str]) -> list[MarkerSet]:
-    """The sets of which all markers are among these, the best first: those of joint centres, then those of more markers.
+    """The sets of which all markers are among these, the best first: of joint centres, then of more markers.
 
     Raises:
         ClipError: none fits; the reason names the nearest one and the markers that it lacks.

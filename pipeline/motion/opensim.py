@@ -44,7 +44,7 @@ _MIDDLE: Final = (
     Body("pelvis", "", (0.0, 0.0, 0.0), (("pelvis_tilt", _Z), ("pelvis_list", _X), ("pelvis_rotation", _Y))),
     Body("torso", "pelvis", (-0.1007 - HIPS[0], 0.0815 - HIPS[1], 0.0),
          (("lumbar_extension", _Z), ("lumbar_bending", _X), ("lumbar_rotation", _Y))),
-    # The models' torso ends in a head that has no joint: the neck's is where their markers of C7 and the breastbone are.
+    # The models' torso ends in a head without a joint: the neck's is between their markers of C7 and the breastbone.
     Body("neck", "torso", (0.0, 0.4, 0.0), (("neck_flexion", _Z), ("neck_bending", _X), ("neck_rotation", _Y))),
     Body("head", "neck", (0.02, 0.13, 0.0)),
 )  # fmt: skip
@@ -65,9 +65,7 @@ def _side(body: Body, side: str) -> Body:
     """A body of the right side, called so, or its mirror image, which turns the other way about x and y."""
     x, y, z = body.offset
     mirrored = side == "l"
-    turns = tuple(
-        (f"{name}_{side}", (-axis[0], -axis[1], axis[2]) if mirrored else axis) for name, axis in body.turns
-    )
+    turns = tuple((f"{name}_{side}", (-axis[0], -axis[1], axis[2]) if mirrored else axis) for name, axis in body.turns)
     parent = body.parent if body.parent in ("pelvis", "torso") else f"{body.parent}_{side}"
     return Body(f"{body.name}_{side}", parent, (x, y, -z if mirrored else z), turns)
 
