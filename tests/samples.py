@@ -341,7 +341,7 @@ def c3d_bytes(
     """
     import c3d
 
-    writer = c3d.Writer(point_rate=fps, point_scale=scale)
+    writer = c3d.Writer(point_rate=fps, analog_rate=0.0, point_scale=scale)
     seen = np.isfinite(positions).all(axis=2)
     points = np.zeros((*positions.shape[:2], 5), np.float32)
     points[..., :3] = np.where(seen[..., None], positions / unit, 0.0)
@@ -351,7 +351,7 @@ def c3d_bytes(
         writer.add_frames([(frame, np.zeros((0, 0)))])
     writer.set_point_labels(list(names))
     group = writer.point_group
-    group.add_str("UNITS", "", unit_name)
+    group.add_str("UNITS", "", unit_name, len(unit_name))
     if screen is not None:
         writer.set_screen_axis(*screen)
     stream = io.BytesIO()

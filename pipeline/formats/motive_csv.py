@@ -24,6 +24,7 @@ from motionlake.motion.units import named_unit
 _LEAST: Final = 1e-6  # length of a quaternion that is a rotation
 _QUATERNION: Final = "Quaternion"
 _ORDERS: Final = ("XYZ", "XZY", "YXZ", "YZX", "ZXY", "ZYX")
+_UNLABELLED: Final = "Unlabeled"
 _MARKERS: Final = ("Marker", "Bone Marker", "Marker Set Marker", "Trained Markerset Marker", "Rigid Body Marker")
 
 
@@ -32,6 +33,7 @@ class MotiveReader:
 
     name = "Motive CSV"
     suffixes = (".csv",)
+    opening = OPENING
 
     def sniff(self, head: bytes) -> bool:
         """Whether these first bytes are an export's."""
@@ -74,7 +76,13 @@ class MotiveReader:
 
 
 def _of_markers(data: bytes, header: MotiveHeader, kind: str, unit: float, rate: float) -> list[SourceClip]:
-    columns = [each for each in header.columns if (each.kind, each.what) == (kind, "Position") and each.axis in "XYZ"]
+    columns = [
+        each
+        for each in header.columns
+        if (each.kind, each.what) == (kind, "Position") and not each.name.rpartition(":")[2].startswith(_UNLABELLED)
+    ]
+    if not columns:
+        raise ClipError("holds no labelled markers")
     names = list(dict.fromkeys(column.name for column in columns))
     check_room([(header.frames(data), len(names))])
     numbers = read_numbers(data, header, columns)

@@ -101,6 +101,8 @@ def _table(data: bytes) -> _Table:
         label_end = data.find(b"\n", label_end + 1)
     if label_end < 0:
         raise ClipError("is cut short: it has no columns")
+    if label_end - end.end() > _HEADER_BYTES:
+        raise ClipError(f"the line of its columns is {label_end - end.end()} bytes long")
     text = data[end.end() : label_end].decode("utf-8", errors="replace")
     names = tuple(printable(name) for name in text.split())
     if len(set(names)) < len(names):

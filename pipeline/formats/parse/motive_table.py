@@ -12,12 +12,13 @@ from typing import Final
 import numpy as np
 from motionlake.arrays import Float64Array
 from motionlake.errors import ClipError
-from motionlake.formats.limits_config import limits
+from motionlake.formats.limits_config import MIB, limits
 from motionlake.names import printable
 
 OPENING: Final = b"Format Version"
 _HEADER_LINES: Final = 16
-_MOST_COLUMNS: Final = 60_000
+_HEADER_BYTES: Final = 4 * MIB
+_OF_A_BONE: Final = 7  # columns: a quaternion and a place
 _FRAME: Final = "Frame"
 _ROW: Final = re.compile(r"Row #(\d+)")
 _DECLARED: Final = "Total Exported Frames"
@@ -92,6 +93,10 @@ def read_header(data: bytes) -> MotiveHeader:
         following = data.find(b"\n", end) + 1
         if not following:
             raise ClipError("is cut short: it has no rows")
+        if following > _HEADER_BYTES:
+            raise ClipError(f"its header is {following} bytes long", line=len(rows) + 1)
+        things = data.count(b",", end, following) // _OF_A_BONE
+        limits().check("joints", things, f"has columns of {things} bones or more", len(rows) + 1)
         rows.append(_fields(data[end:following], len(rows) + 1))
         end = following
         if rows[-1][:1] == [_FRAME]:
@@ -103,7 +108,6 @@ def read_header(data: bytes) -> MotiveHeader:
     if len(named) < 3:
         raise ClipError("lacks the lines that say what its columns are", line=len(rows))
     axes = rows[-1]
-    limits().check("joints", len(axes) / 3 if len(axes) > _MOST_COLUMNS else 0, f"has {len(axes)} columns")
     parents = next((row for row in named[2:-1] if row[1:2] == ["Parent"]), [])
     kinds, names, whats = (_padded(row, len(axes)) for row in (named[0], named[1], named[-1]))
     above = _padded(parents, len(axes))
