@@ -188,16 +188,15 @@ def test_what_motionlake_exports_comes_back(tmp_path: Path) -> None:
 
 
 def test_points_called_as_joints_of_a_rig_are_joints(tmp_path: Path) -> None:
-    names = [f"Anna:{name}" for name in KINECT_1]
-    (clip,) = read_clips(written(tmp_path, c3d_bytes([*names, "Anna:prop"], np.pad(swinging_body(12), ((0, 0), (0, 1), (0, 0)), mode="edge"))))  # fmt: skip
+    names = [*(f"Anna:{name}" for name in KINECT_1), "Anna:prop"]
+    places = np.pad(swinging_body(12), ((0, 0), (0, 1), (0, 0)), mode="edge")
+    (clip,) = read_clips(written(tmp_path, c3d_bytes(names, places)))
     assert "points are joints: kinect_v1" in clip.notes
     joints, parents = clip.hierarchy.joints, clip.hierarchy.parents
     assert "prop" not in joints
     assert joints[parents[joints.index("WristLeft")]] == "ElbowLeft"
-    places = dict(zip(joints, solve(clip).positions.transpose(1, 0, 2), strict=True))
-    for index, name in enumerate(KINECT_1):
-        if name in places:
-            np.testing.assert_allclose(places[name], swinging_body(12)[:, index], atol=1e-6)
+    for joint, name in enumerate(joints):
+        np.testing.assert_allclose(solve(clip).positions[:, joint], places[:, KINECT_1.index(name)], atol=1e-6)
 
 
 def made(
