@@ -25,7 +25,8 @@ from motionlake.motion.rigs import identify, load_rigs
 from motionlake.motion.skeleton import INDEX
 
 from tests.damage import damaged_bytes
-from tests.samples import KINECT_1, KINECT_1_PARENTS, c3d_bytes, npz_bytes, plug_in_gait_markers, swinging_body
+from tests.marker_samples import c3d_bytes
+from tests.samples import KINECT_1, KINECT_1_PARENTS, npz_bytes, plug_in_gait_markers, swinging_body
 from tests.test_damaged_files import EXTRA_MEMORY, SECONDS_PER_FILE, limited_memory, limited_time
 
 NAMES, PLACES = plug_in_gait_markers(swinging_body(40))

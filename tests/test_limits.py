@@ -17,6 +17,7 @@ from motionlake.formats import read_clips
 from motionlake.formats.limits_config import MIB, Limits
 
 from tests.lakes import motionlake, query, quick_lake, tables
+from tests.marker_samples import mot_text, motive_skeleton, motive_text, walking_angles
 from tests.samples import (
     AMC,
     ASF,
@@ -27,13 +28,9 @@ from tests.samples import (
     deepmimic_frames,
     deepmimic_text,
     kinect_2_from_1,
-    mot_text,
-    motive_skeleton,
-    motive_text,
     npz_bytes,
     ntu_text,
     swinging_body,
-    walking_angles,
 )
 
 SMALL = Limits(file_megabytes=24, frames=1_000, joints=40, bodies=3, memory_megabytes=32)

@@ -17,7 +17,8 @@ from motionlake.motion.skeleton import INDEX
 from scipy.spatial.transform import Rotation
 
 from tests.damage import damaged_bytes
-from tests.samples import motive_skeleton, motive_text, plug_in_gait_markers, swinging_body
+from tests.marker_samples import motive_skeleton, motive_text
+from tests.samples import plug_in_gait_markers, swinging_body
 from tests.test_damaged_files import EXTRA_MEMORY, SECONDS_PER_FILE, limited_memory, limited_time
 
 HEIGHT = 1.6

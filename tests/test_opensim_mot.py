@@ -16,7 +16,7 @@ from motionlake.motion.rigs import identify, load_rigs
 from motionlake.motion.skeleton import INDEX
 
 from tests.damage import damaged_bytes
-from tests.samples import mot_text, walking_angles
+from tests.marker_samples import mot_text, walking_angles
 from tests.test_damaged_files import EXTRA_MEMORY, SECONDS_PER_FILE, limited_memory, limited_time
 
 Axis = tuple[float, float, float]
