@@ -39,7 +39,8 @@ class C3dReader:
         if own is not None:
             return [_written_here(points, own, unit, rate)]
         places = points.places * unit
-        places[(places == 0.0).all(axis=2)] = np.nan
+        nowhere = (places[..., 0] == 0.0) & (places[..., 1] == 0.0) & (places[..., 2] == 0.0)
+        places[nowhere] = np.nan
         names = [printable(name) for name in points.names]
         return clips_of_markers(places, names, rate, up=_up(points), tell_up=True)
 

@@ -120,8 +120,7 @@ def joint_centres(marker_set: MarkerSet, positions: Float64Array, markers: Seque
     place = {marker.casefold(): index for index, marker in enumerate(markers)}
 
     def mean(names: Sequence[str]) -> Float64Array:
-        centre: Float64Array = positions[:, [place[name.casefold()] for name in names]].mean(axis=1)
-        return centre
+        return np.asarray(sum(positions[:, place[name.casefold()]] for name in names) / len(names))
 
     centres = {joint: mean(names) for joint, names in marker_set.joints.items()}
     pelvis = marker_set.pelvis

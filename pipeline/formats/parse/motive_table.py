@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import csv
 import io
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
-import numpy as np
 from motionlake.arrays import Float64Array
 from motionlake.errors import ClipError
 from motionlake.formats.limits_config import MIB, limits
+from motionlake.formats.parse.delimited import read_columns
 from motionlake.names import printable
 
 OPENING: Final = b"Format Version"
@@ -20,7 +19,6 @@ _HEADER_LINES: Final = 16
 _HEADER_BYTES: Final = 4 * MIB
 _OF_A_BONE: Final = 7  # columns: a quaternion and a place
 _FRAME: Final = "Frame"
-_ROW: Final = re.compile(r"Row #(\d+)")
 _DECLARED: Final = "Total Exported Frames"
 
 
@@ -136,30 +134,10 @@ def read_numbers(data: bytes, header: MotiveHeader, columns: Sequence[Column]) -
     Raises:
         ClipError: a row is damaged, or there are other than `Total Exported Frames`.
     """
-    import pyarrow as pa
-    from pyarrow import csv as arrow_csv
-
-    names = [str(place) for place in range(header.width)]
-    wanted = [names[column.place] for column in columns]
-    try:
-        table = arrow_csv.read_csv(
-            pa.BufferReader(memoryview(data)[header.begin :]),
-            read_options=arrow_csv.ReadOptions(use_threads=False, column_names=names),
-            convert_options=arrow_csv.ConvertOptions(
-                column_types=dict.fromkeys(wanted, pa.float64()), include_columns=wanted, null_values=["", "nan", "NaN"]
-            ),
-        )
-    except pa.ArrowInvalid as error:
-        raise ClipError(*_reason(str(error), header.lines)) from error
+    wanted = [column.place for column in columns]
+    numbers = read_columns(data, header.begin, header.width, wanted, lines_before=header.lines)
     declared = header.settings.get(_DECLARED, "")
-    if declared.isdigit() and int(declared[:12]) != len(table):
-        lost = "but the file is cut short" if len(table) < int(declared[:12]) else f"but the file has {len(table)}"
+    if declared.isdigit() and int(declared[:12]) != len(numbers):
+        lost = "but the file is cut short" if len(numbers) < int(declared[:12]) else f"but the file has {len(numbers)}"
         raise ClipError(f"{declared[:12]} frames declared, {lost}")
-    return np.column_stack([column.to_numpy() for column in table.columns])
-
-
-def _reason(said: str, before: int) -> tuple[str, int | None]:
-    """What the parser says of a row, in one line, and the line of the file."""
-    row = _ROW.search(said)
-    told = said.split(": ", 2)[-1] if row else said
-    return f"a row is damaged: {printable(' '.join(told.split()))[:100]}", before + int(row[1]) if row else None
+    return numbers
