@@ -98,12 +98,10 @@ def _clip_of_set(
 ) -> SourceClip:
     wanted = {name.casefold() for name in marker_set.required}
     names = [name for name in places if name.casefold() in wanted]
-    seen = positions[:, [places[name] for name in names]]
+    seen = np.take(positions, [places[name] for name in names], axis=1)
     filled, repaired = fill_missing(seen, missing_samples(seen), names)
     joints = joint_centres(marker_set, filled, names)
-    centre = {name: joints[:, joint] for joint, name in enumerate(JOINT_CENTRES)}
-    feet = (centre["left_ankle_centre"] + centre["right_ankle_centre"]) / 2
-    up = up_of_body(centre["head_centre"], feet) if tell_up else None
+    up = _up_of_centres(joints) if tell_up else None
     return SourceClip(
         hierarchy=Hierarchy.of_positions(JOINT_CENTRES, JOINT_CENTRE_PARENTS),
         channels=joints.reshape(len(joints), -1),
@@ -113,6 +111,11 @@ def _clip_of_set(
         repaired=repaired,
         notes=(f"joints from markers: {marker_set.name}", *up_note(up), *repair_note(repaired, len(joints))),
     )
+
+
+def _up_of_centres(joints: Float64Array) -> str | None:
+    centre = {name: joints[:, joint] for joint, name in enumerate(JOINT_CENTRES)}
+    return up_of_body(centre["head_centre"], (centre["left_ankle_centre"] + centre["right_ankle_centre"]) / 2)
 
 
 def _clip_of_joints(
