@@ -2,7 +2,8 @@
 
 Offsets and axes are those of the full-body model of Rajagopal et al., "Full-body musculoskeletal model for
 muscle-driven simulation of human gait" (IEEE TBME 2016), whose arms and trunk are those of Hamner, Seth and Delp (2010)
-and whose legs' coordinates have the names of Delp et al. (1990); the small slides of the knee's centre are left out.
+and whose legs' coordinates have the names of Delp et al. (1990). That the model's knee slides as it bends, and turns the
+shank about its own length, is left out.
 """
 
 from __future__ import annotations
@@ -53,7 +54,7 @@ _RIGHT: Final = (
     Body("tibia", "femur", (-4.6e-07, -0.404425, -0.00126526), ((_KNEE, (0.0, -0.0707131, -0.997497)),)),
     Body("talus", "tibia", (-0.01, -0.4, 0.0), (("ankle_angle", (-0.105014, -0.174022, 0.979126)),)),
     Body("calcn", "talus", (-0.04877, -0.04195, 0.00792), (("subtalar_angle", (0.78718, 0.604747, -0.120949)),)),
-    Body("toes", "calcn", (0.1788, -0.002, 0.00108), (("mtp_angle", (-0.580954, 0.0, 0.813936)),)),
+    Body("toes", "calcn", (0.1788, -0.002, 0.00108), (("mtp_angle", (0.580954, 0.0, -0.813936)),)),
     Body("humerus", "torso", (0.003155, 0.3715, 0.17), (("arm_flex", _Z), ("arm_add", _X), ("arm_rot", _Y))),
     Body("ulna", "humerus", (0.013144, -0.286273, -0.009595), (("elbow_flex", (0.226047, 0.022269, 0.973862)),)),
     Body("radius", "ulna", (-0.006727, -0.013007, 0.026083), (("pro_sup", (0.056398, 0.998406, 0.001952)),)),
