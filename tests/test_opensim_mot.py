@@ -172,6 +172,20 @@ def test_states_of_opensim_4_have_paths(tmp_path: Path) -> None:
     np.testing.assert_allclose(canonical(path).positions, wanted, atol=1e-6)
 
 
+def test_headers_of_older_programs_are_read(tmp_path: Path) -> None:
+    text = mot_text(walking_angles(20))
+    wanted = read_clips(written(tmp_path, text))[0]
+    head, end, rows = text.partition("endheader\n")
+    tabs = "\t" * 37
+    tabbed = "".join(f"{line}{tabs}\n" for line in f"{head}endheader".splitlines() if line)
+    simm = f"name walk\ndatacolumns 38\ndatarows 20\nrange 0 0.19\n{end}"
+    for header in (tabbed, simm, head.replace("\n", "\r\n") + "endheader \r\n"):
+        (clip,) = read_clips(written(tmp_path, header + rows))
+        np.testing.assert_array_equal(clip.channels, wanted.channels)
+    with pytest.raises(ClipError, match="38 columns declared"):
+        read_clips(written(tmp_path, tabbed + rows.replace("pelvis_list\t", "", 1)))
+
+
 def test_angles_of_vertebrae_add_up(tmp_path: Path) -> None:
     columns = walking_angles(20)
     bent = columns | {"lumbar_extension": np.full(20, -20.0)}

@@ -2,8 +2,8 @@
 
 Offsets and axes are those of the full-body model of Rajagopal et al., "Full-body musculoskeletal model for
 muscle-driven simulation of human gait" (IEEE TBME 2016), whose arms and trunk are those of Hamner, Seth and Delp (2010)
-and whose legs' coordinates have the names of Delp et al. (1990). Left out is how the model's knee slides as it bends and
-turns the shank about its own length.
+and whose legs' coordinates have the names of Delp et al. (1990). Left out is how the model's knee slides and turns
+the shank about its own length as it bends.
 """
 
 from __future__ import annotations
