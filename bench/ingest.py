@@ -23,6 +23,7 @@ from motionlake.formats.write.points_c3d import C3dWriter
 from motionlake.formats.write.registry import ClipToWrite
 from motionlake.motion.canonicalise import CanonicalMotion, canonicalise
 from motionlake.motion.kinematics import solve
+from motionlake.motion.marker_sets import fitting_sets, joint_centres
 from motionlake.motion.rigs import identify, load_rigs
 from motionlake.motion.skeleton import INDEX
 
@@ -129,7 +130,7 @@ def write_trc(motion: CanonicalMotion, path: Path) -> None:
 
 
 def marker_figures(take: Path, rounds: int) -> dict[str, dict[str, Any]]:
-    """Files of markers made of a take: reading them to joints, against libraries that read the numbers alone."""
+    """Files of points made of a take: reading them to joints, against libraries that read the numbers."""
     figures: dict[str, dict[str, Any]] = {}
     there = installed(("ezc3d", "c3d", "pandas"))
     clip = read_clips(take)[0]
@@ -155,16 +156,18 @@ def marker_figures(take: Path, rounds: int) -> dict[str, dict[str, Any]]:
                 ours, partial(c3d_read, points), BARS["c3d, package c3d"], min(rounds, 3), frames=len(motion)
             )
         if "pandas" in there:
-            import pandas
-
             figures["trc, pandas"] = compare(
-                partial(read_all, [trc]),
-                lambda: pandas.read_csv(trc, sep="\t", skiprows=5, header=None).to_numpy(),
-                BARS["trc, pandas"],
-                rounds,
-                frames=len(motion),
+                partial(read_all, [trc]), partial(trc_read, trc), BARS["trc, pandas"], rounds, frames=len(motion)
             )
     return figures
+
+
+def trc_read(path: Path) -> None:
+    """The joints of a TRC of Pose2Sim's points, whose numbers pandas reads."""
+    import pandas
+
+    numbers = pandas.read_csv(path, sep="\t", skiprows=5, header=None).to_numpy()
+    joint_centres(fitting_sets(POINTS)[0], numbers[:, 2:].reshape(len(numbers), -1, 3), list(POINTS))
 
 
 def c3d_read(path: Path) -> int:

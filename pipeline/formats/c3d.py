@@ -8,8 +8,7 @@ from typing import Final
 import numpy as np
 from motionlake.errors import ClipError
 from motionlake.formats.markers import clips_of_markers
-from motionlake.formats.parse.c3d_blocks import C3dPoints, Parameter, read_points
-from motionlake.formats.write.points_c3d import OWN_GROUP, PARENTS
+from motionlake.formats.parse.c3d_blocks import OWN_GROUP, PARENTS, C3dPoints, Parameter, read_points
 from motionlake.motion.clip import Hierarchy, SourceClip
 from motionlake.motion.units import UNITS, named_unit
 from motionlake.names import printable

@@ -15,6 +15,9 @@ from motionlake.arrays import Float64Array
 from motionlake.errors import ClipError
 from motionlake.formats.limits_config import limits
 
+# Where motionlake writes the tree of joints: for each point the number of its parent's, counted from 1; 0 at the root.
+OWN_GROUP: Final = "MOTIONLAKE"
+PARENTS: Final = "PARENTS"
 _BLOCK: Final = 512
 _KEY: Final = 0x50  # the second byte of every C3D
 _INTEL, _DEC, _MIPS = 84, 85, 86  # the processor whose numbers a file has

@@ -9,6 +9,7 @@ from typing import Any, Final
 
 import numpy as np
 from motionlake.errors import ClipError
+from motionlake.formats.parse.c3d_blocks import OWN_GROUP, PARENTS
 from motionlake.formats.write.joints import joint_places
 from motionlake.formats.write.registry import ClipToWrite
 
@@ -16,9 +17,6 @@ MILLIMETRES: Final = 1000.0
 # The frame numbers of a C3D header are two bytes, and so is the length of a parameter.
 MOST_FRAMES: Final = 65_535
 MOST_POINTS: Final = 255
-# Where the tree of joints stands: for each point the number of its parent's, counted from 1; 0 at the root.
-OWN_GROUP: Final = "MOTIONLAKE"
-PARENTS: Final = "PARENTS"
 
 
 class C3dWriter:
