@@ -282,6 +282,14 @@ def test_more_frames_than_two_bytes_count() -> None:
     np.testing.assert_allclose(read.places[:, 0, 0], np.arange(70_000), rtol=1e-6)
 
 
+def test_frames_are_counted_where_the_file_cannot_say_how_many() -> None:
+    places = np.zeros((65_535, 1, 3))
+    places[:, 0, 0] = np.arange(65_535) / 1000
+    more = np.array([[number, 0.0, 0.0, 0.0] for number in range(65_535, 65_600)], "<f4")
+    read = read_points(made(places, ["one"], analog=0) + more.tobytes())
+    np.testing.assert_allclose(read.places[:, 0, 0], np.arange(65_600), rtol=1e-6)
+
+
 def test_more_than_255_points_are_named_by_two_parameters(tmp_path: Path) -> None:
     names = [f"m{number}" for number in range(300)]
     file: Any = ezc3d.c3d()

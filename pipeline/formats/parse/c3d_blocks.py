@@ -106,8 +106,11 @@ def read_points(data: bytes) -> C3dPoints:
         raise ClipError("has no named points")
     rate = _number(parameters, "POINT", "RATE")
     rate = float(numbers.floats(data[20:24])[0]) if rate is None else rate
-    frames = _frames(parameters, last - first + 1)
     begin = _number(parameters, "POINT", "DATA_START") or header[8]
+    frames = _frames(parameters, last - first + 1)
+    if frames is None:
+        row = (_VALUES * points + analog) * (4 if scale < 0 else 2)
+        frames = max(len(data) - (int(begin) - 1) * _BLOCK, 0) // row
     places = _places(data, int(begin), frames, points, analog, scale, numbers)[:, : len(names)]
     return C3dPoints(names, places, rate, parameters)
 
@@ -174,18 +177,16 @@ def _names(parameters: Parameters, points: int) -> tuple[str, ...]:
     return tuple(labels[:points])
 
 
-def _frames(parameters: Parameters, of_header: int) -> int:
-    """How many frames a file says that it has, by what says it in more than two bytes, where it does."""
+def _frames(parameters: Parameters, of_header: int) -> int | None:
+    """How many frames a file says that it has; None where it says it by two bytes alone, and those are full."""
     ends = [parameters.get(("TRIAL", f"ACTUAL_{end}_FIELD"), Parameter()).numbers for end in ("START", "END")]
     if all(len(words) == 2 for words in ends):
         first, last = (int(low + 65_536 * high) for low, high in ends)
         if last > first:
             return last - first + 1
-    long = _number(parameters, "POINT", "LONG_FRAMES")
-    if long is not None:
-        return int(long)
-    told = _number(parameters, "POINT", "FRAMES")
-    return int(told) if of_header < 1 and told is not None else max(of_header, 0)
+    told = _number(parameters, "POINT", "LONG_FRAMES") or _number(parameters, "POINT", "FRAMES")
+    frames = of_header if told is None or (of_header > 0 and told <= _FULL) else int(told)
+    return None if frames == _FULL else max(frames, 0)
 
 
 def _places(
