@@ -8,7 +8,7 @@ import io
 import re
 import shutil
 import zipfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -191,6 +191,14 @@ DAMAGES: tuple[Damage, ...] = (
     repeat,
     within_archive,
 )
+
+
+def damaged_bytes(good: bytes, count: int, seed: int) -> Iterator[bytes]:
+    """`count` damaged copies of a file, of every kind of damage in turn, half of them by its first kilobyte alone."""
+    rng = np.random.default_rng(seed)
+    for number in range(count):
+        damage = DAMAGES[number // 2 % len(DAMAGES)]
+        yield damage(good, rng) if number % 2 else damage(good[:1024], rng) + good[1024:]
 
 
 def gather(recordings: Path, folder: Path) -> None:

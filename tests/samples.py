@@ -16,6 +16,8 @@ from motionlake.motion.humanml3d import features, placed
 from motionlake.motion.rotations import turn_about_y
 from motionlake.motion.smpl import OFFSETS, PARENTS
 
+from tests.marker_samples import c3d_bytes, mot_text, motive_skeleton, motive_text, walking_angles
+
 KINECT_1 = (
     "HipCenter", "Spine", "ShoulderCenter", "Head", "ShoulderLeft", "ElbowLeft", "WristLeft", "HandLeft",
     "ShoulderRight", "ElbowRight", "WristRight", "HandRight", "HipLeft", "KneeLeft", "AnkleLeft", "FootLeft",
@@ -359,6 +361,9 @@ SAMPLES: dict[str, Callable[[Path], bytes]] = {
     ".skeleton": _text(lambda: ntu_text([("72057594037944738", 0, kinect_2_from_1(swinging_body(12)))])),
     ".txt": _text(lambda: deepmimic_text(deepmimic_frames(12))),
     ".trc": _text(lambda: trc_text(*plug_in_gait_markers(swinging_body(12)))),
+    ".c3d": lambda folder: c3d_bytes(*plug_in_gait_markers(swinging_body(12))),
+    ".mot": _text(lambda: mot_text(walking_angles())),
+    ".motive.csv": _text(lambda: motive_text(motive_skeleton())),
     ".npz": lambda folder: npz_bytes(swinging_body(12), KINECT_1, KINECT_1_PARENTS, 30.0),
     ".glb": lambda folder: _scene(folder),
     ".amass.npz": lambda folder: amass_bytes(),
@@ -366,6 +371,6 @@ SAMPLES: dict[str, Callable[[Path], bytes]] = {
     ".fbx": _text(fbx_text),
     ".gltf": lambda folder: _gltf(folder),
 }
-BINARY = frozenset({".npz", ".npy", ".glb"})
+BINARY = frozenset({".npz", ".npy", ".glb", ".c3d"})
 # Of readers whose suffixes others have, too.
-SHARED = {"AMASS": ".amass.npz"}
+SHARED = {"AMASS": ".amass.npz", "Motive CSV": ".motive.csv"}

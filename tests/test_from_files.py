@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from tests.lakes import QUICK, on_cluster, query, quick_lake
+from tests.marker_samples import c3d_bytes, mot_text, motive_skeleton, motive_text, walking_angles
 from tests.samples import (
     AMC,
     ASF,
@@ -22,6 +23,7 @@ from tests.samples import (
     kinect_2_from_1,
     npz_bytes,
     ntu_text,
+    plug_in_gait_markers,
     swinging_body,
 )
 
@@ -46,6 +48,9 @@ def folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, scheduler: str) -> 
         "ntu/S001C001P001R001A050.skeleton": ntu.encode(),
         "deepmimic/walk.txt": deepmimic_text(deepmimic_frames(50)).encode(),
         "deepmimic/notes.txt": b"taken on a Monday",
+        "c3d/take.c3d": c3d_bytes(*plug_in_gait_markers(swinging_body(40))),
+        "motive/take.csv": motive_text(motive_skeleton(40)).encode(),
+        "opensim/walk.mot": mot_text(walking_angles(40)).encode(),
         "positions/take.npz": positions(40),
         "zup/take.npz": positions(40, turned=True),
         "labelled/take1.npz": positions(40),
@@ -97,6 +102,9 @@ def test_every_command_of_the_page(folders: Path, scheduler: str) -> None:
     assert rows["strange/walk.bvh"][1].startswith("auto:")
     assert rows["bvh/walk.bvh"][1] == "canonical"
     assert rows["gltf/walk.glb"][:2] == ("glTF", "canonical")
+    assert rows["c3d/take.c3d"][:2] == ("C3D", "markers")
+    assert rows["motive/take.csv"][:2] == ("Motive CSV", "motive")
+    assert rows["opensim/walk.mot"][:2] == ("OpenSim motion", "opensim")
     assert rows["labelled/take2.npz"][2] == "walk"
     assert rows["positions/take.npz"][3] == "CC-BY-4.0"
     assert rows["zup/take.npz"][4] == pytest.approx(rows["positions/take.npz"][4], rel=1e-3)

@@ -17,6 +17,7 @@ from motionlake.formats import read_clips
 from motionlake.formats.limits_config import MIB, Limits
 
 from tests.lakes import motionlake, query, quick_lake, tables
+from tests.marker_samples import mot_text, motive_skeleton, motive_text, walking_angles
 from tests.samples import (
     AMC,
     ASF,
@@ -85,6 +86,27 @@ def bones_of_asf(count: int) -> str:
     return ASF.replace(":hierarchy", "".join(bone.format(i=i) for i in range(count)) + ":hierarchy", 1)
 
 
+def c3d_with(change: Callable[[bytearray], None]) -> bytes:
+    """A good C3D some bytes of which are others."""
+    data = bytearray(SAMPLES[".c3d"](Path()))
+    change(data)
+    return bytes(data)
+
+
+def many_points(data: bytearray) -> None:
+    data[2:4] = b"\xff\xff"
+
+
+def many_frames(data: bytearray) -> None:
+    at = data.index(b"ACTUAL_END_FIELD") + 22
+    data[at : at + 2] = b"\xff\xff"
+
+
+def many_labels(data: bytearray) -> None:
+    at = data.index(b"LABELS") + 10
+    data[at : at + 2] = b"\xff\xff"
+
+
 BOMBS: dict[str, tuple[str, Callable[[], str | bytes], str]] = {
     "frames of bvh": ("x.bvh", lambda: frames_of_bvh(1_200), r"line \d+: has 1200 frames; \[limits\] frames = 1000"),
     "joints of bvh": ("x.bvh", lambda: nested(41), r"line \d+: has too many joints; \[limits\] joints = 40"),
@@ -134,6 +156,32 @@ BOMBS: dict[str, tuple[str, Callable[[], str | bytes], str]] = {
         lambda: gzip.compress(b"0 " * (20 * MIB)),
         r"too large once decompressed; \[limits\]",
     ),
+    "points of c3d": ("x.c3d", lambda: c3d_with(many_points), r"has 65535 joints; \[limits\] joints = 40"),
+    "frames of c3d": ("x.c3d", lambda: c3d_with(many_frames), r"has \d{5,} frames; \[limits\] frames = 1000"),
+    "names of c3d": ("x.c3d", lambda: c3d_with(many_labels), "has no named points"),
+    "rows of mot": (
+        "x.mot",
+        lambda: mot_text(walking_angles()).replace("nRows=12", "nRows=999999999999"),
+        r"has \d+ frames; \[limits\] frames|rows declared, 12 found",
+    ),
+    "frames of mot": ("x.mot", lambda: mot_text(walking_angles(1_200)), r"has 1200 frames; \[limits\] frames = 1000"),
+    "columns of mot": ("x.mot", lambda: "endheader\n" + "a " * (8 * MIB) + "\n", r"its columns is \d+ bytes long"),
+    "instants of mot": (
+        "x.mot",
+        lambda: mot_text(walking_angles() | {"time": np.array([*np.arange(11) / 1e6, 1e4])}),
+        r"frames; \[limits\]",
+    ),
+    "frames of motive": (
+        "x.csv",
+        lambda: motive_text(motive_skeleton(1_200)),
+        r"has 120\d frames; \[limits\] frames = 1000",
+    ),
+    "columns of motive": (
+        "x.csv",
+        lambda: "Format Version,1.23\n\n," + "Bone," * (4 * MIB) + "\n",
+        r"header is \d+ bytes long|bones or more; \[limits\] joints = 40",
+    ),
+    "header of motive": ("x.csv", lambda: "Format Version,1.23\n" * 400_000, "no line that begins with Frame"),
     "a large file": ("x.bvh", lambda: b"0" * (25 * MIB), r"is too large; \[limits\] file_megabytes = 24"),
 }
 

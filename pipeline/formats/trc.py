@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Final
 
@@ -10,12 +11,14 @@ from motionlake.arrays import Float64Array
 from motionlake.errors import ClipError
 from motionlake.formats.limits_config import limits
 from motionlake.formats.markers import clips_of_markers
+from motionlake.formats.parse.delimited import read_columns
 from motionlake.motion.clip import SourceClip
 from motionlake.motion.units import UNITS
 
 _HEADER_LINES: Final = 5
 # Before the markers: the frame's number and its time.
 _LEADING: Final = 2
+_ROW: Final = re.compile(rb"[^\r\n]*\d[^\r\n]*")
 # Python's `float` takes quadratic time: no endless digits.
 _LONGEST: Final = 64
 
@@ -32,8 +35,9 @@ class TrcReader:
         Raises:
             ClipError: the header or a row is damaged, the file is cut short, or its markers fit no set.
         """
-        lines = data.decode("utf-8", errors="replace").splitlines()
-        if len(lines) <= _HEADER_LINES or not lines[0].startswith("PathFileType"):
+        begin = _end_of_header(data)
+        lines = data[:begin].decode("utf-8", errors="replace").splitlines()
+        if not begin or not lines[0].startswith("PathFileType"):
             raise ClipError("is no TRC: it does not begin with the five lines of its header", line=1)
         settings = dict(zip(lines[1].split(), lines[2].split(), strict=False))
         markers = [name.strip() for name in lines[3].split("\t")[_LEADING:] if name.strip()]
@@ -44,15 +48,23 @@ class TrcReader:
         if unit is None:
             raise ClipError(f"Units is {settings.get('Units')!r}, not one of {', '.join(UNITS)}", line=3)
         rate = _number(settings, "DataRate") if fps is None else fps
-        rows = [(at, row) for at, row in enumerate(lines[_HEADER_LINES:], start=_HEADER_LINES + 1) if row.strip()]
-        if len(rows) != frames:
-            lost = "but the file is cut short" if len(rows) < frames else f"but the file has {len(rows)}"
-            raise ClipError(f"{frames:g} frames declared, {lost}")
-        limits().check_body(len(rows), len(markers), len(data))
-        places = np.empty((len(rows), 3 * len(markers)))
-        for frame, (line, row) in enumerate(rows):
-            places[frame] = _values(row, 3 * len(markers), line)
-        return clips_of_markers(places.reshape(len(rows), -1, 3) * unit, markers, rate)
+        held = len(data) // (3 * len(markers) + 1) + 1  # a row has a byte for each number, at least
+        limits().check_body(int(min(held, frames)), len(markers), len(data))
+        places = _tidy_places(data, begin, 3 * len(markers), frames)
+        if places is None:
+            places = _places(data, 3 * len(markers), frames)
+        places *= unit
+        return clips_of_markers(places.reshape(len(places), -1, 3), markers, rate)
+
+
+def _end_of_header(data: bytes) -> int:
+    """The byte after the header; 0 where there is nothing."""
+    begin = 0
+    for _ in range(_HEADER_LINES):
+        begin = data.find(b"\n", begin) + 1
+        if not begin:
+            return 0
+    return begin if begin < len(data) else 0
 
 
 def _number(settings: dict[str, str], name: str) -> float:
@@ -67,6 +79,33 @@ def _float(text: str) -> float:
     if len(text) > _LONGEST:
         raise ValueError(f"{len(text)} characters")
     return float(text)
+
+
+def _tidy_places(data: bytes, begin: int, count: int, frames: float) -> Float64Array | None:
+    """[F, count] the numbers of all rows at once; None where one of them is untidy or damaged."""
+    row = _ROW.search(data, begin)
+    width = row[0].count(b"\t") + 1 if row else 0
+    if width < _LEADING + count:
+        return None
+    try:
+        places = read_columns(data, begin, width, range(_LEADING, width), parted_by="\t")
+    except ClipError:
+        return None
+    if len(places) != frames or not np.isnan(places[:, count:]).all():
+        return None
+    places = places[:, :count]
+    blank = np.isnan(places[:, 0])
+    return None if np.isnan(places[blank]).all(axis=1).any() else places
+
+
+def _places(data: bytes, count: int, frames: float) -> Float64Array:
+    """The same row by row; `ClipError` with the line of one that is damaged."""
+    lines = data.decode("utf-8", errors="replace").splitlines()
+    rows = [(at, row) for at, row in enumerate(lines[_HEADER_LINES:], start=_HEADER_LINES + 1) if row.strip()]
+    if len(rows) != frames:
+        lost = "but the file is cut short" if len(rows) < frames else f"but the file has {len(rows)}"
+        raise ClipError(f"{frames:g} frames declared, {lost}")
+    return np.array([_values(row, count, line) for line, row in rows]).reshape(-1, count)
 
 
 def _values(row: str, count: int, line: int) -> Float64Array:

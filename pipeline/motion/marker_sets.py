@@ -43,6 +43,7 @@ class MarkerSet:
         name, description, source: what it is called, what it is, where its names come from.
         joints: joint centre -> markers, of which it is the mean.
         pelvis: markers from which the centres of the hips follow; None where they are among `joints`.
+        centres: whether its points are joint centres that a program has computed, rather than places on the skin.
     """
 
     name: str
@@ -50,13 +51,15 @@ class MarkerSet:
     source: str
     joints: Mapping[str, tuple[str, ...]]
     pelvis: Pelvis | None = None
+    centres: bool = False
 
     @property
     def required(self) -> tuple[str, ...]:
         """Markers that a file of this set must have."""
         pelvis = self.pelvis
         of_pelvis = () if pelvis is None else (pelvis.left_front, pelvis.right_front, *pelvis.back)
-        return (*of_pelvis, *(marker for markers in self.joints.values() for marker in markers))
+        of_joints = (marker for markers in self.joints.values() for marker in markers)
+        return tuple(dict.fromkeys((*of_pelvis, *of_joints)))
 
     def lacking(self, markers: Collection[str]) -> list[str]:
         """Required markers that are not among these; letter case does not matter."""
@@ -81,11 +84,12 @@ def _parse(text: str) -> MarkerSet:
         source=table["source"],
         joints={joint: tuple(markers) for joint, markers in table["joints"].items()},
         pelvis=None if pelvis is None else Pelvis(pelvis["left_front"], pelvis["right_front"], tuple(pelvis["back"])),
+        centres=table.get("centres", False),
     )
 
 
-def fitting_set(markers: Collection[str]) -> MarkerSet:
-    """The set of which all markers are among these; of several, the one with the most.
+def fitting_sets(markers: Collection[str]) -> list[MarkerSet]:
+    """The sets of which all markers are among these, the best first: of joint centres, then of more markers.
 
     Raises:
         ClipError: none fits; the reason names the nearest one and the markers that it lacks.
@@ -93,7 +97,7 @@ def fitting_set(markers: Collection[str]) -> MarkerSet:
     sets = marker_sets()
     fitting = [marker_set for marker_set in sets if not marker_set.lacking(markers)]
     if fitting:
-        return max(fitting, key=lambda marker_set: len(marker_set.required))
+        return sorted(fitting, key=lambda marker_set: (not marker_set.centres, -len(marker_set.required)))
     nearest = min(sets, key=lambda marker_set: len(marker_set.lacking(markers)) / len(marker_set.required))
     lacking = nearest.lacking(markers)
     more = f" and {len(lacking) - MAX_LISTED} more" if len(lacking) > MAX_LISTED else ""
@@ -116,8 +120,7 @@ def joint_centres(marker_set: MarkerSet, positions: Float64Array, markers: Seque
     place = {marker.casefold(): index for index, marker in enumerate(markers)}
 
     def mean(names: Sequence[str]) -> Float64Array:
-        centre: Float64Array = positions[:, [place[name.casefold()] for name in names]].mean(axis=1)
-        return centre
+        return np.asarray(sum(positions[:, place[name.casefold()]] for name in names) / len(names))
 
     centres = {joint: mean(names) for joint, names in marker_set.joints.items()}
     pelvis = marker_set.pelvis

@@ -7,11 +7,21 @@ from typing import Final
 
 # Metres a unit, by the name that people give it.
 UNITS: Final = {"m": 1.0, "dm": 0.1, "cm": 0.01, "mm": 0.001, "in": 0.0254, "ft": 0.3048}
+_SPELLED: Final = {
+    "metre": "m", "meter": "m", "decimetre": "dm", "decimeter": "dm", "centimetre": "cm", "centimeter": "cm",
+    "millimetre": "mm", "millimeter": "mm", "inch": "in", "inche": "in", "foot": "ft", "feet": "ft",
+}  # fmt: skip
 CMU: Final = 0.0254 / 0.45  # of CMU's files and many made of them: inches / 0.45
 # From the ankles to the head joint, metres.
 MIN_HEIGHT: Final = 0.4
 MAX_HEIGHT: Final = 3.0
 PERSON: Final = 1.35  # of a grown person
+
+
+def named_unit(word: str) -> float | None:
+    """Metres a unit that a file calls `mm`, `Millimeters` or the like; None where it is no unit of `UNITS`."""
+    name = word.strip().casefold()
+    return UNITS.get(name, UNITS.get(_SPELLED.get(name.removesuffix("s"), "")))
 
 
 def unit_of_height(units: float) -> float | None:

@@ -9,6 +9,7 @@ from typing import Any, Final
 
 import numpy as np
 from motionlake.errors import ClipError
+from motionlake.formats.parse.c3d_blocks import OWN_GROUP, PARENTS
 from motionlake.formats.write.joints import joint_places
 from motionlake.formats.write.registry import ClipToWrite
 
@@ -19,7 +20,10 @@ MOST_POINTS: Final = 255
 
 
 class C3dWriter:
-    """Points in millimetres, y up, named by `POINT:LABELS`; `POINT:RATE` is the frame rate."""
+    """Points in millimetres, y up, named by `POINT:LABELS`; `POINT:RATE` is the frame rate.
+
+    The tree of joints stands in `MOTIONLAKE:PARENTS`, so that the file comes back as the clip that it was.
+    """
 
     name = "c3d"
     suffix = ".c3d"
@@ -45,6 +49,7 @@ class C3dWriter:
         made["parameters"]["POINT"]["LABELS"]["value"] = list(motion.clip.hierarchy.joints)
         made.add_parameter("POINT", "X_SCREEN", "+X")
         made.add_parameter("POINT", "Y_SCREEN", "+Y")
+        made.add_parameter(OWN_GROUP, PARENTS, [parent + 1 for parent in motion.clip.hierarchy.parents])
         made["data"]["points"] = np.concatenate([places.transpose(2, 1, 0), np.ones((1, joints, frames))])
         temporary = path.with_name(f".{uuid.uuid4().hex}.tmp.c3d")  # ezc3d adds the suffix where there is none
         try:
