@@ -12,7 +12,7 @@ from motionlake.formats.registry import Reader, companions, is_clip, read_clips,
 from motionlake.motion.clip import ChannelKind, SourceClip
 from motionlake.motion.kinematics import solve
 
-from tests.samples import BINARY, SAMPLES, SHARED
+from tests.samples import BINARY, SAMPLES, SHARED, lacking
 
 CASES = [pytest.param(reader, id=reader.name) for reader in readers()]
 CHANNELS = {
@@ -25,6 +25,8 @@ CHANNELS = {
 def suffix_of(reader: Reader) -> str:
     suffix = SHARED.get(reader.name) or next((suffix for suffix in reader.suffixes if suffix in SAMPLES), None)
     assert suffix is not None, f"add a sample of {reader.name} to tests/samples.py"
+    if reason := lacking(suffix):
+        pytest.skip(reason)
     return suffix
 
 

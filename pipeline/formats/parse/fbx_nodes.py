@@ -15,11 +15,10 @@ from motionlake.errors import ClipError
 from motionlake.formats.limits_config import limits
 from motionlake.formats.parse.own_process import read_apart, serve
 from motionlake.formats.parse.scene import check_room
-from motionlake.formats.parse.scene_nodes import SceneHead, SceneNodes
+from motionlake.formats.parse.scene_nodes import PLACING, SceneHead, SceneNodes
 
 LATE: Final = 0.1  # of a frame: how far after the end of an animation an instant may be
 _MISSING: Final = "needs ufbx: pip install 'motionlake[fbx]'"
-_PLACING: Final = 10  # translation, rotation (w, x, y, z), scale
 
 
 def read_nodes(data: bytes) -> SceneNodes:
@@ -141,7 +140,7 @@ def _numbers(transforms: Sequence[Any]) -> Float64Array:
         )
         for t in transforms
     ]  # fmt: skip
-    return np.array(rows, np.float64).reshape(-1, _PLACING)
+    return np.array(rows, np.float64).reshape(-1, PLACING)
 
 
 if __name__ == "__main__":

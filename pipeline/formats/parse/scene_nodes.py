@@ -26,7 +26,7 @@ from motionlake.formats.parse.scene import (
 )
 from motionlake.motion.clip import SourceClip
 
-_PLACING: Final = 10  # numbers: translation, rotation (w, x, y, z), scale
+PLACING: Final = 10  # numbers: translation, rotation (w, x, y, z), scale
 _MATRIX: Final = 16
 
 
@@ -83,7 +83,7 @@ class SceneNodes:
         nodes = len(head.names)
         numbers = np.frombuffer(rest, np.float64)
         bound, placed = np.split(numbers, [nodes * _MATRIX])
-        return cls(head, bound.reshape(nodes, 4, 4), placed.reshape(-1, nodes, _PLACING))
+        return cls(head, bound.reshape(nodes, 4, 4), placed.reshape(-1, nodes, PLACING))
 
     def clips(self, fps: float | None) -> list[SourceClip]:
         """A clip for every animation and every skeleton, at `fps` in place of the scene's rate.
