@@ -1,8 +1,4 @@
-"""The skeletons of a USD stage and how its animations place them, read through usd-core in a process of its own.
-
-USD is made to compose files: a layer names others, by any path or address. Here a file stands for itself: one that
-names another is rejected before the stage is opened, but for layers within one package (.usdz).
-"""
+"""The skeletons of a USD stage and how its animations place them, read through usd-core in a process of its own."""
 
 from __future__ import annotations
 
@@ -20,17 +16,15 @@ from motionlake.formats.parse.keys import SPARSE_FPS, even_count, even_rate
 from motionlake.formats.parse.own_process import read_apart, serve
 from motionlake.formats.parse.scene import Placing, check_room
 from motionlake.formats.parse.scene_nodes import PLACING, SceneHead, SceneNodes, numbers_of
+from motionlake.formats.parse.usd_stage import LONGEST, open_alone
 from motionlake.formats.registry import MAX_FPS, MIN_FPS
 from motionlake.motion.rotations import MIN_LENGTH, normalise
 from motionlake.names import printable
 
-# What a file begins with says its kind; its name may say ".usd" of any.
-KINDS: Final = {b"#usda": ".usda", b"PXR-USDC": ".usdc", b"PK": ".usdz"}
 _MISSING: Final = "needs usd-core: pip install 'motionlake[usd]'"
 _PLACE: Final = re.compile(r":(\d+):\d+: ([^'\n]+)")  # in a message of the parser of text
 _MOST_CODES: Final = 1e6  # a second
 _QUATERNION: Final = 4
-_LONGEST: Final = 80  # characters of a file that are told
 _MOVED: Final = ("translations", "rotations", "scales")
 
 
@@ -120,7 +114,7 @@ def _sent(data: bytes, folder: Path) -> bytes:
             return _nodes(data, folder).sent()
         except Tf.ErrorException as error:
             told = _PLACE.search(str(error))
-            where = f": line {told[1]}: {printable(told[2])[:_LONGEST]}" if told else ""
+            where = f": line {told[1]}: {printable(told[2])[:LONGEST]}" if told else ""
             raise ClipError(f"USD cannot read it{where}") from error
     except UnicodeDecodeError as error:  # of names, or of the words of an error
         raise ClipError("USD cannot read it: it has text that is no UTF-8") from error
@@ -129,7 +123,7 @@ def _sent(data: bytes, folder: Path) -> bytes:
 def _nodes(data: bytes, folder: Path) -> SceneNodes:
     from pxr import UsdGeom
 
-    stage = _stage(data, folder)
+    stage = open_alone(data, folder)
     skeletons = {skeleton: times for skeleton in _skeletons(stage) if len(times := skeleton.times()) > 1}
     if not skeletons:
         raise ClipError("has no skeleton that an animation moves (skel:animationSource)")
@@ -161,49 +155,6 @@ def _nodes(data: bytes, folder: Path) -> SceneNodes:
         notes=[note],
     )
     return SceneNodes(head, np.concatenate(bound), np.concatenate(placed, axis=1))
-
-
-def _stage(data: bytes, folder: Path) -> Any:
-    """The stage of a file; its bytes go into an empty folder, so that nothing is beside it."""
-    from pxr import Sdf, Usd
-
-    kind = next((suffix for start, suffix in KINDS.items() if data.startswith(start)), None)
-    if kind is None:
-        raise ClipError("is no USD file: it begins as none")
-    path = folder / f"scene{kind}"
-    path.write_bytes(data)
-    layer = Sdf.Layer.FindOrOpen(str(path))
-    if layer is None:
-        raise ClipError("USD cannot read it")
-    package = Sdf.ZipFile.Open(str(path)).GetFileNames() if kind == ".usdz" else ()
-    _check_alone(layer, frozenset(f"{path}[{name}]" for name in package), set())
-    return Usd.Stage.Open(layer)
-
-
-def _check_alone(layer: Any, package: frozenset[str], seen: set[str]) -> None:
-    """Reject a layer that names other files, by any means; those within its package are looked at too."""
-    from pxr import Sdf
-
-    seen.add(layer.identifier)
-    with_clips = []
-
-    def look(path: Any) -> None:
-        spec = layer.GetObjectAtPath(path)
-        if isinstance(spec, Sdf.PrimSpec) and spec.HasInfo("clips"):
-            with_clips.append(path)
-
-    layer.Traverse(Sdf.Path.absoluteRootPath, look)
-    if with_clips:
-        raise ClipError("has value clips, which are other files: write it with usdcat --flatten")
-    for name in layer.GetCompositionAssetDependencies():
-        if not name:  # a reference within the layer
-            continue
-        within = Sdf.ComputeAssetPathRelativeToLayer(layer, name)
-        if within not in package:
-            shown = printable(name)[:_LONGEST]
-            raise ClipError(f"is made of other files, which are not read ({shown}): write it with usdcat --flatten")
-        if within not in seen:
-            _check_alone(Sdf.Layer.FindOrOpen(within), package, seen)
 
 
 def _skeletons(stage: Any) -> list[_Skeleton]:
