@@ -382,6 +382,31 @@ def amass_bytes(frames: int = 12) -> bytes:
     return stream.getvalue()
 
 
+def table_text(
+    positions: Float64Array, joints: Sequence[str], fps: float = 30.0, form: str = "{joint}.{axis}", sign: str = ","
+) -> str:
+    """A table of positions [F, J, 3] as text, its columns called by a form."""
+    names = [form.format(joint=joint, axis=axis) for joint in joints for axis in "xyz"]
+    rows = [
+        sign.join([f"{frame / fps:.6f}", *(f"{value:.6f}" for value in row)])
+        for frame, row in enumerate(positions.reshape(len(positions), -1))
+    ]
+    return "\n".join([sign.join(["time", *names]), *rows]) + "\n"
+
+
+def table_parquet(positions: Float64Array, joints: Sequence[str], fps: float = 30.0) -> bytes:
+    """The same as Parquet."""
+    import pyarrow as pa
+    from pyarrow import parquet
+
+    flat = positions.reshape(len(positions), -1)
+    names = [f"{joint}_{axis}" for joint in joints for axis in "xyz"]
+    columns = {"time": np.arange(len(flat)) / fps, **dict(zip(names, flat.T, strict=True))}
+    stream = io.BytesIO()
+    parquet.write_table(pa.table(columns), stream)
+    return stream.getvalue()
+
+
 # By suffix: the bytes of a good clip, after its companions are written to the given folder.
 SAMPLES: dict[str, Callable[[Path], bytes]] = {
     ".bvh": _text(lambda: BVH),
@@ -395,8 +420,10 @@ SAMPLES: dict[str, Callable[[Path], bytes]] = {
     ".fbx": _text(fbx_text),
     ".gltf": lambda folder: _gltf(folder),
     ".usda": _text(usda_text),
+    ".csv": _text(lambda: table_text(swinging_body(12), KINECT_1)),
+    ".parquet": lambda folder: table_parquet(swinging_body(12), KINECT_1),
 }
-BINARY = frozenset({".npz", ".glb"})
+BINARY = frozenset({".npz", ".glb", ".parquet"})
 # The library that a reader needs, and the extra that brings it.
 LIBRARIES = {".fbx": ("ufbx", "fbx"), ".usda": ("pxr", "usd")}
 # Of readers whose suffixes others have, too.

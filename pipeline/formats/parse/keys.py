@@ -25,13 +25,14 @@ def even_rate(keys: Float64Array, sparse: float = SPARSE_FPS) -> tuple[float, st
     if len(steps):
         counted, counts = np.unique(np.round(steps, 4), return_counts=True)
         about = counted[counts.argmax()]
-        rate = _whole(1 / float(np.median(steps[np.abs(steps - about) <= 1e-4])))
+        rate = whole_rate(1 / float(np.median(steps[np.abs(steps - about) <= 1e-4])))
         if rate >= SLOWEST and len(keys) >= FILLED * (keys[-1] - keys[0]) * rate:
             return rate, f"sampled {rate:.6g} times a second, as the keys are apart"
     return sparse, f"keys are sparse: sampled {sparse:g} times a second"
 
 
-def _whole(rate: float) -> float:
+def whole_rate(rate: float) -> float:
+    """The whole number that a rate is nearly, if it is not rather 23.976, 29.97 or 59.94."""
     near = float(round(rate))
     return near if near and abs(rate / near - 1) < ROUNDING and not _is_ntsc(rate) else rate
 

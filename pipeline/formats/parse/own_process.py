@@ -20,7 +20,7 @@ from typing import Final
 from motionlake.errors import ClipError
 from motionlake.formats.limits_config import MIB, Limits, limits, within
 
-_OWN_BYTES: Final = 1024 * MIB  # address space that Python and its libraries take
+_OWN_BYTES: Final = 1536 * MIB  # address space that Python and its libraries take
 _THREADS: Final = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "PXR_WORK_THREAD_LIMIT")
 _ONE_THREAD: Final = dict.fromkeys(_THREADS, "1")
 _REASON: Final = "reason: "  # begins the last line that a child writes of a file that it rejects
