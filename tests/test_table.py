@@ -241,8 +241,8 @@ def without_time(text: str) -> str:
         (without_time(table_text(BODY, KINECT_1)), "has no column of time: say --fps, or write a columns.toml"),
         (table_text(BODY, [f"part{n}" for n in range(20)]), "of no known rig, and a table names no parents: write a"),
         (table_text(BODY, KINECT_1).replace("\n0.033333", "\n0.0"), "its times do not grow: frame 2 is at 0 s"),
-        (table_text(BODY, KINECT_1)[:-30], "line 13: Expected 61 columns, got"),
-        (table_text(BODY, KINECT_1).replace("\n0.100000,", "\n0.100000,left"), "line 5: invalid value 'left"),
+        (table_text(BODY, KINECT_1)[:-30], "line 13: the row has 58 fields, not 61"),
+        (table_text(BODY, KINECT_1).replace("\n0.100000,", "\n0.100000,left"), "line 5: 'left0.000000' is no number"),
     ],
 )
 def test_what_is_wrong_with_a_table_is_said(text: str, reason: str, tmp_path: Path) -> None:
@@ -304,6 +304,12 @@ def test_tables_of_anything_else_are_left_alone(tmp_path: Path) -> None:
     assert not is_clip(tmp_path / "data.parquet")
     (tmp_path / "folder.csv").mkdir()
     assert not is_clip(tmp_path / "folder.csv")
+
+
+def test_the_parts_of_a_lake_are_no_clips(lake: Path) -> None:
+    parts = list(lake.rglob("*.parquet"))
+    assert len(parts) > 1
+    assert [part for part in parts if is_clip(part)] == []
 
 
 def test_a_damaged_parquet_is_rejected_not_passed_over(tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 from motionlake.arrays import Float64Array
 from motionlake.errors import ClipError
-from motionlake.formats.limits_config import limits
+from motionlake.formats.limits_config import LimitError, limits
 from motionlake.formats.parse.keys import whole_rate
 from motionlake.formats.parse.parquet_table import ParquetTable
 from motionlake.formats.parse.table_columns import columns_of, header_of
@@ -26,6 +26,8 @@ PARQUET: Final = ".parquet"
 # A table with fewer such columns may be of anything; one that a map is written for is what the map says.
 FEWEST_JOINTS: Final = 5
 UNEVEN: Final = 0.1  # of a frame: how far from even times frames may be and still be taken for even
+# Of the parts of a lake (docs/lake-format.md): many clips in one table.
+LAKE_COLUMNS: Final = frozenset({"clip", "part"})
 _HELP: Final = f"write a {MAP} beside it (docs/tables.md)"
 
 
@@ -39,8 +41,12 @@ class TableReader:
         """Whether the names of the table's columns are those of joints, or it is one that a map beside it may be of."""
         try:
             names = _names(path)
-        except ClipError:  # it is to be rejected with that reason
+        except LimitError:
+            return False
+        except ClipError:  # what calls itself Parquet and is not is rejected with that reason
             return _is_parquet(path)
+        if LAKE_COLUMNS.issubset(names):
+            return False
         file = map_file(path)
         if file is None:
             return len(columns_of(names).joints) >= FEWEST_JOINTS
@@ -68,6 +74,8 @@ class TableReader:
             raise ClipError(f"has no column of time: say --fps, or {_HELP} with fps")
         places = [column for joint in joints for column in columns.joints[joint]]
         numbers = table.read([*places, *([columns.time] if timed and columns.time is not None else [])])
+        if len(numbers) < 2:
+            raise ClipError(f"has {len(numbers)} frame(s); a motion needs at least two")
         positions = numbers[:, : len(places)].reshape(len(numbers), -1, 3)
         missing = missing_samples(positions) if said.gaps else np.asarray(~np.isfinite(positions).all(axis=2))
         filled, repaired = fill_missing(positions, missing, joints)
@@ -161,8 +169,6 @@ def _known(joints: tuple[str, ...]) -> dict[str, str]:
 
 def _at_even_times(positions: Float64Array, times: Float64Array) -> tuple[Float64Array, float, tuple[str, ...]]:
     """Positions at even times, their rate, and a note where they had to be resampled."""
-    if len(times) < 2:
-        raise ClipError(f"has {len(times)} frame(s); a motion needs at least two")
     steps = np.diff(times)
     if not (steps > 0).all():
         row = int((~(steps > 0)).argmax()) + 2

@@ -12,7 +12,6 @@ from motionlake.errors import ClipError
 from motionlake.formats.limits_config import limits
 from motionlake.formats.parse.table_columns import COLUMNS_A_JOINT
 
-MAGIC: Final = b"PAR1"
 _NUMBERS: Final = frozenset({"FLOAT", "DOUBLE", "INT32", "INT64"})
 
 

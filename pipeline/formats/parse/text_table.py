@@ -16,7 +16,9 @@ BLOCK_BYTES: Final = 2**24  # the longest row is shorter
 MISSING: Final = ("", " ", "nan", "NaN", "NAN", "NA", "N/A", "null", "NULL", "None", "none", "-nan", "-NaN")
 _DECIMAL_COMMA: Final = re.compile(r"\d,\d")
 _ROW: Final = re.compile(r"Row #(\d+): ")
-_NUMBER: Final = re.compile(r"In CSV column #\d+: ")
+_FIELDS: Final = re.compile(r"Expected (\d+) columns, got (\d+)")
+_WORD: Final = re.compile(r"invalid value '([^\n]*)'")
+_LONGEST: Final = 80  # characters of a file that are told
 
 
 class TextTable:
@@ -66,9 +68,11 @@ class TextTable:
 
 
 def _told(said: str) -> ClipError:
-    """What pyarrow says of a table, in one short line; of rows it counts all of the file from 1."""
+    """What pyarrow says of a table, in one short line; it counts all rows of the file from 1."""
     row = _ROW.search(said)
-    text = _NUMBER.sub("", _ROW.sub("", said)).partition("\n")[0].removeprefix("CSV parse error: ")
-    return ClipError(
-        printable(text.removeprefix("CSV conversion error to double: "))[:120], int(row[1]) if row else None
-    )
+    line = int(row[1]) if row else None
+    if fields := _FIELDS.search(said):
+        return ClipError(f"the row has {fields[2]} fields, not {fields[1]}", line)
+    if word := _WORD.search(said):
+        return ClipError(f"{printable(word[1])[:_LONGEST]!r} is no number", line)
+    return ClipError(f"is no table: {printable(said.partition(chr(10))[0])[:_LONGEST]}", line)
