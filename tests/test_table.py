@@ -15,6 +15,7 @@ from motionlake.arrays import Float64Array
 from motionlake.errors import ClipError
 from motionlake.formats import companions, is_clip, read_clips
 from motionlake.formats.parse.table_columns import columns_of
+from motionlake.formats.parse.table_map import table_map
 from motionlake.formats.write.positions_csv import WRITER
 from motionlake.formats.write.registry import ClipToWrite
 from motionlake.motion.clip import SourceClip
@@ -53,6 +54,7 @@ def test_what_motionlake_wrote_comes_back(suffix: str, tmp_path: Path) -> None:
     path = tmp_path / "out.csv"
     WRITER.write(ClipToWrite("walk", clip, 0.01, "z"), path)
     assert companions(path) == [tmp_path / "out.joints.json"]
+    assert not is_clip(tmp_path / "out.joints.json")
     assert is_clip(path)
     [back] = read_clips(path)
     assert back.hierarchy.joints == clip.hierarchy.joints
@@ -185,6 +187,17 @@ def test_a_map_says_what_the_columns_are(tmp_path: Path) -> None:
     [clip] = read_clips(path)
     assert "1 joints that the map does not name are left out" in clip.notes
     assert "HandLeft" not in clip.hierarchy.joints
+
+
+def test_the_map_of_the_page_is_one(tmp_path: Path) -> None:
+    page = (Path(__file__).parents[1] / "docs" / "tables.md").read_text(encoding="utf-8")
+    text = page.partition("```toml\n")[2].partition("```")[0]
+    (tmp_path / "columns.toml").write_text(text, encoding="utf-8")
+    said = table_map(tmp_path / "columns.toml")
+    assert said.position is not None
+    assert said.position.fullmatch("pX(Head)")
+    assert (said.time, said.fps, said.metres_per_unit, said.up) == ("clock", None, 0.001, "z")
+    assert said.parents == {"Pelvis": "", "Spine": "Pelvis", "Head": "Spine"}
 
 
 def test_a_change_of_the_map_is_seen(tmp_path: Path, scheduler: str) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Final
@@ -19,7 +20,7 @@ from motionlake.formats.positions_npz import parents_first
 from motionlake.formats.registry import COMPRESSED_SUFFIX, first_bytes, load_bytes
 from motionlake.formats.repair import fill_missing, missing_samples, repair_note
 from motionlake.motion.clip import Hierarchy, SourceClip
-from motionlake.motion.rigs import identify, joints_by_name, load_rigs
+from motionlake.motion.rigs import RigMap, identify, joints_by_name, load_rigs
 from motionlake.motion.skeleton import INDEX, JOINTS, PARENTS
 
 PARQUET: Final = ".parquet"
@@ -147,7 +148,7 @@ def _tree(
 def _known(joints: tuple[str, ...]) -> dict[str, str]:
     """The parent of each joint where the names are those of a known rig; what it does not name hangs from the root."""
     try:
-        rig = identify(joints, load_rigs())
+        rig = identify(joints, _rigs())
     except ClipError as error:
         raise ClipError(
             f"its joints are of no known rig, and a table names no parents: {_HELP} with [parents]"
@@ -165,6 +166,11 @@ def _known(joints: tuple[str, ...]) -> dict[str, str]:
         if here >= 0:
             parents[joint] = own[JOINTS[here]]
     return parents
+
+
+@functools.cache
+def _rigs() -> dict[str, RigMap]:
+    return load_rigs()
 
 
 def _at_even_times(positions: Float64Array, times: Float64Array) -> tuple[Float64Array, float, tuple[str, ...]]:

@@ -32,7 +32,7 @@ class TextTable:
     @property
     def rows(self) -> int:
         """Rows below the header; blank ones count."""
-        return self._data.rstrip(b"\r\n").count(b"\n") + 1 - self._header.rows
+        return self._data.count(b"\n") + (not self._data.endswith(b"\n")) - self._header.rows
 
     def read(self, columns: Sequence[int]) -> Float64Array:
         """[F, C] the chosen columns; NaN where a field is blank.
