@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 from motionlake.formats import companions, is_clip
 
-from tests.samples import SAMPLES, deepmimic_frames, deepmimic_text, kinect_2_from_1, ntu_text
+from tests.samples import SAMPLES, deepmimic_frames, deepmimic_text, kinect_2_from_1, ntu_text, readable
 
 MAX_BYTES = 400_000
 COMPRESSED_SHARE = 0.25
@@ -221,8 +221,8 @@ def gather(recordings: Path, folder: Path) -> None:
 def gather_made(folder: Path) -> None:
     """Small made clips of every format, where there are no recordings."""
     folder.mkdir()
-    for suffix, sample in SAMPLES.items():
-        data = sample(folder)
+    for suffix in readable():
+        data = SAMPLES[suffix](folder)
         (folder / f"sample{suffix}").write_bytes(data)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 from collections.abc import Callable, Sequence
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -324,6 +325,53 @@ def fbx_text(frames: int = 12) -> str:
     )
 
 
+def usda_text(frames: int = 12) -> str:
+    """A chain of three bones as text of USD, centimetres, z up, whose first bone moves and second turns about y.
+
+    The animation lists the joints in another order, and leaves the last one out.
+    """
+    half = [np.radians(1.5 * frame) for frame in range(frames)]
+    turns = "".join(
+        f"{frame}: [({np.cos(a):.7f}, 0, {np.sin(a):.7f}, 0), (1, 0, 0, 0)],\n" for frame, a in enumerate(half)
+    )
+    places = "".join(f"{frame}: [(0, 0, 30), ({2 * frame}, 0, 90)],\n" for frame in range(frames))
+    rest = ", ".join(f"( (1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0), (0, 0, {z}, 1) )" for z in (90, 30, 30))
+    bind = ", ".join(f"( (1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0), (0, 0, {z}, 1) )" for z in (90, 120, 150))
+    return f"""#usda 1.0
+(
+    defaultPrim = "Body"
+    startTimeCode = 0
+    endTimeCode = {frames - 1}
+    timeCodesPerSecond = 30
+    metersPerUnit = 0.01
+    upAxis = "Z"
+)
+
+def SkelRoot "Body"
+{{
+    def Skeleton "Bones" (
+        prepend apiSchemas = ["SkelBindingAPI"]
+    )
+    {{
+        uniform token[] joints = ["Hips", "Hips/Spine", "Hips/Spine/Head"]
+        uniform matrix4d[] bindTransforms = [{bind}]
+        uniform matrix4d[] restTransforms = [{rest}]
+        rel skel:animationSource = </Body/Walk>
+    }}
+
+    def SkelAnimation "Walk"
+    {{
+        uniform token[] joints = ["Hips/Spine", "Hips"]
+        half3[] scales = [(1, 1, 1), (1, 1, 1)]
+        quatf[] rotations.timeSamples = {{
+{turns}        }}
+        float3[] translations.timeSamples = {{
+{places}        }}
+    }}
+}}
+"""
+
+
 def amass_bytes(frames: int = 12) -> bytes:
     """A body of SMPL, z up, that walks along +y and bends its knees, at 60 frames a second."""
     poses = np.zeros((frames, 72))
@@ -354,6 +402,31 @@ def humanml3d_bytes(frames: int = 12) -> bytes:
     return stream.getvalue()
 
 
+def table_text(
+    positions: Float64Array, joints: Sequence[str], fps: float = 30.0, form: str = "{joint}.{axis}", sign: str = ","
+) -> str:
+    """A table of positions [F, J, 3] as text, its columns called by a form."""
+    names = [form.format(joint=joint, axis=axis) for joint in joints for axis in "xyz"]
+    rows = [
+        sign.join([f"{frame / fps:.6f}", *(f"{value:.6f}" for value in row)])
+        for frame, row in enumerate(positions.reshape(len(positions), -1))
+    ]
+    return "\n".join([sign.join(["time", *names]), *rows]) + "\n"
+
+
+def table_parquet(positions: Float64Array, joints: Sequence[str], fps: float = 30.0) -> bytes:
+    """The same as Parquet."""
+    import pyarrow as pa
+    from pyarrow import parquet
+
+    flat = positions.reshape(len(positions), -1)
+    names = [f"{joint}_{axis}" for joint in joints for axis in "xyz"]
+    columns = {"time": np.arange(len(flat)) / fps, **dict(zip(names, flat.T, strict=True))}
+    stream = io.BytesIO()
+    parquet.write_table(pa.table(columns), stream)
+    return stream.getvalue()
+
+
 # By suffix: the bytes of a good clip, after its companions are written to the given folder.
 SAMPLES: dict[str, Callable[[Path], bytes]] = {
     ".bvh": _text(lambda: BVH),
@@ -370,7 +443,23 @@ SAMPLES: dict[str, Callable[[Path], bytes]] = {
     ".npy": lambda folder: humanml3d_bytes(),
     ".fbx": _text(fbx_text),
     ".gltf": lambda folder: _gltf(folder),
+    ".usda": _text(usda_text),
+    ".csv": _text(lambda: table_text(swinging_body(12), KINECT_1)),
+    ".parquet": lambda folder: table_parquet(swinging_body(12), KINECT_1),
 }
-BINARY = frozenset({".npz", ".npy", ".glb", ".c3d"})
+BINARY = frozenset({".npz", ".npy", ".glb", ".c3d", ".parquet"})
+# The library that a reader needs, and the extra that brings it.
+LIBRARIES = {".fbx": ("ufbx", "fbx"), ".usda": ("pxr", "usd")}
 # Of readers whose suffixes others have, too.
 SHARED = {"AMASS": ".amass.npz", "Motive CSV": ".motive.csv"}
+
+
+def lacking(suffix: str) -> str:
+    """Why a sample cannot be read here: the library that is not installed; "" where nothing is missing."""
+    module, extra = LIBRARIES.get(suffix, ("", ""))
+    return f"needs {module}: pip install 'motionlake[{extra}]'" if module and find_spec(module) is None else ""
+
+
+def readable() -> list[str]:
+    """The suffixes of samples that can be read here."""
+    return [suffix for suffix in SAMPLES if not lacking(suffix)]

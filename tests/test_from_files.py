@@ -68,10 +68,13 @@ def folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, scheduler: str) -> 
     monkeypatch.chdir(tmp_path)
     quick_lake(tmp_path / "first")
     (tmp_path / "gltf").mkdir()
+    (tmp_path / "tables").mkdir()
+    (tmp_path / "tables" / "labels.csv").write_text("file,label\nwalk.csv,walk\n")
     for words in (
         ["ingest", "deepmimic", "--lake", "first"],
         ["export", "walk", "--rig", "canonical", "-o", "walk.bvh", "--lake", "first"],
         ["export", "walk", "--rig", "canonical", "--format", "glb", "-o", "gltf/walk.glb", "--lake", "first"],
+        ["export", "walk", "--rig", "canonical", "--format", "csv", "-o", "tables/walk.csv", "--lake", "first"],
     ):
         run = on_cluster(words, scheduler)
         assert run.status == 0, run.err
@@ -105,6 +108,7 @@ def test_every_command_of_the_page(folders: Path, scheduler: str) -> None:
     assert rows["c3d/take.c3d"][:2] == ("C3D", "markers")
     assert rows["motive/take.csv"][:2] == ("Motive CSV", "motive")
     assert rows["opensim/walk.mot"][:2] == ("OpenSim motion", "opensim")
+    assert rows["tables/walk.csv"][:3] == ("table", "canonical", "walk")
     assert rows["labelled/take2.npz"][2] == "walk"
     assert rows["positions/take.npz"][3] == "CC-BY-4.0"
     assert rows["zup/take.npz"][4] == pytest.approx(rows["positions/take.npz"][4], rel=1e-3)

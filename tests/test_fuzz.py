@@ -17,12 +17,15 @@ from motionlake.retrieval.sql_functions import connect
 
 from tests import fuzz
 from tests.lakes import made_clips, motionlake, quick_lake
-from tests.samples import KINECT_1, KINECT_1_PARENTS, SAMPLES, npz_bytes, swinging_body
+from tests.samples import KINECT_1, KINECT_1_PARENTS, SAMPLES, lacking, npz_bytes, swinging_body
 
 
 @pytest.mark.parametrize("suffix", SAMPLES)
 def test_damaged_samples_are_read_or_refused_in_words_for_people(suffix: str, tmp_path: Path) -> None:
-    fuzz.check_reader(suffix, tmp_path, 60)
+    if reason := lacking(suffix):
+        pytest.skip(reason)
+    # USD starts a process a file; tests/test_usd.py reads 400 damaged files in one.
+    fuzz.check_reader(suffix, tmp_path, 15 if suffix == ".usda" else 60)
 
 
 def test_damaged_configurations_are_read_or_refused(tmp_path: Path) -> None:

@@ -30,7 +30,10 @@ from tests.samples import (
     kinect_2_from_1,
     npz_bytes,
     ntu_text,
+    readable,
     swinging_body,
+    table_parquet,
+    table_text,
 )
 
 SMALL = Limits(file_megabytes=24, frames=1_000, joints=40, bodies=3, memory_megabytes=32)
@@ -107,6 +110,10 @@ def many_labels(data: bytearray) -> None:
     data[at : at + 2] = b"\xff\xff"
 
 
+def joint_names(count: int) -> list[str]:
+    return [f"part{number}" for number in range(count)]
+
+
 BOMBS: dict[str, tuple[str, Callable[[], str | bytes], str]] = {
     "frames of bvh": ("x.bvh", lambda: frames_of_bvh(1_200), r"line \d+: has 1200 frames; \[limits\] frames = 1000"),
     "joints of bvh": ("x.bvh", lambda: nested(41), r"line \d+: has too many joints; \[limits\] joints = 40"),
@@ -151,6 +158,30 @@ BOMBS: dict[str, tuple[str, Callable[[], str | bytes], str]] = {
     "rate of npz": ("x.npz", lambda: archive(fps=array((6_000_000,), "<f4", 24_000_000)), "24000000 bytes long"),
     "a shape past all numbers": ("x.npz", lambda: archive(fps=array((2**80, 0), "<f4", 0)), "damaged|one number"),
     "entries of npz": ("x.npz", many_entries, "more than 1000 files"),
+    "frames of csv": (
+        "x.csv",
+        lambda: table_text(np.ones((2, 20, 3)), KINECT_1) + "0\n" * 8_000_000,
+        r"has 8000002 frames; \[limits\] frames = 1000",
+    ),
+    "joints of csv": ("x.csv", lambda: table_text(np.ones((2, 41, 3)), joint_names(41)), "has 41 joints"),
+    "columns of csv": ("x.csv", lambda: "a," * 100_000 + "\n", r"has 100000 columns; \[limits\] joints = 40"),
+    "a row of csv": (
+        "x.csv",
+        lambda: table_text(np.ones((1, 20, 3)), KINECT_1) + "1," * (8 * MIB),
+        r"fields, not 61|straddling",
+    ),
+    "header of csv": ("x.csv", lambda: "a" * (20 * MIB), "no columns of joints"),
+    "map of csv": ("mapped.csv", lambda: table_text(np.ones((2, 20, 3)), KINECT_1), r"columns.toml: is larger than"),
+    "frames of parquet": (
+        "x.parquet",
+        lambda: table_parquet(np.ones((100_000, 20, 3)), KINECT_1),
+        r"has 100000 frames; \[limits\] frames = 1000",
+    ),
+    "columns of parquet": (
+        "x.parquet",
+        lambda: table_parquet(np.ones((2, 300, 3)), joint_names(300)),
+        r"has 901 columns; \[limits\] joints = 40",
+    ),
     "a stream of zeros": (
         "x.bvh.gz",
         lambda: gzip.compress(b"0 " * (20 * MIB)),
@@ -190,8 +221,8 @@ BOMBS: dict[str, tuple[str, Callable[[], str | bytes], str]] = {
 def compiled(tmp_path_factory: pytest.TempPathFactory) -> None:
     """Code that readers compile takes memory, too."""
     folder = tmp_path_factory.mktemp("good")
-    for suffix, sample in SAMPLES.items():
-        data = sample(folder)
+    for suffix in readable():
+        data = SAMPLES[suffix](folder)
         (folder / f"sample{suffix}").write_bytes(data)
         assert read_clips(folder / f"sample{suffix}", allowed=SMALL)
 
@@ -204,6 +235,8 @@ def test_a_bomb_is_turned_away_before_room_is_made_for_it(name: str, tmp_path: P
     data = content.encode() if isinstance(content, str) else content
     (tmp_path / file).write_bytes(data)
     (tmp_path / "x.asf").write_text(ASF)
+    if file == "mapped.csv":
+        (tmp_path / "columns.toml").write_text("\n" * (2 * MIB))
     plain = SMALL.file_bytes if file.endswith(".gz") else len(data)
     del content, data
     tracemalloc.start()

@@ -12,7 +12,7 @@ from motionlake.formats.registry import Reader, companions, is_clip, read_clips,
 from motionlake.motion.clip import ChannelKind, SourceClip
 from motionlake.motion.kinematics import solve
 
-from tests.samples import BINARY, SAMPLES, SHARED
+from tests.samples import BINARY, SAMPLES, SHARED, lacking
 
 CASES = [pytest.param(reader, id=reader.name) for reader in readers()]
 CHANNELS = {
@@ -25,6 +25,8 @@ CHANNELS = {
 def suffix_of(reader: Reader) -> str:
     suffix = SHARED.get(reader.name) or next((suffix for suffix in reader.suffixes if suffix in SAMPLES), None)
     assert suffix is not None, f"add a sample of {reader.name} to tests/samples.py"
+    if reason := lacking(suffix):
+        pytest.skip(reason)
     return suffix
 
 
@@ -62,7 +64,8 @@ def test_a_good_clip_keeps_the_contract(reader: Reader, tmp_path: Path) -> None:
     path, _ = sample(reader, tmp_path)
     assert reader_for(path) is reader
     assert is_clip(path)
-    assert is_clip(path.with_name("SAMPLE" + path.suffix.upper())) or hasattr(reader, "sniff")
+    told_by_name = not hasattr(reader, "sniff") and not hasattr(reader, "recognises")
+    assert is_clip(path.with_name("SAMPLE" + path.suffix.upper())) or not told_by_name
     assert all(other.is_file() for other in companions(path))
     clips = read_clips(path)
     assert clips
@@ -158,3 +161,42 @@ def test_of_readers_of_one_suffix_the_one_that_claims_a_file_reads_it(
         assert reader_for(file) is plain
     monkeypatch.setattr("motionlake.formats.registry.readers", lambda: (marked,))
     assert reader_for(file) is marked
+
+
+def test_of_readers_that_claim_none_the_one_that_knows_a_file_reads_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Begins:
+        suffixes: tuple[str, ...] = (".moves",)
+
+        def __init__(self, mark: bytes) -> None:
+            self.name, self._mark = mark.decode(), mark
+
+        def sniff(self, head: bytes) -> bool:
+            return head.startswith(self._mark)
+
+        def read(self, data: bytes, path: Path, fps: float | None = None) -> list[SourceClip]:
+            return []
+
+    class Named(Begins):
+        def recognises(self, path: Path) -> bool:
+            return self._mark.decode() in path.name
+
+        sniff = None  # type: ignore[assignment]
+
+    class Claiming(Begins):
+        sniff = None  # type: ignore[assignment]
+
+        def claims(self, path: Path) -> bool:
+            return path.is_file() and path.read_bytes().startswith(self._mark)
+
+    one, named, claiming = Begins(b"one"), Named(b"two"), Claiming(b"three")
+    contents = {"one.moves": b"one 1", "two.moves": b"1", "three.moves": b"three 1", "none.moves": b"1 2 3"}
+    for name, content in contents.items():
+        (tmp_path / name).write_bytes(content)
+    for order in ((one, named, claiming), (claiming, named, one), (named, claiming, one)):
+        monkeypatch.setattr("motionlake.formats.registry.readers", lambda found=order: found)
+        found = [(reader_for(tmp_path / name), is_clip(tmp_path / name)) for name in contents]
+        assert found[:3] == [(one, True), (named, True), (claiming, True)]
+        assert not found[3][1]
+        assert not is_clip(tmp_path / "absent.moves")

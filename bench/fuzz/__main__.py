@@ -22,7 +22,7 @@ from bench.memory import watch
 from bench.record import record
 from tests import fuzz
 from tests.lakes import QUICK, made_clips
-from tests.samples import SAMPLES
+from tests.samples import readable
 
 PARTS: Final = ("files", "readers", "config", "labels", "sql")
 CHECKOUT: Final = Path(__file__).parents[2]
@@ -74,7 +74,7 @@ def campaigns(parts: list[str], folder: Path, examples: int, seed: int) -> dict[
         print(*found[name], sep="\n", end="")
 
     if "readers" in parts:
-        for suffix in SAMPLES:
+        for suffix in readable():
             (folder / suffix[1:]).mkdir()
             campaign(f"reader {suffix}", lambda s=suffix: fuzz.check_reader(s, folder / s[1:], examples, seed))  # type: ignore[misc]
     if "config" in parts:

@@ -68,8 +68,11 @@ class Reader(Protocol):
     - `companions(path: Path) -> list[Path]`: further files that belong to the clip, such as the .asf of an .amc;
     - `sniff(head: bytes) -> bool`: whether a file that begins so is of this format, where other files have its
       suffixes too;
+    - `recognises(path: Path) -> bool`: in place of `sniff`, whether the file there is of this format, where its
+      beginning does not tell;
     - `claims(path: Path) -> bool`: whether the file there is this reader's, where another reader has its suffixes too;
-      one that has no `claims` reads what no other claims.
+      one that has no `claims` reads what no other claims. Of several such it is the first that knows the file by
+      `sniff` or `recognises`.
 
     `read_clips` holds every clip against the limits of the lake; a reader whose file promises frames or joints before
     it holds them asks `limits().check_body(...)` before it makes room for them.
@@ -105,7 +108,7 @@ def readers() -> tuple[Reader, ...]:
 def reader_for(path: Path) -> Reader | None:
     """The reader for the file's name (".gz" and letter case aside), or None where there is none.
 
-    Of readers of one suffix it is the first that claims the file there, or else the one that claims none.
+    Of readers of one suffix it is the first that claims the file there, or else one that claims none.
     """
     name = path.name.lower().removesuffix(COMPRESSED_SUFFIX)
     matches = [(suffix, reader) for reader in readers() for suffix in reader.suffixes if name.endswith(suffix)]
@@ -115,8 +118,13 @@ def reader_for(path: Path) -> Reader | None:
     of_suffix = [reader for suffix, reader in matches if len(suffix) == longest]
     if len(of_suffix) == 1:
         return of_suffix[0]
-    claiming = (reader for reader in of_suffix if hasattr(reader, "claims") and reader.claims(path))
-    return next(claiming, next((reader for reader in of_suffix if not hasattr(reader, "claims")), None))
+    claiming = next((reader for reader in of_suffix if hasattr(reader, "claims") and reader.claims(path)), None)
+    if claiming is not None:
+        return claiming
+    others = [reader for reader in of_suffix if not hasattr(reader, "claims")]
+    if len(others) < 2:
+        return next(iter(others), None)
+    return next((reader for reader in others if _knows(reader, path)), others[0])
 
 
 def is_clip(path: Path) -> bool:
@@ -127,11 +135,18 @@ def is_clip(path: Path) -> bool:
     before it tells and begins with the reader's `opening`.
     """
     reader = reader_for(path)
-    sniff = getattr(reader, "sniff", None)
-    if sniff is None:
-        return reader is not None
+    return reader is not None and _knows(reader, path)
+
+
+def _knows(reader: Reader, path: Path) -> bool:
+    """Whether a file of a reader's suffix is of its format."""
+    recognises, sniff = getattr(reader, "recognises", None), getattr(reader, "sniff", None)
+    if recognises is None and sniff is None:
+        return True
     if not path.is_file():  # a pipe would never end
         return False
+    if sniff is None:
+        return recognises is not None and bool(recognises(path))
     try:
         with path.open("rb") as raw:
             head = raw.read(HEAD_BYTES)
@@ -147,6 +162,22 @@ def is_clip(path: Path) -> bool:
         begins = plain.lstrip().startswith(getattr(reader, "opening", b"")) or not plain.strip()
         return bool(sniff(plain)) or (cut and begins)
     return bool(sniff(head))
+
+
+def first_bytes(path: Path) -> bytes:
+    """Up to 64 KiB of a file's beginning, decompressed where its name ends in ".gz".
+
+    Raises:
+        ClipError: it cannot be read.
+    """
+    try:
+        with path.open("rb") as raw:
+            head = raw.read(HEAD_BYTES)
+        if path.name.lower().endswith(COMPRESSED_SUFFIX):
+            head = zlib.decompressobj(wbits=zlib.MAX_WBITS | 16).decompress(head, HEAD_BYTES)
+    except (OSError, zlib.error) as error:
+        raise ClipError(f"cannot be read: {error}") from error
+    return head.removeprefix(codecs.BOM_UTF8)
 
 
 def is_clip_file(path: Path) -> bool:

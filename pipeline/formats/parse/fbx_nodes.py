@@ -1,105 +1,39 @@
 """The nodes of an FBX scene and how its animations place them, read through ufbx in a process of its own.
 
-ufbx's binding is young: with a damaged file, or as a scene is let go, it may end the process that it runs in. So a
-child reads the file, sends what it found as arrays, and ends at once; whatever happens to it is a reason to reject the
-file and nothing else.
+ufbx's binding is young: with a damaged file, or as a scene is let go, it may end the process that it runs in.
 """
 
 from __future__ import annotations
 
-import json
-import os
-import subprocess
-import sys
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 from motionlake.arrays import Float64Array
 from motionlake.errors import ClipError
-from motionlake.formats.limits_config import MIB, Limits, limits, within
-from motionlake.formats.parse.scene import Placing, check_room
+from motionlake.formats.limits_config import limits
+from motionlake.formats.parse.own_process import read_apart, serve
+from motionlake.formats.parse.scene import check_room
+from motionlake.formats.parse.scene_nodes import PLACING, SceneHead, SceneNodes
 
 LATE: Final = 0.1  # of a frame: how far after the end of an animation an instant may be
 _MISSING: Final = "needs ufbx: pip install 'motionlake[fbx]'"
-_OWN_BYTES: Final = 1024 * MIB  # address space that Python and its libraries take
-_PLACING: Final = 10  # translation, rotation (w, x, y, z), scale
-_ONE_THREAD: Final = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 
 
-@dataclass(frozen=True)
-class FbxNodes:
-    """The N nodes of a scene that are bones or above bones, metres, y up.
-
-    Attributes:
-        names: of the nodes.
-        parents: of each its parent, -1 at the top; parents come first.
-        bones: which of them are bones.
-        rate: frames a second.
-        stacks: names of the animation stacks with two frames or more.
-        rest: how each node rests.
-        moved: for each stack, for each node, how it is placed in F frames.
-    """
-
-    names: tuple[str, ...]
-    parents: tuple[int, ...]
-    bones: tuple[int, ...]
-    rate: float
-    stacks: tuple[str, ...]
-    rest: tuple[Placing, ...]
-    moved: tuple[tuple[Placing, ...], ...]
-
-
-def read_nodes(data: bytes) -> FbxNodes:
-    """The nodes of a file.
+def read_nodes(data: bytes) -> SceneNodes:
+    """The bones of a file and what is above them, metres, y up; every stack with two frames or more.
 
     Raises:
         ClipError: ufbx is not installed, cannot read the file or ends with it, or the file has no bones, no animation,
             or more than `limits` allow.
     """
-    try:
-        ran = subprocess.run(
-            [sys.executable, "-P", "-m", __name__, json.dumps(asdict(limits()))],
-            input=data, capture_output=True, check=False,
-            timeout=limits().seconds or None, env=os.environ | _ONE_THREAD,
-        )  # fmt: skip
-    except subprocess.TimeoutExpired as error:
-        raise ClipError(f"took more than {limits().seconds} s to read; [limits] seconds in config.toml") from error
-    if ran.returncode == 1 and ran.stderr.startswith(b"reason: "):
-        raise ClipError(ran.stderr.decode("utf-8", "replace").splitlines()[0].removeprefix("reason: "))
-    if ran.returncode:
-        raise ClipError("ufbx cannot read it: it ended while it read the file")
-    return _received(ran.stdout)
+    return SceneNodes.received(read_apart(__name__, "ufbx", data))
 
 
-def _received(sent: bytes) -> FbxNodes:
-    """Of a line of JSON and the numbers [1 + all frames, N, 10] after it: the rest pose, then each stack."""
-    line, _, rest = sent.partition(b"\n")
-    head = json.loads(line)
-    nodes = len(head["names"])
-    numbers = np.frombuffer(rest, np.float64).reshape(-1, nodes, _PLACING)
-    ends = np.cumsum([1, *head.pop("frames")])
-    first, *stacks = np.split(numbers, ends[:-1])
-    placings = [tuple(_placing(part[:, node]) for node in range(nodes)) for part in (first, *stacks)]
-    return FbxNodes(
-        names=tuple(head["names"]),
-        parents=tuple(head["parents"]),
-        bones=tuple(head["bones"]),
-        rate=head["rate"],
-        stacks=tuple(head["stacks"]),
-        rest=placings[0],
-        moved=tuple(placings[1:]),
-    )
-
-
-def _placing(numbers: Float64Array) -> Placing:
-    """Of [F, 10] numbers."""
-    return Placing(numbers[:, :3], numbers[:, 3:7], numbers[:, 7:])
-
-
-def _sent(data: bytes) -> bytes:
-    """The other side of `_received`."""
+def _sent(data: bytes, folder: Path) -> bytes:
+    """What the process of its own sends."""
+    del folder
     try:
         import ufbx
     except ImportError as error:
@@ -135,15 +69,18 @@ def _sent(data: bytes) -> bytes:
     if not moved:
         raise ClipError("has no animation of two frames or more")
     rest = np.stack([_numbers([node.local_transform]) for node in nodes], axis=1)
-    head = {
-        "names": [str(node.name) for node in nodes],
-        "parents": parents,
-        "bones": bones,
-        "rate": rate,
-        "stacks": names,
-        "frames": [len(each) for each in moved],
-    }
-    return json.dumps(head).encode() + b"\n" + np.concatenate([rest, *moved]).tobytes()
+    head = SceneHead(
+        names=[str(node.name) for node in nodes],
+        parents=parents,
+        skeletons=[(found, str(nodes[found[0]].name)) for found in _skeletons(parents, bones)],
+        rate=rate,
+        takes=names,
+        frames=[len(each) for each in moved],
+        metres_per_unit=1.0,
+        up="y",
+    )
+    unbound = np.full((len(nodes), 4, 4), np.nan)
+    return SceneNodes(head, unbound, np.concatenate([rest, *moved])).sent()
 
 
 def _bones(nodes: Sequence[Any]) -> tuple[list[Any], list[int], list[int]]:
@@ -172,6 +109,19 @@ def _bones(nodes: Sequence[Any]) -> tuple[list[Any], list[int], list[int]]:
     return [by_id[key] for key in kept], parents, [kept[bone] for bone in bones]
 
 
+def _skeletons(parents: Sequence[int], bones: Sequence[int]) -> list[list[int]]:
+    """Bones that hang from one bone."""
+    top: dict[int, int] = {}
+    found: dict[int, list[int]] = {}
+    known = set(bones)
+    for node, parent in enumerate(parents):  # parents first
+        above = top.get(parent, -1)
+        top[node] = node if above < 0 and node in known else above
+        if node in known:
+            found.setdefault(top[node], []).append(node)
+    return list(found.values())
+
+
 def _span(ufbx: Any, scene: Any, stack: Any) -> tuple[float, float]:
     """When an animation begins and ends, seconds; by its keys where the stack does not say."""
     if stack.time_end > stack.time_begin:
@@ -190,34 +140,8 @@ def _numbers(transforms: Sequence[Any]) -> Float64Array:
         )
         for t in transforms
     ]  # fmt: skip
-    return np.array(rows, np.float64).reshape(-1, _PLACING)
-
-
-def _bound_memory(most: int) -> None:
-    try:
-        import resource
-    except ImportError:  # where there is none, the limit of the worker holds
-        return
-    resource.setrlimit(resource.RLIMIT_AS, (most, most))
-
-
-def _child() -> None:
-    """Read a file from standard input and write what was found, or the reason, and end without letting it go."""
-    allowed = Limits(**json.loads(sys.argv[1]))
-    _bound_memory(_OWN_BYTES + allowed.memory_megabytes * MIB)
-    try:
-        with within(allowed):
-            sys.stdout.buffer.write(_sent(sys.stdin.buffer.read()))
-        sys.stdout.buffer.flush()
-        os._exit(0)
-    except ClipError as error:
-        print(f"reason: {error.reason}", file=sys.stderr, flush=True)
-    except MemoryError:
-        most = allowed.memory_megabytes
-        reason = f"needs more than {most} MiB of memory; [limits] memory_megabytes = {most} in config.toml"
-        print(f"reason: {reason}", file=sys.stderr, flush=True)
-    os._exit(1)
+    return np.array(rows, np.float64).reshape(-1, PLACING)
 
 
 if __name__ == "__main__":
-    _child()
+    serve(_sent)

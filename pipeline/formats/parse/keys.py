@@ -18,20 +18,21 @@ LATE: Final = 0.1  # of a frame: how far after the last key an instant may be
 SNAP: Final = 1e-5  # seconds: an instant so near before a key is at the key
 
 
-def even_rate(keys: Float64Array) -> tuple[float, str]:
-    """Frames a second for keys [K] at growing times, and why: the keys' most common interval, else 30."""
+def even_rate(keys: Float64Array, sparse: float = SPARSE_FPS) -> tuple[float, str]:
+    """Frames a second for keys [K] at growing times, and why: the keys' most common interval, else `sparse`."""
     steps = np.diff(keys)
     steps = steps[steps > 1 / MAX_FPS]
     if len(steps):
         counted, counts = np.unique(np.round(steps, 4), return_counts=True)
         about = counted[counts.argmax()]
-        rate = _whole(1 / float(np.median(steps[np.abs(steps - about) <= 1e-4])))
+        rate = whole_rate(1 / float(np.median(steps[np.abs(steps - about) <= 1e-4])))
         if rate >= SLOWEST and len(keys) >= FILLED * (keys[-1] - keys[0]) * rate:
             return rate, f"sampled {rate:.6g} times a second, as the keys are apart"
-    return SPARSE_FPS, f"keys are sparse: sampled {SPARSE_FPS:g} times a second"
+    return sparse, f"keys are sparse: sampled {sparse:g} times a second"
 
 
-def _whole(rate: float) -> float:
+def whole_rate(rate: float) -> float:
+    """The whole number that a rate is nearly, if it is not rather 23.976, 29.97 or 59.94."""
     near = float(round(rate))
     return near if near and abs(rate / near - 1) < ROUNDING and not _is_ntsc(rate) else rate
 

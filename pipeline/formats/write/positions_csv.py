@@ -9,11 +9,11 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
+from motionlake.formats.parse.table_map import SIDECAR
 from motionlake.formats.write.joints import joint_places
 from motionlake.formats.write.registry import ClipToWrite
 from motionlake.formats.write.whole import whole_file
 
-SIDECAR: Final = ".joints.json"
 _DECIMALS: Final = 6  # a micrometre
 
 

@@ -1,0 +1,134 @@
+"""The nodes of a scene as a process of its own sends them, and the clips that are made of them.
+
+Libraries read FBX and USD (`own_process`); what they find of both is the same.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Final
+
+import numpy as np
+from motionlake.arrays import Float64Array
+from motionlake.formats.parse.scene import (
+    JointTree,
+    Placing,
+    bind_pose,
+    body_names,
+    body_trees,
+    check_room,
+    clip_of_worlds,
+    joint_names,
+    uneven_note,
+    worlds,
+)
+from motionlake.motion.clip import SourceClip
+
+PLACING: Final = 10  # numbers: translation, rotation (w, x, y, z), scale
+_MATRIX: Final = 16
+
+
+@dataclass(frozen=True)
+class SceneHead:
+    """What is said of the N nodes of a scene that are bones or above bones.
+
+    Attributes:
+        names: of the nodes.
+        parents: of each its parent, -1 at the top; parents come first.
+        skeletons: for each skeleton its bones, and its name.
+        rate: frames a second.
+        takes: names of the animations.
+        frames: of each animation.
+        metres_per_unit, up: as a `SourceClip` has them.
+        notes: of every clip.
+    """
+
+    names: Sequence[str]
+    parents: Sequence[int]
+    skeletons: Sequence[tuple[Sequence[int], str]]
+    rate: float
+    takes: Sequence[str]
+    frames: Sequence[int]
+    metres_per_unit: float | None
+    up: str
+    notes: Sequence[str] = ()
+
+
+@dataclass(frozen=True)
+class SceneNodes:
+    """A scene's nodes and how they are placed.
+
+    Attributes:
+        head: what is said of them.
+        bound: [N, 4, 4] the inverse of the matrix at which each was bound to a skin; NaN where it was not.
+        placed: [1 + all frames, N, 10] how each rests, then how each animation places it below its parent:
+            translation, rotation (w, x, y, z), scale.
+    """
+
+    head: SceneHead
+    bound: Float64Array
+    placed: Float64Array
+
+    def sent(self) -> bytes:
+        """A line of JSON and the numbers after it."""
+        return json.dumps(asdict(self.head)).encode() + b"\n" + self.bound.tobytes() + self.placed.tobytes()
+
+    @classmethod
+    def received(cls, sent: bytes) -> SceneNodes:
+        """The other side of `sent`."""
+        line, _, rest = sent.partition(b"\n")
+        head = SceneHead(**json.loads(line))
+        nodes = len(head.names)
+        numbers = np.frombuffer(rest, np.float64)
+        bound, placed = np.split(numbers, [nodes * _MATRIX])
+        return cls(head, bound.reshape(nodes, 4, 4), placed.reshape(-1, nodes, PLACING))
+
+    def clips(self, fps: float | None) -> list[SourceClip]:
+        """A clip for every animation and every skeleton, at `fps` in place of the scene's rate.
+
+        Raises:
+            ClipError: more than `limits` allow, or nodes that are scaled to nothing.
+        """
+        head = self.head
+        trees = body_trees(head.parents, [bones for bones, _ in head.skeletons])
+        takes = [(take, tree) for take in range(len(head.takes)) for tree in trees]
+        check_room((head.frames[take], len(tree.nodes)) for take, tree in takes)
+        names = body_names([(head.takes[take], self._name(tree)) for take, tree in takes])
+        return [self._clip(take, tree, body, fps) for (take, tree), body in zip(takes, names, strict=True)]
+
+    def _name(self, tree: JointTree) -> str:
+        members = set(tree.joints)
+        return next(name for bones, name in self.head.skeletons if members.intersection(bones))
+
+    def _clip(self, take: int, tree: JointTree, body: str, fps: float | None) -> SourceClip:
+        names = [self.head.names[node] if node >= 0 else "scene" for node in tree.nodes]
+        begin = 1 + sum(self.head.frames[:take])
+        moved = _placings(tree, self.placed[begin : begin + self.head.frames[take]])
+        bound = {node: self.bound[node] for node in tree.joints if node >= 0 and np.isfinite(self.bound[node]).all()}
+        return clip_of_worlds(
+            joint_names(names[tree.root :]),
+            tree.joint_parents,
+            worlds(tree, moved, self.head.frames[take]),
+            bind_pose(tree, _placings(tree, self.placed[:1]), bound),
+            fps=self.head.rate if fps is None else fps,
+            body=body,
+            metres_per_unit=self.head.metres_per_unit,
+            up=self.head.up,
+            notes=(*self.head.notes, *uneven_note(names, moved)),
+        )
+
+
+def numbers_of(placing: Placing) -> Float64Array:
+    """[F, 10] as `SceneNodes.placed` has them."""
+    return np.concatenate([placing.translation, placing.rotation, placing.scale], axis=1)
+
+
+def _placings(tree: JointTree, numbers: Float64Array) -> list[Placing]:
+    """Of [F, N, 10] numbers those of a tree's nodes."""
+    found = []
+    for node in tree.nodes:
+        own = numbers[:, node]
+        found.append(Placing() if node < 0 else Placing(own[:, :3], own[:, 3:7], own[:, 7:]))
+    return found
