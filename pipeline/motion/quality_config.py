@@ -25,7 +25,8 @@ class QualityConfig:
         limb_drift: share by which a limb's length differs from its median.
         tpose_degrees: by which limbs may differ from a T-pose.
         seam: metres, mean over the joints, by which a body jumps from one frame to the next.
-        time_factor: by which time must be off before the frame rate is doubted.
+        fps_odds: how many times likelier a frame rate that is off by two must be than the right one, or the other way
+            round, before either is told.
         shortest_body, tallest_body: metres from the ankles to the head joint.
         bad_share: share of a clip's frames with faults from which on it is bad.
     """
@@ -42,7 +43,7 @@ class QualityConfig:
     limb_drift: float = 0.06
     tpose_degrees: float = 25.0
     seam: float = 0.012
-    time_factor: float = 1.75
+    fps_odds: float = 7.5
     shortest_body: float = 1.0
     tallest_body: float = 1.8
     bad_share: float = 0.1

@@ -19,7 +19,7 @@ from motionlake.motion.quality_config import QualityConfig
 CHECKS: Final = (check_feet, check_noise, check_bones, check_scale, check_sides)  # of what lies between T-poses
 MEASURES: Final = (
     "slide", "penetration", "floating", "jitter", "spikes", "flips", "frozen", "limb_drift", "tpose_start",
-    "tpose_end", "fps_doubt", "unit_doubt", "up_doubt", "swapped_sides", "loop_seam",
+    "tpose_end", "fps_doubt", "fps_known", "unit_doubt", "up_doubt", "swapped_sides", "loop_seam",
 )  # fmt: skip
 VERDICTS: Final = ("ok", "doubtful", "bad")  # the best first
 # Of these one anywhere makes the whole clip bad, for all of its numbers are wrong by it.
