@@ -87,7 +87,7 @@ def _raised(subject: Subject, random: np.random.Generator, low: float, high: flo
     old = subject.recording
     found = _range(len(old), old.fps, 1.0, 2.5, random)
     standing = old.lifted > UPRIGHT
-    if found is None or not standing[slice(*found)].all() or found[1] - found[0] > standing.sum() / 3:
+    if found is None or not standing[slice(*found)].all() or found[1] - found[0] > 0.4 * standing.sum():
         return None  # where most of a stand is sunk, the rest of it seems to float; who lies is soft
     if Ground.of(old).above[slice(*found)].min(axis=1).max() > 0.03:
         return None  # in the air for a part of it

@@ -26,6 +26,7 @@ Check = Callable[[Recording, QualityConfig], tuple[dict[str, float], list[Fault]
 MULTIPLES: Final = (1.0, 0.6, 0.8, 1.25, 1.6)  # of the program's threshold, which wins where others are as good
 TRIED: Final = 40  # clips of a set on which thresholds are tried
 SHORT: Final = 0.02  # by which another one must be better
+FEW: Final = 10  # clips with a fault in a set say too little of it
 BOUND: Final = 1.0  # octaves that one clip counts at most in a spread
 
 
@@ -68,12 +69,12 @@ def harmonic(found: int, planted: int, alarms: int, clean: int) -> float:
 
 
 def scores(subjects: Sequence[Subject], config: QualityConfig) -> Scores:
-    """How good each threshold is on a set; of faults that can be planted nowhere in it, nothing."""
+    """How good each threshold is on a set; nothing of faults that can be planted in few of its clips."""
     chosen = subjects[:: max(1, len(subjects) // TRIED)]
     found = {}
     for kind, threshold in THRESHOLDS.items():
         made = [m for m in (planted(kind, s, n) for n, s in enumerate(chosen)) if m is not None]
-        if made:
+        if len(made) >= FEW:
             found[kind] = [_score(kind, threshold, chosen, made, config, multiple) for multiple in MULTIPLES]
     return found
 

@@ -43,7 +43,7 @@ class QualityConfig:
     limb_drift: float = 0.06
     tpose_degrees: float = 25.0
     seam: float = 0.012
-    fps_odds: float = 7.5
+    fps_odds: float = 12.0
     shortest_body: float = 1.0
     tallest_body: float = 1.8
     bad_share: float = 0.1
