@@ -11,3 +11,5 @@ SELECT clip, unnest(ranges, recursive := true)
 FROM read_parquet(live_files('quality', 'quality/*.parquet')) q
 SEMI JOIN manifest m ON m.stage = 'quality' AND m.state = 'ok' AND m.key = q.key
 SEMI JOIN clips c ON c.clip = q.clip AND c.part = q.part;
+
+CREATE OR REPLACE MACRO quality_verdict(name) AS (SELECT verdict FROM quality q WHERE q.clip = name);

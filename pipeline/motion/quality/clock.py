@@ -1,8 +1,8 @@
 """Whether a clip plays as fast as it was recorded: what gravity and the size of a body say about its frame rate.
 
 Each kind of evidence is a number that grows with the factor by which a clip plays too fast, as log2 of it; recorded
-motion has a usual value of it, with a spread (`USUAL`). They are joined by weights of one over the square of the spread,
-and where they contradict one another the spread of the result grows (Birge ratio, as the Particle Data Group does).
+motion has a usual value of it, with a spread (`USUAL`). Each counts by one over the square of its spread, and where
+they contradict one another the spread of their mean grows (Birge ratio, as the Particle Data Group has it).
 
 - fall: bodies in flight fall with g.
 - steps: of an even walk, as long over as frequent as people's (walk ratio; Sekiya and Nagasaki 1998).
@@ -184,7 +184,7 @@ def balance(recording: Recording, ground: Ground, centre: Float64Array) -> dict[
 def _on_one_foot(
     recording: Recording, ground: Ground, centre: Float64Array
 ) -> Iterator[tuple[Float64Array, Float64Array, Float64Array]]:
-    """Of each stand on one foot: [n, 2] the distance from it to the side and ahead, [n, 2] the acceleration, [n] height.
+    """Of each stand on one foot: [n, 2] distance from it to the side and ahead, [n, 2] acceleration, [n] height.
 
     They are smoothed over half of the stand, so that the frame rate does not matter to how much.
     """
@@ -192,7 +192,7 @@ def _on_one_foot(
 
     for side, pair, other in (("left", (0, 2), (1, 3)), ("right", (1, 3), (0, 2))):
         ankle, toe = recording.joint(f"{side}_ankle"), recording.joint(f"{side}_toe")
-        stands: BoolArray = (np.abs(ground.above[:, pair]) < STANDS).all(axis=1)
+        stands: BoolArray = np.all(np.abs(ground.above[:, pair]) < STANDS, axis=1)
         for start, stop in runs(stands & (ground.above[:, other].min(axis=1) > LIFTED), 1, ONE_FOOT):
             window = max(5, (stop - start) // 4 * 2 + 1)
             within = slice(window // 2, stop - start - window // 2)

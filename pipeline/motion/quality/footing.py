@@ -57,7 +57,7 @@ def _smoothly(body: Body, fault: Fault, mend: Callable[[Body, Fault], None]) -> 
 
 
 def _held(body: Body, fault: Fault) -> None:
-    """Take from the root the level way of the slowest low point of its feet; after the slide all stays beside as far."""
+    """Take the level way of the slowest low point of the feet from the root; what comes after is moved as far."""
     from scipy.ndimage import gaussian_filter1d
 
     ground = Ground.of(body.recording())
@@ -105,7 +105,7 @@ def _pinned(body: Body, fault: Fault) -> None:
     world = world_rotations(body.rotations)
     for at, side in enumerate(SIDES):
         hip, knee, ankle, toe = (INDEX[f"{side}_{part}"] for part in ("hip", "knee", "ankle", "toe"))
-        stands: BoolArray = (np.abs(ground.above[:, [at, at + 2]]) < NEAR).all(axis=1)
+        stands: BoolArray = np.all(np.abs(ground.above[:, [at, at + 2]]) < NEAR, axis=1)
         stands &= ground.speeds[:, [at, at + 2]].min(axis=1) < 2 * NEAR / EDGE
         stands[: fault.start] = stands[fault.stop :] = False
         change = staying(places[:, [ankle, toe]], stands, FAR, max(1, round(EDGE * body.fps)))

@@ -1,4 +1,4 @@
-"""Copies of motions with what can be mended: T-poses cut off, gaps filled, flips undone, noise smoothed, feet put down."""
+"""Copies of motions with what can be mended: T-poses, spikes, flips, noise, and feet that slide or sink."""
 
 from __future__ import annotations
 

@@ -12,7 +12,7 @@ from motionlake.motion.quality_config import QualityConfig
 WINDOW: Final = 0.25  # seconds over which the vote of knees and toes is taken
 UNSURE: Final = 0.02  # of a leg, as which knees and toes lie ahead
 SHORTEST: Final = 0.3  # seconds
-KNEES: Final = 0.25  # how much knees count beside toes: those of straight legs seem to bend backwards in some recordings
+KNEES: Final = 0.25  # how much they count beside toes: in some recordings those of straight legs bend backwards
 
 
 def check_sides(recording: Recording, config: QualityConfig) -> tuple[dict[str, float], list[Fault]]:
