@@ -10,6 +10,7 @@ import numpy as np
 from motionlake.arrays import Float64Array
 from motionlake.motion.kinematics import forward_kinematics
 from motionlake.motion.quality import Recording
+from motionlake.motion.quality.bones import stretched
 from motionlake.motion.quality.faults import UPRIGHT
 from motionlake.motion.quality.feet import Ground
 from motionlake.motion.rotations import IDENTITY, conjugate, from_axis_angle, multiply, rotate
@@ -160,7 +161,9 @@ def frozen(subject: Subject, random: np.random.Generator) -> Planted | None:
         return None
     within = slice(*found)
     moving = np.ptp(old.rotations[within], axis=0).max(axis=1) > MOVES
-    joints = [INDEX[name] for name in LIMB_JOINTS if moving[INDEX[name]]]
+    limbs = [INDEX[name] for name in LIMB_JOINTS]
+    straight = stretched(old, limbs)[within].any(axis=0)  # solvers hold such hinges: no fault
+    joints = [joint for joint, held in zip(limbs, straight, strict=True) if moving[joint] and not held]
     if not joints:
         return None
     rotations, positions = old.rotations.copy(), old.positions.copy()

@@ -155,6 +155,16 @@ def test_every_fault_has_a_sentence(kind: str) -> None:
     )
 
 
+def test_missing_joints_are_told() -> None:
+    body = standing().recording
+    quality = check(replace(body, repaired=24), CONFIG)
+    (fault,) = quality.faults
+    assert (fault.kind, fault.severity, quality.measures["missing"]) == ("missing", 0.05, 0.05)
+    assert (quality.verdict, quality.share) == ("doubtful", 0.05)
+    assert check(replace(body, repaired=60), CONFIG).verdict == "bad"
+    assert check(replace(body, repaired=9), CONFIG).verdict == "ok"
+
+
 def motion_of(subject: Subject, recording: Recording) -> CanonicalMotion:
     return CanonicalMotion(
         fps=recording.fps, root=recording.positions[:, 0], rotations=recording.rotations,

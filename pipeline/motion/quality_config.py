@@ -22,6 +22,7 @@ class QualityConfig:
         acceleration: metres a square second that limbs reach.
         flip: degrees that a joint turns from one frame to the next.
         frozen_seconds: without any change in a joint that else moves.
+        missing: share of frames in which joints were missing.
         limb_drift: share by which a limb's length differs from its median.
         tpose_degrees: by which limbs may differ from a T-pose.
         seam: metres, mean over the joints, by which a body jumps from one frame to the next.
@@ -40,6 +41,7 @@ class QualityConfig:
     acceleration: float = 300.0
     flip: float = 90.0
     frozen_seconds: float = 0.25
+    missing: float = 0.02
     limb_drift: float = 0.06
     tpose_degrees: float = 25.0
     seam: float = 0.012

@@ -62,7 +62,7 @@ SELECT clip FROM clips WHERE part = $part ORDER BY clip;
 
 -- name: part_bodies
 -- What checks of recordings have to know beside the frames.
-SELECT clip, twist, filled FROM clips WHERE part = $part ORDER BY clip;
+SELECT clip, twist, filled, repaired FROM clips WHERE part = $part ORDER BY clip;
 
 -- name: frames_parts
 -- Parts of recorded and of synthetic clips.

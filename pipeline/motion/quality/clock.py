@@ -35,11 +35,11 @@ class Usual:
 
 # Measured by `python -m bench.quality --usual` on recorded sets; a set left out changes none by much (docs/quality.md).
 USUAL: Final[Mapping[str, Usual]] = {
-    "fall": Usual(-0.04, 0.14),
+    "fall": Usual(-0.04, 0.17),
     "steps": Usual(0.03, 0.34),
-    "balance_aside": Usual(0.24, 0.41),
-    "balance_ahead": Usual(0.10, 0.45),
-    "tempo": Usual(-0.13, 0.58),
+    "balance_aside": Usual(0.22, 0.40),
+    "balance_ahead": Usual(0.09, 0.44),
+    "tempo": Usual(-0.14, 0.51),
 }
 SLOW: Final = 2.0  # times the spread of the tempo of motion slower than usual
 # Metres a step over steps a minute, of a leg of 0.85 m: what people keep while they walk slowly or fast.

@@ -41,12 +41,12 @@ class Body:
 def footed(body: Body, fault: Fault) -> bool:
     """Mend a slide, or feet that sink, in place; whether that was done: not where the body would jump for it."""
     if fault.kind == "slide":
-        done = _smoothly(body, fault, _held)
-        return done and (_smoothly(body, fault, _pinned) or done)
-    return fault.joint.endswith(("ankle", "toe")) and _smoothly(body, fault, _raised)
+        done = smoothly(body, fault, _held)
+        return done and (smoothly(body, fault, pinned) or done)
+    return fault.joint.endswith(("ankle", "toe")) and smoothly(body, fault, _raised)
 
 
-def _smoothly(body: Body, fault: Fault, mend: Callable[[Body, Fault], None]) -> bool:
+def smoothly(body: Body, fault: Fault, mend: Callable[[Body, Fault], None]) -> bool:
     """Whether a change was kept: one that makes the body jump is taken back."""
     kept, before = (body.root, body.rotations), _jerk(body.places(), fault)
     mend(body, fault)
@@ -97,7 +97,7 @@ def _raised(body: Body, fault: Fault) -> None:
     body.root[:, 1] += gaussian_filter1d(depth, STEADY * body.fps)
 
 
-def _pinned(body: Body, fault: Fault) -> None:
+def pinned(body: Body, fault: Fault) -> None:
     """Bring feet that stand in a range to one place each, by hip and knee; feet keep how they are turned."""
     places = body.places()
     ground = Ground.of(Recording(places, body.rotations, body.fps))
