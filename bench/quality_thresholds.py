@@ -99,6 +99,8 @@ def chosen_config(others: Sequence[Scores], config: QualityConfig) -> QualityCon
     fields: dict[str, Any] = {}
     for kind, threshold in THRESHOLDS.items():
         known = [each[kind] for each in others if kind in each]
+        if not known:
+            continue
         means = [fmean(each[at] for each in known) for at in range(len(MULTIPLES))]
         best = int(np.argmax(means))
         multiple = MULTIPLES[best] if means[best] > means[0] + SHORT else 1.0
