@@ -162,7 +162,7 @@ def frozen(subject: Subject, random: np.random.Generator) -> Planted | None:
     within = slice(*found)
     moving = np.ptp(old.rotations[within], axis=0).max(axis=1) > MOVES
     limbs = [INDEX[name] for name in LIMB_JOINTS]
-    straight = stretched(old, limbs)[within].any(axis=0)  # solvers hold such hinges: no fault
+    straight = np.any(stretched(old, limbs)[within], axis=0).tolist()  # solvers hold such hinges: no fault
     joints = [joint for joint, held in zip(limbs, straight, strict=True) if moving[joint] and not held]
     if not joints:
         return None

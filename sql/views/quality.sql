@@ -12,4 +12,7 @@ FROM read_parquet(live_files('quality', 'quality/*.parquet')) q
 SEMI JOIN manifest m ON m.stage = 'quality' AND m.state = 'ok' AND m.key = q.key
 SEMI JOIN clips c ON c.clip = q.clip AND c.part = q.part;
 
-CREATE OR REPLACE MACRO quality_verdict(name) AS (SELECT verdict FROM quality q WHERE q.clip = name);
+-- What is given may be a column called clip, so that no column in here may be.
+CREATE OR REPLACE MACRO quality_verdict(name) AS (
+    SELECT found FROM (SELECT clip AS judged, verdict AS found FROM quality) WHERE judged = name
+);
