@@ -1,4 +1,4 @@
-"""How near `motionlake clean` brings clips with planted slides and sunk bodies to what they were before."""
+"""How near `motionlake clean` brings clips with planted slides and sunk bodies: `python -m bench.mending`."""
 
 from __future__ import annotations
 
@@ -14,10 +14,21 @@ from motionlake.motion.quality.mend import mended
 from motionlake.motion.quality_config import QualityConfig
 
 from bench.plants import Subject
+from bench.quality import READ, read_set
 from bench.quality_thresholds import is_found, planted
+from bench.record import hash_files, record, recordings
 
 KINDS: Final = ("slide", "penetration")
+MOST: Final = 60  # clips of a set, drawn by seed
 LIKE: Final = 1.001  # times the jerk before; what is not that of another number format
+
+
+def main() -> None:
+    figures = {name: mending(read_set(name, MOST).subjects, QualityConfig()) for name in READ}
+    for name, found in figures.items():
+        print(name, found)
+    files = [path for each in READ.values() for path in (recordings() / each.folder).rglob("*") if path.is_file()]
+    print(record("mending", figures, hash_files(files, recordings())))
 
 
 def mending(subjects: Sequence[Subject], config: QualityConfig) -> dict[str, Any]:
@@ -80,3 +91,7 @@ def _apart(one: Float64Array, other: Float64Array) -> float:
 
 def _jerk(places: Float64Array) -> float:
     return float(np.abs(np.diff(places, 3, axis=0)).max(initial=0.0))
+
+
+if __name__ == "__main__":
+    main()

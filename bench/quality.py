@@ -32,7 +32,6 @@ from motionlake.motion.quality.clock import Usual, evidence, judged
 from motionlake.motion.quality_config import QualityConfig
 
 from bench.canonical_sets import SETS, LabelledClip, LabelledSet, read
-from bench.mending import mending
 from bench.plants import PLANTS, Planted, Subject
 from bench.quality_thresholds import chosen_config, is_found, planted, scores, usual
 from bench.record import hash_files, record, recordings
@@ -75,7 +74,7 @@ def main() -> None:
     parser.add_argument("--usual", action="store_true", help="What evidence of frame rates is usual; nothing is kept.")
     parser.add_argument("--most", type=int, default=MOST, help="Clips of a set; fewer than all keep nothing.")
     given = parser.parse_args()
-    sets = {name: _read(name, given.most) for name in READ}
+    sets = {name: read_set(name, given.most) for name in READ}
     if given.usual:
         print(usual([_honest(tested) for tested in sets.values()]))
         return
@@ -89,8 +88,6 @@ def main() -> None:
         _show(name, figures[name])
     figures["all"] = {"faults": _together([one["faults"] for one in figures.values()])}
     _show("all", figures["all"])
-    figures["mending"] = {name: mending(tested.subjects, config) for name, tested in sets.items()}
-    print(figures["mending"])
     if given.most == MOST:
         files = [path for each in READ.values() for path in (recordings() / each.folder).rglob("*") if path.is_file()]
         print(record("quality", figures, hash_files(files, recordings())))
@@ -111,7 +108,7 @@ def _honest(tested: Tested) -> list[Mapping[str, float]]:
     return [found for found, halved in zip(tested.evidence, tested.halved, strict=True) if not halved]
 
 
-def _read(name: str, most: int) -> Tested:
+def read_set(name: str, most: int) -> Tested:
     clips = read(READ[name])
     clips.sort(key=lambda clip: clip.name)
     random.Random(0).shuffle(clips)

@@ -19,7 +19,6 @@ from motionlake.motion.two_bones import bent, level_ahead
 STEADY: Final = 0.03  # seconds over which the way of a foot that slides is smoothed
 EDGE: Final = 0.1  # seconds over which a body is raised, and feet come to where they stand
 FAR: Final = 0.08  # metres that legs take at most
-ROUGHER: Final = 1.0  # times the largest jerk that there was before
 
 
 @dataclass
@@ -47,10 +46,10 @@ def footed(body: Body, fault: Fault) -> bool:
 
 
 def smoothly(body: Body, fault: Fault, mend: Callable[[Body, Fault], None]) -> bool:
-    """Whether a change was kept: one that makes the body jump is taken back."""
-    kept, before = (body.root, body.rotations), _jerk(body.places(), fault)
+    """Whether a change was kept: one by which the largest jerk of the clip grows is taken back."""
+    kept, before = (body.root, body.rotations), _jerk(body.places())
     mend(body, fault)
-    if _jerk(body.places(), fault) <= ROUGHER * before:
+    if _jerk(body.places()) <= before:
         return True
     body.root, body.rotations = kept
     return False
@@ -120,7 +119,6 @@ def pinned(body: Body, fault: Fault) -> None:
     body.rotations = local_rotations(world)
 
 
-def _jerk(places: Float64Array, fault: Fault) -> float:
-    """The largest third difference of a joint in and about a fault."""
-    part = places[max(0, fault.start - 6) : fault.stop + 6]
-    return float(np.abs(np.diff(part, 3, axis=0)).max(initial=0.0)) if len(part) > 3 else 0.0
+def _jerk(places: Float64Array) -> float:
+    """The largest third difference of a joint."""
+    return float(np.abs(np.diff(places, 3, axis=0)).max(initial=0.0))
