@@ -33,7 +33,7 @@ class Usual:
     spread: float
 
 
-# Measured by `python -m bench.quality --usual` on recorded sets; a set left out changes none by much (docs/quality.md).
+# Measured by `python -m bench.quality --usual` on recorded sets.
 USUAL: Final[Mapping[str, Usual]] = {
     "fall": Usual(-0.04, 0.17),
     "steps": Usual(0.03, 0.34),
