@@ -10,6 +10,8 @@ import numpy as np
 from motionlake.arrays import Float64Array
 from motionlake.motion.kinematics import forward_kinematics
 from motionlake.motion.quality import Recording
+from motionlake.motion.quality.bones import stretched
+from motionlake.motion.quality.faults import UPRIGHT
 from motionlake.motion.quality.feet import Ground
 from motionlake.motion.rotations import IDENTITY, conjugate, from_axis_angle, multiply, rotate
 from motionlake.motion.skeleton import BONES, INDEX, PARENTS, chained, facing, mirrored_positions
@@ -85,8 +87,9 @@ def slide(subject: Subject, random: np.random.Generator) -> Planted | None:
 def _raised(subject: Subject, random: np.random.Generator, low: float, high: float, sign: float) -> Planted | None:
     old = subject.recording
     found = _range(len(old), old.fps, 1.0, 2.5, random)
-    if found is None or found[1] - found[0] > len(old) / 3:
-        return None  # where most of a clip is sunk, the rest of it seems to float
+    standing = old.lifted > UPRIGHT
+    if found is None or not standing[slice(*found)].all() or found[1] - found[0] > 0.4 * standing.sum():
+        return None  # where most of a stand is sunk, the rest of it seems to float; who lies is soft
     if Ground.of(old).above[slice(*found)].min(axis=1).max() > 0.03:
         return None  # in the air for a part of it
     shift = sign * random.uniform(low, high) * _eased(len(old), *found, old.fps)
@@ -138,7 +141,7 @@ def flip(subject: Subject, random: np.random.Generator) -> Planted | None:
     """A limb turns about its own bone, so that no joint moves."""
     old = subject.recording
     found = _range(len(old), old.fps, 0.05, 0.5, random)
-    if found is None:
+    if found is None or not old.twist:
         return None
     name = str(random.choice(LIMB_JOINTS))
     joint = INDEX[name]
@@ -158,7 +161,9 @@ def frozen(subject: Subject, random: np.random.Generator) -> Planted | None:
         return None
     within = slice(*found)
     moving = np.ptp(old.rotations[within], axis=0).max(axis=1) > MOVES
-    joints = [INDEX[name] for name in LIMB_JOINTS if moving[INDEX[name]]]
+    limbs = [INDEX[name] for name in LIMB_JOINTS]
+    straight = np.any(stretched(old, limbs)[within], axis=0).tolist()  # solvers hold such hinges: no fault
+    joints = [joint for joint, held in zip(limbs, straight, strict=True) if moving[joint] and not held]
     if not joints:
         return None
     rotations, positions = old.rotations.copy(), old.positions.copy()

@@ -26,7 +26,7 @@ from motionlake.names import on_disk
 from motionlake.stages.frames import FRAMES, shard_of
 from motionlake.stages.frames_from_raw import raw_blocks, write_frames_from_raw
 from motionlake.stages.ingest import KEY_ROWS
-from motionlake.stages.model_kind import Selection
+from motionlake.stages.model_kind import CHOSEN, Selection
 from motionlake.stages.reader import LakeReader, lake_reader
 from motionlake.stages.registry import EVERY, KINDS, ON_REQUEST
 from motionlake.stages.sources import SourceFile, content_hash, known_roots
@@ -97,7 +97,7 @@ class _Repair:
                 kind.take(self._lake, config, kind.pretrained.file, file)
                 how = "the pretrained file, copied again"
             else:
-                where = Selection(split=metrics.get("split"), dataset=metrics.get("dataset"))
+                where = Selection(**{name: metrics.get(name) for name in CHOSEN})
                 with lake_reader(self._lake, config) as at:
                     same = kind.key(at) == row["key"]
                     data = kind.data(at, where) if same else None

@@ -31,6 +31,7 @@ class ScopeOptions(TypedDict, total=False):
     dataset: str | None
     split: str | None
     recorded_only: bool
+    min_quality: str | None
     mirrored: bool
     own: bool
 
@@ -197,7 +198,8 @@ class Lake:
             encoder: compare meanings of texts as well: a function that gives n texts [n, d] numbers, or the name of one
                 that an installed package brings.
             scope: `dataset`: from its clips only; `split`: from clips of this split only; `recorded_only`: synthetic
-                clips are no answers; `mirrored`: search for the mirror image too, the nearer of both counts; `own`: the
+                clips are no answers; `min_quality`: the worst verdict of stage "quality" that an answer may have ("ok",
+                "doubtful"); `mirrored`: search for the mirror image too, the nearer of both counts; `own`: the
                 query may be an answer itself.
 
         Raises:

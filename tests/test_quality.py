@@ -12,8 +12,9 @@ from motionlake.arrays import Float64Array
 from motionlake.motion.canonicalise import CanonicalMotion
 from motionlake.motion.kinematics import forward_kinematics
 from motionlake.motion.quality import KINDS, MEASURES, Fault, Recording, check, sentence
+from motionlake.motion.quality.clock import falls, steps
+from motionlake.motion.quality.feet import Ground
 from motionlake.motion.quality.mend import mended
-from motionlake.motion.quality.scale import falls, steps
 from motionlake.motion.quality_config import QualityConfig
 from motionlake.motion.rotations import IDENTITY, from_axis_angle, multiply, normalise
 from motionlake.motion.skeleton import INDEX, PARENTS
@@ -127,7 +128,7 @@ def test_a_fall_tells_the_frame_rate(factor: float) -> None:
     time = np.clip((np.arange(FRAMES) - 200) / FPS, 0, 0.6)
     height = 9.81 / 2 * time * (0.6 - time)
     jump = replace(body, positions=body.positions + height[:, None, None] * np.array([0, 1, 0]), fps=FPS * factor)
-    assert falls(jump) == pytest.approx([factor], rel=0.05)
+    assert falls(jump, Ground.of(jump)) == pytest.approx([factor], rel=0.05)
     assert ("fps" in kinds(jump)) == (factor != 1)
 
 
@@ -152,6 +153,16 @@ def test_every_fault_has_a_sentence(kind: str) -> None:
     assert ("left ankle" in said) == (
         kind in ("slide", "penetration", "jitter", "spike", "flip", "frozen", "limb_drift")
     )
+
+
+def test_missing_joints_are_told() -> None:
+    body = standing().recording
+    quality = check(replace(body, repaired=24), CONFIG)
+    (fault,) = quality.faults
+    assert (fault.kind, fault.severity, quality.measures["missing"]) == ("missing", 0.05, 0.05)
+    assert (quality.verdict, quality.share) == ("doubtful", 0.05)
+    assert check(replace(body, repaired=60), CONFIG).verdict == "bad"
+    assert check(replace(body, repaired=9), CONFIG).verdict == "ok"
 
 
 def motion_of(subject: Subject, recording: Recording) -> CanonicalMotion:

@@ -27,6 +27,7 @@ SINGLE = tuple(name for name in methods("clip") if name != "fused")
 OTHER = "copies"
 K = 8
 MANY = 1000
+VERDICT = "(['ok', 'doubtful', 'bad'])[1 + ascii(name[-5:-5]) % 3]"  # of stage "quality", by a letter of the name
 
 
 @pytest.fixture(scope="module")
@@ -46,6 +47,7 @@ def two_sets(tmp_path_factory: pytest.TempPathFactory, built_lake: Path) -> Lake
         con.execute(f"UPDATE clips SET split = 'train' WHERE dataset = '{OTHER}' AND rowid % 2 = 0")
         first = f"SELECT min(clip) FROM clips WHERE dataset = '{OTHER}'"
         con.execute(f"UPDATE clips SET format = 'synthetic' WHERE clip = ({first})")
+        con.execute(f"CREATE OR REPLACE MACRO quality_verdict(name) AS {VERDICT}")
     lake = open_lake(root)
     # Those of words place the answers of "submotion".
     for part in sorted(
@@ -149,11 +151,17 @@ def test_the_scope_says_which_clips_may_be_answers(two_sets: Lake, finds: Finds,
     of_split = {row[0] for row in query(two_sets.root, "SELECT clip FROM clips WHERE split = 'train'")}
     recorded = {row[0] for row in query(two_sets.root, "SELECT clip FROM clips WHERE format <> 'synthetic'")}
     of_set = {hit.clip for hit in everything if hit.dataset == OTHER}
+    verdicts = dict(query(two_sets.root, "SELECT clip, quality_verdict(clip) FROM clips"))
+    assert set(verdicts.values()) == {"ok", "doubtful", "bad"}
+    good, better = ({clip for clip, verdict in verdicts.items() if verdict in least}
+                    for least in (("ok", "doubtful"), ("ok",)))  # fmt: skip
     for scope, clips in (
         (Scope(OTHER), of_set),
         (Scope(split="train"), of_split),
         (Scope(recorded_only=True), recorded),
         (Scope(OTHER, "train", recorded_only=True), of_split & recorded),
+        (Scope(min_quality="doubtful"), good),
+        (Scope(OTHER, min_quality="ok"), of_set & better),
     ):
         (hits,) = found.search([asked], MANY, scope)
         check_answer(two_sets, finds, hits, asked)
@@ -164,6 +172,8 @@ def test_the_scope_says_which_clips_may_be_answers(two_sets: Lake, finds: Finds,
             assert [replace(hit, rank=0) for hit in hits] == kept
     assert found.search([asked], 5, Scope("elsewhere")) == [[]]
     assert found.search([asked], 5, Scope(split="elsewhere")) == [[]]
+    with pytest.raises(UserError, match="use ok or doubtful"):
+        found.search([asked], 5, Scope(min_quality="fine"))
 
 
 @EVERY_SEARCHER
@@ -236,6 +246,7 @@ def test_the_command_line_gives_the_same_answers(two_sets: Lake, clips_folder: P
             (Scope(OTHER), ["--dataset", OTHER]),
             (Scope(split="train", own=True), ["--split", "train", "--own"]),
             (Scope(recorded_only=True, mirrored=True), ["--recorded-only", "--mirrored"]),
+            (Scope(min_quality="ok"), ["--min-quality", "ok"]),
         ):
             expected = searcher(finds, name, two_sets).search([each], 3, scope)[0]
             words = [command, each.source, *edges, "-k", 3, *flags, "--method", name, "--lake", two_sets.root, "--json"]

@@ -90,8 +90,9 @@ def clean(
     """Write mended copies of clips as BVH, and beside each what was mended where.
 
     Clips stay as they are. T-poses at the ends are cut off, spikes and flips filled from the frames around, jitter is
-    smoothed. Other faults stay, and are told; exit status 1 where a copy is still bad. Copies have the canonical
-    skeleton with the body's own bone lengths.
+    smoothed, feet that slide are pinned to the ground and bodies that sink raised to it, where nothing jumps by it.
+    Other faults stay, and are told; exit status 1 where a copy is still bad. Copies have the canonical skeleton with
+    the body's own bone lengths.
 
     Example: motionlake clean walk_01 --out mended --lake mylake
     """
@@ -168,9 +169,14 @@ def _checked(
     every = sorted(row["clip"] for row in fetch(con, "clips_of_dataset", {"dataset": dataset})) if not names else []
     sources = [named_source(con, name) for name in names] if names else every
     for source in sources:
-        motion = first_body(lake, source)[1] if isinstance(source, Path) else canonical_motion(con, lake, source)
+        if isinstance(source, Path):
+            clip, motion = first_body(lake, source)
+            repaired = clip.repaired
+        else:
+            motion = canonical_motion(con, lake, source)
+            repaired = fetch(con, "clip", {"clip": source})[0]["repaired"]
         recording = Recording.of(
-            motion.positions, motion.rotations, motion.fps, twist=motion.twist, filled=motion.filled
+            motion.positions, motion.rotations, motion.fps, twist=motion.twist, filled=motion.filled, repaired=repaired
         )
         yield _Checked(str(source), motion if drawn else None, checked(recording, config))
 

@@ -74,6 +74,10 @@ SplitOption = Annotated[str | None, option("--split", help="Only clips of this s
 RecordedOnlyOption = Annotated[
     bool, typer.Option("--recorded-only", help="Only recorded clips, none that a generator made.")
 ]
+MinQualityOption = Annotated[
+    str | None,
+    option("--min-quality", help="Only clips that `run quality` found to be ok, or at least doubtful: say which."),
+]
 LabelColumn = Annotated[str, typer.Option("--label-column", help="Column of labels.csv that holds the classes.")]
 WorkersOption = Annotated[int | None, option("--workers", min=1, help="Local worker processes (default: one a core).")]
 SchedulerOption = Annotated[

@@ -6,7 +6,16 @@ from dataclasses import asdict
 from typing import Annotated
 
 import typer
-from motionlake.cli.common import DatasetOption, JsonOption, LakeOption, RecordedOnlyOption, SplitOption, option, tell
+from motionlake.cli.common import (
+    DatasetOption,
+    JsonOption,
+    LakeOption,
+    MinQualityOption,
+    RecordedOnlyOption,
+    SplitOption,
+    option,
+    tell,
+)
 from motionlake.cli.search import MirroredOption
 from motionlake.lake.catalog import reading
 from motionlake.lake.layout import open_lake
@@ -17,6 +26,7 @@ def duplicates(
     dataset: DatasetOption = None,
     split: SplitOption = None,
     recorded_only: RecordedOnlyOption = False,
+    min_quality: MinQualityOption = None,
     mirrored: MirroredOption = False,
     across: Annotated[bool, typer.Option("--across", help="Only pairs of clips of two datasets.")] = False,
     max_distance: Annotated[
@@ -33,7 +43,7 @@ def duplicates(
     from motionlake.retrieval.duplicates import near_duplicates
     from motionlake.retrieval.protocol import Scope
 
-    target, scope = open_lake(lake), Scope(dataset, split, recorded_only, mirrored)
+    target, scope = open_lake(lake), Scope(dataset, split, recorded_only, mirrored, min_quality=min_quality)
     most = MAX_DISTANCE if max_distance is None else max_distance
     with reading(target) as con:
         found = near_duplicates(con, target, scope, max_distance=most, across=across)

@@ -12,6 +12,7 @@ from motionlake.cli.common import (
     FrameOrSeconds,
     JsonOption,
     LakeOption,
+    MinQualityOption,
     StartOption,
     StopOption,
     argument,
@@ -50,6 +51,7 @@ def export(
         option("--list", help="A CSV or JSON file of clips with start and stop, if wanted: what search --json prints."),
     ] = None,
     dataset: DatasetOption = None,
+    min_quality: MinQualityOption = None,
     form: Annotated[
         str, typer.Option("--format", help="bvh, csv, c3d, lerobot, and others that docs/export.md lists.")
     ] = "bvh",
@@ -85,6 +87,7 @@ def export(
     --out found --lake mylake
     """
     from motionlake.retrieval.export import ClipExporter, Treatment, target_of
+    from motionlake.retrieval.selection import good_ranges
 
     target = open_lake(lake)
     writer = _writer(form)
@@ -92,6 +95,8 @@ def export(
         raise UserError(f"--rig {rig}: files of {form} always have the rig {writer.rig}")
     many = [name for name, given in (("--where", where), ("--sql", query), ("--dataset", dataset)) if given is not None]
     single = _single(clips or [], many, listed, writer, out)
+    if single and min_quality is not None:
+        raise UserError("--min-quality: is for many clips; one that is named is written as it is")
     if not single and (start is not None or stop is not None):
         raise UserError("--from and --to are of one clip; a list (--list) has start and stop for every clip")
     rate = fps if fps is not None else getattr(writer, "fps", None)
@@ -101,7 +106,7 @@ def export(
         if single:
             _one(exporter, con, target, (clips or [])[0], start, stop, single, out, as_json=as_json)
             return
-        chosen = _chosen(con, target, clips or [], where, query, listed, dataset)
+        chosen = good_ranges(con, _chosen(con, target, clips or [], where, query, listed, dataset), min_quality)
         _many(exporter, chosen, writer, out, overwrite=overwrite, as_json=as_json)
 
 

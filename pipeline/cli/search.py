@@ -15,6 +15,7 @@ from motionlake.cli.common import (
     DatasetOption,
     JsonOption,
     LakeOption,
+    MinQualityOption,
     RecordedOnlyOption,
     SplitOption,
     StartOption,
@@ -66,6 +67,7 @@ def search(
     dataset: DatasetOption = None,
     split: SplitOption = None,
     recorded_only: RecordedOnlyOption = False,
+    min_quality: MinQualityOption = None,
     mirrored: MirroredOption = False,
     own: OwnOption = False,
     sample: Annotated[int, typer.Option(min=0, help="Also ask for so many clips of the lake, to try it out.")] = 0,
@@ -107,7 +109,7 @@ def search(
     if method != "fused" and (explain or not graph):
         raise UserError(f"--{'explain' if explain else 'no-graph'}: is for --method fused")
     how = {"graph": graph, "explain": explain} if method == "fused" else {}
-    scope = Scope(dataset, split, recorded_only, mirrored, own)
+    scope = Scope(dataset, split, recorded_only, mirrored, own, min_quality=min_quality)
     with reading(target) as con:
         names = [*(clips or []), *(row["clip"] for row in fetch(con, "sample_clips", {"count": sample}))]
         if text is not None and not names:
@@ -163,6 +165,7 @@ def find(
     dataset: DatasetOption = None,
     split: SplitOption = None,
     recorded_only: RecordedOnlyOption = False,
+    min_quality: MinQualityOption = None,
     mirrored: MirroredOption = False,
     own: OwnOption = False,
     picture: PictureOption = None,
@@ -188,7 +191,7 @@ def find(
     with reading(target) as con:
         found = searcher("range", method, target)
         piece = named_query(con, target, query, start, stop)
-        (hits,) = found.search([piece], k, Scope(dataset, split, recorded_only, mirrored, own))
+        (hits,) = found.search([piece], k, Scope(dataset, split, recorded_only, mirrored, own, min_quality=min_quality))
         rows = [hit.as_row() for hit in hits]
         _save_picture(con, target, picture, method, [(query, piece, rows)])
     tell_hits(rows, mirrored=mirrored, as_json=as_json)
@@ -203,6 +206,7 @@ def align(
     dataset: DatasetOption = None,
     split: SplitOption = None,
     recorded_only: RecordedOnlyOption = False,
+    min_quality: MinQualityOption = None,
     mirrored: MirroredOption = False,
     own: OwnOption = False,
     whole: Annotated[bool, typer.Option("--whole", help="Rank whole clips: search --method alignment.")] = False,
@@ -239,7 +243,7 @@ def align(
     if path and not as_json:
         raise UserError("--path: needs --json")
     _check_picture(picture, 1)
-    scope = Scope(dataset, split, recorded_only, mirrored, own)
+    scope = Scope(dataset, split, recorded_only, mirrored, own, min_quality=min_quality)
     how: dict[str, Any] = {"method": method, "stride": stride}
     with reading(target) as con:
         if whole:
@@ -253,7 +257,8 @@ def align(
             from motionlake.pictures.symbol_pictures import AlignmentPictures
             from motionlake.retrieval.encode import query_motion
 
-            material = read_symbols(con, target, searcher.strings.among(replace(scope, recorded_only=False).admits))
+            admits = replace(scope, recorded_only=False).admission(target)
+            material = read_symbols(con, target, searcher.strings.among(admits))
             fps = query_motion(target, piece).fps
             AlignmentPictures(material, searcher.symbols_of(piece), fps, searcher.config).save(picture, hits)
     rows = [(hit if path else replace(hit, path=None)).as_row() for hit in hits]

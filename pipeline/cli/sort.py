@@ -16,6 +16,7 @@ from motionlake.cli.common import (
     JsonOption,
     LabelColumn,
     LakeOption,
+    MinQualityOption,
     RecordedOnlyOption,
     SplitOption,
     named_query,
@@ -50,6 +51,7 @@ def classify(
     k: Annotated[int, typer.Option("-k", min=1, help="Clips that vote.")] = 5,
     dataset: DatasetOption = None,
     split: SplitOption = None,
+    min_quality: MinQualityOption = None,
     column: LabelColumn = "label",
     write_labels: Annotated[Path | None, option("--write-labels", help="Write a labels.csv of the answers.")] = None,
     as_json: JsonOption = False,
@@ -62,12 +64,12 @@ def classify(
     """
     from motionlake.retrieval.classes import LakeClassifier
     from motionlake.retrieval.labelled_clips import signed_clips
-    from motionlake.retrieval.protocol import Query, Scope
+    from motionlake.retrieval.protocol import ClipFilter, Query
 
     if method not in METHODS:
         raise UserError(f"--method {method}: use one of {', '.join(METHODS)}")
     target = open_lake(lake)
-    teachers = Scope(dataset, split, recorded_only=dataset is None)
+    teachers = ClipFilter(dataset, split, dataset is None, min_quality=min_quality)
     with reading(target) as con:
         classifier = LakeClassifier(target, method=METHODS[method], k=k, scope=teachers, column=column)
         signed = signed_clips(con, column=column).clips
@@ -132,6 +134,7 @@ def cluster(
     dataset: DatasetOption = None,
     split: SplitOption = None,
     recorded_only: RecordedOnlyOption = False,
+    min_quality: MinQualityOption = None,
     method: Annotated[
         str, typer.Option(help="fused (all that search compares), or signatures (the paper's).")
     ] = "fused",
@@ -144,14 +147,15 @@ def cluster(
     Example: motionlake cluster --k 12 --dataset bandai1 --lake mylake
     """
     from motionlake.retrieval.clusters import clusters_of_lake
-    from motionlake.retrieval.protocol import Scope
+    from motionlake.retrieval.protocol import ClipFilter
 
     target = open_lake(lake)
     if k != "auto" and not k.isdecimal():
         raise UserError(f"--k {k}: give a number of clusters, or auto")
     with reading(target) as con:
         wanted = None if k == "auto" else int(k)
-        rows, silhouette = clusters_of_lake(con, target, wanted, Scope(dataset, split, recorded_only), method)
+        scope = ClipFilter(dataset, split, recorded_only, min_quality=min_quality)
+        rows, silhouette = clusters_of_lake(con, target, wanted, scope, method)
     notice(f"{len({row.cluster for row in rows})} clusters of {len(rows)} clips, silhouette {silhouette:.3f}")
     tell([asdict(row) for row in rows], as_json=as_json)
 

@@ -8,7 +8,7 @@ from dataclasses import fields, replace
 from typing import Annotated, Any, Final
 
 import typer
-from motionlake.cli.common import SETTINGS, JsonOption, LakeOption, option, running, tell
+from motionlake.cli.common import SETTINGS, JsonOption, LakeOption, MinQualityOption, option, running, tell
 from motionlake.deephums.config import SUPERVISIONS
 from motionlake.errors import UserError
 from motionlake.jobs import models
@@ -22,6 +22,7 @@ OPTIONS: Final[dict[str, tuple[Any, Any]]] = {
         None,
     ),
     "dataset": (Annotated[str | None, option(help="Train on clips of this dataset (default: of all).")], None),
+    "min_quality": (MinQualityOption, None),
     "fine_tune": (
         Annotated[bool, typer.Option("--fine-tune", help="Go on from the lake's network or the pretrained weights.")],
         False,

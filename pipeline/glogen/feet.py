@@ -9,15 +9,14 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from motionlake.arrays import BoolArray, Float64Array
+from motionlake.arrays import Float64Array
 from motionlake.motion.skeleton import INDEX
+from motionlake.motion.standing import SIDES, staying
 from motionlake.motion.two_bones import bent, level_ahead
-from scipy.ndimage import gaussian_filter1d, label, maximum_filter1d
+from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 
-SIDES: Final = ("left", "right")
 PARTS: Final = ("ankle", "toe")
 STANDS: Final = 0.5
-SHORTEST: Final = 3  # frames of a stand
 FAR: Final = 0.08  # body lengths; a foot that wanders further while it stands is turned or dragged on purpose
 BLEND: Final = 6  # frames, over which a foot comes to where it stands and leaves it
 # A foot as slow as the first may be on the ground, one as fast as the second clears it: body lengths a second, and body
@@ -52,35 +51,13 @@ def planted(joints: Float64Array, stands: Float64Array, size: float, fps: float)
     for side, standing in zip(SIDES, stands.T, strict=True):
         hip, knee = INDEX[f"{side}_hip"], INDEX[f"{side}_knee"]
         ankle, toe = rows[side]
-        change = _staying(joints[:, rows[side]], standing > STANDS, FAR * size)
+        change = staying(joints[:, rows[side]], standing > STANDS, FAR * size, BLEND)
         change[:, 1] = _lift(joints[:, rows[side]] + change[:, None], grounds, size, fps)
         done[:, knee], done[:, ankle] = bent(
             joints[:, hip], joints[:, knee], joints[:, ankle], joints[:, ankle] + change, ahead
         )
         done[:, toe] += done[:, ankle] - joints[:, ankle]
     return done
-
-
-def _staying(foot: Float64Array, standing: BoolArray, far: float) -> Float64Array:
-    """[T, 3] by which a foot (ankle and toe, [T, 2, 3]) moves, level, to stay in place while it stands."""
-    change, weights = np.zeros((len(foot), 3)), np.zeros(len(foot))
-    runs, count = label(standing)
-    frames = np.arange(len(foot))
-    for run in range(1, count + 1):
-        rows = np.flatnonzero(runs == run)
-        first, last = rows[0], rows[-1]
-        flat = foot[rows][..., [0, 2]]
-        middle = np.median(flat, axis=0)
-        away = np.linalg.norm(flat - middle, axis=2).max(axis=0)
-        bears = int(away.argmin())
-        if len(rows) < SHORTEST or away[bears] > far:
-            continue
-        apart = np.maximum(np.maximum(first - frames, frames - last), 0)
-        share = np.where(apart < BLEND, 0.5 + 0.5 * np.cos(np.pi * apart / BLEND), 0.0)
-        back = middle[bears] - foot[np.clip(frames, first, last), bears][:, [0, 2]]
-        change[:, [0, 2]] += share[:, None] * back
-        weights += share
-    return change / np.maximum(weights, 1)[:, None]
 
 
 def _lift(foot: Float64Array, grounds: Float64Array, size: float, fps: float) -> Float64Array:

@@ -22,10 +22,12 @@ class QualityConfig:
         acceleration: metres a square second that limbs reach.
         flip: degrees that a joint turns from one frame to the next.
         frozen_seconds: without any change in a joint that else moves.
+        missing: share of frames in which joints were missing.
         limb_drift: share by which a limb's length differs from its median.
         tpose_degrees: by which limbs may differ from a T-pose.
         seam: metres, mean over the joints, by which a body jumps from one frame to the next.
-        time_factor: by which time must be off before the frame rate is doubted.
+        fps_odds: how many times likelier a frame rate that is off by two must be than the right one, or the other way
+            round, before either is told.
         shortest_body, tallest_body: metres from the ankles to the head joint.
         bad_share: share of a clip's frames with faults from which on it is bad.
     """
@@ -39,10 +41,11 @@ class QualityConfig:
     acceleration: float = 300.0
     flip: float = 90.0
     frozen_seconds: float = 0.25
+    missing: float = 0.02
     limb_drift: float = 0.06
     tpose_degrees: float = 25.0
     seam: float = 0.012
-    time_factor: float = 1.75
+    fps_odds: float = 12.0
     shortest_body: float = 1.0
     tallest_body: float = 1.8
     bad_share: float = 0.1

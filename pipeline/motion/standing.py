@@ -1,4 +1,4 @@
-"""Feet that stand: when they do, and how a body's feet lie when they are flat."""
+"""Feet that stand: when they do, how they stay in place, and how a body's feet lie when they are flat."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ SIDES: Final = ("left", "right")
 # lowest place of the clip.
 STILL: Final = 0.15
 LOW: Final = 0.04
+SHORTEST: Final = 3  # frames of a stand
 LOWEST: Final = 0.02  # quantile of heights that counts as the lowest place
 
 
@@ -39,6 +40,37 @@ def contacts(positions: Float64Array, fps: float, body_height: float) -> BoolArr
     speed = np.linalg.norm(np.gradient(feet, axis=0), axis=-1) * fps if len(feet) > 1 else np.zeros(feet.shape[:3])
     lowest = np.quantile(feet[..., 1], LOWEST, axis=(0, 1))
     return np.asarray(((speed < STILL) & (feet[..., 1] < lowest + LOW)).all(axis=-1))
+
+
+def staying(foot: Float64Array, standing: BoolArray, far: float, blend: int) -> Float64Array:
+    """[F, 3] by which a foot moves, level, to stay in place while it stands.
+
+    Args:
+        foot: [F, 2, 3] ankle and toe, metres; the one that wanders less bears.
+        standing: [F] when it stands.
+        far: metres; a foot that wanders further while it stands is turned or dragged on purpose, and moves as it does.
+        blend: frames over which a foot comes to where it stands, and leaves it.
+    """
+    from scipy.ndimage import label
+
+    change, weights = np.zeros((len(foot), 3)), np.zeros(len(foot))
+    runs, count = label(standing)
+    frames = np.arange(len(foot))
+    for run in range(1, count + 1):
+        rows = np.flatnonzero(runs == run)
+        first, last = rows[0], rows[-1]
+        flat = foot[rows][..., [0, 2]]
+        middle = np.median(flat, axis=0)
+        away = np.linalg.norm(flat - middle, axis=2).max(axis=0)
+        bears = int(away.argmin())
+        if len(rows) < SHORTEST or away[bears] > far:
+            continue
+        apart = np.maximum(np.maximum(first - frames, frames - last), 0)
+        share = np.where(apart < blend, 0.5 + 0.5 * np.cos(np.pi * apart / blend), 0.0)
+        back = middle[bears] - foot[np.clip(frames, first, last), bears][:, [0, 2]]
+        change[:, [0, 2]] += share[:, None] * back
+        weights += share
+    return np.asarray(change / np.maximum(weights, 1)[:, None])
 
 
 def measured_foot(motion: CanonicalMotion) -> FlatFoot | None:

@@ -157,7 +157,7 @@ class AlignmentSearcher(_Aligner):
             scope: which clips may be answers.
             both: the greater ("max") or the mean of both ways; "query" looks for the query in the clips alone.
         """
-        strings = self.strings.among(scope.admits)
+        strings = self.strings.among(scope.admission(self.lake))
         own = strings.positions.get(query.clip) if query.clip and not scope.own else None
         with about(query.name):
             found = nearest_strings(
@@ -215,7 +215,7 @@ class AlignmentRangeSearcher(_Aligner):
         Raises:
             UserError: as `symbols_of`; Smith-Waterman.
         """
-        long, strings = self.symbols_of(query), self.strings.among(scope.admits)
+        long, strings = self.symbols_of(query), self.strings.among(scope.admission(self.lake))
         with about(long.name):
             kept = LongQuery(long.symbols, strings.repository, strings.distances, self.config)
         return LongAlignment(long, strings, kept)
@@ -227,7 +227,7 @@ class AlignmentRangeSearcher(_Aligner):
         return [self._matches(self.symbols_of(query, mirrored=mirrored), k, scope) for query in queries]
 
     def _matches(self, query: StringQuery, k: int, scope: Scope) -> list[Hit]:
-        strings = self.strings.among(scope.admits)
+        strings = self.strings.among(scope.admission(self.lake))
         with about(query.name):
             found = best_matches(
                 query.symbols, strings.repository, strings.distances, k, self.config,

@@ -75,7 +75,7 @@ class LakeClassifier:
 
     def _by_search(self, search: FusedSearcher, query: Query) -> ClassifiedClip:
         """A vote of the first k answers that are labelled; a tie goes to the class of the first of them."""
-        scope = Scope(self._scope.dataset, self._scope.split, self._scope.recorded_only)
+        scope = Scope(**vars(self._scope.clips))
         voters: list[Hit] = []
         for count in (REACH, EVERY):
             if len(voters) < self._k:

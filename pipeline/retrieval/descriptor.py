@@ -80,7 +80,7 @@ class DescriptorSearcher(LakeSearcher):
     def nearest(self, queries: Sequence[Query], k: int, scope: Scope, *, mirrored: bool) -> list[list[Hit]]:
         """All queries are compared at once."""
         vectors = self.embed(queries, mirrored=mirrored)
-        kept = ClipFilter(scope.dataset, scope.split, scope.recorded_only)
+        kept = scope.clips
         chosen, scan = self._scan(kept)
         quick = self._quick and len(queries) == 1 and len(chosen)
         found = self._index(kept).nearest(vectors[0], k + 1) if quick else scan.nearest(vectors, k + 1)
@@ -93,7 +93,8 @@ class DescriptorSearcher(LakeSearcher):
 
     def _new_scan(self, kept: ClipFilter) -> tuple[Int64Array, ExactScan | DescriptorScan]:
         """The rows of the clips that may be answers, and a scan of them."""
-        rows = np.array([row for row, clip in enumerate(self.clips) if kept.admits(clip)], dtype=np.int64)
+        admits = kept.admission(self.lake)
+        rows = np.array([row for row, clip in enumerate(self.clips) if admits(clip)], dtype=np.int64)
         return rows, scan_of(self.descriptors[rows])
 
     def _new_index(self, kept: ClipFilter) -> QuickIndex:

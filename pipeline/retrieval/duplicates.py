@@ -39,7 +39,7 @@ def near_duplicates(
     if scope.dataset is not None and across:
         raise UserError("one dataset, and across datasets, at once: choose one")
     centroids = [row["centroid"] for row in fetch(con, "corpus_motifs")]
-    rows = fetch(con, "signed_clips", scope.as_parameters())
+    rows = fetch(con, "signed_clips", scope.as_parameters(con))
     if not centroids:
         raise UserError(f"{lake.root}: has no signatures yet; make them with `motionlake run all`")
     if scope.mirrored and any(row["mirrored"] is None for row in rows):

@@ -168,7 +168,8 @@ class FusedRangeSearcher(LakeSearcher):
         words = np.minimum(n_words, counts)[clip]
         at = corpus.offsets[clip] + first
         windows = _Windows(clip, first, words, corpus.starts[at], corpus.stops[at + words - 1])
-        kept = np.array([scope.admits(known) for known in corpus.clips], dtype=np.bool_)[clip]
+        admits = scope.admission(self.lake)
+        kept = np.array([admits(known) for known in corpus.clips], dtype=np.bool_)[clip]
         if barred is not None:
             kept &= (clip != barred[0]) | (windows.start >= barred[2]) | (windows.stop <= barred[1])
         return windows.of(kept)

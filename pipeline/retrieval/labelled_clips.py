@@ -72,7 +72,7 @@ def signed_clips(
     if only is not None:
         check_column(con, only[0])
     chosen = {"column": column, "only_column": only and only[0], "only_value": only and only[1]}
-    rows = fetch(con, "labelled_clips", scope.as_parameters() | chosen)
+    rows = fetch(con, "labelled_clips", scope.as_parameters(con) | chosen)
     if not rows:
         where = f" of dataset {scope.dataset}" if scope.dataset else ""
         where += f" of split {scope.split}" if scope.split else ""

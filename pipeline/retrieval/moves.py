@@ -111,7 +111,7 @@ class MovesSearcher(_Tracks):
         return np.array(found, dtype=np.float64).reshape(len(queries), len(gallery))
 
     def nearest(self, queries: Sequence[Query], k: int, scope: Scope, *, mirrored: bool) -> list[list[Hit]]:
-        chosen, index = self._index(ClipFilter(scope.dataset, scope.split, scope.recorded_only))
+        chosen, index = self._index(scope.clips)
         answers = []
         for query in queries:
             if query.clip is not None:
@@ -132,7 +132,8 @@ class MovesSearcher(_Tracks):
 
     def _new_index(self, kept: ClipFilter) -> tuple[Int64Array, MovesIndex]:
         """The rows of the clips that may be answers, and an index of them."""
-        rows = np.array([row for row, clip in enumerate(self.clips) if kept.admits(clip)], dtype=np.int64)
+        admits = kept.admission(self.lake)
+        rows = np.array([row for row, clip in enumerate(self.clips) if admits(clip)], dtype=np.int64)
         return rows, MovesIndex([self._tracks[self.clips[row].clip].moves() for row in rows])
 
 
@@ -160,9 +161,9 @@ class MovesRangeSearcher(_Tracks):
     def _answers(self, query: Query, scope: Scope, *, mirrored: bool) -> list[Hit]:
         if query.clip is not None:
             self._known(query.clip)
-        moves, hits = self.moves(query, mirrored=mirrored), []
+        moves, hits, admits = self.moves(query, mirrored=mirrored), [], scope.admission(self.lake)
         for clip in self.clips:
-            if not scope.admits(clip):
+            if not admits(clip):
                 continue
             track, barred = self._tracks[clip.clip], None
             pace = max(1, clip.frames - 1) / (len(track.joints) - 1)  # frames of the clip for one of the track

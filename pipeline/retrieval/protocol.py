@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, Final, Literal, Protocol, TypeAlias
 
@@ -16,6 +16,7 @@ from motionlake.lake.catalog import Connection, reading
 from motionlake.lake.layout import Lake
 from motionlake.lake.models import check_served
 from motionlake.lake.resolve import clip_or_file, resolve_clip
+from motionlake.lake.verdicts import check_least, good_clips
 
 if TYPE_CHECKING:
     from motionlake.deep_motifs.signatures import CorpusClip
@@ -60,22 +61,42 @@ class ClipFilter:
         dataset: of this dataset only.
         split: of this split only ("train", "test", ... of labels.csv).
         recorded_only: no synthetic clips.
+        min_quality: the worst verdict of stage "quality" that a clip may have ("ok", "doubtful"); None: any, or none.
     """
 
     dataset: str | None = None
     split: str | None = None
     recorded_only: bool = False
+    min_quality: str | None = field(default=None, kw_only=True)
 
-    def admits(self, clip: CorpusClip) -> bool:
-        return (
+    def admission(self, lake: Lake) -> Callable[[CorpusClip], bool]:
+        """Which clips of a lake count, as a function.
+
+        Raises:
+            UserError: verdicts are asked for that are not known (`lake.verdicts`).
+        """
+        good: frozenset[str] | None = None
+        if self.min_quality is not None:
+            with reading(lake) as con:
+                good = good_clips(con, self.min_quality)
+        return lambda clip: (
             self.dataset in (None, clip.dataset)
             and self.split in (None, clip.split)
             and not (self.recorded_only and clip.synthetic)
+            and (good is None or clip.clip in good)
         )
 
-    def as_parameters(self) -> dict[str, object]:
-        """For a statement in SQL that leaves clips out."""
-        return {"dataset": self.dataset, "split": self.split, "recorded_only": self.recorded_only}
+    def as_parameters(self, con: Connection) -> dict[str, object]:
+        """For a statement in SQL that leaves clips out. Raises `UserError` as `admission`."""
+        least = check_least(con, self.min_quality)
+        return {
+            "dataset": self.dataset, "split": self.split, "recorded_only": self.recorded_only, "min_quality": least,
+        }  # fmt: skip
+
+    @property
+    def clips(self) -> ClipFilter:
+        """What of it says which clips count, and nothing else."""
+        return ClipFilter(self.dataset, self.split, self.recorded_only, min_quality=self.min_quality)
 
 
 @dataclass(frozen=True)
@@ -90,9 +111,10 @@ class Scope(ClipFilter):
     mirrored: bool = False
     own: bool = False
 
-    def chosen(self, clips: Sequence[CorpusClip], without: str | None = None) -> Int64Array:
+    def chosen(self, lake: Lake, clips: Sequence[CorpusClip], without: str | None = None) -> Int64Array:
         """Indices of the clips that may be answers; `without`: the query's, unless it may be one."""
-        kept = [i for i, clip in enumerate(clips) if self.admits(clip) and (self.own or clip.clip != without)]
+        admits = self.admission(lake)
+        kept = [i for i, clip in enumerate(clips) if admits(clip) and (self.own or clip.clip != without)]
         return np.array(kept, dtype=np.int64)
 
 

@@ -61,7 +61,8 @@ class WordsSearcher:
         if clip is not None and not scope.own:
             at = corpus.positions[clip]
             without = (at, query.start or 0, corpus.clips[at].frames if query.stop is None else query.stop)
-        chosen = [i for i, known in enumerate(corpus.clips) if scope.admits(known)]
+        admits = scope.admission(self.lake)
+        chosen = [i for i, known in enumerate(corpus.clips) if admits(known)]
         hits = []
         for hit in find_ranges(corpus, example, k, clips=chosen, without=without):
             made = range_hit(corpus.clips[corpus.positions[hit.clip]], hit.start, hit.stop, hit.distance)

@@ -15,6 +15,7 @@ from motionlake.errors import UserError, told_by_sql
 from motionlake.lake.catalog import Connection, fetch
 from motionlake.lake.layout import Lake
 from motionlake.lake.resolve import resolve_clip
+from motionlake.lake.verdicts import good_clips
 
 if TYPE_CHECKING:
     from motionlake.lake.safe import LakeConnection
@@ -141,6 +142,21 @@ def _frame(value: Any) -> int | None:
     if not 0 <= number < 2**53 or number != int(number):
         raise ValueError(f"{value} is no frame")
     return int(number)
+
+
+def good_ranges(con: Connection, ranges: Sequence[ClipRange], min_quality: str | None) -> list[ClipRange]:
+    """Those of clips that stage "quality" found at least so good (`lake.verdicts`); None: all.
+
+    Raises:
+        UserError: as `good_clips`, or none is as good.
+    """
+    if min_quality is None:
+        return list(ranges)
+    good = good_clips(con, min_quality)
+    kept = [each for each in ranges if each.clip in good]
+    if not kept:
+        raise UserError(f"--min-quality {min_quality}: of {len(ranges)} chosen clips none is as good")
+    return kept
 
 
 def once(ranges: Iterable[ClipRange]) -> list[ClipRange]:

@@ -90,7 +90,7 @@ class Cascade:
                 failed = failed or error
         if failed is not None and not values:
             raise failed
-        admitted = self._admits(ClipFilter(scope.dataset, scope.split, scope.recorded_only))
+        admitted = self._admits(scope.clips)
         count = min(max(k, NEAR), int(np.isfinite(admitted).sum()))
         chosen = [self._methods[name].choose(value, count, admitted) for name, value in values.items()]
         rows = np.unique(np.concatenate(chosen))
@@ -149,7 +149,7 @@ class Cascade:
             there = self._entries >= 0
             if kept != ClipFilter():
                 with reading(self.lake) as con:
-                    admitted = {row["clip"] for row in fetch(con, "clips_admitted", kept.as_parameters())}
+                    admitted = {row["clip"] for row in fetch(con, "clips_admitted", kept.as_parameters(con))}
                 there &= [name in admitted for name in self.files.table["clip"].to_pylist()]
             self._admitted[kept] = np.where(there, np.float32(0), np.float32(-np.inf))
         return self._admitted[kept]

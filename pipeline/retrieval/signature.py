@@ -124,7 +124,7 @@ class SignatureSearcher(LakeSearcher):
         return [self._like(self.signature(query, mirrored=mirrored), k, scope, query.clip) for query in queries]
 
     def _like(self, signature: NDArray[np.floating], k: int, scope: Scope, without: str | None) -> list[Hit]:
-        chosen = scope.chosen(self.clips, without)
+        chosen = scope.chosen(self.lake, self.clips, without)
         if not k or not len(chosen):
             return []
         found = self._index.nearest(signature, k, chosen)

@@ -89,7 +89,7 @@ class SubmotionSearcher(LakeSearcher):
         descriptor = self._network.embed([piece.sequence])[0].tolist()
         without = dict(zip(("clip", "first", "last"), piece.own or (None, 0, 0), strict=True))
         with reading(self.lake) as con:
-            rows = fetch(con, "clips_holding", scope.as_parameters() | without | {"descriptor": descriptor, "k": k})
+            rows = fetch(con, "clips_holding", scope.as_parameters(con) | without | {"descriptor": descriptor, "k": k})
             features = features_of_clips(con, self.lake, self._words, [row["clip"] for row in rows])
         hits = []
         for row, held in zip(rows, features, strict=True):

@@ -15,6 +15,7 @@ from motionlake.deep_motifs.signatures import CorpusClip
 from motionlake.errors import UserError
 from motionlake.lake.catalog import fetch, fetch_table, reading
 from motionlake.lake.layout import Lake
+from motionlake.lake.verdicts import good_clips
 from motionlake.retrieval.protocol import EVERYTHING, ClipFilter, Hit, check_k, clip_hit, ranked
 from motionlake.retrieval.text_index import Asked, TextIndex
 from motionlake.retrieval.text_words import numbers, terms, words
@@ -115,6 +116,10 @@ class LakeText:
                 found &= _true(pc.equal(self._rows[column], wanted))
         if scope.recorded_only:
             found &= ~_true(self._rows["synthetic"])
+        if scope.min_quality is not None:
+            with reading(self._lake) as con:
+                good = good_clips(con, scope.min_quality)
+            found &= np.array([clip in good for clip in self._rows["clip"].to_pylist()], dtype=bool)
         return found
 
     def _numbered(self, number: str) -> Float64Array:

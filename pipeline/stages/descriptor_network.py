@@ -39,7 +39,12 @@ class TrainingSet:
 
 
 def training_set(
-    con: Connection, lake: Lake, config: DescriptorsConfig, split: str | None = None, dataset: str | None = None
+    con: Connection,
+    lake: Lake,
+    config: DescriptorsConfig,
+    split: str | None = None,
+    dataset: str | None = None,
+    min_quality: str | None = None,
 ) -> TrainingSet | None:
     """The clips to train on; None where the lake has none.
 
@@ -49,13 +54,14 @@ def training_set(
         config: says whether labels are needed; its seed draws where there are too many frames.
         split: as the column `split` of labels.csv has it; None takes every clip.
         dataset: None takes all.
+        min_quality: the worst verdict that a clip may have; None takes any.
 
     Raises:
         UserError: there is no such dataset or split, or labels are asked for and no clip has any.
     """
     from motionlake.deephums.training import TrainingClip
 
-    rows = chosen_clips(con, lake, split, dataset)
+    rows = chosen_clips(con, lake, split, dataset, min_quality=min_quality)
     if not rows:
         return None
     if config.supervision == "labels" and not any(row["label"] for row in rows):
@@ -69,6 +75,7 @@ def training_set(
     metrics = {
         "split": split,
         "dataset": dataset,
+        **({} if min_quality is None else {"min_quality": min_quality}),
         "clips_there": len(rows),
         "data_sha256": clips_key([(row["clip"], row["content_hash"]) for row in drawn]),
     }
@@ -115,7 +122,7 @@ class DescriptorNetwork(ModelKind[TrainingSet]):
         return f"will train a descriptor network ({at.config.descriptors.recipe})"
 
     def data(self, at: LakeReader, where: Selection) -> TrainingSet | None:
-        return training_set(at.con, at.lake, at.config.descriptors, where.split, where.dataset)
+        return training_set(at.con, at.lake, at.config.descriptors, where.split, where.dataset, where.min_quality)
 
     def fit(
         self, lake: Lake, config: LakeConfig, data: TrainingSet, checkpoint: Path, progress: Progress

@@ -34,7 +34,12 @@ class MotionSet:
 
 
 def motion_set(
-    con: Connection, lake: Lake, config: SynthesisConfig, split: str | None = None, dataset: str | None = None
+    con: Connection,
+    lake: Lake,
+    config: SynthesisConfig,
+    split: str | None = None,
+    dataset: str | None = None,
+    min_quality: str | None = None,
 ) -> MotionSet | None:
     """The motions to train on: recorded clips with a label, and the labelled ranges of those without; None in a lake
     without clips.
@@ -45,11 +50,12 @@ def motion_set(
         config: its seed draws where there are too many frames.
         split: as the column `split` of labels.csv has it; None takes every clip.
         dataset: None takes all.
+        min_quality: the worst verdict that a clip may have; None takes any.
 
     Raises:
         UserError: there is no such dataset or split, nothing in it has a label, or all that has is too short.
     """
-    rows = chosen_clips(con, lake, split, dataset, "classed_motions")
+    rows = chosen_clips(con, lake, split, dataset, "classed_motions", min_quality=min_quality)
     if not rows:
         _refuse_unlabelled(con, lake, split, dataset)
         return None
@@ -60,6 +66,7 @@ def motion_set(
     metrics = {
         "split": split,
         "dataset": dataset,
+        **({} if min_quality is None else {"min_quality": min_quality}),
         "datasets": sorted({row["dataset"] for row in drawn}),
         "licences": sorted({row["licence"] for row in drawn if row["licence"]}),
         "filled": sorted({joint for row in drawn for joint in row["filled"]}),
@@ -149,7 +156,7 @@ class GeneratorModel(ModelKind[MotionSet]):
         return self.pretrained.fits(replace(config, weights="pretrained"))
 
     def data(self, at: LakeReader, where: Selection) -> MotionSet | None:
-        return motion_set(at.con, at.lake, at.config.synthesis, where.split, where.dataset)
+        return motion_set(at.con, at.lake, at.config.synthesis, where.split, where.dataset, where.min_quality)
 
     def fit(
         self, lake: Lake, config: LakeConfig, data: MotionSet, checkpoint: Path, progress: Progress

@@ -20,7 +20,7 @@ from motionlake.stages.reader import LakeReader
 from motionlake.weights import Pretrained
 
 Data = TypeVar("Data")
-CHOSEN: Final = ("split", "dataset")  # options of a kind that is trained on chosen clips
+CHOSEN: Final = ("split", "dataset", "min_quality")  # options of a kind that is trained on chosen clips
 
 
 @dataclass(frozen=True)
@@ -30,11 +30,13 @@ class Selection:
     Attributes:
         split: those of this split of labels.csv; None: of any.
         dataset: those of this dataset; None: of any.
+        min_quality: those with this verdict at worst (`lake.verdicts`); None: with any.
         fine_tune: go on from the current model, else from the pretrained one, where the kind can.
     """
 
     split: str | None = None
     dataset: str | None = None
+    min_quality: str | None = None
     fine_tune: bool = False
 
 

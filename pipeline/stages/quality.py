@@ -29,6 +29,7 @@ class QualityStage(PartStage):
     """A row a clip, with its faulty ranges."""
 
     name = "quality"
+    version = 2
     about = "what of every clip no body did, by range, with a verdict"
     folder = "quality"
     schema = ROWS
@@ -41,17 +42,18 @@ class QualityStage(PartStage):
         bodies = fetch(at.con, "part_bodies", {"part": part.part})
         return {
             "clips": [row["clip"] for row in bodies],
-            "bodies": {row["clip"]: [row["twist"], row["filled"]] for row in bodies},
+            "bodies": {row["clip"]: [row["twist"], row["filled"], row["repaired"]] for row in bodies},
             "quality": asdict(at.config.of(QualityConfig)),
         }
 
     def rows(self, lake: Lake, shard: Shard) -> Iterator[pa.Table]:
         config = QualityConfig(**shard.spec["quality"])
         for clip in clips_of_shard(lake, shard):
-            twist, filled = shard.spec["bodies"][clip.clip]
-            found = check(
-                Recording.of(clip.positions, clip.rotations, clip.fps, twist=twist, filled=tuple(filled)), config
+            twist, filled, repaired = shard.spec["bodies"][clip.clip]
+            recording = Recording.of(
+                clip.positions, clip.rotations, clip.fps, twist=twist, filled=tuple(filled), repaired=repaired
             )
+            found = check(recording, config)
             yield pa.Table.from_pylist([_row(clip.clip, shard, found)], schema=ROWS)
 
 

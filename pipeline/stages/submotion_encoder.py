@@ -57,7 +57,7 @@ class SubmotionEncoder(ModelKind[SubmotionSet]):
     def data(self, at: LakeReader, where: Selection) -> SubmotionSet | None:
         config = at.config.submotion
         alike = DescriptorsConfig(supervision="none", seed=config.seed)
-        clips = training_set(at.con, at.lake, alike, where.split, where.dataset)
+        clips = training_set(at.con, at.lake, alike, where.split, where.dataset, where.min_quality)
         if clips is None:
             return None
         return SubmotionSet(clips, _first(at.con, at.lake) if config.recipe == "deephums" else None)

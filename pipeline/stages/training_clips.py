@@ -11,6 +11,7 @@ from motionlake.lake import frames
 from motionlake.lake.catalog import Connection, fetch
 from motionlake.lake.integrity import sound
 from motionlake.lake.layout import Lake
+from motionlake.lake.verdicts import good_clips
 from numpy.typing import ArrayLike
 
 Row = Mapping[str, Any]
@@ -22,6 +23,8 @@ def chosen_clips(
     split: str | None,
     dataset: str | None,
     query: str = "training_clips",
+    *,
+    min_quality: str | None = None,
 ) -> list[dict[str, Any]]:
     """The rows of a query for the recorded clips of a split and of a dataset; none where the lake has no clips.
 
@@ -31,14 +34,21 @@ def chosen_clips(
         split: as the column `split` of labels.csv has it; None takes every clip.
         dataset: None takes all.
         query: that reads `split` and `dataset`.
+        min_quality: the worst verdict that a clip may have (`lake.verdicts`); None takes any.
 
     Raises:
-        UserError: there is no such dataset or split.
+        UserError: there is no such dataset or split, no clip is as good, or verdicts are not known.
     """
     rows = fetch(con, query, {"split": split, "dataset": dataset, "label": None})
     if not rows:
         check_chosen(con, lake, split, dataset)
-    return rows
+    if min_quality is None:
+        return rows
+    good = good_clips(con, min_quality)
+    kept = [row for row in rows if row["clip"] in good]
+    if rows and not kept:
+        raise UserError(f"--min-quality {min_quality}: none of the {len(rows)} clips to train on is as good")
+    return kept
 
 
 def check_chosen(con: Connection, lake: Lake, split: str | None, dataset: str | None) -> None:

@@ -1,9 +1,9 @@
 -- Works in plain DuckDB: the clips of which a window is nearest to a piece of motion, as the sub-motion encoder sees it
 -- (DeepHuMS, section 3.3.5), and that window. `without`: windows of this clip that overlap its frames [first, last) are
--- left out; `dataset`, `split`, `recorded_only`: as in `clips_near`.
+-- left out; `dataset`, `split`, `recorded_only`, `min_quality`: as in `clips_near`.
 CREATE OR REPLACE MACRO clips_holding(
     query_descriptor, k := 10, dataset := NULL, without := NULL, first := NULL, last := NULL, recorded_only := false,
-    split := NULL
+    split := NULL, min_quality := NULL
 ) AS TABLE
 SELECT row_number() OVER (ORDER BY distance, clip) AS rank, clip, "start", stop, distance, label, home AS dataset, seconds
 FROM (
@@ -16,7 +16,7 @@ FROM (
         GROUP BY clip
     ) n JOIN clips c ON c.clip = n.clip
     WHERE (dataset IS NULL OR c.dataset = dataset) AND (split IS NULL OR c.split = split)
-        AND NOT (recorded_only AND c.format = 'synthetic')
+        AND NOT (recorded_only AND c.format = 'synthetic') AND good_enough(c.clip, min_quality)
     ORDER BY near.distance, c.clip LIMIT k
 )
 ORDER BY distance, clip;

@@ -43,7 +43,13 @@ ORDER BY clip;
 -- name: clips_admitted
 SELECT clip FROM clips
 WHERE ($dataset::VARCHAR IS NULL OR dataset = $dataset) AND ($split::VARCHAR IS NULL OR split = $split)
-    AND NOT ($recorded_only AND format = 'synthetic');
+    AND NOT ($recorded_only AND format = 'synthetic') AND good_enough(clip, $min_quality::VARCHAR);
+
+-- name: clips_without_verdict
+SELECT count(*)::BIGINT AS clips FROM clips WHERE quality_verdict(clip) IS NULL;
+
+-- name: clips_good_enough
+SELECT clip FROM clips WHERE good_enough(clip, $min_quality::VARCHAR);
 
 -- name: graph_files
 SELECT unnest(files) AS file FROM manifest WHERE stage = 'graph' AND state = 'ok' ORDER BY file;
@@ -56,7 +62,7 @@ SELECT clip FROM clips WHERE part = $part ORDER BY clip;
 
 -- name: part_bodies
 -- What checks of recordings have to know beside the frames.
-SELECT clip, twist, filled FROM clips WHERE part = $part ORDER BY clip;
+SELECT clip, twist, filled, repaired FROM clips WHERE part = $part ORDER BY clip;
 
 -- name: frames_parts
 -- Parts of recorded and of synthetic clips.

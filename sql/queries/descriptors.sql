@@ -16,7 +16,7 @@ ORDER BY clip, start;
 SELECT h.distance, h.clip, c.dataset, c.label, c.subject, c.split, c.fps, c.frames, c.format = 'synthetic' AS synthetic
 FROM clips_holding(
     $descriptor::FLOAT[512], k := $k, dataset := $dataset, without := $clip, first := $first, last := $last,
-    recorded_only := $recorded_only, split := $split
+    recorded_only := $recorded_only, split := $split, min_quality := $min_quality
 ) h
 JOIN clips c USING (clip)
 ORDER BY rank;

@@ -51,7 +51,7 @@ SELECT clip, dataset, path, part, fps, subject, signature, says[$column] AS labe
 FROM (SELECT *, map_concat(attributes, MAP {'label': label, 'subject': subject, 'split': split, 'dataset': dataset}) AS says FROM clips)
 JOIN signatures USING (clip)
 WHERE NOT ($recorded_only AND format = 'synthetic') AND ($split::VARCHAR IS NULL OR split = $split)
-    AND ($dataset::VARCHAR IS NULL OR dataset = $dataset)
+    AND ($dataset::VARCHAR IS NULL OR dataset = $dataset) AND good_enough(clip, $min_quality::VARCHAR)
     AND ($only_column::VARCHAR IS NULL OR says[$only_column::VARCHAR] = $only_value)
 ORDER BY clip;
 

@@ -60,7 +60,7 @@ WHERE $dataset::VARCHAR IS NULL OR dataset = $dataset ORDER BY clip;
 SELECT clip, dataset, part, s.signature, m.signature AS mirrored
 FROM clips JOIN signatures s USING (clip) LEFT JOIN mirrored_signatures m USING (clip)
 WHERE ($dataset::VARCHAR IS NULL OR dataset = $dataset) AND ($split::VARCHAR IS NULL OR split = $split)
-    AND NOT ($recorded_only AND format = 'synthetic')
+    AND NOT ($recorded_only AND format = 'synthetic') AND good_enough(clip, $min_quality::VARCHAR)
 ORDER BY clip;
 
 -- name: mirrored_signature

@@ -43,7 +43,7 @@ def _frozen(recording: Recording, config: QualityConfig) -> tuple[list[Fault], f
     still = maximum_filter1d((span <= CHANGE).astype(np.uint8), window, axis=0, origin=-1 if window % 2 == 0 else 0) > 0
     used = still.mean(axis=0) < UNUSED
     body = still.all(axis=1)
-    still &= ~_stretched(recording, joints)
+    still &= ~stretched(recording, joints)
     found = [
         Fault(kind="frozen", start=start, stop=stop, severity=(stop - start) / recording.fps)
         for start, stop in runs(body)
@@ -57,7 +57,7 @@ def _frozen(recording: Recording, config: QualityConfig) -> tuple[list[Fault], f
     return found, share
 
 
-def _stretched(recording: Recording, joints: list[int]) -> BoolArray:
+def stretched(recording: Recording, joints: list[int]) -> BoolArray:
     """[F, j] whether a knee or an elbow is straight: solvers hold hinges there where they would overstretch."""
     straight = np.zeros((len(recording), len(joints)), dtype=np.bool_)
     for column, joint in enumerate(joints):

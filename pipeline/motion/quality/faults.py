@@ -13,8 +13,8 @@ from motionlake.motion.skeleton import INDEX, JOINTS
 
 # Kinds of faults in the order in which they are told.
 KINDS: Final = (
-    "slide", "penetration", "floating", "jitter", "spike", "flip", "frozen", "limb_drift", "tpose_start", "tpose_end",
-    "fps", "unit", "up", "swapped_sides", "seam",
+    "slide", "penetration", "floating", "jitter", "spike", "flip", "frozen", "missing", "limb_drift", "tpose_start",
+    "tpose_end", "fps", "unit", "up", "swapped_sides", "seam",
 )  # fmt: skip
 UPRIGHT: Final = 0.6  # of the body's height that its head is above its ankles
 
@@ -27,8 +27,8 @@ class Fault:
         kind: of `KINDS`.
         joint: canonical joint; "" where it is the whole body.
         severity: slide: metres a second; penetration, floating, jitter, spike, seam: metres; flip: degrees; frozen,
-            tpose_start, tpose_end, swapped_sides: seconds; limb_drift: share of the length; fps: how many times too
-            fast the clip plays; unit: metres of body height; up: degrees from upright.
+            tpose_start, tpose_end, swapped_sides: seconds; missing: share of the frames; limb_drift: share of the
+            length; fps: how many times too fast the clip plays; unit: metres of body height; up: degrees from upright.
     """
 
     kind: str
@@ -51,6 +51,7 @@ class Recording:
         fps: frames a second.
         twist: whether rotations were measured; False: they follow from positions.
         filled: joints that the rig lacks.
+        repaired: frames whose gaps were filled when the file was read.
     """
 
     positions: Float64Array
@@ -58,12 +59,20 @@ class Recording:
     fps: float
     twist: bool = True
     filled: tuple[str, ...] = ()
+    repaired: int = 0
 
     @classmethod
     def of(
-        cls, positions: FloatArray, rotations: FloatArray, fps: float, *, twist: bool, filled: tuple[str, ...]
+        cls,
+        positions: FloatArray,
+        rotations: FloatArray,
+        fps: float,
+        *,
+        twist: bool,
+        filled: tuple[str, ...],
+        repaired: int = 0,
     ) -> Recording:
-        return cls(positions.astype(np.float64), rotations.astype(np.float64), fps, twist, filled)
+        return cls(positions.astype(np.float64), rotations.astype(np.float64), fps, twist, filled, repaired)
 
     def part(self, start: int, stop: int) -> Recording:
         """Frames [start, stop) of it."""

@@ -1,4 +1,4 @@
-"""Copies of motions with what can be mended: T-poses cut off, gaps filled, flips undone, noise smoothed."""
+"""Copies of motions with what can be mended: T-poses, spikes, flips, noise, and feet that slide or sink."""
 
 from __future__ import annotations
 
@@ -11,11 +11,13 @@ from motionlake.arrays import Float64Array
 from motionlake.motion.canonicalise import CanonicalMotion
 from motionlake.motion.kinematics import continuous_signs, forward_kinematics
 from motionlake.motion.quality.faults import Fault
+from motionlake.motion.quality.footing import Body, footed
 from motionlake.motion.rotations import conjugate, multiply, normalise
 from motionlake.motion.skeleton import INDEX, PARENTS
 
 WINDOW: Final = 0.15  # seconds over which noise is smoothed
 ORDER: Final = 2
+FOOTING: Final = {"slide": "pinned", "penetration": "raised"}
 APART: Final = 0.6  # seconds at most between a flip and the one back
 
 
@@ -24,7 +26,7 @@ class Mended:
     """What was done to frames [start, stop) of the source.
 
     Attributes:
-        how: cut, filled, turned back, or smoothed.
+        how: cut, filled, turned back, smoothed, pinned (feet that slid), or raised (a body that sank).
         fault: its kind.
         joint: the highest joint that changed; "" where all did.
     """
@@ -40,7 +42,7 @@ class Mended:
 
 
 def mended(motion: CanonicalMotion, faults: Sequence[Fault]) -> tuple[CanonicalMotion, list[Mended]]:
-    """A motion without its T-poses, spikes, flips that flip back, and jitter; other faults stay.
+    """A motion without its T-poses, spikes, flips that flip back, jitter, slides and sunk feet; other faults stay.
 
     Bones have their rest lengths afterwards: joints follow from rotations (forward kinematics).
 
@@ -58,6 +60,11 @@ def mended(motion: CanonicalMotion, faults: Sequence[Fault]) -> tuple[CanonicalM
     done = [_filled(root, rotations, fault) for fault in faults if fault.kind == "spike"]
     done += _unflipped(rotations, [fault for fault in faults if fault.kind == "flip"], motion.fps)
     done += [_smoothed(root, rotations, fault, motion.fps) for fault in faults if fault.kind == "jitter"]
+    body = Body(root, continuous_signs(normalise(rotations)), motion.rest_offsets, motion.fps)
+    for fault in (fault for fault in faults if fault.kind in FOOTING):
+        if footed(body, fault):
+            done.append(Mended(FOOTING[fault.kind], fault.kind, fault.joint, fault.start, fault.stop))
+    root, rotations = body.root, body.rotations
     first = max((fault.stop for fault in faults if fault.kind == "tpose_start"), default=0)
     last = min((fault.start for fault in faults if fault.kind == "tpose_end"), default=len(motion))
     if first >= last:

@@ -14,6 +14,7 @@ _SAYS: Final = {
     "spike": "{joint} leaves its path by {cm:.0f} cm at {at}",
     "flip": "{joint} turns by {severity:.0f} degrees from one frame to the next at {at}",
     "frozen": "{joint} stands still to the last digit in {when}",
+    "missing": "joints were missing in {percent:.0f} % of the frames, and were filled when the file was read",
     "limb_drift": "the bone that ends at the {joint} changes its length by {percent:.0f} % in {when}",
     "tpose_start": "it begins with a T-pose of {severity:.2f} s",
     "tpose_end": "it ends with a T-pose of {severity:.2f} s",

@@ -12,6 +12,7 @@ from motionlake.motion.quality_config import QualityConfig
 WINDOW: Final = 0.25  # seconds over which the vote of knees and toes is taken
 UNSURE: Final = 0.02  # of a leg, as which knees and toes lie ahead
 SHORTEST: Final = 0.3  # seconds
+KNEES: Final = 0.25  # how much they count beside toes: in some recordings those of straight legs bend backwards
 
 
 def check_sides(recording: Recording, config: QualityConfig) -> tuple[dict[str, float], list[Fault]]:
@@ -39,6 +40,6 @@ def _ahead(recording: Recording) -> Float64Array:
         thigh = recording.joint(f"{side}_knee") - recording.joint(f"{side}_hip")
         shin = recording.joint(f"{side}_ankle") - recording.joint(f"{side}_knee")
         foot = recording.joint(f"{side}_toe") - recording.joint(f"{side}_ankle")
-        turned = np.cross(thigh, shin) - np.cross(shin, foot)
+        turned = KNEES * np.cross(thigh, shin) - np.cross(shin, foot)
         total += (turned * left).sum(axis=1) / max(recording.leg / 2, 1e-6)
     return total

@@ -18,8 +18,8 @@ from motionlake.motion.quality_config import QualityConfig
 
 CHECKS: Final = (check_feet, check_noise, check_bones, check_scale, check_sides)  # of what lies between T-poses
 MEASURES: Final = (
-    "slide", "penetration", "floating", "jitter", "spikes", "flips", "frozen", "limb_drift", "tpose_start",
-    "tpose_end", "fps_doubt", "unit_doubt", "up_doubt", "swapped_sides", "loop_seam",
+    "slide", "penetration", "floating", "jitter", "spikes", "flips", "frozen", "missing", "limb_drift", "tpose_start",
+    "tpose_end", "fps_doubt", "fps_known", "unit_doubt", "up_doubt", "swapped_sides", "loop_seam",
 )  # fmt: skip
 VERDICTS: Final = ("ok", "doubtful", "bad")  # the best first
 # Of these one anywhere makes the whole clip bad, for all of its numbers are wrong by it.
@@ -60,11 +60,15 @@ def check(recording: Recording, config: QualityConfig) -> Quality:
             measured, faults = one(moving, config)
             measures |= measured
             found += [replace(fault, start=fault.start + first, stop=fault.stop + first) for fault in faults]
+    missing = recording.repaired / len(recording) if len(recording) else 0.0
+    measures["missing"] = missing
+    if missing > config.missing:
+        found.append(Fault(kind="missing", start=0, stop=len(recording), severity=missing))
     found.sort(key=lambda f: (KINDS.index(f.kind), f.start, f.stop, f.joint))
     touched = np.zeros(len(recording), dtype=np.bool_)
-    for fault in found:
+    for fault in (fault for fault in found if fault.kind != "missing"):  # whose frames are not known
         touched[fault.start : fault.stop] = True
-    share = float(touched.mean()) if len(recording) else 0.0
+    share = max(float(touched.mean()), missing) if len(recording) else 0.0
     verdict = "ok"
     if found:
         whole = any(fault.kind in WHOLE for fault in found)

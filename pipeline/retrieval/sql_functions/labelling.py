@@ -13,10 +13,15 @@ from motionlake.retrieval.sql_functions import Served, columns, sql_function
 
 @sql_function(columns(ClassifiedClip, "label", "confidence", "distance"))
 def classify_clip(
-    served: Served, query: str, k: int = 5, dataset: str | None = None, split: str | None = None
+    served: Served,
+    query: str,
+    k: int = 5,
+    dataset: str | None = None,
+    split: str | None = None,
+    min_quality: str | None = None,
 ) -> list[ClassifiedClip]:
     """The class of a clip by a vote of the first k recorded, labelled clips found, as `motionlake classify`."""
-    scope = Scope(dataset, split, recorded_only=dataset is None)
+    scope = Scope(dataset, split, dataset is None, min_quality=min_quality)
     classifier: LakeClassifier = served.once(LakeClassifier, k=k, scope=scope)
     return classifier.classify([served.query(query)])
 
@@ -46,10 +51,11 @@ def clip_clusters(served: Served, k: int | None = None, clips: ClipFilter = EVER
 def near_duplicates(
     served: Served, max_distance: float = MAX_DISTANCE, dataset: str | None = None, across: bool = False,
     mirrored: bool = False, split: str | None = None, recorded_only: bool = False,
+    min_quality: str | None = None,
 ) -> list[Duplicate]:  # fmt: skip
     """Pairs of clips that are one recording, as `motionlake duplicates`."""
     from motionlake.retrieval.duplicates import near_duplicates
 
     with reading(served.lake) as con:
-        scope = Scope(dataset, split, recorded_only, mirrored)
+        scope = Scope(dataset, split, recorded_only, mirrored, min_quality=min_quality)
         return near_duplicates(con, served.lake, scope, max_distance=max_distance, across=across)
