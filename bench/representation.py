@@ -22,6 +22,7 @@ from functools import cache, partial
 from typing import Any, Final
 
 import numpy as np
+import torch
 from motionlake.arrays import Float32Array, Float64Array
 from motionlake.deep_motifs.config import NetworkConfig
 from motionlake.deep_motifs.emd import emd_matrix, ground_distances
@@ -29,9 +30,9 @@ from motionlake.deep_motifs.motifs import Motifs, assign, fit_motifs
 from motionlake.deep_motifs.signatures import signatures
 from motionlake.deep_motifs.words.dtw import word_distances
 from motionlake.deep_motifs.words.linear import LinearConfig
+from motionlake.deep_motifs.words.network import moves as word_moves
 from motionlake.evaluation.ranking import RetrievalScores, leave_one_out
 from motionlake.motion.features import WordConfig, word_windows
-from motionlake.motion.moves import SILENT, ends
 from numpy.typing import NDArray
 from sklearn.decomposition import PCA
 from threadpoolctl import threadpool_limits
@@ -92,11 +93,9 @@ def raw(clips: list[Float32Array], config: WordConfig, seed: int) -> list[Float3
 
 
 def moves(clips: list[Float32Array], config: WordConfig, seed: int, *, beside: bool = False) -> list[Float32Array]:
-    """Principal components of words as moves: displacement of the joints from where the word begins and ends, and their
-    velocity, each over its root mean square in the word; `beside` the words as they are, with as much variance."""
-    words = [word_windows(clip, config) for clip in clips]
-    joints = 3 * len(config.joint_indices)
-    stacked = np.concatenate([_word_moves(of_clip, joints) for of_clip in words])
+    """Principal components of the moves of words; `beside` the words as they are, with as much variance."""
+    words = [word_windows(clip, config).copy() for clip in clips]
+    stacked = np.concatenate([word_moves(torch.from_numpy(w), config.posture).flatten(1).numpy() for w in words])
     if beside:
         plain = np.concatenate(raw(clips, config, seed))
         stacked = np.hstack([part / np.sqrt(part.var(axis=0).sum()) for part in (plain, stacked)])
@@ -105,21 +104,12 @@ def moves(clips: list[Float32Array], config: WordConfig, seed: int, *, beside: b
     return _split(reduced.astype(np.float32), words)
 
 
-def _word_moves(words: Float32Array, joints: int) -> Float32Array:
-    """[n, length * 2 * joints] of words [n, length, D] that begin with joints and their velocities."""
-    places, velocities = words[:, :, :joints], words[:, :, joints : 2 * joints]
-    begin = places[:, ends(words.shape[1])].mean(axis=1, keepdims=True)
-    parts = [places - begin, velocities]
-    scaled = [part / np.maximum(np.sqrt((part**2).sum(axis=2).mean(axis=1)), SILENT)[:, None, None] for part in parts]
-    return np.concatenate(scaled, axis=2).reshape(len(words), -1)
-
-
 def learned(
     clips: list[Float32Array],
     config: WordConfig,
     seed: int,
     *,
-    architecture: str = "linear",
+    architecture: str = "moves",
     steps: int = 0,
     linear: LinearConfig | None = None,
     published: bool = False,
@@ -155,7 +145,7 @@ def by_dtw(clips: list[Float32Array], config: WordConfig, k: int, seed: int) -> 
     Distances are square roots of `word_distances`. They are no metric: `emd_matrix` leaves shared mass where it is,
     which then only comes near to the cheapest transport.
     """
-    words = [word_windows(clip, config) for clip in clips]
+    words = [word_windows(clip, config).copy() for clip in clips]
     stacked = np.concatenate(words)
     medoids = medoids_of(stacked, k, seed)
     groups = np.argmin(word_distances(stacked, medoids), axis=1).astype(np.int32)
@@ -204,6 +194,7 @@ def rows() -> dict[str, Row]:
         "DTW": Row(main, by_dtw, seeds=SEEDS, sets=ALL),
         "shallow": Row(main, principal, seeds=SEEDS, sets=ALL),
         "learned (default)": Row(main, own, seeds=SEEDS, sets=ALL),
+        "learned, without moves": Row(main, by_l2(partial(learned, architecture="linear")), seeds=SEEDS, sets=ALL),
         "pretrained": Row(main, own, seeds=SEEDS, sets=ALL),
         "conv": Row(network, by_l2(conv)),
         SLOW: Row(network, by_l2(partial(learned, architecture=SLOW, steps=CONV_STEPS)), sets=("hdm05",)),

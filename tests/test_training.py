@@ -13,7 +13,7 @@ from motionlake.deep_motifs.config import NetworkConfig
 from motionlake.deep_motifs.words import training
 from motionlake.deep_motifs.words.dtw import word_distances
 from motionlake.deep_motifs.words.linear import LinearConfig, linear_embedding, nearest_elsewhere
-from motionlake.deep_motifs.words.network import TrainedNetwork, load_network
+from motionlake.deep_motifs.words.network import MovesBody, TrainedNetwork, load_network, moves
 from motionlake.deep_motifs.words.training import Recipe, train_words
 from motionlake.deep_motifs.words.triplets import TripletConfig, time_reversed, time_warped, training_words
 from motionlake.motion.dtw import frame_distances
@@ -152,6 +152,51 @@ def test_linear_paths_start_as_the_linear_embedding(architecture: str) -> None:
     np.testing.assert_allclose(spread(made.embed(words[:50])[:, None]), spread(expected[:, None]), atol=1e-3)
 
 
+def naive_moves(word: Float32Array, posture: int) -> Float32Array:
+    """The moves [length, 2 P] of a word, frame by frame."""
+    held, last = word[:, :posture].astype(np.float64), len(word) - 1
+    between = (held[0] + held[min(1, last)] + held[max(0, last - 1)] + held[last]) / 4
+    away = np.array([frame - between for frame in held])
+    around = [(max(i - 1, 0), min(i + 1, last)) for i in range(last + 1)]
+    change = np.array([(held[after] - held[before]) / max(after - before, 1) for before, after in around])
+    sizes = [np.sqrt(sum(float(frame @ frame) for frame in part) / len(word)) for part in (away, change)]
+    return np.hstack([away / max(sizes[0], 1e-6), change / max(sizes[1], 1e-6)]).astype(np.float32)
+
+
+@pytest.mark.parametrize("length", [1, 2, 3, 12])
+def test_moves_of_words_agree_with_a_naive_count(length: int) -> None:
+    words = np.random.default_rng(length).standard_normal((5, length, 7)).astype(np.float32)
+    words[3] = words[3, :1]  # a body that stands still has no moves
+    found = moves(torch.from_numpy(words), 4).numpy()
+    np.testing.assert_allclose(found, [naive_moves(word, 4) for word in words], atol=1e-5)
+    assert not found[3].any()
+
+
+def test_moves_tell_what_is_done_be_it_largely_or_a_little() -> None:
+    word = np.random.default_rng(1).standard_normal((12, CONFIG.dimension)).astype(np.float32)
+    held = word.mean(axis=0)
+    small = held + 0.3 * (word - held)
+    one, other = (moves(torch.from_numpy(w[None].astype(np.float32)), CONFIG.posture).numpy() for w in (word, small))
+    np.testing.assert_allclose(one, other, atol=1e-5)
+
+
+def test_words_and_their_moves_count_alike() -> None:
+    made = train_words(clips(30), CONFIG, NetworkConfig("moves", max_words=10_000))
+    body = made.network.body
+    assert isinstance(body, MovesBody)
+    words = np.concatenate([word_windows(c, CONFIG) for c in clips(30)])
+    with torch.no_grad():
+        seen = body.seen((torch.from_numpy(words) - made.network.mean) / made.network.scale)
+        counted = (seen * body.weights(seen)).numpy()
+    plain = CONFIG.length * CONFIG.dimension
+    of_words, of_moves = (part.var(axis=0, ddof=1).sum() for part in (counted[:, :plain], counted[:, plain:]))
+    assert of_words == pytest.approx(1.0, rel=1e-3)
+    assert of_moves == pytest.approx(1.0, rel=1e-3)
+    owners = np.repeat(np.arange(30), [len(word_windows(c, CONFIG)) for c in clips(30)])
+    expected = counted[:50] @ linear_embedding(counted, owners, LinearConfig(), seed=0).T
+    np.testing.assert_allclose(spread(made.embed(words[:50])[:, None]), spread(expected[:, None]), atol=1e-3)
+
+
 def test_directions_in_which_neighbours_of_other_clips_differ_are_shrunk() -> None:
     """Two features of equal variance: one tells ten actions apart, the other is the performer's own."""
     rng = np.random.default_rng(0)
@@ -179,7 +224,7 @@ def test_neighbours_are_the_nearest_of_other_clips() -> None:
     )
 
 
-@pytest.mark.parametrize(("architecture", "share"), [("linear", 0.8), ("conv", 0.9)])
+@pytest.mark.parametrize(("architecture", "share"), [("moves", 0.8), ("linear", 0.8), ("conv", 0.9)])
 def test_words_played_backwards_are_alike_by_choice(architecture: str, share: float) -> None:
     words = np.concatenate([word_windows(c, CONFIG) for c in clips(8, seed=50)])
     recipe = replace(FEW, triplets=TripletConfig(anchors=200), metric_weight=0.2)
@@ -245,7 +290,7 @@ def test_a_checkpoint_of_other_training_is_not_used(tmp_path: Path) -> None:
     np.testing.assert_array_equal(found.embed(words), expected.embed(words))
 
 
-@pytest.mark.parametrize("architecture", ["linear", "conv"])
+@pytest.mark.parametrize("architecture", ["moves", "linear", "conv"])
 def test_fine_tuning_goes_on_from_a_network(architecture: str) -> None:
     words = word_windows(clips(6)[2], CONFIG)
     config = NetworkConfig(architecture, steps=5, max_words=300)
@@ -270,7 +315,7 @@ def test_a_word_is_embedded_alike_in_any_company(trained: TrainedNetwork) -> Non
         trained.embed(words[:, :8])
 
 
-@pytest.mark.parametrize("architecture", ["linear", "conv", "inception736"])
+@pytest.mark.parametrize("architecture", ["moves", "linear", "conv", "inception736"])
 def test_a_saved_network_is_the_same_network(architecture: str, tmp_path: Path) -> None:
     recipe = Recipe(batch=8, pool=16)
     network = train_words(clips(6), CONFIG, NetworkConfig(architecture, steps=1, max_words=70), recipe=recipe)

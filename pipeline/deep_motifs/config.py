@@ -11,6 +11,7 @@ from motionlake.motion.features import WordConfig
 from motionlake.weights import Pretrained
 
 EXACT_WORDS: Final = 30_000
+CLOSED: Final = ("moves", "linear")  # architectures that are learned in closed form, without steps
 ENOUGH: Final = 5_000  # words of a lake that trains its own network; the smallest lake measured held 5,644
 
 
@@ -24,7 +25,7 @@ class NetworkConfig:
             the words and the architecture, "own" always trains on the lake's clips, "auto" (default) does so where the
             lake holds `ENOUGH` words: own words retrieve no worse on any set measured (`docs/words.md`).
         seed: of its training.
-        steps: optimiser steps; "linear" needs none.
+        steps: optimiser steps; "moves" and "linear" need none.
         max_words: size of the sample of words it is trained on.
         reversible: words played backwards are trained to count as alike (section 6.1).
 
@@ -32,7 +33,7 @@ class NetworkConfig:
         ValueError: other weights, or a number below one.
     """
 
-    architecture: str = "linear"
+    architecture: str = "moves"
     weights: str = "auto"
     seed: int = 0
     steps: int = 500
@@ -79,7 +80,7 @@ def _same_words(about: Mapping[str, Any], words: WordConfig, network: NetworkCon
     return (about["words"], about["architecture"]) == (asdict(words), network.architecture)
 
 
-PRETRAINED_WORDS: Final = Pretrained(Path(__file__).parent / "weights" / "words-linear.safetensors", _same_words)
+PRETRAINED_WORDS: Final = Pretrained(Path(__file__).parent / "weights" / "words-moves.safetensors", _same_words)
 
 
 @dataclass(frozen=True)

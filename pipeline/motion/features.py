@@ -79,6 +79,11 @@ class WordConfig:
         return tuple(INDEX[name] for name in JOINT_SETS[self.joints] if name != "hips")
 
     @property
+    def posture(self) -> int:
+        """P: the first numbers of a frame, which say how the body stands; those after them say how it moves."""
+        return len(self.joint_indices) * (4 if self.representation == "rotations" else 3)
+
+    @property
     def dimension(self) -> int:
         """D: numbers a frame."""
         n_joints = len(self.joint_indices)

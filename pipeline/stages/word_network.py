@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from motionlake.arrays import Float32Array, Progress
-from motionlake.deep_motifs.config import ENOUGH, PRETRAINED_WORDS, NetworkConfig
+from motionlake.deep_motifs.config import CLOSED, ENOUGH, PRETRAINED_WORDS, NetworkConfig
 from motionlake.lake.catalog import fetch
 from motionlake.lake.config import LakeConfig, config_hash
 from motionlake.lake.integrity import sound
@@ -42,7 +42,7 @@ class WordNetwork(ModelKind[WordSample]):
     help = """Train the word network that config.toml names; `motionlake run all` then embeds with it.
 
     Interrupted, the same command goes on where it stopped. [network] in config.toml says which architecture
-    ("linear", "conv", "inception736"), how many steps, and from which seed.
+    ("moves", "linear", "conv", "inception736"), how many steps, and from which seed.
 
     Example: motionlake train words --lake mylake
 
@@ -67,7 +67,7 @@ class WordNetwork(ModelKind[WordSample]):
 
     def announce(self, at: LakeReader) -> str:
         network = at.config.network
-        steps = "" if network.architecture == "linear" else f", {network.steps} steps; says how long after the first"
+        steps = "" if network.architecture in CLOSED else f", {network.steps} steps; says how long after the first"
         return f"will train a word network ({network.architecture}{steps})"
 
     def data(self, at: LakeReader, where: Selection) -> WordSample | None:

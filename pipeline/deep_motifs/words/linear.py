@@ -46,17 +46,17 @@ def linear_embedding(
     start: Float32Array | None = None,
     alike: Float32Array | None = None,
 ) -> Float32Array:
-    """The matrix [d, length * D] that embeds flattened words, d = at most `components`.
+    """The matrix [d, E] that embeds flattened words of E numbers, d = at most `components`.
 
     Embedded words lie a median distance of 1 apart. Where no other clip has words, neighbours are left out.
 
     Args:
-        words: [n, length, D].
+        words: [n, E], or [n, length, D] with E = length * D.
         clips: [n] clip of each word.
         config: how to learn it.
         seed: of the draw of anchors.
-        start: [d, length * D] an embedding to go on from, in the place of principal components.
-        alike: [n, length, D] what each word counts as alike with, beside its neighbours.
+        start: [d, E] an embedding to go on from, in the place of principal components.
+        alike: of the shape of `words`, what each word counts as alike with, beside its neighbours.
     """
     flat = words.reshape(len(words), -1)
     centred = flat - flat.mean(axis=0, dtype=np.float64).astype(np.float32)

@@ -1,7 +1,7 @@
 """Networks that embed motion words (Deep Motifs, section 3.3), by name.
 
-"linear" (the default) is the embedding of `linear`. "conv" is a small 1-D convolution over time
-beside a linear path that starts as that embedding: untrained it equals it.
+"linear" is the embedding of `linear`. "moves" (the default) is the same of a word with its moves beside it. "conv" is a
+small 1-D convolution over time beside a linear path that starts as that embedding: untrained it equals it.
 "inception736" follows the paper: an Inception network on the word as an image of frames by features, with
 the 736 channels of its last module (256 + 384 + 96) averaged into a unit vector.
 """
@@ -17,10 +17,12 @@ import numpy as np
 import torch
 from motionlake.arrays import Float32Array
 from motionlake.motion.features import WordConfig
+from motionlake.motion.moves import SILENT, ends
 from motionlake.training import on_threads, read_network, save_network
 from torch import Tensor, nn
 
 EMBEDDING: Final = 48
+MOVES_COUNT: Final = 1.0  # of the moves of a word beside the word itself
 
 
 class WordNetwork(nn.Module):
@@ -43,28 +45,68 @@ class WordNetwork(nn.Module):
 class LinearBody(nn.Module):
     """One matrix on the flattened word."""
 
-    def __init__(self, length: int, dimension: int) -> None:
+    def __init__(self, words: WordConfig, beside: int = 0) -> None:
         super().__init__()
-        self.linear = nn.Linear(length * dimension, EMBEDDING, bias=False)
+        self.linear = nn.Linear(words.length * (words.dimension + beside), EMBEDDING, bias=False)
+
+    def seen(self, words: Tensor) -> Tensor:
+        """[n, E] what the matrix reads of words [n, length, D]."""
+        return words.flatten(1)
+
+    def weights(self, seen: Tensor) -> Tensor:
+        """[E] how much each number that is `seen` [n, E] counts where the matrix is learned."""
+        return torch.ones(seen.shape[1])
 
     def forward(self, words: Tensor) -> Tensor:
-        embedded: Tensor = self.linear(words.flatten(1))
+        embedded: Tensor = self.linear(self.seen(words))
         return embedded
 
     @torch.no_grad()
     def start_from(self, matrix: Tensor) -> None:
-        """Make the matrix `matrix` [d, length * D] (rows beyond are zero)."""
+        """Make the matrix `matrix` [d, E] (rows beyond are zero)."""
         self.linear.weight.zero_()
         count = min(len(matrix), len(self.linear.weight))
         self.linear.weight[:count] = matrix[:count]
 
 
+def moves(words: Tensor, posture: int) -> Tensor:
+    """[n, length, 2 P] the moves of words [n, length, D]: how far the first P numbers of a frame are from what they are
+    where the word begins and ends, and how they change a frame, each over its root mean square in the word."""
+    held = words[:, :, :posture]
+    away = held - held[:, ends(words.shape[1])].mean(dim=1, keepdim=True)
+    change = torch.gradient(held, dim=1)[0] if words.shape[1] > 1 else torch.zeros_like(held)
+    parts = (away, change)
+    return torch.cat([p / p.square().sum(2).mean(1).sqrt().clamp(min=SILENT)[:, None, None] for p in parts], dim=2)
+
+
+class MovesBody(LinearBody):
+    """One matrix on the flattened word with its moves beside it.
+
+    The word tells how the body stands and how fast it moves; its moves tell what is done, be it largely or a little.
+    """
+
+    def __init__(self, words: WordConfig) -> None:
+        super().__init__(words, beside=2 * words.posture)
+        self._posture, self._plain = words.posture, words.length * words.dimension
+
+    def seen(self, words: Tensor) -> Tensor:
+        return torch.cat([words.flatten(1), moves(words, self._posture).flatten(1)], dim=1)
+
+    def weights(self, seen: Tensor) -> Tensor:
+        """Words and moves have as much variance, but for `MOVES_COUNT`."""
+        parts = ((seen[:, : self._plain], 1.0), (seen[:, self._plain :], MOVES_COUNT))
+        return torch.cat([
+            torch.full((part.shape[1],), count / max(float(part.var(dim=0).sum()) ** 0.5, SILENT))
+            for part, count in parts
+        ])  # fmt: skip
+
+
 class ConvBody(LinearBody):
     """Linear path plus convolutions over time, whose last layer starts at zero."""
 
-    def __init__(self, length: int, dimension: int, *, width: int = 96) -> None:
-        super().__init__(length, dimension)
-        reduced = -(-length // 2)
+    def __init__(self, words: WordConfig, *, width: int = 96) -> None:
+        super().__init__(words)
+        dimension, reduced = words.dimension, -(-words.length // 2)
         self.convolutions = nn.Sequential(
             nn.Conv1d(dimension, width, 5, stride=2, padding=2),
             nn.GELU(),
@@ -127,16 +169,17 @@ class InceptionBody(nn.Module):
         return nn.functional.normalize(self.layers(words[:, None]), dim=1)
 
 
-def build(architecture: str, length: int, dimension: int) -> WordNetwork:
+def build(architecture: str, words: WordConfig) -> WordNetwork:
     """A network by name, with random weights from torch's generator; `ValueError` for an unknown name."""
     bodies: dict[str, Callable[[], nn.Module]] = {
-        "linear": lambda: LinearBody(length, dimension),
-        "conv": lambda: ConvBody(length, dimension),
+        "moves": lambda: MovesBody(words),
+        "linear": lambda: LinearBody(words),
+        "conv": lambda: ConvBody(words),
         "inception736": InceptionBody,
     }
     if architecture not in bodies:
         raise ValueError(f"unknown word network {architecture!r}; known are {', '.join(bodies)}")
-    return WordNetwork(dimension, bodies[architecture]())
+    return WordNetwork(words.dimension, bodies[architecture]())
 
 
 METADATA_KEY: Final = "word_network"
@@ -188,6 +231,6 @@ def load_network(path: Path) -> TrainedNetwork:
     """Read a network that `TrainedNetwork.save` wrote; `ValueError` where the file holds something else."""
     tensors, kept = read_network(path, METADATA_KEY)
     words = WordConfig(**kept["words"])
-    network = build(kept["architecture"], words.length, words.dimension)
+    network = build(kept["architecture"], words)
     network.load_state_dict(tensors)
     return TrainedNetwork(network.eval(), kept["architecture"], words, kept["figures"])

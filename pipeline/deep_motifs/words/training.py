@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 import torch
 from motionlake.arrays import Float32Array, Progress
-from motionlake.deep_motifs.config import NetworkConfig
+from motionlake.deep_motifs.config import CLOSED, NetworkConfig
 from motionlake.deep_motifs.words.linear import LinearConfig, linear_embedding
 from motionlake.deep_motifs.words.network import LinearBody, TrainedNetwork, WordNetwork, build
 from motionlake.deep_motifs.words.triplets import (
@@ -34,7 +34,7 @@ class Recipe:
 
     Attributes:
         triplets: what positives and negatives are.
-        linear: the embedding that "linear" is and that "conv" starts from.
+        linear: the embedding that "moves" and "linear" are and that "conv" starts from.
         margin: alpha of equation 2, in units of the squared median word distance.
         temporal_weight: of the positives closest in time, beside 1 for each other kind. The paper's is 1.
         triplet_weight: of the triplet loss.
@@ -96,8 +96,8 @@ def train_words(
         raise ValueError("fine-tuning needs a network of the same words and architecture")
     with on_threads(recipe.threads), torch.random.fork_rng(devices=[]):
         torch.manual_seed(config.seed)
-        network = build(config.architecture, words.length, words.dimension)
-        if config.architecture == "linear":
+        network = build(config.architecture, words)
+        if config.architecture in CLOSED:
             metrics = _solve(network, features, words, config, recipe, start)
         else:
             material = training_words(features, words, recipe.triplets, recipe.linear, config.max_words, config.seed)
@@ -116,31 +116,46 @@ def _solve(
     recipe: Recipe,
     start: TrainedNetwork | None,
 ) -> dict[str, Any]:
-    """ "linear" needs no steps: its optimum has a closed form."""
+    """The optimum of "moves" and "linear" has a closed form."""
     stacked, clips, _ = sample_words(features, words, config.max_words, config.seed)
-    before = None
-    if start is not None and isinstance(start.network.body, LinearBody):
-        before = (start.network.body.linear.weight / start.network.scale).detach().numpy()
-    alike = time_reversed(stacked, words) if config.reversible else None
-    matrix = linear_embedding(stacked, clips, recipe.linear, config.seed, before, alike)
-    _initialise(network, stacked, matrix, None)
+    if start is None:
+        _standardise(network, stacked)
+    else:
+        network.load_state_dict(start.network.state_dict())
+    body = network.body
+    assert isinstance(body, LinearBody)
+
+    def seen(chosen: Float32Array) -> Tensor:
+        return body.seen((torch.from_numpy(chosen) - network.mean) / network.scale)
+
+    with torch.no_grad():
+        read = seen(stacked)
+        count = body.weights(read)
+        before = None if start is None else (body.linear.weight / count).numpy()
+        alike = (seen(time_reversed(stacked, words)) * count).numpy() if config.reversible else None
+        matrix = linear_embedding((read * count).numpy(), clips, recipe.linear, config.seed, before, alike)
+        body.start_from(torch.from_numpy(matrix) * count)
     return {"words": len(stacked), "clips": len(np.unique(clips)), "components": len(matrix)}
 
 
 def _initialise(network: WordNetwork, words: Float32Array, linear: Float32Array, start: TrainedNetwork | None) -> None:
-    """Centre the input and bring it to unit variance; start linear paths as the linear embedding.
-
-    One scale for all features: their relative size is the metric's.
-    """
+    """Standardise the input; start linear paths as the linear embedding."""
     if start is not None:
         network.load_state_dict(start.network.state_dict())
         return
-    mean = words.mean(axis=(0, 1), dtype=np.float64)
-    scale = float(np.std(words - mean.astype(np.float32), dtype=np.float64)) or 1.0
-    network.mean.copy_(torch.from_numpy(mean))
-    network.scale.fill_(scale)
+    _standardise(network, words)
     if isinstance(network.body, LinearBody):
-        network.body.start_from(torch.from_numpy(linear) * scale)
+        network.body.start_from(torch.from_numpy(linear) * network.scale)
+
+
+def _standardise(network: WordNetwork, words: Float32Array) -> None:
+    """Centre the input and bring it to unit variance.
+
+    One scale for all features: their relative size is the metric's.
+    """
+    mean = words.mean(axis=(0, 1), dtype=np.float64)
+    network.mean.copy_(torch.from_numpy(mean))
+    network.scale.fill_(float(np.std(words - mean.astype(np.float32), dtype=np.float64)) or 1.0)
 
 
 @dataclass(frozen=True)
