@@ -39,6 +39,11 @@ def rig_joints(joint_names: Sequence[str], rig: RigMap, match: RigMatch | None =
     """
     names = joints_by_name(joint_names)
     source = {canonical: names[name.casefold()] for canonical, name in rig.joints.items() if name.casefold() in names}
+    return joints_of(joint_names, source, match)
+
+
+def joints_of(joint_names: Sequence[str], source: Mapping[str, int], match: RigMatch | None = None) -> list[RigJoint]:
+    """The same where it is known at which place of the file canonical joints are."""
     found = []
     for canonical in JOINTS:
         place = source.get(canonical)
