@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 from motionlake.arrays import Float64Array
-from motionlake.motion.auto_rig import match_rig, sampled
+from motionlake.motion.auto_rig import match_rig, sampled, sampled_ends
 from motionlake.motion.clip import Hierarchy, SolvedMotion, SourceClip
 from motionlake.motion.kinematics import solve
 from motionlake.motion.rig_solver import solve_rig
@@ -40,8 +40,10 @@ def places(clip: SourceClip) -> dict[str, int]:
 def found_again(clip: SourceClip, named: bool) -> tuple[list[bool], list[bool]]:
     """Of each joint of the known map, and of each limb chain, whether the solver finds the same without it."""
     asked = clip if named else numbered(clip)
-    positions = sampled(solve(clip))
-    found = solve_rig(asked.hierarchy, name_sides(asked.hierarchy.joints), positions)
+    motion = solve(clip)
+    positions = sampled(motion)
+    ends = sampled_ends(clip.hierarchy, motion)
+    found = solve_rig(asked.hierarchy, name_sides(asked.hierarchy.joints), positions, ends)
     # Of joints in one place each is right.
     right = {
         joint: joint in found and bool((positions[:, found[joint]] == positions[:, place]).all())

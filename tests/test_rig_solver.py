@@ -149,6 +149,22 @@ def test_an_end_site_stands_for_a_wrist_and_a_sole_for_no_toe() -> None:
     assert rig.filled["left_toe"].offset is not None
 
 
+def test_end_sites_tell_where_a_body_without_toes_faces() -> None:
+    """Straight legs, stretched a little too far, and no names: the feet's end sites outweigh the knees."""
+    hierarchy, truth = body(spines=2, clavicles=True, toes=False, buttocks=False, fingers=0)
+    offsets = hierarchy.offsets.copy()
+    for side in ("left", "right"):
+        offsets[truth[f"{side}_knee"], 2], offsets[truth[f"{side}_ankle"], 2] = -0.01, 0.01
+    ends = tuple((truth[f"{side}_ankle"], (0.0, -0.05, 0.15)) for side in ("left", "right"))
+    feet = replace(hierarchy, offsets=offsets, end_sites=ends)
+    at = still(feet).positions
+    turns = np.tile([1.0, 0.0, 0.0, 0.0], (*at.shape[:2], 1))
+    match = match_rig(feet, SolvedMotion(at, turns, turns))
+    assert match.joints == truth
+    assert match.evidence["left_hip"]["motion"] > 0.9
+    assert match_rig(feet, still(feet)).joints["left_hip"] == truth["right_hip"]
+
+
 def test_most_names_of_a_limb_say_its_side() -> None:
     hierarchy, truth = body(spines=2, clavicles=True, toes=True, buttocks=False, fingers=0)
     names = list(hierarchy.joints)

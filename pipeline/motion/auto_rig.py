@@ -14,12 +14,14 @@ import numpy as np
 from motionlake.arrays import Float64Array
 from motionlake.errors import ClipError
 from motionlake.motion.clip import Hierarchy, SolvedMotion, SourceClip
+from motionlake.motion.kinematics import with_end_sites
 from motionlake.motion.rig_evidence import confidence, evidence_of, side_confidence
 from motionlake.motion.rig_solver import solve_rig
 from motionlake.motion.rigs import RigMap, bare_names, identify, joints_by_name, parse_rig
 from motionlake.motion.rigs_config import RigsConfig
 from motionlake.motion.skeleton import chained
 from motionlake.motion.starter import LIMB_WORDS, guess_joints, name_sides, starter_map
+from numpy.typing import NDArray
 
 PREFIX: Final = "auto:"
 NOTE: Final = "rig map solved from the joint tree; `motionlake rig FILE` prints it"
@@ -103,9 +105,9 @@ def auto_rig(hierarchy: Hierarchy, motion: SolvedMotion) -> RigMap:
 
 def match_rig(hierarchy: Hierarchy, motion: SolvedMotion, config: RigsConfig = DEFAULT) -> RigMatch:
     """Which joint of a file is which, as far as its tree tells, with what speaks for and against it."""
-    positions = sampled(motion)
-    found = solve_rig(hierarchy, name_sides(hierarchy.joints), positions)
-    evidence = evidence_of(hierarchy, found, positions) if found else {}
+    positions, ends = sampled(motion), sampled_ends(hierarchy, motion)
+    found = solve_rig(hierarchy, name_sides(hierarchy.joints), positions, ends)
+    evidence = evidence_of(hierarchy, found, positions, ends) if found else {}
     match = RigMatch(found, evidence)
     try:
         _check(hierarchy, found, positions)
@@ -131,14 +133,31 @@ def notes_of(match: RigMatch, config: RigsConfig = DEFAULT) -> tuple[str, ...]:
 
 def first_map(hierarchy: Hierarchy, motion: SolvedMotion) -> str:
     """TOML text of a rig map to edit: as the joint tree gives it, or else as names do."""
-    found = solve_rig(hierarchy, name_sides(hierarchy.joints), sampled(motion)) or guess_joints(hierarchy)
+    ends = sampled_ends(hierarchy, motion)
+    found = solve_rig(hierarchy, name_sides(hierarchy.joints), sampled(motion), ends) or guess_joints(hierarchy)
     return starter_map(hierarchy, found)
 
 
 def sampled(motion: SolvedMotion) -> Float64Array:
     """Positions [f, J, 3] of some frames of a motion, at even distances."""
-    frames = np.unique(np.linspace(0, len(motion.positions) - 1, _FRAMES).round().astype(int))
-    return np.asarray(motion.positions[frames], np.float64)
+    return np.asarray(motion.positions[_sampled(motion)], np.float64)
+
+
+def sampled_ends(hierarchy: Hierarchy, motion: SolvedMotion) -> dict[int, Float64Array]:
+    """[f, 3] of the farthest end site of each joint that has one, in the same frames."""
+    if motion.world is None:
+        return {}
+    frames = _sampled(motion)
+    some = SolvedMotion(motion.positions[frames], None, motion.world[frames])
+    positions, parents = with_end_sites(hierarchy, some)
+    sites = sorted(
+        enumerate(hierarchy.end_sites, start=len(hierarchy.joints)), key=lambda site: np.linalg.norm(site[1][1])
+    )
+    return {parents[place]: positions[:, place] for place, _ in sites}
+
+
+def _sampled(motion: SolvedMotion) -> NDArray[np.int64]:
+    return np.unique(np.linspace(0, len(motion.positions) - 1, _FRAMES).round().astype(np.int64))
 
 
 def _check(hierarchy: Hierarchy, found: Mapping[str, int], positions: Float64Array) -> None:

@@ -22,7 +22,7 @@ from typing import Final
 import numpy as np
 from motionlake.arrays import Float64Array
 from motionlake.motion.clip import Hierarchy
-from motionlake.motion.rig_tree import RigTree
+from motionlake.motion.rig_tree import RigTree, forward
 from motionlake.motion.rigs import bare_names
 from motionlake.motion.starter import name_sides
 
@@ -94,20 +94,28 @@ def _probability(odds: float) -> float:
     return 1 / (1 + math.exp(-odds))
 
 
-def evidence_of(hierarchy: Hierarchy, found: Mapping[str, int], positions: Float64Array) -> dict[str, dict[str, float]]:
+def evidence_of(
+    hierarchy: Hierarchy,
+    found: Mapping[str, int],
+    positions: Float64Array,
+    ends: Mapping[int, Float64Array] | None = None,
+) -> dict[str, dict[str, float]]:
     """Evidence by its kind of every canonical joint of a map.
 
     Args:
         hierarchy: joint tree of a file.
         found: canonical joint -> index of the joint of the file: hips, hips' and shoulders' chains of both sides.
         positions: [F, J, 3] of the joints in some frames.
+        ends: [F, 3] of the end sites of joints, where they are known.
     """
-    return _Evidence(hierarchy, found, positions).all()
+    return _Evidence(hierarchy, found, positions, ends or {}).all()
 
 
 class _Evidence:
-    def __init__(self, hierarchy: Hierarchy, found: Mapping[str, int], positions: Float64Array) -> None:
-        self.tree = RigTree(hierarchy, positions)
+    def __init__(
+        self, hierarchy: Hierarchy, found: Mapping[str, int], positions: Float64Array, ends: Mapping[int, Float64Array]
+    ) -> None:
+        self.tree = RigTree(hierarchy, positions, ends)
         self.found, self.positions = found, positions
         self.names, self.sides = bare_names(hierarchy.joints), name_sides(hierarchy.joints)
         self.leg, self.arm = (
@@ -198,19 +206,21 @@ class _Evidence:
 
     def _faces(self) -> float:
         """How well the body faces where its sides say, as toes point, knees and elbows bend and hands are held."""
-        forward = np.zeros((len(self.positions), 3))
-        for side in _BOTH:
-            for parts, sign in ((("hip", "knee", "ankle"), 1.0), (("shoulder", "elbow", "wrist"), -1.0)):
-                joints = [f"{side}_{part}" for part in parts]
-                if all(joint in self.found for joint in joints):
-                    begin, middle, end = (self._at(joint) for joint in joints)
-                    forward += sign * (middle - (begin + end) / 2)
-            if f"{side}_toe" in self.found:
-                forward += self._at(f"{side}_toe") - self._at(f"{side}_ankle")
+        legs, arms = (
+            [[self._end(f"{side}_{part}", f"{side}_{before}") for before, part in parts] for side in _BOTH]
+            for parts in (_LEG_BONES, _ARM_BONES)
+        )
+        ahead = forward(legs, arms)
         feet = [self._at(f"{side}_{'ankle' if f'{side}_ankle' in self.found else 'knee'}") for side in _BOTH]
-        ahead = np.cross(self._at("hips") - np.mean(feet, axis=0), forward)
-        sizes = np.linalg.norm(self.across, axis=-1) * np.linalg.norm(ahead, axis=-1)
-        return float((self.across * ahead).sum() / max(sizes.sum(), 1e-12))
+        turned = np.cross(self._at("hips") - np.mean(feet, axis=0), ahead)
+        sizes = np.linalg.norm(self.across, axis=-1) * np.linalg.norm(turned, axis=-1)
+        return float((self.across * turned).sum() / max(sizes.sum(), 1e-12))
+
+    def _end(self, joint: str, before: str) -> Float64Array | None:
+        """Where a joint is, or the end site of the one before that stands for it."""
+        return self._at(joint) if joint in self.found else self.tree.ends.get(self.found.get(before, -1))
 
 
 _BOTH: Final = ("left", "right")
+_LEG_BONES: Final = (("", "hip"), ("", "knee"), ("knee", "ankle"), ("ankle", "toe"))
+_ARM_BONES: Final = (("", "shoulder"), ("", "elbow"), ("elbow", "wrist"))

@@ -8,7 +8,7 @@ are asked only for what the shape does not say: which side is the left one, and 
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations, pairwise
 from typing import Final
@@ -16,7 +16,7 @@ from typing import Final
 import numpy as np
 from motionlake.arrays import Float64Array
 from motionlake.motion.clip import ChannelKind, Hierarchy
-from motionlake.motion.rig_tree import LIMB, RigTree
+from motionlake.motion.rig_tree import LIMB, RigTree, forward
 from motionlake.motion.rigs import bare_names
 from motionlake.motion.skeleton import chained
 
@@ -44,7 +44,10 @@ class _Pair:
 
 
 def solve_rig(
-    hierarchy: Hierarchy, sides: Sequence[str | None], positions: Float64Array | None = None
+    hierarchy: Hierarchy,
+    sides: Sequence[str | None],
+    positions: Float64Array | None = None,
+    ends: Mapping[int, Float64Array] | None = None,
 ) -> dict[str, int]:
     """Canonical joint -> index of the file's joint, of those that the tree has; nothing where it is no body.
 
@@ -52,17 +55,21 @@ def solve_rig(
         hierarchy: joint tree of a file.
         sides: "left", "right" or None of each joint, as its name says.
         positions: [F, J, 3] of the joints in some frames; None: those of the zero pose (a file of positions has none).
+        ends: [F, 3] of the end sites of joints, where they are known.
     """
     if positions is None:
         if hierarchy.kind is ChannelKind.POSITIONS:
             return {}
         positions = chained(hierarchy.offsets, hierarchy.parents)[None]
-    return _Body(hierarchy, sides, positions).solved()
+    return _Body(hierarchy, sides, positions, ends or {}).solved()
 
 
 class _Body(RigTree):
-    def __init__(self, hierarchy: Hierarchy, sides: Sequence[str | None], positions: Float64Array) -> None:
-        super().__init__(hierarchy, positions)
+    def __init__(
+        self, hierarchy: Hierarchy, sides: Sequence[str | None], positions: Float64Array,
+        ends: Mapping[int, Float64Array],
+    ) -> None:  # fmt: skip
+        super().__init__(hierarchy, positions, ends)
         self.names = bare_names(hierarchy.joints)
         self.sides = sides
 
@@ -158,21 +165,20 @@ class _Body(RigTree):
 
     def _faces(self, legs: _Pair, arms: _Pair) -> int:
         """1 where the first leg is the left one, else -1: as toes point, knees and elbows bend and hands are held."""
-        forward = np.zeros((len(self.positions), 3))
-        ankles = []
-        for limb in legs.limbs:
-            hip, knee, ankle = (self.positions[:, joint] for joint in self._long_joints(limb))
-            forward += knee - (hip + ankle) / 2 + self.positions[:, limb[-1]] - ankle
-            ankles.append(ankle)
-        for limb in arms.limbs:
-            shoulder, elbow, wrist = (self.positions[:, joint] for joint in self._long_joints(limb))
-            forward += (shoulder + wrist) / 2 - elbow
-        up = self.positions[:, legs.carrier] - np.mean(ankles, axis=0)
-        return 1 if (self._across(legs) * np.cross(up, forward)).sum() > 0 else -1
+        limbs = [[self._long_joints(limb) for limb in pair.limbs] for pair in (legs, arms)]
+        ahead = forward(limbs[0], [limb[:3] for limb in limbs[1]])
+        feet = [limb[2] if limb[2] is not None else limb[1] for limb in limbs[0]]
+        up = self.positions[:, legs.carrier] - np.mean([foot for foot in feet if foot is not None], axis=0)
+        return 1 if (self._across(legs) * np.cross(up, ahead)).sum() > 0 else -1
 
-    def _long_joints(self, limb: tuple[int, ...]) -> list[int]:
-        """The joints of a limb where its long bones begin, meet and end; the last of it for an end beyond it."""
-        return [limb[min(place, len(limb) - 1)] for place in self.long_bones(limb)]
+    def _long_joints(self, limb: tuple[int, ...]) -> list[Float64Array | None]:
+        """Where the long bones of a limb begin, meet and end, and what lies farthest beyond."""
+        places = [self._at(limb, place) for place in self.long_bones(limb)]
+        last = self._at(limb, len(limb) - 1 if self.long_bones(limb)[2] < len(limb) - 1 else len(limb))
+        return [*places, last if places[2] is not last else None]
+
+    def _at(self, limb: tuple[int, ...], place: int) -> Float64Array | None:
+        return self.positions[:, limb[place]] if place < len(limb) else self.ends.get(limb[-1])
 
     def _across(self, pair: _Pair) -> Float64Array:
         """[F, 3] from the second limb to the first, where their long bones begin."""

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
-from typing import Final
+from typing import Final, TypeAlias
 
 import numpy as np
 from motionlake.arrays import Float64Array
@@ -40,9 +41,13 @@ class RigTree:
         bones: [J] length of the bone that ends at each joint, median over the frames.
         onwards: of the joints that hang on each the one that reaches farthest.
         tips: how far from a joint its end sites are, at most; of those that have any.
+        ends: [F, 3] where the farthest of them is, where that is known.
     """
 
-    def __init__(self, hierarchy: Hierarchy, positions: Float64Array) -> None:
+    def __init__(
+        self, hierarchy: Hierarchy, positions: Float64Array, ends: Mapping[int, Float64Array] | None = None
+    ) -> None:
+        self.ends = ends or {}
         self.parents = hierarchy.parents
         self.positions = positions
         self.children: list[list[int]] = [[] for _ in self.parents]
@@ -151,3 +156,18 @@ class RigTree:
         one, other = (self.positions[:, b] - self.positions[:, a] for a, b in ((start, middle), (middle, end)))
         norms = np.linalg.norm(one, axis=-1) * np.linalg.norm(other, axis=-1)
         return np.asarray((one * other).sum(axis=-1) / np.maximum(norms, 1e-12), np.float64)
+
+
+# Positions [F, 3] of hip, knee, ankle and toe, or of shoulder, elbow and wrist; None for one that is nowhere.
+Limb: TypeAlias = Sequence[Float64Array | None]
+
+
+def forward(legs: Sequence[Limb], arms: Sequence[Limb]) -> Float64Array:
+    """[F, 3] where a body faces: as toes point, knees and elbows bend and hands are held, and longer where clearer."""
+    found: list[Float64Array] = []
+    for sign, limbs in ((1.0, legs), (-1.0, arms)):
+        for begin, middle, end, *beyond in limbs:
+            if begin is not None and middle is not None and end is not None:
+                found.append(sign * (middle - (begin + end) / 2))
+            found += [toe - end for toe in beyond if toe is not None and end is not None]
+    return np.asarray(np.sum(found, axis=0), np.float64)
