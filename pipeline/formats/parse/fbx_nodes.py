@@ -51,6 +51,10 @@ class FbxNodes:
     moved: tuple[tuple[Placing, ...], ...]
 
 
+# Scenes and their nodes: the binding frees some of them twice, so they are let go where the process ends.
+_HELD: Final[list[Any]] = []
+
+
 def read_nodes(data: bytes) -> FbxNodes:
     """The nodes of a file.
 
@@ -116,7 +120,9 @@ def _sent(data: bytes) -> bytes:
         )
     except ufbx.UfbxError as error:
         raise ClipError(f"ufbx cannot read it: {' '.join(str(error).split())}") from error
-    nodes, parents, bones = _bones(list(scene.nodes))
+    every = list(scene.nodes)
+    _HELD.append((scene, every))
+    nodes, parents, bones = _bones(every)
     rate = float(scene.settings.frames_per_second)
     if not 0 < rate < 1e6:
         raise ClipError(f"has a frame rate of {rate:g}")
