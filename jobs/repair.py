@@ -166,8 +166,8 @@ class _Repair:
                 f"{f'and {len(gone) - 1} files more are' if len(gone) > 1 else 'is'} not there as it was read; "
                 "`motionlake remove` takes its clips out"
             )
-        shaping = root.shaping_hash(at.config.frames, at.lake)
-        shard = shard_of(root, files, at.config.frames, at.config.of(Limits), shaping)
+        shaping = root.shaping_hash(at.config, at.lake)
+        shard = shard_of(root, files, at.config, at.config.of(Limits), shaping)
         if shard.key != row["key"]:
             return "was read with files that have left the lake since, or by other settings; `motionlake ingest` again"
         return shard

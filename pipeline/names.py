@@ -94,16 +94,16 @@ def folded(name: str) -> str:
 
 
 def unique(names: list[str]) -> Iterator[str]:
-    """The names, every repetition with a number that makes it another name ("Hand", "Hand.2")."""
-    taken = set(names)
+    """The names, every repetition with a number that makes it another name ("Hand", "Hand.2"); case does not count."""
+    taken = {name.casefold() for name in names}
     repeats: dict[str, Iterator[int]] = {}
     for name in names:
-        fresh = name
-        if name in repeats:
-            fresh = next(new for i in repeats[name] if (new := f"{name}.{i}") not in taken)
-            taken.add(fresh)
+        fresh, key = name, name.casefold()
+        if key in repeats:
+            fresh = next(new for i in repeats[key] if (new := f"{name}.{i}").casefold() not in taken)
+            taken.add(fresh.casefold())
         else:
-            repeats[name] = count(2)
+            repeats[key] = count(2)
         yield fresh
 
 

@@ -10,15 +10,17 @@ import pytest
 from motionlake.arrays import Float64Array
 from motionlake.errors import ClipError
 from motionlake.formats import read_clips
-from motionlake.motion.auto_rig import LIMBS, NOTE, auto_rig, rig_of
+from motionlake.motion.auto_rig import LIMBS, NOTE, auto_rig, match_rig, notes_of, rig_of
 from motionlake.motion.canonicalise import canonicalise
 from motionlake.motion.clip import ChannelKind, Hierarchy, SolvedMotion, SourceClip
 from motionlake.motion.kinematics import solve
+from motionlake.motion.rig_evidence import KINDS
 from motionlake.motion.rig_solver import solve_rig
 from motionlake.motion.rigs import identify, load_rigs
-from motionlake.motion.skeleton import chained
+from motionlake.motion.rigs_config import RigsConfig
+from motionlake.motion.skeleton import JOINTS, chained
 
-from tests.hidden_maps import found_again, places
+from tests.hidden_maps import found_again, judged_ways, places, without
 from tests.lakes import motionlake
 from tests.rig_bodies import RIGS as BODIES
 from tests.rig_bodies import walker
@@ -131,6 +133,100 @@ def test_bodies_of_more_joints_and_fewer(
     assert solve_rig(hierarchy, [None] * len(hierarchy.joints)) == truth
 
 
+def test_an_end_site_stands_for_a_wrist_and_a_sole_for_no_toe() -> None:
+    """Forearms that end in an end site, and feet whose end site goes straight on from the shin."""
+    hierarchy, truth = body(spines=2, clavicles=True, toes=False, buttocks=False, fingers=0)
+    short, _, kept = without(hierarchy, still(hierarchy), {truth["left_wrist"], truth["right_wrist"]})
+    ends = [(truth[f"{side}_elbow"], (0.25 * x, 0.0, 0.0)) for side, x in (("right", -1.0), ("left", 1.0))]
+    soles = [(truth[f"{side}_ankle"], (0.0, -0.08, 0.0)) for side in ("right", "left")]
+    short = replace(short, end_sites=tuple((kept.index(joint), at) for joint, at in (*ends, *soles)))
+    places_of_joints = chained(short.offsets, short.parents)[None].repeat(3, axis=0)
+    identity = np.tile([1.0, 0.0, 0.0, 0.0], (3, len(kept), 1))
+    rig = auto_rig(short, SolvedMotion(places_of_joints, identity, identity))
+    elbow = short.joints[kept.index(truth["left_elbow"])]
+    assert rig.joints["left_elbow"] == elbow
+    assert rig.filled["left_wrist"].end_site == elbow
+    assert rig.filled["left_toe"].offset is not None
+
+
+def test_end_sites_tell_where_a_body_without_toes_faces() -> None:
+    """Straight legs, stretched a little too far, and no names: the feet's end sites outweigh the knees."""
+    hierarchy, truth = body(spines=2, clavicles=True, toes=False, buttocks=False, fingers=0)
+    offsets = hierarchy.offsets.copy()
+    for side in ("left", "right"):
+        offsets[truth[f"{side}_knee"], 2], offsets[truth[f"{side}_ankle"], 2] = -0.01, 0.01
+    ends = tuple((truth[f"{side}_ankle"], (0.0, -0.05, 0.15)) for side in ("left", "right"))
+    feet = replace(hierarchy, offsets=offsets, end_sites=ends)
+    at = still(feet).positions
+    turns = np.tile([1.0, 0.0, 0.0, 0.0], (*at.shape[:2], 1))
+    match = match_rig(feet, SolvedMotion(at, turns, turns))
+    assert match.joints == truth
+    assert match.evidence["left_hip"]["motion"] > 0.9
+    assert match_rig(feet, still(feet)).joints["left_hip"] == truth["right_hip"]
+
+
+def test_most_names_of_a_limb_say_its_side() -> None:
+    hierarchy, truth = body(spines=2, clavicles=True, toes=True, buttocks=False, fingers=0)
+    names = list(hierarchy.joints)
+    for joint, place in truth.items():
+        if "_" in joint:
+            names[place] = joint
+    names[truth["left_knee"]] = "right_shin"  # one name that is wrong, in the place that pairs limbs
+    named = replace(hierarchy, joints=tuple(names))
+    match = match_rig(named, still(named))
+    assert match.joints == truth
+    assert match.evidence["left_hip"]["side"] == 0.5
+    assert match.evidence["left_elbow"]["side"] == 1.0
+
+
+def test_confidence_is_made_of_named_evidence() -> None:
+    hierarchy, truth = body(spines=2, clavicles=True, toes=True, buttocks=False, fingers=0)
+    sure = match_rig(hierarchy, still(hierarchy))
+    assert not sure.doubt
+    assert set(sure.evidence["left_knee"]) == set(KINDS)
+    assert all(-1 <= value <= 1 for said in sure.evidence.values() for value in said.values())
+    assert min(map(sure.confidence, sure.joints)) > 0.8
+    # A name of another joint, and a bone that no person has, each make it less sure.
+    knee = truth["left_knee"]
+    misnamed = replace(hierarchy, joints=(*hierarchy.joints[:knee], "left_finger_2", *hierarchy.joints[knee + 1 :]))
+    odd = match_rig(misnamed, still(misnamed))
+    assert odd.evidence["left_knee"]["name"] == -1
+    assert odd.confidence("left_knee") < sure.confidence("left_knee")
+    offsets = hierarchy.offsets.copy()
+    offsets[[truth["left_ankle"], truth["right_ankle"]]] *= 0.4
+    short = replace(hierarchy, offsets=offsets)
+    assert match_rig(short, still(short)).confidence("left_ankle") < sure.confidence("left_ankle")
+
+
+def test_a_clip_is_rejected_below_the_confidence_asked_for_and_doubtful_sides_are_told() -> None:
+    hierarchy, truth = body(spines=2, clavicles=True, toes=False, buttocks=False, fingers=0)
+    offsets = hierarchy.offsets.copy()
+    offsets[:, 2] = 0  # legs and arms are straight, and nothing points forward
+    flat = replace(hierarchy, offsets=offsets)
+    match = match_rig(flat, still(flat))
+    assert not match.doubt
+    assert match.sides == pytest.approx(0.5)
+    assert notes_of(match) == (NOTE, "left and right are in doubt: 50% sure")
+    refused = match_rig(flat, still(flat), RigsConfig(least_confidence=0.6))
+    knee = flat.joints[truth["left_knee"]]
+    assert f"in doubt are left hip ({flat.joints[truth['left_hip']]}, " in refused.doubt
+    assert f"left knee ({knee}, " in refused.doubt
+    clip = SourceClip(flat, np.zeros((3, 3 * len(flat.joints))), 30.0)
+    assert rig_of(clip, still(flat), load_rigs()).name == auto_rig(flat, still(flat)).name
+
+
+def test_confidence_tells_right_joints_from_wrong_ones() -> None:
+    """Over all made bodies: what is sure is right, and what is unsure is often wrong."""
+    bodies = [judged_ways(walker(name), seed) for seed, name in enumerate(BODIES)]
+    for way, least in (("names", 0.99), ("numbers", 0.99), ("damaged names", 0.99), ("a joint missing", 0.93)):
+        found = [each for ways in bodies for each in ways[way]]
+        sure = [right for confidence, right in found if confidence >= 0.9]
+        assert np.mean(sure) >= least, way
+        assert len(sure) >= 0.5 * len(found), way
+    missing = [each for ways in bodies for each in ways["a joint missing"]]
+    assert np.mean([right for confidence, right in missing if confidence < 0.3]) < 0.5
+
+
 def still(hierarchy: Hierarchy) -> SolvedMotion:
     places_of_joints: Float64Array = chained(hierarchy.offsets, hierarchy.parents)
     return SolvedMotion(places_of_joints[None].repeat(3, axis=0), None, None)
@@ -181,6 +277,14 @@ def test_a_clip_of_an_unknown_rig_goes_in_and_is_told(tmp_path: Path) -> None:
     assert NOTE in rows[0]["notes"]
     starter = motionlake("rig", source / "take.npz").out
     assert 'left_knee = "n13_L"' in starter
+    told = motionlake("sql", "FROM rig_joints ORDER BY ALL", "--json", "--lake", lake).json
+    knee = next(row for row in told if row["canonical"] == "left_knee")
+    assert (knee["joint"], knee["how"], set(knee["evidence"])) == ("n13_L", "solved", set(KINDS))
+    assert knee["confidence"] > 0.8
+    assert {row["canonical"] for row in told if row["canonical"]} == set(JOINTS)
+    assert {row["joint"] for row in told if row["joint"]} == set(names)
+    filled = motionlake("sql", "SELECT unnest(filled) AS joint FROM clips", "--json", "--lake", lake).json
+    assert {row["canonical"] for row in told if row["how"] == "filled"} == {row["joint"] for row in filled}
     # Its map is nowhere but in its tree, which is solved again where frames come back from raw channels.
     (source / "take.npz").unlink()
     for part in lake.glob("frames/*/*.parquet"):
@@ -188,3 +292,21 @@ def test_a_clip_of_an_unknown_rig_goes_in_and_is_told(tmp_path: Path) -> None:
     repaired = motionlake("repair", "--json", "--lake", lake)
     assert repaired.status == 0, repaired.err
     assert motionlake("verify", "--deep", "--lake", lake).status == 0
+    assert motionlake("sql", "FROM rig_joints ORDER BY ALL", "--json", "--lake", lake).json == told
+
+
+def test_the_confidence_asked_for_is_a_setting_of_the_lake(tmp_path: Path) -> None:
+    source, lake = tmp_path / "shots", tmp_path / "lake"
+    source.mkdir()
+    names = [f"n{i}" for i in range(len(KINECT_1))]
+    (source / "take.npz").write_bytes(npz_bytes(swinging_body(40), names, KINECT_1_PARENTS, 30.0))
+    lake.mkdir()
+    config = lake / "config.toml"
+    config.write_text("[rigs]\nleast_confidence = 0.999\n", encoding="utf-8")
+    refused = motionlake("ingest", source, "--lake", lake)
+    assert "it was not solved by itself: in doubt are hips (n0, " in refused.err
+    assert "`motionlake rig FILE --picture skeleton.png` draws it" in refused.err
+    config.write_text("", encoding="utf-8")
+    taken = motionlake("ingest", source, "--lake", lake)
+    assert "[rigs] in config.toml changed" in taken.err
+    assert taken.status == 0

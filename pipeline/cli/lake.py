@@ -1,4 +1,4 @@
-"""motionlake init, migrate, status and rig: a lake itself, what it holds, and the rigs it can read."""
+"""motionlake init, migrate and status: a lake itself, and what it holds."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Annotated, Any, Final
 
 import typer
 from motionlake.cli.common import JsonOption, LakeOption, argument, notice, option, stage_progress, tell
-from motionlake.errors import ClipError, UserError
+from motionlake.errors import UserError
 from motionlake.lake import layout
 from motionlake.lake.catalog import SCHEMA_VERSION, check_no_lake, create_catalog, fetch
 from motionlake.lake.config import default_toml, load_config
@@ -123,44 +123,6 @@ def status(lake: LakeOption, as_json: JsonOption = False) -> None:
         "\nA stage works in batches of clips. Batches to do: `motionlake run all` does those of the stages that it "
         "makes;\nblank where a stage is made only when it is asked for by name (`motionlake run NAME`)."
     )
-
-
-def rig(
-    clip: Annotated[Path | None, typer.Argument(help="A clip file; without one, the known rigs.")] = None,
-    lake: Annotated[Path | None, typer.Option("--lake", "-l", help="Also the rig maps of this lake.")] = None,
-    starter: Annotated[bool, typer.Option("--starter", help="Print a rig map to edit even for a known rig.")] = False,
-    as_json: JsonOption = False,
-) -> None:
-    """Which rig a clip file has, and a rig map to edit for a rig that is not known.
-
-    A rig map says which of the file's joints are hips, knees and so on; put it into the folder rigs/ of the lake.
-
-    Example: motionlake rig shots/take.bvh > mylake/rigs/studio.toml
-
-    Example: motionlake rig
-    """
-    from motionlake.formats import read_clips
-    from motionlake.motion.auto_rig import first_map
-    from motionlake.motion.kinematics import solve
-    from motionlake.motion.rigs import identify, load_rigs
-
-    rigs = load_rigs(lake / "rigs" if lake else None)
-    if clip is None:
-        tell([{"rig": r.name, "description": r.description} for r in rigs.values()], as_json=as_json)
-        return
-    try:
-        source = read_clips(clip)[0]
-    except ClipError as error:
-        raise UserError(f"{clip}: {error}") from error
-    try:
-        known = None if starter else identify(source.hierarchy.joints, rigs)
-    except ClipError:
-        known = None
-    found = {"rig": known.name if known else None, "joints": list(source.hierarchy.joints)}
-    if as_json or known is not None:
-        tell(found, f"{known.name}: {known.description}" if known else None, as_json=as_json)
-    else:
-        print(first_map(source.hierarchy, solve(source)))
 
 
 def _named_folder(context: typer.Context, folder: Path | None, lake: Path | None) -> Path:

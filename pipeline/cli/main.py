@@ -74,7 +74,8 @@ COMMANDS: Final = {
 MODULES: Final = {
     "fill": ("ingest", "run", "remove"),
     "fetch": ("fetch", "cite"),
-    "lake": ("init", "migrate", "status", "rig"),
+    "lake": ("init", "migrate", "status"),
+    "rig": ("rig",),
     "mend": ("verify", "repair", "backup", "restore"),
     "search": ("search", "find", "align"),
     "duplicates": ("duplicates",),

@@ -23,6 +23,7 @@ _CHANNELS: Final = {name.lower(): name for name in POSITION_CHANNELS + ROTATION_
 _MOTION: Final = re.compile(rb"^[ \t]*MOTION[ \t\r]*$", re.IGNORECASE | re.MULTILINE)
 _FRAMES: Final = re.compile(rb"\s*Frames[ \t]*:[ \t]*(\S+)[ \t\r]*(?:\n|\Z)", re.IGNORECASE)
 _FRAME_TIME: Final = re.compile(rb"\s*Frame[ \t]+Time[ \t]*:[ \t]*(\S*)[ \t\r]*(?:\n|\Z)", re.IGNORECASE)
+_ROW: Final = re.compile(rb"\S[^\n]*")
 _TOKEN: Final = re.compile(r"[{}]|[^\s{}]+")
 
 
@@ -183,6 +184,15 @@ def _rate(frame_time: str, line: int) -> float:
     return fps
 
 
+def _rows_from(data: bytes, start: int, declared: int) -> int:
+    """How many rows follow byte `start`: as many as declared, or those that there are where there are more.
+
+    Programs write one frame more than they say, and players take what is there.
+    """
+    lines = data.count(b"\n", start) + (not data.endswith(b"\n"))
+    return declared if lines <= declared else max(declared, sum(1 for _ in _ROW.finditer(data, start)))
+
+
 def _decode(header: bytes) -> str:
     try:
         return header.decode("utf-8-sig")
@@ -201,7 +211,7 @@ class BvhReader:
 
         Raises:
             ClipError: with the line, for a header that is no joint tree, a token that is no number, rows that
-                do not fit the channels or the declared number of frames, or a frame time outside 1/1000 to 1 s.
+                do not fit the channels, fewer of them than declared, or a frame time outside 1/1000 to 1 s.
         """
         motion = _MOTION.search(data, 0, MAX_HEADER_BYTES)
         if motion is None:
@@ -235,11 +245,16 @@ class BvhReader:
             axes=np.tile(IDENTITY, (len(names), 1)),
             end_sites=tuple(tree.end_sites),
         )
-        notes = (f"joint names used twice, renamed: {', '.join(renamed)}",) if renamed else ()
+        notes = [f"joint names used twice, renamed: {', '.join(renamed)}"] if renamed else []
         from motionlake.formats.parse.numbers import parse_table  # numba, which a look at names does not need
 
-        table = parse_table(data, (timing or declared).end(), int(frames), columns, most_of(hierarchy))
-        return [SourceClip(hierarchy, table, fps, notes=notes)]
+        start = (timing or declared).end()
+        rows = _rows_from(data, start, int(frames))
+        if rows > int(frames):
+            limits().check_body(rows, len(tree.joints), len(data), line_of(data, declared.start(1)))
+            notes.append(f"{rows} frames, though the file says {int(frames)}")
+        table = parse_table(data, start, rows, columns, most_of(hierarchy))
+        return [SourceClip(hierarchy, table, fps, notes=tuple(notes))]
 
 
 READER: Final = BvhReader()

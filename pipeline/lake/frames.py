@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from itertools import groupby
 from operator import itemgetter
 from pathlib import Path
@@ -23,6 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 
 if TYPE_CHECKING:
     from motionlake.motion.canonicalise import CanonicalMotion
+    from motionlake.motion.rig_joints import RigJoint
 
 ROOT_CHANNELS: Final = ("root_x", "root_y", "root_z")
 ROTATION_CHANNELS: Final = tuple(f"{j}_q{c}" for j in JOINTS for c in "wxyz")
@@ -34,6 +35,7 @@ SCHEMA: Final = pa.schema([*_KEYS, *((name, pa.float32()) for name in CHANNELS)]
 # What a frames part says of itself: JSON below this key of its footer, as docs/lake-format.md describes it. With it a
 # part can be read alone: which joints the columns are of, what rotations turn, and each clip's rate and bones.
 KEY: Final = "motion"
+RIGS: Final = "rigs"  # likewise: which joint of their files is which
 VERSION: Final = 1  # of frames parts: their columns and this footer
 _CONVENTIONS: Final[Mapping[str, Any]] = {
     "version": VERSION,
@@ -121,7 +123,31 @@ def footer_clip(fps: float, rest_offsets: ArrayLike) -> dict[str, Any]:
 
 def motion_footer(clips: Mapping[str, Mapping[str, Any]]) -> dict[str, str]:
     """The footer's key and text for a part of clips as `footer_clip` gives them."""
-    return {KEY: json.dumps({**_CONVENTIONS, "clips": clips}, ensure_ascii=False, separators=(",", ":"))}
+    return {KEY: _json({**_CONVENTIONS, "clips": clips})}
+
+
+class RigsFooter:
+    """What the joints of the clips of a part are to their rigs, as its footer says it: clips of one map together."""
+
+    def __init__(self) -> None:
+        self._clips: dict[tuple[str, str], list[str]] = {}
+
+    def add(self, clip: str, rig: str, joints: Sequence[RigJoint]) -> None:
+        """Add a clip by the name of its rig."""
+        self._clips.setdefault((rig, _json([_said(joint) for joint in joints])), []).append(clip)
+
+    def metadata(self) -> dict[str, str]:
+        """The footer's key and text."""
+        found = [{"rig": rig, "clips": clips, "joints": json.loads(said)} for (rig, said), clips in self._clips.items()]
+        return {RIGS: _json(found)}
+
+
+def _said(joint: RigJoint) -> dict[str, Any]:
+    return {name: value for name, value in asdict(joint).items() if value not in (None, {})}
+
+
+def _json(value: Any) -> str:
+    return json.dumps(value, ensure_ascii=False, separators=(",", ":"))
 
 
 def open_frames(path: Path) -> pq.ParquetFile:

@@ -32,13 +32,15 @@ from motionlake.lake.catalog import (
     table_of,
     version_of,
 )
-from motionlake.lake.frames import KEY, SCHEMA, clip_tables, footer_clip, motion_footer
+from motionlake.lake.frames import KEY, SCHEMA, RigsFooter, clip_tables, footer_clip, motion_footer
 from motionlake.lake.integrity import FILE_ROWS, sums_of
 from motionlake.lake.layout import Lake
 from motionlake.lake.lock import locked
 from motionlake.lake.parts import PartWriter, check_part, replacing
 from motionlake.lake.records import write_records
 from motionlake.lake.settings import enter_settings, settings_now
+from motionlake.motion.rig_joints import rig_joints
+from motionlake.motion.rigs import load_rigs
 from motionlake.stopping import held
 
 _SIZES: Final = pa.schema({"stage": pa.string(), "key": pa.string(), "bytes": pa.int64()})
@@ -168,7 +170,7 @@ def _has_footer(path: Path) -> bool:
 def _rewrite_frames(con: Connection, path: Path) -> None:
     """Give a part the column `fps` and its footer; rows of clips that left the lake go."""
     clips = {row["clip"]: row for row in fetch(con, "clips_of_part", {"part": path.stem})}
-    said = {}
+    said, rigs, known = {}, RigsFooter(), load_rigs(path.parents[2] / "rigs")
     part = pq.ParquetFile(path)
     with replacing(path) as temporary:
         writer = PartWriter(temporary, SCHEMA, {"key": part.metadata.metadata[b"key"].decode()})
@@ -176,7 +178,9 @@ def _rewrite_frames(con: Connection, path: Path) -> None:
             rate = pa.repeat(pa.scalar(clips[clip]["fps"]), rows.num_rows)
             writer.append(rows.add_column(SCHEMA.get_field_index("fps"), SCHEMA.field("fps"), rate))
             said[clip] = footer_clip(clips[clip]["fps"], clips[clip]["rest_offsets"])
-        writer.close(motion_footer(said))
+            if clips[clip]["rig"] in known:
+                rigs.add(clip, clips[clip]["rig"], rig_joints(clips[clip]["joints"], known[clips[clip]["rig"]]))
+        writer.close({**motion_footer(said), **rigs.metadata()})
         check_part(temporary, sum(row["frames"] for row in clips.values()))
 
 

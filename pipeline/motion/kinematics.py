@@ -239,3 +239,16 @@ def world_from_positions(positions: Float64Array) -> Float64Array:
             bone = rotate(conjugate(parent), positions[:, INDEX[child]] - positions[:, joint])
             world[:, joint] = multiply(parent, swing(np.array(direction), bone))
     return world
+
+
+def with_end_sites(hierarchy: Hierarchy, motion: SolvedMotion) -> tuple[Float64Array, tuple[int, ...]]:
+    """Positions [F, J + E, 3] and parents of the J joints and, after them, of the E end sites of a file.
+
+    A motion without rotations has none.
+    """
+    if motion.world is None or not hierarchy.end_sites:
+        return motion.positions, hierarchy.parents
+    joints = [joint for joint, _ in hierarchy.end_sites]
+    offsets = np.array([offset for _, offset in hierarchy.end_sites], dtype=np.float64)
+    ends = motion.positions[:, joints] + rotate(np.ascontiguousarray(motion.world[:, joints]), offsets)
+    return np.concatenate([motion.positions, ends], axis=1), (*hierarchy.parents, *joints)

@@ -195,9 +195,9 @@ def bare_names(joint_names: Sequence[str]) -> list[str]:
 
 def joints_by_name(joint_names: Sequence[str]) -> dict[str, int]:
     """Index of each joint of a file by the names that a rig map may call it by: with its namespace and without, lower
-    case. Of two joints with one name it is the first."""
+    case. A joint that is called so in full comes before one that is so within a namespace; of two it is the first."""
     found: dict[str, int] = {}
-    for names in (bare_names(joint_names), [name.casefold() for name in joint_names]):
+    for names in ([name.casefold() for name in joint_names], bare_names(joint_names)):
         for index, name in enumerate(names):
             found.setdefault(name, index)
     return found

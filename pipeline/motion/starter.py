@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from itertools import product
 from typing import Final
 
+import numpy as np
 from motionlake.motion.clip import ChannelKind, Hierarchy
 from motionlake.motion.skeleton import JOINTS
 from motionlake.names import toml_text
@@ -37,6 +38,9 @@ _OFFSETS: Final = {
     "hip": (0.06, -0.05, 0.0), "knee": (0.0, -0.28, 0.0),
     "ankle": (0.0, -0.28, 0.0), "toe": (0.0, -0.03, 0.09),
 }  # fmt: skip
+# Joints whose end site stands for the next one where a file lacks it.
+_BEFORE: Final = {"toe": "ankle", "ankle": "knee", "wrist": "elbow"}
+_IN_LINE: Final = 0.95  # cosine
 _FINGER: Final = r"finger|thumb|index|mid|ring|pinky"
 
 
@@ -152,17 +156,23 @@ def _trunk(hierarchy: Hierarchy, limbs: dict[str, int], sides: list[str | None])
     return found
 
 
+def _is_heel(ankle: int, hierarchy: Hierarchy) -> bool:
+    """Whether the end site of an ankle goes on in the direction of the shin, to the sole."""
+    shin, foot = hierarchy.offsets[ankle], next(np.array(at) for joint, at in hierarchy.end_sites if joint == ankle)
+    return bool(shin @ foot > _IN_LINE * np.linalg.norm(shin) * np.linalg.norm(foot))
+
+
 def _fill(canonical: str, guesses: Mapping[str, int], hierarchy: Hierarchy) -> str:
     side, _, part = canonical.rpartition("_")
     ends = {joint for joint, _ in hierarchy.end_sites}
-    before = {"toe": f"{side}_ankle", "wrist": f"{side}_elbow", "head": "neck"}.get(part, "")
+    before = {part: f"{side}_{joint}" for part, joint in _BEFORE.items()}.get(part, "neck" if part == "head" else "")
     if part == "clavicle" and {"neck", f"{side}_shoulder"} <= guesses.keys():
         return f'{{ between = ["neck", "{side}_shoulder"], at = 0.2 }}'
     if canonical == "spine" and "chest" in guesses:
         return '{ between = ["hips", "chest"], at = 0.5 }'
     if canonical == "chest" and {"spine", "neck"} <= guesses.keys():
         return '{ between = ["spine", "neck"], at = 0.5 }'
-    if before in guesses and guesses[before] in ends:
+    if before in guesses and guesses[before] in ends and not (part == "toe" and _is_heel(guesses[before], hierarchy)):
         return f"{{ end_site = {toml_text(hierarchy.joints[guesses[before]])} }}"
     x, y, z = _OFFSETS[part]
     return f"{{ offset = [{-x if side == 'right' else x}, {y}, {z}] }}"

@@ -23,6 +23,7 @@ from motionlake.stages.stage import Shard, ShardResult, ShardStage
 
 if TYPE_CHECKING:
     from motionlake.motion.canonicalise import CanonicalMotion
+    from motionlake.motion.rig_joints import RigJoint
 
 _S, _F, _I = pa.string(), pa.float64(), pa.int64()
 CLIP_ROWS: Final = pa.schema(
@@ -67,18 +68,23 @@ class ClipParts:
         self._frames = lake.frames_part(shard.dataset, shard.part)
         self._writers: dict[str, PartWriter] = {}
         self._footer: dict[str, dict[str, Any]] = {}
+        self._rigs = frames.RigsFooter()
 
     @property
     def written(self) -> dict[str, int]:
         """Rows in each file, by its name relative to the lake."""
         return {name: writer.rows for name, writer in sorted(self._writers.items())}
 
-    def write(self, name: str, clip: SourceClip, motion: CanonicalMotion, config: FramesConfig, **said: Any) -> None:
+    def write(
+        self, name: str, clip: SourceClip, motion: CanonicalMotion, config: FramesConfig, joints: Sequence[RigJoint],
+        **said: Any,
+    ) -> None:  # fmt: skip
         """Append one clip; clips must come by name. `said`: the columns of `clips` that its motion does not tell."""
         part = self._shard.part
         layout, skeleton = raw.layout_row(clip.hierarchy), raw.skeleton_row(clip.hierarchy)
         canonical = frames.Frames(name, clip.fps, motion.rotations, motion.positions)
         self._footer[name] = frames.footer_clip(clip.fps, motion.rest_offsets)
+        self._rigs.add(name, said["rig"], joints)
         self._append(self._frames, frames.to_table(canonical, part, config.position_step, config.rotation_step))
         height = motion.body_height / motion.metres_per_unit
         self._append(self._lake.raw_part(layout["layout"], part), raw.to_table(name, part, clip, height))
@@ -104,7 +110,8 @@ class ClipParts:
         self._writers[name].append(table)
 
     def _close(self, name: str, writer: PartWriter) -> None:
-        writer.close(frames.motion_footer(self._footer) if name == self._frames else {})
+        said = {**frames.motion_footer(self._footer), **self._rigs.metadata()}
+        writer.close(said if name == self._frames else {})
 
 
 class ClipStage(ShardStage):

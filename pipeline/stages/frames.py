@@ -14,10 +14,11 @@ from motionlake.errors import ClipError, UserError
 from motionlake.formats import read_clips, reader_for
 from motionlake.formats.limits_config import Limits
 from motionlake.lake.catalog import Connection, fetch, run_sql
-from motionlake.lake.config import FramesConfig, config_hash, load_config
+from motionlake.lake.config import FramesConfig, LakeConfig, config_hash, load_config
 from motionlake.lake.layout import Lake
 from motionlake.motion.clip import SourceClip
 from motionlake.motion.rigs import RigMap, load_rigs
+from motionlake.motion.rigs_config import RigsConfig
 from motionlake.names import on_disk, typed
 from motionlake.stages.clip_parts import BODY_ROWS, CLIP_ROWS, ClipParts, ClipStage
 from motionlake.stages.file_watch import watching
@@ -36,6 +37,7 @@ from motionlake.stages.sources import (
 from motionlake.stages.stage import Shard
 
 if TYPE_CHECKING:
+    from motionlake.motion.auto_rig import RigMatch
     from motionlake.motion.canonicalise import CanonicalMotion
 
 SHARD_BYTES = 8 << 20  # of source files; a worker's memory grows with it
@@ -47,6 +49,16 @@ SOURCE_ROWS = pa.schema(
         "config_hash": _S, "part": _S,
     }
 )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Body:
+    """One body of a file: what the file holds, its canonical motion, its rig, and what speaks for a solved one."""
+
+    clip: SourceClip
+    motion: CanonicalMotion
+    rig: RigMap
+    match: RigMatch | None
 
 
 class FramesStage(ClipStage):
@@ -69,9 +81,11 @@ class FramesStage(ClipStage):
 
     def make(self, lake: Lake, shard: Shard, parts: ClipParts) -> None:
         """Read, solve and canonicalise every file of a shard."""
+        from motionlake.motion.rig_joints import rig_joints
+
         spec = shard.spec
         options, config, rigs = options_from(spec["options"]), FramesConfig(**spec["config"]), load_rigs(lake.rigs)
-        allowed = Limits(**spec["limits"])
+        allowed, solving = Limits(**spec["limits"]), RigsConfig(**spec.get("rigs", {}))
         own = {"dataset": shard.dataset, "part": shard.part}
         source = {**own, "root": spec["base"], "config_hash": spec["shaping_hash"]}
         watch = parts.stack.enter_context(watching(lake.root, shard, allowed))
@@ -81,7 +95,7 @@ class FramesStage(ClipStage):
             try:
                 path = Path(on_disk(spec["base"])) / on_disk(file["path"])
                 with watch.reading(file["path"]):
-                    made = list(canonical_motions(path, rigs, options, allowed))
+                    made = list(canonical_motions(path, rigs, options, allowed, solving))
             except UserError:
                 raise
             except Exception as error:  # one clip's surprise must not cost a repository its run
@@ -92,10 +106,12 @@ class FramesStage(ClipStage):
                 parts.rows["rejects"].append(reject)
                 continue
             reader = reader_for(path)
-            for clip, motion, rig in made:
+            for body in made:
+                clip, motion = body.clip, body.motion
                 name = f"{shard.dataset}/{file['path']}" + (f"#{clip.body}" if clip.body else "")
                 parts.write(
-                    name, clip, motion, config, format=reader.name if reader else "", rig=rig.name,
+                    name, clip, motion, config, rig_joints(clip.hierarchy.joints, body.rig, body.match),
+                    format=reader.name if reader else "", rig=body.rig.name,
                     notes=[*clip.notes, *motion.notes], licence=options.recorded_licence, **content,
                 )  # fmt: skip
 
@@ -128,7 +144,7 @@ def intake_of(
     Raises:
         UserError: as `compare`.
     """
-    shaping, allowed = root.shaping_hash(at.config.frames, at.lake), at.config.of(Limits)
+    shaping, allowed = root.shaping_hash(at.config, at.lake), at.config.of(Limits)
     difference = compare(
         at.con, at.lake, root, shaping, allowed, checksum=checksum, retry_failed=retry_failed, progress=progress
     )
@@ -149,12 +165,12 @@ def intake_of(
             found.shards.append(Shard(FRAMES.name, row["key"], row["part"], row["dataset"], spec, len(wanted)))
         else:
             found.failed.append((len(wanted), row["reason"]))
-    found.shards.extend(_new_shards(root, list(rest.values()), at.config.frames, allowed, shaping))
+    found.shards.extend(_new_shards(root, list(rest.values()), at.config, allowed, shaping))
     return found
 
 
 def _new_shards(
-    root: Root, changed: Sequence[SourceFile], config: FramesConfig, allowed: Limits, shaping_hash: str
+    root: Root, changed: Sequence[SourceFile], config: LakeConfig, allowed: Limits, shaping_hash: str
 ) -> list[Shard]:
     """Cut new and changed files, by path, into shards of some MB of source each.
 
@@ -174,9 +190,7 @@ def _new_shards(
     return shards
 
 
-def shard_of(
-    root: Root, files: Sequence[SourceFile], config: FramesConfig, allowed: Limits, shaping_hash: str
-) -> Shard:
+def shard_of(root: Root, files: Sequence[SourceFile], config: LakeConfig, allowed: Limits, shaping_hash: str) -> Shard:
     """The shard that reads some files of a root, by path; its name follows from them and what shapes their frames.
 
     Limits are no part of its key, for they shape no frame.
@@ -186,7 +200,8 @@ def shard_of(
         "base": root.kept_base,
         "files": [asdict(f) for f in files],
         "options": asdict(root.options),
-        "config": asdict(config),
+        "config": asdict(config.frames),
+        "rigs": asdict(config.of(RigsConfig)),
         "limits": asdict(allowed),
         "shaping_hash": shaping_hash,
     }
@@ -194,26 +209,37 @@ def shard_of(
 
 
 def canonical_motions(
-    path: Path, rigs: Mapping[str, RigMap], options: IngestOptions, allowed: Limits | None = None
-) -> Iterator[tuple[SourceClip, CanonicalMotion, RigMap]]:
+    path: Path,
+    rigs: Mapping[str, RigMap],
+    options: IngestOptions,
+    allowed: Limits | None = None,
+    solving: RigsConfig | None = None,
+) -> Iterator[Body]:
     """Every body of a file with its canonical motion.
+
+    Args:
+        path: of the file.
+        rigs: known rig maps, by name.
+        options: what the user said of its folder.
+        allowed: what the file may ask for.
+        solving: how sure a rig map must be that is solved from the joint tree.
 
     Raises:
         ClipError: the file cannot be read, asks for more than is `allowed`, its rig is unknown, or its motion makes
             no sense.
         UserError: `options.rig` is no rig.
     """
-    from motionlake.motion.auto_rig import NOTE, PREFIX, rig_of
+    from motionlake.motion.auto_rig import find_rig, notes_of
     from motionlake.motion.canonicalise import canonicalise
     from motionlake.motion.kinematics import solve
 
     for clip in read_clips(path, options.fps, allowed):
         solved = solve(clip)
-        rig = rig_of(clip, solved, rigs, options.rig)
+        rig, match = find_rig(clip, solved, rigs, options.rig, solving or RigsConfig())
         motion = canonicalise(clip, solved, rig, up=options.up, metres_per_unit=options.metres_per_unit)
-        if rig.name.startswith(PREFIX):
-            motion = replace(motion, notes=(*motion.notes, NOTE))
-        yield clip, motion, rig
+        if match is not None:
+            motion = replace(motion, notes=(*motion.notes, *notes_of(match, solving or RigsConfig())))
+        yield Body(clip, motion, rig, match)
 
 
 def first_body(lake: Lake, path: Path, options: IngestOptions | None = None) -> tuple[SourceClip, CanonicalMotion]:
@@ -223,12 +249,12 @@ def first_body(lake: Lake, path: Path, options: IngestOptions | None = None) -> 
         UserError: the file cannot be read.
     """
     try:
-        allowed = load_config(lake.config_file).of(Limits)
-        found = canonical_motions(path, load_rigs(lake.rigs), options or IngestOptions(), allowed)
-        clip, motion, _ = next(iter(found))
+        config = load_config(lake.config_file)
+        asked = options or IngestOptions(), config.of(Limits), config.of(RigsConfig)
+        body = next(iter(canonical_motions(path, load_rigs(lake.rigs), *asked)))
     except ClipError as error:
         raise UserError(f"{path}: {error}") from error
-    return clip, motion
+    return body.clip, body.motion
 
 
 def content_key(con: Connection) -> str:

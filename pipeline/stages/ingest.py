@@ -60,7 +60,7 @@ def prepare(
     ]
     for one in found:
         if one.difference.again:
-            reason = one.root.reason(config.frames, lake, one.difference.before)
+            reason = one.root.reason(config, lake, one.difference.before)
             lines.append(f"frames: {one.difference.again} files are read again, since {reason}")
     fresh = sum(sum(s.items for s in one.shards) - one.difference.again for one in found)
     return found, [*lines, f"frames: {max(fresh, 0)} new or changed files"]

@@ -16,8 +16,9 @@ from motionlake.formats import companions, is_clip
 from motionlake.formats.limits_config import Limits, raised
 from motionlake.lake.catalog import Connection, fetch
 from motionlake.lake.citations import Source, source_from
-from motionlake.lake.config import FramesConfig, config_hash
+from motionlake.lake.config import LakeConfig, config_hash
 from motionlake.lake.layout import Lake
+from motionlake.motion.rigs_config import RigsConfig
 from motionlake.motion.units import UNITS
 from motionlake.names import folded, kept, on_disk
 
@@ -112,16 +113,19 @@ class Root:
         """`base` as the lake keeps it."""
         return kept(self.base)
 
-    def shaping_hash(self, config: FramesConfig, lake: Lake, without: Path | None = None) -> str:
+    def shaping_hash(self, config: LakeConfig, lake: Lake, without: Path | None = None) -> str:
         """sha256 over all that shapes frames but the files, as if one of the user's rig maps were not there."""
-        return config_hash("frames", FRAMES_VERSION, config, self.options.shaping(), user_rigs_hash(lake, without))
+        rigs = config.of(RigsConfig)
+        asked = [] if rigs == RigsConfig() else [rigs]  # lakes of before there was such a table keep their hash
+        shaping = self.options.shaping(), user_rigs_hash(lake, without)
+        return config_hash("frames", FRAMES_VERSION, config.frames, *shaping, *asked)
 
-    def reason(self, config: FramesConfig, lake: Lake, before: str) -> str:
+    def reason(self, config: LakeConfig, lake: Lake, before: str) -> str:
         """Why files that were shaped as the hash `before` says are read again."""
         for rig in sorted(lake.rigs.glob("*.toml")):
             if self.shaping_hash(config, lake, without=rig) == before:
                 return f"{lake.relative(rig)} is new"
-        return "the options of `ingest`, a rig map in rigs/ or [frames] in config.toml changed"
+        return "the options of `ingest`, a rig map in rigs/, or [frames] or [rigs] in config.toml changed"
 
 
 def user_rigs_hash(lake: Lake, without: Path | None = None) -> str:

@@ -13,6 +13,7 @@ from motionlake.lake.catalog import fetch
 from motionlake.lake.config import FramesConfig, canonical_json, config_hash
 from motionlake.lake.layout import Lake
 from motionlake.lake.models import Model
+from motionlake.motion.rigs import load_rigs
 from motionlake.names import file_name
 from motionlake.stages.clip_parts import BODY_ROWS, CLIP_ROWS, ClipParts, ClipStage
 from motionlake.stages.reader import LakeReader
@@ -73,8 +74,9 @@ class Synthesize(ClipStage):
     def make(self, lake: Lake, shard: Shard, parts: ClipParts) -> None:
         """Make the motions of a shard, each a clip."""
         from motionlake.motion.canonicalise import to_source_clip
+        from motionlake.motion.rig_joints import rig_joints
 
-        spec = shard.spec
+        spec, rig = shard.spec, load_rigs()["canonical"]
         model = Model(**spec["generator"])
         request = Request(**{**spec["request"], "classes": tuple(spec["request"]["classes"])})
         keys = {m["number"]: m["key"] for m in spec["motions"]}
@@ -86,12 +88,13 @@ class Synthesize(ClipStage):
             motion, one = motions[i], made[i]
             name = f"{shard.dataset}/{path}"
             canonical = canonical_motion(one, model.metrics["filled"])
+            body = to_source_clip(canonical)
             own = [motion.start.licence] if motion.start.licence else []
             licences = sorted({*model.metrics["licences"], *own})
             content = canonical.positions.astype("<f4").tobytes() + canonical.rotations.astype("<f4").tobytes()
             parts.write(
-                name, to_source_clip(canonical), canonical, FramesConfig(**spec["frames"]), path=path,
-                format="synthetic", rig="canonical", notes=[], licence="; ".join(licences) or None,
+                name, body, canonical, FramesConfig(**spec["frames"]), rig_joints(body.hierarchy.joints, rig),
+                path=path, format="synthetic", rig=rig.name, notes=[], licence="; ".join(licences) or None,
                 content_hash=hashlib.sha256(content).hexdigest(),
                 label=request.classes[0] if len(set(request.classes)) == 1 else None,
             )  # fmt: skip

@@ -1,6 +1,7 @@
 -- name: clips_of_part
 -- In every version since 0, as the statements below.
-SELECT clip, fps, frames, rest_offsets FROM clips WHERE part = $part ORDER BY clip;
+SELECT clip, fps, frames, rest_offsets, rig, joints FROM clips JOIN layouts USING (layout)
+WHERE part = $part ORDER BY clip;
 
 -- name: files_of_frames
 SELECT stage, key, files FROM manifest WHERE stage IN ('frames', 'synthesize') AND state = 'ok';

@@ -21,6 +21,10 @@ LATE: Final = 0.1  # of a frame: how far after the end of an animation an instan
 _MISSING: Final = "needs ufbx: pip install 'motionlake[fbx]'"
 
 
+# Scenes and their nodes: the binding frees some of them twice, so they are let go where the process ends.
+_HELD: Final[list[Any]] = []
+
+
 def read_nodes(data: bytes) -> SceneNodes:
     """The bones of a file and what is above them, metres, y up; every stack with two frames or more.
 
@@ -50,7 +54,9 @@ def _sent(data: bytes, folder: Path) -> bytes:
         )
     except ufbx.UfbxError as error:
         raise ClipError(f"ufbx cannot read it: {' '.join(str(error).split())}") from error
-    nodes, parents, bones = _bones(list(scene.nodes))
+    every = list(scene.nodes)
+    _HELD.append((scene, every))
+    nodes, parents, bones = _bones(every)
     rate = float(scene.settings.frames_per_second)
     if not 0 < rate < 1e6:
         raise ClipError(f"has a frame rate of {rate:g}")
