@@ -11,14 +11,25 @@ from motionlake.arrays import Float64Array
 from motionlake.errors import ClipError
 from motionlake.names import printable
 
-_ROW: Final = re.compile(r"Row #(\d+)")
-# Blocks that stay in the processor's cache; and one word for what is blank, for each more makes it twice as slow.
-_BLOCK_BYTES: Final = 1 << 18
-_BLANK: Final = [""]
+_ROW: Final = re.compile(r"Row #(\d+): ")
+_FIELDS: Final = re.compile(r"Expected (\d+) columns, got (\d+)")
+_WORD: Final = re.compile(r"invalid value '([^\n]*)'")
+_LONGEST: Final = 80  # characters of a file that are told
+_BLOCK_BYTES: Final = 1 << 18  # stays in the processor's cache
+_FIELD_BYTES: Final = 64  # a row of so much a field fits a block
 
 
 def read_columns(
-    data: bytes, begin: int, width: int, wanted: Sequence[int], *, parted_by: str = ",", lines_before: int = 0
+    data: bytes,
+    begin: int,
+    width: int,
+    wanted: Sequence[int],
+    *,
+    parted_by: str = ",",
+    lines_before: int = 0,
+    blanks: Sequence[str] = ("",),
+    decimal_point: str = ".",
+    quoted: bool = False,
 ) -> Float64Array:
     """[F, C] the numbers of some columns; NaN where a field is blank. Blank lines are left out.
 
@@ -29,32 +40,43 @@ def read_columns(
         wanted: places of C of them.
         parted_by: what stands between fields.
         lines_before: lines of the file before `begin`, for the line of an error.
+        blanks: what a field may hold that is blank; each more than one makes it twice as slow.
+        decimal_point: of numbers.
+        quoted: whether fields may stand in quotation marks.
 
     Raises:
-        ClipError: a row has more or fewer fields, or a wanted one is no number.
+        ClipError: with the line, a row that has more or fewer fields, or a wanted one that is no number.
     """
     import pyarrow as pa
     from pyarrow import csv
 
     names = [str(place) for place in range(width)]
     chosen = [names[place] for place in wanted]
+    block = max(_BLOCK_BYTES, _FIELD_BYTES * width)
     try:
         table = csv.read_csv(
             pa.BufferReader(memoryview(data)[begin:]),
-            read_options=csv.ReadOptions(use_threads=False, column_names=names, block_size=_BLOCK_BYTES),
-            parse_options=csv.ParseOptions(delimiter=parted_by, quote_char=False),
+            read_options=csv.ReadOptions(use_threads=False, column_names=names, block_size=block),
+            parse_options=csv.ParseOptions(delimiter=parted_by, quote_char='"' if quoted else False),
             convert_options=csv.ConvertOptions(
-                column_types=dict.fromkeys(chosen, pa.float64()), include_columns=chosen, null_values=_BLANK
+                column_types=dict.fromkeys(chosen, pa.float64()),
+                include_columns=chosen,
+                null_values=list(blanks),
+                decimal_point=decimal_point,
             ),
             memory_pool=pa.system_memory_pool(),  # Arrow's own gives pages back at once, which takes as long as reading
         )
     except pa.ArrowInvalid as error:
-        raise ClipError(*_reason(str(error), lines_before)) from error
+        raise _told(str(error), lines_before) from error
     return np.column_stack([column.to_numpy() for column in table.columns])
 
 
-def _reason(said: str, before: int) -> tuple[str, int | None]:
-    """What the parser says of a row, in one line, and the line of the file."""
+def _told(said: str, before: int) -> ClipError:
+    """What Arrow says of a table, in one short line; it counts rows from 1."""
     row = _ROW.search(said)
-    told = said.split(": ", 2)[-1] if row else said
-    return f"a row is damaged: {printable(' '.join(told.split()))[:100]}", before + int(row[1]) if row else None
+    line = before + int(row[1]) if row else None
+    if fields := _FIELDS.search(said):
+        return ClipError(f"the row has {fields[2]} fields, not {fields[1]}", line)
+    if word := _WORD.search(said):
+        return ClipError(f"{printable(word[1])[:_LONGEST]!r} is no number", line)
+    return ClipError(f"is no table: {printable(said.partition(chr(10))[0])[:_LONGEST]}", line)
