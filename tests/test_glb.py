@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import json
 import struct
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +21,7 @@ from motionlake.formats.parse.keys import even_rate, sample
 from motionlake.formats.registry import companions
 from motionlake.formats.write.glb import glb_bytes
 from motionlake.formats.write.registry import ClipToWrite, writers
-from motionlake.motion.clip import SourceClip
+from motionlake.motion.clip import POSITION_CHANNELS, SourceClip
 from motionlake.motion.kinematics import solve
 from motionlake.motion.rotations import rotate
 
@@ -102,6 +103,30 @@ def parts(data: bytes) -> tuple[dict[str, Any], bytes]:
 def as_gltf(document: dict[str, Any], binary: bytes, uri: str = "") -> bytes:
     document["buffers"][0]["uri"] = uri or "data:application/octet-stream;base64," + base64.b64encode(binary).decode()
     return json.dumps(document).encode()
+
+
+@pytest.mark.parametrize(("way", "bones_less"), [(0.0, 0), (100.0, 1)])
+def test_a_joint_that_leaves_its_parent_hangs_on_no_bone(tmp_path: Path, way: float, bones_less: int) -> None:
+    clip = source(tmp_path)
+    own, first = clip.hierarchy.channels, len(clip.hierarchy.channels[0])
+    hierarchy = replace(clip.hierarchy, channels=(own[0], (*POSITION_CHANNELS, *own[1]), *own[2:]))
+    places = (
+        np.tile(clip.hierarchy.offsets[1], (len(clip.channels), 1)) + np.linspace(0, way, len(clip.channels))[:, None]
+    )
+    moving = replace(
+        clip, hierarchy=hierarchy, channels=np.hstack([clip.channels[:, :first], places, clip.channels[:, first:]])
+    )
+    assert (
+        corners(written(moving, tmp_path / "moving.glb")) == corners(written(clip, tmp_path / "a.glb")) - 6 * bones_less
+    )
+
+
+def corners(path: Path) -> int:
+    data = path.read_bytes()
+    document = json.loads(data[20 : 20 + int.from_bytes(data[12:16], "little")])
+    accessor: int = document["meshes"][0]["primitives"][0]["attributes"]["POSITION"]
+    count: int = document["accessors"][accessor]["count"]
+    return count
 
 
 def test_a_scaled_and_turned_node_above_the_joints_moves_them(tmp_path: Path) -> None:

@@ -27,6 +27,7 @@ _ARRAY: Final = 34962
 _ELEMENTS: Final = 34963
 WAIST: Final = 0.15  # of a bone: how far from its joint it is thickest
 WIDTH: Final = 0.06  # of a bone
+LOOSE: Final = 0.25  # of its length; a joint that goes farther from its parent hangs on it by no bone
 _KINDS: Final = {1: "SCALAR", 3: "VEC3", 4: "VEC4", 16: "MAT4"}
 # A bone is an octahedron: its joint, four corners around its waist, its tip.
 _FACES: Final = np.array(
@@ -120,7 +121,12 @@ def glb_bytes(motion: ClipToWrite) -> bytes:
     standing = chained(bones, hierarchy.parents)
     inverse = np.tile(np.eye(4), (joints, 1, 1))
     inverse[:, 3, :3] = -standing  # columns one after another
-    primitive = _sticks(buffer, standing, hierarchy.parents, sites)
+    lengths = np.linalg.norm(below, axis=-1)
+    loose = {
+        joint for joint in moved if rotations is not None and np.ptp(lengths[:, joint]) > LOOSE * lengths[0, joint]
+    }
+    held = [(parent, joint) for joint, parent in enumerate(hierarchy.parents) if parent >= 0 and joint not in loose]
+    primitive = _sticks(buffer, standing, held, sites)
     material = {"pbrMetallicRoughness": {"baseColorFactor": [0.45, 0.6, 0.8, 1.0], "metallicFactor": 0.0}}
     document = {
         "asset": {"version": "2.0", "generator": "motionlake", "extras": _told(motion)},
@@ -149,14 +155,14 @@ def _told(motion: ClipToWrite) -> dict[str, str]:
 
 
 def _sticks(
-    buffer: _Buffer, standing: Float64Array, parents: tuple[int, ...], sites: list[tuple[int, Float64Array]]
+    buffer: _Buffer, standing: Float64Array, held: list[tuple[int, int]], sites: list[tuple[int, Float64Array]]
 ) -> dict[str, Any]:
-    """An octahedron from each joint to each that hangs from it; its tip moves with the latter, so that it stays there.
+    """An octahedron for each pair of joints, `held`; its tip moves with the second one, so that it stays there.
 
     Raises:
         ClipError: more bones than 16-bit indices count.
     """
-    bones = [(parent, joint, standing[joint]) for joint, parent in enumerate(parents) if parent >= 0]
+    bones = [(parent, joint, standing[joint]) for parent, joint in held]
     bones += [(joint, joint, standing[joint] + offset) for joint, offset in sites]
     if not bones:
         bones = [(0, 0, standing[0] + [0.0, 0.1, 0.0])]
