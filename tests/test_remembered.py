@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 from motionlake.formats import read_clips
-from motionlake.formats.registry import Remembered
+from motionlake.formats.remembered import Remembered
 
 from tests.test_asf_amc import AMC, ASF, write
 

@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 from motionlake.errors import ClipError
 from motionlake.formats import read_clips
+from motionlake.formats.clip_checks import check_clip
 from motionlake.formats.limits_config import Limits
 from motionlake.formats.parse import usd_nodes
 from motionlake.formats.parse.scene_nodes import SceneNodes
-from motionlake.formats.registry import check_clip
 from motionlake.motion.clip import SolvedMotion, SourceClip
 from motionlake.motion.kinematics import solve
 from motionlake.motion.rotations import conjugate, multiply, rotate, to_matrix

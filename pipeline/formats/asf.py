@@ -12,7 +12,8 @@ import numpy as np
 from motionlake.arrays import Float64Array
 from motionlake.errors import ClipError
 from motionlake.formats.limits_config import FARTHEST, limits
-from motionlake.formats.registry import Remembered, load_bytes
+from motionlake.formats.registry import load_bytes
+from motionlake.formats.remembered import Remembered
 from motionlake.motion.clip import POSITION_CHANNELS, ChannelKind, Hierarchy, depth_first
 from motionlake.motion.rotations import from_euler
 

@@ -14,7 +14,8 @@ from motionlake.arrays import Float64Array
 from motionlake.errors import ClipError
 from motionlake.formats.asf import ROOT, Skeleton, load_asf
 from motionlake.formats.limits_config import FARTHEST, MOST_DEGREES, limits
-from motionlake.formats.registry import COMPRESSED_SUFFIX, Remembered
+from motionlake.formats.registry import COMPRESSED_SUFFIX
+from motionlake.formats.remembered import Remembered
 from motionlake.motion.clip import SourceClip
 from motionlake.motion.rotations import rotate
 

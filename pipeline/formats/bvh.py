@@ -11,9 +11,9 @@ from typing import Final
 
 import numpy as np
 from motionlake.errors import ClipError
+from motionlake.formats.clip_checks import MAX_FPS, MIN_FPS, most_of
 from motionlake.formats.limits_config import FARTHEST, limits
 from motionlake.formats.parse.lines import line_of
-from motionlake.formats.registry import MAX_FPS, MIN_FPS, most_of
 from motionlake.motion.clip import POSITION_CHANNELS, ROTATION_CHANNELS, ChannelKind, Hierarchy, SourceClip
 from motionlake.motion.rotations import IDENTITY
 from motionlake.names import unique

@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 from motionlake.arrays import Float64Array, Int64Array
 from motionlake.errors import ClipError
-from motionlake.formats.registry import MAX_FPS
+from motionlake.formats.clip_checks import MAX_FPS
 from motionlake.motion.rotations import MIN_LENGTH, slerp
 
 SPARSE_FPS: Final = 30.0

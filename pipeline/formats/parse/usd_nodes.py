@@ -11,13 +11,13 @@ from typing import Any, Final
 import numpy as np
 from motionlake.arrays import Float64Array
 from motionlake.errors import ClipError
+from motionlake.formats.clip_checks import MAX_FPS, MIN_FPS
 from motionlake.formats.limits_config import limits
 from motionlake.formats.parse.keys import SPARSE_FPS, even_count, even_rate
 from motionlake.formats.parse.own_process import read_apart, serve
 from motionlake.formats.parse.scene import Placing, check_room
 from motionlake.formats.parse.scene_nodes import PLACING, SceneHead, SceneNodes, numbers_of
 from motionlake.formats.parse.usd_stage import LONGEST, open_alone
-from motionlake.formats.registry import MAX_FPS, MIN_FPS
 from motionlake.motion.rotations import MIN_LENGTH, normalise
 from motionlake.names import printable
 

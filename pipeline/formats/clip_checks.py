@@ -1,0 +1,62 @@
+"""What holds for the clips of every format."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from motionlake.arrays import Float64Array
+from motionlake.errors import ClipError
+from motionlake.formats.limits_config import FARTHEST, MOST_DEGREES, limits
+from motionlake.motion.clip import ROTATION_CHANNELS, ChannelKind, Hierarchy, SourceClip
+
+MIN_FPS: Final = 1.0
+MAX_FPS: Final = 1000.0
+
+
+def _is_text(name: str) -> bool:
+    try:
+        name.encode()
+    except UnicodeEncodeError:
+        return False
+    return True
+
+
+def most_of(hierarchy: Hierarchy) -> Float64Array:
+    """[C] the largest number that is no damage, of every channel: degrees or file units."""
+    turns = hierarchy.kind is ChannelKind.EULER
+    names = [name for joint in hierarchy.channels for name in joint]
+    return np.array([MOST_DEGREES if turns and name in ROTATION_CHANNELS else FARTHEST for name in names])
+
+
+def check_clip(clip: SourceClip) -> None:
+    """Raise `ClipError` unless shapes agree, parents precede children and all numbers are finite."""
+    hierarchy, channels = clip.hierarchy, clip.channels
+    joints = len(hierarchy.joints)
+    if not joints:
+        raise ClipError("has no joints")
+    if len(set(hierarchy.joints)) != joints:
+        raise ClipError("has two joints of one name")
+    if any("\0" in name or not _is_text(name) for name in hierarchy.joints):
+        raise ClipError("has a joint whose name is no text")
+    tree = len(hierarchy.parents) == len(hierarchy.channels) == joints and hierarchy.parents[0] == -1
+    if not tree or any(not 0 <= parent < joint for joint, parent in enumerate(hierarchy.parents) if joint):
+        raise ClipError("its joints form no tree of which joint 0 is the root")
+    if hierarchy.offsets.shape != (joints, 3) or not np.isfinite(hierarchy.offsets).all():
+        raise ClipError("has a joint without a finite offset")
+    if not (np.abs(hierarchy.offsets) <= FARTHEST).all():
+        raise ClipError("has a joint with an offset that is absurdly long")
+    if channels.ndim != 2 or channels.shape[1] != sum(map(len, hierarchy.channels)):
+        raise ClipError("its rows do not fit its channels")
+    limits().check_body(len(channels), joints)
+    if len(channels) < 2:
+        raise ClipError(f"has {len(channels)} frame(s); a motion needs at least two")
+    if not np.isfinite(channels).all():
+        raise ClipError("has a channel value that is not finite")
+    if not (np.abs(channels) <= most_of(hierarchy)).all():
+        frame, channel = np.argwhere(np.abs(channels) > most_of(hierarchy))[0].tolist()
+        raise ClipError(
+            f"frame {frame}: {hierarchy.channel_names[channel]} is {channels[frame, channel]:.4g}, which is absurd"
+        )
+    if not MIN_FPS <= clip.fps <= MAX_FPS:
+        raise ClipError(f"frame rate {clip.fps:g}/s is outside [{MIN_FPS:g}, {MAX_FPS:g}]: say --fps")
