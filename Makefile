@@ -118,6 +118,7 @@ wheel: setup ## Build the wheel into DIST=folder (dist), with its software bill 
 
 bench-ingest: .venv-bench/.ready setup ## Measure reading against peers, then whole ingests: speed, memory, bytes a frame
 	$(BENCH)/python -m bench.ingest peers
+	$(BIN)/python -m bench.ingest_formats
 	$(BIN)/python -m bench.lake ingest
 
 bench-dtw: .venv-bench/.ready ## Measure word DTW against peers

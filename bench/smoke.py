@@ -106,6 +106,7 @@ SMOKES: Final[Sequence[Smoke]] = (
     Smoke("bench.fuzz", ("files", "config", "--files", "28", "--examples", "3", "--workers", "1"), recordings=False),
     Smoke("bench.humanml3d", (), {"bench.retargeting.CLIPS": 1}),
     Smoke("bench.ingest", ("peers", "--rounds", "1")),
+    Smoke("bench.ingest_formats", ("--rounds", "1")),
     Smoke("bench.lake", ("ingest", "--clips", "8", "--workers", "1", "--sets", "hdm05")),
     Smoke("bench.moves", (), {"bench.moves.QUERIES": 2}),
     Smoke("bench.quality", (), {"bench.quality.LONGEST": 3.0}),

@@ -51,10 +51,11 @@ def check_clip(clip: SourceClip) -> None:
     limits().check_body(len(channels), joints)
     if len(channels) < 2:
         raise ClipError(f"has {len(channels)} frame(s); a motion needs at least two")
-    if not np.isfinite(channels).all():
-        raise ClipError("has a channel value that is not finite")
-    if not (np.abs(channels) <= most_of(hierarchy)).all():
-        frame, channel = np.argwhere(np.abs(channels) > most_of(hierarchy))[0].tolist()
+    sane = np.abs(channels) <= most_of(hierarchy)  # false for NaN too
+    if not sane.all():
+        if not np.isfinite(channels).all():
+            raise ClipError("has a channel value that is not finite")
+        frame, channel = np.argwhere(~sane)[0].tolist()
         raise ClipError(
             f"frame {frame}: {hierarchy.channel_names[channel]} is {channels[frame, channel]:.4g}, which is absurd"
         )

@@ -177,18 +177,26 @@ class Worlds:
 
 def worlds(tree: JointTree, placings: Sequence[Placing], frames: int) -> Worlds:
     """Where a tree's joints are, of the placing of each of its nodes at one frame or `frames` of them."""
-    linear: list[Float64Array] = []
+    linear: list[Float64Array | None] = []  # None where it is the rotation alone
     positions: list[Float64Array] = []
     rotations: list[Float64Array] = []
     for parent, placing in zip(tree.parents, placings, strict=True):
-        own = to_matrix(placing.rotation) * placing.scale[:, None, :]
+        above = linear[parent] if parent >= 0 else None
+        if above is None and (placing.scale == 1).all():
+            linear.append(None)
+        else:
+            own = to_matrix(placing.rotation) * placing.scale[:, None, :]
+            before = to_matrix(rotations[parent]) if parent >= 0 and above is None else above
+            linear.append(own if before is None else before @ own)
         if parent < 0:
-            linear.append(own)
             positions.append(placing.translation)
             rotations.append(placing.rotation)
             continue
-        positions.append(positions[parent] + (linear[parent] @ placing.translation[..., None])[..., 0])
-        linear.append(linear[parent] @ own)
+        if above is None:
+            from_parent = rotate(rotations[parent], placing.translation)
+        else:
+            from_parent = (above @ placing.translation[..., None])[..., 0]
+        positions.append(positions[parent] + from_parent)
         rotations.append(multiply(rotations[parent], placing.rotation))
     return Worlds(*(_stacked(values[tree.root :], frames) for values in (positions, rotations)))
 
