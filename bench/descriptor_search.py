@@ -158,7 +158,7 @@ def in_duckdb(rows: Float32Array) -> duckdb.DuckDBPyConnection:
     con.execute(sql.read("schema/65_descriptors.sql"))
     con.execute("INSERT INTO descriptors BY NAME SELECT clip, descriptor, 'made' AS model, '' AS part FROM made")
     con.unregister("made")
-    for macro in ("find_clip", "nearest_clips"):
+    for macro in ("find_clip", "good_enough", "nearest_clips"):
         con.execute(sql.read(f"macros/{macro}.sql"))
     return con
 

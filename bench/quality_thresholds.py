@@ -109,11 +109,17 @@ def chosen_config(others: Sequence[Scores], config: QualityConfig) -> QualityCon
 
 
 def usual(sets: Sequence[Sequence[Mapping[str, float]]]) -> dict[str, Usual]:
-    """What evidence of frame rates is usual in some sets of recordings; `tempo` has each set count the same."""
+    """What evidence of frame rates is usual in some sets of recordings; `tempo` has each set count the same.
+
+    Of a kind that no clip has it is what the program takes.
+    """
     found = {}
     for kind in USUAL:
         of_sets = [np.array([each[kind] for each in one if kind in each]) for one in sets]
         of_sets = [values for values in of_sets if len(values)]
+        if not of_sets:
+            found[kind] = USUAL[kind]
+            continue
         middle = fmean(float(np.median(values)) for values in of_sets)
         if kind != "tempo":
             middle = float(np.median(np.concatenate(of_sets)))
