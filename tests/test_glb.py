@@ -18,12 +18,13 @@ from motionlake.errors import ClipError
 from motionlake.formats import read_clips
 from motionlake.formats.parse.gltf_document import GltfDocument
 from motionlake.formats.parse.keys import even_rate, sample
+from motionlake.formats.parse.scene import JointTree, Placing, worlds
 from motionlake.formats.registry import companions
 from motionlake.formats.write.glb import glb_bytes
 from motionlake.formats.write.registry import ClipToWrite, writers
 from motionlake.motion.clip import POSITION_CHANNELS, SourceClip
 from motionlake.motion.kinematics import solve
-from motionlake.motion.rotations import rotate
+from motionlake.motion.rotations import normalise, rotate, to_matrix
 
 from tests.lakes import motionlake, query, quick_lake
 from tests.samples import SAMPLES
@@ -231,6 +232,38 @@ def test_keys_are_sampled_as_the_file_says() -> None:
     turns = np.array([[1.0, 0, 0, 0], [-np.sqrt(0.5), -np.sqrt(0.5), 0, 0]])
     half = sample(times, turns, np.array([0.5]), "LINEAR", True)[0]
     np.testing.assert_allclose(np.abs(half), [np.cos(np.pi / 8), np.sin(np.pi / 8), 0, 0], atol=1e-12)
+
+
+def test_keys_at_every_instant_are_taken_as_they_are() -> None:
+    rng = np.random.default_rng(3)
+    times = (np.arange(40, dtype=np.float32) / np.float32(120)).astype(float)
+    for values, rotation in ((rng.standard_normal((40, 3)), False), (rng.standard_normal((40, 4)), True)):
+        expected = values / np.linalg.norm(values, axis=1, keepdims=True) if rotation else values
+        np.testing.assert_allclose(sample(times, values, np.arange(40) / 120, "LINEAR", rotation), expected)
+    halfway = sample(times, values[:, :1], (np.arange(39) + 0.5) / 120, "LINEAR", False)
+    np.testing.assert_allclose(halfway, (values[:-1, :1] + values[1:, :1]) / 2, atol=1e-4)
+
+
+@pytest.mark.parametrize("scaled", [(), (0,), (2,), (1, 3)])
+def test_chains_of_nodes_agree_with_matrices_multiplied_one_after_another(scaled: tuple[int, ...]) -> None:
+    rng, parents, frames = np.random.default_rng(5), (-1, 0, 1, 2, 2), 6
+    placings = [
+        Placing(
+            rng.standard_normal((frames, 3)),
+            normalise(rng.standard_normal((frames, 4))),
+            np.tile([1.5, 0.5, 2.0] if node in scaled else [1.0, 1.0, 1.0], (frames, 1)),
+        )
+        for node in range(len(parents))
+    ]
+    found = worlds(JointTree(tuple(range(5)), parents, 0), placings, frames)
+    for frame in range(frames):
+        matrices: list[Float64Array] = []
+        for parent, placing in zip(parents, placings, strict=True):
+            own = np.eye(4)
+            own[:3, :3] = to_matrix(placing.rotation[frame]) @ np.diag(placing.scale[frame])
+            own[:3, 3] = placing.translation[frame]
+            matrices.append(own if parent < 0 else matrices[parent] @ own)
+        np.testing.assert_allclose(found.positions[frame], [matrix[:3, 3] for matrix in matrices], atol=1e-12)
 
 
 def test_the_rate_is_that_of_the_keys_or_thirty() -> None:
