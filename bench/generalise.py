@@ -4,7 +4,8 @@ Every set becomes a lake with the default configuration and a seed of its motifs
 among all others. For every set the constants are those with the greatest mean average precision, mean over the seeds of
 the other sets; what they reach on the set itself is what to expect of recordings that nobody tuned on. Beside
 them stand every method and every combination of methods, along the graph and without it; so do dynamic time warping of
-the joints that moves see, and late interaction of windows.
+the joints that moves see, and late interaction of windows. What displacement counts in moves is chosen in the same way,
+with the other constants as they are.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 from unittest import mock
 
 import numpy as np
@@ -28,7 +29,7 @@ from motionlake.retrieval.views import TURNS, View, near_again
 from motionlake.stages.graph import KEPT
 
 from bench.record import hash_files, record, recordings
-from bench.search_lakes import METHODS, SEEDED, TASKS, WINDOWS, Measured, measured
+from bench.search_lakes import DISPLACEMENTS, METHODS, SEEDED, TASKS, WINDOWS, Measured, counting, measured
 
 SEEDS: Final = (0, 1, 2)
 # How much each of them counts.
@@ -61,6 +62,9 @@ NOW: Final = Constants(diffusion.RECIPROCAL, DIRECT, TURNS, tuple(WEIGHTS.get(me
 
 def every_constants() -> Iterator[Constants]:
     return itertools.starmap(Constants, itertools.product(RECIPROCALS, DIRECTS, TURNS_TRIED, SHARES))
+
+
+How = TypeVar("How")
 
 
 @dataclass(frozen=True)
@@ -107,8 +111,8 @@ def near_of(one: Measured, rows: Sequence[Mapping[str, View[int]]], shares: Mapp
     return Near(direct, along)
 
 
-def best(scores: Mapping[Constants, Mapping[str, float]], sets: Sequence[str]) -> Constants:
-    """The constants with the greatest mean over some sets; of equal ones the first."""
+def best(scores: Mapping[How, Mapping[str, float]], sets: Sequence[str]) -> How:
+    """The choice with the greatest mean over some sets; of equal ones the first."""
     return max(scores, key=lambda how: float(np.mean([scores[how][name] for name in sets])))
 
 
@@ -145,10 +149,17 @@ def measure(names: Sequence[str], seeds: Sequence[int]) -> dict[str, object]:
         others = [other for other in names if other != name] or [name]
         chosen = best(order, others)
         left_out[name] = {"constants": asdict(chosen), **found.means(chosen, name)}
+    of_moves = {_with(count): {name: found.means(_with(count), name)["map"] for name in names}
+                for count in DISPLACEMENTS}  # fmt: skip
+    displacement = {}
+    for name in names:
+        counted = best(of_moves, [other for other in names if other != name] or [name])
+        displacement[name] = {"chosen": counted, **found.means(counted, name)}
     return {
         "sets": list(names),
         "seeds": list(seeds),
         "left out": left_out,
+        "displacement left out": displacement,
         "best on all": {"constants": asdict(best(order, names)), **{n: order[best(order, names)][n] for n in names}},
         "by constants": {str(how): by_set for how, by_set in order.items()},
         "now": {"constants": asdict(NOW), **{name: found.means(NOW, name) for name in names}},
@@ -169,10 +180,18 @@ def _of_set(found: Scores, name: str, lakes: Sequence[Measured], reciprocal: int
                     how = Constants(reciprocal, direct, turns, shares)
                     found.add(how, name, one.scores(near.along + direct * near.direct))
             if reciprocal == NOW.reciprocal:
+                for count in DISPLACEMENTS:
+                    other = [{**each, "moves": each[counting(count)]} for each in rows]
+                    near = near_of(one, other, _counted(NOW.shares), NOW.turns)
+                    found.add(_with(count), name, one.scores(near.along + NOW.direct * near.direct))
                 for what, counted in _combinations(first=one is lakes[0]):
                     near = near_of(one, rows, counted, NOW.turns if len(counted) > 1 else 0)
                     found.add(f"{what}, no graph", name, one.scores(near.direct))
                     found.add(what, name, one.scores(near.along + NOW.direct * near.direct))
+
+
+def _with(displacement: float) -> str:
+    return f"all, {counting(displacement)}"
 
 
 def _counted(shares: Sequence[float]) -> dict[str, float]:
@@ -184,7 +203,8 @@ def _combinations(*, first: bool) -> Iterator[tuple[str, dict[str, float]]]:
     then those that its motifs change."""
     now = _counted(NOW.shares)
     chosen = [dict(some) for size in range(1, len(now) + 1) for some in itertools.combinations(now.items(), size)]
-    chosen += [{"dtw": 1.0}, {WINDOWS: 1.0}, *({**now, WINDOWS: share} for share in WINDOW_SHARES)]
+    chosen += [{"dtw": 1.0}, {WINDOWS: 1.0}, *({counting(count): 1.0} for count in DISPLACEMENTS)]
+    chosen += [*({**now, WINDOWS: share} for share in WINDOW_SHARES)]
     for counted in chosen:
         if first or SEEDED in counted:
             said = "+".join(method if method != WINDOWS or len(counted) == 1 else f"{share:g} windows"
@@ -203,7 +223,7 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, nargs="+", default=list(SEEDS))
     given = parser.parse_args()
     figures = measure(given.sets, given.seeds)
-    for part in ("left out", "best on all", "now", "methods"):
+    for part in ("left out", "displacement left out", "best on all", "now", "methods"):
         print(part, figures[part])
     folders = [recordings() / TASKS[name].folder for name in given.sets]
     files = [path for folder in folders for path in folder.rglob("*") if path.is_file()]

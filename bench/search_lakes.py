@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
+from unittest import mock
 
 import numpy as np
 from motionlake.arrays import Float32Array, Float64Array, Int64Array
@@ -17,7 +18,9 @@ from motionlake.jobs.session import session
 from motionlake.lake.catalog import reading
 from motionlake.lake.config import load_config
 from motionlake.lake.layout import Lake
+from motionlake.motion import moves
 from motionlake.motion.dtw import dtw_matrix
+from motionlake.motion.moves import DISPLACEMENT_COUNT
 from motionlake.retrieval.fused import EVERY
 from motionlake.retrieval.protocol import Query, Scope
 from motionlake.retrieval.registry import searcher
@@ -32,6 +35,7 @@ from bench.record import recordings
 METHODS: Final = ("signature", "alignment", "moves", "descriptor")
 SEEDED: Final = "signature"  # the one that another seed of motifs changes
 WINDOWS: Final = "windows"
+DISPLACEMENTS: Final = (0.3, 0.5, 1.0)  # what displacement counts in moves, beside velocity
 # Two more that no bar names, of other kinds of motion: a lake as small as people begin with, and long walks.
 TASKS: Final = {
     **SETS, "dance": LabelledSet("cmu_dance", "label"), "cmu_bvh": LabelledSet("cmu_bvh", "description")
@@ -63,8 +67,9 @@ class Measured:
 def measured(folder: Path, name: str, seeds: Sequence[int]) -> Iterator[Measured]:
     """A set as a lake with every stage, and the distances of its clips, for each seed of its motifs.
 
-    Beside the methods of search stand dynamic time warping of the joints that moves see ("dtw"), and late interaction
-    of the windows that stage `submotions` keeps ("windows").
+    Beside the methods of search stand dynamic time warping of the joints that moves see ("dtw"), late interaction of
+    the windows that stage `submotions` keeps ("windows"), and moves in which displacement counts more or less
+    (`counting`).
     """
     chosen = TASKS[name]
     lake = make_lake(folder, [recordings() / chosen.folder])
@@ -76,11 +81,20 @@ def measured(folder: Path, name: str, seeds: Sequence[int]) -> Iterator[Measured
         if not fixed:
             fixed = {method: _distances(lake, method, every) for method in METHODS if method != SEEDED}
             fixed |= {"dtw": _of_joints(lake, every), WINDOWS: _of_windows(lake, every)}
+            for count in DISPLACEMENTS:
+                with mock.patch.object(moves, "DISPLACEMENT_COUNT", count):
+                    same = count == DISPLACEMENT_COUNT
+                    fixed[counting(count)] = fixed["moves"] if same else _distances(lake, "moves", every)
         labels, subjects = labels_of(chosen)
         rows = [row for row, clip in enumerate(every) if clip in labels]
         known = [subjects.get(every[row]) if name != "salsa" else None for row in rows]
         found = {SEEDED: _distances(lake, SEEDED, every), **fixed}
         yield Measured(found, np.array(rows), [labels[every[row]] for row in rows], known)
+
+
+def counting(displacement: float) -> str:
+    """The name of moves in which displacement counts so much."""
+    return f"moves, displacement {displacement:g}"
 
 
 def _bring_up(lake: Lake, seed: int) -> None:

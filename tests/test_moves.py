@@ -10,7 +10,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from motionlake.arrays import Float32Array, Float64Array
 from motionlake.deephums.sequence import clip_sequence
-from motionlake.motion.moves import FPS, JOINTS_COUNT, LEAST, MOST, WIDTH, Track, at_12
+from motionlake.motion.moves import DISPLACEMENT_COUNT, FPS, JOINTS_COUNT, LEAST, MOST, WIDTH, Track, at_12
 from motionlake.motion.moves_index import MovesIndex, Stack, aligned, moves_distance
 from motionlake.motion.moves_windows import nearest_place, windows_distances
 
@@ -122,6 +122,13 @@ def test_displacement_and_velocity_tell_neither_size_nor_posture_and_moves_no_fa
     turn = np.array([[cosine, 0, sine], [0, 1, 0], [-sine, 0, cosine]])
     turned = Track.of((track.joints.reshape(-1, 15, 3) @ turn).reshape(-1, 45))
     np.testing.assert_allclose(turned.moves(), track.turned().moves(), atol=1e-4)
+
+
+def test_velocity_counts_more_than_displacement_and_both_alike_in_every_clip() -> None:
+    displacement, velocity = np.split(wandering(3, 40).moves()[:, :90], 2, axis=1)
+    roots = [float(np.sqrt((part.astype(float) ** 2).sum(axis=1).mean())) for part in (displacement, velocity)]
+    np.testing.assert_allclose(roots, [DISPLACEMENT_COUNT, 1.0], rtol=1e-5)
+    assert DISPLACEMENT_COUNT < 1
 
 
 def test_what_stands_still_or_is_long_has_moves() -> None:

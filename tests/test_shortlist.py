@@ -14,6 +14,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from motionlake.errors import UserError
+from motionlake.lake.config import load_config
 from motionlake.lake.layout import Lake, open_lake
 from motionlake.motion.dtw import clip_dtw, clip_path
 from motionlake.motion.skeleton import COMMON
@@ -23,7 +24,8 @@ from motionlake.retrieval.matched import matched_moves
 from motionlake.retrieval.moves import MovesSearcher
 from motionlake.retrieval.protocol import Hit, LakeSearcher, Query, Scope
 from motionlake.retrieval.registry import searcher
-from motionlake.stages.shortlist import COMPARED
+from motionlake.stages.reader import lake_reader
+from motionlake.stages.shortlist import COMPARED, SHORTLIST
 
 from tests.lakes import Changed, files, motionlake, query
 from tests.test_newer_models import newer
@@ -175,6 +177,23 @@ def test_a_shortlist_of_other_models_is_refused(large: Path, tmp_path: Path) -> 
     with few():
         run = motionlake("search", clip, "--lake", root)
     assert (run.status, "run shortlist" in run.err) == (2, True)
+
+
+def test_a_shortlist_of_moves_of_another_kind_is_refused_and_made_again(
+    large: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    lake = open_lake(large)
+
+    def due() -> int:
+        with few(), lake_reader(lake, load_config(lake.config_file)) as at:
+            return SHORTLIST.due(at)
+
+    assert due() == 0
+    for module in ("stages", "retrieval"):
+        monkeypatch.setattr(f"motionlake.{module}.shortlist.KIND", "another")
+    assert due() == 1
+    with few(), pytest.raises(UserError, match="run shortlist"):
+        FusedSearcher(lake)
 
 
 @pytest.mark.parametrize("kind", ["motifs", "postures"])

@@ -1,8 +1,9 @@
 """How a body moves: the moves of a clip.
 
 A frame of moves is the displacement of the joints from the posture that a clip starts and ends in, and their velocity,
-each divided by its root mean square over the clip: these tell neither how far a body moves nor how it stands. Beside
-them, and counting less, are the joints themselves and how far the body has come. Clips are compared by dynamic time
+each divided by its root mean square over the clip: these tell neither how far a body moves nor how it stands. Velocity
+counts most, for it tells one move from another that passes through the same places. Beside them are the joints
+themselves and how far the body has come. Clips are compared by dynamic time
 warping of their moves.
 """
 
@@ -20,7 +21,10 @@ LEAST: Final = 4  # frames
 MOST: Final = 160  # frames of a clip that are aligned; of a longer one as many, evenly spread
 SMOOTHED: Final = 1.0  # frames; standard deviation of the filter before velocities
 WIDTH: Final = 3 * 3 * len(COMMON)  # numbers of a frame: displacement, velocity, joints
-JOINTS_COUNT: Final = 0.4  # a body length of the joints themselves, beside a root mean square of the others
+DISPLACEMENT_COUNT: Final = 0.5  # a root mean square of the displacement, beside one of the velocity
+JOINTS_COUNT: Final = 0.4  # a body length of the joints themselves, beside the same
+# What was made of moves of another kind is not compared with these.
+KIND: Final = f"{WIDTH} numbers, displacement {DISPLACEMENT_COUNT}, joints {JOINTS_COUNT}"
 HIPS: Final = slice(3 * COMMON.index("hips"), 3 * COMMON.index("hips") + 3)  # columns; they hold the path
 SILENT: Final = 1e-6  # body lengths; a root mean square below it is of what does not move
 # Columns of the joints whose left and right tell where a body faces.
@@ -83,9 +87,14 @@ class Track:
         track, count = self.turned(), len(self.joints)
         chosen = np.linspace(0, count - 1, MOST).round().astype(int) if count > MOST else np.arange(count)
         joints = track.joints[chosen]
-        parts = (joints - joints[ends(len(joints))].mean(axis=0), track.velocity[chosen])
-        scaled = [part / max(float(np.sqrt((part**2).sum(axis=1).mean())), SILENT) for part in parts]
-        return np.concatenate([*scaled, JOINTS_COUNT * from_start(joints)], axis=1).astype(np.float32)
+        displacement = DISPLACEMENT_COUNT * _scaled(joints - joints[ends(len(joints))].mean(axis=0))
+        parts = (displacement, _scaled(track.velocity[chosen]), JOINTS_COUNT * from_start(joints))
+        return np.concatenate(parts, axis=1).astype(np.float32)
+
+
+def _scaled(part: Float64Array) -> Float64Array:
+    """Divided by the root mean square of its frames."""
+    return np.asarray(part / max(float(np.sqrt((part**2).sum(axis=1).mean())), SILENT))
 
 
 def from_start(joints: Float64Array) -> Float64Array:

@@ -12,7 +12,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from motionlake.arrays import Float32Array, Float64Array, Int64Array
 from motionlake.kernels import njit
-from motionlake.motion.moves import HIPS, JOINTS_COUNT, LEAST, MOST, SILENT, Track, heading
+from motionlake.motion.moves import DISPLACEMENT_COUNT, HIPS, JOINTS_COUNT, LEAST, MOST, SILENT, Track, heading
 
 TEMPI: Final = (0.75, 1.0, 4 / 3)  # lengths of windows, in lengths of the query
 FINER: Final = (0.87, 0.93, 1.0, 1.07, 1.15)  # the same around the best of them
@@ -62,7 +62,7 @@ def windows_distances(query: Float32Array, track: Track, starts: Int64Array, wid
 
 
 def distances_about(query: Float32Array, track: Track, middles: Int64Array) -> Float64Array:
-    """[s] of the query [m, 90] from the nearest of the windows of each tempo about some frames of a track.
+    """[s] of the query [m, 135] from the nearest of the windows of each tempo about some frames of a track.
 
     Where a window would reach beyond the track it is moved, and where it is longer, it is the track.
     """
@@ -182,7 +182,8 @@ def _windows(
                 own[j * 8 + lane] = apart
                 spread += apart
                 speed += speeds[start + j]
-            root, rate = max(np.sqrt(spread / width), SILENT), max(np.sqrt(speed / width), SILENT)
+            root = max(np.sqrt(spread / width), SILENT) / DISPLACEMENT_COUNT
+            rate = max(np.sqrt(speed / width), SILENT)
             for j in range(width):
                 way = zero
                 for d in range(3):

@@ -188,7 +188,7 @@ class MovesRangeSearcher(_Tracks):
         return distances_about(moves, track, np.round(middles / pace).astype(np.int64))
 
     def moves(self, query: Query, *, mirrored: bool = False) -> Float32Array:
-        """[m, 90] of a query. Raises `UserError` where it is too short or too long."""
+        """[m, 135] of a query. Raises `UserError` where it is too short or too long."""
         track = self._cut(query, mirrored=mirrored)
         if not LEAST <= len(track.joints) <= MOST:
             raise UserError(

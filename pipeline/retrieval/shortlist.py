@@ -23,7 +23,7 @@ from motionlake.lake.catalog import Connection, fetch, fetch_table, reading
 from motionlake.lake.layout import Lake
 from motionlake.lake.models import check_served
 from motionlake.lake.settings import served_config
-from motionlake.motion.moves import WIDTH
+from motionlake.motion.moves import KIND
 from motionlake.motion.moves_index import Stack, aligned, floored
 from motionlake.motion.sketches import instants, nearness
 from motionlake.pesta.scan import nearest_strings
@@ -53,7 +53,7 @@ class Cascade:
     def __init__(self, lake: Lake, files: Sequence[str]) -> None:
         self.lake, self.files = lake, ShortlistFiles.open(lake, files)
         with reading(lake) as con:
-            served = {row["method"]: row["model"] for row in fetch(con, "models_compared")}
+            served = {row["method"]: row["model"] for row in fetch(con, "models_compared")} | {"moves": KIND}
             self._catalog = fetch_table(con, "clips_with_parts")
             if self._stale(served):
                 raise UserError(
@@ -67,11 +67,8 @@ class Cascade:
         self._admitted: dict[ClipFilter, Float32Array] = {}
 
     def _stale(self, served: Mapping[str, str]) -> bool:
-        widths = [self.files.arrays["outlines-directions"].shape[0]] if "moves" in self.files.methods else []
-        return any(served.get(name) != model for name, model in self.files.models.items()) or widths not in (
-            [],
-            [WIDTH],
-        )
+        made = {name: self.files.models.get(name) for name in self.files.methods} | dict(self.files.models)
+        return any(served.get(name) != model for name, model in made.items())
 
     def nearest(self, query: Query, k: int, scope: Scope, *, mirrored: bool) -> Iterator[tuple[str, list[Hit]]]:
         """The k nearest by each method that can compare the query.

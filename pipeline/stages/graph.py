@@ -20,6 +20,7 @@ from motionlake.lake.config import config_hash, load_config
 from motionlake.lake.corpus import read_descriptors, read_signatures
 from motionlake.lake.layout import Lake
 from motionlake.lake.parts import write_part
+from motionlake.motion.moves import KIND
 from motionlake.pesta.config import AlignmentConfig
 from motionlake.stages.descriptors import DESCRIPTORS
 from motionlake.stages.moves import MOVES, made_parts, tracks_in
@@ -76,7 +77,7 @@ class Graph(ShardStage):
         if not methods or not 1 < sum(part.clips for part in live) <= MOST:
             return []
         clips = [row["clip"] for row in fetch(at.con, "clips_with_parts")]
-        of = config_hash(self.name, self.version, made, clips, at.config.alignment)
+        of = config_hash(self.name, self.version, KIND, made, clips, at.config.alignment)
         moves = [MOVES.file(part.key) for part in made_parts(at)]
         spec = {"methods": methods, "alignment": asdict(at.config.alignment), "moves": moves}
         return [_shard(self.name, of, spec, group) for group in _groups(live)]

@@ -18,7 +18,7 @@ from motionlake.arrays import Float32Array
 from motionlake.lake.catalog import Connection, fetch, fetch_table, run_sql
 from motionlake.lake.config import config_hash, load_config
 from motionlake.lake.layout import Lake
-from motionlake.motion.moves import WIDTH
+from motionlake.motion.moves import KIND
 from motionlake.motion.sketches import Directions, instants, searchable
 from motionlake.stages.graph import SOURCES, made_keys
 from motionlake.stages.moves import MOVES, made_parts, tracks_in
@@ -73,7 +73,7 @@ class Shortlist(ShardStage):
         if not methods or sum(part.clips for part in live) <= MOST:
             return None
         clips = [row["clip"] for row in fetch(at.con, "clips_with_parts")]
-        key = config_hash(self.name, self.version, WIDTH, made, clips)
+        key = config_hash(self.name, self.version, KIND, made, clips)
         files = [MOVES.file(part.key) for part in made_parts(at)]
         # Named by its datasets: it serves on where a part of them leaves the lake.
         datasets = "+".join(sorted({part.dataset for part in live}))
@@ -92,7 +92,7 @@ class Shortlist(ShardStage):
                 columns |= more
                 files += written
             models = {row["method"]: row["model"] for row in fetch(at.con, "models_compared")}
-        table = pa.table(columns).replace_schema_metadata({**models, "key": shard.key})
+        table = pa.table(columns).replace_schema_metadata({**models, "moves": KIND, "key": shard.key})
         files.append(write_clips(lake, file_of(shard.key, CLIPS), table))
         size = sum(lake.path(file).stat().st_size for file in files)
         return ShardResult(shard, table.num_rows, size, tuple(files), time.perf_counter() - started)
