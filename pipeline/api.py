@@ -243,7 +243,7 @@ class Lake:
         """
         return self._search("range", method, (query, start, stop), k, scope)
 
-    def suggest_labels(self, dataset: str | None = None, column: str = "label") -> Rows:
+    def suggest_labels(self, dataset: str | None = None, column: str = "label", min_quality: str | None = None) -> Rows:
         """Labels for the clips that have none: those of the labelled clips most like them, the surest first.
 
         Nothing is written into the lake.
@@ -255,13 +255,15 @@ class Lake:
         Args:
             dataset: only for clips of this dataset.
             column: of labels.csv that holds the labels.
+            min_quality: learn from clips with this verdict at worst.
 
         Raises:
             UserError: no such column, fewer than two labelled clips, or the lake is not ready for search.
         """
         from motionlake.retrieval.suggestions import LabelSuggester
 
-        found = LabelSuggester(self._lake, self._searcher("clip", "fused"), column).suggest(dataset)
+        by = self._searcher("clip", "fused")
+        found = LabelSuggester(self._lake, by, column, min_quality=min_quality).suggest(dataset)
         return Rows.of(asdict(each) for each in found)
 
     def align(
@@ -353,6 +355,7 @@ class Lake:
         split: str | None = None,
         pace: float = 1.0,
         temperature: float = 1.0,
+        min_quality: str | None = None,
     ) -> CanonicalMotion:
         """New motion of known classes, which nobody recorded (GloGen). The same arguments give the same motion.
 
@@ -371,6 +374,7 @@ class Lake:
             split: draw it from this split.
             pace: 2 is twice as fast.
             temperature: how much chance varies the motion; 0 not at all.
+            min_quality: draw it from clips with this verdict at worst.
 
         Raises:
             UserError: there is no generator, it does not know a class, there is nothing to start from, or a number
@@ -383,7 +387,8 @@ class Lake:
         wanted = (classes,) if isinstance(classes, str) else tuple(classes)
         seed_clip = None if start is None else self._query(start)
         clip = None if seed_clip is None else str(seed_clip)
-        request = Request(wanted, seconds, seed, clip, isinstance(seed_clip, Path), split, pace, temperature)
+        outside = isinstance(seed_clip, Path)
+        request = Request(wanted, seconds, seed, clip, outside, split, pace, temperature, min_quality)
         model = served_generator(self._con.own, self._lake, served_config(self._lake))
         starts = find_starts(self._con.own, self._lake, model, request)
         generator = self._keep(("synthesize",), lambda: open_generator(self._lake, model))

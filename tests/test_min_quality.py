@@ -32,7 +32,8 @@ def commands(lake: Path, tmp_path: Path) -> list[list[Any]]:
     return [
         ["search", clip, "-k", 99], ["search", "--text", "walk", "-k", 99], ["find", clip, "--from", 0, "-k", 99],
         ["align", clip, "-k", 99], ["align", clip, "--whole", "-k", 99], ["duplicates", "--max-distance", 0.9],
-        ["cluster", "--k", 2], ["classify", clip], ["train", "descriptor"],
+        ["cluster", "--k", 2], ["classify", clip], ["train", "descriptor"], ["segment", clip], ["suggest", "labels"],
+        *(["evaluate", what] for what in ("search", "signatures", "pesta", "descriptor", "segmentation")),
         ["export", "--where", "true", "--format", "csv", "--out", tmp_path / "out"],
     ]  # fmt: skip
 
@@ -52,7 +53,7 @@ def test_commands_and_sql_leave_out_what_is_worse(judged: Path, tmp_path: Path) 
     names = {row[0] for row in query(judged, "SELECT clip FROM clips")}
     assert 2 < len(good) < len(names)
     for words in commands(judged, tmp_path):
-        if words[0] in ("classify", "train"):
+        if words[0] in ("classify", "train", "segment", "suggest", "evaluate"):
             continue
         told = motionlake(*words, "--min-quality", "ok", "--json", "--lake", judged).json
         rows = told["clips"] if isinstance(told, dict) else told
@@ -73,6 +74,19 @@ def test_commands_and_sql_leave_out_what_is_worse(judged: Path, tmp_path: Path) 
         assert found == {row["clip"] for row in opened.search(clip, k=99)} & {
             row[0] for row in query(judged, "SELECT clip FROM clips WHERE good_enough(clip, 'doubtful')")
         }
+
+
+def test_what_is_learned_and_measured_leaves_out_what_is_worse(judged: Path) -> None:
+    """Without a label on any clip that is good, labels of the others teach nothing."""
+    with Changed(judged) as con:
+        con.execute("UPDATE clips SET label = NULL WHERE quality_verdict(clip) = 'ok'")
+        con.execute("DELETE FROM segments WHERE quality_verdict(clip) = 'ok'")
+    ((clip,),) = query(judged, "SELECT min(clip) FROM clips WHERE label IS NULL")
+    for words in (["suggest", "labels"], ["segment", clip], ["evaluate", "search"]):
+        assert motionlake(*words, "--lake", judged).status == 0, words
+        run = motionlake(*words, "--min-quality", "ok", "--lake", judged)
+        assert run.status == 2, words
+        assert "none is as good" in run.err or "nothing to measure" in run.err, words
 
 
 def test_plain_sql_says_what_is_wrong(lake: Path) -> None:

@@ -56,7 +56,7 @@ from motionlake.motion.kinematics import solve
 from motionlake.motion.rotations import angle, from_axis_angle, multiply, rotate, slerp
 from scipy.optimize import minimize_scalar
 
-from tests.lakes import QUICK, motionlake, query, quick_lake
+from tests.lakes import QUICK, Changed, motionlake, query, quick_lake
 from tests.samples import deepmimic_frames, deepmimic_text
 
 CONFIG = TransitionsConfig()
@@ -433,6 +433,22 @@ def test_the_seed_makes_the_walk(graph_lake: Path, tmp_path: Path) -> None:
         composed(graph_lake, folder, "--sample", "--seconds", 12, "--seed", seed, "--no-constraint")
         texts.append((folder / "out.bvh").read_bytes())
     assert texts[0] == texts[1] != texts[2]
+
+
+def test_bad_clips_are_left_out(graph_lake: Path, tmp_path: Path) -> None:
+    lake = Path(shutil.copytree(graph_lake, tmp_path / "lake"))
+    words = ("compose", "--sample", "--seconds", 12, "-o", tmp_path / "new.bvh", "--no-constraint", "--json")
+    assert "run quality" in motionlake(*words, "--min-quality", "ok", "--lake", lake).err
+    used = {row["clip"] for row in motionlake(*words, "--lake", lake).json["lineage"]}
+    bad = min(used)
+    with Changed(lake) as con:
+        con.execute(f"CREATE OR REPLACE MACRO quality_verdict(name) AS if(name = '{bad}', 'bad', 'ok')")
+    found = motionlake(*words, "--min-quality", "doubtful", "--lake", lake).json["lineage"]
+    assert found
+    assert bad not in {row["clip"] for row in found}
+    named = [bad if word == "--sample" else word for word in words]
+    run = motionlake(*named, "--min-quality", "doubtful", "--lake", lake)
+    assert (run.status, "--min-quality may leave it out" in run.err) == (2, True)
 
 
 def test_the_constraint_leaves_the_transitions_between_alike_contexts(graph_lake: Path) -> None:

@@ -22,7 +22,7 @@ from motionlake.stages.posture_dictionary import POSTURE_DICTIONARY
 from motionlake.stages.reader import LakeReader
 from motionlake.stages.word_network import training_sample
 
-from tests.lakes import Run, assert_same, files, motionlake, query, tables
+from tests.lakes import Changed, Run, assert_same, files, motionlake, query, tables
 
 SECONDS = 2.0
 
@@ -137,6 +137,19 @@ def test_the_same_command_makes_the_same_clips_once(
     fewer = [row for row in query(made, text) if "+" in row[0]]
     assert fewer == query(own, text)[:3], "a motion depends on how many others are made"
     assert len({content for _, content in query(own, text)}) == 40, "two motions are the same"
+
+
+def test_motions_start_from_clips_that_are_good_enough(own: Path, classes: tuple[str, str], scheduler: str) -> None:
+    first = {row[0] for row in query(own, "SELECT clip FROM clips WHERE label = $label", label=classes[0])}
+    said = synthesize(own, scheduler, classes[0], more=("--min-quality", "ok")).err
+    assert "make them with `motionlake run quality`" in said
+    with Changed(own) as con:
+        con.execute("CREATE OR REPLACE MACRO quality_verdict(name) AS 'bad'")
+    said = synthesize(own, scheduler, classes[0], more=("--min-quality", "ok")).err
+    assert f"of {len(first)} clips to start from none is as good" in said
+    with Changed(own) as con:
+        con.execute("CREATE OR REPLACE MACRO quality_verdict(name) AS 'ok'")
+    assert synthesize(own, scheduler, classes[0], more=("--min-quality", "ok")).json["made"] == 3
 
 
 def test_more_of_the_same_adds_to_what_is_there(own: Path, classes: tuple[str, str], scheduler: str) -> None:

@@ -14,6 +14,7 @@ from motionlake.cli.common import (
     JsonOption,
     LabelColumn,
     LakeOption,
+    MinQualityOption,
     notice,
     option,
     positive,
@@ -91,6 +92,7 @@ def search(
     dataset: DatasetOption = None,
     column: LabelColumn = "label",
     only: OnlyOption = None,
+    min_quality: MinQualityOption = None,
     split: Annotated[str | None, option("--split", help="Clips of this split ask (default: every clip).")] = None,
     train_split: Annotated[
         str | None, option("--train-split", help="Clips of this split answer (with --split: train).")
@@ -110,7 +112,7 @@ def search(
 
     target = open_lake(lake)
     with reading(target) as con:
-        options = _labelled(dataset, column, only, baseline)
+        options = _labelled(dataset, column, only, baseline, min_quality)
         found = evaluate_search(con, target, options, queries=split, repository=train_split)
     rows = [{"method": method, **row} for method, row in found["methods"].items() if row is not None]
     _tell(found, [rows], as_json)
@@ -122,6 +124,7 @@ def signatures(
     dataset: DatasetOption = None,
     column: LabelColumn = "label",
     only: OnlyOption = None,
+    min_quality: MinQualityOption = None,
     baseline: BaselineOption = "auto",
     as_json: JsonOption = False,
 ) -> None:
@@ -135,7 +138,7 @@ def signatures(
 
     target = open_lake(lake)
     with reading(target) as con:
-        found = evaluate_signatures(con, target, _labelled(dataset, column, only, baseline))
+        found = evaluate_signatures(con, target, _labelled(dataset, column, only, baseline, min_quality))
     keys = ("nn", "top5", "first_tier", "second_tier", "map", "cross_subject_nn")
     measured = {"signatures": found, "whole-clip DTW": found["dtw"]}
     rows = [
@@ -157,6 +160,7 @@ def segmentation(
     k: VotersOption = None,
     reach: ReachOption = None,
     mirrored: Annotated[bool, typer.Option(help="Learn from the mirrored clips too.")] = True,
+    min_quality: MinQualityOption = None,
     as_json: JsonOption = False,
 ) -> None:
     """How well clips are cut into labelled parts: each clip with segments is left out in turn, and learned from others.
@@ -169,7 +173,9 @@ def segmentation(
     target = open_lake(lake)
     config = config_of(method, window, k, reach)
     with reading(target) as con:
-        found = evaluate_segmentation(con, target, dataset=dataset, config=config, mirrored=mirrored)
+        found = evaluate_segmentation(
+            con, target, dataset=dataset, config=config, mirrored=mirrored, min_quality=min_quality
+        )
     rows = [{"clip": clip, **scores} for clip, scores in found["per_clip"].items()]
     _tell(found, [[*rows, {"clip": "mean", **{k: v for k, v in found.items() if k != "per_clip"}}]], as_json)
 
@@ -180,6 +186,7 @@ def pesta(
     dataset: DatasetOption = None,
     column: LabelColumn = "label",
     only: OnlyOption = None,
+    min_quality: MinQualityOption = None,
     stride: Annotated[
         int | None,
         option(min=1, help="Longest step of an alignment (default: 3; 2 for sub-queries)."),
@@ -201,7 +208,7 @@ def pesta(
 
     target = open_lake(lake)
     with reading(target) as con:
-        found = evaluate_pesta(con, target, _labelled(dataset, column, only, baseline), stride=stride)
+        found = evaluate_pesta(con, target, _labelled(dataset, column, only, baseline, min_quality), stride=stride)
     if pictures is not None:
         from motionlake.pictures.evaluation import evaluation_pictures
 
@@ -222,6 +229,7 @@ def descriptor(
     dataset: DatasetOption = None,
     split: SplitOption = None,
     train_split: TrainSplitOption = None,
+    min_quality: MinQualityOption = None,
     column: LabelColumn = "label",
     baseline: BaselineOption = "auto",
     pictures: PicturesOption = None,
@@ -242,7 +250,7 @@ def descriptor(
     with reading(target) as con:
         measured = evaluate_descriptor(
             con, target, dataset=dataset, queries=split, repository=train_split, column=column,
-            dtw=BASELINES[baseline], notice=notice,
+            dtw=BASELINES[baseline], notice=notice, min_quality=min_quality,
         )  # fmt: skip
     if pictures is not None:
         from motionlake.pictures.evaluation import descriptor_pictures
@@ -326,14 +334,16 @@ def _synthesis_rows(found: dict[str, Any]) -> list[Row]:
     return [{"measure": a, "made": b, "beside": c, "beside is": d} for a, b, c, d in rows]
 
 
-def _labelled(dataset: str | None, column: str, only: str | None, baseline: str) -> LabelledOptions:
+def _labelled(
+    dataset: str | None, column: str, only: str | None, baseline: str, min_quality: str | None
+) -> LabelledOptions:
     from motionlake.evaluation.clips import LabelledOptions
 
     name, equals, value = (only or "").partition("=")
     if only is not None and not (name and equals):
         raise UserError(f"--only {only}: give COLUMN=VALUE")
     criterion = None if only is None else (name, value)
-    return LabelledOptions(dataset, column, criterion, BASELINES[baseline], notice)
+    return LabelledOptions(dataset, column, criterion, BASELINES[baseline], notice, min_quality)
 
 
 def _draw(pictures: Sequence[Picture], folder: Path) -> None:

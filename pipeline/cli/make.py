@@ -14,6 +14,7 @@ from motionlake.cli.common import (
     DatasetOption,
     JsonOption,
     LakeOption,
+    MinQualityOption,
     SchedulerOption,
     WorkersOption,
     argument,
@@ -47,6 +48,7 @@ def compose(
     clip: Annotated[str | None, argument("Clip of the lake to start with.")] = None,
     sample: Annotated[bool, typer.Option("--sample", help="Start with a clip drawn by --seed.")] = False,
     dataset: DatasetOption = None,
+    min_quality: MinQualityOption = None,
     seconds: Annotated[float, typer.Option(help="Length of the motion.", callback=positive)] = 60.0,
     seed: Annotated[int, typer.Option(min=0, help="Another seed, another walk.")] = 0,
     constraint: Annotated[
@@ -88,7 +90,7 @@ def compose(
         name = resolve_clip(con, clip) if clip is not None else None
         chosen = fetch(con, "clip", {"clip": name})[0]["dataset"] if name else _dataset(con, dataset)
         quantiles = {"distance_quantile": distance_quantile, "context_quantile": context_quantile}
-        graph = read_graph(con, target, chosen, constrained=constraint, **quantiles)
+        graph = read_graph(con, target, chosen, constrained=constraint, min_quality=min_quality, **quantiles)
         made = _first_made(
             lambda first: compose_motion(con, target, graph, first, seconds, seed),
             [name] if name else _sampled(graph, seed),
@@ -164,6 +166,7 @@ def synthesize(
     ] = "synthetic",
     start: Annotated[str | None, option("--from", help="Start from this clip or clip file (default: drawn).")] = None,
     split: Annotated[str | None, option("--split", help="Draw clips to start from of this split only.")] = None,
+    min_quality: MinQualityOption = None,
     pace: Annotated[float, typer.Option(help="2 is twice as fast.")] = 1.0,
     temperature: Annotated[
         float, typer.Option(help="Variety: 0 for the likeliest motion, 1 as recordings vary.")
@@ -193,7 +196,7 @@ def synthesize(
         _list_classes(target, as_json)
         return
     name, outside = (None, False) if start is None else _start(target, start)
-    request = Request(tuple(wanted or ()), seconds, seed, name, outside, split, pace, temperature)
+    request = Request(tuple(wanted or ()), seconds, seed, name, outside, split, pace, temperature, min_quality)
     check_request(request)
     if count < 1:
         raise UserError(f"--count {count}: ask for one motion at least")

@@ -98,6 +98,7 @@ def segment(
     ] = None,
     column: LabelColumn = "label",
     mirrored: Annotated[bool, typer.Option(help="Learn from the mirrored clips too.")] = True,
+    min_quality: MinQualityOption = None,
     method: SegmentationOption = "words",
     window: WindowOption = None,
     k: VotersOption = None,
@@ -123,7 +124,7 @@ def segment(
     config = config_of(method, window, k, reach, unknown=unknown)
     with reading(target) as con:
         names = [resolve_clip(con, name) for name in teach_clips or ()] or None
-        segmenter = LakeSegmenter(target, Lessons(teach or None, names, column, mirrored), config)
+        segmenter = LakeSegmenter(target, Lessons(teach or None, names, column, mirrored, min_quality), config)
         found = segmenter.segment(named_query(con, target, query))
     tell([asdict(band) for band in found], as_json=as_json)
 

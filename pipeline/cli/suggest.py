@@ -15,6 +15,7 @@ from motionlake.cli.common import (
     JsonOption,
     LabelColumn,
     LakeOption,
+    MinQualityOption,
     check_folder_of,
     notice,
     option,
@@ -45,6 +46,7 @@ def _commands() -> None:
 def labels(
     lake: LakeOption,
     dataset: DatasetOption = None,
+    min_quality: MinQualityOption = None,
     column: LabelColumn = "label",
     at_least: Annotated[
         float, typer.Option("--at-least", min=0, max=1, help="Leave out suggestions of less confidence.")
@@ -69,7 +71,7 @@ def labels(
         check_folder_of(out)
     with stage_progress() as progress:
         suggester = LabelSuggester(
-            target, FusedSearcher(target), column, lambda done, count: progress("clips", done, count)
+            target, FusedSearcher(target), column, lambda done, count: progress("clips", done, count), min_quality
         )
         found = [each for each in suggester.suggest(dataset) if each.confidence >= at_least]
     if out is not None and found:

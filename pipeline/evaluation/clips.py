@@ -32,6 +32,7 @@ class LabelledOptions:
         only: a column and the value that a clip must have in it.
         dtw: compute the baseline, whole-clip DTW; None: where it takes at most `PATIENCE` seconds.
         notice: hears what takes long or is left out.
+        min_quality: the worst verdict of stage "quality" that a clip may have; None: any.
     """
 
     dataset: str | None = None
@@ -39,10 +40,12 @@ class LabelledOptions:
     only: tuple[str, str] | None = None
     dtw: bool | None = None
     notice: Notice = lambda line: None
+    min_quality: str | None = None
 
     def signed(self, con: Connection) -> SignedClips:
         """The recorded clips that have a signature. Raises `UserError` where there is no such column."""
-        return signed_clips(con, ClipFilter(self.dataset, recorded_only=True), self.column, self.only)
+        chosen = ClipFilter(self.dataset, recorded_only=True, min_quality=self.min_quality)
+        return signed_clips(con, chosen, self.column, self.only)
 
 
 @dataclass(frozen=True)

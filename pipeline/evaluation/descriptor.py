@@ -113,6 +113,7 @@ def evaluate_descriptor(
     column: str = "label",
     dtw: bool | None = None,
     notice: Notice = lambda line: None,
+    min_quality: str | None = None,
 ) -> DescriptorEvaluation:
     """Retrieval by the lake's descriptors: clips of one split query those of another.
 
@@ -126,6 +127,7 @@ def evaluate_descriptor(
         column: what says the class of clips.
         dtw: compute the DTW baseline; None: where it takes at most `PATIENCE` seconds.
         notice: hears what takes long, is left out or is to be doubted.
+        min_quality: the worst verdict of stage "quality" that a clip may have; None: any.
 
     Returns:
         top1, top10, map, n (queries), pr_area, curve; dtw_error_mm: mean over queries of the joint error between query
@@ -143,7 +145,7 @@ def evaluate_descriptor(
     if network is None:
         raise UserError(f"{lake.root}: has no descriptors yet; make them with `motionlake run descriptors`")
     check_served(con, lake, "descriptor", "signature", "alignment")
-    clips = described_clips(con, dataset, column)
+    clips = described_clips(con, dataset, column, min_quality)
     chosen = choose(clips.clips, queries, repository)
     notice(f"{chosen.protocol}: {len(chosen.queries)} queries, {len(chosen.repository)} clips to find")
     features, body = _features(lake, clips.clips)

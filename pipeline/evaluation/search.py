@@ -60,7 +60,8 @@ def evaluate_search(
         protocol = f"{queries or 'test'} clips query {repository or 'train'} clips"
     questions = _questions(asked, known)
     options.notice(f"{protocol}: {len(asked)} queries, {len(known)} clips to find")
-    scope = Scope(options.dataset, None if protocol == LEAVE_ONE_OUT else repository or "train", recorded_only=True)
+    scope = Scope(options.dataset, None if protocol == LEAVE_ONE_OUT else repository or "train", recorded_only=True,
+                  min_quality=options.min_quality)  # fmt: skip
 
     def scored(distances: Float64Array) -> dict[str, Any]:
         subjects = [[clip.subject for clip in side] for side in (asked, known)]
@@ -80,7 +81,8 @@ def evaluate_search(
 
 def _questions(asked: Sequence[SignedClip], known: Sequence[SignedClip]) -> Questions:
     labels = [[clip.label or "" for clip in side] for side in (asked, known)]
-    same = np.array([[a.clip != b.clip for b in known] for a in asked])
+    others = [[a.clip != b.clip for b in known] for a in asked]
+    same = np.array(others, dtype=np.bool_).reshape(len(asked), len(known))
     questions = Questions.of(labels[0], labels[1], same)
     if not len(questions.scored):
         raise UserError(

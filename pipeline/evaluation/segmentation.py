@@ -15,6 +15,7 @@ from motionlake.lake.catalog import Connection, fetch
 from motionlake.lake.corpus import read_corpus
 from motionlake.lake.layout import Lake
 from motionlake.lake.models import check_served
+from motionlake.lake.verdicts import good_rows
 from motionlake.retrieval.segment_methods import Config, SegmentMethod, segment_method
 
 
@@ -95,6 +96,7 @@ def evaluate_segmentation(
     dataset: str | None = None,
     config: Config | None = None,
     mirrored: bool = True,
+    min_quality: str | None = None,
 ) -> dict[str, Any]:
     """Segment each clip that has segments by those of the other clips (section 6.2).
 
@@ -103,6 +105,7 @@ def evaluate_segmentation(
         dataset: its clips only.
         config: how words are classified; it tells the method.
         mirrored: mirrored clips are examples too.
+        min_quality: the worst verdict of stage "quality" that a clip may have; None: any.
 
     Returns:
         `SegmentationScores` of each clip in `per_clip`, and their means.
@@ -112,7 +115,7 @@ def evaluate_segmentation(
     """
     check_served(con, lake, "signature")
     corpus = read_corpus(con, dataset)
-    ranges = segments_of(con, corpus)
+    ranges = segments_of(con, corpus, min_quality)
     clips = sorted({r.clip for r in ranges})
     if len(clips) < 2:
         raise UserError(
@@ -130,9 +133,10 @@ def evaluate_segmentation(
     return {**means, "per_clip": {clip: asdict(each) for clip, each in scores.items()}}
 
 
-def segments_of(con: Connection, corpus: Corpus) -> list[LabelledRange]:
-    """The segments of a corpus's clips."""
-    rows = fetch(con, "taught_segments", {"datasets": None, "clips": None})
+def segments_of(con: Connection, corpus: Corpus, min_quality: str | None = None) -> list[LabelledRange]:
+    """The segments of a corpus's clips that are at least so good. Raises `UserError` as `good_rows`."""
+    every = fetch(con, "taught_segments", {"datasets": None, "clips": None})
+    rows = good_rows(con, every, min_quality, "segments")
     return [
         LabelledRange(corpus.positions[r["clip"]], r["start"], r["stop"], r["label"])
         for r in rows

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Final
+from collections.abc import Mapping, Sequence
+from typing import Any, Final
 
 from motionlake.errors import UserError
 from motionlake.lake.catalog import Connection, fetch
@@ -34,3 +35,26 @@ def good_clips(con: Connection, min_quality: str) -> frozenset[str]:
     """
     least = check_least(con, min_quality)
     return frozenset(row["clip"] for row in fetch(con, "clips_good_enough", {"min_quality": least}))
+
+
+def good_rows(
+    con: Connection, rows: Sequence[Mapping[str, Any]], min_quality: str | None, what: str
+) -> list[dict[str, Any]]:
+    """Those of rows whose `clip` is at least so good; None: all.
+
+    Args:
+        con: to the lake.
+        rows: each with a clip.
+        min_quality: the worst verdict.
+        what: "clips to train on", as the error names them.
+
+    Raises:
+        UserError: as `check_least`, or there are rows and none is as good.
+    """
+    if min_quality is None:
+        return [dict(row) for row in rows]
+    good = good_clips(con, min_quality)
+    kept = [dict(row) for row in rows if row["clip"] in good]
+    if rows and not kept:
+        raise UserError(f"--min-quality {min_quality}: of {len(rows)} {what} none is as good")
+    return kept

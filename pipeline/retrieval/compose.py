@@ -8,6 +8,8 @@ from functools import cache, reduce
 from typing import Any, Final
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
 from motionlake.deep_motifs.motion_graph import graph as graphs
 from motionlake.deep_motifs.motion_graph.blend import (
     RigPoses,
@@ -35,6 +37,7 @@ from motionlake.lake.catalog import Connection, fetch, fetch_table
 from motionlake.lake.layout import Lake
 from motionlake.lake.raw import canonical_rig, own_rig
 from motionlake.lake.settings import served_config
+from motionlake.lake.verdicts import good_rows
 from motionlake.motion.clip import SourceClip
 from motionlake.motion.resampling import sample_count
 
@@ -63,7 +66,11 @@ class LakeGraph:
         return self.graph.clips[0].blend
 
     def index(self, clip: str) -> int:
-        return next(i for i, row in enumerate(self.rows) if row["clip"] == clip)
+        """Raises `UserError` for a clip that it does not hold."""
+        for at, row in enumerate(self.rows):
+            if row["clip"] == clip:
+                return at
+        raise UserError(f"{clip}: is not among the clips to cut from; --min-quality may leave it out")
 
 
 @dataclass(frozen=True)
@@ -118,6 +125,7 @@ def read_graph(
     constrained: bool = True,
     distance_quantile: float = graphs.DISTANCE_QUANTILE,
     context_quantile: float = graphs.CONTEXT_QUANTILE,
+    min_quality: str | None = None,
 ) -> LakeGraph:
     """The motion graph of a dataset, constrained by signatures or not (Deep Motifs, section 6.4).
 
@@ -127,9 +135,10 @@ def read_graph(
         constrained: take only transitions between alike contexts.
         distance_quantile: share of the lake's transitions taken, nearest first.
         context_quantile: of these, the share taken with the constraint, nearest contexts first.
+        min_quality: the worst verdict of stage "quality" that a clip may have; None: any.
 
     Raises:
-        UserError: the lake has no transitions of the dataset.
+        UserError: the lake has no transitions of the dataset, or as `good_rows`.
     """
     config = served_config(lake)
     rows = fetch(con, "graph_clips", {"dataset": dataset})
@@ -139,6 +148,9 @@ def read_graph(
             f"{dataset}: has no transitions yet, or none of its clips come near one another; make them with "
             f"`motionlake run transitions --dataset {dataset} --lake {lake.root}`"
         )
+    rows = good_rows(con, rows, min_quality, "clips to cut from")
+    held = pa.array([row["clip"] for row in rows])
+    table = table.filter(pc.and_(*(pc.is_in(table[f"{side}_clip"], held) for side in ("from", "to"))))
     fps = max(row["fps"] for row in rows)
     blend = max(2, round(config.transitions.window / config.words.fps * fps))
     clips = [GraphClip(r["clip"], fps, sample_count(r["frames"], r["fps"], fps), blend, r["label"]) for r in rows]

@@ -11,6 +11,7 @@ from motionlake.arrays import Float32Array, Float64Array
 from motionlake.deep_motifs.emd import ground_distances
 from motionlake.errors import UserError
 from motionlake.lake.catalog import Connection, fetch
+from motionlake.lake.verdicts import good_rows
 from motionlake.retrieval.protocol import EVERYTHING, ClipFilter
 
 
@@ -119,16 +120,19 @@ class DescribedClips:
         return [clip.label for clip in self.clips]
 
 
-def described_clips(con: Connection, dataset: str | None = None, column: str = "label") -> DescribedClips:
+def described_clips(
+    con: Connection, dataset: str | None = None, column: str = "label", min_quality: str | None = None
+) -> DescribedClips:
     """The lake's labelled clips that have a descriptor, by name.
 
     Args:
         con: to the lake.
         dataset: of this dataset only.
         column: what becomes their label: "label", "subject", "split", "dataset" or a column of labels.csv.
+        min_quality: the worst verdict of stage "quality" that a clip may have; None: any.
 
     Raises:
-        UserError: no such column, no descriptors, or no labelled clip that has one.
+        UserError: no such column, no descriptors, no labelled clip that has one, or as `good_rows`.
     """
     check_column(con, column)
     if not fetch(con, "served_descriptors"):
@@ -137,6 +141,7 @@ def described_clips(con: Connection, dataset: str | None = None, column: str = "
     if not rows:
         where = f" of dataset {dataset}" if dataset else ""
         raise UserError(f"no clip{where} with a {column} has a descriptor; `motionlake status` shows what there is")
+    rows = good_rows(con, rows, min_quality, "labelled clips")
     descriptors = np.array([row.pop("descriptor") for row in rows], dtype=np.float32)
     signatures = [row.pop("signature") for row in rows]
     return DescribedClips([DescribedClip(**row) for row in rows], descriptors, signatures)

@@ -13,6 +13,7 @@ from motionlake.lake.catalog import Connection, fetch, reading
 from motionlake.lake.corpus import read_corpus
 from motionlake.lake.layout import Lake
 from motionlake.lake.models import check_served
+from motionlake.lake.verdicts import good_rows
 from motionlake.retrieval.encode import serving_models, words_of_file
 from motionlake.retrieval.labelled_clips import check_column
 from motionlake.retrieval.protocol import Query, not_ready
@@ -28,12 +29,14 @@ class Lessons:
         clips: names of clips that teach.
         column: what a clip without segments teaches as a whole: "label", or another column of labels.csv.
         mirrored: clips teach their mirror images too.
+        min_quality: the worst verdict of stage "quality" that a clip that teaches may have; None: any.
     """
 
     datasets: list[str] | None = None
     clips: list[str] | None = None
     column: str = "label"
     mirrored: bool = True
+    min_quality: str | None = None
 
 
 @dataclass(frozen=True)
@@ -99,13 +102,14 @@ def taught_ranges(con: Connection, corpus: Corpus, lessons: Lessons) -> list[Lab
     Where no dataset and no clip is named, whole clips teach only if there are no segments in the lake.
 
     Raises:
-        UserError: a named dataset or clip teaches nothing.
+        UserError: a named dataset or clip teaches nothing, or as `good_rows`.
     """
     chosen = {"datasets": lessons.datasets, "clips": lessons.clips}
     rows = fetch(con, "taught_segments", chosen)
     if chosen != {"datasets": None, "clips": None} or not rows:
         whole = fetch(con, "taught_clips", {**chosen, "column": lessons.column})
         rows += [{"clip": r["clip"], "start": r["start"], "stop": r["stop"], "label": r["taught"]} for r in whole]
+    rows = good_rows(con, rows, lessons.min_quality, "ranges to learn from")
     taught = {r["clip"] for r in rows}
     datasets = {corpus.clips[corpus.positions[clip]].dataset for clip in taught}
     for dataset in lessons.datasets or ():

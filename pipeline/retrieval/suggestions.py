@@ -12,6 +12,7 @@ from typing import Any, Final, TypeAlias
 from motionlake.errors import DamagedError, UserError
 from motionlake.lake.catalog import Connection, fetch, reading
 from motionlake.lake.layout import Lake
+from motionlake.lake.verdicts import good_rows
 from motionlake.names import kept
 from motionlake.retrieval.labelled_clips import check_column
 from motionlake.retrieval.protocol import Hit, Query, Scope, Searcher
@@ -92,12 +93,14 @@ class LabelSuggester:
         searcher: of whole clips.
         column: of labels.csv that holds the labels.
         done: hears how far it is.
+        min_quality: the worst verdict of stage "quality" that a clip may have whose label is suggested; None: any.
     """
 
     lake: Lake
     searcher: Searcher
     column: str = "label"
     done: Done = field(default=lambda done, all_: None)
+    min_quality: str | None = None
 
     def suggest(self, dataset: str | None = None) -> list[Suggestion]:
         """A label for every clip that has none, the surest first, then by name; clips that cannot be compared get none.
@@ -108,10 +111,10 @@ class LabelSuggester:
             dataset: only for clips of this dataset; the labelled clips are those of all.
 
         Raises:
-            UserError: no such column, or fewer than two labelled clips.
+            UserError: no such column, fewer than two labelled clips, or as `good_rows`.
         """
-        rows = self._rows()
-        labels = {row["clip"]: str(row["label"]) for row in rows if row["label"] is not None}
+        rows, teach = self._rows()
+        labels = {row["clip"]: str(row["label"]) for row in teach}
         if len(labels) < 2:
             raise UserError(
                 f"{len(labels)} clips have a {self.column} to learn from, and it takes 2; labels.csv beside the clips "
@@ -133,10 +136,13 @@ class LabelSuggester:
         ]
         return sorted(suggested, key=lambda each: (-each.confidence, each.clip))
 
-    def _rows(self) -> list[dict[str, Any]]:
+    def _rows(self) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+        """Of the recorded clips, and of those whose labels may be suggested."""
         with reading(self.lake) as con:
             check_column(con, self.column)
-            return fetch(con, "labels_of_recorded", {"column": self.column})
+            rows = fetch(con, "labels_of_recorded", {"column": self.column})
+            known = [row for row in rows if row["label"] is not None]
+            return rows, good_rows(con, known, self.min_quality, "labelled clips")
 
     def _vote(self, clip: str, labels: Mapping[str, str]) -> Vote | None:
         """By the nearest clips; by all where none of these has a label."""

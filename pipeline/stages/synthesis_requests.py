@@ -13,6 +13,7 @@ from motionlake.errors import UserError
 from motionlake.lake.catalog import Connection, fetch
 from motionlake.lake.layout import Lake
 from motionlake.lake.models import Model
+from motionlake.lake.verdicts import good_rows
 from motionlake.stages.frames import first_body
 from motionlake.stages.generator_model import classed_motions, long_enough
 from motionlake.stages.sources import content_hash
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
     from motionlake.glogen.generator import GeneratedMotion, TrainedGenerator
     from motionlake.motion.canonicalise import CanonicalMotion
 
+DRAWN: Final = ("start", "outside", "split", "min_quality")  # of a request: what its starts are drawn from
 LONGEST: Final = 3600.0  # seconds of one motion
 
 
@@ -40,6 +42,7 @@ class Request:
         split: draws from this split only.
         pace: 2 is twice as fast.
         temperature: of the latent variables: 0 for the likeliest motion, 1 as recordings vary.
+        min_quality: the worst verdict of stage "quality" that a clip may have that is drawn; None: any.
     """
 
     classes: tuple[str, ...]
@@ -50,6 +53,7 @@ class Request:
     split: str | None = None
     pace: float = 1.0
     temperature: float = 1.0
+    min_quality: str | None = None
 
 
 @dataclass(frozen=True)
@@ -122,6 +126,7 @@ def find_starts(con: Connection, lake: Lake, model: Model, request: Request) -> 
                 "CLIP"
             )
         rows = fetch(con, "recorded_motions", {"split": request.split})
+    rows = good_rows(con, rows, request.min_quality, "clips to start from")
     long = [_start(row) for row in rows if long_enough(row)]
     if not long:
         raise UserError(

@@ -21,6 +21,7 @@ from motionlake.stages.sources import check_apart
 from motionlake.stages.stage import Shard
 from motionlake.stages.synthesis import open_generator, served_generator
 from motionlake.stages.synthesis_requests import (
+    DRAWN,
     Motion,
     Request,
     Start,
@@ -186,7 +187,7 @@ def clip_path(request: Request, number: int) -> str:
 def _identity(request: Request, motion: Motion) -> list[Any]:
     """All that a motion follows from but the generator."""
     start = motion.start
-    shaping = {name: value for name, value in asdict(request).items() if name not in ("start", "outside", "split")}
+    shaping = {name: value for name, value in asdict(request).items() if name not in DRAWN}
     return [shaping, motion.number, start.clip, start.content_hash, start.start, start.stop]
 
 

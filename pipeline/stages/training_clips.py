@@ -11,7 +11,7 @@ from motionlake.lake import frames
 from motionlake.lake.catalog import Connection, fetch
 from motionlake.lake.integrity import sound
 from motionlake.lake.layout import Lake
-from motionlake.lake.verdicts import good_clips
+from motionlake.lake.verdicts import good_rows
 from numpy.typing import ArrayLike
 
 Row = Mapping[str, Any]
@@ -42,13 +42,7 @@ def chosen_clips(
     rows = fetch(con, query, {"split": split, "dataset": dataset, "label": None})
     if not rows:
         check_chosen(con, lake, split, dataset)
-    if min_quality is None:
-        return rows
-    good = good_clips(con, min_quality)
-    kept = [row for row in rows if row["clip"] in good]
-    if rows and not kept:
-        raise UserError(f"--min-quality {min_quality}: none of the {len(rows)} clips to train on is as good")
-    return kept
+    return good_rows(con, rows, min_quality, "clips to train on")
 
 
 def check_chosen(con: Connection, lake: Lake, split: str | None, dataset: str | None) -> None:

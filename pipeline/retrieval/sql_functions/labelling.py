@@ -33,10 +33,11 @@ def segment_clip(
     teach: list[str] | None = None,
     teach_clips: list[str] | None = None,
     mirrored: bool = True,
+    min_quality: str | None = None,
 ) -> list[LabelledBand]:
     """The classes along a clip, as `motionlake segment`: learned from datasets, from clips, or from the whole lake."""
     names = None if teach_clips is None else [str(served.query(name).source) for name in teach_clips]
-    lessons = Lessons(teach, names, mirrored=mirrored)
+    lessons = Lessons(teach, names, mirrored=mirrored, min_quality=min_quality)
     return LakeSegmenter(served.lake, lessons, corpus=served.once(corpus_of)).segment(served.query(query))
 
 

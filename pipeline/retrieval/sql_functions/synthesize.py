@@ -39,11 +39,13 @@ def synthesize(
     split: str | None = None,
     pace: float = 1.0,
     temperature: float = 1.0,
+    min_quality: str | None = None,
 ) -> list[object] | pa.StructArray:
     """The frames of the first motion that `motionlake synthesize` makes for the same options.
 
     A row a frame, with the columns of `frames`, the time, the class and the recorded clip that it goes on from.
-    `classes`: 'walk', or ['walk', 'kick'] one after the other; `start`: that clip; `split`: its split.
+    `classes`: 'walk', or ['walk', 'kick'] one after the other; `start`: that clip; `split`: its split;
+    `min_quality`: the worst verdict that it may have.
     """
     from motionlake.stages.synthesis_requests import Request, find_starts, make, motions_of
 
@@ -51,7 +53,7 @@ def synthesize(
         return []
     model, generator = served.once(_generator)
     clip = None if start is None else str(served.query(start).source)
-    request = Request(tuple(classes), seconds, seed, clip, split=split, pace=pace, temperature=temperature)
+    request = Request(tuple(classes), seconds, seed, clip, False, split, pace, temperature, min_quality)
     with reading(served.lake) as con:
         starts = find_starts(con, served.lake, model, request)
     motions = motions_of(request, starts, [1])
