@@ -196,6 +196,27 @@ def test_a_unit_that_nobody_says_or_that_makes_no_person_is_found_by_body_height
         canonicalise(clip, motion, rig, metres_per_unit=unit / 1000)
 
 
+@pytest.mark.parametrize(("supposed", "metres", "kept"), [(0.01, 0.7, True), (0.01, 0.58, False), (0.056, 2.4, False)])
+def test_a_unit_that_joint_names_suggest_is_kept_where_a_person_is_as_tall(
+    supposed: float, metres: float, kept: bool
+) -> None:
+    _, world, positions = made_motion(4)
+    clip, motion = clip_of(world, positions)
+    height = canonicalise(clip, motion, RIGS["canonical"], metres_per_unit=1.0).body_height
+    clip, motion = clip_of(world, positions * (metres / supposed / height))
+    rig = replace(RIGS["canonical"], metres_per_unit=supposed)
+    found = canonicalise(clip, motion, rig)
+    assert found.metres_per_unit == (supposed if kept else 0.0254)
+    assert any("by body height" in note for note in found.notes) != kept
+    # What the file says, or the user, is believed of bodies that are no person's.
+    for believed in (
+        canonicalise(replace(clip, metres_per_unit=supposed), motion, rig),
+        canonicalise(clip, motion, rig, metres_per_unit=supposed),
+    ):
+        assert believed.metres_per_unit == supposed
+        assert believed.body_height == pytest.approx(metres)
+
+
 def test_a_body_of_no_size_has_no_unit() -> None:
     _, world, positions = made_motion(4)
     clip, motion = clip_of(world, positions * 1e-5)
