@@ -15,7 +15,7 @@ from motionlake.errors import ClipError
 from motionlake.formats import read_clips
 from motionlake.formats.deepmimic import READER
 from motionlake.formats.write.bvh import write_bvh
-from motionlake.motion.canonicalise import CanonicalMotion, canonicalise, to_source_clip
+from motionlake.motion.canonicalise import CanonicalMotion, canonicalise, to_source_clip, turn_to_y_up
 from motionlake.motion.clip import ChannelKind, Hierarchy, SolvedMotion, SourceClip
 from motionlake.motion.kinematics import forward_kinematics, local_rotations, solve, world_rotations
 from motionlake.motion.rigs import Rest, identify, load_rigs
@@ -52,10 +52,10 @@ def quaternions(rotation: Rotation) -> Float64Array:
     return np.asarray(rotation.as_quat(scalar_first=True))
 
 
-def made_motion(seed: int, frames: int = 5) -> tuple[Float64Array, Float64Array, Float64Array]:
+def made_motion(seed: int, frames: int = 5, scale: float = 0.5) -> tuple[Float64Array, Float64Array, Float64Array]:
     """Root [F, 3], global rotations [F, 21, 4], positions [F, 21, 3]: any pose, near to standing."""
     generator = np.random.default_rng(seed)
-    turns = Rotation.from_rotvec(generator.normal(scale=0.5, size=(frames * len(JOINTS), 3)))
+    turns = Rotation.from_rotvec(generator.normal(scale=scale, size=(frames * len(JOINTS), 3)))
     local = quaternions(turns).reshape(frames, len(JOINTS), 4)
     root = generator.normal(size=(frames, 3))
     return root, world_rotations(local), forward_kinematics(root, local, made_offsets())
@@ -178,6 +178,33 @@ def test_the_up_axis_is_the_option_then_the_file_then_the_rig() -> None:
         np.testing.assert_allclose(told.positions, as_is.positions, atol=1e-9)
     with pytest.raises(ClipError, match="up axis 'w' is not one of"):
         canonicalise(replace(clip, up="w"), motion, rig)
+
+
+@pytest.mark.parametrize("axis", ["z", "-z", "-y"])
+def test_zero_pose_and_motion_together_tell_the_up_axis(axis: str) -> None:
+    rig = replace(RIGS["canonical"], rest=Rest.ZERO)
+    _, world, positions = made_motion(4, scale=0.1)
+    as_is = canonicalise(*clip_of(world, positions * 100), rig)
+    turn = conjugate(turn_to_y_up(axis))
+    # The zero pose is turned as the motion is: positions turn, and with them every joint's rotation is turned on both
+    # sides.
+    turned = SolvedMotion(rotate(turn, positions * 100), *[multiply(multiply(turn, world), conjugate(turn))] * 2)
+    clip, _ = clip_of(world, positions)
+    told = canonicalise(clip, turned, rig)
+    assert told.up == axis
+    assert f"up is {axis}, by the body" in told.notes
+    np.testing.assert_allclose(told.positions, as_is.positions, atol=1e-9)
+    assert_same_rotations(told, world_rotations(as_is.rotations))
+    assert canonicalise(clip, turned, rig, up="y").up == "y"
+    assert canonicalise(replace(clip, up="y"), turned, rig).up == "y"
+    # Who lies in the motion and stands in the zero pose lies, and a root that lifts a zero pose that lies says nothing.
+    for lying in (
+        SolvedMotion(rotate(turn, positions * 100), *[multiply(turn, world)] * 2),
+        SolvedMotion(positions * 100, *[multiply(world, conjugate(turn))] * 2),
+    ):
+        motion = canonicalise(clip, lying, rig)
+        assert motion.up == "y"
+        assert not any("by the body" in note for note in motion.notes if "unit" not in note)
 
 
 @pytest.mark.parametrize("unit", [*UNITS.values(), CMU])
