@@ -176,6 +176,12 @@ def test_commas_of_a_spreadsheet_are_tabs(tmp_path: Path) -> None:
     assert clip.fps == right.fps
 
 
+def test_points_of_no_body_are_told_as_such(tmp_path: Path) -> None:
+    names = [f"Box:Marker{number}" for number in range(1, 6)]
+    with pytest.raises(ClipError, match=r"fit no marker set: none has any of its 5 points \(Marker1, Marker2, M"):
+        read_clips(written(tmp_path, trc_text(names, PLACES[:, :5])))
+
+
 def test_damaged_files_are_read_or_rejected(tmp_path: Path) -> None:
     rng = np.random.default_rng(3)
     good = trc_text(NAMES, PLACES[:12]).encode()

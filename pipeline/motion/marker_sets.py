@@ -99,7 +99,7 @@ def fitting_sets(markers: Collection[str]) -> list[MarkerSet]:
     markers.
 
     Raises:
-        ClipError: none fits; the reason names the nearest one and the markers that it lacks.
+        ClipError: none fits; the reason names the nearest one and the markers that the file lacks, if it has any.
     """
     sets = marker_sets()
     fitting = [marker_set for marker_set in sets if not marker_set.lacking(markers)]
@@ -107,6 +107,9 @@ def fitting_sets(markers: Collection[str]) -> list[MarkerSet]:
         return sorted(fitting, key=lambda one: (not one.centres, HEAD not in one.joints, -len(one.required)))
     nearest = min(sets, key=lambda marker_set: len(marker_set.lacking(markers)) / len(marker_set.required))
     lacking = nearest.lacking(markers)
+    if len(lacking) == len(nearest.required):
+        shown = ", ".join(list(markers)[:3])
+        raise ClipError(f"its markers fit no marker set: none has any of its {len(markers)} points ({shown}, …)")
     more = f" and {len(lacking) - MAX_LISTED} more" if len(lacking) > MAX_LISTED else ""
     raise ClipError(
         f"its markers fit no marker set; the nearest, {nearest.name}, lacks {', '.join(lacking[:MAX_LISTED])}{more}"
