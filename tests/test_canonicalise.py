@@ -283,6 +283,26 @@ def test_a_body_across_the_up_axis_is_noted() -> None:
     assert "up is y and not z" in lying.notes[0]
 
 
+@pytest.mark.parametrize(("crawls", "noted"), [(False, True), (True, False)])
+def test_an_animal_by_a_persons_names_is_noted(crawls: bool, noted: bool) -> None:
+    body = forward_kinematics(np.zeros((1, 3)), np.tile(IDENTITY, (1, len(JOINTS), 1)), made_offsets())[0]
+    trunk = [joint for joint in JOINTS if not any(part in joint for part in ("knee", "ankle", "toe", "hip"))]
+    laid = body.copy()
+    laid[[INDEX[joint] for joint in trunk]] = body[[INDEX[joint] for joint in trunk]][:, [0, 2, 1]]
+    for side in ("left", "right"):
+        shoulder = laid[INDEX[f"{side}_shoulder"]]
+        for joint, share in (("elbow", 0.5), ("wrist", 1.0)):
+            laid[INDEX[f"{side}_{joint}"]] = [shoulder[0], share * body[INDEX[f"{side}_ankle"], 1], shoulder[2]]
+        if crawls:
+            knee = laid[INDEX[f"{side}_knee"]]
+            laid[INDEX[f"{side}_ankle"]] = knee + np.array([0, 0.02, -0.35])
+            laid[INDEX[f"{side}_wrist"], 1] = knee[1]
+    positions = np.repeat(laid[None], 5, axis=0)
+    clip, motion = clip_of(np.tile(IDENTITY, (5, len(JOINTS), 1)), positions)
+    notes = canonicalise(clip, motion, replace(RIGS["canonical"], rest=Rest.ZERO), metres_per_unit=1.0).notes
+    assert any("on all fours" in note for note in notes) == noted
+
+
 @settings(max_examples=30, deadline=None)
 @given(yaw=st.floats(-3, 3), pitch=st.floats(-1.2, 1.2))
 def test_facing_is_the_yaw_of_the_body(yaw: float, pitch: float) -> None:

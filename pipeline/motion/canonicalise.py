@@ -21,7 +21,7 @@ from motionlake.motion.rigs import Rest, RigMap
 from motionlake.motion.rotations import IDENTITY, conjugate, from_axis_angle, multiply, normalise, rotate, to_euler
 from motionlake.motion.skeleton import INDEX, JOINTS, PARENTS, chained
 from motionlake.motion.units import UNITS, is_height, is_persons_height, unit_of_height
-from motionlake.motion.upright import up_of_file
+from motionlake.motion.upright import goes_on_all_fours, up_of_file
 
 # No recording goes this far (metres) from where it starts: a number is damaged, or the unit is wrong.
 FARTHEST: Final = 1000.0
@@ -152,6 +152,8 @@ def canonicalise(
     if not is_height(height):
         raise ClipError(f"body height {height:.4g} m with unit {scale:.4g} m: say --unit")
     notes = [*_orientation_notes(positions, up), *placed.notes, *notes]
+    if goes_on_all_fours(positions):
+        notes.append("goes on all fours: an animal by a person's names of joints, or a person who does so")
     place_offsets(binding, positions, world, height)
     rest_offsets = bone_vectors(positions, world).mean(axis=0)
     rotations = continuous_signs(normalise(local_rotations(world)))

@@ -31,6 +31,22 @@ def up_of_file(binding: Binding, motion: SolvedMotion) -> str | None:
     return moving if moving == resting else None
 
 
+def goes_on_all_fours(positions: Float64Array) -> bool:
+    """Whether in most frames the trunk lies on hands and feet with the knees off the ground, as an animal's does.
+
+    Args:
+        positions: [F, 21, 3] of the canonical joints, y up.
+    """
+    height = {part: positions[:, [INDEX[f"left_{part}"], INDEX[f"right_{part}"]], 1].mean(axis=1)
+              for part in ("wrist", "hip", "knee", "ankle")}  # fmt: skip
+    leg = height["hip"] - height["ankle"]
+    trunk = positions[:, INDEX["neck"]] - positions[:, INDEX["hips"]]
+    lies = np.abs(trunk[:, 1]) < 0.5 * np.linalg.norm(trunk, axis=1)
+    on_hands = np.abs(height["wrist"] - height["ankle"]) < 0.35 * leg
+    off_knees = height["knee"] - np.minimum(height["wrist"], height["ankle"]) > 0.2 * leg
+    return bool((lies & on_hands & off_knees).mean() >= _SHARE)
+
+
 def up_of_body(head: Float64Array, feet: Float64Array) -> str | None:
     """The axis, one of y z -y -z, along which the head [F, 3] is above the feet [F, 3] in most frames.
 
