@@ -15,7 +15,7 @@ from motionlake.errors import ClipError
 from motionlake.formats import read_clips
 from motionlake.formats.deepmimic import READER
 from motionlake.formats.write.bvh import write_bvh
-from motionlake.motion.canonicalise import CanonicalMotion, canonicalise, to_source_clip
+from motionlake.motion.canonicalise import CanonicalMotion, canonicalise, to_source_clip, turn_to_y_up
 from motionlake.motion.clip import ChannelKind, Hierarchy, SolvedMotion, SourceClip
 from motionlake.motion.kinematics import forward_kinematics, local_rotations, solve, world_rotations
 from motionlake.motion.rigs import Rest, identify, load_rigs
@@ -52,10 +52,10 @@ def quaternions(rotation: Rotation) -> Float64Array:
     return np.asarray(rotation.as_quat(scalar_first=True))
 
 
-def made_motion(seed: int, frames: int = 5) -> tuple[Float64Array, Float64Array, Float64Array]:
+def made_motion(seed: int, frames: int = 5, scale: float = 0.5) -> tuple[Float64Array, Float64Array, Float64Array]:
     """Root [F, 3], global rotations [F, 21, 4], positions [F, 21, 3]: any pose, near to standing."""
     generator = np.random.default_rng(seed)
-    turns = Rotation.from_rotvec(generator.normal(scale=0.5, size=(frames * len(JOINTS), 3)))
+    turns = Rotation.from_rotvec(generator.normal(scale=scale, size=(frames * len(JOINTS), 3)))
     local = quaternions(turns).reshape(frames, len(JOINTS), 4)
     root = generator.normal(size=(frames, 3))
     return root, world_rotations(local), forward_kinematics(root, local, made_offsets())
@@ -180,6 +180,33 @@ def test_the_up_axis_is_the_option_then_the_file_then_the_rig() -> None:
         canonicalise(replace(clip, up="w"), motion, rig)
 
 
+@pytest.mark.parametrize("axis", ["z", "-z", "-y"])
+def test_zero_pose_and_motion_together_tell_the_up_axis(axis: str) -> None:
+    rig = replace(RIGS["canonical"], rest=Rest.ZERO)
+    _, world, positions = made_motion(4, scale=0.1)
+    as_is = canonicalise(*clip_of(world, positions * 100), rig)
+    turn = conjugate(turn_to_y_up(axis))
+    # The zero pose is turned as the motion is: positions turn, and with them every joint's rotation is turned on both
+    # sides.
+    turned = SolvedMotion(rotate(turn, positions * 100), *[multiply(multiply(turn, world), conjugate(turn))] * 2)
+    clip, _ = clip_of(world, positions)
+    told = canonicalise(clip, turned, rig)
+    assert told.up == axis
+    assert f"up is {axis}, by the body" in told.notes
+    np.testing.assert_allclose(told.positions, as_is.positions, atol=1e-9)
+    assert_same_rotations(told, world_rotations(as_is.rotations))
+    assert canonicalise(clip, turned, rig, up="y").up == "y"
+    assert canonicalise(replace(clip, up="y"), turned, rig).up == "y"
+    # Who lies in the motion and stands in the zero pose lies, and a root that lifts a zero pose that lies says nothing.
+    for lying in (
+        SolvedMotion(rotate(turn, positions * 100), *[multiply(turn, world)] * 2),
+        SolvedMotion(positions * 100, *[multiply(world, conjugate(turn))] * 2),
+    ):
+        motion = canonicalise(clip, lying, rig)
+        assert motion.up == "y"
+        assert not any("by the body" in note for note in motion.notes if "unit" not in note)
+
+
 @pytest.mark.parametrize("unit", [*UNITS.values(), CMU])
 @pytest.mark.parametrize("said", [None, 1e-4, 50.0])
 def test_a_unit_that_nobody_says_or_that_makes_no_person_is_found_by_body_height(
@@ -194,6 +221,27 @@ def test_a_unit_that_nobody_says_or_that_makes_no_person_is_found_by_body_height
     np.testing.assert_allclose(found.positions, positions, atol=1e-9)
     with pytest.raises(ClipError, match=r"body height .* say --unit"):
         canonicalise(clip, motion, rig, metres_per_unit=unit / 1000)
+
+
+@pytest.mark.parametrize(("supposed", "metres", "kept"), [(0.01, 0.7, True), (0.01, 0.58, False), (0.056, 2.4, False)])
+def test_a_unit_that_joint_names_suggest_is_kept_where_a_person_is_as_tall(
+    supposed: float, metres: float, kept: bool
+) -> None:
+    _, world, positions = made_motion(4)
+    clip, motion = clip_of(world, positions)
+    height = canonicalise(clip, motion, RIGS["canonical"], metres_per_unit=1.0).body_height
+    clip, motion = clip_of(world, positions * (metres / supposed / height))
+    rig = replace(RIGS["canonical"], metres_per_unit=supposed)
+    found = canonicalise(clip, motion, rig)
+    assert found.metres_per_unit == (supposed if kept else 0.0254)
+    assert any("by body height" in note for note in found.notes) != kept
+    # What the file says, or the user, is believed of bodies that are no person's.
+    for believed in (
+        canonicalise(replace(clip, metres_per_unit=supposed), motion, rig),
+        canonicalise(clip, motion, rig, metres_per_unit=supposed),
+    ):
+        assert believed.metres_per_unit == supposed
+        assert believed.body_height == pytest.approx(metres)
 
 
 def test_a_body_of_no_size_has_no_unit() -> None:
@@ -233,6 +281,26 @@ def test_a_body_across_the_up_axis_is_noted() -> None:
     assert canonicalise(clip, motion, RIGS["canonical"]).notes == ()
     lying = canonicalise(clip, motion, RIGS["canonical"], up="z")
     assert "up is y and not z" in lying.notes[0]
+
+
+@pytest.mark.parametrize(("crawls", "noted"), [(False, True), (True, False)])
+def test_an_animal_by_a_persons_names_is_noted(crawls: bool, noted: bool) -> None:
+    body = forward_kinematics(np.zeros((1, 3)), np.tile(IDENTITY, (1, len(JOINTS), 1)), made_offsets())[0]
+    trunk = [joint for joint in JOINTS if not any(part in joint for part in ("knee", "ankle", "toe", "hip"))]
+    laid = body.copy()
+    laid[[INDEX[joint] for joint in trunk]] = body[[INDEX[joint] for joint in trunk]][:, [0, 2, 1]]
+    for side in ("left", "right"):
+        shoulder = laid[INDEX[f"{side}_shoulder"]]
+        for joint, share in (("elbow", 0.5), ("wrist", 1.0)):
+            laid[INDEX[f"{side}_{joint}"]] = [shoulder[0], share * body[INDEX[f"{side}_ankle"], 1], shoulder[2]]
+        if crawls:
+            knee = laid[INDEX[f"{side}_knee"]]
+            laid[INDEX[f"{side}_ankle"]] = knee + np.array([0, 0.02, -0.35])
+            laid[INDEX[f"{side}_wrist"], 1] = knee[1]
+    positions = np.repeat(laid[None], 5, axis=0)
+    clip, motion = clip_of(np.tile(IDENTITY, (5, len(JOINTS), 1)), positions)
+    notes = canonicalise(clip, motion, replace(RIGS["canonical"], rest=Rest.ZERO), metres_per_unit=1.0).notes
+    assert any("on all fours" in note for note in notes) == noted
 
 
 @settings(max_examples=30, deadline=None)

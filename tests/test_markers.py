@@ -12,13 +12,21 @@ from motionlake.errors import ClipError
 from motionlake.formats.registry import read_clips
 from motionlake.motion.canonicalise import canonicalise
 from motionlake.motion.kinematics import solve
-from motionlake.motion.marker_sets import JOINT_CENTRE_PARENTS, JOINT_CENTRES, fitting_sets, hip_centres, marker_sets
-from motionlake.motion.rigs import load_rigs
+from motionlake.motion.marker_sets import (
+    HEAD,
+    JOINT_CENTRE_PARENTS,
+    JOINT_CENTRES,
+    fitting_sets,
+    hip_centres,
+    marker_sets,
+)
+from motionlake.motion.rigs import identify, load_rigs
 from motionlake.motion.rotations import from_axis_angle, rotate
 from motionlake.motion.skeleton import INDEX
 
 from tests.samples import plug_in_gait_markers, swinging_body, trc_text
 
+HEADLESS_SETS = {"body_25", "opencap", "rajagopal"}
 NAMES, PLACES = plug_in_gait_markers(swinging_body(40))
 
 
@@ -34,7 +42,8 @@ def test_every_set_makes_every_joint() -> None:
     hips = {"left_hip_centre", "right_hip_centre"}
     for marker_set in marker_sets():
         made = set(marker_set.joints) | {"hip_centre"} | (hips if marker_set.pelvis else set())
-        assert made == set(JOINT_CENTRES)
+        assert made | ({HEAD} if marker_set.name in HEADLESS_SETS else set()) == set(JOINT_CENTRES)
+        assert made == set(marker_set.centres_made)
         assert len(set(marker_set.required)) == len(marker_set.required)
         assert fitting_sets([name.lower() for name in marker_set.required])[0] is marker_set
 
@@ -103,6 +112,74 @@ def test_a_file_of_no_set_names_the_nearest_and_what_lacks(tmp_path: Path) -> No
     text = trc_text([NAMES[index] for index in kept], PLACES[:, kept])
     with pytest.raises(ClipError, match="nearest, plug_in_gait, lacks RPSI, LTOE"):
         read_clips(written(tmp_path, text))
+
+
+def keypoints(*without: str) -> tuple[list[str], np.ndarray]:
+    """Keypoints of HALPE_26 on a body that swings its arms and legs, by Pose2Sim's names, metres."""
+    body = swinging_body(20)
+    joints = {"Neck": 2, "Head": 3, "LShoulder": 4, "LElbow": 5, "LWrist": 6, "RShoulder": 8, "RElbow": 9,
+              "RWrist": 10, "LHip": 12, "LKnee": 13, "LAnkle": 14, "LBigToe": 15, "RHip": 16, "RKnee": 17,
+              "RAnkle": 18, "RBigToe": 19}  # fmt: skip
+    kept = {name: joint for name, joint in joints.items() if name not in without}
+    return list(kept), body[:, list(kept.values())]
+
+
+def test_a_body_whose_head_has_no_marker_goes_in(tmp_path: Path) -> None:
+    rigs = load_rigs()
+    (whole,) = read_clips(written(tmp_path, trc_text(*keypoints())))
+    (clip,) = read_clips(written(tmp_path, trc_text(*keypoints("Head"))))
+    assert "no marker on the head: it goes on where the trunk points" in clip.notes
+    assert "joints from markers: body_25" in clip.notes
+    assert "joints from markers: pose2sim" in whole.notes
+    assert identify(clip.hierarchy.joints, rigs).name == "markers"
+    motion = canonicalise(clip, solve(clip), rigs["markers"])
+    measured = canonicalise(whole, solve(whole), rigs["markers"])
+    others = [joint for joint in range(21) if joint != INDEX["head"]]
+    np.testing.assert_allclose(motion.positions[:, others], measured.positions[:, others], atol=1e-9)
+    assert "head" in motion.filled
+    assert "head" not in measured.filled
+    off = np.linalg.norm(motion.positions[:, INDEX["head"]] - measured.positions[:, INDEX["head"]], axis=1)
+    assert off.max() < 0.1
+    assert motion.body_height == pytest.approx(measured.body_height, rel=0.06)
+
+
+def test_a_head_that_is_there_comes_before_more_markers() -> None:
+    added = next(one for one in marker_sets() if one.name == "opencap").required
+    names, _ = keypoints()
+    assert fitting_sets([*names, *added])[0].name == "pose2sim"
+    assert fitting_sets([*(name for name in names if name != "Head"), *added])[0].name == "opencap"
+
+
+@pytest.mark.parametrize("declared", [39, 41, 400])
+def test_all_rows_that_are_there_go_in(tmp_path: Path, declared: int) -> None:
+    text = trc_text(NAMES, PLACES)
+    wrong = text.replace("\t40\t", f"\t{declared}\t")
+    assert wrong != text
+    (clip,) = read_clips(written(tmp_path, wrong))
+    (right,) = read_clips(written(tmp_path, text))
+    assert f"40 frames, though the file says {declared}" in clip.notes
+    np.testing.assert_array_equal(clip.channels, right.channels)
+
+
+@pytest.mark.parametrize("lost", [4, 800])
+def test_a_file_that_lost_its_end_is_rejected(tmp_path: Path, lost: int) -> None:
+    text = trc_text(NAMES, PLACES).rstrip()[:-lost]
+    with pytest.raises(ClipError, match=r"cut short|the row has"):
+        read_clips(written(tmp_path, text.replace("\t40\t", "\t41\t")))
+
+
+def test_commas_of_a_spreadsheet_are_tabs(tmp_path: Path) -> None:
+    text = trc_text(NAMES, PLACES)
+    (clip,) = read_clips(written(tmp_path, text.replace("\t", ",")))
+    (right,) = read_clips(written(tmp_path, text))
+    np.testing.assert_array_equal(clip.channels, right.channels)
+    assert clip.fps == right.fps
+
+
+def test_points_of_no_body_are_told_as_such(tmp_path: Path) -> None:
+    names = [f"Box:Marker{number}" for number in range(1, 6)]
+    with pytest.raises(ClipError, match=r"fit no marker set: none has any of its 5 points \(Marker1, Marker2, M"):
+        read_clips(written(tmp_path, trc_text(names, PLACES[:, :5])))
 
 
 def test_damaged_files_are_read_or_rejected(tmp_path: Path) -> None:

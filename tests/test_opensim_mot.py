@@ -186,6 +186,16 @@ def test_headers_of_older_programs_are_read(tmp_path: Path) -> None:
         read_clips(written(tmp_path, tabbed + rows.replace("pelvis_list\t", "", 1)))
 
 
+def test_commas_of_a_spreadsheet_are_tabs(tmp_path: Path) -> None:
+    text = mot_text(walking_angles(20))
+    wanted = read_clips(written(tmp_path, text))[0]
+    head, _, rows = text.partition("endheader\n")
+    padded = "".join(f"{line}{',' * 37}\n" for line in f"{head}endheader".splitlines())
+    (clip,) = read_clips(written(tmp_path, padded + rows.replace("\t", ",")))
+    np.testing.assert_array_equal(clip.channels, wanted.channels)
+    assert clip.fps == wanted.fps
+
+
 def test_angles_of_vertebrae_add_up(tmp_path: Path) -> None:
     columns = walking_angles(20)
     bent = columns | {"lumbar_extension": np.full(20, -20.0)}

@@ -11,6 +11,7 @@ from motionlake.errors import ClipError
 from motionlake.formats.repair import fill_missing, missing_samples, repair_note
 from motionlake.motion.clip import Hierarchy, SourceClip
 from motionlake.motion.marker_sets import (
+    HEAD,
     JOINT_CENTRE_PARENTS,
     JOINT_CENTRES,
     MarkerSet,
@@ -19,6 +20,8 @@ from motionlake.motion.marker_sets import (
 )
 from motionlake.motion.named_joints import NamedTree, named_tree
 from motionlake.motion.upright import up_of_body
+
+HEADLESS = "no marker on the head: it goes on where the trunk points"
 
 
 def clips_of_markers(
@@ -101,21 +104,30 @@ def _clip_of_set(
     seen = np.take(positions, [places[name] for name in names], axis=1)
     filled, repaired = fill_missing(seen, missing_samples(seen), names)
     joints = joint_centres(marker_set, filled, names)
-    up = _up_of_centres(joints) if tell_up else None
+    made = marker_set.centres_made
+    up = _up_of_centres(joints, made) if tell_up else None
+    headless = () if HEAD in made else (HEADLESS,)
     return SourceClip(
-        hierarchy=Hierarchy.of_positions(JOINT_CENTRES, JOINT_CENTRE_PARENTS),
+        hierarchy=Hierarchy.of_positions(made, _parents(made)),
         channels=joints.reshape(len(joints), -1),
         fps=fps,
         metres_per_unit=1.0,
         up=up,
         repaired=repaired,
-        notes=(f"joints from markers: {marker_set.name}", *up_note(up), *repair_note(repaired, len(joints))),
+        notes=(f"joints from markers: {marker_set.name}", *headless, *up_note(up), *repair_note(repaired, len(joints))),
     )
 
 
-def _up_of_centres(joints: Float64Array) -> str | None:
-    centre = {name: joints[:, joint] for joint, name in enumerate(JOINT_CENTRES)}
-    return up_of_body(centre["head_centre"], (centre["left_ankle_centre"] + centre["right_ankle_centre"]) / 2)
+def _parents(made: tuple[str, ...]) -> tuple[int, ...]:
+    """The place in `made` of each one's parent; -1 of the first."""
+    above = {name: JOINT_CENTRES[parent] for name, parent in zip(JOINT_CENTRES, JOINT_CENTRE_PARENTS, strict=True)}
+    return (-1, *(made.index(above[name]) for name in made[1:]))
+
+
+def _up_of_centres(joints: Float64Array, made: tuple[str, ...]) -> str | None:
+    centre = {name: joints[:, joint] for joint, name in enumerate(made)}
+    top = centre[HEAD if HEAD in made else "neck_centre"]
+    return up_of_body(top, (centre["left_ankle_centre"] + centre["right_ankle_centre"]) / 2)
 
 
 def _clip_of_joints(

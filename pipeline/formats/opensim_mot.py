@@ -19,6 +19,7 @@ BONES: Final = "bone lengths are those of OpenSim's generic full-body model: a .
 HANGING: Final = "the arms hang: the file has no angles of them"
 UPRIGHT: Final = "trunk and pelvis are in line: the file has no lumbar angles"
 _END: Final = re.compile(rb"^[ \t]*endheader[ \t]*\r?\n", re.IGNORECASE | re.MULTILINE)
+_COMMAS: Final = re.compile(rb"^[ \t]*endheader,+[ \t]*\r?\n", re.IGNORECASE | re.MULTILINE)
 _MARKS: Final = re.compile(rb"endheader|nRows|nColumns|inDegrees|datacolumns", re.IGNORECASE)
 _HEADER_BYTES: Final = 1 << 16
 _FORCES: Final = re.compile(r"force|grf|torque|moment|_v[xyz]$|_p[xyz]$|emg|activation", re.IGNORECASE)
@@ -92,6 +93,8 @@ class MotReader:
 
 
 def _table(data: bytes) -> _Table:
+    if _COMMAS.search(data, 0, _HEADER_BYTES):  # a spreadsheet wrote it
+        data = data.replace(b",", b"\t")
     end = _END.search(data, 0, _HEADER_BYTES)
     if end is None:
         raise ClipError("has no line endheader, as files of OpenSim have")

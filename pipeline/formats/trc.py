@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
@@ -35,6 +36,7 @@ class TrcReader:
         Raises:
             ClipError: the header or a row is damaged, the file is cut short, or its markers fit no set.
         """
+        data = _parted_by_tabs(data)
         begin = _end_of_header(data)
         lines = data[:begin].decode("utf-8", errors="replace").splitlines()
         if not begin or not lines[0].startswith("PathFileType"):
@@ -49,12 +51,30 @@ class TrcReader:
             raise ClipError(f"Units is {settings.get('Units')!r}, not one of {', '.join(UNITS)}", line=3)
         rate = _number(settings, "DataRate") if fps is None else fps
         held = len(data) // (3 * len(markers) + 1) + 1  # a row has a byte for each number, at least
-        limits().check_body(int(min(held, frames)), len(markers), len(data))
-        places = _tidy_places(data, begin, 3 * len(markers), frames)
+        limits().check_body(min(held, data.count(b"\n", begin) + 1), len(markers), len(data))
+        places = _tidy_places(data, begin, 3 * len(markers))
         if places is None:
-            places = _places(data, 3 * len(markers), frames)
+            places = _places(data, 3 * len(markers))
+        _check_end(data, len(places), frames)
         places *= unit
-        return clips_of_markers(places.reshape(len(places), -1, 3), markers, rate)
+        clips = clips_of_markers(places.reshape(len(places), -1, 3), markers, rate)
+        if len(places) == frames:
+            return clips
+        note = f"{len(places)} frames, though the file says {frames:g}"
+        return [replace(clip, notes=(*clip.notes, note)) for clip in clips]
+
+
+def _parted_by_tabs(data: bytes) -> bytes:
+    """The same with tabs where a spreadsheet wrote commas."""
+    head = data[: _end_of_header(data)]
+    return data.replace(b",", b"\t") if b"\tTime" not in head and b",Time," in head else data
+
+
+def _check_end(data: bytes, found: int, declared: float) -> None:
+    """Programs declare the frames of another file. Where fewer are there than declared and the last row does not end,
+    the file is cut short, and its last number may be."""
+    if not found or (found < declared and not data.endswith((b"\n", b"\r"))):
+        raise ClipError(f"{declared:g} frames declared, but the file is cut short")
 
 
 def _end_of_header(data: bytes) -> int:
@@ -81,7 +101,7 @@ def _float(text: str) -> float:
     return float(text)
 
 
-def _tidy_places(data: bytes, begin: int, count: int, frames: float) -> Float64Array | None:
+def _tidy_places(data: bytes, begin: int, count: int) -> Float64Array | None:
     """[F, count] the numbers of all rows at once; None where one of them is untidy or damaged."""
     row = _ROW.search(data, begin)
     width = row[0].count(b"\t") + 1 if row else 0
@@ -91,20 +111,17 @@ def _tidy_places(data: bytes, begin: int, count: int, frames: float) -> Float64A
         places = read_columns(data, begin, width, range(_LEADING, width), parted_by="\t")
     except ClipError:
         return None
-    if len(places) != frames or not np.isnan(places[:, count:]).all():
+    if not np.isnan(places[:, count:]).all():
         return None
     places = places[:, :count]
     blank = np.isnan(places[:, 0])
     return None if np.isnan(places[blank]).all(axis=1).any() else places
 
 
-def _places(data: bytes, count: int, frames: float) -> Float64Array:
+def _places(data: bytes, count: int) -> Float64Array:
     """The same row by row; `ClipError` with the line of one that is damaged."""
     lines = data.decode("utf-8", errors="replace").splitlines()
     rows = [(at, row) for at, row in enumerate(lines[_HEADER_LINES:], start=_HEADER_LINES + 1) if row.strip()]
-    if len(rows) != frames:
-        lost = "but the file is cut short" if len(rows) < frames else f"but the file has {len(rows)}"
-        raise ClipError(f"{frames:g} frames declared, {lost}")
     return np.array([_values(row, count, line) for line, row in rows]).reshape(-1, count)
 
 

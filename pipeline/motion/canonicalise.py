@@ -20,7 +20,8 @@ from motionlake.motion.rest import Binding, bind, place, place_offsets, to_canon
 from motionlake.motion.rigs import Rest, RigMap
 from motionlake.motion.rotations import IDENTITY, conjugate, from_axis_angle, multiply, normalise, rotate, to_euler
 from motionlake.motion.skeleton import INDEX, JOINTS, PARENTS, chained
-from motionlake.motion.units import UNITS, is_height, unit_of_height
+from motionlake.motion.units import UNITS, is_height, is_persons_height, unit_of_height
+from motionlake.motion.upright import goes_on_all_fours, up_of_file
 
 # No recording goes this far (metres) from where it starts: a number is damaged, or the unit is wrong.
 FARTHEST: Final = 1000.0
@@ -115,26 +116,33 @@ def canonicalise(
         clip: what the file holds.
         motion: its forward kinematics.
         rig: the map for its joints.
-        up: up axis of the file, x y z -x -y -z; by default what the file says, else the rig's.
+        up: up axis of the file, x y z -x -y -z; by default what the file says, else what the body tells, with a note
+            (`up_of_file`), else the rig's.
         metres_per_unit: length unit of the file; by default what the file says, else the rig's. Where neither does, or
-            the body would not be 0.4 to 3 m tall by it, it is found by body height (`unit_of_height`), with a note.
+            the body would not be 0.4 to 3 m tall by it (0.65 to 2.2 m by the rig's: programs share names of joints, not
+            units), it is found by body height (`unit_of_height`), with a note.
 
     Raises:
         ClipError: the rig does not fit, no length unit is known, a joint goes more than 1 km from the first
             frame's root, or the body is outside 0.4 to 3 m.
     """
-    up = next(axis for axis in (up, clip.up, rig.up) if axis is not None)
-    turn_to_y_up(up)  # what is no axis is told before the rig
+    up = clip.up if up is None else up
+    turn_to_y_up(up or rig.up)  # what is no axis is told before the rig
     binding = bind(rig, clip.hierarchy)
-    said = (metres_per_unit, clip.metres_per_unit, rig.metres_per_unit)
-    scale = next((unit for unit in said if unit is not None), None)
+    notes = []
+    if up is None:
+        up = up_of_file(binding, motion) or rig.up
+        if up != rig.up:
+            notes.append(f"up is {up}, by the body")
+    said = metres_per_unit if metres_per_unit is not None else clip.metres_per_unit
+    scale = rig.metres_per_unit if said is None else said
     # What goes too far by the smallest unit is a damaged number, before anything is told by it.
     _check_reach(motion.positions, clip.hierarchy.joints, metres_per_unit or min(UNITS.values()))
     placed = _placed(binding, motion, up, scale or 1.0)
-    notes = []
-    if metres_per_unit is None and (scale is None or not is_height(placed.height)):
+    believed = is_persons_height if said is None else is_height
+    if metres_per_unit is None and (scale is None or not believed(placed.height)):
         found = unit_of_height(placed.height / (scale or 1.0))
-        if found is not None:
+        if found is not None and found != scale:
             notes.append(f"unit {found:g} m, by body height")
             scale, placed = found, _placed(binding, motion, up, found)
     if scale is None:
@@ -144,6 +152,8 @@ def canonicalise(
     if not is_height(height):
         raise ClipError(f"body height {height:.4g} m with unit {scale:.4g} m: say --unit")
     notes = [*_orientation_notes(positions, up), *placed.notes, *notes]
+    if goes_on_all_fours(positions):
+        notes.append("goes on all fours: an animal by a person's names of joints, or a person who does so")
     place_offsets(binding, positions, world, height)
     rest_offsets = bone_vectors(positions, world).mean(axis=0)
     rotations = continuous_signs(normalise(local_rotations(world)))

@@ -23,6 +23,7 @@ JOINT_CENTRES: Final = (
     "left_hip_centre", "left_knee_centre", "left_ankle_centre", "left_toe_end",
     "right_hip_centre", "right_knee_centre", "right_ankle_centre", "right_toe_end",
 )  # fmt: skip
+HEAD: Final = "head_centre"
 JOINT_CENTRE_PARENTS: Final = (-1, 0, 1, 1, 3, 4, 1, 6, 7, 0, 9, 10, 11, 0, 13, 14, 15)
 
 
@@ -41,7 +42,7 @@ class MarkerSet:
 
     Attributes:
         name, description, source: what it is called, what it is, where its names come from.
-        joints: joint centre -> markers, of which it is the mean.
+        joints: joint centre -> markers, of which it is the mean; the head may lack.
         pelvis: markers from which the centres of the hips follow; None where they are among `joints`.
         centres: whether its points are joint centres that a program has computed, rather than places on the skin.
     """
@@ -52,6 +53,11 @@ class MarkerSet:
     joints: Mapping[str, tuple[str, ...]]
     pelvis: Pelvis | None = None
     centres: bool = False
+
+    @property
+    def centres_made(self) -> tuple[str, ...]:
+        """The `JOINT_CENTRES` that it places, in their order: all, or all but the head."""
+        return tuple(joint for joint in JOINT_CENTRES if joint != HEAD or joint in self.joints)
 
     @property
     def required(self) -> tuple[str, ...]:
@@ -89,17 +95,21 @@ def _parse(text: str) -> MarkerSet:
 
 
 def fitting_sets(markers: Collection[str]) -> list[MarkerSet]:
-    """The sets of which all markers are among these, the best first: of joint centres, then of more markers.
+    """The sets of which all markers are among these, the best first: of joint centres, then with a head, then of more
+    markers.
 
     Raises:
-        ClipError: none fits; the reason names the nearest one and the markers that it lacks.
+        ClipError: none fits; the reason names the nearest one and the markers that the file lacks, if it has any.
     """
     sets = marker_sets()
     fitting = [marker_set for marker_set in sets if not marker_set.lacking(markers)]
     if fitting:
-        return sorted(fitting, key=lambda marker_set: (not marker_set.centres, -len(marker_set.required)))
+        return sorted(fitting, key=lambda one: (not one.centres, HEAD not in one.joints, -len(one.required)))
     nearest = min(sets, key=lambda marker_set: len(marker_set.lacking(markers)) / len(marker_set.required))
     lacking = nearest.lacking(markers)
+    if len(lacking) == len(nearest.required):
+        shown = ", ".join(list(markers)[:3])
+        raise ClipError(f"its markers fit no marker set: none has any of its {len(markers)} points ({shown}, …)")
     more = f" and {len(lacking) - MAX_LISTED} more" if len(lacking) > MAX_LISTED else ""
     raise ClipError(
         f"its markers fit no marker set; the nearest, {nearest.name}, lacks {', '.join(lacking[:MAX_LISTED])}{more}"
@@ -107,7 +117,7 @@ def fitting_sets(markers: Collection[str]) -> list[MarkerSet]:
 
 
 def joint_centres(marker_set: MarkerSet, positions: Float64Array, markers: Sequence[str]) -> Float64Array:
-    """[F, 17, 3] the `JOINT_CENTRES`, metres, in the axes of the markers.
+    """[F, J, 3] the J joint centres that the set places (`centres_made`), metres, in the axes of the markers.
 
     Args:
         marker_set: one that fits the markers.
@@ -128,7 +138,7 @@ def joint_centres(marker_set: MarkerSet, positions: Float64Array, markers: Seque
         hips = hip_centres(mean([pelvis.left_front]), mean([pelvis.right_front]), mean(pelvis.back))
         centres["left_hip_centre"], centres["right_hip_centre"] = hips
     centres["hip_centre"] = 0.5 * (centres["left_hip_centre"] + centres["right_hip_centre"])
-    return np.stack([centres[joint] for joint in JOINT_CENTRES], axis=1)
+    return np.stack([centres[joint] for joint in marker_set.centres_made], axis=1)
 
 
 def hip_centres(

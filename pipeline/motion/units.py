@@ -16,6 +16,9 @@ CMU: Final = 0.0254 / 0.45  # of CMU's files and many made of them: inches / 0.4
 MIN_HEIGHT: Final = 0.4
 MAX_HEIGHT: Final = 3.0
 PERSON: Final = 1.35  # of a grown person
+# From a child of two years to the tallest: by a unit that a file's joint names alone suggest, a body is so tall.
+_CHILD: Final = 0.65
+_GIANT: Final = 2.2
 
 
 def named_unit(word: str) -> float | None:
@@ -29,6 +32,11 @@ def unit_of_height(units: float) -> float | None:
     the one by which it is nearest to a grown person's height, as a ratio. None where it is no body's height by any."""
     fitting = [unit for unit in (*UNITS.values(), CMU) if is_height(units * unit)]
     return min(fitting, key=lambda unit: abs(math.log(units * unit / PERSON)), default=None)
+
+
+def is_persons_height(metres: float) -> bool:
+    """Whether a person, grown or not, may be as tall."""
+    return _CHILD <= metres <= _GIANT
 
 
 def is_height(metres: float) -> bool:

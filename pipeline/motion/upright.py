@@ -6,9 +6,45 @@ from typing import Final
 
 import numpy as np
 from motionlake.arrays import Float64Array
+from motionlake.motion.clip import SolvedMotion
+from motionlake.motion.rest import Binding, mean_offsets
+from motionlake.motion.rigs import Rest
+from motionlake.motion.skeleton import INDEX, chained
 
 # Share of the frames in which the head must be above the feet along one axis.
 _SHARE: Final = 0.8
+
+
+def up_of_file(binding: Binding, motion: SolvedMotion) -> str | None:
+    """The up axis of a file, where a person stands along it in the zero pose and in most frames as well.
+
+    One of the two is not enough: people lie, and the root may turn a zero pose that lies. None too where the rig's zero
+    pose is no standing human.
+    """
+    top = binding.source.get(INDEX["head"], binding.source.get(INDEX["neck"]))
+    feet = [binding.source[INDEX[foot]] for foot in ("left_ankle", "right_ankle") if INDEX[foot] in binding.source]
+    if motion.world is None or binding.rig.rest is not Rest.ZERO or top is None or not feet:
+        return None
+    parents = binding.hierarchy.parents
+    rest = chained(mean_offsets(parents, motion), parents)[None]
+    moving, resting = (up_of_body(at[:, top], np.asarray(at[:, feet].mean(axis=1))) for at in (motion.positions, rest))
+    return moving if moving == resting else None
+
+
+def goes_on_all_fours(positions: Float64Array) -> bool:
+    """Whether in most frames the trunk lies on hands and feet with the knees off the ground, as an animal's does.
+
+    Args:
+        positions: [F, 21, 3] of the canonical joints, y up.
+    """
+    height = {part: positions[:, [INDEX[f"left_{part}"], INDEX[f"right_{part}"]], 1].mean(axis=1)
+              for part in ("wrist", "hip", "knee", "ankle")}  # fmt: skip
+    leg = height["hip"] - height["ankle"]
+    trunk = positions[:, INDEX["neck"]] - positions[:, INDEX["hips"]]
+    lies = np.abs(trunk[:, 1]) < 0.5 * np.linalg.norm(trunk, axis=1)
+    on_hands = np.abs(height["wrist"] - height["ankle"]) < 0.35 * leg
+    off_knees = height["knee"] - np.minimum(height["wrist"], height["ankle"]) > 0.2 * leg
+    return bool((lies & on_hands & off_knees).mean() >= _SHARE)
 
 
 def up_of_body(head: Float64Array, feet: Float64Array) -> str | None:
