@@ -21,18 +21,16 @@ os.environ |= {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THR
 from motionlake.formats import read_clips
 from motionlake.formats.write.points_c3d import C3dWriter
 from motionlake.formats.write.registry import ClipToWrite
-from motionlake.motion.canonicalise import CanonicalMotion, canonicalise
+from motionlake.motion.canonicalise import canonicalise
 from motionlake.motion.kinematics import solve
-from motionlake.motion.marker_sets import fitting_sets, joint_centres
 from motionlake.motion.rigs import identify, load_rigs
-from motionlake.motion.skeleton import INDEX
 
 from bench.record import hash_files, installed, interleave, record, recordings
 
-PEERS = ("pybvh", "bvhio", "asfamc-parser", "ezc3d", "c3d", "pandas")
+PEERS = ("pybvh", "bvhio", "asfamc-parser", "ezc3d", "c3d")
 # Lowest acceptable ratios, measured on other machines with 30 % slack.
 BARS = {"bvh parse": 2.5, "bvh solve": 6.0, "bvhio solve": 100.0, "amc parse": 15.0}
-BARS |= {"c3d, ezc3d": 2.0, "c3d, package c3d": 2.0, "trc, pandas": 0.7}
+BARS |= {"c3d, ezc3d": 2.0, "c3d, package c3d": 2.0}
 
 
 def read_all(paths: list[Path]) -> None:
@@ -107,38 +105,15 @@ def compare(
     return {**seconds, **rates, "ratio": round(seconds["theirs"] / seconds["ours"], 2), "bar": bar}
 
 
-# Points of HALPE_26, which Pose2Sim writes, that stand where canonical joints do.
-POINTS = {"Neck": "neck", "Head": "head"} | {
-    f"{side[0]}{point}": f"{side.lower()}_{joint}"
-    for side in ("Left", "Right")
-    for point, joint in (("Hip", "hip"), ("Knee", "knee"), ("Ankle", "ankle"), ("BigToe", "toe"),
-                         ("Shoulder", "shoulder"), ("Elbow", "elbow"), ("Wrist", "wrist"))
-}  # fmt: skip
-
-
-def write_trc(motion: CanonicalMotion, path: Path) -> None:
-    """The joints of a motion as a TRC of Pose2Sim's points."""
-    places = motion.positions[:, [INDEX[joint] for joint in POINTS.values()]].reshape(len(motion), -1)
-    names = "DataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\tOrigDataRate\tOrigDataStartFrame\tOrigNumFrames"
-    counts = f"{motion.fps:g}\t{motion.fps:g}\t{len(motion)}\t{len(POINTS)}\tm\t{motion.fps:g}\t1\t{len(motion)}"
-    labels = "Frame#\tTime\t" + "\t\t\t".join(POINTS)
-    with path.open("w") as stream:
-        stream.write(f"PathFileType\t4\t(X/Y/Z)\t{path.name}\n{names}\n{counts}\n{labels}\n\t\t\n")
-        for frame, row in enumerate(places):
-            values = "\t".join(f"{value:.6f}" for value in row)
-            stream.write(f"{frame + 1}\t{frame / motion.fps:.6f}\t{values}\n")
-
-
 def marker_figures(take: Path, rounds: int) -> dict[str, dict[str, Any]]:
     """Files of points made of a take: reading them to joints, against libraries that read the numbers."""
     figures: dict[str, dict[str, Any]] = {}
-    there = installed(("ezc3d", "c3d", "pandas"))
+    there = installed(("ezc3d", "c3d"))
     clip = read_clips(take)[0]
     solved = solve(clip)
     motion = canonicalise(clip, solved, identify(clip.hierarchy.joints, load_rigs()))
     with tempfile.TemporaryDirectory() as folder:
-        trc, points = Path(folder, "take.trc"), Path(folder, "take.c3d")
-        write_trc(motion, trc)
+        points = Path(folder, "take.c3d")
         ours = partial(read_all, [points])
         if "ezc3d" in there:
             import ezc3d
@@ -155,19 +130,7 @@ def marker_figures(take: Path, rounds: int) -> dict[str, dict[str, Any]]:
             figures["c3d, package c3d"] = compare(
                 ours, partial(c3d_read, points), BARS["c3d, package c3d"], min(rounds, 3), frames=len(motion)
             )
-        if "pandas" in there:
-            figures["trc, pandas"] = compare(
-                partial(read_all, [trc]), partial(trc_read, trc), BARS["trc, pandas"], rounds, frames=len(motion)
-            )
     return figures
-
-
-def trc_read(path: Path) -> None:
-    """The joints of a TRC of Pose2Sim's points, whose numbers pandas reads."""
-    import pandas
-
-    numbers = pandas.read_csv(path, sep="\t", skiprows=5, header=None).to_numpy()
-    joint_centres(fitting_sets(POINTS)[0], numbers[:, 2:].reshape(len(numbers), -1, 3), list(POINTS))
 
 
 def c3d_read(path: Path) -> int:

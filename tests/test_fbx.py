@@ -94,3 +94,40 @@ def test_a_file_without_bones_says_so(tmp_path: Path) -> None:
     path.write_text(fbx_text().replace("LimbNode", "Null"))
     with pytest.raises(ClipError, match="has no bones"):
         read_clips(path)
+
+
+BAKED = """
+import json, os, sys, numpy as np, ufbx
+from motionlake.formats.parse import fbx_nodes
+scene = ufbx.load_file(sys.argv[1], inherit_mode_handling=ufbx.InheritModeHandling.COMPENSATE_NO_FALLBACK)
+nodes, stacks = list(scene.nodes), list(scene.anim_stacks)
+found = []
+for rate in (30.0, 75.0):  # at every key, and between them
+    times = np.arange(int(11 / 30 * rate) + 1) / rate
+    baked = fbx_nodes._moved(ufbx, scene, stacks[0].anim, nodes, times, rate)
+    for at, node in enumerate(nodes):
+        asked = fbx_nodes._numbers([ufbx.evaluate_transform(stacks[0].anim, node, time) for time in times.tolist()])
+        sign = np.sign((asked[:, 3:7] * baked[:, at, 3:7]).sum(axis=1, keepdims=True))
+        asked[:, 3:7] *= sign
+        found.append(float(np.abs(asked - baked[:, at]).max()))
+print(json.dumps(found), flush=True)
+os._exit(0)
+"""
+
+
+@pytest.mark.parametrize("flags", [2, 4, 8])  # constant, linear, cubic
+@pytest.mark.parametrize("inherit", [0, 1, 2])
+def test_baked_keys_are_what_ufbx_evaluates(flags: int, inherit: int, tmp_path: Path) -> None:
+    path = tmp_path / "walk.fbx"
+    properties = (
+        'Properties70: {\nP: "RotationActive", "bool", "", "",1\nP: "PreRotation", "Vector3D", "Vector", "",10,20,30\n'
+        f'P: "InheritType", "enum", "", "",{inherit}\nP: "RotationOrder", "enum", "", "",3\n'
+        'P: "Lcl Scaling", "Lcl Scaling", "", "A",1,2,1.5\nP: "Lcl Translation"'
+    )
+    text = fbx_text().replace('Properties70: {\nP: "Lcl Translation"', properties)
+    text = text.replace("KeyAttrFlags: *1 {\na: 4\n}", f"KeyAttrFlags: *1 {{\na: {flags}\n}}")
+    if inherit:  # scales that move
+        text = text.replace('60,1, "Lcl Translation"', '60,1, "Lcl Scaling"')
+    path.write_text(text)
+    ran = subprocess.run([sys.executable, "-c", BAKED, path], capture_output=True, text=True, check=True)
+    assert max(json.loads(ran.stdout)) < 1e-9

@@ -15,8 +15,8 @@ from motionlake.formats.limits_config import MOST_DEGREES, limits
 from motionlake.formats.parse.npz_members import NpzArchive, RoomCheck, described, directory_holds, tail_holds
 from motionlake.formats.registry import COMPRESSED_SUFFIX, load_bytes
 from motionlake.motion.clip import SourceClip
-from motionlake.motion.rotations import IDENTITY
-from motionlake.motion.smpl import BODY_JOINTS, JOINTS, PELVIS, smpl_clip
+from motionlake.motion.rotations import IDENTITY, from_vectors
+from motionlake.motion.smpl import BODY_JOINTS, JOINTS, PELVIS, smpl_channels, smpl_hierarchy
 from numpy.typing import NDArray
 
 UP: Final = "z"
@@ -55,7 +55,8 @@ class AmassReader:
         """
         archive, room = NpzArchive(data), _check_room(len(data))
         chosen = next((names for names in POSES if archive.names.issuperset(names)), POSES[0])
-        rotations = np.hstack([_table(archive, name, room) for name in chosen])
+        tables = [_table(archive, name, room) for name in chosen]
+        rotations = np.hstack(tables) if len(tables) > 1 else tables[0]
         if rotations.shape[1] < _BODY_NUMBERS or rotations.shape[1] % 3:
             raise ClipError(
                 f"has {rotations.shape[1]} numbers of rotation a frame, not three for each of 22 or more joints"
@@ -65,7 +66,11 @@ class AmassReader:
             raise ClipError(f"trans is {described(places)}, not {len(rotations)} frames of three numbers")
         notes = (MEAN_BODY, NO_FINGERS) if rotations.shape[1] > _SMPL_NUMBERS else (MEAN_BODY,)
         rate = fps if fps is not None else _rate(archive, room)
-        return [smpl_clip(places + PELVIS, _quaternions(rotations), rate, up=UP, notes=notes)]
+        channels, root, turns = smpl_channels(len(rotations), len(JOINTS))
+        np.add(places, PELVIS, out=root)
+        _fill_quaternions(rotations, turns)
+        hierarchy = smpl_hierarchy()
+        return [SourceClip(hierarchy, channels, rate, metres_per_unit=1.0, up=UP, notes=notes)]
 
 
 def _table(archive: NpzArchive, name: str, room: RoomCheck) -> Float64Array:
@@ -73,24 +78,23 @@ def _table(archive: NpzArchive, name: str, room: RoomCheck) -> Float64Array:
     array = archive.array(name, room)
     if array.ndim not in (2, 3) or array.dtype.kind not in "fiu":
         raise ClipError(f"{name} is {described(array)}, not numbers of every frame")
-    table = array.reshape(len(array), -1).astype(np.float64)
+    table = array.reshape(len(array), -1).astype(np.float64, copy=False)
     if not np.isfinite(table).all():
         raise ClipError(f"{name} has a number that is not finite")
     return table
 
 
-def _quaternions(rotations: Float64Array) -> Float64Array:
-    """[F, 24, 4] of axis-angle numbers [F, C], radians; hands that the file does not have as one joint do not turn."""
-    from scipy.spatial.transform import Rotation
+def _fill_quaternions(rotations: Float64Array, turns: Float64Array) -> None:
+    """Fill turns [F, 24, 4] of axis-angle numbers [F, C], radians.
 
+    Hands that the file does not have as one joint do not turn.
+    """
     joints = len(JOINTS) if rotations.shape[1] == _SMPL_NUMBERS else BODY_JOINTS
-    vectors = rotations[:, : 3 * joints].reshape(-1, 3)
-    if not (np.abs(vectors) <= np.deg2rad(MOST_DEGREES)).all():
+    vectors, most = rotations[:, : 3 * joints], np.deg2rad(MOST_DEGREES)
+    if not (-most <= vectors.min(initial=0.0) and vectors.max(initial=0.0) <= most):
         raise ClipError("has a rotation that is absurdly large")
-    result = np.tile(IDENTITY, (len(rotations), len(JOINTS), 1))
-    turns = Rotation.from_rotvec(vectors).as_quat(scalar_first=True)
-    result[:, :joints] = turns.reshape(len(rotations), joints, 4)
-    return result
+    from_vectors(vectors.reshape(len(rotations), joints, 3), out=turns[:, :joints])
+    turns[:, joints:] = IDENTITY
 
 
 def _rate(archive: NpzArchive, room: RoomCheck) -> float:

@@ -24,9 +24,10 @@ def _is_text(name: str) -> bool:
 
 def most_of(hierarchy: Hierarchy) -> Float64Array:
     """[C] the largest number that is no damage, of every channel: degrees or file units."""
-    turns = hierarchy.kind is ChannelKind.EULER
+    if hierarchy.kind is not ChannelKind.EULER:
+        return np.full(sum(map(len, hierarchy.channels)), FARTHEST)
     names = [name for joint in hierarchy.channels for name in joint]
-    return np.array([MOST_DEGREES if turns and name in ROTATION_CHANNELS else FARTHEST for name in names])
+    return np.array([MOST_DEGREES if name in ROTATION_CHANNELS else FARTHEST for name in names])
 
 
 def check_clip(clip: SourceClip) -> None:
@@ -37,7 +38,8 @@ def check_clip(clip: SourceClip) -> None:
         raise ClipError("has no joints")
     if len(set(hierarchy.joints)) != joints:
         raise ClipError("has two joints of one name")
-    if any("\0" in name or not _is_text(name) for name in hierarchy.joints):
+    every = "".join(hierarchy.joints)
+    if "\0" in every or not _is_text(every):
         raise ClipError("has a joint whose name is no text")
     tree = len(hierarchy.parents) == len(hierarchy.channels) == joints and hierarchy.parents[0] == -1
     if not tree or any(not 0 <= parent < joint for joint, parent in enumerate(hierarchy.parents) if joint):
@@ -51,8 +53,9 @@ def check_clip(clip: SourceClip) -> None:
     limits().check_body(len(channels), joints)
     if len(channels) < 2:
         raise ClipError(f"has {len(channels)} frame(s); a motion needs at least two")
-    sane = np.abs(channels) <= most_of(hierarchy)  # false for NaN too
-    if not sane.all():
+    most = most_of(hierarchy)
+    if not ((channels.max(axis=0) <= most) & (channels.min(axis=0) >= -most)).all():  # false for NaN too
+        sane = np.abs(channels) <= most
         if not np.isfinite(channels).all():
             raise ClipError("has a channel value that is not finite")
         frame, channel = np.argwhere(~sane)[0].tolist()

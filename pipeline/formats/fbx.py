@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 from typing import Final
 
+import numpy as np
 from motionlake.errors import ClipError
 from motionlake.formats.parse.fbx_nodes import read_nodes
 from motionlake.motion.clip import SourceClip
 
 _BINARY: Final = b"Kaydara FBX Binary"
-_WORDS: Final = re.compile(rb'"[^"]*"|;[^\n]*')  # and remarks, whose braces are none
 
 
 class FbxReader:
@@ -34,8 +33,9 @@ def _check_whole(data: bytes) -> None:
     """Reject text that is cut short, of which ufbx takes what is left."""
     if data.startswith(_BINARY):
         return
-    marks = _WORDS.sub(b"", data)
-    if marks.count(b"{") != marks.count(b"}"):
+    from motionlake.formats.parse.fbx_braces import open_braces
+
+    if open_braces(np.frombuffer(data, np.uint8)):
         raise ClipError("is cut short: it has braces that are not closed")
 
 

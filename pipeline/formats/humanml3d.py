@@ -19,6 +19,9 @@ from motionlake.motion.smpl_from_joints import bones_at_rest, joints_turn, tell_
 KIT_JOINTS: Final = 21
 KIT_FEATURES: Final = 251
 SMALLEST_TURNS: Final = "rotations come from positions: HumanML3D's own do not know turns about bones"
+STANDARDISED: Final = (
+    "its numbers of rotations are none; if the features are standardised, multiply by Std.npy and add Mean.npy"
+)
 # Millimetres by which joints may miss their places, for bones of one length, before a note says so.
 MISSED: Final = 1.0
 _NAME: Final = "motion"
@@ -45,21 +48,27 @@ class HumanML3DReader:
         Raises:
             ClipError: the array or its shape is bad, it is one of KIT-ML, or its features are standardised.
         """
-        array = npy_array(data, _NAME, _check_room)
-        if array.dtype.kind not in "fiu":
-            raise ClipError(f"is {described(array)}, not numbers")
-        if array.shape[1:] in ((KIT_JOINTS, 3), (KIT_FEATURES,)):
-            raise ClipError(f"is {described(array)}, of KIT-ML, whose skeleton is another; HumanML3D has 22 joints")
-        if array.shape[1:] not in ((BODY_JOINTS, 3), (FEATURES,)):
-            raise ClipError(f"is {described(array)}, not [frames, 22, 3] or [frames, 263]")
-        with np.errstate(invalid="ignore", over="ignore"):
-            numbers = array.astype(np.float64)
-        if not (np.abs(numbers) <= FARTHEST).all():
-            raise ClipError("has a number that is not finite or absurdly large")
-        if not len(numbers):
-            raise ClipError("has no frame")
+        numbers = read_numbers(data)
         rate = FPS if fps is None else fps
         return [_of_joints(numbers, rate) if numbers.ndim == 3 else _of_features(numbers, rate)]
+
+
+def read_numbers(data: bytes) -> Float64Array:
+    """[F, 22, 3] joints or [F, 263] features of a file, checked. Raises `ClipError` as `read` does."""
+    array = npy_array(data, _NAME, _check_room)
+    if array.dtype.kind not in "fiu":
+        raise ClipError(f"is {described(array)}, not numbers")
+    if array.shape[1:] in ((KIT_JOINTS, 3), (KIT_FEATURES,)):
+        raise ClipError(f"is {described(array)}, of KIT-ML, whose skeleton is another; HumanML3D has 22 joints")
+    if array.shape[1:] not in ((BODY_JOINTS, 3), (FEATURES,)):
+        raise ClipError(f"is {described(array)}, not [frames, 22, 3] or [frames, 263]")
+    if not len(array):
+        raise ClipError("has no frame")
+    with np.errstate(invalid="ignore", over="ignore"):
+        numbers = array.astype(np.float64)
+    if not (numbers.min() >= -FARTHEST and numbers.max() <= FARTHEST):  # false for NaN too
+        raise ClipError("has a number that is not finite or absurdly large")
+    return numbers
 
 
 def _of_joints(positions: Float64Array, fps: float) -> SourceClip:
@@ -73,9 +82,7 @@ def _of_features(rows: Float64Array, fps: float) -> SourceClip:
     from motionlake.motion.kinematics import continuous_signs, local_rotations, solve
 
     if not are_turns(rows):
-        raise ClipError(
-            "its numbers of rotations are none; if the features are standardised, multiply by Std.npy and add Mean.npy"
-        )
+        raise ClipError(STANDARDISED)
     found = recovered(rows)
     twist = tell_of_a_body(found.positions[:-1], found.bones)
     world = joints_turn(found.positions, found.bones if twist else None)

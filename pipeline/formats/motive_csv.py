@@ -12,12 +12,12 @@ from motionlake.arrays import Float64Array
 from motionlake.errors import ClipError
 from motionlake.formats.markers import clips_of_markers, clips_of_subjects, up_note, up_of_tree
 from motionlake.formats.parse.motive_table import OPENING, Column, MotiveHeader, read_header, read_numbers
-from motionlake.formats.parse.scene import Worlds, check_room, clip_of_worlds, joint_names
+from motionlake.formats.parse.scene import Worlds, against_rest, check_room, clip_of_worlds, joint_names
 from motionlake.formats.registry import COMPRESSED_SUFFIX, load_bytes
 from motionlake.formats.repair import fill_missing, fill_rotations, missing_samples, repair_note
 from motionlake.motion.clip import SourceClip, depth_first
 from motionlake.motion.named_joints import named_tree
-from motionlake.motion.rotations import IDENTITY, conjugate, from_euler, multiply, normalise, rotate
+from motionlake.motion.rotations import IDENTITY, from_euler, multiply, normalise, rotate
 from motionlake.motion.skeleton import chained
 from motionlake.motion.units import named_unit
 
@@ -86,16 +86,20 @@ def _of_markers(data: bytes, header: MotiveHeader, kind: str, unit: float, rate:
     names = list(dict.fromkeys(column.name for column in columns))
     check_room([(header.frames(data), len(names))])
     numbers = read_numbers(data, header, columns)
-    places = np.stack([_vectors(columns, numbers, name, "Position", "XYZ") for name in names], axis=1)
+    places = _vectors(columns, numbers, names, "Position", "XYZ")
     return clips_of_markers(places * unit, names, rate, tell_up=True)
 
 
-def _vectors(columns: Sequence[Column], numbers: Float64Array, name: str, what: str, axes: str) -> Float64Array:
-    """[F, n] the numbers of a thing along some axes, of the columns [F, C]."""
-    found = {column.axis: place for place, column in enumerate(columns) if (column.name, column.what) == (name, what)}
-    if missing := [axis for axis in axes if axis not in found]:
-        raise ClipError(f"{name} has no column {what} {missing[0]}")
-    return np.asarray(numbers[:, [found[axis] for axis in axes]])
+def _vectors(
+    columns: Sequence[Column], numbers: Float64Array, names: Sequence[str], what: str, axes: str
+) -> Float64Array:
+    """[F, N, n] the numbers of things along some axes, of the columns [F, C]."""
+    found = {(column.name, column.axis): place for place, column in enumerate(columns) if column.what == what}
+    wanted = [(name, axis) for name in names for axis in axes]
+    if missing := next((each for each in wanted if each not in found), None):
+        raise ClipError(f"{missing[0]} has no column {what} {missing[1]}")
+    chosen = np.take(numbers, [found[each] for each in wanted], axis=1)
+    return np.asarray(chosen.reshape(len(numbers), len(names), len(axes)))
 
 
 def _skeleton(
@@ -113,8 +117,8 @@ def _skeleton(
     order, parents = _tree(called, _called([name.rpartition(":")[2] for name in above], subject))
     left_out = (f"{len(full) - len(order)} bones left out",) if len(order) < len(full) else ()
     full, bones = [full[bone] for bone in order], [called[bone] for bone in order]
-    places = np.stack([_vectors(columns, numbers, name, "Position", "XYZ") for name in full], axis=1) * unit
-    turns = np.stack([_rotations(header, columns, numbers, name) for name in full], axis=1)
+    places = _vectors(columns, numbers, full, "Position", "XYZ") * unit
+    turns = _rotations(header, columns, numbers, full)
     missing = missing_samples(places) | ~(np.linalg.norm(turns, axis=2) > _LEAST)
     places, repaired = fill_missing(places, missing, bones)
     turns = normalise(fill_rotations(turns, missing))
@@ -123,27 +127,30 @@ def _skeleton(
     names = joint_names(bones)
     tree = named_tree(names)
     up = None if tree is None else up_of_tree(tree, places[:, list(tree.places)])
-    hung = [max(parent, 0) for parent in parents]
-    offsets = rotate(conjugate(turns[:, hung]), places - places[:, hung]).mean(axis=0)
-    rest = Worlds(chained(offsets, parents)[None], np.tile(IDENTITY, (1, len(bones), 1)))
+    moved, level = Worlds(places, turns), np.tile(IDENTITY, (1, len(bones), 1))
+    offsets = against_rest(parents, moved, level[0])[1].mean(axis=0)
+    offsets[0] = 0.0
+    rest = Worlds(chained(offsets, parents)[None], level)
     clip = clip_of_worlds(
-        names, parents, Worlds(places, turns), rest, fps=rate, body="", metres_per_unit=1.0, up=up or "y",
+        names, parents, moved, rest, fps=rate, body="", metres_per_unit=1.0, up=up or "y",
         notes=((f"subject {subject}",) if subject else ()) + left_out + up_note(up)
         + repair_note(repaired, len(places)),
     )  # fmt: skip
     return replace(clip, repaired=repaired)
 
 
-def _rotations(header: MotiveHeader, columns: Sequence[Column], numbers: Float64Array, name: str) -> Float64Array:
-    """[F, 4] of a bone; NaN where the file has none."""
+def _rotations(
+    header: MotiveHeader, columns: Sequence[Column], numbers: Float64Array, names: Sequence[str]
+) -> Float64Array:
+    """[F, B, 4] of bones; NaN where the file has none."""
     kind = header.settings.get("Rotation Type", _QUATERNION)
     if kind == _QUATERNION:
-        return _vectors(columns, numbers, name, "Rotation", "WXYZ")
+        return _vectors(columns, numbers, names, "Rotation", "WXYZ")
     if kind not in _ORDERS:
         raise ClipError(f"Rotation Type is {kind!r:.40}, not {_QUATERNION} or one of {', '.join(_ORDERS)}", line=1)
-    angles = _vectors(columns, numbers, name, "Rotation", kind)
-    seen = np.isfinite(angles).all(axis=1)
-    turns = np.full((len(angles), 4), np.nan)
+    angles = _vectors(columns, numbers, names, "Rotation", kind)
+    seen = np.isfinite(angles).all(axis=2)
+    turns = np.full((*seen.shape, 4), np.nan)
     if seen.any():
         turns[seen] = from_euler(angles[seen], kind)
     return turns

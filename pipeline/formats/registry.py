@@ -71,17 +71,25 @@ def readers() -> tuple[Reader, ...]:
     return tuple(sorted(found, key=lambda reader: reader.name))
 
 
+@functools.cache
+def _by_suffix(every: tuple[Reader, ...]) -> tuple[tuple[str, tuple[Reader, ...]], ...]:
+    """The readers of every suffix, the longest first."""
+    found: dict[str, tuple[Reader, ...]] = {}
+    for reader in every:
+        for suffix in reader.suffixes:
+            found[suffix] = (*found.get(suffix, ()), reader)
+    return tuple(sorted(found.items(), key=lambda each: -len(each[0])))
+
+
 def reader_for(path: Path) -> Reader | None:
     """The reader for the file's name (".gz" and letter case aside), or None where there is none.
 
     Of readers of one suffix it is the first that claims the file there, or else one that claims none.
     """
     name = path.name.lower().removesuffix(COMPRESSED_SUFFIX)
-    matches = [(suffix, reader) for reader in readers() for suffix in reader.suffixes if name.endswith(suffix)]
-    if not matches:
+    of_suffix = next((found for suffix, found in _by_suffix(readers()) if name.endswith(suffix)), ())
+    if not of_suffix:
         return None
-    longest = max(len(suffix) for suffix, _ in matches)
-    of_suffix = [reader for suffix, reader in matches if len(suffix) == longest]
     if len(of_suffix) == 1:
         return of_suffix[0]
     claiming = next((reader for reader in of_suffix if hasattr(reader, "claims") and reader.claims(path)), None)

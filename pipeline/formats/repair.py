@@ -22,14 +22,14 @@ def missing_samples(positions: Float64Array) -> BoolArray:
     recording, not a missing joint.
     """
     with np.errstate(invalid="ignore"):
-        sound = _all_three(np.abs(positions) <= FARTHEST)
-    at_origin = _all_three(positions == 0.0)
+        sound = all_three(np.abs(positions) <= FARTHEST)
+    at_origin = all_three(positions == 0.0)
     if np.all(at_origin[:, 0] | ~sound[:, 0]):
         at_origin[:, 0] = at_origin.all(axis=1)
     return np.asarray(at_origin | ~sound)
 
 
-def _all_three(flags: BoolArray) -> BoolArray:
+def all_three(flags: BoolArray) -> BoolArray:
     """[F, J] where all of [F, J, 3] are true, some times as fast as NumPy's `all` over so short an axis."""
     return np.asarray(flags[..., 0] & flags[..., 1] & flags[..., 2])
 
@@ -45,13 +45,13 @@ def fill_missing(positions: Float64Array, missing: BoolArray, joints: Sequence[s
         ClipError: a joint is missing in more than half of the frames, or seen in fewer than two.
     """
     frames = len(positions)
+    if frames >= MIN_SEEN and not missing.any():
+        return positions, 0
     seen = frames - missing.sum(axis=0)
     worst = int(seen.argmin())
     if rarely_seen(missing).any():
         whose = "the body" if (seen == seen[worst]).all() else joints[worst]
         raise ClipError(f"{whose} is seen in {seen[worst]} of {frames} frames")
-    if not missing.any():
-        return positions, 0
     filled = positions.copy()
     times = np.arange(frames)
     for joint in np.flatnonzero(missing.any(axis=0)):
@@ -64,10 +64,12 @@ def fill_missing(positions: Float64Array, missing: BoolArray, joints: Sequence[s
 def fill_rotations(rotations: Float64Array, missing: BoolArray) -> Float64Array:
     """[F, J, 4] rotations (w, x, y, z) of which those that are `missing` [F, J] go evenly from the last to the next.
 
-    Held at both ends. Every joint must be there in one frame.
+    Held at both ends. Every joint must be there in one frame. Where none is missing, those given.
     """
     from motionlake.motion.rotations import normalise, slerp
 
+    if not missing.any():
+        return rotations
     filled = rotations.copy()
     times = np.arange(len(rotations))
     for joint in np.flatnonzero(missing.any(axis=0)):

@@ -18,7 +18,7 @@ from motionlake.formats.parse.table_map import MAP, TableMap, map_file, table_ma
 from motionlake.formats.parse.text_table import TextTable
 from motionlake.formats.positions_npz import parents_first
 from motionlake.formats.registry import COMPRESSED_SUFFIX, first_bytes, load_bytes
-from motionlake.formats.repair import fill_missing, missing_samples, repair_note
+from motionlake.formats.repair import all_three, fill_missing, missing_samples, repair_note
 from motionlake.motion.clip import Hierarchy, SourceClip
 from motionlake.motion.rigs import RigMap, identify, joints_by_name, load_rigs
 from motionlake.motion.skeleton import INDEX, JOINTS, PARENTS
@@ -78,7 +78,7 @@ class TableReader:
         if len(numbers) < 2:
             raise ClipError(f"has {len(numbers)} frame(s); a motion needs at least two")
         positions = numbers[:, : len(places)].reshape(len(numbers), -1, 3)
-        missing = missing_samples(positions) if said.gaps else np.asarray(~np.isfinite(positions).all(axis=2))
+        missing = missing_samples(positions) if said.gaps else ~all_three(np.isfinite(positions))
         filled, repaired = fill_missing(positions, missing, joints)
         rate, notes = (fps or said.fps or 0.0), repair_note(repaired, len(filled))
         if timed:

@@ -112,6 +112,17 @@ def recovered(rows: Float64Array) -> Recovered:
     Turns of bones are counted from a heading that the numbers do not hold (the first frame's): the one by which the
     bones point best where the joints are.
     """
+    positions, heading = recovered_joints(rows)
+    turns = _from_columns(rows[:, TURNS].reshape(len(rows), BODY_JOINTS - 1, 6))
+    bones = np.concatenate([heading[:-1, None], turns], axis=1)
+    for joint in range(1, BODY_JOINTS):
+        before = np.ascontiguousarray(bones[:, 0 if joint in _FIRST else PARENTS[joint]])
+        bones[:, joint] = multiply(before, np.ascontiguousarray(bones[:, joint]))
+    return Recovered(positions, multiply(_turn_onto(bones, positions[:-1]), bones))
+
+
+def recovered_joints(rows: Float64Array) -> tuple[Float64Array, Float64Array]:
+    """Joints [F + 1, 22, 3] of features [F, 263], as `Recovered` has them, and the heading [F + 1, 4] of each frame."""
     half_angles = np.concatenate([[0.0], np.cumsum(rows[:, 0])])
     nothing = np.zeros(len(half_angles))
     heading = np.stack([np.cos(half_angles), nothing, np.sin(half_angles), nothing], axis=-1)
@@ -123,17 +134,13 @@ def recovered(rows: Float64Array) -> Recovered:
     positions[:-1] += root[:-1, None]
     positions[:-1, 0, 1] = rows[:, 3]
     positions[-1] = positions[-2] + rotate(back[-2], rows[-1, WAYS].reshape(BODY_JOINTS, 3))
-    turns = _from_columns(rows[:, TURNS].reshape(len(rows), BODY_JOINTS - 1, 6))
-    bones = np.concatenate([heading[:-1, None], turns], axis=1)
-    for joint in range(1, BODY_JOINTS):
-        before = np.ascontiguousarray(bones[:, 0 if joint in _FIRST else PARENTS[joint]])
-        bones[:, joint] = multiply(before, np.ascontiguousarray(bones[:, joint]))
-    return Recovered(positions, multiply(_turn_onto(bones, positions[:-1]), bones))
+    return positions, heading
 
 
 def are_turns(rows: Float64Array) -> bool:
     """Whether the numbers of turns in features [F, 263] are some: columns of matrices, of length 1."""
-    lengths = np.linalg.norm(rows[:, TURNS].reshape(-1, 3), axis=-1)
+    columns = rows[:, TURNS].reshape(-1, 3)
+    lengths = np.sqrt(np.einsum("ij,ij->i", columns, columns))
     return bool(np.mean(np.abs(lengths - 1)) < COLUMN_SLACK)
 
 

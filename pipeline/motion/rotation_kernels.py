@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import functools
+import math
 from collections.abc import Callable
 from typing import Final
 
 from motionlake.kernels import guvectorize, njit
+
+SMALL: Final = 1e-3  # radians: below, the sine's series is exact to the last digit
 
 
 @njit(cache=True, inline="always")
@@ -39,7 +42,19 @@ def _rotate(q, v, out):  # type: ignore[no-untyped-def]
     rotate_into(q, v, out)
 
 
-_OVER_AXES: Final = {"multiply": (_multiply, "(n),(n)->(n)"), "rotate": (_rotate, "(n),(m)->(m)")}
+def _from_vector(vector, identity, out):  # type: ignore[no-untyped-def]
+    square = vector[0] * vector[0] + vector[1] * vector[1] + vector[2] * vector[2]
+    angle = math.sqrt(square)
+    scale = math.sin(angle / 2.0) / angle if angle > SMALL else 0.5 - square / 48.0
+    out[0] = math.cos(angle / 2.0)
+    for i in range(3):
+        out[i + 1] = scale * vector[i]
+
+
+_OVER_AXES: Final = {
+    "multiply": (_multiply, "(n),(n)->(n)"), "rotate": (_rotate, "(n),(m)->(m)"),
+    "from_vector": (_from_vector, "(n),(m)->(m)"),
+}  # fmt: skip
 
 
 @functools.cache

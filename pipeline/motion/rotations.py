@@ -46,6 +46,13 @@ def of_length_one(vectors: Float64Array) -> Float64Array:
     return np.asarray(vectors / np.where(length > 0, length, 1.0))
 
 
+def from_vectors(vectors: Float64Array, out: Float64Array | None = None) -> Float64Array:
+    """Rotations [..., 4] about vectors [..., 3], by their lengths in radians; put into `out` where that is given."""
+    from motionlake.motion.rotation_kernels import over_axes
+
+    return np.asarray(over_axes("from_vector")(vectors, IDENTITY, out=out))
+
+
 def from_axis_angle(axis: Float64Array, degrees: Float64Array | float) -> Float64Array:
     """Rotation [..., 4] by `degrees` [...] about unit `axis` [..., 3]."""
     half = np.deg2rad(np.asarray(degrees, float)) / 2

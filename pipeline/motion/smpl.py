@@ -56,6 +56,15 @@ def smpl_hierarchy(joints: int = len(JOINTS), offsets: Float64Array = OFFSETS) -
     )
 
 
+def smpl_channels(frames: int, joints: int) -> tuple[Float64Array, Float64Array, Float64Array]:
+    """Channels [F, 3 + 4 J] of a clip of the first J joints, not filled, and views of them.
+
+    These are the pelvis' places [F, 3] and the joints' rotations [F, J, 4].
+    """
+    channels = np.empty((frames, 3 + 4 * joints))
+    return channels, channels[:, :3], channels[:, 3:].reshape(frames, joints, 4)
+
+
 def smpl_clip(
     root: Float64Array,
     rotations: Float64Array,
@@ -67,10 +76,11 @@ def smpl_clip(
     twist: bool = True,
 ) -> SourceClip:
     """A clip of the pelvis' places [F, 3] in metres and of local rotations [F, J, 4] of the first J joints."""
-    frames, joints = rotations.shape[:2]
+    channels, places, turns = smpl_channels(*rotations.shape[:2])
+    places[:], turns[:] = root, rotations
     return SourceClip(
-        hierarchy=smpl_hierarchy(joints, offsets),
-        channels=np.hstack([root, rotations.reshape(frames, 4 * joints)]),
+        hierarchy=smpl_hierarchy(rotations.shape[1], offsets),
+        channels=channels,
         fps=fps,
         metres_per_unit=1.0,
         up=up,

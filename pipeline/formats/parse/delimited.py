@@ -1,4 +1,7 @@
-"""Numbers of a table of text whose fields a character parts, some of which may be blank; by Arrow's reader."""
+"""Numbers of a table of text whose fields a character parts, some of which may be blank.
+
+Plain numbers are scanned by a kernel; a table with anything else in it is Arrow's, which also says what is wrong.
+"""
 
 from __future__ import annotations
 
@@ -47,6 +50,8 @@ def read_columns(
     Raises:
         ClipError: with the line, a row that has more or fewer fields, or a wanted one that is no number.
     """
+    if decimal_point == "." and (table := _usual_columns(data, begin, width, wanted, parted_by)) is not None:
+        return table
     import pyarrow as pa
     from pyarrow import csv
 
@@ -69,6 +74,20 @@ def read_columns(
     except pa.ArrowInvalid as error:
         raise _told(str(error), lines_before) from error
     return np.column_stack([column.to_numpy() for column in table.columns])
+
+
+def _usual_columns(data: bytes, begin: int, width: int, wanted: Sequence[int], parted_by: str) -> Float64Array | None:
+    """The same of a table of plain numbers and blanks, in half of the time; None where anything in it is unusual."""
+    from motionlake.formats.parse.field_kernels import UNUSUAL, scan_fields
+
+    columns = np.full(width, -1)
+    columns[list(wanted)] = np.arange(len(wanted))
+    if np.count_nonzero(columns >= 0) < len(wanted):  # a column that is wanted twice
+        return None
+    capacity = min(data.count(b"\n", begin), (len(data) - begin) // width) + 1  # a field has a byte after it
+    table = np.empty((capacity, len(wanted)))
+    rows = scan_fields(np.frombuffer(data, np.uint8), begin, ord(parted_by), columns, table)
+    return None if rows in (UNUSUAL, 0) else table[:rows]
 
 
 def _told(said: str, before: int) -> ClipError:

@@ -5,7 +5,10 @@ ufbx's binding is young: with a damaged file, or as a scene is let go, it may en
 
 from __future__ import annotations
 
+import importlib
 from collections.abc import Sequence
+from functools import partial
+from itertools import chain
 from pathlib import Path
 from typing import Any, Final
 
@@ -18,6 +21,7 @@ from motionlake.formats.parse.scene import check_room
 from motionlake.formats.parse.scene_nodes import PLACING, SceneHead, SceneNodes
 
 LATE: Final = 0.1  # of a frame: how far after the end of an animation an instant may be
+AT_KEY: Final = 1e-8  # seconds: how far from an instant a key may be and still be at it
 _MISSING: Final = "needs ufbx: pip install 'motionlake[fbx]'"
 
 
@@ -35,7 +39,7 @@ def read_nodes(data: bytes) -> SceneNodes:
     return SceneNodes.received(read_apart(__name__, "ufbx", data))
 
 
-def _sent(data: bytes, folder: Path) -> bytes:
+def _sent(data: bytes, folder: Path) -> list[memoryview]:
     """What the process of its own sends."""
     del folder
     try:
@@ -68,9 +72,7 @@ def _sent(data: bytes, folder: Path) -> bytes:
     for stack, (begin, _), count in zip(stacks, spans, frames, strict=True):
         if count < 2:
             continue
-        evaluate, anim = ufbx.evaluate_transform, stack.anim
-        times = (begin + np.arange(count) / rate).tolist()
-        moved.append(np.stack([_numbers([evaluate(anim, node, time) for time in times]) for node in nodes], axis=1))
+        moved.append(_moved(ufbx, scene, stack.anim, nodes, begin + np.arange(count) / rate, rate))
         names.append(str(stack.name))
     if not moved:
         raise ClipError("has no animation of two frames or more")
@@ -136,6 +138,45 @@ def _span(ufbx: Any, scene: Any, stack: Any) -> tuple[float, float]:
     return float(baked.key_time_min), float(baked.key_time_max)
 
 
+def _moved(ufbx: Any, scene: Any, anim: Any, nodes: Sequence[Any], times: Float64Array, rate: float) -> Float64Array:
+    """[F, N, 10] how an animation places nodes at instants: by the keys that ufbx bakes, where all of these have one.
+
+    Baking takes a fifth of the time of asking for one node at one instant after the other.
+    """
+    baked = ufbx.bake_anim(scene, anim, resample_rate=rate)
+    keyed = {node.typed_id: node for node in baked.nodes}
+    _HELD.append((baked, keyed))
+    moved = np.empty((len(times), len(nodes), PLACING))
+    for number, node in enumerate(nodes):
+        moves = node.typed_id in keyed
+        found = _of_keys(keyed[node.typed_id], times) if moves else None
+        if found is None:
+            instants = times.tolist() if moves else times[:1].tolist()
+            found = _numbers([ufbx.evaluate_transform(anim, node, time) for time in instants])
+        moved[:, number] = found
+    return moved
+
+
+def _of_keys(node: Any, times: Float64Array) -> Float64Array | None:
+    """[F, 10] of a baked node; None where there is no key at one of the instants."""
+    moved = np.empty((len(times), PLACING))
+    parts = ((slice(0, 3), node.translation_keys), (slice(3, 7), node.rotation_keys), (slice(7, 10), node.scale_keys))
+    for columns, baked in parts:
+        keys = list(baked)
+        if not keys:
+            return None
+        each = chain.from_iterable([key.value for key in keys])
+        values = np.fromiter(each, np.float64).reshape(len(keys), -1)
+        at: Any = 0
+        if (values != values[0]).any():
+            key_times = np.array([key.time for key in keys])
+            at = np.minimum(np.searchsorted(key_times, times - AT_KEY), len(keys) - 1)
+            if not (np.abs(key_times[at] - times) <= AT_KEY).all():
+                return None
+        moved[:, columns] = (values[:, [3, 0, 1, 2]] if values.shape[1] == 4 else values)[at]
+    return moved
+
+
 def _numbers(transforms: Sequence[Any]) -> Float64Array:
     """[F, 10] of ufbx's transforms."""
     rows = [
@@ -150,4 +191,4 @@ def _numbers(transforms: Sequence[Any]) -> Float64Array:
 
 
 if __name__ == "__main__":
-    serve(_sent)
+    serve(_sent, partial(importlib.import_module, "ufbx"))

@@ -96,8 +96,10 @@ def _decimal_to_float(mantissa, exponent):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def scan_number(data, begin, end):  # type: ignore[no-untyped-def]
+def scan_number(data, begin, end, parted_by=32):  # type: ignore[no-untyped-def]
     """Read the number that starts at byte `begin` of `data` (uint8 [n]) and runs up to white space or `end`.
+
+    It may also run up to the byte `parted_by`.
 
     Returns:
         (status, value, next): OK, BAD_NUMBER or UNDECIDED; the value where OK; the index after the token.
@@ -148,7 +150,7 @@ def scan_number(data, begin, end):  # type: ignore[no-untyped-def]
         if i == first_exponent or np.int64(i - first_exponent) > MAX_DIGITS // 2:
             return BAD_NUMBER, 0.0, np.int64(i)
         exponent += -written if negative_exponent else written
-    if i < end and not (data[i] == 32 or 9 <= data[i] <= 13):
+    if i < end and not (data[i] == 32 or 9 <= data[i] <= 13 or data[i] == parted_by):
         return BAD_NUMBER, 0.0, np.int64(i)
     if digits > 19:
         return UNDECIDED, 0.0, np.int64(i)

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
-from motionlake.arrays import Float64Array
+from motionlake.arrays import BoolArray, Float64Array
 from motionlake.errors import ClipError
 from motionlake.formats.limits_config import FRAME_BYTES, JOINT_BYTES, limits
 from motionlake.motion.clip import (
@@ -22,7 +22,7 @@ from motionlake.motion.clip import (
     SourceClip,
     depth_first,
 )
-from motionlake.motion.rotations import IDENTITY, conjugate, from_matrix, multiply, normalise, rotate, to_matrix
+from motionlake.motion.rotations import IDENTITY, from_matrix, multiply, rotate, to_matrix
 from motionlake.names import printable, unique
 
 # Shares of the body's size: what a joint's place under its parent may waver by and still be one offset.
@@ -30,6 +30,7 @@ STEADY: Final = 1e-5
 FLATTEST: Final = 1e-12  # a matrix whose determinant is smaller, its largest number being 1, turns a body into a plane
 UNEQUAL: Final = 1e-3  # of a scale's largest number
 LONGEST_NAME: Final = 100
+NO_PLACE: Final = "has a node that is scaled to nothing, or placed at no number"
 FEWEST_JOINTS: Final = 5  # beside a body: props such as a flag or a weapon have fewer
 
 
@@ -51,7 +52,7 @@ class Placing:
     def of_matrices(cls, matrices: Float64Array) -> Placing:
         """Of [F, 4, 4] matrices that turn column vectors; shear is lost, as everywhere where nodes have none."""
         linear = matrices[:, :3, :3]
-        if not all(map(_is_sound, matrices)):
+        if not _are_sound(matrices).all():
             raise ClipError("has a node whose matrix is no placement")
         scale = np.linalg.norm(linear, axis=1)
         scale[:, 0] *= np.where(np.linalg.det(linear) < 0, -1.0, 1.0)
@@ -61,6 +62,8 @@ class Placing:
     def unequal(self) -> bool:
         """Whether it is scaled more along one axis than along another."""
         size = np.abs(self.scale)
+        if (size[:, :1] == size).all():
+            return False
         return bool((np.ptp(size, axis=1) > UNEQUAL * size.max(axis=1)).any())
 
 
@@ -177,6 +180,8 @@ class Worlds:
 
 def worlds(tree: JointTree, placings: Sequence[Placing], frames: int) -> Worlds:
     """Where a tree's joints are, of the placing of each of its nodes at one frame or `frames` of them."""
+    if all((placing.scale == 1).all() for placing in placings):
+        return _unscaled_worlds(tree, placings, frames)
     linear: list[Float64Array | None] = []  # None where it is the rotation alone
     positions: list[Float64Array] = []
     rotations: list[Float64Array] = []
@@ -201,8 +206,23 @@ def worlds(tree: JointTree, placings: Sequence[Placing], frames: int) -> Worlds:
     return Worlds(*(_stacked(values[tree.root :], frames) for values in (positions, rotations)))
 
 
-def _stacked(values: list[Float64Array], frames: int) -> Float64Array:
-    return np.stack([np.broadcast_to(each, (frames, each.shape[1])) for each in values], axis=1)
+def _unscaled_worlds(tree: JointTree, placings: Sequence[Placing], frames: int) -> Worlds:
+    """The same where no node is scaled."""
+    from motionlake.formats.parse.scene_kernels import chain
+
+    moves, turns = (
+        _stacked([getattr(placing, what) for placing in placings], frames) for what in ("translation", "rotation")
+    )
+    positions, rotations = np.empty_like(moves), np.empty_like(turns)
+    chain(np.array(tree.parents), moves, turns, positions, rotations)
+    return Worlds(positions[:, tree.root :], rotations[:, tree.root :])
+
+
+def _stacked(values: Sequence[Float64Array], frames: int) -> Float64Array:
+    stacked = np.empty((frames, len(values), values[0].shape[1]))
+    for number, each in enumerate(values):
+        stacked[:, number] = each
+    return stacked
 
 
 def bind_pose(tree: JointTree, rest: Sequence[Placing], bound: Mapping[int, Float64Array]) -> Worlds:
@@ -216,55 +236,65 @@ def bind_pose(tree: JointTree, rest: Sequence[Placing], bound: Mapping[int, Floa
     """
     standing = worlds(tree, rest, 1)
     matrices = _matrices(tree, rest)
-    inverses = {node: matrix for node, matrix in bound.items() if _is_sound(matrix)}
+    inverses = _inverse(matrices)
+    nodes = [node for node in tree.joints if node in bound]
+    given = np.array([bound[node] for node in nodes]).reshape(-1, 4, 4)
+    sound = _are_sound(given)
+    place = {node: number for number, node in enumerate(node for node, fits in zip(nodes, sound, strict=True) if fits)}
+    as_bound = _inverse(given[sound])
     above = matrices[tree.parents[tree.root]] if tree.root else np.eye(4)
     best, nearest = standing, np.inf
     for axes in (np.eye(4), above):
-        found: dict[int, Float64Array] = {}
-        places, turns = [], []
+        placed = axes @ as_bound
+        found = np.empty_like(matrices)
         for at in range(tree.root, len(tree.nodes)):
-            own, parent = matrices[at], tree.parents[at]
-            if tree.nodes[at] in inverses:
-                own = axes @ _inverse(inverses[tree.nodes[at]])
+            number, parent = place.get(tree.nodes[at]), tree.parents[at]
+            if number is not None:
+                found[at] = placed[number]
             elif at > tree.root:
-                own = found[parent] @ _inverse(matrices[parent]) @ own
-            found[at] = own
-            change = Placing.of_matrices((_inverse(matrices[at]) @ own)[None])
-            places.append(own[:3, 3])
-            turns.append(multiply(standing.rotations[0, at - tree.root], change.rotation[0]))
-        here = Worlds(np.array(places)[None], np.array(turns)[None])
+                found[at] = found[parent] @ inverses[parent] @ matrices[at]
+            else:
+                found[at] = matrices[at]
+        joints = found[tree.root :]
+        changes = Placing.of_matrices(inverses[tree.root :] @ joints)
+        here = Worlds(joints[None, :, :3, 3].copy(), multiply(standing.rotations, changes.rotation[None]))
         apart = float(np.median(np.linalg.norm(here.positions - standing.positions, axis=-1)))
         if apart < nearest:
             best, nearest = here, apart
+        if (above == axes).all():
+            break
     return best
 
 
-def _matrices(tree: JointTree, rest: Sequence[Placing]) -> list[Float64Array]:
-    found: list[Float64Array] = []
-    for parent, placing in zip(tree.parents, rest, strict=True):
-        own = np.eye(4)
-        own[:3, :3] = to_matrix(placing.rotation)[0] * placing.scale[0]
-        own[:3, 3] = placing.translation[0]
-        found.append(own if parent < 0 else found[parent] @ own)
-        if not _is_sound(found[-1]):
-            raise ClipError("has a node that is scaled to nothing, or placed at no number")
-    return found
+def _matrices(tree: JointTree, rest: Sequence[Placing]) -> Float64Array:
+    """[N, 4, 4] of the nodes in the scene, of how each rests."""
+    local = np.tile(np.eye(4), (len(rest), 1, 1))
+    turns = to_matrix(np.array([placing.rotation[0] for placing in rest]))
+    local[:, :3, :3] = turns * np.array([placing.scale[0] for placing in rest])[:, None, :]
+    local[:, :3, 3] = [placing.translation[0] for placing in rest]
+    for at, parent in enumerate(tree.parents):
+        if parent >= 0:
+            local[at] = local[parent] @ local[at]
+    if not _are_sound(local).all():
+        raise ClipError(NO_PLACE)
+    return local
 
 
-def _inverse(matrix: Float64Array) -> Float64Array:
+def _inverse(matrices: Float64Array) -> Float64Array:
     try:
-        return np.asarray(np.linalg.inv(matrix), np.float64)
+        return np.asarray(np.linalg.inv(matrices), np.float64)
     except np.linalg.LinAlgError as error:
-        raise ClipError("has a node that is scaled to nothing, or placed at no number") from error
+        raise ClipError(NO_PLACE) from error
 
 
-def _is_sound(matrix: Float64Array) -> bool:
-    """Whether a matrix [4, 4] is a placement that can be undone."""
-    linear = matrix[:3, :3]
+def _are_sound(matrices: Float64Array) -> BoolArray:
+    """[N] whether matrices [N, 4, 4] are placements that can be undone."""
+    linear = matrices[:, :3, :3]
     with np.errstate(all="ignore"):
-        size = np.abs(linear).max()
-        sized = bool(FLATTEST < size < 1 / FLATTEST and np.isfinite(matrix).all())
-        return sized and bool(abs(np.linalg.det(linear / size)) > FLATTEST)
+        size = np.abs(linear).max(axis=(1, 2))
+        sized = (size > FLATTEST) & (size < 1 / FLATTEST) & np.isfinite(matrices).all(axis=(1, 2))
+        scaled = np.where(sized[:, None, None], linear / size[:, None, None], 0.0)
+        return np.asarray(sized & (np.abs(np.linalg.det(scaled)) > FLATTEST))
 
 
 def uneven_note(names: Sequence[str], placings: Sequence[Placing]) -> tuple[str, ...]:
@@ -273,6 +303,18 @@ def uneven_note(names: Sequence[str], placings: Sequence[Placing]) -> tuple[str,
     if not uneven:
         return ()
     return (f"{printable(uneven[0])} is scaled unequally: bones below it stretch as they turn",)
+
+
+def against_rest(parents: Sequence[int], moved: Worlds, rest: Float64Array) -> tuple[Float64Array, Float64Array]:
+    """How joints are turned [F, J, 4] against their rest and where they are [F, J, 3], as their parents see them.
+
+    `rest` [J, 4] are rotations in the scene; the root is seen from there.
+    """
+    from motionlake.formats.parse.scene_kernels import fill_against_rest
+
+    local, seen = np.empty(moved.rotations.shape), np.empty(moved.positions.shape)
+    fill_against_rest(np.array(parents), moved.positions, moved.rotations, rest, local, seen)
+    return local, seen
 
 
 def check_room(clips: Iterable[tuple[int, int]]) -> None:
@@ -325,16 +367,12 @@ def clip_of_worlds(
         rest: the joints in the rest pose, F = 1.
         fps, body, metres_per_unit, up, notes: as `SourceClip` has them.
     """
-    above = [max(parent, 0) for parent in parents]
-    turns = normalise(multiply(moved.rotations, conjugate(rest.rotations)))
-    local = multiply(conjugate(turns[:, above]), turns)
-    local[:, 0] = turns[:, 0]
-    seen = rotate(conjugate(turns[:, above]), moved.positions - moved.positions[:, above])
-    seen[:, 0] = moved.positions[:, 0]
-    bones = rest.positions[0] - rest.positions[0, above]
+    local, seen = against_rest(parents, moved, rest.rotations[0])
+    bones = rest.positions[0] - rest.positions[0, [max(parent, 0) for parent in parents]]
     size = max(float(np.ptp(rest.positions[0], axis=0).max()), np.finfo(float).tiny)
-    middle = np.asarray((seen.min(axis=0) + seen.max(axis=0)) / 2)
-    steady = (np.ptp(seen, axis=0) <= 2 * STEADY * size).all(axis=-1)
+    low, high = seen.min(axis=0), seen.max(axis=0)
+    middle = np.asarray((low + high) / 2)
+    steady = (high - low <= 2 * STEADY * size).all(axis=-1)
     as_bound = (np.abs(middle - bones) <= STEADY * size).all(axis=-1)
     offsets = np.where((steady & ~as_bound)[:, None], middle, bones)
     offsets[0] = 0.0

@@ -7,11 +7,11 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from motionlake.arrays import Float64Array
+from motionlake.arrays import Float64Array, UInt8Array
 from motionlake.formats.parse.scene import (
     JointTree,
     Placing,
@@ -71,18 +71,20 @@ class SceneNodes:
     bound: Float64Array
     placed: Float64Array
 
-    def sent(self) -> bytes:
-        """A line of JSON and the numbers after it."""
-        return json.dumps(asdict(self.head)).encode() + b"\n" + self.bound.tobytes() + self.placed.tobytes()
+    def sent(self) -> list[memoryview]:
+        """JSON, to whole numbers of eight bytes, with its length before it, and the numbers after it."""
+        head = json.dumps(vars(self.head)).encode()
+        head += b" " * (-len(head) % 8)
+        numbers = (np.ascontiguousarray(self.bound).data, np.ascontiguousarray(self.placed).data)
+        return [memoryview(len(head).to_bytes(8, "little")), memoryview(head), *numbers]
 
     @classmethod
-    def received(cls, sent: bytes) -> SceneNodes:
+    def received(cls, sent: UInt8Array) -> SceneNodes:
         """The other side of `sent`."""
-        line, _, rest = sent.partition(b"\n")
-        head = SceneHead(**json.loads(line))
+        begin = 8 + int.from_bytes(sent[:8].tobytes(), "little")
+        head = SceneHead(**json.loads(sent[8:begin].tobytes()))
         nodes = len(head.names)
-        numbers = np.frombuffer(rest, np.float64)
-        bound, placed = np.split(numbers, [nodes * _MATRIX])
+        bound, placed = np.split(sent[begin:].view(np.float64), [nodes * _MATRIX])
         return cls(head, bound.reshape(nodes, 4, 4), placed.reshape(-1, nodes, PLACING))
 
     def clips(self, fps: float | None) -> list[SourceClip]:

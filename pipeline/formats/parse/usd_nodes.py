@@ -17,14 +17,13 @@ from motionlake.formats.parse.keys import SPARSE_FPS, even_count, even_rate
 from motionlake.formats.parse.own_process import read_apart, serve
 from motionlake.formats.parse.scene import Placing, check_room
 from motionlake.formats.parse.scene_nodes import PLACING, SceneHead, SceneNodes, numbers_of
-from motionlake.formats.parse.usd_stage import LONGEST, open_alone
-from motionlake.motion.rotations import MIN_LENGTH, normalise
+from motionlake.formats.parse.usd_stage import KINDS, LONGEST, open_alone
+from motionlake.formats.parse.usd_tracks import QUATERNION, normalise_turns, numbers_of_attribute, sampled
 from motionlake.names import printable
 
 _MISSING: Final = "needs usd-core: pip install 'motionlake[usd]'"
 _PLACE: Final = re.compile(r":(\d+):\d+: ([^'\n]+)")  # in a message of the parser of text
 _MOST_CODES: Final = 1e6  # a second
-_QUATERNION: Final = 4
 _MOVED: Final = ("translations", "rotations", "scales")
 
 
@@ -76,17 +75,8 @@ class _Skeleton:
 
     def matrices(self, name: str) -> Float64Array | None:
         """[J, 4, 4] "restTransforms" or "bindTransforms", for column vectors; None where there is not one a joint."""
-        found = _numbers(self.above[-1].GetPrim().GetAttribute(name))
+        found = numbers_of_attribute(self.above[-1].GetPrim().GetAttribute(name))
         return found.transpose(0, 2, 1) if found.shape == (len(self.joints), 4, 4) else None
-
-
-def _numbers(attribute: Any, *code: float) -> Float64Array:
-    """The numbers of an attribute, none where it has no value; `ClipError` where they are of no kind of its own."""
-    value = attribute.Get(*code)
-    try:
-        return np.array(() if value is None else value, np.float64)
-    except (TypeError, ValueError) as error:
-        raise ClipError(f"its {attribute.GetName()} are no numbers") from error
 
 
 def _names(attribute: Any) -> tuple[str, ...]:
@@ -103,7 +93,7 @@ def _paths_above(path: str) -> Iterator[str]:
         yield path
 
 
-def _sent(data: bytes, folder: Path) -> bytes:
+def _sent(data: bytes, folder: Path) -> list[memoryview]:
     """What the process of its own sends."""
     try:
         from pxr import Tf
@@ -131,7 +121,7 @@ def _nodes(data: bytes, folder: Path) -> SceneNodes:
     names: list[str] = []
     parents: list[int] = []
     bones: list[tuple[Sequence[int], str]] = []
-    bound, placed = [], []
+    bound: list[Float64Array] = []
     check_room((len(codes), len(each.above) + len(each.joints)) for each in skeletons)
     for skeleton in skeletons:
         first = len(names)
@@ -142,7 +132,11 @@ def _nodes(data: bytes, folder: Path) -> SceneNodes:
         parents += [parent + joints if parent >= 0 else joints - 1 for parent in skeleton.parents]
         bones.append((list(range(joints, len(names))), _body_name(skeleton, skeletons)))
         bound += [np.full((joints - first, 4, 4), np.nan), _bound(skeleton)]
-        placed.append(_placed(skeleton, codes))
+    placed, first = np.empty((1 + len(codes), len(names), PLACING)), 0
+    for skeleton in skeletons:
+        nodes = len(skeleton.above) + len(skeleton.joints)
+        _fill_placed(skeleton, codes, placed[:, first : first + nodes])
+        first += nodes
     head = SceneHead(
         names=names,
         parents=parents,
@@ -154,7 +148,7 @@ def _nodes(data: bytes, folder: Path) -> SceneNodes:
         up=str(UsdGeom.GetStageUpAxis(stage)).lower(),
         notes=[note],
     )
-    return SceneNodes(head, np.concatenate(bound), np.concatenate(placed, axis=1))
+    return SceneNodes(head, np.concatenate(bound), placed)
 
 
 def _skeletons(stage: Any) -> list[_Skeleton]:
@@ -247,53 +241,60 @@ def _rest(skeleton: _Skeleton) -> Placing | None:
     return Placing.of_matrices(rest)
 
 
-def _placed(skeleton: _Skeleton, codes: Float64Array) -> Float64Array:
-    """[1 + F, A + J, 10] of what is above the joints, and of them: how they rest, then how they are at time codes."""
-    above = [_of_prim(prim, codes) for prim in skeleton.above]
-    numbers = np.stack([np.concatenate([each[:1], each]) for each in above], axis=1)
-    return np.concatenate([numbers, _of_joints(skeleton, codes)], axis=1)
+def _fill_placed(skeleton: _Skeleton, codes: Float64Array, placed: Float64Array) -> None:
+    """Fill [1 + F, A + J, 10] of what is above the joints, and of them: how they rest, then how they are at codes."""
+    for number, prim in enumerate(skeleton.above):
+        placed[1:, number] = _of_prim(prim, codes)
+    placed[0, : len(skeleton.above)] = placed[1, : len(skeleton.above)]
+    _fill_joints(skeleton, codes, placed[:, len(skeleton.above) :])
 
 
 def _of_prim(prim: Any, codes: Float64Array) -> Float64Array:
-    """[F, 10] how a prim is placed below its parent."""
+    """[F, 10] how a prim is placed below its parent; [1, 10] where it stands as its parent."""
     moving = codes.tolist() if prim.TransformMightBeTimeVarying() else codes[:1].tolist()
     matrices = np.array([np.array(prim.GetLocalTransformation(code)).T for code in moving])
+    if (matrices == np.eye(4)).all():
+        return numbers_of(Placing())
     return np.broadcast_to(numbers_of(Placing.of_matrices(matrices)), (len(codes), PLACING))
 
 
-def _of_joints(skeleton: _Skeleton, codes: Float64Array) -> Float64Array:
-    """[1 + F, J, 10] how joints rest, then how they are; what the animation does not say is as it rests."""
+def _fill_joints(skeleton: _Skeleton, codes: Float64Array, numbers: Float64Array) -> None:
+    """Fill [1 + F, J, 10] how joints rest, then how they are; what the animation does not say is as it rests."""
     rest = _rest(skeleton)
     place = {joint: number for number, joint in enumerate(skeleton.animated)}
     chosen = [number for number, joint in enumerate(skeleton.joints) if joint in place]
     columns = [place[skeleton.joints[number]] for number in chosen]
-    if rest is None and len(chosen) < len(skeleton.joints):
+    whole = len(chosen) == len(skeleton.joints)
+    if rest is None and not whole:
         raise ClipError("has a skeleton without restTransforms, whose animation leaves joints out")
     still = numbers_of(rest or Placing(*(np.repeat(each, len(skeleton.joints), 0) for each in astuple(Placing()))))
-    numbers = np.tile(still, (1 + len(codes), 1, 1))
+    numbers[0] = still
     for name, begin, end in zip(_MOVED, (0, 3, 7), (3, 7, 10), strict=True):
         track = skeleton.track(name)
-        if not track.HasValue():
-            continue
-        values = np.stack([_values(track, code, len(skeleton.animated), end - begin) for code in codes.tolist()])
-        numbers[1:, chosen, begin:end] = values[:, columns]
+        if not whole or not track.HasValue():
+            numbers[1:, :, begin:end] = still[:, begin:end]
+        if track.HasValue():
+            values = sampled(track, codes, len(skeleton.animated), end - begin)
+            numbers[1:, slice(None) if whole else chosen, begin:end] = (
+                values if columns == list(range(len(skeleton.animated))) else values[:, columns]
+            )
+            if end - begin == QUATERNION:
+                normalise_turns(numbers[1:, :, begin:end], codes)
     if rest is None:
         numbers[0] = numbers[1]
-    return numbers
 
 
-def _values(track: Any, code: float, joints: int, width: int) -> Float64Array:
-    """[A, width] what an animation says of its joints at a time code; quaternions of length 1, the real part first."""
-    values = _numbers(track, code)
-    if values.shape != (joints, width):
-        raise ClipError(f"its {track.GetName()} at {code:g} are not one for each of its {joints} joints")
-    if width != _QUATERNION:
-        return values
-    values = values[:, [3, 0, 1, 2]]
-    if not (np.linalg.norm(values, axis=1) > MIN_LENGTH).all():
-        raise ClipError(f"has a rotation of length zero at {code:g}")
-    return normalise(values)
+def _prepare() -> None:
+    """Have USD load its plugins, which it does for the first stage of a process."""
+    import scipy.spatial.transform  # noqa: F401
+    from pxr import Sdf, Usd, UsdGeom, UsdSkel
+
+    stage = Usd.Stage.CreateInMemory()
+    UsdGeom.GetStageUpAxis(stage)
+    UsdSkel.Animation.Define(stage, "/Animation").CreateRotationsAttr()
+    for kind in KINDS.values():
+        Sdf.FileFormat.FindByExtension(kind)
 
 
 if __name__ == "__main__":
-    serve(_sent)
+    serve(_sent, _prepare)

@@ -16,7 +16,7 @@ from motionlake.formats.write.joints import joint_places
 from motionlake.formats.write.registry import ClipToWrite
 from motionlake.formats.write.stems import clip_stem
 from motionlake.formats.write.whole import whole_file
-from motionlake.motion.humanml3d import FEATURES, FPS, GROUPS, bones_of_joints, features, placed, recovered
+from motionlake.motion.humanml3d import FEATURES, FPS, GROUPS, bones_of_joints, features, placed, recovered_joints
 from motionlake.motion.kinematics import world_rotations
 from motionlake.motion.rigs import joints_by_name
 from motionlake.motion.rotations import multiply, rotate
@@ -71,7 +71,7 @@ class HumanML3DWriter:
                 continue
             name = _free_name(made, motion.name)
             _save(folder / FEATURES_FOLDER / f"{name}.npy", rows)
-            joints = recovered(rows.astype(np.float64)).positions[:-1]
+            joints = recovered_joints(rows.astype(np.float64))[0][:-1]
             _save(folder / JOINTS_FOLDER / f"{name}.npy", joints.astype(np.float32))
             _write_caption(folder / TEXTS_FOLDER / f"{name}.txt", motion)
             _enter(made, name, rows)
