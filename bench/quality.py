@@ -228,7 +228,8 @@ def _row(
 def _with_bones(row: Mapping[str, Any], counts: Mapping[str, int]) -> dict[str, Any]:
     """With precision as it is where alarms that bones confirm are right."""
     false = (counts["told"] - counts["confirmed"]) * row["planted"] / row["plain"]
-    return {**counts, "precision": row["found"] / (row["found"] + false)}
+    told = row["found"] + false
+    return {**counts, "precision": row["found"] / told if told else None}
 
 
 def _made(kind: str, tested: Tested) -> dict[int, Planted]:
