@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
+from motionlake import sql
 from motionlake.cli.common import (
     PATHS,
     ClipsArgument,
@@ -40,6 +41,7 @@ class _Checked:
     name: str
     motion: CanonicalMotion | None  # where it is to be drawn
     quality: Quality
+    outstanding: Quality  # without what is usual in its dataset
 
 
 def check(
@@ -55,6 +57,8 @@ def check(
     """What is wrong with recordings, worst first; exit status 1 where a clip is bad, else 0.
 
     Without names all clips of the lake, or of a dataset, are checked. Thresholds stand in config.toml, table [quality].
+    Once the stage quality has run, a fault that half of a dataset's clips have is told once for the dataset, and of a
+    clip only where it stands out there; --json tells all.
 
     Example: motionlake check walk_01 --lake mylake
 
@@ -71,11 +75,12 @@ def check(
         raise UserError("--dataset: is for a check without names")
     with reading(target) as con:
         found = list(_checked(con, target, clips, dataset, drawn=picture is not None))
+        _tell_usual(con, {one.name for one in found})
     found.sort(key=_badness)
     if picture is not None:
         _draw(picture, found)
     tell([_as_row(one) for one in found], [row for one in found for row in _table(one)], as_json=as_json)
-    bad = sum(one.quality.verdict == "bad" for one in found)
+    bad = sum(one.outstanding.verdict == "bad" for one in found)
     if bad:
         notice(f"{bad} of {len(found)} clips {'is' if bad == 1 else 'are'} bad")
         raise typer.Exit(1)
@@ -161,30 +166,60 @@ def _checked(
     con: Connection, lake: Lake, names: list[str] | None, dataset: str | None, *, drawn: bool
 ) -> Iterator[_Checked]:
     from motionlake.lake.frames import canonical_motion
-    from motionlake.motion.quality import Recording
+    from motionlake.motion.quality import Recording, in_dataset
     from motionlake.motion.quality import check as checked
     from motionlake.stages.frames import first_body
 
     config = _config(lake)
+    usual = _usual(con)
     every = sorted(row["clip"] for row in fetch(con, "clips_of_dataset", {"dataset": dataset})) if not names else []
     sources = [named_source(con, name) for name in names] if names else every
     for source in sources:
         if isinstance(source, Path):
             clip, motion = first_body(lake, source)
-            repaired = clip.repaired
+            repaired, of = clip.repaired, ""
         else:
             motion = canonical_motion(con, lake, source)
-            repaired = fetch(con, "clip", {"clip": source})[0]["repaired"]
+            row = fetch(con, "clip", {"clip": source})[0]
+            repaired, of = row["repaired"], row["dataset"]
         recording = Recording.of(
             motion.positions, motion.rotations, motion.fps, twist=motion.twist, filled=motion.filled, repaired=repaired
         )
-        yield _Checked(str(source), motion if drawn else None, checked(recording, config))
+        quality = checked(recording, config)
+        outstanding = in_dataset(quality, usual.get(of, {}), config)
+        yield _Checked(str(source), motion if drawn else None, quality, outstanding)
 
 
-def _badness(one: _Checked) -> tuple[int, float, str]:
+def _knows_usual(con: Connection) -> bool:
+    return bool(con.execute(sql.read("has_view"), {"view": "quality_usual"}).fetchall()[0][0])
+
+
+def _usual(con: Connection) -> dict[str, dict[str, dict[str, float]]]:
+    """By dataset, fault and joint, above which multiple of its threshold what is usual there stands out; nothing where
+    the stage has not run."""
+    if not _knows_usual(con):
+        return {}
+    found: dict[str, dict[str, dict[str, float]]] = {}
+    for row in fetch(con, "usual_limits"):
+        found.setdefault(row["dataset"], {}).setdefault(row["fault"], {})[row["joint"]] = row["highest"]
+    return found
+
+
+def _tell_usual(con: Connection, names: set[str]) -> None:
+    """What is usual in the datasets of clips that were checked."""
+    for row in fetch(con, "usual_summary", {"clips": sorted(names)}) if _knows_usual(con) else ():
+        fault, share = row["fault"].replace("_", " "), f"{row['faulty']} of {row['clips']} clips"
+        notice(
+            f"{row['dataset']}: {fault} is usual here, in {share}, median {row['median']:.1f} times the threshold; "
+            "only what stands out is told of its clips"
+        )
+
+
+def _badness(one: _Checked) -> tuple[int, int, float, str]:
     from motionlake.motion.quality import VERDICTS
 
-    return -VERDICTS.index(one.quality.verdict), -one.quality.share, one.name
+    worst = [-VERDICTS.index(each.verdict) for each in (one.outstanding, one.quality)]
+    return worst[0], worst[1], -one.outstanding.share, one.name
 
 
 def _draw(path: Path, found: list[_Checked]) -> None:
@@ -192,7 +227,7 @@ def _draw(path: Path, found: list[_Checked]) -> None:
     from motionlake.pictures.html import page, picture, write_file
     from motionlake.pictures.style import png
 
-    drawn = [CheckedClip(one.name, one.motion, one.quality) for one in found[:MOST_CLIPS] if one.motion is not None]
+    drawn = [CheckedClip(one.name, one.motion, one.outstanding) for one in found[:MOST_CLIPS] if one.motion is not None]
     if len(found) > MOST_CLIPS:
         notice(f"{path}: the worst {MOST_CLIPS} of {len(found)} clips are drawn")
     figure = fault_bands(drawn, "Faults of recordings", "the worst clips first; the body at the worst frame")
@@ -208,10 +243,14 @@ def _as_row(one: _Checked) -> dict[str, Any]:
     from motionlake.motion.quality import sentence
 
     quality = one.quality
-    faults = [{**fault.as_row(), "says": sentence(fault, quality.fps)} for fault in quality.faults]
+    faults, outstanding = (
+        [{**fault.as_row(), "says": sentence(fault, quality.fps)} for fault in each.faults]
+        for each in (quality, one.outstanding)
+    )
     return {
-        "clip": one.name, "verdict": quality.verdict, "frames": quality.frames, "fps": quality.fps,
-        "measures": dict(quality.measures), "faults": faults,
+        "clip": one.name, "verdict": quality.verdict, "verdict_in_dataset": one.outstanding.verdict,
+        "frames": quality.frames, "fps": quality.fps, "measures": dict(quality.measures), "faults": faults,
+        "outstanding": outstanding,
     }  # fmt: skip
 
 
@@ -219,11 +258,12 @@ def _table(one: _Checked) -> list[dict[str, Any]]:
     """A row a fault, the worst of each kind; one without any of a clip that is ok."""
     from motionlake.motion.quality import KINDS, sentence
 
-    quality, rows = one.quality, []
+    quality, rows = one.outstanding, []
     for kind in KINDS:
         faults = [fault for fault in quality.faults if fault.kind == kind]
         told = sorted(sorted(faults, key=lambda fault: -fault.severity)[:MOST_TOLD], key=lambda fault: fault.start)
         rows += [sentence(fault, quality.fps) for fault in told]
         if len(faults) > len(told):
             rows.append(f"and {len(faults) - len(told)} more of {kind.replace('_', ' ')} (--json tells all)")
-    return [{"clip": one.name, "verdict": quality.verdict, "fault": row} for row in rows or [""]]
+    verdicts = {"verdict": one.quality.verdict, "in_dataset": quality.verdict}
+    return [{"clip": one.name, **verdicts, "fault": row} for row in rows or [""]]

@@ -18,6 +18,7 @@ class QualityConfig:
         penetration: metres below the ground that the feet stand on.
         floating: metres above it, longer than a jump of that height lasts.
         jitter: metres, standard deviation of noise from frame to frame.
+        jitter_seconds: for so long at least.
         spike: metres by which a joint leaves its path, beside what the acceleration below explains.
         acceleration: metres a square second that limbs reach.
         flip: degrees that a joint turns from one frame to the next.
@@ -37,6 +38,7 @@ class QualityConfig:
     penetration: float = 0.065
     floating: float = 0.05
     jitter: float = 0.002
+    jitter_seconds: float = 0.5
     spike: float = 0.03
     acceleration: float = 300.0
     flip: float = 90.0

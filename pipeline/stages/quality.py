@@ -20,16 +20,26 @@ RANGE: Final = pa.struct(
         ("severity", pa.float64()),
     ]
 )  # fmt: skip
+LEVEL: Final = pa.struct(
+    [
+        ("fault", pa.string()), ("joint", pa.string()), ("start", pa.int64()), ("stop", pa.int64()),
+        ("rung", pa.int64()), ("level", pa.float64()), ("severity", pa.float64()),
+    ]
+)  # fmt: skip
 ROWS: Final = pa.schema(
-    [*PART_KEYS, ("verdict", pa.string()), *((name, pa.float64()) for name in MEASURES), ("ranges", pa.list_(RANGE))]
-)
+    [
+        *PART_KEYS, ("verdict", pa.string()), *((name, pa.float64()) for name in MEASURES), ("ranges", pa.list_(RANGE)),
+        ("levels", pa.list_(LEVEL)), ("bad_share", pa.float64()),
+    ]
+)  # fmt: skip
 
 
 class QualityStage(PartStage):
-    """A row a clip, with its faulty ranges."""
+    """A row a clip, with its faulty ranges, and with how far above their thresholds they go: what of it is usual in the
+    dataset is for views to say, since that changes as the dataset grows."""
 
     name = "quality"
-    version = 2
+    version = 3
     about = "what of every clip no body did, by range, with a verdict"
     folder = "quality"
     schema = ROWS
@@ -54,16 +64,20 @@ class QualityStage(PartStage):
                 clip.positions, clip.rotations, clip.fps, twist=twist, filled=tuple(filled), repaired=repaired
             )
             found = check(recording, config)
-            yield pa.Table.from_pylist([_row(clip.clip, shard, found)], schema=ROWS)
+            yield pa.Table.from_pylist([_row(clip.clip, shard, found, config)], schema=ROWS)
 
 
 QUALITY: Final = QualityStage()
 
 
-def _row(clip: str, shard: Shard, found: Quality) -> dict[str, Any]:
+def _row(clip: str, shard: Shard, found: Quality, config: QualityConfig) -> dict[str, Any]:
     ranges = [
         {"fault": f.kind, "joint": f.joint, "start": f.start, "stop": f.stop, "severity": f.severity}
         for f in found.faults
     ]
+    levels = [{"fault": each.kind, **asdict(each)} for each in found.levels]
     keys = {"clip": clip, "part": shard.part, "key": shard.key}
-    return {**keys, "verdict": found.verdict, **found.measures, "ranges": ranges}
+    return {
+        **keys, "verdict": found.verdict, **found.measures, "ranges": ranges, "levels": levels,
+        "bad_share": config.bad_share,
+    }  # fmt: skip

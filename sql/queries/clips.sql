@@ -107,6 +107,15 @@ DELETE FROM skeletons WHERE skeleton NOT IN (SELECT skeleton FROM clips);
 -- name: clips_of_dataset
 SELECT * FROM clips WHERE $dataset::VARCHAR IS NULL OR dataset = $dataset;
 
+-- name: usual_limits
+SELECT dataset, fault, joint, highest FROM quality_usual;
+
+-- name: usual_summary
+-- One row a fault that is usual in the dataset of some clips.
+SELECT DISTINCT dataset, fault, clips, faulty, median FROM quality_usual
+WHERE dataset IN (SELECT dataset FROM clips WHERE clip IN (SELECT unnest($clips::VARCHAR[])))
+ORDER BY dataset, fault;
+
 -- name: clips_with_quality
 -- The same with the row of view quality as a struct; NULL where the stage has not seen the clip as it is now.
 SELECT c.*, q AS quality FROM clips c LEFT JOIN quality q ON q.clip = c.clip

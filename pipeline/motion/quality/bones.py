@@ -6,7 +6,8 @@ from typing import Final
 
 import numpy as np
 from motionlake.arrays import BoolArray
-from motionlake.motion.quality.faults import Fault, Recording, joint_name, runs
+from motionlake.motion.quality.faults import Fault, Found, Level, Recording, joint_name, runs
+from motionlake.motion.quality.levels import levels
 from motionlake.motion.quality_config import QualityConfig
 from motionlake.motion.skeleton import INDEX, PARENTS
 
@@ -21,12 +22,12 @@ STRAIGHT: Final = 0.985  # cosine between the bones of a hinge
 STEADY: Final = 0.1  # seconds
 
 
-def check_bones(recording: Recording, config: QualityConfig) -> tuple[dict[str, float], list[Fault]]:
+def check_bones(recording: Recording, config: QualityConfig) -> Found:
     """Measures `frozen` (share of frames in which a joint that else moves stands still) and `limb_drift` (the largest
     relative deviation of a limb's length from its median, 99 % quantile over time)."""
     frozen, share = _frozen(recording, config)
-    drifts, drift = _drifts(recording, config)
-    return {"frozen": share, "limb_drift": drift}, [*frozen, *drifts]
+    drifts, drifted, drift = _drifts(recording, config)
+    return Found({"frozen": share, "limb_drift": drift}, [*frozen, *drifts], drifted)
 
 
 def _frozen(recording: Recording, config: QualityConfig) -> tuple[list[Fault], float]:
@@ -69,7 +70,7 @@ def stretched(recording: Recording, joints: list[int]) -> BoolArray:
     return straight
 
 
-def _drifts(recording: Recording, config: QualityConfig) -> tuple[list[Fault], float]:
+def _drifts(recording: Recording, config: QualityConfig) -> tuple[list[Fault], list[Level], float]:
     from scipy.ndimage import uniform_filter1d
 
     joints = [INDEX[name] for name in LIMBS]
@@ -77,11 +78,11 @@ def _drifts(recording: Recording, config: QualityConfig) -> tuple[list[Fault], f
     lengths = np.linalg.norm(bones, axis=2)
     lengths = uniform_filter1d(lengths, recording.frames(STEADY), axis=0, mode="nearest")
     apart = np.abs(lengths / np.maximum(np.median(lengths, axis=0), 1e-3) - 1)
+    least = recording.frames(STEADY)
     found = []
     for column, joint in enumerate(joints):
-        for start, stop in runs(
-            apart[:, column] > config.limb_drift, recording.frames(STEADY), recording.frames(STEADY)
-        ):
+        for start, stop in runs(apart[:, column] > config.limb_drift, least, least):
             severity = float(apart[start:stop, column].max())
             found.append(Fault(kind="limb_drift", joint=joint_name(joint), start=start, stop=stop, severity=severity))
-    return found, float(np.quantile(apart.max(axis=1), 0.99))
+    drifted = levels("limb_drift", apart, [config.limb_drift] * len(LIMBS), LIMBS, least, least)
+    return found, drifted, float(np.quantile(apart.max(axis=1), 0.99))

@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 from motionlake.arrays import BoolArray, Float64Array
-from motionlake.motion.quality.faults import Fault, Recording, runs
+from motionlake.motion.quality.faults import Fault, Found, Recording, runs
 from motionlake.motion.quality_config import QualityConfig
 
 LONGEST: Final = 5.0  # seconds of a T-pose that belongs to an end
@@ -16,7 +16,7 @@ AGAIN: Final = 0.25  # seconds that must come again, and that lie between
 GRAIN: Final = 4096  # of quaternions that are the same
 
 
-def check_ends(recording: Recording, config: QualityConfig) -> tuple[dict[str, float], list[Fault]]:
+def check_ends(recording: Recording, config: QualityConfig) -> Found:
     """Measures `tpose_start` and `tpose_end` (seconds) and `loop_seam` (metres, the largest jump of the body)."""
     tpose = _tposes(recording, config)
     most = recording.frames(LONGEST)
@@ -30,7 +30,7 @@ def check_ends(recording: Recording, config: QualityConfig) -> tuple[dict[str, f
             found.append(Fault(kind=kind, start=start, stop=start + first, severity=seconds[kind]))
     edges = [fault.stop if fault.kind == "tpose_start" else fault.start for fault in found]
     seams = [s for s in (*_jumps(recording, config), *_again(recording)) if s.start + 1 not in edges]
-    return {**seconds, "loop_seam": max((s.severity for s in seams), default=0.0)}, [*found, *seams]
+    return Found({**seconds, "loop_seam": max((s.severity for s in seams), default=0.0)}, [*found, *seams])
 
 
 def _direction(recording: Recording, start: str, stop: str) -> Float64Array:

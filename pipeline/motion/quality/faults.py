@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from itertools import pairwise
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from motionlake.arrays import BoolArray, Float64Array, FloatArray
@@ -16,6 +17,7 @@ KINDS: Final = (
     "slide", "penetration", "floating", "jitter", "spike", "flip", "frozen", "missing", "limb_drift", "tpose_start",
     "tpose_end", "fps", "unit", "up", "swapped_sides", "seam",
 )  # fmt: skip
+RUNGS: Final = 2  # of each doubling of a threshold; the SQL macro `fault_rung` has the same
 UPRIGHT: Final = 0.6  # of the body's height that its head is above its ankles
 
 
@@ -39,6 +41,34 @@ class Fault:
 
     def as_row(self) -> dict[str, Any]:
         return asdict(self)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Level:
+    """Frames [start, stop) of a joint in which a fault would be told at a multiple of its threshold.
+
+    Attributes:
+        kind, joint: as of a `Fault`.
+        rung: the multiple is 2 to the power of rung / `RUNGS`; ranges of a higher rung lie within those of a lower.
+        level: the highest multiple at which one would be told in there.
+        severity: the same in the unit of the fault.
+    """
+
+    kind: str
+    joint: str
+    start: int
+    stop: int
+    rung: int
+    level: float
+    severity: float
+
+
+class Found(NamedTuple):
+    """What a check gives: measures by name, the faults above their thresholds, and how far above."""
+
+    measures: dict[str, float]
+    faults: list[Fault]
+    levels: Sequence[Level] = ()
 
 
 @dataclass(frozen=True)

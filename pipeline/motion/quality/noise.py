@@ -6,9 +6,10 @@ from typing import Final
 
 import numpy as np
 from motionlake.arrays import BoolArray, Float64Array
-from motionlake.motion.quality.faults import Fault, Recording, joint_name, runs
+from motionlake.motion.quality.faults import Fault, Found, Level, Recording, joint_name, runs
+from motionlake.motion.quality.levels import levels
 from motionlake.motion.quality_config import QualityConfig
-from motionlake.motion.skeleton import INDEX, PARENTS
+from motionlake.motion.skeleton import INDEX, JOINTS, PARENTS
 
 # Fourth differences of white noise of standard deviation 1 have sqrt(70), second ones sqrt(6); the median length of
 # three such numbers is 1.538.
@@ -26,32 +27,36 @@ AROUND: Final = 0.25  # seconds
 _TOES: Final = [INDEX["left_toe"], INDEX["right_toe"]]
 
 
-def check_noise(recording: Recording, config: QualityConfig) -> tuple[dict[str, float], list[Fault]]:
+def check_noise(recording: Recording, config: QualityConfig) -> Found:
     """Measures `jitter` (metres, the worst joint's noise, median over time), `spikes` and `flips` (how many)."""
-    jitters, jitter = _jitters(recording, config)
-    spikes, sudden = _spikes(recording, config)
+    jitters, trembling, jitter = _jitters(recording, config)
+    spikes, leaps, sudden = _spikes(recording, config)
     flips = _flips(recording, config, sudden)
-    return {"jitter": jitter, "spikes": float(len(spikes)), "flips": float(len(flips))}, [*jitters, *spikes, *flips]
+    measures = {"jitter": jitter, "spikes": float(len(spikes)), "flips": float(len(flips))}
+    return Found(measures, [*jitters, *spikes, *flips], [*trembling, *leaps])
 
 
-def _jitters(recording: Recording, config: QualityConfig) -> tuple[list[Fault], float]:
+def _jitters(recording: Recording, config: QualityConfig) -> tuple[list[Fault], list[Level], float]:
     if len(recording) < 8:
-        return [], 0.0
+        return [], [], 0.0
     window = recording.frames(WINDOW, 5)
+    least = recording.frames(config.jitter_seconds, 2)
     size = np.linalg.norm(np.diff(recording.positions, 4, axis=0), axis=2)
     bends = np.linalg.norm(np.diff(recording.positions, 2, axis=0)[1:-1], axis=2)
     fourth, second = (_running_median(each, window) for each in (size, bends))
     noise = np.pad(fourth / FOURTH, ((2, 2), (0, 0)), mode="edge")
     rough = np.pad(fourth > ROUGH * second, ((2, 2), (0, 0)), mode="edge")
     # Of a low rate, what is left of quick steps after four differences looks like noise.
-    loud = (noise > config.jitter + QUICK / recording.fps**2) & rough
+    threshold = config.jitter + QUICK / recording.fps**2
+    loud = (noise > threshold) & rough
     worst = np.where(rough, noise, 0.0).max(axis=1)
     found = []
-    for start, stop in runs(np.any(loud, axis=1), window // 2, window // 2):
+    for start, stop in runs(np.any(loud, axis=1), window // 2, least):
         joint = int(noise[start:stop].mean(axis=0).argmax())
         severity = float(np.median(worst[start:stop]))
         found.append(Fault(kind="jitter", joint=joint_name(joint), start=start, stop=stop, severity=severity))
-    return found, float(np.median(worst))
+    trembling = levels("jitter", np.where(rough, noise, 0.0), [threshold] * noise.shape[1], JOINTS, window // 2, least)
+    return found, trembling, float(np.median(worst))
 
 
 def _running_median(values: Float64Array, window: int) -> Float64Array:
@@ -65,30 +70,31 @@ def _running_median(values: Float64Array, window: int) -> Float64Array:
     return around
 
 
-def _spikes(recording: Recording, config: QualityConfig) -> tuple[list[Fault], BoolArray]:
-    """The faults, and [F] where there is one."""
+def _spikes(recording: Recording, config: QualityConfig) -> tuple[list[Fault], list[Level], BoolArray]:
+    """The faults, how far above the threshold, and [F] where there is one."""
     frames = len(recording)
     places = recording.positions.copy()
     places[:, 1:] -= places[:, :1]
     reach = max(1, int(LONGEST * recording.fps))
-    away = np.zeros(places.shape[:2])
+    away, beyond = np.zeros(places.shape[:2]), np.zeros(places.shape[:2])
+    allowed = np.full(places.shape[1], config.spike)
+    allowed[_TOES] *= FLICK
     for step in range(1, reach + 1):
         if frames <= 2 * step:
             break
         apart = np.linalg.norm(places[step:-step] - (places[2 * step :] + places[: -2 * step]) / 2, axis=2)
-        explained = np.full(apart.shape[1], config.spike)
-        explained[_TOES] *= FLICK
-        explained += min(config.acceleration * (step / recording.fps) ** 2 / 2, FARTHEST)
+        explained = min(config.acceleration * (step / recording.fps) ** 2 / 2, FARTHEST)
         sharp = apart > SHARP * _usual(apart, recording)
-        excess = np.where(sharp & (apart > explained), apart, 0.0)
+        excess = np.where(sharp & (apart > allowed + explained), apart, 0.0)
         away[step:-step] = np.maximum(away[step:-step], excess)
+        beyond[step:-step] = np.maximum(beyond[step:-step], np.where(excess > 0, apart - explained, 0.0))
     sudden: BoolArray = np.any(away > 0, axis=1)
     found = []
     for start, stop in runs(sudden, reach):
         moved = away[start:stop].max(axis=0)
         joint = _highest(moved)
         found.append(Fault(kind="spike", joint=joint_name(joint), start=start, stop=stop, severity=float(moved.max())))
-    return found, sudden
+    return found, levels("spike", beyond, allowed.tolist(), JOINTS, reach, 1), sudden
 
 
 def _usual(apart: Float64Array, recording: Recording) -> Float64Array:

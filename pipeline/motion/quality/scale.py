@@ -6,13 +6,13 @@ from typing import Final
 
 import numpy as np
 from motionlake.motion.quality.clock import evidence, judged
-from motionlake.motion.quality.faults import Fault, Recording
+from motionlake.motion.quality.faults import Fault, Found, Recording
 from motionlake.motion.quality_config import QualityConfig
 
 UPRIGHT: Final = 45.0  # degrees
 
 
-def check_scale(recording: Recording, config: QualityConfig) -> tuple[dict[str, float], list[Fault]]:
+def check_scale(recording: Recording, config: QualityConfig) -> Found:
     """Measures `fps_doubt` (how many times too fast it plays; 1 where that is not known), `fps_known` (1 where enough
     tells whether the frame rate is right, else 0), `unit_doubt` (the body's height over that of a person, 1 where it is
     a person's) and `up_doubt` (degrees from upright that the body comes to at best: the 10 % quantile, since who lies
@@ -29,10 +29,11 @@ def check_scale(recording: Recording, config: QualityConfig) -> tuple[dict[str, 
     if tilt > UPRIGHT:
         found.append(_whole(recording, "up", tilt))
     fitting = min(max(height, config.shortest_body), config.tallest_body)
-    return {
+    measures = {
         "fps_doubt": rate.factor if known else 1.0, "fps_known": float(known), "unit_doubt": height / fitting,
         "up_doubt": tilt,
-    }, found  # fmt: skip
+    }  # fmt: skip
+    return Found(measures, found)
 
 
 def _whole(recording: Recording, kind: str, severity: float) -> Fault:

@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 from motionlake.arrays import Float64Array
-from motionlake.motion.quality.faults import Fault, Recording, runs
+from motionlake.motion.quality.faults import Fault, Found, Recording, runs
 from motionlake.motion.quality_config import QualityConfig
 
 WINDOW: Final = 0.25  # seconds over which the vote of knees and toes is taken
@@ -15,7 +15,7 @@ SHORTEST: Final = 0.3  # seconds
 KNEES: Final = 0.25  # how much they count beside toes: in some recordings those of straight legs bend backwards
 
 
-def check_sides(recording: Recording, config: QualityConfig) -> tuple[dict[str, float], list[Fault]]:
+def check_sides(recording: Recording, config: QualityConfig) -> Found:
     """Measure `swapped_sides`: the share of frames in which the body's front is at its back."""
     from scipy.ndimage import uniform_filter1d
 
@@ -25,7 +25,7 @@ def check_sides(recording: Recording, config: QualityConfig) -> tuple[dict[str, 
         Fault(kind="swapped_sides", start=start, stop=stop, severity=(stop - start) / recording.fps)
         for start, stop in runs(swapped, recording.frames(WINDOW), recording.frames(SHORTEST))
     ]
-    return {"swapped_sides": sum(f.stop - f.start for f in found) / len(recording)}, found
+    return Found({"swapped_sides": sum(f.stop - f.start for f in found) / len(recording)}, found)
 
 
 def _ahead(recording: Recording) -> Float64Array:
