@@ -7,6 +7,7 @@ from typing import Any
 
 import duckdb
 import motionlake as api
+import pyarrow.parquet as pq
 import pytest
 from motionlake.lake.catalog import reading
 from motionlake.lake.layout import open_lake
@@ -104,3 +105,14 @@ def test_the_stage_gives_the_verdicts(lake: Path, scheduler: str) -> None:
     worst = {row[0] for row in query(lake, "SELECT clip FROM quality WHERE verdict = 'bad'")}
     with reading(open_lake(lake)) as con:
         assert good_clips(con, "doubtful") == {row[0] for row in query(lake, "SELECT clip FROM clips")} - worst
+
+
+def test_parts_that_an_earlier_version_wrote_are_told_and_made_again(lake: Path, scheduler: str) -> None:
+    assert motionlake("run", "quality", "--lake", lake, "--scheduler", scheduler).status == 0
+    before = query(lake, "FROM quality ORDER BY clip")
+    for file in (lake / "quality").glob("*.parquet"):
+        pq.write_table(pq.read_table(file).drop_columns(["levels", "bad_share"]), file)
+    told = query(lake, "SELECT clip, verdict FROM quality ORDER BY clip")
+    assert told == query(lake, "SELECT clip, quality_verdict(clip) FROM clips ORDER BY clip")
+    assert motionlake("repair", "--lake", lake).status == 0
+    assert query(lake, "FROM quality ORDER BY clip") == before

@@ -1,8 +1,16 @@
 -- What the stage "quality" found; a part may outlive its use for a moment: only parts the manifest names, of clips that
--- the lake holds, count.
+-- the lake holds, count. Parts that an earlier version of the stage wrote lack columns.
 CREATE OR REPLACE MACRO checked_clips() AS TABLE
+WITH kept AS (
+    SELECT NULL::STRUCT(
+        fault VARCHAR, joint VARCHAR, start BIGINT, stop BIGINT, rung BIGINT, level DOUBLE, severity DOUBLE
+    )[] AS levels, NULL::DOUBLE AS bad_share
+    WHERE false
+    UNION ALL BY NAME
+    FROM read_parquet(live_files('quality', 'quality/*.parquet'), union_by_name := true)
+)
 SELECT q.*
-FROM read_parquet(live_files('quality', 'quality/*.parquet')) q
+FROM kept q
 SEMI JOIN manifest m ON m.stage = 'quality' AND m.state = 'ok' AND m.key = q.key
 SEMI JOIN clips c ON c.clip = q.clip AND c.part = q.part;
 
