@@ -29,7 +29,7 @@ class QualityStage(PartStage):
     """A row a clip, with its faulty ranges."""
 
     name = "quality"
-    version = 2
+    version = 3
     about = "what of every clip no body did, by range, with a verdict"
     folder = "quality"
     schema = ROWS
