@@ -186,6 +186,8 @@ def test_more_of_a_body_comes_before_less() -> None:
     both = fitting_sets([*LEGS, *TRUNK, *(f"{side}{marker}" for side in "LR" for marker in ("HJC", "KJC", "AJC"))])
     assert both[0].name == "joint_centres_legs"
     assert "neck_centre" in both[0].joints
+    hbm = [f"{side}{marker}" for side in "LR" for marker in ("ASIS", "PSIS", "LEK", "MEK", "LM", "MM", "MT2")]
+    assert {one.name for one in fitting_sets([*LEGS, *hbm, "C7", "JN"])} == {"hbm"}  # by the others, no neck
 
 
 @pytest.mark.parametrize(
@@ -201,6 +203,13 @@ def test_more_of_a_body_comes_before_less() -> None:
 def test_a_body_that_is_more_than_legs_is_not_taken_for_legs(more: tuple[str, ...], reason: str) -> None:
     with pytest.raises(ClipError, match=reason):
         fitting_sets([*LEGS, *more])
+
+
+def test_centres_of_legs_are_not_all_of_a_body_with_arms() -> None:
+    legs = next(one for one in marker_sets() if one.name == "joint_centres_legs")
+    assert fitting_sets(legs.required)
+    with pytest.raises(ClipError, match="fit no marker set"):
+        fitting_sets([*legs.required, "LELB", "RELB"])
 
 
 def test_a_lost_marker_of_the_arms_does_not_make_them_hang(tmp_path: Path) -> None:
