@@ -8,7 +8,40 @@ from collections.abc import Sequence
 import c3d
 import numpy as np
 from motionlake.arrays import Float64Array
+from motionlake.motion.canonicalise import CanonicalMotion
+from motionlake.motion.kinematics import world_rotations
+from motionlake.motion.rotations import rotate
+from motionlake.motion.skeleton import INDEX
 from scipy.spatial.transform import Rotation
+
+# Marker of Plug-in Gait -> canonical joint that carries it, and where it is from there as that joint turns: to the
+# left, up, ahead, in metres. Of the left side: those of the right are its mirror image.
+_PLUG_IN_GAIT = {
+    "ASI": ("hips", 0.12, 0.08, 0.09), "PSI": ("hips", 0.04, 0.08, -0.09), "KNE": ("left_knee", 0.05, 0.0, 0.0),
+    "ANK": ("left_ankle", 0.04, 0.0, 0.0), "TOE": ("left_toe", 0.0, 0.0, 0.0), "SHO": ("left_shoulder", 0.0, 0.0, 0.0),
+    "ELB": ("left_elbow", 0.04, 0.0, 0.0), "WRA": ("left_wrist", 0.0, 0.0, 0.03), "FHD": ("head", 0.07, 0.0, 0.08),
+    "WRB": ("left_wrist", 0.0, 0.0, -0.03), "BHD": ("head", 0.07, 0.0, -0.08),
+}  # fmt: skip
+LEGS = tuple(side + marker for side in "LR" for marker in ("ASI", "PSI", "KNE", "ANK", "TOE"))
+
+
+def gait_markers(motion: CanonicalMotion) -> dict[str, Float64Array]:
+    """Plug-in Gait's markers [F, 3] on a body that goes where it will; C7 and CLAV are between the shoulders."""
+    world = world_rotations(motion.rotations)
+
+    def on(joint: str, place: Float64Array, *offset: float) -> Float64Array:
+        turn = np.ascontiguousarray(world[:, INDEX[joint]])
+        return np.asarray(place + rotate(turn, np.array(offset)))
+
+    places = motion.positions.transpose(1, 0, 2).copy()
+    places[INDEX["hips"]] = (places[INDEX["left_hip"]] + places[INDEX["right_hip"]]) / 2
+    between = (places[INDEX["left_shoulder"]] + places[INDEX["right_shoulder"]]) / 2
+    markers = {"C7": on("chest", between, 0, 0, -0.07), "CLAV": on("chest", between, 0, 0, 0.07)}
+    for name, (of, left, up, ahead) in _PLUG_IN_GAIT.items():
+        for side, sign in (("left", 1.0), ("right", -1.0)):
+            joint = of.replace("left", side)
+            markers[side[0].upper() + name] = on(joint, places[INDEX[joint]], sign * left, up, ahead)
+    return markers
 
 
 def c3d_bytes(

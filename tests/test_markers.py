@@ -13,6 +13,7 @@ from motionlake.formats.registry import read_clips
 from motionlake.motion.canonicalise import canonicalise
 from motionlake.motion.kinematics import solve
 from motionlake.motion.marker_sets import (
+    ARMS,
     HEAD,
     JOINT_CENTRE_PARENTS,
     JOINT_CENTRES,
@@ -26,7 +27,8 @@ from motionlake.motion.skeleton import INDEX
 
 from tests.samples import plug_in_gait_markers, swinging_body, trc_text
 
-HEADLESS_SETS = {"body_25", "opencap", "rajagopal"}
+HEADLESS_SETS = {"body_25", "hbm", "opencap", "rajagopal", "skeletal_landmarks", "skeletal_landmarks_lateral"}
+LEGS_SETS = {"joint_centres_legs", "plug_in_gait_centres_legs"}
 NAMES, PLACES = plug_in_gait_markers(swinging_body(40))
 
 
@@ -36,14 +38,20 @@ def written(folder: Path, text: str) -> Path:
     return path
 
 
-def test_every_set_makes_every_joint() -> None:
+def test_every_set_says_which_joints_it_makes() -> None:
     assert len(JOINT_CENTRES) == len(JOINT_CENTRE_PARENTS)
     assert set(load_rigs()["markers"].joints.values()) == set(JOINT_CENTRES)
     hips = {"left_hip_centre", "right_hip_centre"}
     for marker_set in marker_sets():
         made = set(marker_set.joints) | {"hip_centre"} | (hips if marker_set.pelvis else set())
-        assert made | ({HEAD} if marker_set.name in HEADLESS_SETS else set()) == set(JOINT_CENTRES)
-        assert made == set(marker_set.centres_made)
+        assert made | set(marker_set.unmarked) == set(JOINT_CENTRES)
+        assert made.isdisjoint(marker_set.unmarked)
+        lacks = (
+            {HEAD, *ARMS, "left_shoulder_centre", "right_shoulder_centre"} if marker_set.name in LEGS_SETS else {HEAD}
+        )
+        assert set(marker_set.unmarked) == (lacks if marker_set.name in HEADLESS_SETS | LEGS_SETS else set())
+        if marker_set.chest is not None:
+            assert {*marker_set.chest.back, *marker_set.chest.front} == set(marker_set.joints["neck_centre"])
         assert len(set(marker_set.required)) == len(marker_set.required)
         assert fitting_sets([name.lower() for name in marker_set.required])[0] is marker_set
 

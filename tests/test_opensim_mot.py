@@ -13,7 +13,7 @@ from motionlake.formats.opensim_mot import BONES, HANGING, UPRIGHT
 from motionlake.motion.canonicalise import CanonicalMotion, canonicalise
 from motionlake.motion.kinematics import solve
 from motionlake.motion.rigs import identify, load_rigs
-from motionlake.motion.skeleton import INDEX
+from motionlake.motion.skeleton import INDEX, JOINTS
 
 from tests.damage import damaged_bytes
 from tests.marker_samples import mot_text, walking_angles
@@ -153,7 +153,10 @@ def test_arms_hang_and_the_trunk_is_straight_where_the_file_has_neither(tmp_path
                if not name.startswith(("arm", "elbow", "pro_sup", "wrist", "lumbar"))}  # fmt: skip
     path = written(tmp_path, mot_text(columns))
     assert set(read_clips(path)[0].notes) >= {BONES, HANGING, UPRIGHT}
-    places = canonical(path).positions
+    motion = canonical(path)
+    places = motion.positions
+    measured = {"hips", *(f"{side}_{leg}" for side in ("left", "right") for leg in ("hip", "knee", "ankle", "toe"))}
+    assert set(motion.filled) == set(JOINTS) - measured
     for side in ("left", "right"):
         arm = places[:, INDEX[f"{side}_wrist"]] - places[:, INDEX[f"{side}_shoulder"]]
         assert (arm[:, 1] < -0.45).all()

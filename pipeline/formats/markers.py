@@ -11,9 +11,11 @@ from motionlake.errors import ClipError
 from motionlake.formats.repair import fill_missing, missing_samples, repair_note
 from motionlake.motion.clip import Hierarchy, SourceClip
 from motionlake.motion.marker_sets import (
+    ARMS,
     HEAD,
     JOINT_CENTRE_PARENTS,
     JOINT_CENTRES,
+    NECK,
     MarkerSet,
     fitting_sets,
     joint_centres,
@@ -21,6 +23,8 @@ from motionlake.motion.marker_sets import (
 from motionlake.motion.named_joints import NamedTree, named_tree
 from motionlake.motion.upright import up_of_body
 
+ARMLESS = "no marker on the arms: they hang"
+NECKLESS = "no markers that place the neck: the trunk goes on straight from the pelvis"
 HEADLESS = "no marker on the head: it goes on where the trunk points"
 
 
@@ -80,13 +84,19 @@ def clips_of_subjects(names: Sequence[str], read: Callable[[dict[str, int], str]
 
 
 def _clip(positions: Float64Array, places: dict[str, int], fps: float, tell_up: bool) -> SourceClip:
-    """Of the first set that fits and of which every marker was seen, else of the rig whose joints the names are."""
+    """Of the first set that fits and of which every marker was seen, else of the rig whose joints the names are.
+
+    Before a set that makes up arms comes such a rig, too.
+    """
     try:
         fitting = fitting_sets(places)
     except ClipError:
         tree = named_tree(tuple(places))
         if tree is None:
             raise
+    else:
+        tree = named_tree(tuple(places)) if ARMS[0] in fitting[0].unmarked else None
+    if tree is not None:
         return _clip_of_joints(positions, places, tree, fps, tell_up)
     for marker_set in fitting[:-1]:
         try:
@@ -104,30 +114,29 @@ def _clip_of_set(
     seen = np.take(positions, [places[name] for name in names], axis=1)
     filled, repaired = fill_missing(seen, missing_samples(seen), names)
     joints = joint_centres(marker_set, filled, names)
-    made = marker_set.centres_made
-    up = _up_of_centres(joints, made) if tell_up else None
-    headless = () if HEAD in made else (HEADLESS,)
+    up = _up_of_centres(joints, marker_set.unmarked) if tell_up else None
+    made_up = {HEAD: HEADLESS, NECK: NECKLESS, ARMS[0]: ARMLESS}
     return SourceClip(
-        hierarchy=Hierarchy.of_positions(made, _parents(made)),
+        hierarchy=Hierarchy.of_positions(JOINT_CENTRES, JOINT_CENTRE_PARENTS),
         channels=joints.reshape(len(joints), -1),
         fps=fps,
         metres_per_unit=1.0,
         up=up,
         repaired=repaired,
-        notes=(f"joints from markers: {marker_set.name}", *headless, *up_note(up), *repair_note(repaired, len(joints))),
+        filled=marker_set.unmarked,
+        notes=(
+            f"joints from markers: {marker_set.name}",
+            *(note for joint, note in made_up.items() if joint in marker_set.unmarked),
+            *up_note(up),
+            *repair_note(repaired, len(joints)),
+        ),
     )
 
 
-def _parents(made: tuple[str, ...]) -> tuple[int, ...]:
-    """The place in `made` of each one's parent; -1 of the first."""
-    above = {name: JOINT_CENTRES[parent] for name, parent in zip(JOINT_CENTRES, JOINT_CENTRE_PARENTS, strict=True)}
-    return (-1, *(made.index(above[name]) for name in made[1:]))
-
-
-def _up_of_centres(joints: Float64Array, made: tuple[str, ...]) -> str | None:
-    centre = {name: joints[:, joint] for joint, name in enumerate(made)}
-    top = centre[HEAD if HEAD in made else "neck_centre"]
-    return up_of_body(top, (centre["left_ankle_centre"] + centre["right_ankle_centre"]) / 2)
+def _up_of_centres(joints: Float64Array, unmarked: Sequence[str]) -> str | None:
+    centre = {name: joints[:, joint] for joint, name in enumerate(JOINT_CENTRES)}
+    top = next(name for name in (HEAD, NECK, "hip_centre") if name not in unmarked)
+    return up_of_body(centre[top], (centre["left_ankle_centre"] + centre["right_ankle_centre"]) / 2)
 
 
 def _clip_of_joints(

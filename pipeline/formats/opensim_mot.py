@@ -27,6 +27,8 @@ _SPINE: Final = re.compile(r"^[LT]\d+_[LTS]\d+_(.+)$")
 _LUMBAR: Final = {"Flex_Ext": "lumbar_extension", "Lat_Bending": "lumbar_bending", "axial_rotation": "lumbar_rotation"}
 _NEEDED: Final = ("pelvis_tilt", "hip_flexion_r", "hip_flexion_l", *KNEES)
 _ARMS: Final = tuple(f"arm_flex_{side}" for side in "rl")
+_OF_ARMS: Final = tuple(f"{body}_{side}" for side in "rl" for body in ("humerus", "ulna", "hand"))
+_OF_TRUNK: Final = ("torso", "neck", "head")
 _MOST_RADIANS: Final = 4.0 * np.pi  # more than two whole turns: the numbers are degrees
 _EVEN: Final = 1e-3  # of a frame: what instants may be off an even grid
 _FARTHEST: Final = 1e5  # metres
@@ -73,8 +75,9 @@ class MotReader:
             angles |= _lumbar(columns, rows)
         angles, more = _as_in_the_model(angles, table.in_degrees)
         notes += [BONES, *more]
-        notes += [HANGING] * (not any(name in angles for name in _ARMS))
-        notes += [UPRIGHT] * (not any(name in angles for name in _LUMBAR.values()))
+        hanging = not any(name in angles for name in _ARMS)
+        upright = not any(name in angles for name in _LUMBAR.values())
+        notes += [*[HANGING] * hanging, *[UPRIGHT] * upright]
         places = np.zeros((len(rows), 3))
         for axis, name in enumerate(TRANSLATION):
             if name in columns:
@@ -87,6 +90,7 @@ class MotReader:
                 rate if fps is None else fps,
                 metres_per_unit=1.0,
                 up="y",
+                filled=(*_OF_TRUNK * upright, *_OF_ARMS * hanging),
                 notes=tuple(notes),
             )
         ]

@@ -53,7 +53,7 @@ class CanonicalMotion:
         body_height: metres from the ankles to the head joint in the rest pose.
         twist: False where rotations come from positions only, here or before the file was written, so that turns about
             a bone's axis are unknown.
-        filled: joints that the rig lacks.
+        filled: joints that the rig lacks, or that the reader made up.
         up, metres_per_unit: what was used for the file.
         fk_error, fk_error_mean: metres, the largest and the mean distance between `positions` and forward
             kinematics of `root`, `rotations` and `rest_offsets`; 0 for a rigid body with these joints.
@@ -155,6 +155,7 @@ def canonicalise(
     if goes_on_all_fours(positions):
         notes.append("goes on all fours: an animal by a person's names of joints, or a person who does so")
     place_offsets(binding, positions, world, height)
+    made_up = [joint for joint, at in binding.source.items() if clip.hierarchy.joints[at] in clip.filled]
     rest_offsets = bone_vectors(positions, world).mean(axis=0)
     rotations = continuous_signs(normalise(local_rotations(world)))
     root = np.array(positions[:, 0])
@@ -167,7 +168,7 @@ def canonicalise(
         rest_offsets=rest_offsets,
         body_height=height,
         twist=in_rest is not None and clip.twist,
-        filled=tuple(JOINTS[joint] for joint in sorted(binding.rules)),
+        filled=tuple(JOINTS[joint] for joint in sorted([*binding.rules, *made_up])),
         up=up,
         metres_per_unit=scale,
         fk_error=float(errors.max()),

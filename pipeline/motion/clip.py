@@ -93,6 +93,7 @@ class SourceClip:
         up: where the file itself, or its format, declares its up axis, one of x y z -x -y -z; else None.
         repaired: frames whose missing values were filled by interpolation (Kinect).
         notes: what a person should know of how the file was read.
+        filled: joints of the hierarchy that the file does not hold, and that were made up when it was read.
         twist: False where the rotations come from positions, so that turns about a bone's axis are unknown.
     """
 
@@ -103,6 +104,7 @@ class SourceClip:
     metres_per_unit: float | None = None
     up: str | None = None
     repaired: int = 0
+    filled: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     twist: bool = True
 

@@ -16,7 +16,7 @@ UNUSED: Final = 0.8  # share of a clip in which a joint that the rig does not me
 LIMBS: Final = tuple(
     f"{side}_{part}" for side in ("left", "right") for part in ("elbow", "wrist", "knee", "ankle")
 )  # each with the bone that ends there
-MEASURED: Final = tuple(f"{side}_{part}" for side in ("left", "right") for part in ("shoulder", "elbow", "hip", "knee"))
+TURNED: Final = tuple(f"{side}_{part}" for side in ("left", "right") for part in ("shoulder", "elbow", "hip", "knee"))
 HINGES: Final = ("knee", "elbow")
 STRAIGHT: Final = 0.985  # cosine between the bones of a hinge
 STEADY: Final = 0.1  # seconds
@@ -36,7 +36,7 @@ def _frozen(recording: Recording, config: QualityConfig) -> tuple[list[Fault], f
     window = recording.frames(config.frozen_seconds, 4)
     if len(recording) <= window:
         return [], 0.0
-    joints = [INDEX[name] for name in MEASURED if name not in recording.filled]
+    joints = [INDEX[name] for name in TURNED if recording.measured[INDEX[name]]]
     turns = recording.rotations[:, joints]
     span = (maximum_filter1d(turns, window, axis=0) - minimum_filter1d(turns, window, axis=0)).max(axis=2)
     half = window // 2
@@ -73,7 +73,10 @@ def stretched(recording: Recording, joints: list[int]) -> BoolArray:
 def _drifts(recording: Recording, config: QualityConfig) -> tuple[list[Fault], list[Level], float]:
     from scipy.ndimage import uniform_filter1d
 
-    joints = [INDEX[name] for name in LIMBS]
+    limbs = [name for name in LIMBS if recording.measured[INDEX[name]]]
+    if not limbs:
+        return [], [], 0.0
+    joints = [INDEX[name] for name in limbs]
     bones = recording.positions[:, joints] - recording.positions[:, [PARENTS[joint] for joint in joints]]
     lengths = np.linalg.norm(bones, axis=2)
     lengths = uniform_filter1d(lengths, recording.frames(STEADY), axis=0, mode="nearest")
@@ -84,5 +87,5 @@ def _drifts(recording: Recording, config: QualityConfig) -> tuple[list[Fault], l
         for start, stop in runs(apart[:, column] > config.limb_drift, least, least):
             severity = float(apart[start:stop, column].max())
             found.append(Fault(kind="limb_drift", joint=joint_name(joint), start=start, stop=stop, severity=severity))
-    drifted = levels("limb_drift", apart, [config.limb_drift] * len(LIMBS), LIMBS, least, least)
+    drifted = levels("limb_drift", apart, [config.limb_drift] * len(limbs), limbs, least, least)
     return found, drifted, float(np.quantile(apart.max(axis=1), 0.99))

@@ -80,7 +80,7 @@ class Recording:
         rotations: [F, 21, 4] local rotations (w, x, y, z), continuous in sign.
         fps: frames a second.
         twist: whether rotations were measured; False: they follow from positions.
-        filled: joints that the rig lacks.
+        filled: joints that the file does not hold; what is wrong with them is not the recording's fault.
         repaired: frames whose gaps were filled when the file was read.
     """
 
@@ -118,6 +118,11 @@ class Recording:
     def frames(self, seconds: float, least: int = 1) -> int:
         """How many frames last so long."""
         return max(least, round(seconds * self.fps))
+
+    @cached_property
+    def measured(self) -> BoolArray:
+        """[21] whether a joint is the recording's own."""
+        return np.array([name not in self.filled for name in JOINTS])
 
     @cached_property
     def leg(self) -> float:

@@ -28,7 +28,8 @@ _TOES: Final = [INDEX["left_toe"], INDEX["right_toe"]]
 
 
 def check_noise(recording: Recording, config: QualityConfig) -> Found:
-    """Measures `jitter` (metres, the worst joint's noise, median over time), `spikes` and `flips` (how many)."""
+    """Measures `jitter` (metres, the worst joint's noise, median over time), `spikes` and `flips` (how many), of joints
+    that the recording holds."""
     jitters, trembling, jitter = _jitters(recording, config)
     spikes, leaps, sudden = _spikes(recording, config)
     flips = _flips(recording, config, sudden)
@@ -44,7 +45,7 @@ def _jitters(recording: Recording, config: QualityConfig) -> tuple[list[Fault], 
     size = np.linalg.norm(np.diff(recording.positions, 4, axis=0), axis=2)
     bends = np.linalg.norm(np.diff(recording.positions, 2, axis=0)[1:-1], axis=2)
     fourth, second = (_running_median(each, window) for each in (size, bends))
-    noise = np.pad(fourth / FOURTH, ((2, 2), (0, 0)), mode="edge")
+    noise = np.pad(fourth / FOURTH, ((2, 2), (0, 0)), mode="edge") * recording.measured
     rough = np.pad(fourth > ROUGH * second, ((2, 2), (0, 0)), mode="edge")
     # Of a low rate, what is left of quick steps after four differences looks like noise.
     threshold = config.jitter + QUICK / recording.fps**2
@@ -85,7 +86,7 @@ def _spikes(recording: Recording, config: QualityConfig) -> tuple[list[Fault], l
         apart = np.linalg.norm(places[step:-step] - (places[2 * step :] + places[: -2 * step]) / 2, axis=2)
         explained = min(config.acceleration * (step / recording.fps) ** 2 / 2, FARTHEST)
         sharp = apart > SHARP * _usual(apart, recording)
-        excess = np.where(sharp & (apart > allowed + explained), apart, 0.0)
+        excess = np.where(sharp & (apart > allowed + explained) & recording.measured, apart, 0.0)
         away[step:-step] = np.maximum(away[step:-step], excess)
         beyond[step:-step] = np.maximum(beyond[step:-step], np.where(excess > 0, apart - explained, 0.0))
     sudden: BoolArray = np.any(away > 0, axis=1)
@@ -117,7 +118,7 @@ def _flips(recording: Recording, config: QualityConfig, sudden: BoolArray) -> li
     if not recording.twist or len(recording) < 3:
         return []
     dots = np.abs((recording.rotations[1:] * recording.rotations[:-1]).sum(axis=2))
-    turned = np.degrees(2 * np.arccos(np.clip(dots, 0, 1)))
+    turned = np.degrees(2 * np.arccos(np.clip(dots, 0, 1))) * recording.measured
     before, after = np.roll(turned, 2, axis=0), np.roll(turned, -2, axis=0)
     before[:2], after[-2:] = turned[2:4].min(initial=0), turned[-4:-2].min(initial=0)
     flipped = (turned > config.flip) & (turned > SHARP * np.minimum(before, after))
