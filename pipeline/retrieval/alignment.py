@@ -237,9 +237,9 @@ class LongAlignment:
         Raises:
             UserError: there are no such frames, or they are one symbol.
         """
-        part = self._part(start, stop)
+        part = self.part(start, stop)
         barred = barred_symbols(self.strings, part, self.clips)
-        first = self._place(part)
+        first = self.place(part)
 
         def best(count: int) -> list[Match]:
             strings = self.strings
@@ -254,14 +254,14 @@ class LongAlignment:
 
         return ranked(MatchedFrames(self.strings, self.clips, part).hits(best, k))
 
-    def _part(self, start: int | None, stop: int | None) -> StringQuery:
-        """The string of a range, reduced for itself."""
+    def part(self, start: int | None, stop: int | None) -> StringQuery:
+        """The string of a range, reduced for itself. Raises `UserError` as `matches`."""
         whole = self.query
         assert whole.unfolded is not None
         first, last = frame_range(whole.name, start, stop, whole.stop)
         return string_query(whole.name, whole.unfolded.part(first, last, self.reduced), whole.fps, whole.clip)
 
-    def _place(self, part: StringQuery) -> int | None:
+    def place(self, part: StringQuery) -> int | None:
         """Where a string stands in the long query's, nearest to its frames; None where it does not."""
         whole, wanted = self.query, part.symbols
         if len(wanted) > len(whole.symbols):

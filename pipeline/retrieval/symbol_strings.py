@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -17,11 +18,13 @@ from motionlake.lake.layout import Lake
 from motionlake.lake.settings import served_config
 from motionlake.lake.strings import LakeStrings
 from motionlake.motion.features import word_features
+from motionlake.pesta.config import DICTIONARY_KEY, PosturesConfig, SymbolsConfig
 from motionlake.pesta.cycles import Occurrence, repeated, whole
 from motionlake.pesta.symbols import SymbolString, UnfoldedString, unfolded
 from motionlake.retrieval.encode import QueryMotion, query_motion
 from motionlake.retrieval.protocol import Query, about
 from motionlake.stages.postures import codes_of_clips
+from motionlake.weights import read_tensors
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
@@ -29,6 +32,7 @@ if TYPE_CHECKING:
 
 SHORTEST: Final = 2  # symbols of a query
 KEPT: Final = 1000  # clips whose unfolded strings are remembered
+EVERY: Final = [SymbolsConfig(runs, repeats) for runs in (True, False) for repeats in (True, False)]
 
 
 @dataclass(frozen=True)
@@ -102,9 +106,14 @@ def served_dictionary(lake: Lake, model: str) -> PostureDictionary:
     """The dictionary of that name."""
     from motionlake.pesta.dictionary import load_dictionary
 
+    return load_dictionary(model_file(lake, model))
+
+
+def model_file(lake: Lake, model: str) -> Path:
+    """The file of a model of that name."""
     with reading(lake) as con:
         rows = fetch(con, "model_file", {"model": model})
-    return load_dictionary(sound(lake, rows[0]["file"]))
+    return sound(lake, rows[0]["file"])
 
 
 def encoded(lake: Lake, query: Query, dictionary: PostureDictionary, *, mirrored: bool = False) -> StringQuery:
@@ -151,7 +160,7 @@ class ClipStrings:
         """Remember those of some clips, which are read together.
 
         Raises:
-            UserError: the lake's string of one was made with other settings.
+            UserError: the lake's string of one is not of its postures.
         """
         missing = [clip for clip in dict.fromkeys(clips) if clip not in self._known]
         if not missing:
@@ -161,25 +170,28 @@ class ClipStrings:
         if len(self._known) + len(missing) > KEPT:
             self._known.clear()
         for clip in missing:
-            self._known[clip] = self._checked(clip, codes.get(clip))
+            self._known[clip] = self._made(clip, codes.get(clip))
 
-    def _checked(self, clip: str, codes: Int32Array | None) -> UnfoldedString:
-        index, config = self._strings.positions[clip], served_config(self._lake)
+    def _made(self, clip: str, codes: Int32Array | None) -> UnfoldedString:
+        """By the settings that the lake's string was made with, should config.toml have others by now."""
+        index = self._strings.positions[clip]
         known, served = self._strings.clips[index], self._strings.string_of(index)
         if codes is None:  # they are being made anew
-            found = _coded(self._lake, query_motion(self._lake, Query(clip)), self.dictionary)
-        else:
+            motion, coding = query_motion(self._lake, Query(clip)), self.dictionary.config.frames
+            codes = self.dictionary.encode(word_features(*motion.cut(), motion.fps, coding))
+        for config in EVERY:
             with about(clip):
-                found = unfolded(
-                    codes, codes_fps=config.postures.fps, fps=known.fps, n_frames=known.frames, config=config.symbols
-                )
-        folded = found.folded
-        if not (np.array_equal(folded.symbols, served.symbols) and np.array_equal(folded.starts, served.starts)):
-            raise UserError(
-                f"{clip}: its symbol string was made with other settings than config.toml has now; make it anew with "
-                "`motionlake run all`"
-            )
-        return found
+                found = unfolded(codes, codes_fps=self._fps, fps=known.fps, n_frames=known.frames, config=config)
+            folded = found.folded
+            if np.array_equal(folded.symbols, served.symbols) and np.array_equal(folded.starts, served.starts):
+                return found
+        raise UserError(f"{clip}: its symbol string is not of its postures; make it anew with `motionlake run all`")
+
+    @cached_property
+    def _fps(self) -> float:
+        """Codes a second. Not by `dictionary`: no encoder is needed, nor torch."""
+        _, kept = read_tensors(model_file(self._lake, self._strings.model), DICTIONARY_KEY, "codes")
+        return PosturesConfig(**kept["config"]).fps
 
 
 def barred_symbols(strings: LakeStrings, query: StringQuery, clips: ClipStrings) -> BoolArray | None:
