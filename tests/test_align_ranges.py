@@ -103,6 +103,13 @@ def test_a_cycle_of_boxing_finds_the_other_cycles(searcher: AlignmentRangeSearch
             assert hit.clip != clip or (hit.stop or 0) <= start or (hit.start or 0) >= stop
 
 
+def test_other_cycles_of_the_same_repeat_are_answers(searcher: AlignmentRangeSearcher) -> None:
+    """The take's string has one instance of the punches, whose frames are the query's; the next cycles follow."""
+    clip = clip_of(searcher, "13_29")
+    (hits,) = searcher.search([Query(clip, 150, 270)], 4)
+    assert any(hit.clip == clip and 270 <= (hit.start or 0) < 300 and hit.cost == 0 for hit in hits)
+
+
 def test_every_way_to_ask_gives_the_same_answer(boxing: Path, searcher: AlignmentRangeSearcher) -> None:
     clip = clip_of(searcher, "13_29")
     command = motionlake("align", clip, "--from", 240, "--to", 360, "-k", 4, "--lake", boxing, "--json").json

@@ -45,6 +45,7 @@ def told(string: UnfoldedString, found: list[Occurrence]) -> list[tuple[str, int
         ("xabcabcabcy", 3, 5, 0, [("cy", 1)]),  # the last one next to y
         ("xabcabcabcy", 2, 5, 0, [("bcy", 1)]),
         ("xabcabcabcy", 0, 5, 0, [("xabcabcabcy", 3)]),  # all lie within
+        ("xabcabcabcydededez", 3, 8, 0, [("cydededez", 3)]),  # begins in the last cycle of one, holds another whole
         ("abcdabe", 0, 2, 0, [("ab", 1), ("ab", 1)]),
         ("abcde", 1, 4, 3, [("bcd", 1)]),
     ],
