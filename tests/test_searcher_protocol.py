@@ -49,9 +49,9 @@ def two_sets(tmp_path_factory: pytest.TempPathFactory, built_lake: Path) -> Lake
         con.execute(f"UPDATE clips SET format = 'synthetic' WHERE clip = ({first})")
         con.execute(f"CREATE OR REPLACE MACRO quality_verdict(name) AS {VERDICT}")
     lake = open_lake(root)
-    # Those of words place the answers of "submotion".
+    # Those of words place the answers of "submotion", those of postures the answers of "alignment".
     for part in sorted(
-        part for kind in ("features", "embeddings", "moves") for part in root.glob(f"{kind}/**/*.parquet")
+        part for kind in ("features", "embeddings", "moves", "postures") for part in root.glob(f"{kind}/**/*.parquet")
     ):
         _copy_clips(part)
     for part in sorted(root.glob("frames/**/*.parquet")):

@@ -37,7 +37,7 @@ from motionlake.pictures.symbol_figures import (
 )
 from motionlake.pictures.symbol_material import SymbolMaterial
 from motionlake.retrieval.protocol import Hit, clip_hit, ranked
-from motionlake.retrieval.symbol_strings import ClipStrings, StringQuery, string_query
+from motionlake.retrieval.symbol_strings import ClipStrings, StringQuery, clip_query
 
 CONTEXT: Final = 3  # symbols before and after a match
 MOST_WHOLE: Final = 30  # symbols of a clip that is shown whole
@@ -165,8 +165,8 @@ def _nearest_two(material: SymbolMaterial, clips: Sequence[int]) -> Picture | No
     if not np.isfinite(costs[first, second]):
         return None
     query, known = strings.clips[chosen[first]], strings.clips[chosen[second]]
+    asked = clip_query(query.clip, strings.string_of(chosen[first]), query.fps)
     whole = ClipStrings(material.lake, strings)
-    asked = string_query(query.clip, whole.of(query.clip), query.fps, query.clip)
     (hit,) = ranked([clip_hit(known, float(costs[first, second]))])
     made = AlignmentPictures(material, asked, query.fps, config, whole).whole(hit, "The nearest two clips, aligned")
     caption = (

@@ -37,6 +37,7 @@ from motionlake.retrieval.symbol_strings import (
     ClipStrings,
     StringQuery,
     barred_symbols,
+    clip_query,
     encoded,
     query_of_symbols,
     string_query,
@@ -94,8 +95,8 @@ class _Aligner(LakeSearcher):
             raise not_ready(self.lake, query.clip, "symbol string")
         if query.clip is None or mirrored or not query.whole:
             return encoded(self.lake, query, self.clip_strings.dictionary, mirrored=mirrored)
-        fps = strings.clips[strings.positions[query.clip]].fps
-        return string_query(query.name, self.clip_strings.of(query.clip), fps, query.clip)
+        index = strings.positions[query.clip]
+        return clip_query(query.clip, strings.string_of(index), strings.clips[index].fps)
 
     @cached_property
     def clip_strings(self) -> ClipStrings:
@@ -256,10 +257,10 @@ class LongAlignment:
 
     def part(self, start: int | None, stop: int | None) -> StringQuery:
         """The string of a range, reduced for itself. Raises `UserError` as `matches`."""
-        whole = self.query
-        assert whole.unfolded is not None
+        whole, string = self.query, self.clips.of_query(self.query)
+        assert string is not None
         first, last = frame_range(whole.name, start, stop, whole.stop)
-        return string_query(whole.name, whole.unfolded.part(first, last, self.reduced), whole.fps, whole.clip)
+        return string_query(whole.name, string.part(first, last, self.reduced), whole.fps, whole.clip)
 
     def place(self, part: StringQuery) -> int | None:
         """Where a string stands in the long query's, nearest to its frames; None where it does not."""

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from motionlake.lake.strings import LakeStrings
-from motionlake.pesta.cycles import Occurrence, occurrences
+from motionlake.pesta.cycles import Occurrence, occurrences, whole
 from motionlake.pesta.matches import Match
 from motionlake.retrieval.protocol import Hit, PathStep, range_hit
 from motionlake.retrieval.symbol_strings import ClipStrings, StringQuery
@@ -66,7 +67,7 @@ class MatchedFrames:
     def _occurring(self, match: Match, taken: Taken) -> list[Hit]:
         """The occurrences of a match that share no frames with earlier answers."""
         string, others = self.clips.of(self.strings.clips[match.clip].clip), taken.setdefault(match.clip, [])
-        own = self.query.whole
+        own = self._asked
         hits = []
         for found in occurrences(string, match.start, match.stop, own.cycles - 1 if own else 0):
             start, stop = found.frames(string)
@@ -78,13 +79,19 @@ class MatchedFrames:
             hits.append(replace(hit, cycles=found.cycles, speed=self._speed(match.clip, found), path=path))
         return hits
 
+    @cached_property
+    def _asked(self) -> Occurrence | None:
+        """Where the query stands in its own frames; None of symbols without any."""
+        string = self.clips.of_query(self.query)
+        return None if string is None else whole(string)
+
     def _speed(self, clip: int, found: Occurrence) -> float | None:
         """How much faster than the query, a cycle as a cycle."""
-        query, own, string = self.query, self.query.whole, self.clips.of(self.strings.clips[clip].clip)
-        if own is None or query.unfolded is None:
+        own, asked = self._asked, self.clips.of_query(self.query)
+        if own is None or asked is None:
             return None
-        seconds = found.once(string) / self.strings.clips[clip].fps
-        return own.once(query.unfolded) / query.fps / seconds if seconds else None
+        seconds = found.once(self.clips.of(self.strings.clips[clip].clip)) / self.strings.clips[clip].fps
+        return own.once(asked) / self.query.fps / seconds if seconds else None
 
     def _crossing(self, match: Match, end: int) -> Hit:
         """A match that ends in a later clip than it begins in, as its symbols stand, repeats folded."""

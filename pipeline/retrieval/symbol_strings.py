@@ -19,7 +19,7 @@ from motionlake.lake.settings import served_config
 from motionlake.lake.strings import LakeStrings
 from motionlake.motion.features import word_features
 from motionlake.pesta.config import DICTIONARY_KEY, PosturesConfig, SymbolsConfig
-from motionlake.pesta.cycles import Occurrence, repeated, whole
+from motionlake.pesta.cycles import repeated
 from motionlake.pesta.symbols import SymbolString, UnfoldedString, unfolded
 from motionlake.retrieval.encode import QueryMotion, query_motion
 from motionlake.retrieval.protocol import Query, about
@@ -41,7 +41,8 @@ class StringQuery:
 
     Attributes:
         string: its frames count from the first of the clip or file.
-        unfolded: the same with every cycle of its repeats; None of symbols that have no frames.
+        unfolded: the same with every cycle of its repeats; None of a whole clip of the lake (`ClipStrings` has it), and
+            of symbols that have no frames.
         fps: of the frames; 0 without any.
     """
 
@@ -57,11 +58,6 @@ class StringQuery:
     def symbols(self) -> Int32Array:
         return self.string.symbols
 
-    @cached_property
-    def whole(self) -> Occurrence | None:
-        """Where the string stands in itself, unfolded."""
-        return None if self.unfolded is None else whole(self.unfolded)
-
     def frames_of(self, symbol: int) -> tuple[int, int]:
         """The frames of the query that a symbol of the string stands for."""
         return int(self.string.starts[symbol]), int(self.string.stops[symbol])
@@ -75,6 +71,15 @@ def string_query(name: str, string: UnfoldedString, fps: float, clip: str | None
     """
     start, stop = int(string.starts[0]), int(string.stops[-1])
     return _long_enough(StringQuery(name, string.folded, start, stop, clip, string, fps))
+
+
+def clip_query(name: str, string: SymbolString, fps: float) -> StringQuery:
+    """A whole clip of the lake as a query.
+
+    Raises:
+        UserError: it is one symbol.
+    """
+    return _long_enough(StringQuery(name, string, 0, int(string.stops[-1]), name, None, fps))
 
 
 def query_of_symbols(symbols: NDArray[np.int32], name: str = "query") -> StringQuery:
@@ -155,6 +160,10 @@ class ClipStrings:
         if clip not in self._known:
             self.read([clip])
         return self._known[clip]
+
+    def of_query(self, query: StringQuery) -> UnfoldedString | None:
+        """That of a query; None of symbols that have no frames. Raises `UserError` as `read`."""
+        return self.of(query.clip) if query.unfolded is None and query.clip is not None else query.unfolded
 
     def read(self, clips: Sequence[str]) -> None:
         """Remember those of some clips, which are read together.
