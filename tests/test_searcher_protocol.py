@@ -70,7 +70,7 @@ def _copy_clips(part: Path) -> None:
         con.execute(
             f"INSERT INTO rows SELECT * REPLACE ('{OTHER}' || substr(clip, strpos(clip, '/')) AS clip) FROM rows"
         )
-        con.execute(f"COPY (FROM rows ORDER BY ALL) TO '{part}' (FORMAT parquet)")
+        con.execute(f"COPY (FROM rows ORDER BY clip, rowid) TO '{part}' (FORMAT parquet)")
 
 
 def twin(clip: str) -> str:
