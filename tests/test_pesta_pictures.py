@@ -21,6 +21,7 @@ from motionlake.pictures.evaluation import confusion_figure, precision_recall_fi
 from motionlake.pictures.maps import posture_map, tsne
 from motionlake.pictures.stick_figures import postures_view
 from motionlake.pictures.style import motif_colours
+from motionlake.pictures.symbol_columns import path_indices
 from motionlake.pictures.symbol_figures import (
     AlignedPath,
     StripOfSymbols,
@@ -30,7 +31,7 @@ from motionlake.pictures.symbol_figures import (
     symbol_strip,
 )
 from motionlake.pictures.symbol_material import SymbolMaterial, posture_bodies, read_symbols
-from motionlake.pictures.symbol_pictures import AlignmentPictures, path_indices, posture_sample, strip_of
+from motionlake.pictures.symbol_pictures import AlignmentPictures, posture_sample, strip_of
 from motionlake.retrieval.alignment import AlignmentRangeSearcher
 from motionlake.retrieval.protocol import Query
 from numpy.typing import NDArray

@@ -10,12 +10,11 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from motionlake.arrays import Float32Array, Int32Array, Int64Array, IntArray
+from motionlake.arrays import Float32Array, Int32Array
 from motionlake.lake.catalog import fetch
 from motionlake.lake.frames import read_clips
 from motionlake.lake.integrity import sound
 from motionlake.lake.settings import served_config
-from motionlake.lake.strings import LakeStrings
 from motionlake.motion.features import word_features
 from motionlake.pesta.config import AlignmentConfig
 from motionlake.pesta.matches import best_matches
@@ -26,6 +25,7 @@ from motionlake.pictures.hits_page import hits_page
 from motionlake.pictures.html import Picture, picture, write_hits
 from motionlake.pictures.maps import LEAST, posture_map, tsne
 from motionlake.pictures.material import sampled
+from motionlake.pictures.symbol_columns import Columns, of_string, path_indices, shown
 from motionlake.pictures.symbol_figures import (
     MOMENTS,
     AlignedPath,
@@ -39,8 +39,6 @@ from motionlake.pictures.symbol_material import SymbolMaterial
 from motionlake.retrieval.protocol import Hit, clip_hit, ranked
 from motionlake.retrieval.symbol_strings import ClipStrings, StringQuery, clip_query
 
-CONTEXT: Final = 3  # symbols before and after a match
-MOST_WHOLE: Final = 30  # symbols of a clip that is shown whole
 MOST_MATRICES: Final = 10
 STRIPS: Final = 3
 MOST_PAIRED: Final = 80  # clips among which the nearest two are looked for
@@ -220,7 +218,7 @@ class AlignmentPictures:
         title = title or f"Clip {hit.rank}: {_file(hit.clip)}, {hit.seconds:.2f} s"
         caption = f"{query.name} aligned to {hit.clip}, {said}; the path is that of the first in the second."
         alternative = f"{hit.clip} aligned to {query.name}"
-        columns = _of_string(strings, strings.symbols_of(clip))
+        columns = of_string(strings, strings.symbols_of(clip))
         return self._picture(hit, columns, paths, title, said, alternative, caption)
 
     def _match(self, hit: Hit, others: Sequence[Hit]) -> Picture:
@@ -230,7 +228,7 @@ class AlignmentPictures:
         """
         query, columns = self.query, self.around(hit)
         pairs = path_indices(columns, query, hit)
-        first, last = _shown(int(pairs[0, 1]), int(pairs[-1, 1]) + 1, columns)
+        first, last = shown(int(pairs[0, 1]), int(pairs[-1, 1]) + 1, columns)
         paths = [AlignedPath(f"hit {hit.rank}, cost {_cost(hit):.2f}", pairs - (0, first))]
         for other in others:
             if other.rank != hit.rank and other.clip == hit.clip and other.stop_clip == hit.stop_clip and other.path:
@@ -258,7 +256,7 @@ class AlignmentPictures:
         strings = self.material.strings
         own = strings.symbols_of(strings.positions[hit.clip])
         if hit.stop_clip not in (None, hit.clip):
-            return _of_string(strings, slice(own.start, len(strings.repository.symbols)))
+            return of_string(strings, slice(own.start, len(strings.repository.symbols)))
         string = self.clips.of(hit.clip)
         return Columns(string.symbols, string.starts, string.stops, [])
 
@@ -291,62 +289,6 @@ class AlignmentPictures:
         )  # fmt: skip
         caption = "The query, shaded, and the answers, cheapest first."
         return picture("hits", f"hits for {query.name}", caption, figure)
-
-
-@dataclass(frozen=True)
-class Columns:
-    """Symbols, with their frames, and where the next clip begins."""
-
-    symbols: IntArray
-    starts: IntArray
-    stops: IntArray
-    cuts: list[int]
-
-    def part(self, first: int, last: int) -> Columns:
-        shown = slice(first, last)
-        cuts = [cut - first for cut in self.cuts if first < cut < last]
-        return Columns(self.symbols[shown], self.starts[shown], self.stops[shown], cuts)
-
-
-def _of_string(strings: LakeStrings, columns: slice) -> Columns:
-    """Symbols of all strings, repeats folded."""
-    cuts = [int(cut) - columns.start for cut in strings.repository.offsets if columns.start < cut < columns.stop]
-    symbols = strings.repository.symbols[columns]
-    return Columns(symbols, strings.starts[columns], strings.stops[columns], cuts)
-
-
-def path_indices(columns: Columns, query: StringQuery, hit: Hit) -> Int64Array:
-    """[L, 2] (symbol of the query, column) of a hit's path, which is in frames.
-
-    Raises:
-        ValueError: a hit without its path.
-    """
-    if not hit.path:
-        raise ValueError(f"{hit.clip}: the hit has no path; ask for it")
-    rows = _places(query.string.starts, query.string.stops, [step.query for step in hit.path])
-    return np.stack([rows, _places(columns.starts, columns.stops, [step.clip for step in hit.path])], axis=1)
-
-
-def _places(starts: IntArray, stops: IntArray, wanted: Sequence[tuple[int, int]]) -> Int64Array:
-    """Where ranges of frames stand, each not before the last: a path never goes back.
-
-    A range that covers further cycles stands where it begins.
-    """
-    found, place = [], 0
-    for start, stop in wanted:
-        here = place + np.flatnonzero(starts[place:] == start)
-        exact = here[stops[here] == stop]
-        place = int(exact[0] if len(exact) else here[-1])
-        found.append(place)
-    return np.array(found, dtype=np.int64)
-
-
-def _shown(first: int, last: int, columns: Columns) -> tuple[int, int]:
-    """Symbols to show around a match [first, last) of a clip: the clip, or some before and after."""
-    count = len(columns.symbols)
-    if not columns.cuts and count <= MOST_WHOLE:
-        return 0, count
-    return max(0, first - CONTEXT), max(last, min(count, last + CONTEXT))
 
 
 def _cost(hit: Hit) -> float:
