@@ -155,6 +155,7 @@ SMOKES: Final[Sequence[Smoke]] = (
             "--processes", "1", "--hidden", "8", **_FEW_SYMBOLS, **{"bench.pesta.elasticity.SIZES": (8, 24),
             "bench.pesta.elasticity.SIZES_OF_AAE": (24,), "bench.pesta.elasticity.ROUNDS": 1,
             "bench.pesta.ablations.variants": lambda aae: {"default": aae, "style 12": aae}}),
+    Smoke("bench.pesta.cut_files", ("cmu_bvh", "--windows", "2")),
     *_parts("bench.deephums", "retrieval choices unlabelled submotion", "--seeds", "1", "--epochs", "1", "--steps", "1",
             **{"bench.deephums.choices.CHOICES": First(6), "bench.deephums.unlabelled.DRAWS": 1,
             "bench.deephums.unlabelled.SKETCHES": ()}),

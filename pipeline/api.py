@@ -281,6 +281,9 @@ class Lake:
     ) -> Rows:
         """Where a motion occurs inside the clips, by alignment of postures: ranges, cheapest first (PESTA, section 6).
 
+        Of motion that repeats every cycle is an answer, or as many in a row as the query has; "cycles" counts them, and
+        "speed" is how much faster they are than the query.
+
         Examples:
             >>> hits = lake.align("humanoid3d_walk", 0, 30, k=2, path=True)
             >>> sorted(hits[0]["path"][0])

@@ -264,7 +264,7 @@ def canonical_clips(lake: Path) -> list[tuple[str, float, np.ndarray, np.ndarray
 
 def list_anew(lake: Path) -> None:
     """Let the catalog list the parts and models of a lake as a test has made them."""
-    folders = ("frames", "features", "embeddings", "moves", "graph", "shortlist", "models")
+    folders = ("frames", "features", "embeddings", "moves", "postures", "graph", "shortlist", "models")
     found = (path for name in folders for path in lake.glob(f"{name}/**/*.*"))
     files = [path.relative_to(lake).as_posix() for path in found]
     with Changed(lake) as con:

@@ -21,6 +21,7 @@ from motionlake.pictures.evaluation import confusion_figure, precision_recall_fi
 from motionlake.pictures.maps import posture_map, tsne
 from motionlake.pictures.stick_figures import postures_view
 from motionlake.pictures.style import motif_colours
+from motionlake.pictures.symbol_columns import path_indices
 from motionlake.pictures.symbol_figures import (
     AlignedPath,
     StripOfSymbols,
@@ -30,7 +31,7 @@ from motionlake.pictures.symbol_figures import (
     symbol_strip,
 )
 from motionlake.pictures.symbol_material import SymbolMaterial, posture_bodies, read_symbols
-from motionlake.pictures.symbol_pictures import path_indices, posture_sample, strip_of
+from motionlake.pictures.symbol_pictures import AlignmentPictures, posture_sample, strip_of
 from motionlake.retrieval.alignment import AlignmentRangeSearcher
 from motionlake.retrieval.protocol import Query
 from numpy.typing import NDArray
@@ -238,16 +239,21 @@ def test_paths_in_frames_are_the_symbols_of_the_alignment(built_lake: Path, cros
     asked = searcher.symbols_of(query)
     (hits,) = searcher.search([query], 4)
     assert hits
-    for hit in hits:
-        pairs = path_indices(strings, asked, hit)
-        assert (pairs[0, 0], pairs[-1, 0]) == (0, len(asked.symbols) - 1)
-        assert (np.diff(pairs, axis=0) >= 0).all()
-        assert strings.starts[pairs[0, 1]] == hit.start
-        assert strings.stops[pairs[-1, 1]] == hit.stop
-        least = strings.distances.matrix[asked.symbols[pairs[:, 0]], strings.repository.symbols[pairs[:, 1]]].sum()
-        assert least <= (hit.cost or 0.0) + 1e-3
-    with pytest.raises(ValueError, match="no path"):
-        path_indices(strings, asked, replace(hits[0], path=None))
+    with reading(lake) as con:
+        material = read_symbols(con, lake, strings)
+        pictures = AlignmentPictures(material, asked, clip.fps, searcher.config, searcher.clip_strings)
+        for hit in hits:
+            columns = pictures.around(hit)
+            pairs = path_indices(columns, asked, hit)
+            assert (pairs[0, 0], pairs[-1, 0]) == (0, len(asked.symbols) - 1)
+            assert (np.diff(pairs, axis=0) >= 0).all()
+            assert columns.starts[pairs[0, 1]] == hit.start
+            assert hit.stop in columns.stops[pairs[-1, 1] :]
+            matched = columns.symbols[pairs[:, 1]]
+            least = strings.distances.matrix[asked.symbols[pairs[:, 0]], matched].sum()
+            assert least <= (hit.cost or 0.0) + 1e-3
+        with pytest.raises(ValueError, match="no path"):
+            path_indices(columns, asked, replace(hits[0], path=None))
 
 
 def test_answers_of_align_are_drawn(built_lake: Path, clips_folder: Path, tmp_path: Path) -> None:

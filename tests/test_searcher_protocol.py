@@ -49,9 +49,9 @@ def two_sets(tmp_path_factory: pytest.TempPathFactory, built_lake: Path) -> Lake
         con.execute(f"UPDATE clips SET format = 'synthetic' WHERE clip = ({first})")
         con.execute(f"CREATE OR REPLACE MACRO quality_verdict(name) AS {VERDICT}")
     lake = open_lake(root)
-    # Those of words place the answers of "submotion".
+    # Those of words place the answers of "submotion", those of postures the answers of "alignment".
     for part in sorted(
-        part for kind in ("features", "embeddings", "moves") for part in root.glob(f"{kind}/**/*.parquet")
+        part for kind in ("features", "embeddings", "moves", "postures") for part in root.glob(f"{kind}/**/*.parquet")
     ):
         _copy_clips(part)
     for part in sorted(root.glob("frames/**/*.parquet")):
@@ -70,7 +70,7 @@ def _copy_clips(part: Path) -> None:
         con.execute(
             f"INSERT INTO rows SELECT * REPLACE ('{OTHER}' || substr(clip, strpos(clip, '/')) AS clip) FROM rows"
         )
-        con.execute(f"COPY (FROM rows ORDER BY ALL) TO '{part}' (FORMAT parquet)")
+        con.execute(f"COPY (FROM rows ORDER BY clip, rowid) TO '{part}' (FORMAT parquet)")
 
 
 def twin(clip: str) -> str:

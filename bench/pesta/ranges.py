@@ -1,26 +1,29 @@
 """Whole-sequence retrieval by several labels (section 8.3.1, Table 3) on cmu_bvh and its ranges.
 
 A clip carries a label where one of its ranges has it; clips without ranges stay in the repository and carry none.
-Queries are ranges: up to 10 of each label, drawn with the seed, cut out of their clip's string; the clip itself is left
-out of the answers. A label that one clip alone carries has no query. Clips are ranked by their best sub-sequence, for
-each symbol of the query ("one way", the paper's), and by the worse of that and of the clip in the query.
+Queries are ranges: up to 10 of each label, drawn with the seed, whose frames alone are coded and reduced; the clip
+itself is left out of the answers. A label that one clip alone carries has no query. Clips are ranked by their best
+sub-sequence, for each symbol of the query ("one way", the paper's), and by the worse of that and of the clip in the
+query.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
 from motionlake.evaluation.ranking import by_class, ranked_relevance, score_rankings, share_label
-from motionlake.pesta.config import AlignmentConfig
+from motionlake.pesta.config import AlignmentConfig, PosturesConfig
 from motionlake.pesta.scan import pairwise
 from motionlake.pesta.strings import Repository
 from motionlake.pesta.symbols import SymbolString
 
-from bench.pesta.dictionaries import Spec, Unit, fitted, strings_of
+from bench.canonical_sets import LabelledClip, features
+from bench.pesta.dictionaries import Fitted, Spec, Unit, fitted, string, strings_of
 from bench.pesta.measuring import STA3
-from bench.pesta.sets import segments_of
+from bench.pesta.sets import clips_of, segments_of
 from bench.pesta.whole import DTW, SCORES, SW, specs
 from bench.units import Found
 
@@ -52,9 +55,11 @@ def drawn_ranges(seed: int) -> list[tuple[int, int, int, str]]:
     return found
 
 
-def cut(string: SymbolString, start: int, stop: int) -> np.ndarray:
-    """The symbols that stand for frames [start, stop)."""
-    return string.symbols[(string.starts < stop) & (string.stops > start)]
+def cut(made: Fitted, config: PosturesConfig, clip: LabelledClip, start: int, stop: int) -> SymbolString:
+    """The string of frames [start, stop) alone."""
+    part = replace(clip, positions=clip.positions[start:stop], rotations=clip.rotations[start:stop])
+    (postures,) = features([part], config.frames)
+    return string(made.encode(postures), part, config.fps)
 
 
 def measure(unit: Unit) -> dict[str, Found]:
@@ -63,12 +68,13 @@ def measure(unit: Unit) -> dict[str, Found]:
     carried = [{label for _, _, label in segments} for segments in segments_of(SET)]
     drawn = drawn_ranges(unit.seed)
     labels = [label for *_, label in drawn]
-    queries = [cut(strings[clip], start, stop) for clip, start, stop, _ in drawn]
+    clips, config = clips_of(SET), unit.spec.config
+    queries = [cut(made, config, clips[clip], start, stop).symbols for clip, start, stop, _ in drawn]
     candidates = np.arange(len(strings)) != np.array([clip for clip, *_ in drawn])[:, None]
     relevant = share_label(labels, carried) & candidates
     rows = {}
-    for name, (config, both) in ALIGNMENTS.items():
-        costs = ranged_costs(queries, [s.symbols for s in strings], made.distances, config, both)
+    for name, (alignment, both) in ALIGNMENTS.items():
+        costs = ranged_costs(queries, [s.symbols for s in strings], made.distances, alignment, both)
         rankings = ranked_relevance(costs, relevant, candidates)
         scores = score_rankings(rankings)
         maps = {label: score_rankings(hits).map for label, hits in by_class(rankings, labels).items()}

@@ -259,8 +259,8 @@ def align(
 
             admits = replace(scope, recorded_only=False).admission(target)
             material = read_symbols(con, target, searcher.strings.among(admits))
-            fps = query_motion(target, piece).fps
-            AlignmentPictures(material, searcher.symbols_of(piece), fps, searcher.config).save(picture, hits)
+            fps, asked = query_motion(target, piece).fps, searcher.symbols_of(piece)
+            AlignmentPictures(material, asked, fps, searcher.config, searcher.clip_strings).save(picture, hits)
     rows = [(hit if path else replace(hit, path=None)).as_row() for hit in hits]
     tell_hits(rows, mirrored=mirrored, as_json=as_json)
 

@@ -80,7 +80,7 @@ class LongQuery:
         self.segment_length = -(-len(self.query) // count)
         filled = np.pad(self.query, (0, count * self.segment_length - len(self.query)), mode="edge")
         self._segments = np.ascontiguousarray(filled.reshape(count, self.segment_length))
-        self._repository, self._stride = repository, config.reach
+        self._repository, self._stride, self.config = repository, config.reach, config
         self._inside = repository.offsets if boundaries == "dropped" else self._strings.offsets
         self._ends = np.empty((count, len(repository.symbols)), dtype=np.float32)
         self._starts = np.empty(self._ends.shape, dtype=np.int32)

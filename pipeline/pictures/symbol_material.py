@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 from motionlake.arrays import Float32Array, Float64Array, FloatArray, Int32Array, IntArray
 from motionlake.lake.catalog import Connection, fetch
-from motionlake.lake.integrity import is_listed, sound
+from motionlake.lake.integrity import sound
 from motionlake.lake.layout import Lake
 from motionlake.lake.strings import LakeStrings, read_strings
 from motionlake.motion.features import WordConfig
@@ -19,7 +19,7 @@ from motionlake.pesta.config import DICTIONARY_KEY, PosturesConfig
 from motionlake.pictures.motif_figures import motif_order
 from motionlake.pictures.stick_figures import PoseReader
 from motionlake.pictures.style import motif_colours
-from motionlake.stages.postures import codes_files, read_codes
+from motionlake.stages.postures import codes_of_clips
 from motionlake.weights import read_tensors
 
 # Joints that no dictionary over positions holds, as shares of two that it does; feet end at the ankles.
@@ -63,15 +63,7 @@ class SymbolMaterial:
 
     def codes_of(self, clips: Sequence[str]) -> dict[str, Int32Array]:
         """[T] symbols of the postures of clips, parts read once; without clips that are being recoded."""
-        model = fetch(self.con, "model_file", {"model": self.strings.model})[0]["file"]
-        files = codes_files(self.con, sound(self.lake, model))
-        parts = {row["clip"]: row["part"] for row in fetch(self.con, "parts_of", {"clips": list(clips)})}
-        found: dict[str, Int32Array] = {}
-        for part in sorted(set(parts.values())):
-            if is_listed(self.lake, files[part]):
-                coded = read_codes(sound(self.lake, files[part]))
-                found |= {clip: codes for clip, codes in coded if parts.get(clip) == part}
-        return found
+        return codes_of_clips(self.con, self.lake, self.strings.model, clips)
 
     @property
     def about_bodies(self) -> str:

@@ -4,18 +4,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from motionlake.arrays import Float32Array, Int32Array, Int64Array
+from motionlake.arrays import Float32Array, Int32Array
 from motionlake.lake.catalog import fetch
 from motionlake.lake.frames import read_clips
 from motionlake.lake.integrity import sound
 from motionlake.lake.settings import served_config
-from motionlake.lake.strings import LakeStrings
 from motionlake.motion.features import word_features
 from motionlake.pesta.config import AlignmentConfig
 from motionlake.pesta.matches import best_matches
@@ -26,6 +25,7 @@ from motionlake.pictures.hits_page import hits_page
 from motionlake.pictures.html import Picture, picture, write_hits
 from motionlake.pictures.maps import LEAST, posture_map, tsne
 from motionlake.pictures.material import sampled
+from motionlake.pictures.symbol_columns import Columns, of_string, path_indices, shown
 from motionlake.pictures.symbol_figures import (
     MOMENTS,
     AlignedPath,
@@ -37,10 +37,8 @@ from motionlake.pictures.symbol_figures import (
 )
 from motionlake.pictures.symbol_material import SymbolMaterial
 from motionlake.retrieval.protocol import Hit, clip_hit, ranked
-from motionlake.retrieval.symbol_strings import StringQuery, string_query
+from motionlake.retrieval.symbol_strings import ClipStrings, StringQuery, clip_query
 
-CONTEXT: Final = 3  # symbols before and after a match
-MOST_WHOLE: Final = 30  # symbols of a clip that is shown whole
 MOST_MATRICES: Final = 10
 STRIPS: Final = 3
 MOST_PAIRED: Final = 80  # clips among which the nearest two are looked for
@@ -165,9 +163,10 @@ def _nearest_two(material: SymbolMaterial, clips: Sequence[int]) -> Picture | No
     if not np.isfinite(costs[first, second]):
         return None
     query, known = strings.clips[chosen[first]], strings.clips[chosen[second]]
-    asked = string_query(query.clip, strings.string_of(chosen[first]), query.frames, None, None, query.clip)
+    asked = clip_query(query.clip, strings.string_of(chosen[first]), query.fps)
+    whole = ClipStrings(material.lake, strings)
     (hit,) = ranked([clip_hit(known, float(costs[first, second]))])
-    made = AlignmentPictures(material, asked, query.fps, config).whole(hit, "The nearest two clips, aligned")
+    made = AlignmentPictures(material, asked, query.fps, config, whole).whole(hit, "The nearest two clips, aligned")
     caption = (
         f"{files[first]} aligned to {files[second]}, the nearest two among {len(chosen)} clips that are not called "
         f"alike and whose strings differ. {material.about_matrix} `motionlake align CLIP --picture hits.html` draws it "
@@ -185,12 +184,14 @@ class AlignmentPictures:
         query: what was looked for.
         fps: of its frames.
         config: how the answers were found.
+        clips: the strings with every cycle of their repeats.
     """
 
     material: SymbolMaterial
     query: StringQuery
     fps: float
     config: AlignmentConfig
+    clips: ClipStrings
 
     def save(self, path: Path, hits: Sequence[Hit]) -> None:
         """Draw the best answer as .png; a page of all of them, then one by one, as .html.
@@ -217,18 +218,21 @@ class AlignmentPictures:
         title = title or f"Clip {hit.rank}: {_file(hit.clip)}, {hit.seconds:.2f} s"
         caption = f"{query.name} aligned to {hit.clip}, {said}; the path is that of the first in the second."
         alternative = f"{hit.clip} aligned to {query.name}"
-        return self._picture(hit, strings.symbols_of(clip), paths, title, said, alternative, caption)
+        columns = of_string(strings, strings.symbols_of(clip))
+        return self._picture(hit, columns, paths, title, said, alternative, caption)
 
     def _match(self, hit: Hit, others: Sequence[Hit]) -> Picture:
-        """The matrix of one match, with what lies around it in its clip; other matches that lie there are dashed."""
-        strings, query = self.material.strings, self.query
-        pairs = path_indices(strings, query, hit)
-        own = strings.symbols_of(strings.positions[hit.clip])
-        first, last = _shown(int(pairs[0, 1]), int(pairs[-1, 1]) + 1, own)
+        """The matrix of one match, with what lies around it in its clip; other matches that lie there are dashed.
+
+        Of a clip every cycle of its repeats is shown; of several the strings, with repeats folded.
+        """
+        query, columns = self.query, self.around(hit)
+        pairs = path_indices(columns, query, hit)
+        first, last = shown(int(pairs[0, 1]), int(pairs[-1, 1]) + 1, columns)
         paths = [AlignedPath(f"hit {hit.rank}, cost {_cost(hit):.2f}", pairs - (0, first))]
         for other in others:
-            if other.rank != hit.rank and other.clip == hit.clip and other.path:
-                found = path_indices(strings, query, other)
+            if other.rank != hit.rank and other.clip == hit.clip and other.stop_clip == hit.stop_clip and other.path:
+                found = path_indices(columns, query, other)
                 if first <= found[0, 1] and found[-1, 1] < last:
                     paths.append(AlignedPath(f"hit {other.rank}, cost {_cost(other):.2f}", found - (0, first)))
         if hit.stop_clip in (None, hit.clip):
@@ -242,22 +246,30 @@ class AlignmentPictures:
             f"{_cost(hit):.3f} ({hit.distance:.3f} for each of {len(query.symbols)} symbols)."
         )
         return self._picture(
-            hit, slice(first, last), paths, f"Hit {hit.rank}: {_file(hit.clip)}",
+            hit, columns.part(first, last), paths, f"Hit {hit.rank}: {_file(hit.clip)}",
             f"{brief}; cost {_cost(hit):.3f}, {hit.distance:.3f} for each symbol of the query",
             f"hit {hit.rank} for {query.name}: {hit.clip}, {said}", caption,
         )  # fmt: skip
 
+    def around(self, hit: Hit) -> Columns:
+        """What a hit's path may lead through."""
+        strings = self.material.strings
+        own = strings.symbols_of(strings.positions[hit.clip])
+        if hit.stop_clip not in (None, hit.clip):
+            return of_string(strings, slice(own.start, len(strings.repository.symbols)))
+        string = self.clips.of(hit.clip)
+        return Columns(string.symbols, string.starts, string.stops, [])
+
     def _picture(
-        self, hit: Hit, columns: slice, paths: Sequence[AlignedPath], title: str, note: str, alternative: str,
+        self, hit: Hit, columns: Columns, paths: Sequence[AlignedPath], title: str, note: str, alternative: str,
         caption: str,
     ) -> Picture:  # fmt: skip
-        """The matrix of the query and some of the lake's symbols; `alternative` is for those who cannot see it."""
+        """The matrix of the query and of symbols of the lake; `alternative` is for those who cannot see it."""
         material, query = self.material, self.query
         strings = material.strings
         fps = strings.clips[strings.positions[hit.clip]].fps
-        symbols = strings.repository.symbols[columns]
-        start, stop = int(strings.starts[columns.start]), int(strings.stops[columns.stop - 1])
-        cuts = [int(cut) - columns.start for cut in strings.repository.offsets if columns.start < cut < columns.stop]
+        symbols, cuts = columns.symbols, columns.cuts
+        start, stop = int(columns.starts[0]), int(columns.stops[-1])
         when = f"from frame {start} on, and on in the next clip" if cuts else _when(start, stop, fps)
         asked = _when(query.start, query.stop, self.fps)
         figure = alignment_matrix(
@@ -277,38 +289,6 @@ class AlignmentPictures:
         )  # fmt: skip
         caption = "The query, shaded, and the answers, cheapest first."
         return picture("hits", f"hits for {query.name}", caption, figure)
-
-
-def path_indices(strings: LakeStrings, query: StringQuery, hit: Hit) -> Int64Array:
-    """[L, 2] (symbol of the query, symbol of all strings) of a hit's path, which is in frames.
-
-    Raises:
-        ValueError: a hit without its path.
-    """
-    if not hit.path:
-        raise ValueError(f"{hit.clip}: the hit has no path; ask for it")
-    begin = strings.symbols_of(strings.positions[hit.clip]).start
-    stored = zip(strings.starts[begin:].tolist(), strings.stops[begin:].tolist(), strict=True)
-    rows = _places(map(query.frames_of, range(query.first, query.last)), [step.query for step in hit.path])
-    columns = _places(stored, [step.clip for step in hit.path])
-    return np.stack([rows, columns + begin], axis=1)
-
-
-def _places(ranges: Iterator[tuple[int, int]], wanted: Sequence[tuple[int, int]]) -> Int64Array:
-    """Where ranges of frames stand, each not before the last: a path never goes back."""
-    found, place, here = [], 0, next(ranges)
-    for pair in wanted:
-        while here != pair:
-            place, here = place + 1, next(ranges)
-        found.append(place)
-    return np.array(found, dtype=np.int64)
-
-
-def _shown(first: int, last: int, own: slice) -> tuple[int, int]:
-    """Symbols to show around a match [first, last) of a clip at `own`: the clip, or some before and after."""
-    if last <= own.stop and own.stop - own.start <= MOST_WHOLE:
-        return own.start, own.stop
-    return max(own.start, first - CONTEXT), max(last, min(own.stop, last + CONTEXT))
 
 
 def _cost(hit: Hit) -> float:

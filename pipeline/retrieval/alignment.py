@@ -6,46 +6,43 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, TypedDict, Unpack
+from typing import Any, TypedDict, Unpack
 
 import numpy as np
 from motionlake.arrays import Float64Array
 from motionlake.errors import UserError
-from motionlake.lake.catalog import fetch, reading
-from motionlake.lake.integrity import sound
+from motionlake.lake.catalog import reading
+from motionlake.lake.frames import frame_range
 from motionlake.lake.layout import Lake
 from motionlake.lake.settings import served_config
 from motionlake.lake.strings import LakeStrings, read_strings
-from motionlake.motion.features import word_features
+from motionlake.pesta.config import SymbolsConfig
 from motionlake.pesta.long_query import LongQuery
 from motionlake.pesta.matches import Match, best_matches
 from motionlake.pesta.scan import Both, nearest_strings, pairwise
 from motionlake.pesta.strings import Repository
-from motionlake.pesta.symbols import symbolise
-from motionlake.retrieval.encode import query_motion
+from motionlake.retrieval.matched_frames import MatchedFrames
 from motionlake.retrieval.protocol import (
     EVERYTHING,
     Hit,
     LakeSearcher,
-    PathStep,
     Query,
     Scope,
     about,
     clip_hit,
     not_ready,
-    range_hit,
     ranked,
 )
 from motionlake.retrieval.symbol_strings import (
+    ClipStrings,
     StringQuery,
     barred_symbols,
+    clip_query,
+    encoded,
     query_of_symbols,
     string_query,
 )
 from numpy.typing import ArrayLike
-
-if TYPE_CHECKING:
-    from motionlake.pesta.dictionary import PostureDictionary
 
 
 class AlignmentOptions(TypedDict, total=False):
@@ -60,28 +57,6 @@ class AlignmentOptions(TypedDict, total=False):
     method: str | None
     stride: int | None
     strings: LakeStrings | None
-
-
-def served_dictionary(lake: Lake, model: str) -> PostureDictionary:
-    """The dictionary of that name."""
-    from motionlake.pesta.dictionary import load_dictionary
-
-    with reading(lake) as con:
-        rows = fetch(con, "model_file", {"model": model})
-    return load_dictionary(sound(lake, rows[0]["file"]))
-
-
-def encoded(lake: Lake, query: Query, dictionary: PostureDictionary, *, mirrored: bool = False) -> StringQuery:
-    """The symbols of a clip file, or of a clip mirrored, or of a range of either.
-
-    Raises:
-        UserError: no such clip or file, it has no such frames, or these are one symbol.
-    """
-    motion, coding = query_motion(lake, Query(query.source), mirrored=mirrored), dictionary.config
-    codes = dictionary.encode(word_features(motion.positions, motion.rotations, motion.fps, coding.frames))
-    frames, config = len(motion.positions), served_config(lake).symbols
-    string = symbolise(codes, codes_fps=coding.fps, fps=motion.fps, n_frames=frames, config=config)
-    return string_query(query.name, string, frames, query.start, query.stop, query.clip)
 
 
 class _Aligner(LakeSearcher):
@@ -118,15 +93,15 @@ class _Aligner(LakeSearcher):
         strings = self.strings
         if query.clip is not None and query.clip not in strings.positions:
             raise not_ready(self.lake, query.clip, "symbol string")
-        if query.clip is None or mirrored:
-            return encoded(self.lake, query, self._dictionary, mirrored=mirrored)
+        if query.clip is None or mirrored or not query.whole:
+            return encoded(self.lake, query, self.clip_strings.dictionary, mirrored=mirrored)
         index = strings.positions[query.clip]
-        frames = strings.clips[index].frames
-        return string_query(query.name, strings.string_of(index), frames, query.start, query.stop, query.clip)
+        return clip_query(query.clip, strings.string_of(index), strings.clips[index].fps)
 
     @cached_property
-    def _dictionary(self) -> PostureDictionary:
-        return served_dictionary(self.lake, self.strings.model)
+    def clip_strings(self) -> ClipStrings:
+        """The strings before their repeats are folded."""
+        return ClipStrings(self.lake, self.strings)
 
     def _pairwise(self, queries: Sequence[StringQuery], gallery: Sequence[StringQuery]) -> Float64Array:
         """[q, g] least cost of each query in each of some strings, for each symbol of the query."""
@@ -178,6 +153,7 @@ class AlignmentRangeSearcher(_Aligner):
     """Ranges of frames by alignment of the query with a part of a clip; a `Searcher`.
 
     The distance of a range is its cost for each symbol of the query. Answers do not overlap one another, nor the query.
+    Of a repeat that was folded every cycle is one, or as many in a row as the query has (`pesta.cycles`).
 
     Args:
         crossing: a match may begin in one clip and end in a later one.
@@ -218,7 +194,7 @@ class AlignmentRangeSearcher(_Aligner):
         long, strings = self.symbols_of(query), self.strings.among(scope.admission(self.lake))
         with about(long.name):
             kept = LongQuery(long.symbols, strings.repository, strings.distances, self.config)
-        return LongAlignment(long, strings, kept)
+        return LongAlignment(long, strings, kept, self.clip_strings, served_config(self.lake).symbols)
 
     def distances(self, queries: Sequence[Query], gallery: Sequence[Query]) -> Float64Array:
         return self._pairwise(*([self.symbols_of(query) for query in side] for side in (queries, gallery)))
@@ -228,22 +204,33 @@ class AlignmentRangeSearcher(_Aligner):
 
     def _matches(self, query: StringQuery, k: int, scope: Scope) -> list[Hit]:
         strings = self.strings.among(scope.admission(self.lake))
-        with about(query.name):
-            found = best_matches(
-                query.symbols, strings.repository, strings.distances, k, self.config,
-                boundaries="crossed" if self._crossing else "kept",
-                barred=None if scope.own else barred_symbols(strings, query), paths=self._paths, threads=self._threads,
-            )  # fmt: skip
-        return [_hit(strings, query, match, query.first, self._crossing) for match in found]
+        barred = None if scope.own else barred_symbols(strings, query, self.clip_strings)
+
+        def best(count: int) -> list[Match]:
+            with about(query.name):
+                return best_matches(
+                    query.symbols, strings.repository, strings.distances, count, self.config,
+                    boundaries="crossed" if self._crossing else "kept", barred=barred, paths=self._paths,
+                    threads=self._threads,
+                )  # fmt: skip
+
+        return MatchedFrames(strings, self.clip_strings, query, own=scope.own, crossing=self._crossing).hits(best, k)
 
 
 @dataclass(frozen=True)
 class LongAlignment:
-    """A long query, of which every segment is aligned at most once: look for as many ranges of it as you like."""
+    """A long query, of which every segment is aligned at most once: look for as many ranges of it as you like.
+
+    The postures of a range are those of the long query. Where its string, reduced for itself, is a part of the long
+    query's, that part is looked for by the segments that cover it, and else it is aligned by itself: such a range
+    begins or ends within a repeat that the long query has folded.
+    """
 
     query: StringQuery
     strings: LakeStrings
     kept: LongQuery
+    clips: ClipStrings
+    reduced: SymbolsConfig
 
     def matches(self, start: int | None, stop: int | None, k: int, *, paths: bool = False) -> list[Hit]:
         """The k best matches of frames [start, stop) of the long query, at its own rate.
@@ -251,28 +238,37 @@ class LongAlignment:
         Raises:
             UserError: there are no such frames, or they are one symbol.
         """
-        whole = self.query
-        part = string_query(whole.name, whole.string, whole.stop, start, stop, whole.clip)
-        barred = barred_symbols(self.strings, part)
-        found = self.kept.best_matches(part.first, part.last, k, barred=barred, paths=paths)
-        return ranked([_hit(self.strings, part, match, 0) for match in found])
+        part = self.part(start, stop)
+        barred = barred_symbols(self.strings, part, self.clips)
+        first = self.place(part)
 
+        def best(count: int) -> list[Match]:
+            strings = self.strings
+            if first is None:
+                return best_matches(
+                    part.symbols, strings.repository, strings.distances, count, self.kept.config, barred=barred,
+                    paths=paths,
+                )  # fmt: skip
+            last = first + len(part.symbols)
+            found = self.kept.best_matches(first, last, count, barred=barred, paths=paths)
+            return [replace(m, path=None if m.path is None else m.path - np.array([first, 0])) for m in found]
 
-def _hit(strings: LakeStrings, query: StringQuery, match: Match, path_from: int, crossing: bool = False) -> Hit:
-    """A match in frames; the path's query indices count from symbol `path_from` of the query's string."""
-    known, own = strings.clips[match.clip], strings.symbols_of(match.clip).start
-    first, last = own + match.start, own + match.stop - 1
-    end = int(np.searchsorted(strings.repository.offsets, last, side="right")) - 1
-    start, stop = int(strings.starts[first]), int(strings.stops[last])
-    hit = range_hit(known, start, stop, match.cost / len(query.symbols), cost=match.cost)
-    if crossing:
-        before = sum(c.frames / c.fps for c in strings.clips[match.clip : end])
-        seconds = before - start / known.fps + stop / strings.clips[end].fps if end != match.clip else hit.seconds
-        hit = replace(hit, stop_clip=strings.clips[end].clip, seconds=seconds)
-    if match.path is None:
-        return hit
-    steps = (
-        PathStep(query.frames_of(x + path_from), (int(strings.starts[own + y]), int(strings.stops[own + y])))
-        for x, y in match.path.tolist()
-    )
-    return replace(hit, path=tuple(steps))
+        return ranked(MatchedFrames(self.strings, self.clips, part).hits(best, k))
+
+    def part(self, start: int | None, stop: int | None) -> StringQuery:
+        """The string of a range, reduced for itself. Raises `UserError` as `matches`."""
+        whole, string = self.query, self.clips.of_query(self.query)
+        assert string is not None
+        first, last = frame_range(whole.name, start, stop, whole.stop)
+        return string_query(whole.name, string.part(first, last, self.reduced), whole.fps, whole.clip)
+
+    def place(self, part: StringQuery) -> int | None:
+        """Where a string stands in the long query's, nearest to its frames; None where it does not."""
+        whole, wanted = self.query, part.symbols
+        if len(wanted) > len(whole.symbols):
+            return None
+        windows = np.lib.stride_tricks.sliding_window_view(whole.symbols, len(wanted))
+        found = np.flatnonzero((windows == wanted).all(axis=1))
+        if not len(found):
+            return None
+        return int(found[np.argmin(np.abs(whole.string.starts[found] - part.start))])

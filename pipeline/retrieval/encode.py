@@ -14,7 +14,7 @@ from motionlake.deep_motifs.motifs import Motifs, assign
 from motionlake.deep_motifs.query_by_example import words_within
 from motionlake.errors import UserError
 from motionlake.lake.catalog import Connection, fetch, reading
-from motionlake.lake.frames import frame_range, read_clip
+from motionlake.lake.frames import Frames, frame_range, from_table, read_clip, to_table
 from motionlake.lake.integrity import is_listed, sound
 from motionlake.lake.layout import Lake
 from motionlake.lake.resolve import resolve_clip
@@ -152,12 +152,14 @@ def query_motion(lake: Lake, query: Query, *, mirrored: bool = False) -> QueryMo
     """
     if query.clip is None:
         body, motion = first_body(lake, Path(query.source))
-        positions, rotations, fps = motion.positions, motion.rotations, body.fps
+        frames, steps = Frames(query.name, body.fps, motion.rotations, motion.positions), served_config(lake).frames
+        # As the lake would keep it: a file is answered like the clip that it becomes.
+        stored = from_table(query.name, to_table(frames, "", steps.position_step, steps.rotation_step))
     else:
         with reading(lake) as con:
             row = fetch(con, "clip", {"clip": resolve_clip(con, query.clip)})[0]
         stored = read_clip(sound(lake, lake.frames_part(row["dataset"], row["part"])), row["clip"])
-        positions, rotations, fps = stored.positions.astype(np.float64), stored.rotations.astype(np.float64), stored.fps
+    positions, rotations, fps = stored.positions.astype(np.float64), stored.rotations.astype(np.float64), stored.fps
     if mirrored:
         positions = np.asarray(mirrored_positions(positions), dtype=np.float64)
         rotations = np.asarray(mirrored_rotations(rotations), dtype=np.float64)

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from motionlake.deep_motifs.signatures import CorpusClip
 
 Finds: TypeAlias = Literal["clip", "range"]
-OPTIONAL = ("start", "stop", "cost", "start_seconds", "stop_clip", "path", "shares", "text")
+OPTIONAL = ("start", "stop", "cost", "start_seconds", "stop_clip", "cycles", "speed", "path", "shares", "text")
 
 
 @dataclass(frozen=True)
@@ -179,6 +179,9 @@ class Hit:
         start_seconds: when the frames start.
         seconds: how long the clip, or the frames, last.
         stop_clip: where an answer may cross from clip to clip: the clip that `stop` is a frame of.
+        cycles: how often what repeats stands in these frames, where they were aligned; 1 where nothing repeats.
+        speed: how much faster they are than the query, where they were aligned: its time over theirs, a cycle as a
+            cycle.
         path: what is aligned to what, where it was asked for; symbols that are strided over are left out.
         shares: what each of several methods made of it, where it was asked for.
         text: what it says of what was asked for, where that was asked for in words.
@@ -196,6 +199,8 @@ class Hit:
     start_seconds: float | None = None
     seconds: float
     stop_clip: str | None = None
+    cycles: int | None = None
+    speed: float | None = None
     path: tuple[PathStep, ...] | None = None
     shares: tuple[Share, ...] | None = None
     text: str | None = None

@@ -28,9 +28,8 @@ from motionlake.motion.moves_index import Stack, aligned, floored
 from motionlake.motion.sketches import instants, nearness
 from motionlake.pesta.scan import nearest_strings
 from motionlake.pesta.strings import Repository, SymbolDistances
-from motionlake.pesta.symbols import SymbolString
 from motionlake.retrieval.protocol import ClipFilter, Hit, Match, Query, Scope, clip_hit, not_ready
-from motionlake.retrieval.symbol_strings import query_of_symbols, string_query
+from motionlake.retrieval.symbol_strings import encoded, query_of_symbols, served_dictionary
 from motionlake.stages.shortlist_files import INSTANTS, ShortlistFiles, string_sketch
 
 if TYPE_CHECKING:
@@ -259,22 +258,10 @@ class ByAlignment(Method):
         return query_of_symbols(symbols, self.files.table["clip"][row].as_py()).symbols
 
     def of_query(self, query: Query, *, mirrored: bool) -> Value:
-        if query.clip is None or mirrored:
-            from motionlake.retrieval.alignment import encoded
-
-            return encoded(self.lake, query, self._dictionary, mirrored=mirrored).symbols
-        with reading(self.lake) as con:
-            found = fetch(con, "symbol_string", {"clip": query.clip})
-        if not found:
-            raise not_ready(self.lake, query.clip, "symbol string")
-        ((symbols, starts, frames),) = (each.values() for each in found)
-        string = SymbolString(np.array(symbols, np.int32), np.array(starts), np.append(starts[1:], frames))
-        return string_query(query.name, string, frames, query.start, query.stop).symbols
+        return encoded(self.lake, query, self._dictionary, mirrored=mirrored).symbols
 
     @cached_property
     def _dictionary(self) -> PostureDictionary:
-        from motionlake.retrieval.alignment import served_dictionary
-
         return served_dictionary(self.lake, self._model)
 
     def sketch(self, value: Value) -> Float32Array:

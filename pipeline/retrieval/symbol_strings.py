@@ -1,52 +1,85 @@
-"""Queries as symbols: what alignment on a lake looks for."""
+"""Queries as symbols, and the strings of clips before their repeats are folded: what alignment on a lake looks for, and
+where it finds it."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
+from motionlake.arrays import BoolArray, Int32Array
 from motionlake.errors import UserError
-from motionlake.lake.frames import frame_range
+from motionlake.lake.catalog import fetch, reading
+from motionlake.lake.integrity import sound
+from motionlake.lake.layout import Lake
+from motionlake.lake.settings import served_config
 from motionlake.lake.strings import LakeStrings
-from motionlake.pesta.symbols import SymbolString
+from motionlake.motion.features import word_features
+from motionlake.pesta.config import DICTIONARY_KEY, PosturesConfig, SymbolsConfig
+from motionlake.pesta.cycles import repeated
+from motionlake.pesta.symbols import SymbolString, UnfoldedString, unfolded
+from motionlake.retrieval.encode import QueryMotion, query_motion
+from motionlake.retrieval.protocol import Query, about
+from motionlake.stages.postures import codes_of_clips
+from motionlake.weights import read_tensors
 from numpy.typing import NDArray
 
+if TYPE_CHECKING:
+    from motionlake.pesta.dictionary import PostureDictionary
+
 SHORTEST: Final = 2  # symbols of a query
+KEPT: Final = 1000  # clips whose unfolded strings are remembered
+EVERY: Final = [SymbolsConfig(runs, repeats) for runs in (True, False) for repeats in (True, False)]
 
 
 @dataclass(frozen=True)
 class StringQuery:
-    """Symbols [first, last) of a string, which stand for frames [start, stop); `clip` where it is one of the lake."""
+    """A string that stands for frames [start, stop) of a clip or file; `clip` where it is one of the lake.
+
+    Attributes:
+        string: its frames count from the first of the clip or file.
+        unfolded: the same with every cycle of its repeats; None of a whole clip of the lake (`ClipStrings` has it), and
+            of symbols that have no frames.
+        fps: of the frames; 0 without any.
+    """
 
     name: str
     string: SymbolString
-    first: int
-    last: int
     start: int
     stop: int
     clip: str | None = None
+    unfolded: UnfoldedString | None = None
+    fps: float = 0.0
 
     @property
-    def symbols(self) -> NDArray[np.int32]:
-        return self.string.symbols[self.first : self.last]
+    def symbols(self) -> Int32Array:
+        return self.string.symbols
 
     def frames_of(self, symbol: int) -> tuple[int, int]:
         """The frames of the query that a symbol of the string stands for."""
-        return max(self.start, int(self.string.starts[symbol])), min(self.stop, int(self.string.stops[symbol]))
+        return int(self.string.starts[symbol]), int(self.string.stops[symbol])
 
 
-def string_query(
-    name: str, string: SymbolString, frames: int, start: int | None, stop: int | None, clip: str | None = None
-) -> StringQuery:
-    """The symbols that stand for frames [start, stop) of a clip of so many.
+def string_query(name: str, string: UnfoldedString, fps: float, clip: str | None = None) -> StringQuery:
+    """A string as a query for the frames that it stands for.
 
     Raises:
-        UserError: there are no such frames, or they are one symbol.
+        UserError: it is one symbol.
     """
-    first, last = frame_range(name, start, stop, frames)
-    covered = np.flatnonzero((string.starts < last) & (string.stops > first))
-    return _long_enough(StringQuery(name, string, int(covered[0]), int(covered[-1]) + 1, first, last, clip))
+    start, stop = int(string.starts[0]), int(string.stops[-1])
+    return _long_enough(StringQuery(name, string.folded, start, stop, clip, string, fps))
+
+
+def clip_query(name: str, string: SymbolString, fps: float) -> StringQuery:
+    """A whole clip of the lake as a query.
+
+    Raises:
+        UserError: it is one symbol.
+    """
+    return _long_enough(StringQuery(name, string, 0, int(string.stops[-1]), name, None, fps))
 
 
 def query_of_symbols(symbols: NDArray[np.int32], name: str = "query") -> StringQuery:
@@ -59,7 +92,7 @@ def query_of_symbols(symbols: NDArray[np.int32], name: str = "query") -> StringQ
         raise UserError(f"a query is one row of symbols, not an array of shape {symbols.shape}")
     places = np.arange(len(symbols) + 1, dtype=np.int64)
     string = SymbolString(symbols, places[:-1], places[1:])
-    return _long_enough(StringQuery(name, string, 0, len(symbols), 0, len(symbols)))
+    return _long_enough(StringQuery(name, string, 0, len(symbols)))
 
 
 def _long_enough(query: StringQuery) -> StringQuery:
@@ -74,12 +107,112 @@ def _long_enough(query: StringQuery) -> StringQuery:
     return query
 
 
-def barred_symbols(strings: LakeStrings, query: StringQuery) -> NDArray[np.bool_] | None:
-    """[Y] the symbols of the query's own frames in its own clip; None where it is not among the strings."""
+def served_dictionary(lake: Lake, model: str) -> PostureDictionary:
+    """The dictionary of that name."""
+    from motionlake.pesta.dictionary import load_dictionary
+
+    return load_dictionary(model_file(lake, model))
+
+
+def model_file(lake: Lake, model: str) -> Path:
+    """The file of a model of that name."""
+    with reading(lake) as con:
+        rows = fetch(con, "model_file", {"model": model})
+    return sound(lake, rows[0]["file"])
+
+
+def encoded(lake: Lake, query: Query, dictionary: PostureDictionary, *, mirrored: bool = False) -> StringQuery:
+    """The symbols of a clip file, of a clip mirrored, or of a range: those of a file that holds these frames alone.
+
+    Raises:
+        UserError: no such clip or file, it has no such frames, or these are one symbol.
+    """
+    motion = query_motion(lake, query, mirrored=mirrored)
+    with about(query.name):
+        string = _coded(lake, motion, dictionary)
+    return string_query(query.name, string, motion.fps, query.clip)
+
+
+def _coded(lake: Lake, motion: QueryMotion, dictionary: PostureDictionary) -> UnfoldedString:
+    """The string of the frames that are asked for."""
+    coding, (start, stop) = dictionary.config, motion.asked
+    codes = dictionary.encode(word_features(*motion.cut(), motion.fps, coding.frames))
+    found = unfolded(
+        codes, codes_fps=coding.fps, fps=motion.fps, n_frames=stop - start, config=served_config(lake).symbols
+    )
+    return found.moved(start)
+
+
+class ClipStrings:
+    """The strings of a lake's clips with every cycle of their repeats, from the codes that stage "postures" keeps."""
+
+    def __init__(self, lake: Lake, strings: LakeStrings) -> None:
+        self._lake, self._strings = lake, strings
+        self._known: dict[str, UnfoldedString] = {}
+
+    @cached_property
+    def dictionary(self) -> PostureDictionary:
+        """The dictionary that the strings are over."""
+        return served_dictionary(self._lake, self._strings.model)
+
+    def of(self, clip: str) -> UnfoldedString:
+        """That of a clip. Raises `UserError` as `read`."""
+        if clip not in self._known:
+            self.read([clip])
+        return self._known[clip]
+
+    def of_query(self, query: StringQuery) -> UnfoldedString | None:
+        """That of a query; None of symbols that have no frames. Raises `UserError` as `read`."""
+        return self.of(query.clip) if query.unfolded is None and query.clip is not None else query.unfolded
+
+    def read(self, clips: Sequence[str]) -> None:
+        """Remember those of some clips, which are read together.
+
+        Raises:
+            UserError: the lake's string of one is not of its postures.
+        """
+        missing = [clip for clip in dict.fromkeys(clips) if clip not in self._known]
+        if not missing:
+            return
+        with reading(self._lake) as con:
+            codes = codes_of_clips(con, self._lake, self._strings.model, missing)
+        if len(self._known) + len(missing) > KEPT:
+            self._known.clear()
+        for clip in missing:
+            self._known[clip] = self._made(clip, codes.get(clip))
+
+    def _made(self, clip: str, codes: Int32Array | None) -> UnfoldedString:
+        """By the settings that the lake's string was made with, should config.toml have others by now."""
+        index = self._strings.positions[clip]
+        known, served = self._strings.clips[index], self._strings.string_of(index)
+        if codes is None:  # they are being made anew
+            motion, coding = query_motion(self._lake, Query(clip)), self.dictionary.config.frames
+            codes = self.dictionary.encode(word_features(*motion.cut(), motion.fps, coding))
+        for config in EVERY:
+            with about(clip):
+                found = unfolded(codes, codes_fps=self._fps, fps=known.fps, n_frames=known.frames, config=config)
+            folded = found.folded
+            if np.array_equal(folded.symbols, served.symbols) and np.array_equal(folded.starts, served.starts):
+                return found
+        raise UserError(f"{clip}: its symbol string is not of its postures; make it anew with `motionlake run all`")
+
+    @cached_property
+    def _fps(self) -> float:
+        """Codes a second. Not by `dictionary`: no encoder is needed, nor torch."""
+        _, kept = read_tensors(model_file(self._lake, self._strings.model), DICTIONARY_KEY, "codes")
+        return PosturesConfig(**kept["config"]).fps
+
+
+def barred_symbols(strings: LakeStrings, query: StringQuery, clips: ClipStrings) -> BoolArray | None:
+    """[Y] the symbols of the query's own frames in its own clip; None where it is not among the strings.
+
+    Those that stand for several cycles are not barred: not all of these need be in the query.
+    """
     index = strings.positions.get(query.clip) if query.clip else None
-    if index is None:
+    if query.clip is None or index is None:
         return None
-    own = strings.symbols_of(index)
+    string, own = clips.of(query.clip), strings.symbols_of(index)
+    starts, stops = string.starts[string.kept], string.stops[string.kept]
     barred = np.zeros(len(strings.repository.symbols), dtype=np.bool_)
-    barred[own] = (strings.starts[own] < query.stop) & (strings.stops[own] > query.start)
+    barred[own] = (starts < query.stop) & (stops > query.start) & ~repeated(string)
     return barred

@@ -5,7 +5,7 @@ PESTA, sections 5.1 and 5.2.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -13,9 +13,9 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 from motionlake.lake import frames
-from motionlake.lake.catalog import Connection
+from motionlake.lake.catalog import Connection, fetch
 from motionlake.lake.config import config_hash
-from motionlake.lake.integrity import sound
+from motionlake.lake.integrity import is_listed, sound
 from motionlake.lake.layout import Lake
 from motionlake.lake.models import file_hash
 from motionlake.motion.features import word_features
@@ -58,6 +58,19 @@ def codes_files(con: Connection, dictionary: Path) -> dict[str, str]:
     weights = file_hash(dictionary)
     keys = {p.part: config_hash(POSTURES.name, POSTURES.version, p.key, weights) for p in frames_parts(con)}
     return {part: POSTURES.file(key) for part, key in keys.items()}
+
+
+def codes_of_clips(con: Connection, lake: Lake, model: str, clips: Sequence[str]) -> dict[str, NDArray[np.int32]]:
+    """[T] symbols of the postures of clips by a dictionary, parts read once; without clips that are being recoded."""
+    dictionary = fetch(con, "model_file", {"model": model})[0]["file"]
+    files = codes_files(con, sound(lake, dictionary))
+    parts = {row["clip"]: row["part"] for row in fetch(con, "parts_of", {"clips": list(clips)})}
+    found: dict[str, NDArray[np.int32]] = {}
+    for part in sorted(set(parts.values())):
+        if is_listed(lake, files[part]):
+            coded = read_codes(sound(lake, files[part]))
+            found |= {clip: codes for clip, codes in coded if parts.get(clip) == part}
+    return found
 
 
 def read_codes(path: Path) -> Iterator[tuple[str, NDArray[np.int32]]]:

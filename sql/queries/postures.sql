@@ -32,9 +32,6 @@ SELECT clip, dataset, label, subject, split, fps, frames, format = 'synthetic' A
 FROM symbol_strings JOIN clips USING (clip)
 ORDER BY clip;
 
--- name: symbol_string
-SELECT symbols, starts, frames FROM symbol_strings JOIN clips USING (clip) WHERE clip = $clip;
-
 -- name: forget_orphans_of_symbol_strings
 DELETE FROM symbol_strings
 WHERE NOT EXISTS (FROM clips c WHERE c.clip = symbol_strings.clip AND c.part = symbol_strings.part);

@@ -17,9 +17,11 @@ CLIP = columns(Hit, "rank", "clip", "distance", "mirrored", "label", "dataset", 
 RANGE = columns(
     Hit, "rank", "clip", "start", "stop", "distance", "mirrored", "label", "dataset", "start_seconds", "seconds"
 )
-ALIGNED = columns(
+COSTED = columns(
     Hit, "rank", "clip", "start", "stop", "distance", "cost", "mirrored", "label", "dataset", "start_seconds", "seconds"
 )
+CYCLES = COSTED | columns(Hit, "cycles")
+ALIGNED = CYCLES | columns(Hit, "speed")
 
 
 @dataclass(frozen=True)
@@ -89,7 +91,7 @@ def find_motion(served: Served, part: Part, scope: Scope = EVERYTHING) -> list[H
     return served.searcher("range", "fused").search([part.of(served)], part.k, scope)[0]
 
 
-@sql_function(ALIGNED)
+@sql_function(COSTED)
 def find_submotion(served: Served, part: Part, scope: Scope = EVERYTHING) -> list[Hit]:
     """The same by the sub-motion encoder, as `motionlake find --method submotion`."""
     return served.searcher("range", "submotion").search([part.of(served)], part.k, scope)[0]
@@ -101,7 +103,7 @@ def align_motion(served: Served, part: Part, way: Way = AS_CONFIGURED, scope: Sc
     return _aligner(served, way).search([part.of(served)], part.k, scope)[0]
 
 
-@sql_function(ALIGNED)
+@sql_function(CYCLES)
 def align_symbols(
     served: Served, query_symbols: list[int], k: int = 10, way: Way = AS_CONFIGURED, model: str | None = None,
     clips: ClipFilter = EVERYTHING,
