@@ -203,5 +203,8 @@ bench-many: setup ## Four writers and eight readers on one lake at once (SECONDS
 fuzz: setup ## Damage 10,000 files and take them in; then readers, configuration, labels, SQL by hypothesis (FILES=n EXAMPLES=n SEED=n)
 	$(BIN)/python -m bench.fuzz --files $(or $(FILES),10000) --examples $(or $(EXAMPLES),2000) --seed $(or $(SEED),0)
 
+records: setup ## Check that every record that docs name is there and was made from a clean tree
+	$(BIN)/python -m bench.check_records
+
 bench-smoke: setup ## Run every bench once on few and short recordings, to see that it works (2 minutes)
 	$(BIN)/python -m bench.smoke --processes 2

@@ -77,6 +77,7 @@ def _parts(module: str, parts: str, *words: str, **smaller: Any) -> list[Smoke]:
 # Benches that are small by themselves, and what runs them.
 ELSEWHERE: Final = {
     "against": "tests/test_against.py",
+    "check_records": "tests/test_check_records.py",
     "golden": "tests/test_golden.py",
     "trust_cost": "tests/test_against.py",  # another that needs a second checkout: its arithmetic alone
 }

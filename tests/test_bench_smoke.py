@@ -21,7 +21,8 @@ def has_main(file: Path) -> bool:
 
 def test_every_bench_has_a_small_size() -> None:
     files = [file for file in BENCH.rglob("*.py") if has_main(file) and file != BENCH / "smoke.py"]
-    names = {file.parent.name if file.name == "__main__.py" else file.stem for file in files}
+    modules = {".".join(file.relative_to(BENCH).with_suffix("").parts) for file in files}
+    names = {module.removesuffix(".__main__") for module in modules}
     assert len(names) > 20
     assert names == {smoke.module.removeprefix("bench.") for smoke in SMOKES} | set(ELSEWHERE)
     assert all((BENCH.parent / file).is_file() for file in ELSEWHERE.values())
