@@ -64,6 +64,7 @@ lint: setup ## Run ruff, mypy and the import contracts
 	$(LINKS)
 	$(BIN)/mypy
 	$(BIN)/mypy .ci/sbom.py
+	$(BIN)/python -m bench.check_records
 	@said=$$(PYTHONPATH=.venv/src $(BIN)/lint-imports --no-cache 2>&1) || { echo "$$said"; exit 1; }
 
 docs: setup ## Build the documentation into SITE=folder (site), every link checked
