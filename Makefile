@@ -204,7 +204,7 @@ fuzz: setup ## Damage 10,000 files and take them in; then readers, configuration
 	$(BIN)/python -m bench.fuzz --files $(or $(FILES),10000) --examples $(or $(EXAMPLES),2000) --seed $(or $(SEED),0)
 
 records: setup ## Check that every record that docs name is there and was made from a clean tree
-	$(BIN)/python -m bench.check_records
+	$(BIN)/python -m bench.check_records --history
 
 bench-smoke: setup ## Run every bench once on few and short recordings, to see that it works (2 minutes)
 	$(BIN)/python -m bench.smoke --processes 2
