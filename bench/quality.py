@@ -212,13 +212,14 @@ def _row(
         row["bones"] = _with_bones(row, confirmed(kind, recordings, dataset.plain, config))
     if kind not in dataset.usual():
         return row
-    found, alarms = _outstanding(kind, dataset, made, checked, config, spreads)
+    trial = Trial(kind, dataset, made, checked, config)
+    found, alarms = _outstanding(trial, spreads)
     row["outstanding"] = _rates({**count, "found": found, **_alarms(kind, alarms, tested.damaged)})
     if by_bones:
         usual = dataset.highest(spreads)
         told_plain = [in_dataset(quality, usual, config) for quality in dataset.plain]
         row["outstanding_bones"] = _with_bones(row["outstanding"], confirmed(kind, recordings, told_plain, config))
-    many, told = _in_folds(kind, dataset, made, checked, config, spreads)
+    many, told = _in_folds(trial, spreads)
     row["outstanding_of_fifth"] = _rates(
         {**count, "found": many, "plain": FOLDS * len(kinds), "alarms": told, "clean": 0, "clean_alarms": 0}
     )
@@ -238,39 +239,45 @@ def _made(kind: str, tested: Tested) -> dict[int, Planted]:
     return {number: made for number, made in every.items() if made is not None}
 
 
-def _outstanding(
-    kind: str,
-    dataset: Dataset,
-    made: Mapping[int, Planted],
-    checked: Mapping[int, Quality],
-    config: QualityConfig,
-    spreads: float,
-) -> tuple[int, list[set[str]]]:
+@dataclass(frozen=True)
+class Trial:
+    """One kind of fault planted in clips of a dataset.
+
+    Attributes:
+        made: what was planted, by number of the clip.
+        checked: what the check found in each.
+    """
+
+    kind: str
+    dataset: Dataset
+    made: Mapping[int, Planted]
+    checked: Mapping[int, Quality]
+    config: QualityConfig
+
+    def stands_out(self, number: int, usual: Mapping[str, Mapping[str, float]]) -> bool:
+        """Whether what was planted in a clip stands out beside what is usual."""
+        return is_found(self.kind, self.made[number], in_dataset(self.checked[number], usual, self.config).faults)
+
+
+def _outstanding(trial: Trial, spreads: float) -> tuple[int, list[set[str]]]:
     """How many planted faults stand out, each where that clip alone has one, and what does in clips without."""
     found = 0
-    for number, quality in checked.items():
-        with dataset.planted({number: quality}):
-            usual = dataset.highest(spreads)
-        found += is_found(kind, made[number], in_dataset(quality, usual, config).faults)
-    return found, _kinds(dataset.plain, dataset.highest(spreads), config)
+    for number, quality in trial.checked.items():
+        with trial.dataset.planted({number: quality}):
+            usual = trial.dataset.highest(spreads)
+        found += trial.stands_out(number, usual)
+    return found, _kinds(trial.dataset.plain, trial.dataset.highest(spreads), trial.config)
 
 
-def _in_folds(
-    kind: str,
-    dataset: Dataset,
-    made: Mapping[int, Planted],
-    checked: Mapping[int, Quality],
-    config: QualityConfig,
-    spreads: float,
-) -> tuple[int, int]:
+def _in_folds(trial: Trial, spreads: float) -> tuple[int, int]:
     """How many stand out where every fifth clip of the set has one, and alarms in all clips without, summed."""
     found = alarms = 0
     for fold in range(FOLDS):
-        chosen = {number: quality for number, quality in checked.items() if number % FOLDS == fold}
-        with dataset.planted(chosen):
-            usual = dataset.highest(spreads)
-        found += sum(is_found(kind, made[n], in_dataset(q, usual, config).faults) for n, q in chosen.items())
-        alarms += sum(kind in told for told in _kinds(dataset.plain, usual, config))
+        chosen = {number: quality for number, quality in trial.checked.items() if number % FOLDS == fold}
+        with trial.dataset.planted(chosen):
+            usual = trial.dataset.highest(spreads)
+        found += sum(trial.stands_out(number, usual) for number in chosen)
+        alarms += sum(trial.kind in told for told in _kinds(trial.dataset.plain, usual, trial.config))
     return found, alarms
 
 
@@ -287,7 +294,7 @@ def _spread_scores(tested: Tested, config: QualityConfig) -> dict[str, list[floa
         checked = {number: check(each.recording, config) for number, each in made.items()}
         scored[kind] = []
         for spreads in SPREADS:
-            found, kinds = _outstanding(kind, dataset, made, checked, config, spreads)
+            found, kinds = _outstanding(Trial(kind, dataset, made, checked, config), spreads)
             scored[kind].append(harmonic(found, len(made), sum(kind in told for told in kinds), len(kinds)))
     return scored
 

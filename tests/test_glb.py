@@ -18,7 +18,8 @@ from motionlake.errors import ClipError
 from motionlake.formats import read_clips
 from motionlake.formats.parse.gltf_document import GltfDocument
 from motionlake.formats.parse.keys import even_rate, sample
-from motionlake.formats.parse.scene import JointTree, Placing, worlds
+from motionlake.formats.parse.scene import Placing, worlds
+from motionlake.formats.parse.scene_trees import JointTree
 from motionlake.formats.registry import companions
 from motionlake.formats.write.glb import glb_bytes
 from motionlake.formats.write.registry import ClipToWrite, writers

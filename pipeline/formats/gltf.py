@@ -21,17 +21,16 @@ from motionlake.formats.parse.gltf_document import (
 )
 from motionlake.formats.parse.keys import even_count, even_rate, sample
 from motionlake.formats.parse.scene import (
-    JointTree,
     Placing,
     bind_pose,
     body_names,
-    body_trees,
     check_room,
     clip_of_worlds,
     joint_names,
     uneven_note,
     worlds,
 )
+from motionlake.formats.parse.scene_trees import JointTree, body_trees
 from motionlake.formats.registry import load_bytes
 from motionlake.motion.clip import SourceClip
 from motionlake.motion.rotations import MIN_LENGTH

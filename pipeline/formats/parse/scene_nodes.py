@@ -13,17 +13,16 @@ from typing import Final
 import numpy as np
 from motionlake.arrays import Float64Array, UInt8Array
 from motionlake.formats.parse.scene import (
-    JointTree,
     Placing,
     bind_pose,
     body_names,
-    body_trees,
     check_room,
     clip_of_worlds,
     joint_names,
     uneven_note,
     worlds,
 )
+from motionlake.formats.parse.scene_trees import JointTree, body_trees
 from motionlake.motion.clip import SourceClip
 
 PLACING: Final = 10  # numbers: translation, rotation (w, x, y, z), scale
