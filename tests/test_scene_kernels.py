@@ -30,8 +30,8 @@ def test_joints_are_chained_as_one_after_the_other(above: tuple[int, ...], seed:
     for placing, parent in zip(placings[1:], above, strict=True):
         positions.append(positions[parent] + rotate(rotations[parent], placing.translation))
         rotations.append(multiply(rotations[parent], placing.rotation))
-    np.testing.assert_allclose(found.positions, np.stack(positions, axis=1), atol=1e-12)
-    np.testing.assert_allclose(found.rotations, np.stack(rotations, axis=1), atol=1e-12)
+    np.testing.assert_allclose(found.positions, np.stack(positions, axis=1), rtol=0, atol=1e-12)
+    np.testing.assert_allclose(found.rotations, np.stack(rotations, axis=1), rtol=0, atol=1e-12)
 
 
 @given(TREES, st.integers(0, 99))
@@ -41,12 +41,12 @@ def test_turns_against_the_rest_are_as_the_parent_sees_them(above: tuple[int, ..
     moved, rest = Worlds(rng.normal(size=(FRAMES, joints, 3)), turns(rng, FRAMES, joints)), turns(rng, joints)
     local, seen = against_rest(parents, moved, rest)
     turned = [multiply(moved.rotations[:, joint], conjugate(rest[joint])) for joint in range(joints)]
-    np.testing.assert_allclose(local[:, 0], turned[0], atol=1e-12)
+    np.testing.assert_allclose(local[:, 0], turned[0], rtol=0, atol=1e-12)
     for joint, parent in enumerate(above, start=1):
         back = conjugate(turned[parent])
-        np.testing.assert_allclose(local[:, joint], multiply(back, turned[joint]), atol=1e-12)
+        np.testing.assert_allclose(local[:, joint], multiply(back, turned[joint]), rtol=0, atol=1e-12)
         apart = moved.positions[:, joint] - moved.positions[:, parent]
-        np.testing.assert_allclose(seen[:, joint], rotate(back, apart), atol=1e-12)
+        np.testing.assert_allclose(seen[:, joint], rotate(back, apart), rtol=0, atol=1e-12)
 
 
 @given(st.integers(0, 99), st.sampled_from([0.0, 1e-12, 1e-4, 0.999e-3, 1.001e-3, 0.5, 3.2, 9.0]))
@@ -54,4 +54,6 @@ def test_rotation_vectors_turn_as_scipy_says(seed: int, size: float) -> None:
     vectors = np.random.default_rng(seed).normal(size=(4, 3))
     vectors *= size / np.linalg.norm(vectors, axis=1, keepdims=True)
     expected = Rotation.from_rotvec(vectors).as_quat(scalar_first=True)
-    np.testing.assert_allclose(rotate(from_vectors(vectors), vectors + 1), rotate(expected, vectors + 1), atol=1e-12)
+    np.testing.assert_allclose(
+        rotate(from_vectors(vectors), vectors + 1), rotate(expected, vectors + 1), rtol=0, atol=1e-12
+    )
