@@ -25,7 +25,7 @@ from motionlake.evaluation.ranking import SearchScores
 from motionlake.motion import diffusion
 from motionlake.motion.diffusion import NeighbourGraph, diffused, scale
 from motionlake.retrieval.fused import DIRECT, REACH, WEIGHTS
-from motionlake.retrieval.views import TURNS, View, near_again
+from motionlake.retrieval.views import View, near_again
 from motionlake.stages.graph import KEPT
 
 from bench.record import hash_files, record, recordings
@@ -34,9 +34,8 @@ from bench.search_lakes import DISPLACEMENTS, METHODS, SEEDED, TASKS, WINDOWS, M
 SEEDS: Final = (0, 1, 2)
 # How much each of them counts.
 SHARES: Final = ((1, 1, 4, 2), (2, 1, 4, 2), (1, 1, 2, 1), (1, 1, 2, 2))
-RECIPROCALS: Final = (16, 24)
+RECIPROCALS: Final = (16, 24, 32)
 DIRECTS: Final = (0.1, 0.3, 1.0)
-TURNS_TRIED: Final = (0, 1, 2)
 WINDOW_SHARES: Final = (1.0, 2.0)
 
 
@@ -47,21 +46,21 @@ class Constants:
     Attributes:
         reciprocal: `diffusion.RECIPROCAL`.
         direct: `fused.DIRECT`.
-        turns: `views.TURNS`; 0 leaves the way by all methods out.
+        together: go the way by all methods together too.
         shares: what each method counts.
     """
 
     reciprocal: int
     direct: float
-    turns: int
+    together: bool
     shares: tuple[float, ...]
 
 
-NOW: Final = Constants(diffusion.RECIPROCAL, DIRECT, TURNS, tuple(WEIGHTS.get(method, 0.0) for method in METHODS))
+NOW: Final = Constants(diffusion.RECIPROCAL, DIRECT, True, tuple(WEIGHTS.get(method, 0.0) for method in METHODS))
 
 
 def every_constants() -> Iterator[Constants]:
-    return itertools.starmap(Constants, itertools.product(RECIPROCALS, DIRECTS, TURNS_TRIED, SHARES))
+    return itertools.starmap(Constants, itertools.product(RECIPROCALS, DIRECTS, (False, True), SHARES))
 
 
 How = TypeVar("How")
@@ -92,8 +91,10 @@ def _views(distances: Float64Array) -> list[View[int]]:
     return found
 
 
-def near_of(one: Measured, rows: Sequence[Mapping[str, View[int]]], shares: Mapping[str, float], turns: int) -> Near:
-    """How near clips are by some methods: by distances, and along the graph, with `turns` by all together too."""
+def near_of(
+    one: Measured, rows: Sequence[Mapping[str, View[int]]], shares: Mapping[str, float], *, together: bool
+) -> Near:
+    """How near clips are by some methods: by distances, and along the graph, by all of them together too."""
     direct, along = np.zeros((2, one.clips, one.clips))
     total = sum(shares.values())
     for row, of_each in enumerate(rows):
@@ -105,8 +106,8 @@ def near_of(one: Measured, rows: Sequence[Mapping[str, View[int]]], shares: Mapp
                 nodes = list(view.clips[: len(view.ways) - 1])
                 along[row, nodes] += share / total * view.ways[-1, :-1]
                 nearest[method] = replace(view, clips=nodes)
-        if turns:
-            again = near_again(nearest, shares, one.clips, turns)
+        if together:
+            again = near_again(nearest, shares, one.clips)
             along[row, list(again)] += list(again.values())
     return Near(direct, along)
 
@@ -174,18 +175,18 @@ def _of_set(found: Scores, name: str, lakes: Sequence[Measured], reciprocal: int
         for one in lakes:
             of_each = {SEEDED: _views(one.distances[SEEDED]), **fixed}
             rows = [{method: views[row] for method, views in of_each.items()} for row in range(one.clips)]
-            for shares, turns in {(how.shares, how.turns) for how in (NOW, *every_constants())}:
-                near = near_of(one, rows, _counted(shares), turns)
+            for shares, together in {(how.shares, how.together) for how in (NOW, *every_constants())}:
+                near = near_of(one, rows, _counted(shares), together=together)
                 for direct in sorted({*DIRECTS, NOW.direct}):
-                    how = Constants(reciprocal, direct, turns, shares)
+                    how = Constants(reciprocal, direct, together, shares)
                     found.add(how, name, one.scores(near.along + direct * near.direct))
             if reciprocal == NOW.reciprocal:
                 for count in DISPLACEMENTS:
                     other = [{**each, "moves": each[counting(count)]} for each in rows]
-                    near = near_of(one, other, _counted(NOW.shares), NOW.turns)
+                    near = near_of(one, other, _counted(NOW.shares), together=NOW.together)
                     found.add(_with(count), name, one.scores(near.along + NOW.direct * near.direct))
                 for what, counted in _combinations(first=one is lakes[0]):
-                    near = near_of(one, rows, counted, NOW.turns if len(counted) > 1 else 0)
+                    near = near_of(one, rows, counted, together=len(counted) > 1)
                     found.add(f"{what}, no graph", name, one.scores(near.direct))
                     found.add(what, name, one.scores(near.along + NOW.direct * near.direct))
 

@@ -11,7 +11,6 @@ from motionlake.arrays import Float64Array
 from motionlake.motion.diffusion import diffused_again
 
 TOGETHER_MOST: Final = 400  # clips that are nearest by all methods, among which the way of all methods goes
-TURNS: Final = 2  # times that way is taken
 _ITSELF: Final = 1 - 1e-9  # how near a clip is that is the query
 Clip = TypeVar("Clip")
 
@@ -33,18 +32,13 @@ class View(Generic[Clip]):
     ways: Float64Array | None
 
 
-def near_again(
-    views: Mapping[str, View[Clip]], weights: Mapping[str, float], clips: int, turns: int = TURNS
-) -> dict[Clip, float]:
+def near_again(views: Mapping[str, View[Clip]], weights: Mapping[str, float], clips: int) -> dict[Clip, float]:
     """How near clips are along the graph of what is near by all methods together; empty without graphs.
-
-    Every further turn goes along the graph of the mean of what was near and of what the turn before made of it.
 
     Args:
         views: by method.
         weights: how much each counts.
         clips: that the lake holds.
-        turns: 1 or more.
     """
     joined = {name: view for name, view in views.items() if view.ways is not None and len(view.clips)}
     if not joined:
@@ -59,10 +53,6 @@ def near_again(
         near[np.ix_(rows, rows)] += weights[name] / total * view.ways
     best = np.sort(np.argsort(-near[-1, :-1], kind="stable")[:TOGETHER_MOST])
     rows = np.append(best, len(known))
-    before = near[np.ix_(rows, rows)]
-    along = diffused_again(before, clips)
-    for _ in range(turns - 1):
-        along = diffused_again((before + along) / 2, clips)
-    found = along[-1, :-1]
+    found = diffused_again(near[np.ix_(rows, rows)], clips)[-1, :-1]
     found[near[-1, best] > _ITSELF] = 1.0
     return {known[at]: float(way) for at, way in zip(best.tolist(), found, strict=True)}
