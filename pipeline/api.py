@@ -34,6 +34,7 @@ class ScopeOptions(TypedDict, total=False):
     min_quality: str | None
     mirrored: bool
     own: bool
+    below: float | None
 
 
 def open_lake(path: str | Path) -> Lake:
@@ -200,7 +201,7 @@ class Lake:
             scope: `dataset`: from its clips only; `split`: from clips of this split only; `recorded_only`: synthetic
                 clips are no answers; `min_quality`: the worst verdict of stage "quality" that an answer may have ("ok",
                 "doubtful"); `mirrored`: search for the mirror image too, the nearer of both counts; `own`: the
-                query may be an answer itself.
+                query may be an answer itself; `below`: answers are nearer than this distance.
 
         Raises:
             UserError: as `motion`; an unknown method, or the lake is not ready for it; neither a clip nor a text.

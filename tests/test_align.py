@@ -92,6 +92,18 @@ def test_every_way_to_ask_gives_the_same_answer(built_lake: Path, aligner: Align
     assert motionlake("sql", text, "--lake", built_lake, "--json").json == ranked
 
 
+def test_all_answers_that_are_near_enough(built_lake: Path) -> None:
+    clip, frames = longest(built_lake)
+    ask = ["align", clip, "--from", 1, "--to", frames // 2, "--lake", built_lake, "--json"]
+    every = motionlake(*ask, "-k", 10_000).json
+    assert len(every) > 15
+    limit = every[15]["distance"]
+    near = [row for row in every if row["distance"] < limit]
+    assert len(near) > 10  # more than there are without --below
+    assert motionlake(*ask, "--below", limit).json == near
+    assert motionlake(*ask, "--below", limit, "-k", 3).json == near[:3]
+
+
 @pytest.mark.parametrize("method", ["sta", "dtw", "sw"])
 def test_hits_are_the_matches_of_the_strings_in_frames(built_lake: Path, aligner: Aligner, method: str) -> None:
     known, (clip, frames) = strings(built_lake), longest(built_lake)

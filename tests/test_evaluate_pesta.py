@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from motionlake.evaluation.pesta import (
+from motionlake.evaluation.pesta.measuring import LabelledRange, Take, class_of, drawn_ranges
+from motionlake.evaluation.pesta.robustness import Framed, singular_clips, singular_pieces
+from motionlake.evaluation.pesta.sub_queries import (
     SubQuery,
-    Take,
     ask_all,
-    class_of,
     fresh_search,
     long_questions,
     score_sub_queries,
@@ -30,11 +30,11 @@ from motionlake.evaluation.ranking import (
     score_rankings,
     share_label,
 )
+from motionlake.motion.skeleton import INDEX, facing
 from motionlake.pesta.config import AlignmentConfig, Method
 from motionlake.pesta.scan import symmetric_costs
 from motionlake.pesta.symbols import SymbolString
 
-from bench.pesta.robustness import singular_pieces
 from tests.lakes import motionlake, query
 from tests.test_evaluate import taught_lake
 
@@ -180,7 +180,8 @@ def test_strings_of_a_lake_are_measured(built_lake: Path, tmp_path: Path) -> Non
     run = motionlake("evaluate", "pesta", "--lake", built_lake, "--json")
     assert run.status == 0, run.err
     found = run.json
-    assert list(found) == ["sta", "dtw", "sw", "signatures", "dtw_frames", "sub_queries"]
+    one_way = [f"{method}_one_way" for method in ("sta", "dtw", "sw")]
+    assert list(found) == ["sta", "dtw", "sw", *one_way, "signatures", "dtw_frames", "sub_queries"]
     assert found["sub_queries"] is None
     rows = query(
         built_lake,
@@ -195,6 +196,8 @@ def test_strings_of_a_lake_are_measured(built_lake: Path, tmp_path: Path) -> Non
         expected = leave_one_out(costs, labels)
         assert found[method]["map"] == pytest.approx(expected.map, abs=1e-6)
         assert found[method]["n"] == expected.n
+        paper = symmetric_costs([s for s, _ in rows], distances, AlignmentConfig(method, stride), both="query")
+        assert found[f"{method}_one_way"]["map"] == pytest.approx(leave_one_out(paper, labels).map, abs=1e-6)
     signed = motionlake("evaluate", "signatures", "--lake", built_lake, "--json").json
     assert found["signatures"]["map"] == pytest.approx(signed["map"])
     assert found["dtw_frames"]["map"] == pytest.approx(signed["dtw"]["map"])
@@ -234,6 +237,19 @@ def test_sub_queries_of_a_lake_are_measured(lake: Path, clips_folder: Path, sche
     assert 0 < asked["pesta"]["p_at_2"] <= 1
     assert asked["share_of_time"] == pytest.approx(asked["pesta_lq"]["seconds"] / asked["pesta"]["seconds"])
     assert run.json["dtw_frames"] is None
+    parts = motionlake(
+        "evaluate", "pesta", "--protocol", "holistic", "--protocol", "several-labels", "--lake", lake, "--json",
+    ).json  # fmt: skip
+    assert list(parts) == ["holistic", "several_labels"]
+    for method in ("sta", "dtw", "sw"):
+        row = parts["holistic"][method]  # every frame of three clips shows one class
+        answered = np.sum(row["confusion"]["counts"])
+        assert row["confusion"]["classes"] == ["move"]
+        assert row["n"] == row["all_n"] == 3
+        assert row["p_at_10"] == pytest.approx(answered / 30)
+        assert row["map"] == 1
+        assert parts["several_labels"][f"{method}_one_way"]["n"] == 3
+        assert parts["several_labels"][method]["n_refused"] == 0
     unlabelled = motionlake("evaluate", "pesta", "--label-column", "split", "--lake", lake)  # segments are enough
     assert unlabelled.status == 0, unlabelled.err
     assert "pesta_lq" in unlabelled.out
@@ -248,9 +264,63 @@ def test_sub_queries_of_a_lake_are_measured(lake: Path, clips_folder: Path, sche
         (["--baseline", "luck"], "auto, dtw, none"),
         (["--stride", "0"], "--stride"),
         (["--dataset", "no/name"], "no/name"),
+        (["--protocol", "luck"], "there are whole, sub-queries, holistic"),
+        (["--protocol", "holistic"], "no two clips have segments of one class"),
     ],
 )
 def test_what_pesta_cannot_measure_gets_a_clear_error(built_lake: Path, words: list[str], says: str) -> None:
     run = motionlake("evaluate", "pesta", *words, "--lake", built_lake)
     assert run.status == 2
     assert says in run.err
+
+
+def test_replaced_pieces_of_a_lake_are_measured(built_lake: Path, tmp_path: Path) -> None:
+    """Without replaced pieces the strings are the lake's own; with half of them alignment finds less."""
+    folder = tmp_path / "figures"
+    run = motionlake(
+        "evaluate", "pesta", "--protocol", "robustness", "--protocol", "whole", "--baseline", "none",
+        "--pictures", folder, "--lake", built_lake, "--json",
+    )  # fmt: skip
+    assert run.status == 0, run.err
+    found = run.json["robustness"]
+    for method in ("sta", "dtw", "sw"):
+        assert found[method]["0"]["map"] == pytest.approx(run.json[method]["map"], abs=1e-6)
+        assert list(found[method]) == ["0", "0.1", "0.2", "0.3", "0.4", "0.5"]
+        assert found[method]["0.5"]["kept"] == pytest.approx(found[method]["0.5"]["map"] / found[method]["0"]["map"])
+    assert found["sta"]["0.5"] != found["sta"]["0"]
+    assert (folder / "robustness.png").read_bytes().startswith(b"\x89PNG")
+    table = motionlake("evaluate", "pesta", "--protocol", "robustness", "--lake", built_lake).out
+    assert "replaced" in table
+    assert "confusion" not in table
+
+
+def frames_of(count: int, fps: float, seed: int) -> Framed:
+    random = np.random.default_rng(seed)
+    body = random.normal(size=(1, 21, 3)) + np.cumsum(random.normal(scale=0.01, size=(count, 21, 3)), axis=0)
+    return Framed(body, np.full((count, 21, 4), float(seed)), fps)
+
+
+def test_a_replaced_piece_stands_where_the_one_before_stood() -> None:
+    clips = [frames_of(200, 120.0, 1), frames_of(60, 30.0, 2), frames_of(90, 120.0, 3)]
+    labels = ["a", "b", "a"]
+    assert [clip.piece for clip in clips] == [10, 2, 10]
+    same = singular_clips(clips, labels, 0.0, 0)
+    assert all(np.array_equal(one.positions, clip.positions) for one, clip in zip(same, clips, strict=True))
+    every = singular_clips(clips, labels, 1.0, 0)
+    assert (every[0].rotations == 2).all()  # by frames of the only clip of another class
+    assert (every[1].rotations != 2).all()
+    hips = INDEX["hips"]
+    for start in range(0, 200, 10):
+        place = every[0].positions[start, hips]
+        np.testing.assert_allclose(place[[0, 2]], clips[0].positions[start, hips, [0, 2]], atol=1e-9)
+        np.testing.assert_allclose(
+            facing(every[0].positions[start][None]), facing(clips[0].positions[start][None]), atol=1e-6
+        )
+
+
+def test_drawn_ranges_are_of_every_class_and_follow_the_seed() -> None:
+    ranges = [LabelledRange(f"c{i % 7}", i, i + 5, "few" if i < 3 else "many") for i in range(40)]
+    drawn = drawn_ranges(ranges, 10, 0)
+    assert [each.label for each in drawn] == ["few"] * 3 + ["many"] * 10
+    assert set(drawn) <= set(ranges)
+    assert drawn == drawn_ranges(ranges, 10, 0) != drawn_ranges(ranges, 10, 1)

@@ -121,6 +121,17 @@ def check_answer(lake: Lake, finds: Finds, hits: list[Hit], asked: Query) -> Non
 
 
 @EVERY_SEARCHER
+def test_only_answers_that_are_near_enough(two_sets: Lake, finds: Finds, name: str) -> None:
+    found, asked = searcher(finds, name, two_sets), some_queries(two_sets, finds, 1)
+    for mirrored in (False, True):
+        (hits,) = found.search(asked, K, Scope(mirrored=mirrored))
+        limit = hits[-1].distance
+        (near,) = found.search(asked, K, Scope(mirrored=mirrored, below=limit))
+        assert near == [hit for hit in hits if hit.distance < limit]
+        assert found.search(asked, K, Scope(mirrored=mirrored, below=hits[0].distance)) == [[]]
+
+
+@EVERY_SEARCHER
 def test_clips_and_files_k_and_ties(two_sets: Lake, clips_folder: Path, finds: Finds, name: str) -> None:
     found = searcher(finds, name, two_sets)
     assert (found.name, found.finds) == (name, finds)

@@ -148,6 +148,7 @@ def test_an_encoder_of_a_package(built_lake: Path, monkeypatch: pytest.MonkeyPat
         (["--text", "walk", "--picture", "a.png"], "--picture: is for a clip"),
         (["--text", "walk", "--method", "moves"], "--method: is for a clip"),
         (["--text", "walk", "--from", "0"], "--from: is for a clip"),
+        (["--text", "walk", "--below", "1"], "--below: is for a clip"),
         (["--encoder", "one"], "--encoder: is for --text"),
         ([], "give --text WORDS"),
     ],

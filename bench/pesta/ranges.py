@@ -14,10 +14,10 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
+from motionlake.evaluation.pesta.measuring import LabelledRange, drawn_ranges
+from motionlake.evaluation.pesta.several_labels import ranged_costs
 from motionlake.evaluation.ranking import by_class, ranked_relevance, score_rankings, share_label
 from motionlake.pesta.config import AlignmentConfig, PosturesConfig
-from motionlake.pesta.scan import pairwise
-from motionlake.pesta.strings import Repository
 from motionlake.pesta.symbols import SymbolString
 
 from bench.canonical_sets import LabelledClip, features
@@ -28,7 +28,6 @@ from bench.pesta.whole import DTW, SCORES, SW, specs
 from bench.units import Found
 
 SET: Final = "cmu_bvh"
-EACH: Final = 10
 ALIGNMENTS: Final[dict[str, tuple[AlignmentConfig, bool]]] = {
     "STA w = 3, one way": (STA3, False),
     "DTW, one way": (DTW, False),
@@ -43,18 +42,6 @@ def units(seeds: Sequence[int], aae: Spec) -> list[Unit]:
     return [Unit(name, spec.seeded(seed), seed) for name, spec in specs(aae).items() for seed in seeds]
 
 
-def drawn_ranges(seed: int) -> list[tuple[int, int, int, str]]:
-    """(clip, start, stop, label) of the queries, by label, then clip."""
-    rng = np.random.default_rng(seed)
-    found = []
-    ranges = [(clip, *segment) for clip, segments in enumerate(segments_of(SET)) for segment in segments]
-    for label in sorted({each[3] for each in ranges}):
-        own = [each for each in ranges if each[3] == label]
-        chosen = np.sort(rng.permutation(len(own))[:EACH])
-        found += [own[i] for i in chosen]
-    return found
-
-
 def cut(made: Fitted, config: PosturesConfig, clip: LabelledClip, start: int, stop: int) -> SymbolString:
     """The string of frames [start, stop) alone."""
     part = replace(clip, positions=clip.positions[start:stop], rotations=clip.rotations[start:stop])
@@ -66,15 +53,17 @@ def measure(unit: Unit) -> dict[str, Found]:
     """Every alignment of one dictionary."""
     made, strings = fitted(SET, unit.spec), strings_of(SET, unit.spec)
     carried = [{label for _, _, label in segments} for segments in segments_of(SET)]
-    drawn = drawn_ranges(unit.seed)
-    labels = [label for *_, label in drawn]
+    names = [str(index) for index in range(len(clips_of(SET)))]
+    every = [LabelledRange(name, *one) for name, of in zip(names, segments_of(SET), strict=True) for one in of]
+    drawn = drawn_ranges(every, seed=unit.seed)
+    labels = [each.label for each in drawn]
     clips, config = clips_of(SET), unit.spec.config
-    queries = [cut(made, config, clips[clip], start, stop).symbols for clip, start, stop, _ in drawn]
-    candidates = np.arange(len(strings)) != np.array([clip for clip, *_ in drawn])[:, None]
+    queries = [cut(made, config, clips[int(each.clip)], each.start, each.stop).symbols for each in drawn]
+    candidates = np.arange(len(strings)) != np.array([int(each.clip) for each in drawn])[:, None]
     relevant = share_label(labels, carried) & candidates
     rows = {}
     for name, (alignment, both) in ALIGNMENTS.items():
-        costs = ranged_costs(queries, [s.symbols for s in strings], made.distances, alignment, both)
+        costs = ranged_costs(queries, [s.symbols for s in strings], made.distances, alignment, both=both)
         rankings = ranked_relevance(costs, relevant, candidates)
         scores = score_rankings(rankings)
         maps = {label: score_rankings(hits).map for label, hits in by_class(rankings, labels).items()}
@@ -84,20 +73,3 @@ def measure(unit: Unit) -> dict[str, Found]:
             "mean_of_classes": float(np.mean(list(maps.values()))),
         }
     return rows
-
-
-def ranged_costs(
-    queries: Sequence[np.ndarray],
-    strings: Sequence[np.ndarray],
-    distances: np.ndarray,
-    config: AlignmentConfig,
-    both: bool,
-) -> np.ndarray:
-    """[q, n] costs of queries in clips for each symbol; with `both` the greater of those and the clips' in them."""
-    costs = pairwise(queries, Repository.of(strings), distances, config)
-    costs /= np.array([len(query) for query in queries], dtype=np.float32)[:, None]
-    if not both:
-        return costs
-    back = pairwise(strings, Repository.of(queries), distances, config)
-    back /= np.array([len(string) for string in strings], dtype=np.float32)[:, None]
-    return np.maximum(costs, back.T)

@@ -10,10 +10,10 @@ from collections.abc import Sequence
 from functools import partial
 from typing import Final
 
-from motionlake.evaluation.pesta import (
+from motionlake.evaluation.pesta.measuring import Take
+from motionlake.evaluation.pesta.sub_queries import (
     LongQuestion,
     SearchOf,
-    Take,
     ask_all,
     fresh_search,
     long_questions,

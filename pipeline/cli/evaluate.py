@@ -50,7 +50,11 @@ METRICS: Final = {
     "accuracy": 'share of labelled words given the right class, "unknown" for a class not learned; higher is better',
     "accuracy_known": "of the words whose class was learned, each given a learned class; higher is better",
     "accuracy_known_or_unknown": 'the same, where "unknown" counts as wrong; higher is better',
-    "all_p_at_2": "all_p_at_2, …: the same over all sub-queries, those of a class in no other take too",
+    "all_p_at_2": "all_p_at_2, …: the same over all queries, those that cannot be answered counted as wrong",
+    "n_refused": "queries that are one posture, which `align` refuses",
+    "all_map": "map with the refused queries counted as 0; higher is better",
+    "mean_of_classes": "map, mean over the classes; higher is better",
+    "replaced": "share of pieces of clips that are of other classes; beside it map by method, higher is better",
     "seconds": "time that the search took; lower is better",
     "n": "queries measured",
     "n_known": "words whose class was learned",
@@ -189,7 +193,15 @@ def pesta(
     min_quality: MinQualityOption = None,
     stride: Annotated[
         int | None,
-        option(min=1, help="Longest step of an alignment (default: 3; 2 for sub-queries)."),
+        option(min=1, help="Longest step of an alignment (default: 3; 2 for parts of clips)."),
+    ] = None,
+    protocols: Annotated[
+        list[str] | None,
+        option(
+            "--protocol",
+            help="What to measure (repeat it for more): whole, sub-queries, holistic, several-labels, robustness "
+            "(default: the first two).",
+        ),
     ] = None,
     baseline: BaselineOption = "auto",
     pictures: PicturesOption = None,
@@ -197,30 +209,27 @@ def pesta(
 ) -> None:
     """How well alignment of posture strings (`motionlake align`) finds clips: each labelled clip is searched for.
 
-    Methods are those of `align` (sta, dtw, sw), with signatures and DTW of frames beside them. Where clips have
-    segments, parts of them are searched for too ("sub_queries"). --json has the precision-recall curve and confusions.
+    Methods are those of `align` (sta, dtw, sw), both ways and one way, with signatures and DTW of frames beside them.
+    Where clips have segments, parts of them are searched for too: windows of long queries ("sub-queries"), segments in
+    the other clips ("holistic"), and clips that show what a segment shows ("several-labels"). "robustness" replaces
+    pieces of clips by pieces of others. --json has precision-recall curves and confusions.
 
     Example: motionlake evaluate pesta --dataset hdm05 --json --lake mylake
 
-    Drawn: motionlake evaluate pesta --dataset hdm05 --pictures figures --lake mylake
+    Drawn: motionlake evaluate pesta --protocol holistic --pictures figures --lake mylake
     """
-    from motionlake.evaluation.pesta import evaluate_pesta
+    from motionlake.evaluation.pesta.protocols import USUAL, evaluate_pesta
+    from motionlake.evaluation.pesta.tables import tables
 
     target = open_lake(lake)
     with reading(target) as con:
-        found = evaluate_pesta(con, target, _labelled(dataset, column, only, baseline, min_quality), stride=stride)
+        options = _labelled(dataset, column, only, baseline, min_quality)
+        found = evaluate_pesta(con, target, options, stride=stride, protocols=protocols or USUAL)
     if pictures is not None:
         from motionlake.pictures.evaluation import evaluation_pictures
 
         _draw(evaluation_pictures(found), pictures)
-    rows = [
-        {"method": method, **{key: value for key, value in row.items() if key not in ("curve", "confusion")}}
-        for method, row in found.items()
-        if row is not None and method != "sub_queries"
-    ]
-    parts = found["sub_queries"]
-    of_parts = [] if parts is None else [{"sub_queries": name, **parts[name]} for name in ("pesta", "pesta_lq")]
-    _tell(found, [rows, of_parts], as_json)
+    _tell(found, tables(found), as_json)
 
 
 @evaluate.command()

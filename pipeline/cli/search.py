@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 from motionlake.cli._hits import tell_hits, what_is_alike
@@ -34,13 +34,18 @@ if TYPE_CHECKING:
     from motionlake.retrieval.text import LakeText
     from motionlake.retrieval.text_example import ExampleAndText
 
-KOption = Annotated[int, typer.Option("-k", min=1, help="How many answers.")]
+KOption = Annotated[
+    int | None, typer.Option("-k", min=1, help="How many answers (default: 10; all of them with --below).")
+]
+BelowOption = Annotated[float | None, option("--below", help="Only answers whose distance is less than this.")]
 MirroredOption = Annotated[
     bool, typer.Option("--mirrored", help="Look for the mirror image too: left and right exchanged.")
 ]
 OwnOption = Annotated[
     bool, typer.Option("--own", help="The query itself may be an answer, where it is a clip of the lake.")
 ]
+USUAL: Final = 10
+EVERY: Final = 10**9
 PictureOption = Annotated[Path | None, option("--picture", help="Also draw the answers into this .png or .html file.")]
 
 
@@ -49,7 +54,8 @@ def search(
     clips: ClipsArgument = None,
     start: StartOption = None,
     stop: StopOption = None,
-    k: KOption = 10,
+    k: KOption = None,
+    below: BelowOption = None,
     method: Annotated[
         str,
         typer.Option(
@@ -102,14 +108,14 @@ def search(
     from motionlake.retrieval.protocol import Scope
     from motionlake.retrieval.registry import check_method, searcher
 
-    target = open_lake(lake)
+    target, k = open_lake(lake), _count(k, below)
     if encoder is not None and text is None:
         raise UserError("--encoder: is for --text")
     check_method("clip", method)
     if method != "fused" and (explain or not graph):
         raise UserError(f"--{'explain' if explain else 'no-graph'}: is for --method fused")
     how = {"graph": graph, "explain": explain} if method == "fused" else {}
-    scope = Scope(dataset, split, recorded_only, mirrored, own, min_quality=min_quality)
+    scope = Scope(dataset, split, recorded_only, mirrored, own, min_quality=min_quality, below=below)
     with reading(target) as con:
         names = [*(clips or []), *(row["clip"] for row in fetch(con, "sample_clips", {"count": sample}))]
         if text is not None and not names:
@@ -119,6 +125,7 @@ def search(
                 "--picture": picture,
                 "--explain": explain,
                 "--mirrored": mirrored,
+                "--below": below,
             }
             _check_clip_named({**needless, "--method": method != "fused", "--no-graph": not graph, "--own": own})
             tell_hits(
@@ -153,7 +160,8 @@ def find(
     query: ClipArgument,
     start: StartOption = None,
     stop: StopOption = None,
-    k: KOption = 10,
+    k: KOption = None,
+    below: BelowOption = None,
     method: Annotated[
         str,
         typer.Option(
@@ -185,13 +193,15 @@ def find(
     from motionlake.retrieval.protocol import Scope
     from motionlake.retrieval.registry import check_method, searcher
 
-    target = open_lake(lake)
+    target, k = open_lake(lake), _count(k, below)
     check_method("range", method)
     _check_picture(picture, 1)
     with reading(target) as con:
         found = searcher("range", method, target)
         piece = named_query(con, target, query, start, stop)
-        (hits,) = found.search([piece], k, Scope(dataset, split, recorded_only, mirrored, own, min_quality=min_quality))
+        (hits,) = found.search(
+            [piece], k, Scope(dataset, split, recorded_only, mirrored, own, min_quality=min_quality, below=below)
+        )
         rows = [hit.as_row() for hit in hits]
         _save_picture(con, target, picture, method, [(query, piece, rows)])
     tell_hits(rows, mirrored=mirrored, as_json=as_json)
@@ -202,7 +212,8 @@ def align(
     query: ClipArgument,
     start: StartOption = None,
     stop: StopOption = None,
-    k: KOption = 10,
+    k: KOption = None,
+    below: BelowOption = None,
     dataset: DatasetOption = None,
     split: SplitOption = None,
     recorded_only: RecordedOnlyOption = False,
@@ -232,18 +243,20 @@ def align(
 
     The best answer, posture by posture: motionlake align 13_29 --from 480 --to 720 --picture best.png --lake mylake
 
+    All that are near enough: motionlake align 13_29 --from 480 --to 720 --below 0.5 --lake mylake
+
     Of a file that is not in the lake: motionlake align shots/new_take.bvh --path --json --lake mylake
     """
     from motionlake.retrieval.alignment import AlignmentRangeSearcher, AlignmentSearcher
     from motionlake.retrieval.protocol import Scope
 
-    target = open_lake(lake)
+    target, k = open_lake(lake), _count(k, below)
     if whole and (crossing or path):
         raise UserError("--whole: compares whole clips; leave --crossing and --path out")
     if path and not as_json:
         raise UserError("--path: needs --json")
     _check_picture(picture, 1)
-    scope = Scope(dataset, split, recorded_only, mirrored, own, min_quality=min_quality)
+    scope = Scope(dataset, split, recorded_only, mirrored, own, min_quality=min_quality, below=below)
     how: dict[str, Any] = {"method": method, "stride": stride}
     with reading(target) as con:
         if whole:
@@ -263,6 +276,13 @@ def align(
             AlignmentPictures(material, asked, fps, searcher.config, searcher.clip_strings).save(picture, hits)
     rows = [(hit if path else replace(hit, path=None)).as_row() for hit in hits]
     tell_hits(rows, mirrored=mirrored, as_json=as_json)
+
+
+def _count(k: int | None, below: float | None) -> int:
+    """How many answers there are at most."""
+    if k is not None:
+        return k
+    return USUAL if below is None else EVERY
 
 
 def _text(lake: Lake, encoder: str | None) -> LakeText:

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from motionlake.arrays import Float64Array
 from motionlake.evaluation.descriptor import DescriptorEvaluation
+from motionlake.evaluation.pesta.whole import ONE_WAY
 from motionlake.pictures.html import Picture, picture
 from motionlake.pictures.maps import LEAST, PERPLEXITY, clip_map, tsne
 from motionlake.pictures.style import (
@@ -215,22 +216,39 @@ def descriptor_pictures(measured: DescriptorEvaluation) -> list[Picture]:
 def evaluation_pictures(found: Mapping[str, Any]) -> list[Picture]:
     """Precision and recall of all methods, of strided alignment by class, and the confusion of each method.
 
-    None where no clips have labels that others share.
+    Of holistic queries the same; of replaced pieces how MAP falls. None where nothing of it was measured.
     """
-    rows = {name: row for name, row in found.items() if row is not None and "curve" in row}
+    made = _ranked_pictures(
+        {name: row for name, row in found.items() if row is not None and "curve" in row and not name.endswith(ONE_WAY)}
+    )
+    if holistic := found.get("holistic"):
+        made += _ranked_pictures(holistic, "holistic-", "Each segment is looked for in the other clips.", 10)
+    if robust := found.get("robustness"):
+        by_share = {
+            method: {float(share): row["map"] for share, row in rows.items()} for method, rows in robust.items()
+        }
+        said = "MAP of whole clips by the share of their pieces that was replaced."
+        made.append(picture("robustness", "Robustness", said, robustness_figure(by_share)))
+    return made
+
+
+def _ranked_pictures(
+    rows: Mapping[str, Any], prefix: str = "", about: str = "Each labelled clip queries all others.", first: int = 20
+) -> list[Picture]:
+    rows = {name: row for name, row in rows.items() if row["curve"]["recall"]}
     if not rows:
         return []
-    strided = rows["sta"]["curve"]
-    by_class = {label: (strided["recall"], precision) for label, precision in strided["by_class"].items()}
     by_method = precision_recall_figure(_curves(rows.items()), mean=False)
-    made = [
-        ("precision-recall", "Precision and recall by method", by_method),
-        ("precision-recall-sta", "Strided alignment by class", precision_recall_figure(by_class, "Strided alignment")),
-    ]
+    made = [("precision-recall", "Precision and recall by method", by_method)]
+    if "sta" in rows:
+        strided = rows["sta"]["curve"]
+        by_class = {label: (strided["recall"], precision) for label, precision in strided["by_class"].items()}
+        figure = precision_recall_figure(by_class, "Strided alignment")
+        made.append(("precision-recall-sta", "Strided alignment by class", figure))
     for name, row in rows.items():
-        confused, title = row["confusion"], f"First 20 hits: {name}"
+        confused, title = row["confusion"], f"First {first} hits: {name}"
         made.append((f"confusion-{name}", title, confusion_figure(confused["counts"], confused["classes"], title)))
-    return [picture(name, title, "Each labelled clip queries all others.", figure) for name, title, figure in made]
+    return [picture(f"{prefix}{name}", title, about, figure) for name, title, figure in made]
 
 
 def _curves(rows: Iterable[tuple[str, Mapping[str, Any]]]) -> dict[str, tuple[ArrayLike, ArrayLike]]:

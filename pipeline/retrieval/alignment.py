@@ -183,7 +183,7 @@ class AlignmentRangeSearcher(_Aligner):
         served = self.strings.model
         if model is not None and model != served:
             raise UserError(f"a string over {model} does not compare with strings over {served}; make it again")
-        return ranked(self._matches(query_of_symbols(np.asarray(symbols, dtype=np.int32)), k, scope))
+        return ranked(self.matched(query_of_symbols(np.asarray(symbols, dtype=np.int32)), k, scope))
 
     def long_query(self, query: Query, scope: Scope = EVERYTHING) -> LongAlignment:
         """A clip whose ranges will be looked for one after another (section 7).
@@ -200,9 +200,10 @@ class AlignmentRangeSearcher(_Aligner):
         return self._pairwise(*([self.symbols_of(query) for query in side] for side in (queries, gallery)))
 
     def nearest(self, queries: Sequence[Query], k: int, scope: Scope, *, mirrored: bool) -> list[list[Hit]]:
-        return [self._matches(self.symbols_of(query, mirrored=mirrored), k, scope) for query in queries]
+        return [self.matched(self.symbols_of(query, mirrored=mirrored), k, scope) for query in queries]
 
-    def _matches(self, query: StringQuery, k: int, scope: Scope) -> list[Hit]:
+    def matched(self, query: StringQuery, k: int, scope: Scope = EVERYTHING) -> list[Hit]:
+        """The k best matches of a string, in order and not ranked yet."""
         strings = self.strings.among(scope.admission(self.lake))
         barred = None if scope.own else barred_symbols(strings, query, self.clip_strings)
 

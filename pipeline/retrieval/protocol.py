@@ -106,10 +106,16 @@ class Scope(ClipFilter):
     Attributes:
         mirrored: look for the mirror image of the query as well (left for right); the nearer of both counts.
         own: the query's own clip, or its own frames where ranges are found, may be an answer.
+        below: the distance that answers are nearer than (U_d; PESTA, section 3); None: any.
     """
 
     mirrored: bool = False
     own: bool = False
+    below: float | None = field(default=None, kw_only=True)
+
+    def near(self, hits: Sequence[Hit]) -> list[Hit]:
+        """The answers that are near enough, ranked."""
+        return ranked([hit for hit in hits if self.below is None or hit.distance < self.below])
 
     def chosen(self, lake: Lake, clips: Sequence[CorpusClip], without: str | None = None) -> Int64Array:
         """Indices of the clips that may be answers; `without`: the query's, unless it may be one."""
@@ -315,10 +321,10 @@ class LakeSearcher(ABC):
             return [[] for _ in queries]
         plain = self.nearest(queries, k, scope, mirrored=False)
         if not scope.mirrored:
-            return [ranked(hits) for hits in plain]
+            return [scope.near(hits) for hits in plain]
         mirrored = self.nearest(queries, k, scope, mirrored=True)
         pairs = zip(plain, mirrored, strict=True)
-        return [nearer_of_both(hits, others, k, apart=self.several) for hits, others in pairs]
+        return [scope.near(nearer_of_both(hits, others, k, apart=self.several)) for hits, others in pairs]
 
     @abstractmethod
     def nearest(self, queries: Sequence[Query], k: int, scope: Scope, *, mirrored: bool) -> list[list[Hit]]:

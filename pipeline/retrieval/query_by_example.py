@@ -15,7 +15,7 @@ from motionlake.lake.corpus import read_corpus
 from motionlake.lake.layout import Lake
 from motionlake.lake.models import check_served
 from motionlake.retrieval.encode import query_motifs
-from motionlake.retrieval.protocol import EVERYTHING, Finds, Hit, Query, Scope, check_k, not_ready, range_hit, ranked
+from motionlake.retrieval.protocol import EVERYTHING, Finds, Hit, Query, Scope, check_k, not_ready, range_hit
 
 
 class WordsSearcher:
@@ -39,7 +39,7 @@ class WordsSearcher:
     def search(self, queries: Sequence[Query], k: int, scope: Scope = EVERYTHING) -> list[list[Hit]]:
         """As `Searcher.search`."""
         check_k(k)
-        return [ranked(self._ranges(query, k, scope)) for query in queries]
+        return [scope.near(self._ranges(query, k, scope)) for query in queries]
 
     def distances(self, queries: Sequence[Query], gallery: Sequence[Query]) -> Float64Array:
         corpus, found = self.corpus, np.zeros((len(queries), len(gallery)))

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final
 
-from motionlake.retrieval.protocol import EVERYTHING, Hit, Query, Scope, Searcher, Share, check_k, ranked
+from motionlake.retrieval.protocol import EVERYTHING, Hit, Query, Scope, Searcher, Share, check_k
 from motionlake.retrieval.text import Answers, LakeText
 
 REACH: Final = 200  # nearest clips to the example, and those that answer the text best, which are ranked by both
@@ -32,7 +32,7 @@ class ExampleAndText:
         """As `Searcher.search`; also raises `UserError` as `LakeText.search`."""
         check_k(k)
         answers = self._clips.answers(self._text, scope)
-        found = self._searcher.search(queries, max(k, REACH), scope)
+        found = self._searcher.search(queries, max(k, REACH), replace(scope, below=None))
         return [self._both(query, hits, answers, k, scope) for query, hits in zip(queries, found, strict=True)]
 
     def _both(self, query: Query, alike: Sequence[Hit], answers: Answers, k: int, scope: Scope) -> list[Hit]:
@@ -46,7 +46,7 @@ class ExampleAndText:
             distance = 1 - (near.get(hit.clip, 0.0) + tells) / 2
             text = said[hit.clip].text if hit.clip in said else None
             both.append(replace(hit, distance=distance, text=text, shares=self._shares(hit, tells)))
-        return ranked(sorted(both, key=lambda hit: (hit.distance, hit.clip))[:k])
+        return scope.near(sorted(both, key=lambda hit: (hit.distance, hit.clip))[:k])
 
     def _shares(self, hit: Hit, tells: float) -> tuple[Share, ...] | None:
         if not self._explain:

@@ -1,0 +1,1 @@
+"""PESTA's measures on a labelled lake: a module for each of its experiments (section 8)."""

@@ -1,0 +1,60 @@
+"""Whole clips by their strings (section 8.3.1, Fig. 6, Table 5): each labelled clip queries all others."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict
+from typing import Any, Final
+
+from motionlake.arrays import FloatArray
+from motionlake.deep_motifs.emd import emd_matrix
+from motionlake.evaluation.dtw import dtw_baseline
+from motionlake.evaluation.pesta.measuring import WHOLE_STRIDE, Measuring
+from motionlake.evaluation.ranking import (
+    by_class,
+    confusion,
+    others,
+    precision_recall,
+    ranked_relevance,
+    relatives,
+    score_rankings,
+)
+from motionlake.pesta.config import METHODS
+from motionlake.pesta.scan import Both, symmetric_costs
+from motionlake.retrieval.labelled_clips import lake_ground
+
+ONE_WAY: Final = "_one_way"
+WAYS: Final[tuple[Both, ...]] = ("max", "query")
+
+
+def measure_whole(measuring: Measuring) -> dict[str, Any] | None:
+    """Scores by method; costs are those of both ways, the greater, or of the query in the clip alone ("one way", the
+    paper's). References are signatures and whole-clip DTW of frames. None where no two clips share a label."""
+    signed = measuring.signed.labelled()
+    labels, n, strings = signed.labels, len(signed.labels), measuring.strings
+    if len(set(labels)) == n:
+        return None
+    measuring.options.notice(f"{n} clips of {len(set(labels))} classes: {n * (n - 1)} alignments a method")
+    own = [strings.repository.string(strings.positions[clip.clip]) for clip in signed.clips]
+    result: dict[str, Any] = {}
+    for both in WAYS:
+        for method in METHODS:
+            config = measuring.alignment(method, WHOLE_STRIDE)
+            name = method if both == "max" else f"{method}{ONE_WAY}"
+            result[name] = scores(symmetric_costs(own, strings.distances, config, both=both), labels)
+    result["signatures"] = scores(emd_matrix(signed.signatures, lake_ground(measuring.con)), labels)
+    by_frames = dtw_baseline(measuring.lake, signed.clips, measuring.options.dtw, measuring.options.notice)
+    result["dtw_frames"] = None if by_frames is None else scores(by_frames, labels)
+    return result
+
+
+def scores(distances: FloatArray, labels: Sequence[str]) -> dict[str, Any]:
+    """Of [n, n] distances: the means, precision-recall curves, the classes of the first 20 hits."""
+    candidates = others(len(labels))
+    rankings = ranked_relevance(distances, relatives(labels), candidates)
+    of_classes = {label: precision_recall(hits)["precision"] for label, hits in by_class(rankings, labels).items()}
+    return {
+        **asdict(score_rankings(rankings)),
+        "curve": precision_recall(rankings) | {"by_class": of_classes},
+        "confusion": confusion(distances, labels, labels, candidates),
+    }
