@@ -65,6 +65,7 @@ lint: setup ## Run ruff, mypy and the import contracts
 	$(BIN)/mypy
 	$(BIN)/mypy .ci/sbom.py
 	$(BIN)/python -m bench.check_records
+	$(BIN)/python -m bench.check_figures
 	@said=$$(PYTHONPATH=.venv/src $(BIN)/lint-imports --no-cache 2>&1) || { echo "$$said"; exit 1; }
 
 docs: setup ## Build the documentation into SITE=folder (site), every link checked

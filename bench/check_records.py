@@ -18,7 +18,7 @@ from typing import Final
 from bench.record import RESULTS
 
 ROOT: Final = Path(__file__).parents[1]
-NAME: Final = re.compile(r"\b[a-z][a-z0-9-]*-20\d{6}T\d{6}Z\b")
+NAME: Final = re.compile(r"\b[a-z][a-z0-9_-]*-20\d{6}T\d{6}Z\b")
 
 
 def named(pages: Iterable[Path]) -> dict[str, set[str]]:

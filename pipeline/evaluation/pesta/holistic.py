@@ -21,6 +21,7 @@ from motionlake.retrieval.alignment import AlignmentRangeSearcher
 
 FIRST: Final = (2, 5, 10)
 MOST: Final = 200  # answers to a query
+LATE: Final = 100_000  # answers after which a missing one comes
 CONFUSED: Final = 10  # answers whose class is counted
 NO_CLASS: Final = "none"  # of an answer most of whose frames show nothing known
 
@@ -29,13 +30,17 @@ def measure_holistic(measuring: Measuring) -> dict[str, Any]:
     """By method: p_at_2, p_at_5, p_at_10 (an answer that is missing is not right), map, n, curve, confusion; all_p_at_…
     and all_n count the queries that are one symbol, which `align` refuses, as not answered.
 
-    Of precision and recall the whole is what right answers there are among the first 200.
+    The whole of recall is the most right answers that any method has to a query; those that a method lacks come last.
 
     Raises:
         UserError: no class is shown by two clips.
     """
     asked = measuring.asked
-    return {method: _scores(_classes(measuring, asked, method), asked) for method in METHODS}
+    labels = [each.label for each, _ in asked.queries]
+    answers = {method: _classes(measuring, asked, method) for method in METHODS}
+    right = {method: _right(found, labels) for method, found in answers.items()}
+    most = [max(int(row.sum()) for row in rows) for rows in zip(*right.values(), strict=True)]
+    return {method: _scores(right[method], most, answers[method], labels, asked.refused) for method in METHODS}
 
 
 def _classes(measuring: Measuring, asked: Asked, method: Method) -> list[list[str]]:
@@ -63,28 +68,39 @@ def _class(measuring: Measuring, clip: str, start: int, stop: int) -> str:
     return class_of(start, stop, measuring.segments[clip])[0] or NO_CLASS
 
 
-def _scores(answers: Sequence[Sequence[str]], asked: Asked) -> dict[str, Any]:
-    labels = [each.label for each, _ in asked.queries]
-    right = [
+def _right(answers: Sequence[Sequence[str]], labels: Sequence[str]) -> list[BoolArray]:
+    return [
         np.array([name == label for name in names], dtype=np.bool_)
         for names, label in zip(answers, labels, strict=True)
     ]
-    n, every = len(labels), len(labels) + asked.refused
+
+
+def _scores(
+    right: Sequence[BoolArray],
+    most: Sequence[int],
+    answers: Sequence[Sequence[str]],
+    labels: Sequence[str],
+    refused: int,
+) -> dict[str, Any]:
+    n = len(labels)
     found: dict[str, Any] = {}
     for k in FIRST:
         total = sum(float(row[:k].sum()) / k for row in right)
-        found |= {f"p_at_{k}": total / n if n else 0.0, f"all_p_at_{k}": total / every}
-    found["map"] = float(np.mean([average_precision(row) if row.any() else 0.0 for row in right])) if n else 0.0
-    return {**found, "n": n, "all_n": every, "curve": _curves(right, labels), "confusion": _confusion(answers, labels)}
+        found |= {f"p_at_{k}": total / n if n else 0.0, f"all_p_at_{k}": total / (n + refused)}
+    rows = [_complete(row, count) for row, count in zip(right, most, strict=True) if count]
+    known = [label for label, count in zip(labels, most, strict=True) if count]
+    found["map"] = sum(map(average_precision, rows)) / n if n else 0.0
+    curve: dict[str, Any] = {"recall": [], "precision": []} if not rows else precision_recall(rows)
+    of_classes = {label: precision_recall(hits)["precision"] for label, hits in by_class(rows, known).items()}
+    return {
+        **found, "n": n, "all_n": n + refused, "curve": curve | {"by_class": of_classes},
+        "confusion": _confusion(answers, labels),
+    }  # fmt: skip
 
 
-def _curves(right: Sequence[BoolArray], labels: Sequence[str]) -> dict[str, Any]:
-    """Of queries that have a right answer."""
-    answered = [row for row in right if row.any()]
-    if not answered:
-        return {"recall": [], "precision": [], "by_class": {}}
-    classes = {label: precision_recall(rows)["precision"] for label, rows in by_class(right, labels).items()}
-    return precision_recall(answered) | {"by_class": classes}
+def _complete(row: BoolArray, count: int) -> BoolArray:
+    """A ranking that has so many right answers; those that were missing come last, after many that are wrong."""
+    return np.concatenate([row, np.repeat([False, True], [LATE, count - int(row.sum())])])
 
 
 def _confusion(answers: Sequence[Sequence[str]], labels: Sequence[str]) -> dict[str, Any]:
