@@ -2,8 +2,8 @@
 
 A section of a page is what stands between two headings. Where it names records (`bench/results`), every figure in it, a
 number with a decimal point that is neither code nor a place in a paper, is in one of them: as it is, as per cent, in
-thousands or thousandths, or in millions, rounded to as many digits as the page has. A section that says which bench measured it, and names no record, is wrong too. What is
-wrong is printed, a line each, and the exit status is then 1.
+thousands or thousandths, or in millions, rounded to as many digits as the page has. A section that says which bench
+measured it, and names no record, is wrong too. What is wrong is printed, a line each, and the exit status is then 1.
 
 That a figure is in a record does not say that it is the right one: of figures that were altered by up to a tenth, the
 check misses some, the more the longer the record (`--power` says how many). Sections of `WITHOUT` are left out: their
@@ -28,7 +28,9 @@ from bench.check_records import NAME, ROOT
 from bench.record import RESULTS
 
 FIGURE: Final = re.compile(r"(?<![\w./-])(\d{0,3}(?:,\d{3})*\.\d+)(?![\w.]*\d)")
-PLACE: Final = re.compile(r"\b(?:[Ss]ections?|[Ee]quations?|§|Tables?|[Ff]ig(?:\.|ures?))\s*[\d.]+(?:(?:,| and| to)\s+[\d.]+)*")
+PLACE: Final = re.compile(
+    r"\b(?:[Ss]ections?|[Ee]quations?|§|Tables?|[Ff]ig(?:\.|ures?))\s*[\d.]+(?:(?:,| and| to)\s+[\d.]+)*"
+)
 CODE: Final = re.compile(r"```.*?```|`[^`]*`", re.DOTALL)
 HEADING: Final = re.compile(r"^#+ ", re.MULTILINE)
 BENCH: Final = re.compile(r"\bbench\.[a-z]|\bmake bench-")
