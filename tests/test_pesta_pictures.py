@@ -254,6 +254,10 @@ def test_paths_in_frames_are_the_symbols_of_the_alignment(built_lake: Path, cros
             assert least <= (hit.cost or 0.0) + 1e-3
         with pytest.raises(ValueError, match="no path"):
             path_indices(columns, asked, replace(hits[0], path=None))
+        warped = pictures.compared(asked.symbols, 5)  # with itself: along the diagonal
+        assert [path.compared for path in warped] == [True]
+        assert warped[0].pairs.tolist() == [[place, place + 5] for place in range(len(asked.symbols))]
+        assert not replace(pictures, config=replace(searcher.config, method="dtw")).compared(asked.symbols, 0)
 
 
 def test_answers_of_align_are_drawn(built_lake: Path, clips_folder: Path, tmp_path: Path) -> None:

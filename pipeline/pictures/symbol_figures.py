@@ -231,10 +231,12 @@ class AlignedPath:
     Attributes:
         name: in the legend, such as "hit 1, cost 3.2".
         pairs: [L, 2] (row of the query, column of the other string) in ascending order.
+        compared: by another method, beside the path that is spoken of.
     """
 
     name: str
     pairs: IntArray
+    compared: bool = False
 
     def strided(self, axis: int) -> Int64Array:
         """Symbols of the query (axis 0) or the other string (1) between the path's ends that it leaves out."""
@@ -255,7 +257,7 @@ def alignment_matrix(
         query: X symbols.
         found: Y symbols.
         distances: [X, Y] of their symbols.
-        paths: the one spoken of first, then others, dashed.
+        paths: the one spoken of first, then others, dashed, and those of other methods, dotted.
         colours: [m, 3] of symbols.
     """
     rows, columns = distances.shape
@@ -271,14 +273,16 @@ def alignment_matrix(
         sheet.canvas.plot([SIDE + cut * cell] * 2, [top - 0.06, top + tall + 0.06], color=INK, linewidth=1.4, zorder=3)
     for i, path in enumerate(paths):
         x, y = SIDE + (path.pairs[:, 1] + 0.5) * cell, top + (path.pairs[:, 0] + 0.5) * cell
-        sheet.canvas.plot(x, y, markersize=float(np.clip(cell * 14, 1.5, 5.0)), zorder=4, **_look(i))
+        sheet.canvas.plot(x, y, markersize=float(np.clip(cell * 14, 1.5, 5.0)), zorder=4, **_look(i, path))
     _symbols(sheet, query, found, paths, colours, top, cell)
     _legend(sheet, query, found, paths, most, foot)
     return sheet.figure
 
 
-def _look(path: int) -> dict[str, Any]:
-    look: dict[str, Any] = {"color": OTHER, "linestyle": (0, (4, 2))} if path else {"color": PATH}
+def _look(place: int, path: AlignedPath) -> dict[str, Any]:
+    if path.compared:
+        return {"linewidth": 1.4, "marker": "", "color": INK, "linestyle": (0, (1, 1.2))}
+    look: dict[str, Any] = {"color": OTHER, "linestyle": (0, (4, 2))} if place else {"color": PATH}
     return {"linewidth": 1.6, "marker": "o"} | look
 
 
@@ -324,7 +328,7 @@ def _legend(
         sheet.text(0.12, top + 0.12 + i * LINE, side + name + when, size=8, room=sheet.width - 2.5)
     for i, path in enumerate(paths):
         y = top + 0.12 + (2 + i) * LINE
-        sheet.canvas.plot([0.12, 0.5], [y - 0.04] * 2, markersize=3, **_look(i))
+        sheet.canvas.plot([0.12, 0.5], [y - 0.04] * 2, markersize=3, **_look(i, path))
         sheet.text(0.6, y, path.name, size=8, room=sheet.width - 3.0)
     left = sheet.width - 2.1
     sheet.image(left, top + 0.03, 1.2, 0.12, shades(np.linspace(0, 1, 60), *DISTANCES)[None])

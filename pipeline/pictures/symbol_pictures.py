@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from motionlake.arrays import Float32Array, Int32Array
+from motionlake.arrays import Float32Array, Int32Array, IntArray
 from motionlake.lake.catalog import fetch
 from motionlake.lake.frames import read_clips
 from motionlake.lake.integrity import sound
@@ -214,6 +214,7 @@ class AlignmentPictures:
         string = Repository.of([strings.repository.string(clip)])
         matches = best_matches(query.symbols, string, strings.distances, 1, self.config, paths=True)
         paths = [AlignedPath(f"best match, cost {m.cost:.2f}", m.path) for m in matches if m.path is not None]
+        paths += self.compared(string.symbols, 0)
         said = f"cost {hit.distance:.3f} for each symbol, of both ways"
         title = title or f"Clip {hit.rank}: {_file(hit.clip)}, {hit.seconds:.2f} s"
         caption = f"{query.name} aligned to {hit.clip}, {said}; the path is that of the first in the second."
@@ -230,6 +231,7 @@ class AlignmentPictures:
         pairs = path_indices(columns, query, hit)
         first, last = shown(int(pairs[0, 1]), int(pairs[-1, 1]) + 1, columns)
         paths = [AlignedPath(f"hit {hit.rank}, cost {_cost(hit):.2f}", pairs - (0, first))]
+        paths += self.compared(columns.symbols[int(pairs[0, 1]) : int(pairs[-1, 1]) + 1], int(pairs[0, 1]) - first)
         for other in others:
             if other.rank != hit.rank and other.clip == hit.clip and other.stop_clip == hit.stop_clip and other.path:
                 found = path_indices(columns, query, other)
@@ -250,6 +252,23 @@ class AlignmentPictures:
             f"{brief}; cost {_cost(hit):.3f}, {hit.distance:.3f} for each symbol of the query",
             f"hit {hit.rank} for {query.name}: {hit.clip}, {said}", caption,
         )  # fmt: skip
+
+    def compared(self, symbols: IntArray, first: int) -> list[AlignedPath]:
+        """The path that dynamic time warping takes through a match of strided alignment, as figure 4 has it.
+
+        Args:
+            symbols: of the match.
+            first: column of the first of them.
+        """
+        if self.config.method != "sta" or self.config.stride == 1:
+            return []
+        stretch, warping = Repository.of([symbols]), replace(self.config, method="dtw")
+        distances = self.material.strings.distances
+        matches = best_matches(self.query.symbols, stretch, distances, 1, warping, paths=True)
+        return [
+            AlignedPath(f"dynamic time warping there, cost {m.cost:.2f}", m.path + np.array([0, first]), compared=True)
+            for m in matches if m.path is not None
+        ]  # fmt: skip
 
     def around(self, hit: Hit) -> Columns:
         """What a hit's path may lead through."""
