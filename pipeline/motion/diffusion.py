@@ -16,7 +16,7 @@ import numpy as np
 from motionlake.arrays import BoolArray, Float64Array, Int64Array
 
 RESTART: Final = 0.05  # share of what starts at the query in every step; the rest passes on to neighbours
-RECIPROCAL: Final = 32  # two clips are joined where each is among so many nearest of the other
+RECIPROCAL: Final = 24  # two clips are joined where each is among so many nearest of the other
 AGAIN: Final = 12  # the same of `diffused_again`, by how near clips are along the ways before
 UNIT: Final = 10  # the distance of the tenth neighbour is the scale of a clip
 SHARPNESS: Final = 2.0  # of the weight of an edge by its distance
