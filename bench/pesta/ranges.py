@@ -15,13 +15,15 @@ from typing import Final
 
 import numpy as np
 from motionlake.evaluation.ranking import by_class, ranked_relevance, score_rankings, share_label
+from motionlake.pesta.autoencoder import AutoencoderRecipe
 from motionlake.pesta.config import AlignmentConfig, PosturesConfig
+from motionlake.pesta.dictionary import PostureDictionary
 from motionlake.pesta.scan import pairwise
 from motionlake.pesta.strings import Repository
 from motionlake.pesta.symbols import SymbolString
 
 from bench.canonical_sets import LabelledClip, features
-from bench.pesta.dictionaries import Fitted, Spec, Unit, fitted, string, strings_of
+from bench.pesta.dictionaries import Unit, fitted, string, strings_of
 from bench.pesta.measuring import STA3
 from bench.pesta.sets import clips_of, segments_of
 from bench.pesta.whole import DTW, SCORES, SW, specs
@@ -39,8 +41,8 @@ ALIGNMENTS: Final[dict[str, tuple[AlignmentConfig, bool]]] = {
 }
 
 
-def units(seeds: Sequence[int], aae: Spec) -> list[Unit]:
-    return [Unit(name, spec.seeded(seed), seed) for name, spec in specs(aae).items() for seed in seeds]
+def units(seeds: Sequence[int], recipe: AutoencoderRecipe | None) -> list[Unit]:
+    return [Unit(name, spec.seeded(seed), seed) for name, spec in specs(recipe).items() for seed in seeds]
 
 
 def drawn_ranges(seed: int) -> list[tuple[int, int, int, str]]:
@@ -55,7 +57,7 @@ def drawn_ranges(seed: int) -> list[tuple[int, int, int, str]]:
     return found
 
 
-def cut(made: Fitted, config: PosturesConfig, clip: LabelledClip, start: int, stop: int) -> SymbolString:
+def cut(made: PostureDictionary, config: PosturesConfig, clip: LabelledClip, start: int, stop: int) -> SymbolString:
     """The string of frames [start, stop) alone."""
     part = replace(clip, positions=clip.positions[start:stop], rotations=clip.rotations[start:stop])
     (postures,) = features([part], config.frames)

@@ -152,7 +152,7 @@ class AutoencoderRecipe:
     validation: float = 0.25
     by_posture: bool = False
     every: int = 250
-    patience: int = 6
+    patience: int = 5
 
     def __post_init__(self) -> None:
         if self.classes not in get_args(ClassTerm):

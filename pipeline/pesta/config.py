@@ -97,7 +97,7 @@ class PosturesConfig:
     weights: str = "auto"
     max_postures: int = 30_000
     whitened: bool = True
-    softness: float = 1.0
+    softness: float = 1.25
     representation: Representation = "positions"
     fps: float = 30.0
     root_weight: float = 10.0
