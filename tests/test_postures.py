@@ -170,7 +170,7 @@ def test_whole_clips_are_held_out() -> None:
     assert set(np.bincount(of[kept_out], minlength=8).tolist()) == {0, 20}
     assert kept_out.sum() == 40
     for single in (held_out(of, replace(QUICK, by_posture=True), np.random.default_rng(0)),
-                   held_out(np.zeros(160), QUICK, np.random.default_rng(0))):  # fmt: skip
+                   held_out(np.zeros(160, dtype=np.int64), QUICK, np.random.default_rng(0))):  # fmt: skip
         assert single.sum() == 40
         assert len(np.unique(np.bincount(of[single], minlength=8))) > 2
 

@@ -92,7 +92,7 @@ def measure(unit: Unit) -> dict[str, Found]:
 def bag_distances(codes: Sequence[np.ndarray], m: int) -> np.ndarray:
     """[n, n] Hellinger distances of the shares of m symbols in clips [T]."""
     shares = np.stack([np.bincount(own, minlength=m) / len(own) for own in codes])
-    return cdist(np.sqrt(shares), np.sqrt(shares))
+    return np.asarray(cdist(np.sqrt(shares), np.sqrt(shares)))
 
 
 def chosen(rows: Mapping[str, Mapping[str, Found]]) -> dict[str, dict[str, dict[str, Any]]]:

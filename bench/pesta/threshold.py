@@ -25,8 +25,8 @@ from bench.pesta.dictionaries import OWN, string
 from bench.pesta.measuring import STA2, STA3
 from bench.pesta.sets import clips_of, labels_of, postures_of
 from bench.pesta.windows import score_windows
-from bench.pretrained_postures import SETS as CMU
 from bench.pretrained_postures import train
+from bench.pretrained_words import SETS as CMU
 from bench.units import Found
 
 SETS: Final = ("hdm05", "bandai1", "utd_mhad")

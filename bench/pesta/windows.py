@@ -39,7 +39,7 @@ class Window:
     label: str
 
 
-def windows(takes: list[Segments], frames: list[int], rates: list[float]) -> list[Window]:
+def windows(takes: Sequence[Segments], frames: Sequence[int], rates: Sequence[float]) -> list[Window]:
     """Every window of takes with such segments, frames and rates, whose class another take shows."""
     found = []
     for take, (segments, count, fps) in enumerate(zip(takes, frames, rates, strict=True)):
@@ -87,7 +87,7 @@ def _right(
     window: Window,
     own: UnfoldedString,
     strings: list[SymbolString],
-    segments: list[Segments],
+    segments: Sequence[Segments],
     distances: np.ndarray,
     config: AlignmentConfig,
 ) -> list[float]:
