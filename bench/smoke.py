@@ -28,8 +28,7 @@ from unittest import mock
 
 from distributed import LocalCluster
 from motionlake.deep_motifs.word_segmentation import WordSegmentation
-from motionlake.pesta.config import PRETRAINED_POSTURES, PosturesConfig
-from motionlake.pesta.dictionary import load_dictionary
+from motionlake.pesta.config import PosturesConfig
 
 from bench.pesta.dictionaries import Spec
 from bench.small_sets import write_small_sets
@@ -161,8 +160,7 @@ SMOKES: Final[Sequence[Smoke]] = (
             "--processes", "1", "--hidden", "8", **_FEW_SYMBOLS, **{"bench.pesta.elasticity.SIZES": (8, 24),
             "bench.pesta.elasticity.ROUNDS": 1, "bench.pesta.ablations.variants": lambda recipe: _FEW_VARIANTS,
             "bench.pesta.recipes.SIZES": (24,), "bench.pesta.recipes.SETS": ("hdm05", "salsa"),
-            "bench.pesta.threshold.SETS": ("hdm05",), "bench.pesta.threshold.COUNTS": (500,),
-            "bench.pesta.threshold.train": lambda sets: load_dictionary(PRETRAINED_POSTURES.file)}),
+            "bench.pesta.threshold.SETS": ("hdm05",), "bench.pesta.threshold.COUNTS": (500,)}),
     Smoke("bench.pesta.cut_files", ("cmu_bvh", "--windows", "2")),
     *_parts("bench.deephums", "retrieval choices unlabelled submotion", "--seeds", "1", "--epochs", "1", "--steps", "1",
             **{"bench.deephums.choices.CHOICES": First(6), "bench.deephums.unlabelled.DRAWS": 1,
