@@ -10,9 +10,10 @@ import json
 from dataclasses import asdict, replace
 from pathlib import Path
 
+from motionlake.pesta import occupancy
 from motionlake.pesta.config import PRETRAINED_POSTURES, PosturesConfig
-from motionlake.pesta.dictionary import PostureDictionary, recipe_of
-from motionlake.pesta.posture_training import fit_dictionary
+from motionlake.pesta.dictionary import PostureDictionary
+from motionlake.pesta.dictionary_fitting import fit_dictionary
 
 from bench.pretrained_words import SETS, SOURCE, clips_of, features_of
 from bench.record import hash_files, recordings, revision
@@ -29,7 +30,6 @@ def train(sets: tuple[str, ...], seed: int = 0) -> PostureDictionary:
         "sets": list(sets),
         "clips": len(paths),
         "data_sha256": hash_files(paths, recordings()),
-        "recipe": asdict(recipe_of(config)),
         "revision": revision(),
         "source": SOURCE,
     }
@@ -47,7 +47,7 @@ def main() -> None:
     dictionary.save(given.out)
     beside = {**dictionary.metrics, "trained_on": dictionary.metrics["postures"], "postures": asdict(dictionary.config)}
     given.out.with_suffix(".json").write_text(json.dumps(beside, indent=2) + "\n", encoding="utf-8")
-    print(f"{given.out}: {given.out.stat().st_size} bytes, {dictionary.metrics['occupied']} symbols in use")
+    print(f"{given.out}: {given.out.stat().st_size} bytes, {occupancy.line(dictionary.metrics)}")
 
 
 if __name__ == "__main__":

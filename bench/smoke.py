@@ -20,7 +20,7 @@ import traceback
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, redirect_stdout
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, Final
@@ -29,8 +29,8 @@ from unittest import mock
 from distributed import LocalCluster
 from motionlake.deep_motifs.word_segmentation import WordSegmentation
 from motionlake.pesta.config import PosturesConfig
-from motionlake.pesta.dictionary import AutoencoderRecipe
 
+from bench.pesta.dictionaries import Spec
 from bench.small_sets import write_small_sets
 
 
@@ -83,10 +83,15 @@ ELSEWHERE: Final = {
 }
 ONE_SEED: Final = (0,)
 _FEW_K: Final = {"bench.lakes.K": 8, "bench.representation.K": 8}
+_FEW: Final = PosturesConfig(weights="own", m=24)
 _FEW_SYMBOLS: Final = dict.fromkeys(
-    (f"bench.pesta.{module}.OWN" for module in ("__main__", "dictionaries", "elasticity", "whole")),
-    PosturesConfig(weights="own", m=24),
+    (
+        f"bench.pesta.{module}.OWN"
+        for module in ("__main__", "ablations", "dictionaries", "recipes", "threshold", "whole")
+    ),
+    _FEW,
 )
+_FEW_VARIANTS: Final = {"default": Spec(_FEW), "softness 0": Spec(replace(_FEW, softness=0.0))}
 SMOKES: Final[Sequence[Smoke]] = (
     # The first two: they start the process that all commands are forked of.
     Smoke("bench.kills", ("--kills", "1", "--clips", "1"), {"bench.kills.STAGES": "words", "bench.kills.VICTIMS": (
@@ -141,8 +146,7 @@ SMOKES: Final[Sequence[Smoke]] = (
     Smoke("bench.joint_twist", (), {"bench.representation.K": 8, "bench.representation.COMPONENTS": 8}),
     Smoke("bench.pretrained_words", ("--out", "OUT/words.safetensors")),
     Smoke("bench.pretrained_postures", ("--out", "OUT/postures.safetensors"),
-          {"bench.pretrained_postures.POSTURES": 900,
-          "motionlake.pesta.posture_training.recipe_of": lambda config: AutoencoderRecipe(hidden=8)}),
+          {"bench.pretrained_postures.POSTURES": 900}),
     Smoke("bench.pretrained_descriptors", ("descriptors", "--rounds", "1", "--out", "OUT/descriptors.safetensors")),
     Smoke("bench.pretrained_descriptors", ("submotion", "--rounds", "1", "--out", "OUT/submotion.safetensors")),
     Smoke("bench.pretrained_generator", ("--epochs", "1", "--out", "OUT/generator.safetensors"),
@@ -152,10 +156,11 @@ SMOKES: Final[Sequence[Smoke]] = (
     Smoke("bench.synthesis_speed", ("--counts", "1", "--workers", "1", "--epochs", "1"),
           {"bench.synthesis_speed.TOGETHER": 2, "bench.synthesis_speed.UNITS": 32,
           "bench.synthesis_speed.SECONDS": 2.0}),
-    *_parts("bench.pesta", "whole ranges sub_queries robustness elasticity ablations", "--seeds", "1",
+    *_parts("bench.pesta", "whole ranges sub_queries robustness elasticity ablations recipes threshold", "--seeds", "1",
             "--processes", "1", "--hidden", "8", **_FEW_SYMBOLS, **{"bench.pesta.elasticity.SIZES": (8, 24),
-            "bench.pesta.elasticity.SIZES_OF_AAE": (24,), "bench.pesta.elasticity.ROUNDS": 1,
-            "bench.pesta.ablations.variants": lambda aae: {"default": aae, "style 12": aae}}),
+            "bench.pesta.elasticity.ROUNDS": 1, "bench.pesta.ablations.variants": lambda recipe: _FEW_VARIANTS,
+            "bench.pesta.recipes.SIZES": (24,), "bench.pesta.recipes.SETS": ("hdm05", "salsa"),
+            "bench.pesta.threshold.SETS": ("hdm05",), "bench.pesta.threshold.COUNTS": (500,)}),
     Smoke("bench.pesta.cut_files", ("cmu_bvh", "--windows", "2")),
     *_parts("bench.deephums", "retrieval choices unlabelled submotion", "--seeds", "1", "--epochs", "1", "--steps", "1",
             **{"bench.deephums.choices.CHOICES": First(6), "bench.deephums.unlabelled.DRAWS": 1,

@@ -116,6 +116,7 @@ class Loop:
         progress: called with (steps done, steps, loss).
         told: steps from one such call to the next, fewer where steps are slow.
         stays: the file stays at the end, for a training of several networks that is interrupted at a later one.
+        ended: says before each step whether the training is over before its last step; it looks at the network alone.
     """
 
     network: nn.Module
@@ -128,6 +129,7 @@ class Loop:
     progress: Progress | None = None
     told: int = 1
     stays: bool = False
+    ended: Callable[[], bool] | None = None
 
     def run(self) -> list[float]:
         """Train to the end; returns the loss of each step, those before a resumption too."""
@@ -135,6 +137,8 @@ class Loop:
         losses = kept.resume(self.network, self.optimiser, self.rng) if kept else []
         spoke = time.monotonic()
         for step in range(len(losses), self.steps):
+            if self.ended is not None and self.ended():
+                break
             done = step + 1
             with held() if kept else nullcontext():
                 losses.append(self.step(step))

@@ -25,7 +25,7 @@ PRELOAD = (
     "motionlake.deephums.submotions", "motionlake.formats.asf_amc", "motionlake.formats.bvh",
     "motionlake.formats.write.bvh", "motionlake.formats.deepmimic", "motionlake.formats.ntu_skeleton",
     "motionlake.formats.positions_npz", "motionlake.glogen.generator", "motionlake.jobs.cluster",
-    "motionlake.lake.migrations", "motionlake.pesta.posture_training",
+    "motionlake.lake.migrations", "motionlake.pesta.dictionary_fitting",
 )  # fmt: skip
 
 # A start looks at the processes of other threads too: of two that ask at once for a status, one would get none.

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -10,27 +9,19 @@ from typing import Any
 import numpy as np
 import pytest
 from motionlake.arrays import Float32Array
-from motionlake.pesta.config import KINDS, DictionaryKind, PosturesConfig
-from motionlake.pesta.dictionary import (
-    AutoencoderRecipe,
-    PostureAutoencoder,
-    PostureDictionary,
-    load_dictionary,
-    recipe_of,
-)
-from motionlake.pesta.posture_training import (
-    _revive,
-    fit_dictionary,
-    grid,
-    sample_postures,
-    self_organising_map,
-    train_autoencoder,
-)
+from motionlake.pesta.autoencoder import AutoencoderRecipe, recipe_of
+from motionlake.pesta.autoencoder_training import held_out, train_autoencoder
+from motionlake.pesta.clustering import grid, kmeans, self_organising_map, whitened
+from motionlake.pesta.config import DICTIONARY_KEY, KINDS, DictionaryKind, PosturesConfig
+from motionlake.pesta.dictionary import PostureDictionary, load_dictionary
+from motionlake.pesta.dictionary_fitting import fit_dictionary, sample_postures
+from motionlake.pesta.occupancy import IN_USE, line, scatter, use_of
+from motionlake.weights import save_tensors
 from safetensors.numpy import save_file
 
 M = 12
-SMALL = PosturesConfig(m=M, weights="own", max_postures=600)
-QUICK = AutoencoderRecipe(style=6, hidden=24, steps=30, batch=64)
+SMALL = PosturesConfig("information", m=M, weights="own", max_postures=600)
+QUICK = AutoencoderRecipe(style=6, hidden=24, steps=30, batch=64, every=10)
 
 
 def clips(seed: int = 0) -> list[Float32Array]:
@@ -41,15 +32,16 @@ def clips(seed: int = 0) -> list[Float32Array]:
     return [(centres[v] + 0.3 * rng.normal(size=(len(v), centres.shape[1]))).astype(np.float32) for v in visited]
 
 
-def autoencoder(recipe: AutoencoderRecipe = QUICK, seed: int = 0, checkpoint: Path | None = None) -> PostureDictionary:
-    postures, of = sample_postures(clips(), SMALL)
-    return train_autoencoder(
-        postures, of, replace(SMALL, seed=seed), recipe=recipe, checkpoint=checkpoint, device="cpu"
-    )
-
-
-def fitted(kind: DictionaryKind) -> PostureDictionary:
-    return autoencoder() if kind == "aae" else fit_dictionary(clips(), replace(SMALL, dictionary=kind))
+def fitted(
+    kind: DictionaryKind = "information",
+    recipe: AutoencoderRecipe = QUICK,
+    seed: int = 0,
+    features: list[Float32Array] | None = None,
+    **changes: Any,
+) -> PostureDictionary:
+    config = replace(SMALL, dictionary=kind, seed=seed, **changes)
+    recipe = replace(recipe, classes=recipe_of(kind).classes)
+    return fit_dictionary(features or clips(), config, recipe=recipe, device="cpu")
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -83,27 +75,40 @@ def test_every_kind_codes_postures_and_is_kept(kind: DictionaryKind, tmp_path: P
 
 
 @pytest.mark.parametrize("kind", ["kmeans", "som"])
-def test_a_symbol_is_the_nearest_code(kind: DictionaryKind) -> None:
-    dictionary, features = fitted(kind), clips(2)[0]
-    naive = [np.argmin([np.linalg.norm(row - code) for code in dictionary.codes]) for row in features]
+@pytest.mark.parametrize("is_whitened", [True, False])
+def test_a_symbol_is_the_nearest_code(kind: DictionaryKind, is_whitened: bool) -> None:
+    dictionary, features = fitted(kind, whitened=is_whitened), clips(2)[0]
+    postures, of = sample_postures(clips(), SMALL)
+    points = features @ whitened(postures, of, 0).T if is_whitened else features
+    naive = [np.argmin([np.linalg.norm(row - code) for code in dictionary.codes]) for row in points]
     np.testing.assert_array_equal(dictionary.encode(features), naive)
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", ["kmeans", "som", "information"])
 def test_postures_of_one_place_share_their_symbols(kind: DictionaryKind) -> None:
-    dictionary, first = fitted(kind), clips()[0]
+    dictionary, first = fitted(kind, replace(QUICK, steps=600, learning_rate=3e-3)), clips()[0]
     symbols = dictionary.encode(first).reshape(4, 30)
     sets = [set(row.tolist()) for row in symbols]
     assert not any(sets[i] & sets[j] for i in range(4) for j in range(i))
 
 
-def test_training_repeats_and_resumes_to_the_same_bytes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    whole = autoencoder()
-    np.testing.assert_array_equal(autoencoder().codes, whole.codes)
-    assert not np.array_equal(autoencoder(seed=1).codes, whole.codes)
+def test_soft_heads_are_weighted_means() -> None:
+    points = np.random.default_rng(0).normal(size=(200, 3)).astype(np.float32)
+    hard, soft = (kmeans(points, 5, softness, seed=0).astype(np.float64) for softness in (0.0, 0.8))
+    apart = np.array([[np.sum((point - head) ** 2) for head in hard] for point in points.astype(np.float64)])
+    near = np.exp(-apart / (2 * 0.8 * apart.min(axis=1).mean()))
+    near /= near.sum(axis=1)[:, None]
+    for head, weights in zip(soft, near.T, strict=True):
+        np.testing.assert_allclose(head, np.average(points, axis=0, weights=weights), atol=1e-5)
 
-    monkeypatch.setattr("motionlake.pesta.posture_training.CHECKPOINT_EVERY", 10)
-    monkeypatch.setattr("motionlake.pesta.posture_training.REPORT_EVERY", 5)
+
+def test_training_repeats_and_resumes_to_the_same_bytes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    whole = fitted()
+    np.testing.assert_array_equal(fitted().codes, whole.codes)
+    assert not np.array_equal(fitted(seed=1).codes, whole.codes)
+
+    monkeypatch.setattr("motionlake.pesta.autoencoder_training.CHECKPOINT_EVERY", 10)
+    monkeypatch.setattr("motionlake.pesta.autoencoder_training.REPORT_EVERY", 5)
     checkpoint = tmp_path / "training.safetensors"
 
     class KilledError(Exception):
@@ -113,65 +118,125 @@ def test_training_repeats_and_resumes_to_the_same_bytes(tmp_path: Path, monkeypa
         if step == 15:
             raise KilledError
 
-    postures, of = sample_postures(clips(), SMALL)
     with pytest.raises(KilledError):
-        train_autoencoder(postures, of, SMALL, recipe=QUICK, checkpoint=checkpoint, device="cpu", progress=kill)
+        fit_dictionary(clips(), SMALL, recipe=QUICK, checkpoint=checkpoint, device="cpu", progress=kill)
     assert checkpoint.is_file()
     seen: list[int] = []
-    resumed = train_autoencoder(
-        postures, of, SMALL, recipe=QUICK, checkpoint=checkpoint, device="cpu",
+    resumed = fit_dictionary(
+        clips(), SMALL, recipe=QUICK, checkpoint=checkpoint, device="cpu",
         progress=lambda step, steps, loss: seen.append(step),
     )  # fmt: skip
     assert seen == [15, 20, 25, 30]
     assert not checkpoint.exists()
     np.testing.assert_array_equal(resumed.codes, whole.codes)
     np.testing.assert_array_equal(resumed.postures, whole.postures)
+    assert resumed.metrics == whole.metrics
 
 
-def test_training_lowers_the_error_and_reports_occupancy() -> None:
-    before, after = (autoencoder(replace(QUICK, steps=steps, learning_rate=5e-3)) for steps in (1, 150))
+def test_training_ends_where_the_loss_on_other_clips_stops_falling(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    recipe = replace(QUICK, steps=5000, learning_rate=2e-2, every=5, patience=3)
+    whole = fitted(recipe=recipe)
+    losses = [loss for _, loss, _ in whole.metrics["curve"]]
+    lowest = int(np.argmin(losses))
+    assert whole.metrics["steps"] == 5 * len(losses) < 5000
+    assert lowest >= 3
+    assert len(losses) - 1 - lowest <= 3
+    # What is kept had the lowest loss: that of a training which ends there.
+    there = fitted(recipe=replace(recipe, steps=5 * (lowest + 1), patience=0))
+    np.testing.assert_array_equal(whole.codes, there.codes)
+    assert fitted(recipe=replace(recipe, steps=5 * len(losses) + 5, patience=0)).metrics["steps"] == 5 * len(losses) + 5
+
+    # It ends where it would have, interrupted after the lowest loss.
+    monkeypatch.setattr("motionlake.pesta.autoencoder_training.CHECKPOINT_EVERY", 1)
+    monkeypatch.setattr("motionlake.pesta.autoencoder_training.REPORT_EVERY", 1)
+    checkpoint = tmp_path / "training.safetensors"
+
+    def interrupt(step: int, steps: int, loss: float) -> None:
+        if step == 5 * (lowest + 2) + 1:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        fit_dictionary(clips(), SMALL, recipe=recipe, checkpoint=checkpoint, device="cpu", progress=interrupt)
+    resumed = fit_dictionary(clips(), SMALL, recipe=recipe, checkpoint=checkpoint, device="cpu")
+    np.testing.assert_array_equal(resumed.codes, whole.codes)
+    assert resumed.metrics == whole.metrics
+
+
+def test_whole_clips_are_held_out() -> None:
+    of = np.repeat(np.arange(8), 20)
+    kept_out = held_out(of, QUICK, np.random.default_rng(0))
+    assert set(np.bincount(of[kept_out], minlength=8).tolist()) == {0, 20}
+    assert kept_out.sum() == 40
+    for single in (held_out(of, replace(QUICK, by_posture=True), np.random.default_rng(0)),
+                   held_out(np.zeros(160, dtype=np.int64), QUICK, np.random.default_rng(0))):  # fmt: skip
+        assert single.sum() == 40
+        assert len(np.unique(np.bincount(of[single], minlength=8))) > 2
+
+
+def test_training_lowers_the_error() -> None:
+    before, after = (fitted(recipe=replace(QUICK, steps=steps, learning_rate=5e-3)) for steps in (1, 150))
     assert after.metrics["validation_error"] < 0.7 * before.metrics["validation_error"]
+
+
+def test_mutual_information_brings_symbols_into_use() -> None:
+    recipe = replace(QUICK, steps=400, learning_rate=5e-3, every=100, patience=0)
+    spread = [np.random.default_rng(5).normal(size=(300, SMALL.frames.dimension)).astype(np.float32)] * 2
+    with_it, without = (
+        fitted(recipe=replace(recipe, class_weight=weight), features=spread).metrics for weight in (0.1, 0.0)
+    )
+    assert with_it["occupied"] == M
+    assert with_it["perplexity"] > 1.5 * without["perplexity"]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_recipe_says_how_many_symbols_are_in_use(kind: DictionaryKind) -> None:
+    dictionary = fitted(kind)
     features, _ = sample_postures(clips(), SMALL)
-    used = np.bincount(after.encode(features), minlength=M)
-    assert after.metrics["occupied"] == np.count_nonzero(used)
-    assert after.metrics["largest"] == pytest.approx(used.max() / len(features))
-    assert 1 <= after.metrics["perplexity"] <= M
+    used = np.bincount(dictionary.encode(features), minlength=M)
+    found = dictionary.metrics
+    assert (found["m"], found["occupied"]) == (M, np.count_nonzero(used))
+    assert found["largest"] == pytest.approx(used.max() / len(features))
+    assert f"{np.count_nonzero(used)} of {M} symbols in use" in line(found)
+
+
+def test_perplexity_and_scatter() -> None:
+    assert use_of(np.array([0, 1, 2, 3], dtype=np.int32), 8)["perplexity"] == pytest.approx(4)
+    assert use_of(np.array([5, 5, 5], dtype=np.int32), 8) == {"m": 8, "occupied": 1, "largest": 1.0, "perplexity": 1.0}
+    postures = np.array([[0.0], [2.0], [10.0], [12.0]], dtype=np.float32)
+    assert scatter(postures, np.array([0, 0, 1, 1], dtype=np.int32), 3) == pytest.approx(4 / 104)
+
+
+def test_a_collapsed_dictionary_is_warned_of() -> None:
+    enough = int(np.ceil(IN_USE * 400))
+    assert line({"occupied": enough, "m": 400}) == f"{enough} of 400 symbols in use"
+    assert line({"occupied": enough - 1, "m": 400}).startswith(f"only {enough - 1} of 400 symbols in use: ")
+    still = [np.zeros((60, SMALL.frames.dimension), dtype=np.float32) + 1e-3 * i for i in range(2)]
+    collapsed = fitted("adversarial", features=still)
+    assert collapsed.metrics["occupied"] <= 2
+    assert line(collapsed.metrics).startswith("only ")
 
 
 def test_typical_postures_are_means_of_their_symbols() -> None:
-    postures, of = sample_postures(clips(), SMALL)
-    dictionary = train_autoencoder(postures, of, SMALL, recipe=replace(QUICK, validation=0.0), device="cpu")
-    symbols = dictionary.encode(postures)
-    for symbol in np.unique(symbols):
-        np.testing.assert_allclose(dictionary.postures[symbol], postures[symbols == symbol].mean(axis=0), atol=1e-4)
+    for dictionary in (fitted("kmeans"), fitted(recipe=replace(QUICK, validation=0.0))):
+        postures, _ = sample_postures(clips(), SMALL)
+        symbols = dictionary.encode(postures)
+        for symbol in np.unique(symbols):
+            np.testing.assert_allclose(dictionary.postures[symbol], postures[symbols == symbol].mean(axis=0), atol=1e-4)
 
 
 def test_the_papers_recipe_by_name() -> None:
-    paper = recipe_of(PosturesConfig.pesta())
+    paper = recipe_of(PosturesConfig.pesta().dictionary)
     assert (paper.epochs, paper.batch, paper.learning_rate, paper.clip, paper.momentum) == (5000, 64, 1e-4, 5.0, 0.1)
+    assert (paper.classes, paper.class_weight, paper.style_weight, paper.patience) == ("critic", 1.0, 1.0, 0)
     assert paper.count(640) == 50_000
     assert PosturesConfig.pesta().frames.representation == "rotations"
-    short = autoencoder(replace(paper, epochs=2, hidden=24, style=6))
-    assert len(short.codes) == M
-    assert set(short.encode(clips()[0]).tolist()) <= set(range(M))
-
-
-def test_dead_heads_are_revived() -> None:
-    features = np.concatenate(clips())
-    network = PostureAutoencoder(features.shape[1], M, 6, 24, "nearest")
-    network.start.normal_()
-    network.heads.data[:] = 1e6
-    network.heads.data[0] = 0.0
-    coded: Callable[[], int] = lambda: len(np.unique(network.symbols(_tensor(features))))  # noqa: E731
-    assert coded() == 1
-    _revive(network, features, np.random.default_rng(0), "cpu")
-    assert coded() > M // 2
-
-
-def _tensor(features: Float32Array) -> Any:
-    import torch
-
-    return torch.from_numpy(features)
+    postures, of = sample_postures(clips(), SMALL)
+    trained = train_autoencoder(postures, of, SMALL, replace(paper, epochs=2, hidden=24, style=6, every=8))
+    assert [step for step, _, _ in trained.metrics["curve"]] == [8, 16]
+    assert all(1 <= occupied <= M for _, _, occupied in trained.metrics["curve"])
+    assert trained.codes.shape == (M, 6)
 
 
 def test_a_map_keeps_neighbours_together() -> None:
@@ -193,6 +258,19 @@ def test_bad_input(tmp_path: Path) -> None:
         PosturesConfig(dictionary="tree")  # type: ignore[arg-type]
     with pytest.raises(ValueError, match="m = 1 symbols"):
         PosturesConfig(m=1)
+    with pytest.raises(ValueError, match="softness is -1"):
+        PosturesConfig(softness=-1.0)
+    with pytest.raises(ValueError, match="classes by 'chance'"):
+        AutoencoderRecipe(classes="chance")  # type: ignore[arg-type]
     save_file({"x": np.zeros(1)}, tmp_path / "other.safetensors")
     with pytest.raises(ValueError, match="holds no posture dictionary"):
         load_dictionary(tmp_path / "other.safetensors")
+
+
+def test_a_dictionary_of_an_earlier_version_is_told_of(tmp_path: Path) -> None:
+    kept = {"config": {"dictionary": "aae", "recipe": "default"}, "figures": {}}
+    save_tensors(tmp_path / "old.safetensors", {"codes": np.zeros((2, 3))}, DICTIONARY_KEY, kept)
+    with pytest.raises(
+        ValueError, match="kind 'aae', as earlier versions made them; `motionlake run all` makes another"
+    ):
+        load_dictionary(tmp_path / "old.safetensors")

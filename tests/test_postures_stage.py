@@ -205,14 +205,17 @@ def test_a_sample_takes_the_same_share_of_every_clip(built_lake: Path, monkeypat
     assert len(sample(max_postures=100)) == 3
 
 
-def test_a_dictionary_that_is_hardly_used_is_told_of(
+def test_a_dictionary_says_how_many_symbols_are_in_use(
     lake: Path, scheduler: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    train = PostureDictionaryKind.train
-    monkeypatch.setattr(PostureDictionaryKind, "train", lambda *words: {**train(*words), "occupied": 19})
     done = motionlake("run", "postures", "--refit", "--lake", lake, "--scheduler", scheduler)
     assert done.status == 0
-    assert "only 19 of 40 symbols are used" in done.err
+    assert "dictionary: 40 of 40 symbols in use\n" in done.err
+    train = PostureDictionaryKind.train
+    monkeypatch.setattr(PostureDictionaryKind, "train", lambda *words: {**train(*words), "occupied": 29})
+    done = motionlake("run", "postures", "--refit", "--lake", lake, "--scheduler", scheduler)
+    assert done.status == 0
+    assert "dictionary: only 29 of 40 symbols in use" in done.err
 
 
 def test_a_lake_without_strings_gets_them(lake: Path, scheduler: str) -> None:

@@ -1,7 +1,9 @@
-"""`python -m bench.pesta [--seeds N] [--processes N] [--hidden N] [--all] [PART ...]`: what each part measures.
+"""What each part measures: `python -m bench.pesta [--seeds N] [--processes N] [--keep DIR] [--all] [PART ...]`.
 
 whole: Table 5 (hdm05, bandai1; --all: salsa and utd_mhad too). ranges: Table 3. sub_queries: Table 4. robustness:
-Fig. 8. elasticity: Table 6. ablations: of the autoencoder, the features and the alignment.
+Fig. 8. elasticity: Table 6. ablations: of the dictionaries, the features and the alignment. recipes: k-means and the
+autoencoders at three sizes on four sets, and which is the default. threshold: the pretrained dictionary and one of the
+lake's own, by the size of lakes.
 """
 
 from __future__ import annotations
@@ -12,23 +14,29 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Final
 
-from motionlake.pesta.dictionary import AutoencoderRecipe, recipe_of
+from motionlake.pesta.autoencoder import AutoencoderRecipe
 
-from bench.pesta import ablations, elasticity, ranges, robustness, sub_queries, whole
-from bench.pesta.dictionaries import OWN, Spec
+from bench.pesta import ablations, elasticity, ranges, recipes, robustness, sub_queries, threshold, whole
+from bench.pesta.dictionaries import OWN
 from bench.pesta.measuring import with_seeds
 from bench.pesta.sets import hash_sets
 from bench.record import record
 from bench.units import SEEDS, Found, in_processes, table
 
 Rows = dict[str, dict[int, Found]]
+Recipe = AutoencoderRecipe | None  # of the autoencoder, if not its own
+Measured = tuple[dict[str, Any], Sequence[str]]  # figures, and the sets they are of
 
 
 def _gathered(
-    measure: Callable[[Any], dict[str, Found]], units: Sequence[Any], processes: int, order: Callable[[Any], str]
+    measure: Callable[[Any], dict[str, Found]],
+    units: Sequence[Any],
+    processes: int,
+    order: Callable[[Any], str],
+    keep: Path | None = None,
 ) -> dict[str, Rows]:
     """{set: {row: {seed: found}}}, rows in the order of the units."""
-    done = dict(in_processes(measure, units, processes, str))
+    done = dict(in_processes(measure, units, processes, str, keep))
     gathered: dict[str, Rows] = {}
     for unit in units:
         for name, found in done[unit].items():
@@ -36,9 +44,9 @@ def _gathered(
     return gathered
 
 
-def measure_whole(given: argparse.Namespace, aae: Spec) -> tuple[dict[str, Any], Sequence[str]]:
+def measure_whole(given: argparse.Namespace, recipe: Recipe) -> Measured:
     sets = whole.MORE_SETS if given.all else whole.SETS
-    runs = _gathered(whole.measure, whole.units(sets, given.chosen, aae), given.processes, lambda u: u.set_name)
+    runs = _gathered(whole.measure, whole.units(sets, given.chosen, recipe), given.processes, lambda u: u.set_name)
     result = {name: with_seeds(rows) for name, rows in runs.items()}
     for name, rows in result.items():
         print(f"\n{table(name, rows, (*whole.SCORES, 'n', 'symbols'))}")
@@ -46,24 +54,24 @@ def measure_whole(given: argparse.Namespace, aae: Spec) -> tuple[dict[str, Any],
     return result, sets
 
 
-def measure_ranges(given: argparse.Namespace, aae: Spec) -> tuple[dict[str, Any], Sequence[str]]:
-    runs = _gathered(ranges.measure, ranges.units(given.chosen, aae), given.processes, lambda unit: ranges.SET)
+def measure_ranges(given: argparse.Namespace, recipe: Recipe) -> Measured:
+    runs = _gathered(ranges.measure, ranges.units(given.chosen, recipe), given.processes, lambda unit: ranges.SET)
     rows = with_seeds(runs[ranges.SET])
     print(f"\n{table(ranges.SET, rows, ('map', 'mean_of_classes', 'p_at_5', 'nn', 'n'))}")
     _show_classes(ranges.SET, rows)
     return rows, [ranges.SET]
 
 
-def measure_sub_queries(given: argparse.Namespace, aae: Spec) -> tuple[dict[str, Any], Sequence[str]]:
-    units = sub_queries.units(given.chosen, aae)
+def measure_sub_queries(given: argparse.Namespace, recipe: Recipe) -> Measured:
+    units = sub_queries.units(given.chosen, recipe)
     rows = with_seeds(_gathered(sub_queries.measure, units, 1, lambda unit: sub_queries.SET)[sub_queries.SET])
     print(f"\n{table(sub_queries.SET, rows, (*sub_queries.SCORES, 'seconds', 'share_of_time', 'points_lost'))}")
     print(sub_queries.verdict(rows))
     return {"rows": rows, "paper": sub_queries.PAPER}, [sub_queries.SET]
 
 
-def measure_robustness(given: argparse.Namespace, aae: Spec) -> tuple[dict[str, Any], Sequence[str]]:
-    units = robustness.units(given.chosen, aae)
+def measure_robustness(given: argparse.Namespace, recipe: Recipe) -> Measured:
+    units = robustness.units(given.chosen, recipe)
     runs = _gathered(robustness.measure, units, given.processes, lambda unit: robustness.SET)
     rows = with_seeds(runs[robustness.SET])
     curves = robustness.fall(rows)
@@ -79,43 +87,62 @@ def measure_robustness(given: argparse.Namespace, aae: Spec) -> tuple[dict[str, 
 
 
 def _draw(folder: Path, rows: Mapping[str, Found]) -> None:
-    """Figure 8 of the autoencoder's main rows."""
+    """Figure 8 of the main rows of the default dictionary."""
     from motionlake.pictures.evaluation import robustness_figure
     from motionlake.pictures.style import png
 
     by_rate: dict[str, dict[float, list[float]]] = {}
     for name, row in rows.items():
         method, _, rate = name.rpartition(", rate ")
-        if method.startswith("AAE") and ", " not in method:
+        if method.startswith(f"{whole.MAIN} +") and ", " not in method:
             by_rate.setdefault(method, {})[float(rate)] = [run["map"] for run in row["seeds"].values()]
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "robustness.png").write_bytes(png(robustness_figure(by_rate, note=f"{robustness.SET}, all seeds")))
     print(folder / "robustness.png")
 
 
-def measure_elasticity(given: argparse.Namespace, aae: Spec) -> tuple[dict[str, Any], Sequence[str]]:
-    units = elasticity.units(given.chosen, aae)
+def measure_elasticity(given: argparse.Namespace, recipe: Recipe) -> Measured:
+    units = elasticity.units(given.chosen, recipe)
     rows = with_seeds(_gathered(elasticity.measure, units, 1, lambda unit: elasticity.SET)[elasticity.SET])
     print(f"\n{table(elasticity.SET, rows, elasticity.SCORES)}")
     return rows, [elasticity.SET]
 
 
-def measure_ablations(given: argparse.Namespace, aae: Spec) -> tuple[dict[str, Any], Sequence[str]]:
-    units = ablations.units(ablations.SETS, aae)
-    runs = _gathered(ablations.measure, units, given.processes, lambda unit: unit.set_name)
+def measure_ablations(given: argparse.Namespace, recipe: Recipe) -> Measured:
+    units = ablations.units(ablations.SETS, recipe)
+    runs = _gathered(ablations.measure, units, given.processes, lambda unit: unit.set_name, given.keep)
     result = {name: with_seeds(rows) for name, rows in runs.items()}
     for name, rows in result.items():
         print(f"\n{table(name, rows, ('map', 'p_at_5', 'nn', 'symbols', 'occupied'))}")
     return result, ablations.SETS
 
 
-PARTS: Final[dict[str, Callable[[argparse.Namespace, Spec], tuple[dict[str, Any], Sequence[str]]]]] = {
+def measure_recipes(given: argparse.Namespace, recipe: Recipe) -> Measured:
+    runs = _gathered(recipes.measure, recipes.units(recipe), given.processes, lambda unit: unit.set_name, given.keep)
+    result = {name: with_seeds(rows) for name, rows in runs.items()}
+    for name, rows in result.items():
+        print(f"\n{table(name, rows, recipes.SCORES)}")
+    choice = recipes.chosen(result)
+    print(f"\nthe default, chosen with one set left out\n{recipes.verdict(choice)}")
+    return {"rows": result, "chosen": choice}, recipes.SETS
+
+
+def measure_threshold(given: argparse.Namespace, recipe: Recipe) -> Measured:
+    units = threshold.units(given.chosen)
+    rows = with_seeds(_gathered(threshold.measure, units, given.processes, lambda unit: "lakes", given.keep)["lakes"])
+    print(threshold.verdict(rows))
+    return rows, (*threshold.SETS, threshold.TAKES)
+
+
+PARTS: Final[dict[str, Callable[[argparse.Namespace, Recipe], Measured]]] = {
     "whole": measure_whole,
     "ranges": measure_ranges,
     "sub_queries": measure_sub_queries,
     "robustness": measure_robustness,
     "elasticity": measure_elasticity,
     "ablations": measure_ablations,
+    "recipes": measure_recipes,
+    "threshold": measure_threshold,
 }
 
 
@@ -133,19 +160,23 @@ def main() -> None:
     parser.add_argument("parts", nargs="*", metavar="PART", help=f"of {', '.join(PARTS)} (default: all)")
     parser.add_argument("--seeds", type=int, default=len(SEEDS), choices=range(1, len(SEEDS) + 1))
     parser.add_argument("--processes", type=int, default=2, help="at work side by side, one thread each")
-    parser.add_argument("--hidden", type=int, help="units of the autoencoder's layers: fewer, to try the bench itself")
+    parser.add_argument("--hidden", type=int, help="units and steps of the autoencoders: few, to try the bench itself")
+    parser.add_argument("--keep", type=Path, help="recipes, threshold, ablations: folder that keeps what was measured")
     parser.add_argument("--pictures", type=Path, help="robustness: draw figure 8 into this folder")
     parser.add_argument("--all", action="store_true", help="whole: salsa and utd_mhad as well")
     given = parser.parse_args()
     if unknown := sorted(set(given.parts) - set(PARTS)):
         parser.error(f"no part {', '.join(unknown)}; there are {', '.join(PARTS)}")
     given.chosen = SEEDS[: given.seeds]
-    recipe = AutoencoderRecipe(hidden=given.hidden) if given.hidden else None
-    aae = Spec(OWN, recipe)
+    recipe = AutoencoderRecipe(hidden=given.hidden, steps=given.hidden, every=given.hidden) if given.hidden else None
     for part in given.parts or list(PARTS):
         print(f"\n{part}", flush=True)
-        figures, sets = PARTS[part](given, aae)
-        settings = {"postures": asdict(OWN), "recipe": asdict(recipe or recipe_of(OWN)), "seeds": list(given.chosen)}
+        figures, sets = PARTS[part](given, recipe)
+        settings = {
+            "postures": asdict(OWN),
+            "recipe": asdict(recipe or AutoencoderRecipe()),
+            "seeds": list(given.chosen),
+        }
         print(record(f"pesta-{part.replace('_', '-')}", {**settings, "figures": figures}, hash_sets(sets)))
 
 

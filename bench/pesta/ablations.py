@@ -6,17 +6,18 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
+from motionlake.pesta.autoencoder import AutoencoderRecipe
 from motionlake.pesta.config import AlignmentConfig, SymbolsConfig
-from motionlake.pesta.dictionary import AutoencoderRecipe
 from motionlake.pesta.scan import Both
 
-from bench.pesta.dictionaries import Spec, fitted, strings_of
+from bench.pesta.dictionaries import OWN, Spec, fitted, strings_of
 from bench.pesta.measuring import STA3, whole_scores
 from bench.pesta.sets import labels_of
 from bench.units import Found
 
 SETS: Final = ("hdm05", "bandai1")
 DEFAULT: Final = "default"
+INFORMATION: Final = "information"
 REDUCTIONS: Final = {
     "repeats kept": SymbolsConfig(repeats=False),
     "runs kept": SymbolsConfig(runs=False),
@@ -36,41 +37,40 @@ class Unit:
         return f"{self.set_name}, {self.variant}"
 
 
-def variants(aae: Spec) -> dict[str, Spec]:
-    """Dictionaries that differ from the default in one thing, by name."""
-    recipe = aae.recipe or AutoencoderRecipe()
-    aae = replace(aae, recipe=recipe)
-
-    def trained(**changes: object) -> Spec:
-        return replace(aae, recipe=replace(recipe, **changes))  # type: ignore[arg-type]
+def variants(recipe: AutoencoderRecipe | None) -> dict[str, Spec]:
+    """Dictionaries that differ from the default, or from the autoencoder, in one thing, by name."""
+    main, base = Spec(OWN), recipe or AutoencoderRecipe()
 
     def coding(**changes: object) -> Spec:
-        return replace(aae, config=replace(aae.config, **changes))  # type: ignore[arg-type]
+        return replace(main, config=replace(OWN, **changes))  # type: ignore[arg-type]
 
-    made = {DEFAULT: aae}
-    made |= {f"style {size}": trained(style=size) for size in (12, 24, 40)}
-    made |= {"linear heads": trained(heads="linear")}
-    made |= {f"adversarial {weight:g}": trained(adversarial=weight) for weight in (0.0, 0.1, 1.0)}
-    made |= {f"from head {weight:g}": trained(from_head=weight) for weight in (0.0, 1.0)}
-    made |= {f"softness {value:g}": trained(softness=value) for value in (0.1, 0.5, 1.0, 2.0)}
-    made |= {f"hidden {units}": trained(hidden=units) for units in (256, 1000)}
-    made |= {f"steps {steps}": trained(steps=steps) for steps in (150, 400, 1000)}
-    made["steps 0"] = trained(steps=0, epochs=0)
-    made |= {f"whitening {value:g}": trained(whitening=value) for value in (0.0, 0.25)}
-    made |= {f"neighbours {count}": trained(neighbours=count) for count in (0, 5)}
+    def trained(**changes: object) -> Spec:
+        return Spec(replace(OWN, dictionary="information"), replace(base, **changes))  # type: ignore[arg-type]
+
+    made = {DEFAULT: main}
+    made |= {f"m {m}": coding(m=m) for m in (50, 200, 800)}
+    made |= {f"softness {value:g}": coding(softness=value) for value in (0.0, 0.5, 1.5, 2.0)}
+    made |= {"of features": coding(whitened=False)}
     made |= {
         f"root {root:g}, velocities {joints:g}": coding(root_weight=root, velocity_weight=joints)
-        for root, joints in ((0.0, 0.0), (5.0, 4.0), (10.0, 0.0), (0.0, 8.0), (10.0, 8.0), (20.0, 16.0))
+        for root, joints in ((0.0, 0.0), (5.0, 4.0), (10.0, 0.0), (0.0, 8.0), (20.0, 16.0))
     }
-    made |= {f"smoothing {value:g}": coding(smoothing=value) for value in (0.0, 1.0, 2.0)}
+    made |= {f"smoothing {value:g}": coding(smoothing=value) for value in (0.0, 2.0)}
     still = {"root_weight": 0.0, "velocity_weight": 0.0, "smoothing": 0.0}
     made["rotations (the paper's)"] = coding(representation="rotations", **still)
-    made["rotations, linear heads"] = replace(trained(heads="linear"), config=made["rotations (the paper's)"].config)
-    return {name: spec for name, spec in made.items() if name == DEFAULT or spec != aae}
+    made[INFORMATION] = trained()
+    made |= {f"{INFORMATION}, weight {weight:g}": trained(class_weight=weight) for weight in (0.1, 1.0)}
+    made |= {f"{INFORMATION}, sharpness {share:g}": trained(sharpness=share) for share in (0.1, 1.0)}
+    made |= {f"{INFORMATION}, style weight {weight:g}": trained(style_weight=weight) for weight in (0.0, 1.0)}
+    made |= {f"{INFORMATION}, n = {size}": trained(style=size) for size in (8, 64)}
+    made[f"{INFORMATION}, not from heads"] = trained(from_head=0.0)
+    return made
 
 
-def units(sets: Sequence[str], aae: Spec) -> list[Unit]:
-    return [Unit(s, name, spec.seeded(0)) for name, spec in variants(aae).items() for s in sets]
+def units(sets: Sequence[str], recipe: AutoencoderRecipe | None) -> list[Unit]:
+    """Autoencoders, which take longest, on the first set alone."""
+    made = variants(recipe).items()
+    return [Unit(s, name, spec) for name, spec in made for s in (sets[:1] if INFORMATION in name else sets)]
 
 
 def measure(unit: Unit) -> dict[str, Found]:

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
-from motionlake.arrays import Float32Array
-from motionlake.deep_motifs.words.linear import linear_embedding
+from motionlake.pesta.autoencoder import AutoencoderRecipe
 from motionlake.pesta.config import PRETRAINED_POSTURES, PosturesConfig, SymbolsConfig
-from motionlake.pesta.dictionary import AutoencoderRecipe, PostureDictionary, load_dictionary, recipe_of
-from motionlake.pesta.posture_training import fit_dictionary, sample_postures
+from motionlake.pesta.dictionary import PostureDictionary, load_dictionary
+from motionlake.pesta.dictionary_fitting import fit_dictionary
 from motionlake.pesta.symbols import SymbolString, symbolise
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
@@ -28,15 +26,12 @@ class Spec:
 
     Attributes:
         config: kind, m, seed and features.
-        recipe: of the autoencoder; that of the configuration if not given.
-        started: "kmeans" and "som" alone: in the space that the autoencoder's codes start in, not in that of the
-            features.
+        recipe: of an autoencoder; that of its kind if not given.
         ready: the dictionary that comes with the package, whose configuration this must have.
     """
 
     config: PosturesConfig = field(default_factory=lambda: OWN)
     recipe: AutoencoderRecipe | None = None
-    started: bool = False
     ready: bool = False
 
     def seeded(self, seed: int) -> Spec:
@@ -60,43 +55,13 @@ def pretrained() -> Spec | None:
     return Spec(load_dictionary(PRETRAINED_POSTURES.file).config, ready=True) if PRETRAINED_POSTURES.about() else None
 
 
-@dataclass(frozen=True)
-class Fitted:
-    """A dictionary, and the map that postures go through before it."""
-
-    dictionary: PostureDictionary
-    start: Float32Array | None = None
-
-    def encode(self, postures: Float32Array) -> NDArray[np.int32]:
-        """[T] symbols of postures [T, D]."""
-        return self.dictionary.encode(postures if self.start is None else postures @ self.start.T)
-
-    @property
-    def distances(self) -> Float32Array:
-        return self.dictionary.distances
-
-    @property
-    def metrics(self) -> dict[str, Any]:
-        return dict(self.dictionary.metrics)
-
-
 @lru_cache(maxsize=16)
-def fitted(name: str, spec: Spec) -> Fitted:
+def fitted(name: str, spec: Spec) -> PostureDictionary:
     """The dictionary of a set."""
     if spec.ready:
-        return Fitted(load_dictionary(PRETRAINED_POSTURES.file))
-    postures = postures_of(name, spec.config.frames)
+        return load_dictionary(PRETRAINED_POSTURES.file)
     with threadpool_limits(limits=1):
-        if spec.started:
-            sample, clips = sample_postures(postures, spec.config)
-            linear = (spec.recipe or recipe_of(spec.config)).linear
-            start = linear_embedding(sample[:, None], clips, linear, spec.config.seed)
-            return Fitted(fit_dictionary([rows @ start.T for rows in postures], spec.config), start)
-        if spec.config.dictionary == "aae" and spec.recipe is not None:
-            from motionlake.pesta.posture_training import train_autoencoder
-
-            return Fitted(train_autoencoder(*sample_postures(postures, spec.config), spec.config, recipe=spec.recipe))
-        return Fitted(fit_dictionary(postures, spec.config))
+        return fit_dictionary(postures_of(name, spec.config.frames), spec.config, recipe=spec.recipe)
 
 
 @lru_cache(maxsize=16)

@@ -1,6 +1,6 @@
 """Sizes of the dictionary (section 8.5.1, Table 6) on hdm05: precision, time a query, length of the repository.
 
-K-means for every m; the autoencoder for some, seed 0 alone. Time is that of the 20 nearest clips of a whole clip, both
+The default dictionary, and k-means of the features. Time is that of the 20 nearest clips of a whole clip, both
 ways, on one thread: the mean over all clips of the set, of which the median of some rounds.
 """
 
@@ -12,25 +12,27 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final
 
+from motionlake.pesta.autoencoder import AutoencoderRecipe
 from motionlake.pesta.scan import nearest_strings
 from motionlake.pesta.strings import Repository, SymbolDistances
 
-from bench.pesta.dictionaries import OWN, Spec, Unit, fitted, strings_of
+from bench.pesta.dictionaries import Spec, Unit, fitted, strings_of
 from bench.pesta.measuring import STA3, whole_scores
 from bench.pesta.sets import labels_of
+from bench.pesta.whole import MAIN, specs
 from bench.units import Found
 
 SET: Final = "hdm05"
 SIZES: Final = (50, 100, 200, 300, 400, 500, 600, 700, 800)
-SIZES_OF_AAE: Final = (50, 200, 400, 800)
 ROUNDS: Final = 5
 SCORES: Final = ("map", "p_at_5", "milliseconds", "symbols", "occupied")
 
 
-def units(seeds: Sequence[int], aae: Spec) -> list[Unit]:
-    kmeans = Spec(replace(OWN, dictionary="kmeans"))
-    made = [Unit("k-means", sized(kmeans, m).seeded(seed), seed) for m in SIZES for seed in seeds]
-    return made + [Unit("AAE", sized(aae, m).seeded(0), 0) for m in SIZES_OF_AAE]
+def units(seeds: Sequence[int], recipe: AutoencoderRecipe | None) -> list[Unit]:
+    chosen = {name: spec for name, spec in specs(recipe).items() if name in (MAIN, "k-means of features")}
+    return [
+        Unit(name, sized(spec, m).seeded(seed), seed) for name, spec in chosen.items() for m in SIZES for seed in seeds
+    ]
 
 
 def sized(spec: Spec, m: int) -> Spec:

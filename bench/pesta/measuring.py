@@ -55,5 +55,5 @@ def score_distances(distances: np.ndarray, labels: Sequence[str]) -> Found:
 
 
 def with_seeds(rows: Mapping[str, Mapping[int, Found]]) -> dict[str, Found]:
-    """What is kept of seeds; what is drawn only of the autoencoder's main rows."""
-    return units.with_seeds(rows, lambda name: name.startswith("AAE") and ", " not in name)
+    """What is kept of seeds; what is drawn only of the main rows of the default dictionary."""
+    return units.with_seeds(rows, lambda name: name.startswith("k-means +") and ", " not in name)

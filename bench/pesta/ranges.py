@@ -17,11 +17,13 @@ import numpy as np
 from motionlake.evaluation.pesta.measuring import LabelledRange, drawn_ranges
 from motionlake.evaluation.pesta.several_labels import ranged_costs
 from motionlake.evaluation.ranking import by_class, ranked_relevance, score_rankings, share_label
+from motionlake.pesta.autoencoder import AutoencoderRecipe
 from motionlake.pesta.config import AlignmentConfig, PosturesConfig
+from motionlake.pesta.dictionary import PostureDictionary
 from motionlake.pesta.symbols import SymbolString
 
 from bench.canonical_sets import LabelledClip, features
-from bench.pesta.dictionaries import Fitted, Spec, Unit, fitted, string, strings_of
+from bench.pesta.dictionaries import Unit, fitted, string, strings_of
 from bench.pesta.measuring import STA3
 from bench.pesta.sets import clips_of, segments_of
 from bench.pesta.whole import DTW, SCORES, SW, specs
@@ -38,11 +40,11 @@ ALIGNMENTS: Final[dict[str, tuple[AlignmentConfig, bool]]] = {
 }
 
 
-def units(seeds: Sequence[int], aae: Spec) -> list[Unit]:
-    return [Unit(name, spec.seeded(seed), seed) for name, spec in specs(aae).items() for seed in seeds]
+def units(seeds: Sequence[int], recipe: AutoencoderRecipe | None) -> list[Unit]:
+    return [Unit(name, spec.seeded(seed), seed) for name, spec in specs(recipe).items() for seed in seeds]
 
 
-def cut(made: Fitted, config: PosturesConfig, clip: LabelledClip, start: int, stop: int) -> SymbolString:
+def cut(made: PostureDictionary, config: PosturesConfig, clip: LabelledClip, start: int, stop: int) -> SymbolString:
     """The string of frames [start, stop) alone."""
     part = replace(clip, positions=clip.positions[start:stop], rotations=clip.rotations[start:stop])
     (postures,) = features([part], config.frames)

@@ -11,14 +11,15 @@ from dataclasses import replace
 from typing import Final
 
 from motionlake.evaluation.pesta.robustness import RATES, Framed, singular_clips
+from motionlake.pesta.autoencoder import AutoencoderRecipe
 from motionlake.pesta.config import AlignmentConfig
 from motionlake.pesta.scan import Both
 
 from bench.canonical_sets import features
-from bench.pesta.dictionaries import Spec, Unit, fitted, string
+from bench.pesta.dictionaries import Unit, fitted, string
 from bench.pesta.measuring import STA2, STA3, whole_scores
 from bench.pesta.sets import clips_of, labels_of
-from bench.pesta.whole import DTW, SW, specs
+from bench.pesta.whole import DTW, MAIN, SW, specs
 from bench.units import Found
 
 SET: Final = "hdm05"
@@ -36,8 +37,8 @@ ALIGNMENTS: Final[dict[str, tuple[AlignmentConfig, Both]]] = {
 }
 
 
-def units(seeds: Sequence[int], aae: Spec) -> list[Unit]:
-    chosen = {name: spec for name, spec in specs(aae).items() if name in ("AAE", "k-means")}
+def units(seeds: Sequence[int], recipe: AutoencoderRecipe | None) -> list[Unit]:
+    chosen = {name: spec for name, spec in specs(recipe).items() if name in (MAIN, "k-means of features")}
     return [Unit(name, spec.seeded(seed), seed) for name, spec in chosen.items() for seed in seeds]
 
 
@@ -72,7 +73,7 @@ def fall(rows: dict[str, Found]) -> dict[str, dict[str, list[float]]]:
     return found
 
 
-def verdict(curves: dict[str, dict[str, list[float]]], dictionary: str = "AAE") -> str:
+def verdict(curves: dict[str, dict[str, list[float]]], dictionary: str = MAIN) -> str:
     """Which alignment keeps most of its MAP, at each rate above 0."""
     own = {name: curve for name, curve in curves.items() if name.startswith(f"{dictionary} + ")}
     rates = next(iter(own.values()))["rate"]

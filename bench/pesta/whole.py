@@ -1,8 +1,8 @@
 """Whole-sequence retrieval (section 8.3.1, Table 5): dictionaries by alignments, DTW on frames and signatures beside.
 
-Dictionaries are trained on the set itself without labels. "start" rows put k-means or a self-organising map into the
-space that the autoencoder's codes start in: what lies between them and "AAE" is what training the network adds.
-"pretrained" is the dictionary that comes with the package, trained on CMU sets alone.
+Dictionaries are trained on the set itself without labels; "k-means" is the default. "of features" rows have their
+clusters in the space of the features, with hard heads. "information" is the autoencoder whose classes mutual
+information shapes. "pretrained" is the dictionary that comes with the package, trained on CMU sets alone.
 Costs are the greater of both ways, each for every symbol of its query; "one way" is the paper's own.
 """
 
@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
+from motionlake.pesta.autoencoder import AutoencoderRecipe
 from motionlake.pesta.config import AlignmentConfig, SymbolsConfig
 from motionlake.pesta.scan import Both
 
@@ -25,6 +26,7 @@ SETS: Final = ("hdm05", "bandai1")
 MORE_SETS: Final = ("hdm05", "bandai1", "salsa", "utd_mhad")
 REFERENCES: Final = "references"
 READY: Final = "pretrained"
+MAIN: Final = "k-means"
 SCORES: Final = ("map", "p_at_2", "p_at_5", "p_at_10", "p_at_15", "p_at_20", "nn")
 FULL, RUNS = SymbolsConfig(), SymbolsConfig(repeats=False)
 DTW, SW = AlignmentConfig("dtw"), AlignmentConfig("sw")
@@ -56,20 +58,21 @@ class Unit:
         return f"{self.set_name}, {self.dictionary}, seed {self.seed}"
 
 
-def specs(aae: Spec) -> dict[str, Spec]:
-    """The dictionaries that are compared, by name, given the autoencoder's."""
-    kmeans, som = replace(OWN, dictionary="kmeans"), replace(OWN, dictionary="som")
+def specs(recipe: AutoencoderRecipe | None) -> dict[str, Spec]:
+    """The dictionaries that are compared, by name; the recipe is that of the autoencoder, if not its own."""
+    som = replace(OWN, dictionary="som")
     return {
-        "AAE": aae,
-        "k-means": Spec(kmeans),
+        MAIN: Spec(OWN),
+        "k-means of features": Spec(replace(OWN, whitened=False, softness=0.0)),
         "SOM": Spec(som),
-        "k-means, start": Spec(kmeans, aae.recipe, started=True),
-        "SOM, start": Spec(som, aae.recipe, started=True),
+        "SOM of features": Spec(replace(som, whitened=False)),
+        "information": Spec(replace(OWN, dictionary="information"), recipe),
     }
 
 
-def units(sets: Sequence[str], seeds: Sequence[int], aae: Spec) -> list[Unit]:
-    made = [Unit(s, name, spec.seeded(seed), seed) for s in sets for name, spec in specs(aae).items() for seed in seeds]
+def units(sets: Sequence[str], seeds: Sequence[int], recipe: AutoencoderRecipe | None) -> list[Unit]:
+    chosen = specs(recipe)
+    made = [Unit(s, name, spec.seeded(seed), seed) for s in sets for name, spec in chosen.items() for seed in seeds]
     if ready := pretrained():
         made += [Unit(s, READY, ready, 0) for s in sets]
     return made + [Unit(s, REFERENCES, Spec().seeded(seed), seed) for s in sets for seed in seeds]

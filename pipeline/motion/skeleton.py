@@ -51,8 +51,6 @@ COMMON: Final = _all_but("spine", "chest", "clavicle", "toe")
 # Deep Motifs, section 5.1: the m = 16 most informative joints with their relative joint angles. The hips'
 # own rotation is the body's orientation in the world, which words are invariant to.
 DEEP_MOTIFS: Final = _all_but("hips", "clavicle", "toe")
-# PESTA, section 5.1: root, thorax, head, clavicles, humeri, radii, wrists, femurs, tibiae, feet.
-PESTA: Final = _all_but("spine", "neck", "toe")
 
 
 def chained(offsets: Float64Array, parents: Sequence[int] = PARENTS) -> Float64Array:

@@ -59,12 +59,10 @@ class AlignmentConfig:
 
 
 DEFAULT_ALIGNMENT: Final = AlignmentConfig()
-DictionaryKind = Literal["aae", "kmeans", "som"]
-RecipeName = Literal["default", "pesta"]
-KINDS: Final = ("aae", "kmeans", "som")
+DictionaryKind = Literal["kmeans", "som", "information", "adversarial"]
+KINDS: Final[tuple[DictionaryKind, ...]] = get_args(DictionaryKind)
 ENOUGH: Final = 25
 DICTIONARY_KEY: Final = "posture_dictionary"  # of the metadata of a dictionary's file
-RECIPES: Final = ("default", "pesta")
 
 
 @dataclass(frozen=True)
@@ -72,14 +70,17 @@ class PosturesConfig:
     """What a posture is, and which dictionary turns it into a symbol.
 
     Attributes:
-        dictionary: "aae" (clustering adversarial autoencoder), "kmeans" or "som" (self-organising map).
+        dictionary: "kmeans", "som" (self-organising map), or a clustering autoencoder whose classes are shaped by
+            mutual information ("information") or by a critic, as the paper does ("adversarial").
         m: number of symbols.
         seed: of training.
         weights: what a lake without a dictionary starts with: "pretrained" takes the pretrained one where it fits this
             configuration, "own" trains on the lake's clips, "auto" (default) does so where they hold enough postures,
             `ENOUGH` for each symbol, since a dictionary of the clips' own retrieves much better (`docs/postures.md`).
-        recipe: of the autoencoder: "default", or "pesta", the paper's (5,000 epochs).
         max_postures: size of the sample of postures that a dictionary is trained on.
+        whitened: "kmeans" and "som" alone: clusters are looked for where postures differ as little from those of other
+            clips in every direction, and not in the space of the features.
+        softness: "kmeans" alone: how far the heads of neighbouring clusters lean to each other; 0: not at all.
         representation: "positions" of joints seen from the body, or "rotations" (the paper's quaternions).
         fps: postures a second: a quarter of 120.
         root_weight: "positions" only: weight of the root's velocity and yaw rate in a posture; 0 leaves them out.
@@ -90,12 +91,13 @@ class PosturesConfig:
         ValueError: an unknown name, or a value out of range.
     """
 
-    dictionary: DictionaryKind = "aae"
+    dictionary: DictionaryKind = "kmeans"
     m: int = 400
     seed: int = 0
     weights: str = "auto"
-    recipe: RecipeName = "default"
     max_postures: int = 30_000
+    whitened: bool = True
+    softness: float = 1.25
     representation: Representation = "positions"
     fps: float = 30.0
     root_weight: float = 10.0
@@ -105,21 +107,21 @@ class PosturesConfig:
     def __post_init__(self) -> None:
         if self.dictionary not in KINDS:
             raise ValueError(f"dictionary is {self.dictionary!r}, not one of {', '.join(KINDS)}")
-        if self.recipe not in RECIPES:
-            raise ValueError(f"recipe is {self.recipe!r}, not one of {', '.join(RECIPES)}")
         if self.weights not in ("auto", "pretrained", "own"):
             raise ValueError(f"weights is {self.weights!r}, not auto, pretrained or own")
         if self.m < 2 or self.max_postures < self.m:
             raise ValueError(
                 f"m = {self.m} symbols of {self.max_postures} postures: at least 2, and no more than those"
             )
+        if not 0 <= self.softness < float("inf"):
+            raise ValueError(f"softness is {self.softness}: it cannot be negative")
         _ = self.frames
 
     @classmethod
     def pesta(cls) -> PosturesConfig:
         """The paper's: quaternions of single frames, the autoencoder trained for 5,000 epochs (section 5.2)."""
         return cls(
-            weights="own", recipe="pesta", representation="rotations",
+            dictionary="adversarial", weights="own", representation="rotations",
             root_weight=0.0, velocity_weight=0.0, smoothing=0.0,
         )  # fmt: skip
 
@@ -143,7 +145,9 @@ def _same_postures(about: Mapping[str, Any], config: PosturesConfig) -> bool:
     return config.weights != "own" and coding(asdict(config)) == coding(about["postures"])
 
 
-PRETRAINED_POSTURES: Final = Pretrained(Path(__file__).parent / "weights" / "postures-aae.safetensors", _same_postures)
+PRETRAINED_POSTURES: Final = Pretrained(
+    Path(__file__).parent / "weights" / "postures-kmeans.safetensors", _same_postures
+)
 
 
 @dataclass(frozen=True)

@@ -1,17 +1,7 @@
-"""Posture dictionaries: they code each frame as the symbol of the nearest posture (PESTA, section 5.2).
+"""Posture dictionaries: they code each frame as a symbol (PESTA, section 5.2).
 
-The clustering adversarial autoencoder (Makhzani et al. 2015, sections 5 and 6): a posture x becomes a class y (m
-probabilities, one symbol each) and a style z (n numbers); its code is the head of its class plus its style, and the
-decoder makes the posture again from the code. One critic pulls y toward one-hot vectors of a uniform category, another
-pulls z toward a Gaussian.
-
-The paper leaves open what a cluster head is. Two forms:
-
-- "nearest" (default): the code is computed first, h(x); y is a softmax over squared distances from the heads, z the
-  difference of the code from them. A symbol is then the head nearest to the code, so that distances between heads mean
-  what they mean between postures. h is a linear map plus a network that starts at zero. A head is the mean code of
-  its class, every posture weighted by its probability of being in it.
-- "linear": y and z are two linear layers on the encoder, the heads a learned matrix [m, n] (Makhzani, section 6).
+Four kinds, see `PosturesConfig.dictionary`. Of all of them a symbol has a head, and the Euclidean distances between
+heads are the distances of symbols.
 """
 
 from __future__ import annotations
@@ -20,146 +10,50 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Final, Literal, get_args
+from typing import Any, Final, Protocol
 
 import numpy as np
-import torch
 from motionlake.arrays import Float32Array, Int32Array
-from motionlake.deep_motifs.words.linear import LinearConfig
-from motionlake.pesta.config import DICTIONARY_KEY, PosturesConfig
-from motionlake.training import on_threads, read_network
-from motionlake.weights import save_tensors
-from torch import Tensor, nn
+from motionlake.pesta.config import DICTIONARY_KEY, KINDS, PosturesConfig
+from motionlake.weights import read_tensors, save_tensors
 
 ROWS: Final = 4096  # postures that are compared with the codes at a time
-# Batches of exactly this many, the last one padded, so that a symbol does not depend on the postures beside it.
-BATCH: Final = 512
-_LEFT_OUT: Final = ("decoder.", "class_critic.", "style_critic.")  # of the file: these are needed in training alone
-HeadForm = Literal["nearest", "linear"]
 
 
-class PostureAutoencoder(nn.Module):
-    """Encoder, decoder and two critics, each with two hidden layers; the encoder's second is Tanh, all else ReLU.
-
-    Attributes:
-        mean: [D] of the postures.
-        scale: [] their root mean square deviation: one for all features, whose relative size is the metric's.
-        start: [n, D] the linear map that "nearest" codes begin as.
-        spread: [] root mean square distance of a code from its head, a dimension: the unit of z.
-        temperature: [] of the softmax, in squared distances.
-        heads: [m, n].
-    """
-
-    mean: Tensor
-    scale: Tensor
-    start: Tensor
-    spread: Tensor
-    temperature: Tensor
-
-    def __init__(self, dimension: int, m: int, n: int, hidden: int, form: HeadForm) -> None:
-        super().__init__()
-        self.form = form
-        self.register_buffer("mean", torch.zeros(dimension))
-        self.register_buffer("scale", torch.ones(()))
-        self.register_buffer("start", torch.zeros(n, dimension))
-        self.register_buffer("spread", torch.ones(()))
-        self.register_buffer("temperature", torch.ones(()))
-        self.heads = nn.Parameter(torch.randn(m, n))
-        self.encoder = nn.Sequential(nn.Linear(dimension, hidden), nn.ReLU(), nn.Linear(hidden, hidden), nn.Tanh())
-        self.to_code = nn.Linear(hidden, n)
-        self.to_class = nn.Linear(hidden, m) if form == "linear" else None
-        if form == "nearest":
-            nn.init.zeros_(self.to_code.weight)
-            nn.init.zeros_(self.to_code.bias)
-        self.decoder = _two_layers(n, hidden, dimension)
-        self.class_critic = _two_layers(m, hidden, 1)
-        self.style_critic = _two_layers(n, hidden, 1)
-
-    def encode(self, postures: Tensor) -> tuple[Tensor, Tensor]:
-        """Class probabilities y [B, m] and style z [B, n] of postures [B, D]."""
-        x = (postures - self.mean) / self.scale
-        hidden = self.encoder(x)
-        if self.to_class is not None:
-            return torch.softmax(self.to_class(hidden), dim=1), self.to_code(hidden)
-        code = x @ self.start.T + self.spread * self.to_code(hidden)
-        classes = torch.softmax(-self.apart(code) / (2 * self.temperature), dim=1)
-        return classes, (code - classes @ self.heads) / self.spread
-
-    def code(self, classes: Tensor, style: Tensor) -> Tensor:
-        """[B, n] heads of the classes plus style."""
-        return classes @ self.heads + self.spread * style
-
-    def decode(self, code: Tensor) -> Tensor:
-        """[B, D] postures of codes."""
-        return self.decoder(code) * self.scale + self.mean  # type: ignore[no-any-return]
-
-    def symbols(self, postures: Tensor) -> Tensor:
-        """[B] the most probable class of postures [B, D]."""
-        return self.encode(postures)[0].argmax(dim=1)
-
-    def apart(self, code: Tensor) -> Tensor:
-        """[B, m] squared distances of codes [B, n] from the heads."""
-        squares = code.square().sum(dim=1, keepdim=True) + self.heads.square().sum(dim=1)
-        return squares - 2 * code @ self.heads.T
-
-    def critics(self) -> list[nn.Parameter]:
-        """Parameters of the two critics."""
-        return [*self.class_critic.parameters(), *self.style_critic.parameters()]
-
-    def autoencoder(self) -> list[nn.Parameter]:
-        """All other parameters."""
-        return [p for name, p in self.named_parameters() if "critic" not in name]
-
-
-def _two_layers(inputs: int, hidden: int, outputs: int) -> nn.Sequential:
-    return nn.Sequential(
-        nn.Linear(inputs, hidden), nn.ReLU(), nn.Linear(hidden, hidden), nn.ReLU(), nn.Linear(hidden, outputs)
-    )
-
-
-@dataclass(frozen=True)
-class AutoencoderEncoder:
-    """Codes postures with a `PostureAutoencoder` in evaluation mode."""
-
-    network: PostureAutoencoder
+class Encoder(Protocol):
+    """What turns postures into symbols."""
 
     def symbols(self, features: Float32Array) -> Int32Array:
-        """[T] symbols of postures [T, D], on one thread."""
-        coded = np.empty(len(features), dtype=np.int32)
-        batch = np.zeros((BATCH, features.shape[1]), dtype=np.float32)
-        with on_threads(1), torch.inference_mode():
-            for start in range(0, len(features), BATCH):
-                rows = features[start : start + BATCH]
-                batch[: len(rows)] = rows
-                coded[start : start + len(rows)] = self.network.symbols(torch.from_numpy(batch))[: len(rows)].numpy()
-        return coded
+        """[T] symbols of postures [T, D], each independent of the others."""
 
     def tensors(self) -> dict[str, Float32Array]:
-        state = self.network.state_dict()
-        return {name: value.numpy() for name, value in state.items() if not name.startswith(_LEFT_OUT)}
+        """Arrays by name, from which it is made again."""
 
 
 @dataclass(frozen=True)
 class NearestCode:
-    """The code nearest to the posture itself (L2), the first where two tie: k-means and self-organising maps.
+    """The nearest code (L2), the first where two tie: k-means and self-organising maps.
 
     Attributes:
-        codes: [m, D] in the space of the postures.
+        codes: [m, d] in the space of the postures, or where `start` takes them.
+        start: [d, D] a linear map of postures; None: they stay as they are.
     """
 
     codes: Float32Array
+    start: Float32Array | None = None
 
     def symbols(self, features: Float32Array) -> Int32Array:
         codes = self.codes.astype(np.float64)
         half = np.einsum("md,md->m", codes, codes) / 2
+        from_postures = codes.T if self.start is None else self.start.T.astype(np.float64) @ codes.T
         batches = [
-            np.argmin(half - features[start : start + ROWS].astype(np.float64) @ codes.T, axis=1)
+            np.argmin(half - features[start : start + ROWS].astype(np.float64) @ from_postures, axis=1)
             for start in range(0, max(len(features), 1), ROWS)
         ]
         return np.concatenate(batches).astype(np.int32)
 
     def tensors(self) -> dict[str, Float32Array]:
-        return {"codes": self.codes}
+        return {"codes": self.codes} | ({} if self.start is None else {"start": self.start})
 
 
 @dataclass(frozen=True)
@@ -175,7 +69,7 @@ class PostureDictionary:
     """
 
     config: PosturesConfig
-    encoder: AutoencoderEncoder | NearestCode
+    encoder: Encoder
     codes: Float32Array
     postures: Float32Array
     metrics: Mapping[str, Any]
@@ -216,80 +110,23 @@ def load_dictionary(path: Path) -> PostureDictionary:
     """Read what `PostureDictionary.save` wrote.
 
     Raises:
-        ValueError: the file holds something else.
+        ValueError: the file holds something else, or a dictionary of a kind that is no longer made.
     """
-    tensors, kept = read_network(path, DICTIONARY_KEY)
-    config = PosturesConfig(**kept["config"])
+    tensors, kept = read_tensors(path, DICTIONARY_KEY)
+    kind = kept["config"]["dictionary"]
+    if kind not in KINDS:
+        raise ValueError(
+            f"{path} holds a dictionary of kind {kind!r}, as earlier versions made them; `motionlake run all` makes "
+            "another"
+        )
+    config = PosturesConfig(**{name: value for name, value in kept["config"].items() if name != "recipe"})
     own = {name.removeprefix("encoder."): value for name, value in tensors.items() if name.startswith("encoder.")}
-    encoder: AutoencoderEncoder | NearestCode
-    if config.dictionary == "aae":
-        n, dimension = own["start"].shape
-        form: HeadForm = "linear" if "to_class.weight" in own else "nearest"
-        network = PostureAutoencoder(dimension, len(own["heads"]), n, len(own["encoder.0.bias"]), form)
-        network.load_state_dict(own, strict=False)  # its decoder and critics stay untrained
-        encoder = AutoencoderEncoder(network.eval())
-    else:
-        encoder = NearestCode(own["codes"].numpy())
-    return PostureDictionary(config, encoder, tensors["codes"].numpy(), tensors["postures"].numpy(), kept["figures"])
+    encoder = NearestCode(own["codes"], own.get("start")) if "codes" in own else _autoencoder(own)
+    return PostureDictionary(config, encoder, tensors["codes"], tensors["postures"], kept["figures"])
 
 
-@dataclass(frozen=True)
-class AutoencoderRecipe:
-    """Settings of training; the defaults measured best (`docs/postures.md`).
+def _autoencoder(tensors: Mapping[str, Float32Array]) -> Encoder:
+    import torch  # a second, which k-means need not pay
+    from motionlake.pesta.autoencoder import AutoencoderEncoder, read_autoencoder
 
-    Attributes:
-        style: n, the size of z.
-        hidden: units of each of two layers of the encoder, the decoder and the critics.
-        heads: the form of the cluster heads (see the module).
-        steps: optimiser steps; 0 counts `epochs` in their place.
-        epochs: times that every training posture is seen, where `steps` is 0.
-        batch: postures of a step.
-        learning_rate: of Adam.
-        momentum: of Adam (its first beta).
-        clip: the norm that gradients of the autoencoder and of the critics are each cut to.
-        adversarial: weight of fooling the critics, beside 1 for making the posture again.
-        from_head: weight of making the posture again from the head of its class alone.
-        softness: temperature of the classes of "nearest" heads, in mean squared distances of codes from their heads.
-        validation: share of the postures that is kept out of training, to measure on.
-        whitening: of the linear map that "nearest" codes start as; see `LinearConfig`.
-        neighbours: nearest postures of other clips by whose differences that map is whitened.
-    """
-
-    style: int = 24
-    hidden: int = 1000
-    heads: HeadForm = "nearest"
-    steps: int = 150
-    epochs: int = 0
-    batch: int = 256
-    learning_rate: float = 1e-4
-    momentum: float = 0.1
-    clip: float = 5.0
-    adversarial: float = 0.1
-    from_head: float = 1.0
-    softness: float = 0.75
-    validation: float = 0.25
-    whitening: float = 0.0
-    neighbours: int = 5
-
-    def __post_init__(self) -> None:
-        if self.heads not in get_args(HeadForm):
-            raise ValueError(f"heads of form {self.heads!r}, not one of {', '.join(get_args(HeadForm))}")
-
-    @classmethod
-    def pesta(cls) -> AutoencoderRecipe:
-        """The paper's (section 5.2): 5,000 epochs, batches of 64, learning rate 1e-4, nothing but its own losses."""
-        return cls(heads="linear", steps=0, epochs=5000, batch=64, adversarial=1.0, from_head=0.0)
-
-    @property
-    def linear(self) -> LinearConfig:
-        """The map that "nearest" codes start as."""
-        return LinearConfig(self.style, self.whitening, self.neighbours)
-
-    def count(self, postures: int) -> int:
-        """Steps in all, with so many training postures."""
-        return self.steps or self.epochs * -(-postures // self.batch)
-
-
-def recipe_of(config: PosturesConfig) -> AutoencoderRecipe:
-    """The recipe that a configuration names."""
-    return AutoencoderRecipe.pesta() if config.recipe == "pesta" else AutoencoderRecipe()
+    return AutoencoderEncoder(read_autoencoder({name: torch.from_numpy(value) for name, value in tensors.items()}))

@@ -108,10 +108,13 @@ def _long_enough(query: StringQuery) -> StringQuery:
 
 
 def served_dictionary(lake: Lake, model: str) -> PostureDictionary:
-    """The dictionary of that name."""
+    """The dictionary of that name. Raises `UserError` for one that an earlier version made."""
     from motionlake.pesta.dictionary import load_dictionary
 
-    return load_dictionary(model_file(lake, model))
+    try:
+        return load_dictionary(model_file(lake, model))
+    except ValueError as error:
+        raise UserError(str(error)) from error
 
 
 def model_file(lake: Lake, model: str) -> Path:

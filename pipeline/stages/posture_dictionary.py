@@ -16,6 +16,7 @@ from motionlake.lake.integrity import sound
 from motionlake.lake.layout import Lake
 from motionlake.motion.features import word_features
 from motionlake.pesta import config as postures_config
+from motionlake.pesta import occupancy
 from motionlake.stages.model_kind import ModelKind, Selection
 from motionlake.stages.reader import LakeReader
 
@@ -35,14 +36,15 @@ class PostureDictionaryKind(ModelKind[list[Float32Array]]):
     command = "postures"
     help = """Train the posture dictionary that config.toml names; `motionlake run all` then codes with it.
 
-    Interrupted, the same command goes on where it stopped. [postures] in config.toml says which dictionary ("aae",
-    "kmeans", "som"), how many symbols, from which seed, and by which recipe ("default", "pesta").
+    [postures] in config.toml says which dictionary ("kmeans", "som", or the autoencoders "information" and
+    "adversarial"), how many symbols, and from which seed. An autoencoder's training that was interrupted goes on where
+    it stopped.
 
     Example: motionlake train postures --lake mylake
     """
-    said = "{occupied} symbols in use; code with it: motionlake run all --lake {lake}"
+    said = "code with it: motionlake run all --lake {lake}"
     pretrained = postures_config.PRETRAINED_POSTURES
-    kept = ("clips", "postures", "occupied", "perplexity")
+    kept = ("clips", "postures", "m", "occupied", "perplexity")
 
     def takes_pretrained(self, at: LakeReader) -> bool:
         wanted = at.config.postures
@@ -74,7 +76,7 @@ class PostureDictionaryKind(ModelKind[list[Float32Array]]):
     def fit(
         self, lake: Lake, config: LakeConfig, data: list[Float32Array], checkpoint: Path, progress: Progress
     ) -> PostureDictionary:
-        from motionlake.pesta.posture_training import fit_dictionary
+        from motionlake.pesta.dictionary_fitting import fit_dictionary
 
         try:
             return fit_dictionary(data, config.postures, checkpoint=checkpoint, progress=progress)
@@ -91,10 +93,7 @@ class PostureDictionaryKind(ModelKind[list[Float32Array]]):
         return load_dictionary(path)
 
     def hints(self, config: LakeConfig, metrics: Mapping[str, Any]) -> list[str]:
-        occupied, m = metrics["occupied"], config.postures.m
-        if 2 * occupied >= m:
-            return []
-        return [f"only {occupied} of {m} symbols are used; a smaller m, or another seed, may serve better"]
+        return [occupancy.line(metrics)]
 
 
 POSTURE_DICTIONARY: Final = PostureDictionaryKind()
