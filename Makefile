@@ -131,6 +131,7 @@ bench-scale: setup ## Measure the default search of 150,000 clips (twenty minute
 
 bench-quality: setup ## Measure how many faults planted in recordings are found
 	$(BIN)/python -m bench.quality
+	$(BIN)/python -m bench.quality_evidence
 
 bench-moves: .venv-bench/.ready ## Measure the alignment of moves against a peer
 	$(BENCH)/python -m bench.moves

@@ -6,16 +6,21 @@ A library is imported where it is called, so that a bench leaves out what is not
 from __future__ import annotations
 
 import ctypes
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 from motionlake.arrays import Float64Array
+from motionlake.motion.humanml3d import REST_BONES, SMOOTHING_FRAMES
 from motionlake.motion.marker_sets import fitting_sets, joint_centres
-from motionlake.motion.smpl import BODY_JOINTS
+from motionlake.motion.smpl import BODY_JOINTS, INDEX
 
 from bench.format_files import POINTS
 
+# Joints along which HumanML3D's program turns bones, from the pelvis or the chest on.
+CHAINS: Final = ((0, 2, 5, 8, 11), (0, 1, 4, 7, 10), (0, 3, 6, 9, 12, 15), (9, 14, 17, 19, 21), (9, 13, 16, 18, 20))
+_SIDES: Final = ("hip", "shoulder")
 # ufbx's binding frees some of what it hands out twice, so none of it is ever let go: this list outlives Python.
 _HELD: Final[list[Any]] = []
 ctypes.pythonapi.Py_IncRef(ctypes.py_object(_HELD))
@@ -96,6 +101,50 @@ def mot(path: Path) -> object:
 def joints(path: Path) -> object:
     """The joints of HumanML3D's `new_joints`, by NumPy."""
     return np.load(path)
+
+
+def joints_turned(path: Path) -> Float64Array:
+    """[F, 22, 4] rotations of the bones of `new_joints`, by NumPy and SciPy."""
+    return _inverse_kinematics(np.load(path))
+
+
+def features_turned(path: Path) -> Float64Array:
+    """[F, 22, 4] rotations of the bones where HumanML3D's features put them, by NumPy and SciPy."""
+    return _inverse_kinematics(features(path))
+
+
+def _inverse_kinematics(places: Float64Array) -> Float64Array:
+    """[F, 22, 4] rotations of bones of joints [F, 22, 3], in the steps of HumanML3D's program.
+
+    Heading smoothed in time, then along each chain the smallest turn of every bone, relative to the bone before.
+    """
+    from scipy.ndimage import gaussian_filter1d
+
+    def unit(vectors: Float64Array) -> Float64Array:
+        return np.asarray(vectors / np.linalg.norm(vectors, axis=-1, keepdims=True))
+
+    def between(start: Float64Array, end: Float64Array) -> Float64Array:
+        real = 1 + (start * end).sum(axis=-1, keepdims=True)
+        return unit(np.concatenate([real, np.cross(np.broadcast_to(start, end.shape), end)], axis=-1))
+
+    def product(one: Float64Array, other: Float64Array) -> Float64Array:
+        real = one[:, :1] * other[:, :1] - (one[:, 1:] * other[:, 1:]).sum(axis=1, keepdims=True)
+        rest = one[:, :1] * other[:, 1:] + other[:, :1] * one[:, 1:] + np.cross(one[:, 1:], other[:, 1:])
+        return np.concatenate([real, rest], axis=1)
+
+    left = {joint: places[:, INDEX[f"left_{joint}"]] - places[:, INDEX[f"right_{joint}"]] for joint in _SIDES}
+    facing = np.cross(unit(left["hip"] + left["shoulder"]), [0.0, 1.0, 0.0])
+    facing = unit(gaussian_filter1d(facing, SMOOTHING_FRAMES, axis=0, mode="nearest"))
+    heading = between(facing, np.broadcast_to([0.0, 0.0, 1.0], facing.shape))
+    found = np.zeros((len(places), BODY_JOINTS, 4))
+    found[:, 0] = heading
+    for chain in CHAINS:
+        before = heading
+        for parent, joint in pairwise(chain):
+            own = between(REST_BONES[joint], unit(places[:, joint] - places[:, parent]))
+            found[:, joint] = product(before * [1, -1, -1, -1], own)
+            before = product(before, found[:, joint])
+    return found
 
 
 def features(path: Path) -> Float64Array:

@@ -7,8 +7,11 @@ rotations turned to quaternions and, of scenes, counted from the rest pose. Thre
 
 - GLB, USD: both sides chain joints, to where they are in the scene;
 - TRC: both make joints of points;
-- HumanML3D's features: both stop at where joints are; a row without a bar has the whole reading, to rotations, which
-  its program leaves to others.
+- HumanML3D's features: both stop at where joints are.
+
+Rows without a bar have HumanML3D's files read to rotations: against reading joints alone, and against its program's
+inverse kinematics written anew, which takes the smallest turn of each bone. Here pelvis and chest turn as a whole; of
+features limbs turn about their bones as elbows and knees bend, and joints are placed again and compared.
 
 FBX and USD are read here in a process of their own, by the same libraries. One process, one thread but for what pandas
 starts, calls interleaved, medians; files lie in the system's cache, and compiled code is warm.
@@ -30,7 +33,10 @@ os.environ |= {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THR
 
 from motionlake.formats import read_clips
 from motionlake.formats.humanml3d import read_numbers
+from motionlake.motion.canonicalise import canonicalise
 from motionlake.motion.humanml3d import are_turns, recovered_joints
+from motionlake.motion.kinematics import solve
+from motionlake.motion.rigs import identify, load_rigs
 
 from bench import format_peers
 from bench.format_files import WRITE, Piece
@@ -69,6 +75,12 @@ def to_joints(path: Path) -> object:
     return recovered_joints(rows)[0]
 
 
+def to_canonical(path: Path) -> object:
+    """Rotations of a clip's joints, whose file has places alone."""
+    [clip] = read_clips(path)
+    return canonicalise(clip, solve(clip), identify(clip.hierarchy.joints, load_rigs())).rotations
+
+
 ROWS: Final = {
     "amass, numpy and scipy": Row("take.amass.npz", format_peers.amass, "scipy"),
     "glb, pygltflib and scipy": Row("take.glb", format_peers.glb, "pygltflib"),
@@ -80,7 +92,13 @@ ROWS: Final = {
     "motive csv, pandas": Row("take.motive.csv", format_peers.motive, "pandas"),
     "mot, pandas": Row("take.mot", format_peers.mot, "pandas"),
     "humanml3d joints, numpy": Row("joints.npy", format_peers.joints, "scipy"),
+    "humanml3d joints to rotations, numpy and scipy": Row(
+        "joints.npy", format_peers.joints_turned, "scipy", to_canonical, None
+    ),
     "humanml3d features, numpy": Row("features.npy", format_peers.features, "scipy", to_joints),
+    "humanml3d features to rotations, numpy and scipy": Row(
+        "features.npy", format_peers.features_turned, "scipy", None, None
+    ),
     "humanml3d features to rotations, numpy": Row("features.npy", format_peers.features, "scipy", None, None),
 }
 

@@ -116,6 +116,7 @@ SMOKES: Final[Sequence[Smoke]] = (
     Smoke("bench.lake", ("ingest", "--clips", "8", "--workers", "1", "--sets", "hdm05")),
     Smoke("bench.moves", (), {"bench.moves.QUERIES": 2}),
     Smoke("bench.quality", (), {"bench.quality.LONGEST": 3.0}),
+    Smoke("bench.quality_evidence", (), {"bench.quality.LONGEST": 3.0}),
     Smoke("bench.mending", (), {"bench.quality.LONGEST": 3.0}),
     Smoke("bench.generalise", ("hdm05", "--seeds", "0"), {"bench.generalise.RECIPROCALS": (24,),
           "bench.generalise.DIRECTS": (0.3,), "bench.generalise.SHARES": ((1, 1, 4, 2),)}),

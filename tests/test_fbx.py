@@ -106,10 +106,11 @@ for rate in (30.0, 75.0):  # at every key, and between them
     times = np.arange(int(11 / 30 * rate) + 1) / rate
     baked = fbx_nodes._moved(ufbx, scene, stacks[0].anim, nodes, times, rate)
     for at, node in enumerate(nodes):
-        asked = fbx_nodes._numbers([ufbx.evaluate_transform(stacks[0].anim, node, time) for time in times.tolist()])
-        sign = np.sign((asked[:, 3:7] * baked[:, at, 3:7]).sum(axis=1, keepdims=True))
-        asked[:, 3:7] *= sign
-        found.append(float(np.abs(asked - baked[:, at]).max()))
+        asked = fbx_nodes._placing([ufbx.evaluate_transform(stacks[0].anim, node, time) for time in times.tolist()])
+        [kept] = baked.of_nodes([at])
+        sign = np.sign((asked.rotation * kept.rotation).sum(axis=1, keepdims=True))
+        apart = (asked.translation - kept.translation, asked.rotation * sign - kept.rotation, asked.scale - kept.scale)
+        found += [float(np.abs(each).max()) for each in apart]
 print(json.dumps(found), flush=True)
 os._exit(0)
 """

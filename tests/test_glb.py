@@ -18,7 +18,7 @@ from motionlake.errors import ClipError
 from motionlake.formats import read_clips
 from motionlake.formats.parse.gltf_document import GltfDocument
 from motionlake.formats.parse.keys import even_rate, sample
-from motionlake.formats.parse.scene import Placing, worlds
+from motionlake.formats.parse.scene import Placing, Placings, worlds
 from motionlake.formats.parse.scene_trees import JointTree
 from motionlake.formats.registry import companions
 from motionlake.formats.write.glb import glb_bytes
@@ -256,7 +256,7 @@ def test_chains_of_nodes_agree_with_matrices_multiplied_one_after_another(scaled
         )
         for node in range(len(parents))
     ]
-    found = worlds(JointTree(tuple(range(5)), parents, 0), placings, frames)
+    found = worlds(JointTree(tuple(range(5)), parents, 0), Placings.of(placings), frames)
     for frame in range(frames):
         matrices: list[Float64Array] = []
         for parent, placing in zip(parents, placings, strict=True):

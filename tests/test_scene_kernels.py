@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 from motionlake.arrays import Float64Array
-from motionlake.formats.parse.scene import Placing, Worlds, against_rest, worlds
+from motionlake.formats.parse.scene import Placing, Placings, Worlds, against_rest, worlds
 from motionlake.formats.parse.scene_trees import JointTree
 from motionlake.motion.rotations import conjugate, from_vectors, multiply, rotate
 from scipy.spatial.transform import Rotation
@@ -25,7 +25,7 @@ def test_joints_are_chained_as_one_after_the_other(above: tuple[int, ...], seed:
     rng = np.random.default_rng(seed)
     parents, nodes = (-1, *above), len(above) + 1
     placings = [Placing(rng.normal(size=(FRAMES, 3)), turns(rng, FRAMES)) for _ in range(nodes)]
-    found = worlds(JointTree(tuple(range(nodes)), parents, 0), placings, FRAMES)
+    found = worlds(JointTree(tuple(range(nodes)), parents, 0), Placings.of(placings), FRAMES)
     positions, rotations = [placings[0].translation], [placings[0].rotation]
     for placing, parent in zip(placings[1:], above, strict=True):
         positions.append(positions[parent] + rotate(rotations[parent], placing.translation))
@@ -39,7 +39,9 @@ def test_turns_against_the_rest_are_as_the_parent_sees_them(above: tuple[int, ..
     rng = np.random.default_rng(seed)
     parents, joints = (-1, *above), len(above) + 1
     moved, rest = Worlds(rng.normal(size=(FRAMES, joints, 3)), turns(rng, FRAMES, joints)), turns(rng, joints)
-    local, seen = against_rest(parents, moved, rest)
+    channels, seen = against_rest(parents, moved, rest)
+    local = channels[:, 3:].reshape(FRAMES, joints, 4)
+    np.testing.assert_array_equal(channels[:, :3], moved.positions[:, 0])
     turned = [multiply(moved.rotations[:, joint], conjugate(rest[joint])) for joint in range(joints)]
     np.testing.assert_allclose(local[:, 0], turned[0], rtol=0, atol=1e-12)
     for joint, parent in enumerate(above, start=1):

@@ -167,6 +167,20 @@ def test_joints_move_at_the_rate_of_the_stage_where_keys_are_few(tmp_path: Path)
     np.testing.assert_allclose(solve(clip).positions[:, 0, 0], np.arange(23.0), atol=1e-4)
 
 
+def test_a_part_of_the_file_that_is_referenced_with_a_delay_moves_later(tmp_path: Path) -> None:
+    path = tmp_path / "twice.usda"
+    path.write_text(usda_text(40))
+    stage = Usd.Stage.Open(str(path))
+    stage.DefinePrim("/Later", "SkelRoot").GetReferences().AddInternalReference("/Body", Sdf.LayerOffset(6))
+    stage.SetStartTimeCode(6)
+    stage.SetEndTimeCode(28)
+    stage.Save()
+    first, later = (solve(clip).positions[:, 0, 0] for clip in sorted(read_clips(path), key=lambda clip: clip.body))
+    at = np.arange(6.0, 29.0)
+    np.testing.assert_allclose(first, 2.0 * at, atol=1e-4)
+    np.testing.assert_allclose(later, 2.0 * (at - 6), atol=1e-4)
+
+
 OUTSIDE = {
     "reference": '( prepend references = @{}@ )',
     "payload": '( prepend payload = @{}@</Body> )',

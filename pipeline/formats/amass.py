@@ -5,6 +5,7 @@ Bones are those of the mean body, for the shape parameters (`betas`) mean nothin
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any, Final
 
@@ -116,7 +117,7 @@ def _check_room(size: int) -> RoomCheck:
                 raise ClipError(f"array {name!r} is {length} bytes long")
         elif shape:
             # A number takes eight bytes here, whatever it takes in the file.
-            numbers = int(np.prod(shape[1:], dtype=object))
+            numbers = math.prod(shape[1:])
             limits().check_body(shape[0], -(-numbers // 3), size + shape[0] * numbers * 8)
 
     return check

@@ -54,7 +54,11 @@ def check_clip(clip: SourceClip) -> None:
     if len(channels) < 2:
         raise ClipError(f"has {len(channels)} frame(s); a motion needs at least two")
     most = most_of(hierarchy)
-    if not ((channels.max(axis=0) <= most) & (channels.min(axis=0) >= -most)).all():  # false for NaN too
+    least = most.min(initial=FARTHEST)
+    if (
+        not (-least <= channels.min(initial=0.0) and channels.max(initial=0.0) <= least)
+        and not ((channels.max(axis=0) <= most) & (channels.min(axis=0) >= -most)).all()
+    ):  # false for NaN too
         sane = np.abs(channels) <= most
         if not np.isfinite(channels).all():
             raise ClipError("has a channel value that is not finite")

@@ -22,6 +22,7 @@ from motionlake.formats.parse.gltf_document import (
 from motionlake.formats.parse.keys import even_count, even_rate, sample
 from motionlake.formats.parse.scene import (
     Placing,
+    Placings,
     bind_pose,
     body_names,
     check_room,
@@ -193,7 +194,7 @@ class _Scene:
     def clip(self, take: _Take, body: str, fps: float | None, notes: tuple[str, ...]) -> SourceClip:
         tree = take.tree
         rest = [self.rest[node] if node >= 0 else Placing() for node in tree.nodes]
-        moved = self._moved(take, rest)
+        moved = Placings.of(self._moved(take, rest))
         names = [self.names[node] if node >= 0 else "scene" for node in tree.nodes]
         sampled = (take.note,) if fps is None else ()
         return clip_of_worlds(

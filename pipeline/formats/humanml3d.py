@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from pathlib import Path
 from typing import Final
@@ -100,7 +101,7 @@ def _check_room(name: str, shape: tuple[int, ...], length: int) -> None:
     """What lets an array of so many bytes pass."""
     if shape:
         # A number takes eight bytes here, whatever it takes in the file.
-        numbers = int(np.prod(shape, dtype=object))
+        numbers = math.prod(shape)
         limits().check_body(shape[0], BODY_JOINTS, length + numbers * 8)
 
 

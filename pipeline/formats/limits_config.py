@@ -93,7 +93,8 @@ def raised(reason: str, limits: Limits) -> bool:
     return named is not None and now > int(named[2])
 
 
-_current: Final[ContextVar[Limits]] = ContextVar("limits", default=Limits())  # noqa: B039 - it is frozen
+DEFAULT: Final = Limits()
+_current: Final[ContextVar[Limits]] = ContextVar("limits", default=DEFAULT)
 
 
 def limits() -> Limits:

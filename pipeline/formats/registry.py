@@ -15,7 +15,7 @@ from typing import BinaryIO, Final, Protocol, runtime_checkable
 
 from motionlake.errors import ClipError
 from motionlake.formats.clip_checks import check_clip
-from motionlake.formats.limits_config import LimitError, Limits, limits, within
+from motionlake.formats.limits_config import DEFAULT, LimitError, Limits, limits, within
 from motionlake.motion.clip import SourceClip
 
 COMPRESSED_SUFFIX: Final = ".gz"
@@ -217,7 +217,7 @@ def read_clips(path: Path, fps: float | None = None, allowed: Limits | None = No
             than two frames, channels that are not finite or absurd, a frame rate outside [1, 1000] or a malformed
             hierarchy. Nothing else.
     """
-    with within(allowed or Limits()):
+    with within(allowed or DEFAULT):
         return _read_clips(path, fps)
 
 

@@ -139,8 +139,8 @@ def recovered_joints(rows: Float64Array) -> tuple[Float64Array, Float64Array]:
 
 def are_turns(rows: Float64Array) -> bool:
     """Whether the numbers of turns in features [F, 263] are some: columns of matrices, of length 1."""
-    columns = rows[:, TURNS].reshape(-1, 3)
-    lengths = np.sqrt(np.einsum("ij,ij->i", columns, columns))
+    squares = rows[:, TURNS] ** 2
+    lengths = np.sqrt(squares[:, 0::3] + squares[:, 1::3] + squares[:, 2::3])
     return bool(np.mean(np.abs(lengths - 1)) < COLUMN_SLACK)
 
 

@@ -17,8 +17,8 @@ from motionlake.arrays import Float64Array
 from motionlake.errors import ClipError
 from motionlake.formats.limits_config import limits
 from motionlake.formats.parse.own_process import read_apart, serve
-from motionlake.formats.parse.scene import check_room
-from motionlake.formats.parse.scene_nodes import PLACING, SceneHead, SceneNodes
+from motionlake.formats.parse.scene import Placing, Placings, check_room
+from motionlake.formats.parse.scene_nodes import SceneHead, SceneNodes
 
 LATE: Final = 0.1  # of a frame: how far after the end of an animation an instant may be
 AT_KEY: Final = 1e-8  # seconds: how far from an instant a key may be and still be at it
@@ -76,19 +76,19 @@ def _sent(data: bytes, folder: Path) -> list[memoryview]:
         names.append(str(stack.name))
     if not moved:
         raise ClipError("has no animation of two frames or more")
-    rest = np.stack([_numbers([node.local_transform]) for node in nodes], axis=1)
+    rest = Placings.of([_placing([node.local_transform]) for node in nodes])
     head = SceneHead(
         names=[str(node.name) for node in nodes],
         parents=parents,
         skeletons=[(found, str(nodes[found[0]].name)) for found in _skeletons(parents, bones)],
         rate=rate,
         takes=names,
-        frames=[len(each) for each in moved],
+        frames=[count for count in frames if count > 1],
         metres_per_unit=1.0,
         up="y",
     )
     unbound = np.full((len(nodes), 4, 4), np.nan)
-    return SceneNodes(head, unbound, np.concatenate([rest, *moved])).sent()
+    return SceneNodes(head, unbound, rest, moved).sent()
 
 
 def _bones(nodes: Sequence[Any]) -> tuple[list[Any], list[int], list[int]]:
@@ -138,56 +138,50 @@ def _span(ufbx: Any, scene: Any, stack: Any) -> tuple[float, float]:
     return float(baked.key_time_min), float(baked.key_time_max)
 
 
-def _moved(ufbx: Any, scene: Any, anim: Any, nodes: Sequence[Any], times: Float64Array, rate: float) -> Float64Array:
-    """[F, N, 10] how an animation places nodes at instants: by the keys that ufbx bakes, where all of these have one.
+def _moved(ufbx: Any, scene: Any, anim: Any, nodes: Sequence[Any], times: Float64Array, rate: float) -> Placings:
+    """How an animation places nodes at instants: by the keys that ufbx bakes, where all of these have one.
 
     Baking takes a fifth of the time of asking for one node at one instant after the other.
     """
     baked = ufbx.bake_anim(scene, anim, resample_rate=rate)
     keyed = {node.typed_id: node for node in baked.nodes}
     _HELD.append((baked, keyed))
-    moved = np.empty((len(times), len(nodes), PLACING))
-    for number, node in enumerate(nodes):
+    placings = []
+    for node in nodes:
         moves = node.typed_id in keyed
         found = _of_keys(keyed[node.typed_id], times) if moves else None
         if found is None:
             instants = times.tolist() if moves else times[:1].tolist()
-            found = _numbers([ufbx.evaluate_transform(anim, node, time) for time in instants])
-        moved[:, number] = found
-    return moved
+            found = _placing([ufbx.evaluate_transform(anim, node, time) for time in instants])
+        placings.append(found)
+    return Placings.of(placings)
 
 
-def _of_keys(node: Any, times: Float64Array) -> Float64Array | None:
-    """[F, 10] of a baked node; None where there is no key at one of the instants."""
-    moved = np.empty((len(times), PLACING))
-    parts = ((slice(0, 3), node.translation_keys), (slice(3, 7), node.rotation_keys), (slice(7, 10), node.scale_keys))
-    for columns, baked in parts:
+def _of_keys(node: Any, times: Float64Array) -> Placing | None:
+    """How a baked node is placed; None where there is no key at one of the instants."""
+    parts = []
+    for baked in (node.translation_keys, node.rotation_keys, node.scale_keys):
         keys = list(baked)
         if not keys:
             return None
-        each = chain.from_iterable([key.value for key in keys])
-        values = np.fromiter(each, np.float64).reshape(len(keys), -1)
-        at: Any = 0
-        if (values != values[0]).any():
+        values = np.fromiter(chain.from_iterable([key.value for key in keys]), np.float64).reshape(len(keys), -1)
+        if (values == values[0]).all():
+            values = values[:1]
+        else:
             key_times = np.array([key.time for key in keys])
             at = np.minimum(np.searchsorted(key_times, times - AT_KEY), len(keys) - 1)
             if not (np.abs(key_times[at] - times) <= AT_KEY).all():
                 return None
-        moved[:, columns] = (values[:, [3, 0, 1, 2]] if values.shape[1] == 4 else values)[at]
-    return moved
+            values = values[at]
+        parts.append(values)
+    translation, rotation, scale = parts
+    return Placing(translation, rotation[:, [3, 0, 1, 2]], scale)
 
 
-def _numbers(transforms: Sequence[Any]) -> Float64Array:
-    """[F, 10] of ufbx's transforms."""
-    rows = [
-        (
-            t.translation.x, t.translation.y, t.translation.z,
-            t.rotation.w, t.rotation.x, t.rotation.y, t.rotation.z,
-            t.scale.x, t.scale.y, t.scale.z,
-        )
-        for t in transforms
-    ]  # fmt: skip
-    return np.array(rows, np.float64).reshape(-1, PLACING)
+def _placing(transforms: Sequence[Any]) -> Placing:
+    """Of ufbx's transforms."""
+    moves, turns, sizes = zip(*((t.translation, t.rotation, t.scale) for t in transforms), strict=True)
+    return Placing(np.array(moves), np.array(turns)[:, [3, 0, 1, 2]], np.array(sizes))
 
 
 if __name__ == "__main__":

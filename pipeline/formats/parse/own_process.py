@@ -186,7 +186,7 @@ def serve(read: Callable[[bytes, Path], Sequence[memoryview]], prepare: Callable
     os.dup2(2, 1)  # what libraries print is no answer
     with suppress(ImportError):  # `read` says so
         prepare()
-    gc.freeze()
+    gc.disable()  # a search for cycles takes longer than most files, and frees what libraries free wrongly
     while _CAN_FORK:
         child = os.fork()
         if not child:

@@ -6,12 +6,13 @@ stands above them moves them too, and the pose in which they were bound to the s
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
-from motionlake.arrays import BoolArray, Float64Array
+from motionlake.arrays import BoolArray, Float64Array, FloatArray
 from motionlake.errors import ClipError
 from motionlake.formats.limits_config import FRAME_BYTES, JOINT_BYTES, limits
 from motionlake.formats.parse.scene_trees import JointTree
@@ -22,7 +23,7 @@ from motionlake.motion.clip import (
     Hierarchy,
     SourceClip,
 )
-from motionlake.motion.rotations import IDENTITY, from_matrix, multiply, rotate, to_matrix
+from motionlake.motion.rotations import IDENTITY, from_matrix, multiply, normalise, to_matrix
 from motionlake.names import printable, unique
 
 # Shares of the body's size: what a joint's place under its parent may waver by and still be one offset.
@@ -57,13 +58,57 @@ class Placing:
         scale[:, 0] *= np.where(np.linalg.det(linear) < 0, -1.0, 1.0)
         return cls(matrices[:, :3, 3].copy(), from_matrix(linear / scale[:, None, :]), scale)
 
+
+@dataclass(frozen=True)
+class Placings:
+    """How N nodes stand below their parents; each part at F frames or, where it is one for all of them, at one.
+
+    Attributes:
+        translation: [F, N, 3].
+        rotation: [F, N, 4] quaternions (w, x, y, z) of any length but zero.
+        scale: [F, N, 3].
+    """
+
+    translation: FloatArray
+    rotation: FloatArray
+    scale: FloatArray
+
+    @classmethod
+    def of(cls, placings: Sequence[Placing]) -> Placings:
+        """Of each node."""
+        return cls(*(_stacked(parts) for parts in zip(*(vars(each).values() for each in placings), strict=True)))
+
     @property
-    def unequal(self) -> bool:
-        """Whether it is scaled more along one axis than along another."""
+    def first(self) -> Placings:
+        """At the first frame."""
+        return Placings(*(part[:1] for part in vars(self).values()))
+
+    def of_nodes(self, nodes: Sequence[int]) -> list[Placing]:
+        """Of some nodes; -1 is one that stands as its parent."""
+        moves, turns, sizes = (np.asarray(part, np.float64) for part in vars(self).values())
+        parts = (moves, normalise(turns), sizes)
+        return [Placing() if node < 0 else Placing(*(part[:, node] for part in parts)) for node in nodes]
+
+    @property
+    def uneven(self) -> BoolArray:
+        """[N] whether nodes are scaled more along one axis than along another."""
         size = np.abs(self.scale)
-        if (size[:, :1] == size).all():
-            return False
-        return bool((np.ptp(size, axis=1) > UNEQUAL * size.max(axis=1)).any())
+        if (size[..., :1] == size).all():
+            return np.zeros(size.shape[1], bool)
+        return np.asarray((np.ptp(size, axis=2) > UNEQUAL * size.max(axis=2)).any(axis=0))
+
+
+def beside_each_other(placings: Sequence[Placings]) -> Placings:
+    """Those of some nodes and those of others, in single precision where no number loses by it."""
+    found = []
+    for parts in zip(*(vars(each).values() for each in placings), strict=True):
+        single = all(part.dtype.itemsize <= 4 or (part[:1].astype(np.float32) == part).all() for part in parts)
+        nodes = [part.shape[1] for part in parts]
+        whole = np.empty((max(map(len, parts)), sum(nodes), parts[0].shape[2]), np.float32 if single else np.float64)
+        for part, end in zip(parts, itertools.accumulate(nodes), strict=True):
+            whole[:, end - part.shape[1] : end] = part
+        found.append(whole)
+    return Placings(*found)
 
 
 @dataclass(frozen=True)
@@ -79,48 +124,35 @@ class Worlds:
     rotations: Float64Array
 
 
-def worlds(tree: JointTree, placings: Sequence[Placing], frames: int) -> Worlds:
-    """Where a tree's joints are, of the placing of each of its nodes at one frame or `frames` of them."""
-    if all((placing.scale == 1).all() for placing in placings):
-        return _unscaled_worlds(tree, placings, frames)
-    linear: list[Float64Array | None] = []  # None where it is the rotation alone
-    positions: list[Float64Array] = []
-    rotations: list[Float64Array] = []
-    for parent, placing in zip(tree.parents, placings, strict=True):
-        above = linear[parent] if parent >= 0 else None
-        if above is None and (placing.scale == 1).all():
-            linear.append(None)
-        else:
-            own = to_matrix(placing.rotation) * placing.scale[:, None, :]
-            before = to_matrix(rotations[parent]) if parent >= 0 and above is None else above
-            linear.append(own if before is None else before @ own)
-        if parent < 0:
-            positions.append(placing.translation)
-            rotations.append(placing.rotation)
-            continue
-        if above is None:
-            from_parent = rotate(rotations[parent], placing.translation)
-        else:
-            from_parent = (above @ placing.translation[..., None])[..., 0]
-        positions.append(positions[parent] + from_parent)
-        rotations.append(multiply(rotations[parent], placing.rotation))
-    return Worlds(*(_stacked(values[tree.root :], frames) for values in (positions, rotations)))
+def worlds(tree: JointTree, placings: Placings, frames: int, nodes: Sequence[int] | None = None) -> Worlds:
+    """Where a tree's joints are at `frames` frames.
 
-
-def _unscaled_worlds(tree: JointTree, placings: Sequence[Placing], frames: int) -> Worlds:
-    """The same where no node is scaled."""
+    Args:
+        tree: of the joints.
+        placings: of its nodes, or of more.
+        frames: F.
+        nodes: for each of the tree's nodes its place among `placings`, -1 where it stands as its parent; by default
+            they are in the tree's order.
+    """
     from motionlake.formats.parse.scene_kernels import chain
 
-    moves, turns = (
-        _stacked([getattr(placing, what) for placing in placings], frames) for what in ("translation", "rotation")
-    )
-    positions, rotations = np.empty_like(moves), np.empty_like(turns)
-    chain(np.array(tree.parents), moves, turns, positions, rotations)
-    return Worlds(positions[:, tree.root :], rotations[:, tree.root :])
+    nodes = range(len(tree.nodes)) if nodes is None else nodes
+    sized = (placings.scale != 1).any(axis=(0, 2))
+    scaled = np.zeros(len(nodes), bool)  # it, or what is above it
+    for at, (node, parent) in enumerate(zip(nodes, tree.parents, strict=True)):
+        scaled[at] = (node >= 0 and sized[node]) or (parent >= 0 and scaled[parent])
+    joints = len(nodes) - tree.root
+    positions, rotations = np.empty((frames, joints, 3)), np.empty((frames, joints, 4))
+    chain(
+        np.array(nodes), np.array(tree.parents), tree.root, placings.translation, placings.rotation, placings.scale,
+        scaled, positions, rotations,
+    )  # fmt: skip
+    return Worlds(positions, rotations)
 
 
-def _stacked(values: Sequence[Float64Array], frames: int) -> Float64Array:
-    stacked = np.empty((frames, len(values), values[0].shape[1]))
+def _stacked(values: Sequence[Float64Array]) -> Float64Array:
+    """[F, N, n] of [F, n] or [1, n] of each node."""
+    stacked = np.empty((max(map(len, values)), len(values), values[0].shape[1]))
     for number, each in enumerate(values):
         stacked[:, number] = each
     return stacked
@@ -135,28 +167,26 @@ def bind_pose(tree: JointTree, rest: Sequence[Placing], bound: Mapping[int, Floa
         bound: by node, the inverse of the matrix [4, 4] at which it was bound, in the mesh's own axes. Those are the
             scene's or those of what the skeleton hangs from: whichever brings the joints nearer to where they rest.
     """
-    standing = worlds(tree, rest, 1)
+    standing = worlds(tree, Placings.of(rest), 1)
     matrices = _matrices(tree, rest)
     inverses = _inverse(matrices)
     nodes = [node for node in tree.joints if node in bound]
     given = np.array([bound[node] for node in nodes]).reshape(-1, 4, 4)
     sound = _are_sound(given)
     place = {node: number for number, node in enumerate(node for node, fits in zip(nodes, sound, strict=True) if fits)}
+    chosen = np.array([place.get(node, -1) for node in tree.joints])
     as_bound = _inverse(given[sound])
     above = matrices[tree.parents[tree.root]] if tree.root else np.eye(4)
     best, nearest = standing, np.inf
     for axes in (np.eye(4), above):
         placed = axes @ as_bound
-        found = np.empty_like(matrices)
-        for at in range(tree.root, len(tree.nodes)):
-            number, parent = place.get(tree.nodes[at]), tree.parents[at]
-            if number is not None:
-                found[at] = placed[number]
-            elif at > tree.root:
-                found[at] = found[parent] @ inverses[parent] @ matrices[at]
-            else:
-                found[at] = matrices[at]
+        found = matrices.copy()
         joints = found[tree.root :]
+        joints[chosen >= 0] = placed[chosen[chosen >= 0]]
+        for at in (tree.root + np.flatnonzero(chosen < 0)).tolist():
+            parent = tree.parents[at]
+            if at > tree.root:
+                found[at] = found[parent] @ inverses[parent] @ matrices[at]
         changes = Placing.of_matrices(inverses[tree.root :] @ joints)
         here = Worlds(joints[None, :, :3, 3].copy(), multiply(standing.rotations, changes.rotation[None]))
         apart = float(np.median(np.linalg.norm(here.positions - standing.positions, axis=-1)))
@@ -198,24 +228,34 @@ def _are_sound(matrices: Float64Array) -> BoolArray:
         return np.asarray(sized & (np.abs(np.linalg.det(scaled)) > FLATTEST))
 
 
-def uneven_note(names: Sequence[str], placings: Sequence[Placing]) -> tuple[str, ...]:
-    """A note where nodes are scaled more along one axis than along another."""
-    uneven = [name for name, placing in zip(names, placings, strict=True) if placing.unequal]
-    if not uneven:
+def uneven_note(names: Sequence[str], placings: Placings, nodes: Sequence[int] | None = None) -> tuple[str, ...]:
+    """A note where nodes are scaled more along one axis than along another; `nodes` as in `worlds`."""
+    nodes, uneven = range(len(names)) if nodes is None else nodes, placings.uneven
+    first = next((name for name, node in zip(names, nodes, strict=True) if node >= 0 and uneven[node]), None)
+    if first is None:
         return ()
-    return (f"{printable(uneven[0])} is scaled unequally: bones below it stretch as they turn",)
+    return (f"{printable(first)} is scaled unequally: bones below it stretch as they turn",)
 
 
 def against_rest(parents: Sequence[int], moved: Worlds, rest: Float64Array) -> tuple[Float64Array, Float64Array]:
-    """How joints are turned [F, J, 4] against their rest and where they are [F, J, 3], as their parents see them.
+    """How joints are turned against their rest and where they are, as their parents see them; the root from the scene.
 
-    `rest` [J, 4] are rotations in the scene; the root is seen from there.
+    Args:
+        parents: of J joints.
+        moved: where they are at F frames.
+        rest: [J, 4] rotations in the scene.
+
+    Returns:
+        [F, 3 + 4 J] where the root is and how joints are turned, and [F, J, 3] where they are.
     """
     from motionlake.formats.parse.scene_kernels import fill_against_rest
 
-    local, seen = np.empty(moved.rotations.shape), np.empty(moved.positions.shape)
-    fill_against_rest(np.array(parents), moved.positions, moved.rotations, rest, local, seen)
-    return local, seen
+    frames, joints = moved.rotations.shape[:2]
+    channels = np.empty((frames, 3 + 4 * joints))
+    seen = np.empty((frames, joints, 3))
+    fill_against_rest(np.array(parents), moved.positions, moved.rotations, rest, channels, seen)
+    channels[:, :3] = seen[:, 0]
+    return channels, seen
 
 
 def check_room(clips: Iterable[tuple[int, int]]) -> None:
@@ -268,7 +308,7 @@ def clip_of_worlds(
         rest: the joints in the rest pose, F = 1.
         fps, body, metres_per_unit, up, notes: as `SourceClip` has them.
     """
-    local, seen = against_rest(parents, moved, rest.rotations[0])
+    channels, seen = against_rest(parents, moved, rest.rotations[0])
     bones = rest.positions[0] - rest.positions[0, [max(parent, 0) for parent in parents]]
     size = max(float(np.ptp(rest.positions[0], axis=0).max()), np.finfo(float).tiny)
     low, high = seen.min(axis=0), seen.max(axis=0)
@@ -277,11 +317,12 @@ def clip_of_worlds(
     as_bound = (np.abs(middle - bones) <= STEADY * size).all(axis=-1)
     offsets = np.where((steady & ~as_bound)[:, None], middle, bones)
     offsets[0] = 0.0
-    columns, channels = [], []
-    for joint in range(len(names)):
-        places = joint == 0 or not steady[joint]
-        columns.append((*(POSITION_CHANNELS if places else ()), *QUATERNION_CHANNELS))
-        channels += [seen[:, joint]] * places + [local[:, joint]]
+    placed = [True, *(not still for still in steady[1:].tolist())]
+    if any(placed[1:]):
+        turns = channels[:, 3:].reshape(len(channels), -1, 4)
+        parts = [[seen[:, joint]] * places + [turns[:, joint]] for joint, places in enumerate(placed)]
+        channels = np.concatenate([part for joint in parts for part in joint], axis=1)
+    columns = [(*(POSITION_CHANNELS if places else ()), *QUATERNION_CHANNELS) for places in placed]
     hierarchy = Hierarchy(
         joints=names,
         parents=parents,
@@ -292,7 +333,7 @@ def clip_of_worlds(
     )
     return SourceClip(
         hierarchy,
-        np.concatenate(channels, axis=1),
+        channels,
         fps=fps,
         body=body,
         metres_per_unit=metres_per_unit,

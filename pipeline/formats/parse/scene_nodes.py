@@ -6,14 +6,15 @@ Libraries read FBX and USD (`own_process`); what they find of both is the same.
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from motionlake.arrays import Float64Array, UInt8Array
+from motionlake.arrays import Float64Array, FloatArray, UInt8Array
 from motionlake.formats.parse.scene import (
-    Placing,
+    Placings,
     bind_pose,
     body_names,
     check_room,
@@ -25,8 +26,7 @@ from motionlake.formats.parse.scene import (
 from motionlake.formats.parse.scene_trees import JointTree, body_trees
 from motionlake.motion.clip import SourceClip
 
-PLACING: Final = 10  # numbers: translation, rotation (w, x, y, z), scale
-_MATRIX: Final = 16
+_BYTES: Final = {"float32": 4, "float64": 8}
 
 
 @dataclass(frozen=True)
@@ -62,29 +62,39 @@ class SceneNodes:
     Attributes:
         head: what is said of them.
         bound: [N, 4, 4] the inverse of the matrix at which each was bound to a skin; NaN where it was not.
-        placed: [1 + all frames, N, 10] how each rests, then how each animation places it below its parent:
-            translation, rotation (w, x, y, z), scale.
+        rest: how the nodes rest below their parents, F = 1.
+        moved: of each animation how it places them; of single precision where the file is.
     """
 
     head: SceneHead
     bound: Float64Array
-    placed: Float64Array
+    rest: Placings
+    moved: Sequence[Placings]
 
     def sent(self) -> list[memoryview]:
-        """JSON, to whole numbers of eight bytes, with its length before it, and the numbers after it."""
-        head = json.dumps(vars(self.head)).encode()
+        """JSON, to whole numbers of eight bytes, with its length before it, and the arrays after it, each so too."""
+        arrays = [self.bound, *(part for each in (self.rest, *self.moved) for part in vars(each).values())]
+        kinds = [(array.dtype.name, array.shape) for array in arrays]
+        head = json.dumps([vars(self.head), kinds]).encode()
         head += b" " * (-len(head) % 8)
-        numbers = (np.ascontiguousarray(self.bound).data, np.ascontiguousarray(self.placed).data)
-        return [memoryview(len(head).to_bytes(8, "little")), memoryview(head), *numbers]
+        parts = [memoryview(len(head).to_bytes(8, "little")), memoryview(head)]
+        for array in arrays:
+            parts += [np.ascontiguousarray(array).data, memoryview(bytes(-array.nbytes % 8))]
+        return [part for part in parts if part.nbytes]
 
     @classmethod
     def received(cls, sent: UInt8Array) -> SceneNodes:
         """The other side of `sent`."""
         begin = 8 + int.from_bytes(sent[:8].tobytes(), "little")
-        head = SceneHead(**json.loads(sent[8:begin].tobytes()))
-        nodes = len(head.names)
-        bound, placed = np.split(sent[begin:].view(np.float64), [nodes * _MATRIX])
-        return cls(head, bound.reshape(nodes, 4, 4), placed.reshape(-1, nodes, PLACING))
+        head, kinds = json.loads(sent[8:begin].tobytes())
+        arrays: list[FloatArray] = []
+        for kind, shape in kinds:
+            size = math.prod(shape) * _BYTES[kind]
+            arrays.append(sent[begin : begin + size].view(kind).reshape(shape))
+            begin += size + -size % 8
+        bound, *parts = arrays
+        rest, *moved = (Placings(*parts[at : at + 3]) for at in range(0, len(parts), 3))
+        return cls(SceneHead(**head), np.asarray(bound, np.float64), rest, moved)
 
     def clips(self, fps: float | None) -> list[SourceClip]:
         """A clip for every animation and every skeleton, at `fps` in place of the scene's rate.
@@ -105,31 +115,16 @@ class SceneNodes:
 
     def _clip(self, take: int, tree: JointTree, body: str, fps: float | None) -> SourceClip:
         names = [self.head.names[node] if node >= 0 else "scene" for node in tree.nodes]
-        begin = 1 + sum(self.head.frames[:take])
-        moved = _placings(tree, self.placed[begin : begin + self.head.frames[take]])
+        moved = self.moved[take]
         bound = {node: self.bound[node] for node in tree.joints if node >= 0 and np.isfinite(self.bound[node]).all()}
         return clip_of_worlds(
             joint_names(names[tree.root :]),
             tree.joint_parents,
-            worlds(tree, moved, self.head.frames[take]),
-            bind_pose(tree, _placings(tree, self.placed[:1]), bound),
+            worlds(tree, moved, self.head.frames[take], tree.nodes),
+            bind_pose(tree, self.rest.of_nodes(tree.nodes), bound),
             fps=self.head.rate if fps is None else fps,
             body=body,
             metres_per_unit=self.head.metres_per_unit,
             up=self.head.up,
-            notes=(*self.head.notes, *uneven_note(names, moved)),
+            notes=(*self.head.notes, *uneven_note(names, moved, tree.nodes)),
         )
-
-
-def numbers_of(placing: Placing) -> Float64Array:
-    """[F, 10] as `SceneNodes.placed` has them."""
-    return np.concatenate([placing.translation, placing.rotation, placing.scale], axis=1)
-
-
-def _placings(tree: JointTree, numbers: Float64Array) -> list[Placing]:
-    """Of [F, N, 10] numbers those of a tree's nodes."""
-    found = []
-    for node in tree.nodes:
-        own = numbers[:, node]
-        found.append(Placing() if node < 0 else Placing(own[:, :3], own[:, 3:7], own[:, 7:]))
-    return found

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import astuple, dataclass
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Final
 
@@ -15,16 +16,15 @@ from motionlake.formats.clip_checks import MAX_FPS, MIN_FPS
 from motionlake.formats.limits_config import limits
 from motionlake.formats.parse.keys import SPARSE_FPS, even_count, even_rate
 from motionlake.formats.parse.own_process import read_apart, serve
-from motionlake.formats.parse.scene import Placing, check_room
-from motionlake.formats.parse.scene_nodes import PLACING, SceneHead, SceneNodes, numbers_of
+from motionlake.formats.parse.scene import Placing, Placings, beside_each_other, check_room
+from motionlake.formats.parse.scene_nodes import SceneHead, SceneNodes
 from motionlake.formats.parse.usd_stage import KINDS, LONGEST, open_alone
-from motionlake.formats.parse.usd_tracks import QUATERNION, normalise_turns, numbers_of_attribute, sampled
+from motionlake.formats.parse.usd_tracks import QUATERNION, Track, check_turns, numbers_of_attribute
 from motionlake.names import printable
 
 _MISSING: Final = "needs usd-core: pip install 'motionlake[usd]'"
 _PLACE: Final = re.compile(r":(\d+):\d+: ([^'\n]+)")  # in a message of the parser of text
 _MOST_CODES: Final = 1e6  # a second
-_MOVED: Final = ("translations", "rotations", "scales")
 
 
 def read_nodes(data: bytes) -> SceneNodes:
@@ -65,13 +65,15 @@ class _Skeleton:
             raise ClipError("has two joints of one path")
         return [next((place[path] for path in _paths_above(joint) if path in place), -1) for joint in self.joints]
 
-    def track(self, name: str) -> Any:
-        """What the animation says of its joints: "translations", "rotations" or "scales"."""
-        return self.animation.GetPrim().GetAttribute(name)
+    @cached_property
+    def tracks(self) -> list[Track]:
+        """What the animation says of its joints: of how they are moved, turned and scaled."""
+        return [Track(self.animation.GetPrim().GetAttribute(name)) for name in ("translations", "rotations", "scales")]
 
-    def times(self) -> set[float]:
-        """Time codes at which something of it has a key."""
-        return {float(time) for track in (*map(self.track, _MOVED), *self.above) for time in track.GetTimeSamples()}
+    def times(self) -> Float64Array:
+        """Time codes at which something of it has a key, growing."""
+        keyed = [*(track.times for track in self.tracks), *(prim.GetTimeSamples() for prim in self.above)]
+        return np.unique(np.concatenate(keyed))
 
     def matrices(self, name: str) -> Float64Array | None:
         """[J, 4, 4] "restTransforms" or "bindTransforms", for column vectors; None where there is not one a joint."""
@@ -117,7 +119,7 @@ def _nodes(data: bytes, folder: Path) -> SceneNodes:
     skeletons = {skeleton: times for skeleton in _skeletons(stage) if len(times := skeleton.times()) > 1}
     if not skeletons:
         raise ClipError("has no skeleton that an animation moves (skel:animationSource)")
-    codes, rate, note = _instants(stage, set().union(*skeletons.values()))
+    codes, rate, note = _instants(stage, np.unique(np.concatenate(list(skeletons.values()))))
     names: list[str] = []
     parents: list[int] = []
     bones: list[tuple[Sequence[int], str]] = []
@@ -132,11 +134,7 @@ def _nodes(data: bytes, folder: Path) -> SceneNodes:
         parents += [parent + joints if parent >= 0 else joints - 1 for parent in skeleton.parents]
         bones.append((list(range(joints, len(names))), _body_name(skeleton, skeletons)))
         bound += [np.full((joints - first, 4, 4), np.nan), _bound(skeleton)]
-    placed, first = np.empty((1 + len(codes), len(names), PLACING)), 0
-    for skeleton in skeletons:
-        nodes = len(skeleton.above) + len(skeleton.joints)
-        _fill_placed(skeleton, codes, placed[:, first : first + nodes])
-        first += nodes
+    resting, moving = zip(*(each for skeleton in skeletons for each in _placings(skeleton, codes)), strict=True)
     head = SceneHead(
         names=names,
         parents=parents,
@@ -148,7 +146,7 @@ def _nodes(data: bytes, folder: Path) -> SceneNodes:
         up=str(UsdGeom.GetStageUpAxis(stage)).lower(),
         notes=[note],
     )
-    return SceneNodes(head, np.concatenate(bound), placed)
+    return SceneNodes(head, np.concatenate(bound), beside_each_other(resting), [beside_each_other(moving)])
 
 
 def _skeletons(stage: Any) -> list[_Skeleton]:
@@ -188,15 +186,20 @@ def _above(prim: Any) -> tuple[Any, ...]:
     return tuple(reversed(found))
 
 
-def _instants(stage: Any, keys: set[float]) -> tuple[Float64Array, float, str]:
-    """[F] time codes at an even rate, that rate a second, and a note: from the stage's start to its end, if it says."""
+def _instants(stage: Any, keys: Float64Array) -> tuple[Float64Array, float, str]:
+    """[F] time codes at an even rate, that rate a second, and a note: from the stage's start to its end, if it says.
+
+    Args:
+        stage: of USD.
+        keys: [K] time codes of keys, growing.
+    """
     a_second = float(stage.GetTimeCodesPerSecond())
     if not 0 < a_second < _MOST_CODES:
         raise ClipError(f"has {a_second:g} time codes a second")
-    begin, end = min(keys), max(keys)
+    begin, end = float(keys[0]), float(keys[-1])
     if stage.HasAuthoredTimeCodeRange() and stage.GetEndTimeCode() > stage.GetStartTimeCode():
         begin, end = float(stage.GetStartTimeCode()), float(stage.GetEndTimeCode())
-    within = np.array(sorted({begin, end} | {key for key in keys if begin < key < end})) / a_second
+    within = np.array([begin, *keys[(keys > begin) & (keys < end)], end]) / a_second
     shown = float(stage.GetFramesPerSecond())
     rate, note = even_rate(within, shown if MIN_FPS <= shown <= MAX_FPS else SPARSE_FPS)
     count = even_count(within, rate)
@@ -230,58 +233,51 @@ def _bound(skeleton: _Skeleton) -> Float64Array:
     return np.asarray(np.linalg.inv(bind), np.float64)
 
 
-def _rest(skeleton: _Skeleton) -> Placing | None:
-    """How joints [J] rest below their parents: as the skeleton says, or as they were bound, if it says that."""
+def _rest(skeleton: _Skeleton) -> Placings | None:
+    """How joints rest below their parents: as the skeleton says, or as they were bound, if it says that."""
     rest = skeleton.matrices("restTransforms")
     if rest is None:
         bind, inverse = skeleton.matrices("bindTransforms"), _bound(skeleton)
         if bind is None or not np.isfinite(inverse).all():
             return None
         rest = np.stack([inverse[p] @ own if p >= 0 else own for p, own in zip(skeleton.parents, bind, strict=True)])
-    return Placing.of_matrices(rest)
+    return Placings(*(part[None] for part in vars(Placing.of_matrices(rest)).values()))
 
 
-def _fill_placed(skeleton: _Skeleton, codes: Float64Array, placed: Float64Array) -> None:
-    """Fill [1 + F, A + J, 10] of what is above the joints, and of them: how they rest, then how they are at codes."""
-    for number, prim in enumerate(skeleton.above):
-        placed[1:, number] = _of_prim(prim, codes)
-    placed[0, : len(skeleton.above)] = placed[1, : len(skeleton.above)]
-    _fill_joints(skeleton, codes, placed[:, len(skeleton.above) :])
+def _placings(skeleton: _Skeleton, codes: Float64Array) -> Iterator[tuple[Placings, Placings]]:
+    """How what is above the joints rests and is placed at time codes, one after the other, then how they are."""
+    for prim in skeleton.above:
+        moving = codes.tolist() if prim.TransformMightBeTimeVarying() else codes[:1].tolist()
+        matrices = np.array([np.array(prim.GetLocalTransformation(code)).T for code in moving])
+        moved = Placings.of([Placing() if (matrices == np.eye(4)).all() else Placing.of_matrices(matrices)])
+        yield moved.first, moved
+    yield _of_joints(skeleton, codes)
 
 
-def _of_prim(prim: Any, codes: Float64Array) -> Float64Array:
-    """[F, 10] how a prim is placed below its parent; [1, 10] where it stands as its parent."""
-    moving = codes.tolist() if prim.TransformMightBeTimeVarying() else codes[:1].tolist()
-    matrices = np.array([np.array(prim.GetLocalTransformation(code)).T for code in moving])
-    if (matrices == np.eye(4)).all():
-        return numbers_of(Placing())
-    return np.broadcast_to(numbers_of(Placing.of_matrices(matrices)), (len(codes), PLACING))
-
-
-def _fill_joints(skeleton: _Skeleton, codes: Float64Array, numbers: Float64Array) -> None:
-    """Fill [1 + F, J, 10] how joints rest, then how they are; what the animation does not say is as it rests."""
+def _of_joints(skeleton: _Skeleton, codes: Float64Array) -> tuple[Placings, Placings]:
+    """How joints rest, and how they are at time codes; what the animation does not say is as it rests."""
     rest = _rest(skeleton)
     place = {joint: number for number, joint in enumerate(skeleton.animated)}
     chosen = [number for number, joint in enumerate(skeleton.joints) if joint in place]
     columns = [place[skeleton.joints[number]] for number in chosen]
-    whole = len(chosen) == len(skeleton.joints)
-    if rest is None and not whole:
+    if rest is None and len(chosen) < len(skeleton.joints):
         raise ClipError("has a skeleton without restTransforms, whose animation leaves joints out")
-    still = numbers_of(rest or Placing(*(np.repeat(each, len(skeleton.joints), 0) for each in astuple(Placing()))))
-    numbers[0] = still
-    for name, begin, end in zip(_MOVED, (0, 3, 7), (3, 7, 10), strict=True):
-        track = skeleton.track(name)
-        if not whole or not track.HasValue():
-            numbers[1:, :, begin:end] = still[:, begin:end]
-        if track.HasValue():
-            values = sampled(track, codes, len(skeleton.animated), end - begin)
-            numbers[1:, slice(None) if whole else chosen, begin:end] = (
-                values if columns == list(range(len(skeleton.animated))) else values[:, columns]
-            )
-            if end - begin == QUATERNION:
-                normalise_turns(numbers[1:, :, begin:end], codes)
-    if rest is None:
-        numbers[0] = numbers[1]
+    still = Placings.of([Placing()] * len(skeleton.joints)) if rest is None else rest
+    moved = []
+    for track, part in zip(skeleton.tracks, vars(still).values(), strict=True):
+        width = part.shape[2]
+        if track.has_value:
+            values = track.sampled(codes, len(skeleton.animated), width)
+            if len(chosen) < len(skeleton.joints):
+                part = np.repeat(part, len(values), axis=0)
+                part[:, chosen] = values[:, columns]
+            else:
+                part = values if columns == list(range(len(skeleton.animated))) else values[:, columns]
+            if width == QUATERNION:
+                check_turns(part, codes)
+        moved.append(part)
+    found = Placings(*moved)
+    return rest or found.first, found
 
 
 def _prepare() -> None:

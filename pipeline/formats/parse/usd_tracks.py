@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from functools import cached_property
 from typing import Any, Final
 
 import numpy as np
 from motionlake.arrays import Float64Array
 from motionlake.errors import ClipError
+from motionlake.formats.limits_config import limits
 from motionlake.motion.rotations import MIN_LENGTH
 from numpy.typing import NDArray
 
 QUATERNION: Final = 4  # numbers
+AT_KEY: Final = 1e-8  # time codes: how far from an instant a key may be and still be at it
 
 
 def numbers_of_attribute(attribute: Any, *code: float) -> Float64Array:
@@ -22,31 +26,85 @@ def numbers_of_attribute(attribute: Any, *code: float) -> Float64Array:
         raise ClipError(f"its {attribute.GetName()} are no numbers") from error
 
 
-def sampled(track: Any, codes: Float64Array, joints: int, width: int) -> NDArray[Any]:
-    """[F, A, width] what an animation says of its joints at time codes, or [1, A, width] where it says one thing.
+class Track:
+    """What an animation says of its joints: an attribute that has a value for each of them, at some time codes."""
 
-    Of quaternions the real part comes first.
-    """
-    from pxr import Usd
+    def __init__(self, attribute: Any) -> None:
+        self.attribute = attribute
+        self.has_value = bool(attribute.HasValue())
 
-    query = Usd.AttributeQuery(track)
-    said = (codes if query.ValueMightBeTimeVarying() else codes[:1]).tolist()
+    @cached_property
+    def times(self) -> Float64Array:
+        """[K] the time codes of its keys, growing."""
+        keyed = self._keyed
+        return np.array(self.attribute.GetTimeSamples() if keyed is None else list(keyed), np.float64)
+
+    @cached_property
+    def _keyed(self) -> dict[float, Any] | None:
+        """Its values by time code, read at once; None where the file's own layer has none of the attribute itself, but
+        of a part that is referenced, which may move at other times, or more than a body may have frames.
+        """
+        layer, path = self.attribute.GetStage().GetRootLayer(), self.attribute.GetPath()
+        if not 0 < layer.GetNumTimeSamplesForPath(path) <= limits().frames:
+            return None
+        found: dict[float, Any] = layer.GetAttributeAtPath(path).GetInfo("timeSamples")
+        return found
+
+    def sampled(self, codes: Float64Array, joints: int, width: int) -> NDArray[Any]:
+        """[F, A, width] what is said of its A joints at time codes, or [1, A, width] where it says one thing.
+
+        Of quaternions the real part comes first.
+        """
+        from pxr import Usd
+
+        query = Usd.AttributeQuery(self.attribute)
+        codes = codes if query.ValueMightBeTimeVarying() else codes[:1]
+        values = self._of_keys(codes, joints, width)
+        if values is None:
+            values = _of_instants(query, codes.tolist(), joints, width)
+        if width != QUATERNION:
+            return values
+        turns = np.empty(values.shape, values.dtype)
+        turns[..., 0], turns[..., 1:] = values[..., 3], values[..., :3]
+        return turns
+
+    def _of_keys(self, codes: Float64Array, joints: int, width: int) -> NDArray[Any] | None:
+        """The same of keys, of quaternions the real part last; None where there is not one at every time code.
+
+        This takes a fifth of the time of asking for one time code after the other.
+        """
+        if not self._keyed:
+            return None
+        at = np.minimum(np.searchsorted(self.times, codes - AT_KEY), len(self.times) - 1)
+        if not (np.abs(self.times[at] - codes) <= AT_KEY).all():
+            return None
+        values = list(self._keyed.values())
+        first = np.asarray(values[0])
+        if first.shape != (joints, width) or first.dtype.kind != "f":
+            return None
+        if len(set(map(type, values))) > 1 or set(map(len, values)) != {joints}:
+            return None
+        every = np.frombuffer(b"".join(values), first.dtype).reshape(len(values), joints, width)
+        return every if len(at) == len(every) and (np.diff(at) == 1).all() else every[at]
+
+
+def _of_instants(query: Any, codes: Sequence[float], joints: int, width: int) -> NDArray[Any]:
+    """[F, A, width] of an attribute at one time code after the other; of quaternions the real part comes last."""
     try:
-        values = np.array([np.asarray(query.Get(code)) for code in said])
+        values = np.array([np.asarray(query.Get(code)) for code in codes])
     except ValueError:  # of several lengths
         values = np.empty(0)
-    if values.shape != (len(said), joints, width) or values.dtype.kind != "f":
-        for code in said:
-            if numbers_of_attribute(track, code).shape != (joints, width):
-                raise ClipError(f"its {track.GetName()} at {code:g} are not one for each of its {joints} joints")
-        values = np.array([numbers_of_attribute(track, code) for code in said])
-    return values if width != QUATERNION else values[..., [3, 0, 1, 2]]
+    if values.shape == (len(codes), joints, width) and values.dtype.kind == "f":
+        return values
+    track = query.GetAttribute()
+    for code in codes:
+        if numbers_of_attribute(track, code).shape != (joints, width):
+            raise ClipError(f"its {track.GetName()} at {code:g} are not one for each of its {joints} joints")
+    return np.array([numbers_of_attribute(track, code) for code in codes])
 
 
-def normalise_turns(turns: Float64Array, codes: Float64Array) -> None:
-    """Scale quaternions [F, J, 4] to length 1, in place."""
-    lengths = np.sqrt(np.einsum("fjn,fjn->fj", turns, turns))
-    sound = (lengths > MIN_LENGTH).all(axis=1)
+def check_turns(turns: NDArray[Any], codes: Float64Array) -> None:
+    """Reject quaternions [F, J, 4] at time codes that have no length."""
+    sound = (np.einsum("fjn,fjn->fj", turns, turns) > MIN_LENGTH**2).all(axis=1)
     if not sound.all():
         raise ClipError(f"has a rotation of length zero at {codes[sound.argmin()]:g}")
-    turns /= lengths[..., None]
