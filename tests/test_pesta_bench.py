@@ -6,12 +6,13 @@ from unittest import mock
 
 import numpy as np
 import pytest
+from motionlake.evaluation.pesta import Segments
 from motionlake.pesta.config import AlignmentConfig, PosturesConfig
 from motionlake.pesta.dictionary import NearestCode, PostureDictionary
 
 from bench.canonical_sets import LabelledClip
 from bench.pesta.recipes import bag_distances, chosen
-from bench.pesta.windows import Segments, Window, score_windows, windows
+from bench.pesta.windows import Window, score_windows, windows
 
 RATE = 30.0
 A, B = (0, 60, "a"), (60, 150, "b")
