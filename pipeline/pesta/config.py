@@ -61,7 +61,7 @@ class AlignmentConfig:
 DEFAULT_ALIGNMENT: Final = AlignmentConfig()
 DictionaryKind = Literal["kmeans", "som", "information", "adversarial"]
 KINDS: Final[tuple[DictionaryKind, ...]] = get_args(DictionaryKind)
-ENOUGH: Final = 25
+ENOUGH: Final = 5
 DICTIONARY_KEY: Final = "posture_dictionary"  # of the metadata of a dictionary's file
 
 
