@@ -119,7 +119,7 @@ def best_matches(
     found = _select(*alignment, ends, strings.offsets, inside, taken, k, limit)
 
     def path(end: int) -> Int64Array:
-        traced: Int64Array = _trace(alignment, beginning(strings.offsets, end), end)
+        traced: Int64Array = trace(alignment, beginning(strings.offsets, end), end)
         return traced
 
     return placed(found, ends[found[:, 2]], repository, path if paths else None)
@@ -193,7 +193,7 @@ def _select(
         begin = beginning(offsets, end)
         if not a.local and _runs_into(a, taken, begin, end, ends[end]):
             continue
-        path = _trace(a, begin, end)
+        path = trace(a, begin, end)
         start, stop = path[0, 1], path[-1, 1] + 1
         if start < beginning(inside, end) or np.any(taken[start:stop]):
             continue
@@ -212,11 +212,11 @@ def _runs_into(a: Alignment, taken: BoolArray, begin: int, end: int, cost: np.fl
         low -= 1
     if low == begin or not taken[low - 1]:
         return False
-    return bool(_weights(a, low, end, _INFINITY)[-1, -1] > cost)
+    return bool(weights_of(a, low, end, _INFINITY)[-1, -1] > cost)
 
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
-def _trace(a: Alignment, begin: int, end: int) -> Int64Array:
+def trace(a: Alignment, begin: int, end: int) -> Int64Array:
     """[L, 2] path (query index, string index) of the best match that ends with symbol `end` of a string from `begin`.
 
     Of a local alignment, the pairs that are matched; none where it matches nothing.
@@ -229,13 +229,13 @@ def _trace(a: Alignment, begin: int, end: int) -> Int64Array:
         if a.local:
             path, inside = _local_path(a, low, end, low > begin)
         else:
-            path, inside = strided_path(a, low, end, _ZERO if low > begin else _INFINITY)
+            path, inside = path_back(a, weights_of(a, low, end, _ZERO if low > begin else _INFINITY), low, end)
         n_columns *= 2
     return path
 
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
-def _weights(a: Alignment, low: int, end: int, before: np.float32) -> Float32Array:
+def weights_of(a: Alignment, low: int, end: int, before: np.float32) -> Float32Array:
     """[stride + columns, X] of section 6 for symbols[low : end + 1], after `stride` columns that all cost `before`."""
     weights = np.empty((a.stride + end + 1 - low, len(a.query)), dtype=np.float32)
     weights[: a.stride] = before
@@ -260,12 +260,11 @@ def _weights(a: Alignment, low: int, end: int, before: np.float32) -> Float32Arr
 
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
-def strided_path(a: Alignment, low: int, end: int, before: np.float32) -> tuple[Int64Array, bool]:
+def path_back(a: Alignment, weights: Float32Array, low: int, end: int) -> tuple[Int64Array, bool]:
     """The path back from the last row in column `end`, and whether it stays in the columns from `low`.
 
-    before: what the columns before `low` cost.
+    weights: `weights_of` these columns.
     """
-    weights = _weights(a, low, end, before)
     reverse = np.empty((len(a.query) + end + 1 - low, 2), dtype=np.int64)
     x, y, n = len(a.query) - 1, end, 1
     reverse[0, 0], reverse[0, 1] = x, y
