@@ -29,7 +29,16 @@ import numpy as np
 from motionlake.arrays import BoolArray, Float32Array, Int32Array, Int64Array
 from motionlake.kernels import njit
 from motionlake.pesta.config import DEFAULT_ALIGNMENT, AlignmentConfig
-from motionlake.pesta.matches import Alignment, Match, beginning, path_back, placed, taken_symbols, trace, weights_of
+from motionlake.pesta.matches import (
+    Alignment,
+    Match,
+    beginning,
+    placed,
+    step_back,
+    taken_symbols,
+    trace,
+    weights_of,
+)
 from motionlake.pesta.scan import in_threads, useful_threads
 from motionlake.pesta.segments import strip_profile, strip_scanner
 from motionlake.pesta.selection import BLOCK, ascending_blocks, next_column
@@ -161,12 +170,12 @@ class LongQuery:
         first, chain = cover
         segments = self._segments[first : first + chain]
         rows = start - first * self.segment_length, stop - first * self.segment_length
-        count = self._blocks(k)
         if cover not in self._kept:
             last = min(first + LANES, len(self._segments) - chain + 1)
             following = [(each, chain) for each in range(first, last)]
             wanted = {each for each in following if each not in self._kept}
-            self._keep(self._scan(_Strips([each for each, _ in following], 1, chain), wanted, count))
+            strips = _Strips([each for each, _ in following], 1, chain)
+            self._keep(self._scan(strips, wanted, self._blocks(k)))
         while True:
             found, costs, enough = _select(
                 segments, self._strings.symbols, self._matrix.matrix, self._stride, *self._kept[cover],
@@ -236,12 +245,11 @@ class LongQuery:
 
     def _path(self, segments: Int32Array, first: int, end: int, start: int, stop: int) -> Int64Array:
         """[L, 2] (query index, symbol of the repository) of the sub-query's own rows."""
-        begin, pieces, top = beginning(self._strings.offsets, end), [], end
+        begin, pieces, column = beginning(self._strings.offsets, end), [], end
         for segment in range(len(segments) - 1, -1, -1):
             a = _alignment(segments[segment], self._strings.symbols, self._matrix.matrix, self._stride)
-            path = trace(a, begin, end) if segment == len(segments) - 1 else _path_before(a, begin, top)
-            top = path[0, 1]
-            pieces.append(path + np.array([(first + segment) * self.segment_length, 0]))
+            end, column, *_ = _leg(a, begin, column, segment == len(segments) - 1, 0, self.segment_length)
+            pieces.append(trace(a, begin, end) + np.array([(first + segment) * self.segment_length, 0]))
         whole = np.concatenate(pieces[::-1])
         rows = whole[:, 0]
         inside = (rows >= start) & (rows < stop)
@@ -284,26 +292,37 @@ def _alignment(segment: Int32Array, symbols: Int32Array, distances: Float32Array
 
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
-def _path_before(a: Alignment, begin: int, top: int) -> Int64Array:
-    """[L, 2] the path of the segment before one whose own path begins in column `top`.
+def _leg(a: Alignment, begin: int, near: int, last: bool, first_row: int, last_row: int) -> tuple[int, int, int, int]:
+    """The part of a path that lies in one segment: the columns of its end and its beginning, of its first cell from
+    `first_row` on, and of its last cell before `last_row`.
 
-    The stretch of columns is long enough where that path lies within it: then its cost is true, and those of the other
+    near: the column where the path ends, in the `last` segment; else that of the top element in the segment after.
+
+    The stretch of columns is long enough where the path lies within it: then its cost is true, and those of the other
     cells that it was compared with are no greater than the true ones.
     """
     n_columns = 2 * len(a.query) + a.stride
     while True:
-        low = max(begin, top + 1 - n_columns)
-        weights = weights_of(a, low, top, _ZERO if low > begin else _INFINITY)
-        lasts = weights[a.stride :, -1]
-        here, nearest = top - low, max(top - a.stride, begin) - low
-        column = max(here - 1, nearest)
-        for step in range(a.stride):
-            other = max(here if step == 0 else here - step - 1, nearest)
-            if lasts[other] < lasts[column]:
-                column = other
-        path, inside = path_back(a, weights, low, low + column)
-        if inside:
-            return path
+        low = max(begin, near + 1 - n_columns)
+        weights = weights_of(a, low, near, _ZERO if low > begin else _INFINITY)
+        end = near - low + a.stride
+        if not last:
+            here, nearest = end, max(near - a.stride, begin) - low + a.stride
+            end = max(here - 1, nearest)
+            for step in range(a.stride):
+                other = max(here if step == 0 else here - step - 1, nearest)
+                if weights[other, -1] < weights[end, -1]:
+                    end = other
+        x, c, first, final = len(a.query) - 1, end, end, -1
+        while c >= a.stride:
+            final = c if final < 0 and x < last_row else final
+            first = c if x >= first_row else first
+            if x == 0:
+                to_columns = low - a.stride
+                return end + to_columns, c + to_columns, first + to_columns, final + to_columns
+            distance = a.distances[a.query[x], a.symbols[low + c - a.stride]]
+            rows, columns = step_back(weights, x, c, distance, a.stride)
+            x, c = x - rows, c - columns
         n_columns *= 2
 
 
@@ -324,16 +343,9 @@ def _portion(
     low, high = end, end
     for segment in range(n - 1, -1, -1):
         a = _alignment(segments[segment], symbols, distances, stride)
-        path = trace(a, begin, end) if segment == n - 1 else _path_before(a, begin, low)
-        if segment == n - 1 and last_row < n * n_rows:
-            cell = len(path) - 1
-            while cell > 0 and path[cell, 0] >= last_row - segment * n_rows:
-                cell -= 1
-            high = path[cell, 1]
-        cell = 0
-        while segment == 0 and path[cell, 0] < first_row:
-            cell += 1
-        low = path[cell, 1]
+        above = segment * n_rows
+        _, _, first, final = _leg(a, begin, low, segment == n - 1, first_row - above, last_row - above)
+        low, high = first, final if segment == n - 1 else high
         if np.any(taken[low : max(low, high) + 1]):
             return -1, -1
     return low, max(low, high)

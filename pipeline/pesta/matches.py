@@ -229,7 +229,7 @@ def trace(a: Alignment, begin: int, end: int) -> Int64Array:
         if a.local:
             path, inside = _local_path(a, low, end, low > begin)
         else:
-            path, inside = path_back(a, weights_of(a, low, end, _ZERO if low > begin else _INFINITY), low, end)
+            path, inside = _strided_path(a, low, end, _ZERO if low > begin else _INFINITY)
         n_columns *= 2
     return path
 
@@ -260,16 +260,17 @@ def weights_of(a: Alignment, low: int, end: int, before: np.float32) -> Float32A
 
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
-def path_back(a: Alignment, weights: Float32Array, low: int, end: int) -> tuple[Int64Array, bool]:
+def _strided_path(a: Alignment, low: int, end: int, before: np.float32) -> tuple[Int64Array, bool]:
     """The path back from the last row in column `end`, and whether it stays in the columns from `low`.
 
-    weights: `weights_of` these columns.
+    before: what the columns before `low` cost.
     """
+    weights = weights_of(a, low, end, before)
     reverse = np.empty((len(a.query) + end + 1 - low, 2), dtype=np.int64)
     x, y, n = len(a.query) - 1, end, 1
     reverse[0, 0], reverse[0, 1] = x, y
     while x > 0:
-        rows, columns = _step(weights, x, y - low + a.stride, a.distances[a.query[x], a.symbols[y]], a.stride)
+        rows, columns = step_back(weights, x, y - low + a.stride, a.distances[a.query[x], a.symbols[y]], a.stride)
         x, y = x - rows, y - columns
         if y < low:
             return reverse[:0], False
@@ -279,7 +280,7 @@ def path_back(a: Alignment, weights: Float32Array, low: int, end: int) -> tuple[
 
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
-def _step(weights: Float32Array, x: int, c: int, distance: np.float32, stride: int) -> tuple[int, int]:
+def step_back(weights: Float32Array, x: int, c: int, distance: np.float32, stride: int) -> tuple[int, int]:
     """Rows and columns back to the cell that the cost of a cell comes from."""
     cost = weights[c, x]
     for p in range(1, stride + 1):
