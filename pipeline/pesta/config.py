@@ -25,8 +25,8 @@ class AlignmentConfig:
         method: "sta", strided temporal alignment (section 6); "dtw", sub-sequence dynamic time warping, which is the
             same recurrence with its three direct neighbours, stride 1; "sw", Smith-Waterman local alignment as Wu et
             al. apply it to strings of postures.
-        stride: w of section 6, from 1 to `MAX_STRIDE`; "dtw" and "sw" do not look at it. The paper takes 3 for whole sequences
-            and for sub-sequences by whole queries, 2 for sub-queries.
+        stride: w of section 6, from 1 to `MAX_STRIDE`; "dtw" and "sw" do not look at it. The paper takes 3 for whole
+            sequences and for sub-sequences by whole queries, 2 for sub-queries.
         threshold: "sw" alone: two symbols are alike by (threshold - distance), in units of the mean distance of two
             different symbols of the dictionary.
         gap: "sw" alone: what a symbol that is left out of either string costs, in the same unit.

@@ -1,9 +1,9 @@
 """Retrieval by sub-queries of one long query, PESTA-LQ (section 7).
 
-The query is cut into K segments of equal length, its last symbol repeated to fill the last of them. A sub-query takes the
-segments that cover it: from every column of the last row of the last segment's weight matrix a path goes back to that
-segment's first row, from there to the cheapest of w + 1 cells in the last row of the segment before, and so on; its cost
-is the sum of the costs of the last rows that it passes.
+The query is cut into K segments of equal length, its last symbol repeated to fill the last of them. A sub-query takes
+the segments that cover it: from every column of the last row of the last segment's weight matrix a path goes back to
+that segment's first row, from there to the cheapest of w + 1 cells in the last row of the segment before, and so on;
+its cost is the sum of the costs of the last rows that it passes.
 
 No weight matrix is kept: sub-queries are scanned side by side (`motionlake.pesta.segments`), and of each those columns
 are kept that may end one of the best matches. If they do not suffice, more of them are kept in a second scan, so that
@@ -177,9 +177,10 @@ class LongQuery:
             strips = _Strips([each for each, _ in following], 1, chain)
             self._keep(self._scan(strips, wanted, self._blocks(k)))
         while True:
+            taken = taken_symbols(barred, len(self._strings.symbols))
             found, costs, enough = _select(
                 segments, self._strings.symbols, self._matrix.matrix, self._stride, *self._kept[cover],
-                self._strings.offsets, self._inside, taken_symbols(barred, len(self._strings.symbols)), k, np.float32(below), *rows,
+                self._strings.offsets, self._inside, taken, k, np.float32(below), *rows,
             )  # fmt: skip
             if enough:
                 break
@@ -338,7 +339,7 @@ def _portion(
     first_row: int,
     last_row: int,
 ) -> tuple[int, int]:
-    """First and last column of a path in rows [first_row, last_row) of some segments; -1, -1 if it meets a taken one."""
+    """First and last column of a path in rows [first_row, last_row) of some segments; -1, -1 if it meets a taken."""
     n, n_rows = segments.shape
     low, high = end, end
     for segment in range(n - 1, -1, -1):

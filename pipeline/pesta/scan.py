@@ -27,7 +27,9 @@ Both = Literal["max", "mean", "query"]
 # Columns of a piece of a long string: enough to be worth its own lane, few enough to stay in cache.
 LEAST_COLUMNS: Final = 1024
 MOST_COLUMNS: Final = 4096
-THREAD_CELLS: Final = 2_000_000  # of weight matrices, a few milliseconds: a thread with less to do takes longer to start
+THREAD_CELLS: Final = (
+    2_000_000  # of weight matrices, a few milliseconds: a thread with less to do takes longer to start
+)
 BATCH: Final = 64  # clips that `nearest_strings` searches for in the query at once
 Part, Found = TypeVar("Part"), TypeVar("Found")
 _NO_COSTS: Final = np.zeros(0, dtype=np.float32)
