@@ -36,21 +36,17 @@ from motionlake.pesta.vectors import (
 
 INFINITY = np.float32(np.inf)
 MAX_WRITTEN_OUT: Final = 4  # segments of a sub-query; a kernel that is for one number of them is quicker
-_TILE: Final = 16  # symbols whose distances are turned at once
 
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
 def strip_profile(strips: Int32Array, distances: Float32Array) -> Float32Array:
     """[m * rows * LANES] flat: distances of each symbol from each row of [LANES, rows] strips, one in a lane."""
     m, n_rows = len(distances), strips.shape[1]
-    profile = np.empty((m, n_rows, LANES), dtype=np.float32)
-    for first in range(0, m, _TILE):
-        stop = min(first + _TILE, m)
-        for x in range(n_rows):
-            for lane in range(LANES):
-                row = distances[strips[lane, x]]
-                for symbol in range(first, stop):
-                    profile[symbol, x, lane] = row[symbol]
+    profile = np.empty((m, n_rows * LANES), dtype=np.float32)
+    rows = strips.T.copy().ravel()
+    for symbol in range(m):
+        for place in range(len(rows)):
+            profile[symbol, place] = distances[np.uint64(rows[place]), symbol]
     return profile.ravel()
 
 
