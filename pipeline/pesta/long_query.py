@@ -302,7 +302,7 @@ def _leg(a: Alignment, begin: int, near: int, last: bool, first_row: int, last_r
     The stretch of columns is long enough where the path lies within it: then its cost is true, and those of the other
     cells that it was compared with are no greater than the true ones.
     """
-    n_columns = 2 * len(a.query) + a.stride
+    n_columns = len(a.query) + a.stride + 1
     while True:
         low = max(begin, near + 1 - n_columns)
         weights = weights_of(a, low, near, _ZERO if low > begin else _INFINITY)

@@ -138,8 +138,10 @@ def placed(
     """
     clips = np.searchsorted(repository.offsets, found[:, 0], side="right") - 1
     rows = zip(found.tolist(), clips.tolist(), repository.offsets[clips].tolist(), costs.tolist(), strict=True)
+    if path is None:
+        return [Match(clip, start - first, stop - first, cost) for (start, stop, _), clip, first, cost in rows]
     return [
-        Match(clip, start - first, stop - first, cost, path(end) - np.array([0, first]) if path else None)
+        Match(clip, start - first, stop - first, cost, path(end) - np.array([0, first]))
         for (start, stop, end), clip, first, cost in rows
     ]
 
