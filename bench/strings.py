@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any, Final
 
@@ -96,7 +96,7 @@ def tandem(rng: np.random.Generator) -> dict[str, float]:
             def both(text: Int32Array = string) -> None:
                 pydivsufsort.kasai(text, pydivsufsort.divsufsort(text))
 
-            calls = {"ours": partial(reduce_repeats, string), "both": both}
+            calls: dict[str, Callable[[], object]] = {"ours": partial(reduce_repeats, string), "both": both}
             ratios[f"m={m} {name}"] = ratio_of(rounds_of(calls, 5, time.process_time), "ours", "both")
     return ratios
 

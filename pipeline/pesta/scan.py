@@ -31,7 +31,8 @@ THREAD_CELLS: Final = (
     2_000_000  # of weight matrices, a few milliseconds: a thread with less to do takes longer to start
 )
 BATCH: Final = 64  # clips that `nearest_strings` searches for in the query at once
-Part, Found = TypeVar("Part"), TypeVar("Found")
+Part = TypeVar("Part")
+Found = TypeVar("Found")
 _NO_COSTS: Final = np.zeros(0, dtype=np.float32)
 _NO_STATES: Final = np.zeros((0, 0, 0), dtype=np.float32)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, cast
 
@@ -10,7 +11,6 @@ from motionlake.retrieval.sql_functions import Served, columns, sql_function
 
 if TYPE_CHECKING:
     from motionlake.retrieval.alignment import AlignmentRangeSearcher
-    from motionlake.retrieval.long_alignment import WindowHit
     from motionlake.retrieval.signature import SignatureSearcher
 
 ALL = 2**62  # answers, where k is NULL
@@ -117,7 +117,7 @@ def align_symbols(
 @sql_function(WINDOWS)
 def align_windows(
     served: Served, query: str, window: int = 12, k: int = 10, way: Way = AS_CONFIGURED, clips: ClipFilter = EVERYTHING
-) -> list[WindowHit]:
+) -> Sequence[Hit]:
     """The same for every window of some symbols, sliding over a clip, as `motionlake align --window`."""
     scope = Scope(**vars(clips))
     return _aligner(served, way).long_query(served.query(query), scope, window).windows(window, k)
