@@ -27,9 +27,8 @@ Both = Literal["max", "mean", "query"]
 # Columns of a piece of a long string: enough to be worth its own lane, few enough to stay in cache.
 LEAST_COLUMNS: Final = 1024
 MOST_COLUMNS: Final = 4096
-THREAD_CELLS: Final = (
-    2_000_000  # of weight matrices, a few milliseconds: a thread with less to do takes longer to start
-)
+# Cells of weight matrices, some milliseconds of work: a thread that has less to do takes longer to start.
+THREAD_CELLS: Final = 10_000_000
 BATCH: Final = 64  # clips that `nearest_strings` searches for in the query at once
 Part = TypeVar("Part")
 Found = TypeVar("Found")
