@@ -20,7 +20,7 @@ DEMO_SYNTHESIS = $(if $(filter demo/deepmimic,$(DATA)),$(BIN)/motionlake run syn
 DEMO_QUERIES = $(if $(filter demo/deepmimic,$(DATA)),humanoid3d_walk humanoid3d_kick humanoid3d_dance_a,--sample 3)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test lint docs ingest all $(STAGES) neighbours transitions synth quality status wheel bench-ingest bench-dtw bench-moves bench-emd bench-generalise bench-retrieval bench-scale bench-representation bench-words bench-find bench-motion-graph bench-neighbours bench-segmentation bench-signatures bench-sorting bench-align bench-pesta bench-quality bench-rigs bench-descriptor-search bench-deephums bench-glogen bench-synthesis bench-text bench-kills bench-many bench-smoke fuzz records
+.PHONY: help setup demo test lint docs ingest all $(STAGES) neighbours transitions synth quality status wheel bench-ingest bench-dtw bench-moves bench-emd bench-generalise bench-retrieval bench-scale bench-representation bench-words bench-find bench-motion-graph bench-neighbours bench-segmentation bench-signatures bench-sorting bench-align bench-strings bench-pesta bench-quality bench-rigs bench-descriptor-search bench-deephums bench-glogen bench-synthesis bench-text bench-kills bench-many bench-smoke fuzz records
 
 help: ## Show this help
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 24
@@ -175,8 +175,11 @@ bench-rigs: setup ## Measure how many joints and limbs of hidden rig maps are fo
 bench-sorting: setup ## Measure clusters and classes of whole clips beside DTW
 	$(BIN)/python -m bench.sorting
 
-bench-align: .venv-bench/.ready ## Measure strided alignment against librosa, tandem repeats against a suffix array
+bench-align: .venv-bench/.ready ## Measure strided alignment against librosa
 	$(BENCH)/python -m bench.align
+
+bench-strings: setup ## Measure sub-queries of a long query against fresh scans, tandem repeats against a suffix array
+	$(BIN)/python -m bench.strings
 
 bench-pesta: setup ## Measure PESTA as the paper does: tables 3 to 6, figure 8, ablations (hours; PARTS="whole ...": some)
 	$(BIN)/python -m bench.pesta $(PARTS)

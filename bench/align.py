@@ -1,4 +1,4 @@
-"""Strided temporal alignment beside librosa, and the reduction of tandem repeats beside a suffix array.
+"""Strided temporal alignment beside librosa.
 
 librosa.sequence.dtw with the window of section 6 as its steps, each weighted by its number of steps, computes the same
 matrix; it is given the symbol distances of query and string precomputed, which our times include.
@@ -12,29 +12,23 @@ from typing import Any, Final
 
 import librosa
 import numpy as np
-import pydivsufsort
-from motionlake.arrays import Int32Array
 from motionlake.pesta.config import AlignmentConfig
-from motionlake.pesta.long_query import LongQuery
 from motionlake.pesta.matches import best_matches
 from motionlake.pesta.scan import best_per_clip, end_costs, symmetric_costs
 from motionlake.pesta.strings import Repository, SymbolDistances
-from motionlake.pesta.tandem import reduce_repeats
 from numpy.typing import NDArray
 
 from bench.record import interleave, record
+from bench.strings import LONG, dictionary, random_symbols, say
 
-DICTIONARY: Final = 400
 ONE_STRING_CELLS: Final = 3_200_000
-LONG: Final = 1_000_000
 CLIPS: Final = 3_000
-BARS: Final = {"one_string X=8": 8.0, "one_string X=64": 15.0, "clips": 40.0, "tandem": 2.0}
+BARS: Final = {"one_string X=8": 8.0, "one_string X=64": 15.0, "clips": 40.0}
 
 
 def main() -> None:
     rng = np.random.default_rng(0)
-    points = rng.normal(size=(DICTIONARY, 8))
-    distances = SymbolDistances(np.linalg.norm(points[:, None] - points[None], axis=2).astype(np.float32))
+    distances = dictionary(rng)
     figures: dict[str, Any] = {"bars": BARS}
     figures["one_string"] = {
         f"X={rows} w={stride}": one_string(rng, distances, rows, stride) for rows in (8, 64) for stride in (2, 3)
@@ -44,8 +38,6 @@ def main() -> None:
     }
     figures["million"] = {f"X=8 w={stride}": million(rng, distances, stride) for stride in (2, 3)}
     figures["symmetric_seconds"] = symmetric(rng, distances)
-    figures["long_query"] = {f"Y={n}": long_query(rng, distances, n) for n in (1_000, 5_000, 50_000)}
-    figures["tandem"] = tandem(rng)
     for name in ("one_string", "clips"):
         for case, row in figures[name].items():
             bar = BARS.get(name) or BARS[f"{name} {case.split()[0]}"]
@@ -59,17 +51,7 @@ def main() -> None:
             f"Y = 1e6 {case}: end costs {row['end_costs'] * 1e3:.1f} ms, ten best matches {row['matches'] * 1e3:.1f} ms"
         )
     print(f"287 strings with one another: {figures['symmetric_seconds'] * 1e3:.1f} ms")
-    for case, ratio in figures["long_query"].items():
-        print(
-            f"sub-queries {case}: {ratio['ratio']:.2f} of the time of fresh queries ({ratio['fresh_us']:.0f} us each)"
-        )
-    for case, ratio in figures["tandem"].items():
-        say(f"tandem {case}: {ratio:.2f} of suffix array + LCP", ratio <= BARS["tandem"], BARS["tandem"])
-    print(record("align", figures, packages=("librosa", "pydivsufsort")))
-
-
-def say(text: str, met: bool, bar: float) -> None:
-    print(f"{text} (bar {bar:g}: {'met' if met else 'MISSED'})")
+    print(record("align", figures, packages=("librosa",)))
 
 
 def librosa_ends(costs: NDArray[np.float64], stride: int) -> NDArray[np.float64]:
@@ -143,57 +125,6 @@ def symmetric(rng: np.random.Generator, distances: SymbolDistances) -> float:
     strings = [random_symbols(rng, n) for n in rng.integers(3, 22, 287)]
     config = AlignmentConfig(stride=3)
     return interleave({"all": lambda: symmetric_costs(strings, distances, config)})["all"]
-
-
-def long_query(rng: np.random.Generator, distances: SymbolDistances, symbols: int) -> dict[str, float]:
-    """Windows of 12 symbols sliding by 4 over a query of 200: one `LongQuery` made anew, and fresh queries."""
-    query = random_symbols(rng, 200)
-    repository = Repository(random_symbols(rng, symbols), np.linspace(0, symbols, 5).astype(np.int64))
-    windows = [(start, start + 12) for start in range(0, len(query) - 11, 4)]
-
-    def shared() -> None:
-        session = LongQuery(query, repository, distances)
-        for start, stop in windows:
-            session.best_matches(start, stop, 10)
-
-    def fresh() -> None:
-        for start, stop in windows:
-            best_matches(query[start:stop], repository, distances, 10)
-
-    seconds = interleave({"shared": shared, "fresh": fresh}, rounds=9)
-    return {"ratio": seconds["shared"] / seconds["fresh"], "fresh_us": seconds["fresh"] / len(windows) * 1e6}
-
-
-def tandem(rng: np.random.Generator) -> dict[str, float]:
-    """Time of the reduction of a million symbols, as a share of suffix array + LCP of the same string."""
-    ratios = {}
-    for name, string in {
-        "random": random_symbols(rng, LONG),
-        "repeats": repetitive(rng, LONG),
-    }.items():
-
-        def both(text: Int32Array = string) -> None:
-            pydivsufsort.kasai(text, pydivsufsort.divsufsort(text))
-
-        seconds = interleave({"ours": lambda text=string: reduce_repeats(text), "both": both}, rounds=5)  # type: ignore[misc]
-        ratios[name] = seconds["ours"] / seconds["both"]
-    return ratios
-
-
-def repetitive(rng: np.random.Generator, length: int) -> Int32Array:
-    """Cycles of 2 to 20 symbols, each repeated 1 to 8 times."""
-    pieces: list[Int32Array] = []
-    total = 0
-    while total < length:
-        pieces.append(np.tile(random_symbols(rng, int(rng.integers(2, 21))), int(rng.integers(1, 9))))
-        total += len(pieces[-1])
-    return np.concatenate(pieces)[:length]
-
-
-def random_symbols(rng: np.random.Generator, length: int) -> Int32Array:
-    """[length] symbols of the dictionary, no two neighbours equal."""
-    steps = rng.integers(1, DICTIONARY, length)
-    return (np.cumsum(steps) % DICTIONARY).astype(np.int32)
 
 
 if __name__ == "__main__":

@@ -40,15 +40,22 @@ def installed(packages: Iterable[str]) -> list[str]:
 
 def interleave(functions: Mapping[str, Callable[[], object]], rounds: int = 7) -> dict[str, float]:
     """Median seconds of each function over `rounds`, one call of each in turn after one call to warm up."""
+    return {name: statistics.median(values) for name, values in rounds_of(functions, rounds).items()}
+
+
+def rounds_of(
+    functions: Mapping[str, Callable[[], object]], rounds: int, clock: Callable[[], float] = time.perf_counter
+) -> dict[str, list[float]]:
+    """As `interleave`, the seconds of every round: the nth of one function beside the nth of the others."""
     seconds: dict[str, list[float]] = {name: [] for name in functions}
     for function in functions.values():
         function()
     for _ in range(rounds):
         for name, function in functions.items():
-            start = time.perf_counter()
+            start = clock()
             function()
-            seconds[name].append(time.perf_counter() - start)
-    return {name: statistics.median(values) for name, values in seconds.items()}
+            seconds[name].append(clock() - start)
+    return seconds
 
 
 def hash_files(paths: Iterable[Path], base: Path) -> str:

@@ -245,6 +245,25 @@ def test_a_long_query_answers_for_its_ranges(built_lake: Path, clips_folder: Pat
             assert (hit.path[0].clip[0], hit.path[-1].clip[1]) == (hit.start, hit.stop)
 
 
+def test_windows_of_a_clip_are_asked_for_in_the_shell_and_in_sql(built_lake: Path, aligner: Aligner) -> None:
+    """As their ranges one by one: windows of four symbols that slide by one."""
+    clip, _ = longest(built_lake)
+    known = strings(built_lake)[clip]
+    assert len(known) > 5
+    rows = motionlake("align", clip, "--window", 4, "-k", 2, "--lake", built_lake, "--json").json
+    text = f"FROM align_windows('{clip}', 4, k := 2)"
+    assert motionlake("sql", text, "--lake", built_lake, "--json").json == rows
+    long, expected = aligner.ranges().long_query(Query(clip), window=4), []
+    for first in range(len(known) - 3):
+        start, stop = known[first][1], known[first + 3][2]
+        if start < stop:
+            hits = long.matches(start, stop, 2)
+            expected += [{"query_start": start, "query_stop": stop, **hit.as_row()} for hit in hits]
+    assert rows == expected
+    one = motionlake("align", clip, "--window", 4000, "-k", 2, "--lake", built_lake, "--json").json
+    assert [(row["query_start"], row["query_stop"]) for row in one] == [(known[0][1], known[-1][2])] * 2
+
+
 def test_a_string_of_symbols_is_answered_in_sql(built_lake: Path, aligner: Aligner) -> None:
     clip, _ = longest(built_lake)
     asked = f"(SELECT symbols FROM symbol_strings WHERE clip = '{clip}'), k := 3"
@@ -277,6 +296,9 @@ def test_mistakes_are_met_with_one_clear_line(built_lake: Path, tmp_path: Path, 
         ([clip, "--from", frames], f"has frames 0 to {frames}"),
         ([clip, "--from", 9, "--to", 4], f"has frames 0 to {frames}"),
         ([clip, "--stride", 0], "stride is 0"),
+        ([clip, "--stride", 20000], "stride is 20000: it is a whole number from 1 to 64"),
+        ([clip, "--window", 9, "--whole", "--crossing"], "--window: looks for many ranges at once; leave --whole and"),
+        ([clip, "--window", 9, "--method", "sw"], "by sta or dtw, not by sw"),
         ([clip, "--method", "guess"], "not one of sta, dtw, sw"),
         ([clip, "--whole", "--path", "--json"], "--whole: compares whole clips"),
         ([clip, "--path"], "--path: needs --json"),
@@ -292,6 +314,7 @@ def test_mistakes_are_met_with_one_clear_line(built_lake: Path, tmp_path: Path, 
         ("align_motion('nowhere', NULL, NULL)", "nowhere: no such clip"),
         (f"align_motion('{clip}', NULL, NULL, stride := 0)", "stride is 0"),
         (f"align_motion('{clip}', NULL, NULL, k := -1)", "k is -1"),
+        (f"align_windows('{clip}', 1)", "window is 1: it has at least 2 symbols"),
         ("aligned_clips('nowhere')", "nowhere: no such clip"),
         (f"aligned_clips('{clip}', k := -1)", "k is -1"),
     ):

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from motionlake.pesta import long_query, scan
 from motionlake.pesta.config import AlignmentConfig
 from motionlake.pesta.long_query import LongQuery
 from motionlake.pesta.matches import best_matches
@@ -22,7 +23,7 @@ from tests.test_alignment import cases, dictionary, placed
 def test_sub_queries_are_those_of_the_text(case: Any, data: st.DataObject, boundaries: Boundaries) -> None:
     query, repository, distances, stride = case
     segments = data.draw(st.integers(1, len(query)))
-    long_query = LongQuery(
+    asked = LongQuery(
         query, repository, distances, AlignmentConfig(stride=stride), segments=segments, boundaries=boundaries
     )
     strings = repository if boundaries == "kept" else repository.joined
@@ -42,7 +43,7 @@ def test_sub_queries_are_those_of_the_text(case: Any, data: st.DataObject, bound
                 portions.append(own or [next((x, n + first) for x, n in path if x >= start)])
         ranges = [(p[0][1], p[-1][1] + 1) for p in portions]
         valid = [r if boundaries != "dropped" or clip_of[r[0]] == clip_of[r[1] - 1] else None for r in ranges]
-        found = long_query.best_matches(start, stop, 5, barred=barred, paths=True)
+        found = asked.best_matches(start, stop, 5, barred=barred, paths=True)
         assert placed(found, repository) == naive.apart(costs, valid, 5, np.flatnonzero(barred).tolist())
         for match in found:
             assert match.path is not None
@@ -55,12 +56,12 @@ def test_a_sub_query_of_one_segment_is_a_query_of_its_own(boundaries: Boundaries
     distances, config = dictionary(1, 60), AlignmentConfig(stride=2)
     query = rng.integers(0, 60, 6 * 20, dtype=np.int32)
     repository = Repository.of([rng.integers(0, 60, n, dtype=np.int32) for n in (150, 3, 0, 700)])
-    long_query = LongQuery(query, repository, distances, config, segments=20, boundaries=boundaries)
-    assert long_query.segment_length == 6
+    asked = LongQuery(query, repository, distances, config, segments=20, boundaries=boundaries)
+    assert asked.segment_length == 6
     for segment in (0, 7, 19):
         part = slice(6 * segment, 6 * segment + 6)
         plain = best_matches(query[part], repository, distances, 15, config, boundaries=boundaries, paths=True)
-        found = long_query.best_matches(part.start, part.stop, 15, paths=True)
+        found = asked.best_matches(part.start, part.stop, 15, paths=True)
         assert placed(found, repository) == placed(plain, repository)
         for ours, theirs in zip(found, plain, strict=True):
             assert ours.path is not None
@@ -68,14 +69,40 @@ def test_a_sub_query_of_one_segment_is_a_query_of_its_own(boundaries: Boundaries
             assert np.array_equal(ours.path - [part.start, 0], theirs.path)
 
 
-def test_segments_are_aligned_once() -> None:
-    distances = dictionary(0, 9)
-    repository = Repository.of([np.arange(9), np.arange(8, -1, -1)])
-    long_query = LongQuery(np.arange(9).repeat(12), repository, distances)
-    before = long_query.best_matches(0, 20, 3)
-    long_query._segments[:] = 0  # were a segment aligned again, the answer would change
-    long_query._matrix.matrix[:] = 0
-    assert long_query.best_matches(0, 20, 3) == before
+def test_sub_queries_are_aligned_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Those asked for together, and those that follow one that is asked for."""
+    rng = np.random.default_rng(2)
+    repository = Repository.of([rng.integers(0, 9, 300), rng.integers(0, 9, 40)])
+    one_by_one, together = (LongQuery(rng.integers(0, 9, 120), repository, dictionary(0, 9)) for _ in range(2))
+    one_by_one.best_matches(0, 12, 3)
+    parts = [(start, start + 12) for start in range(0, 60, 4)]
+    together.align(parts)
+    monkeypatch.setattr(LongQuery, "_scan", None)
+    for part in parts:
+        assert len(one_by_one.best_matches(*part, 3)) == len(together.best_matches(*part, 3)) == 3
+
+
+@given(st.integers(0, 99), st.integers(1, 3), st.integers(1, 5))
+@settings(max_examples=12, deadline=None)
+def test_answers_do_not_depend_on_what_is_kept_nor_on_what_is_scanned_together(
+    seed: int, stride: int, length: int
+) -> None:
+    """Few blocks kept, so that they do not suffice; many sub-queries of several lengths; one thread and two."""
+    rng = np.random.default_rng(seed)
+    repository = Repository.of([rng.integers(0, 30, n) for n in (700, 0, 1, 130, 2000)])
+    given_ = rng.integers(0, 30, 90), repository, dictionary(seed, 30), AlignmentConfig(stride=stride)
+    parts = [(int(a), int(a + n)) for a, n in zip(rng.integers(0, 70, 40), rng.integers(1, 21, 40), strict=True)]
+    whole = LongQuery(*given_, segments=-(-90 // length))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(long_query, "_FEWEST_BLOCKS", 10**6)
+        expected = [whole.best_matches(*part, 6) for part in parts]
+        patch.setattr(long_query, "_FEWEST_BLOCKS", 1)
+        patch.setattr(long_query, "KEPT_BYTES", 20_000)
+        for threads in (1, 2):
+            patch.setattr(scan, "THREAD_CELLS", 1)
+            together = LongQuery(*given_, segments=-(-90 // length))
+            together.align(parts, 0, threads=threads)
+            assert [together.best_matches(*part, 6) for part in parts] == expected
 
 
 @pytest.mark.parametrize(
@@ -98,11 +125,11 @@ def test_mistakes_are_named(change: dict[str, Any], said: str) -> None:
 
 @pytest.mark.parametrize(("start", "stop"), [(0, 0), (2, 1), (-1, 2), (0, 4)])
 def test_sub_queries_lie_within_the_query(start: int, stop: int) -> None:
-    long_query = LongQuery([1, 2, 3], Repository.of([[0, 1, 2]]), dictionary(0, 4))
+    asked = LongQuery([1, 2, 3], Repository.of([[0, 1, 2]]), dictionary(0, 4))
     with pytest.raises(ValueError, match="sub-query"):
-        long_query.best_matches(start, stop, 1)
+        asked.best_matches(start, stop, 1)
     with pytest.raises(ValueError, match="k is -1"):
-        long_query.best_matches(0, 1, -1)
+        asked.best_matches(0, 1, -1)
 
 
 def test_nothing_to_search() -> None:

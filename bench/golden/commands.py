@@ -205,6 +205,7 @@ SQL: Final = {
     "align_motion sw": "FROM align_motion('{kick}', NULL, NULL, k := 5, method := 'sw')",
     "align_symbols": f"FROM align_symbols({_SYMBOLS}, k := 5)",
     "align_symbols old model": f"FROM align_symbols({_SYMBOLS}, k := 5, model := 'postures-9')",
+    "align_windows": "FROM align_windows('{kick}', 6, k := 2)",
     "aligned_clips": "FROM aligned_clips('{kick}', k := 5, dataset := 'hdm05')",
     "find_motion too short": "FROM find_motion('{salsa}', 0, 3)",
     "similar_clips of none": "FROM similar_clips('nothing_of_that_name')",

@@ -30,6 +30,7 @@ from motionlake.lake.layout import Lake, open_lake
 from motionlake.names import printable
 
 if TYPE_CHECKING:
+    from motionlake.retrieval.long_alignment import WindowHit
     from motionlake.retrieval.protocol import Query, Searcher
     from motionlake.retrieval.text import LakeText
     from motionlake.retrieval.text_example import ExampleAndText
@@ -229,6 +230,12 @@ def align(
         option(help="sta: how many poses a match may step ahead at a time (default: of config.toml)."),
     ] = None,
     crossing: Annotated[bool, typer.Option("--crossing", help="A match may go on in the next clip.")] = False,
+    window: Annotated[
+        int | None,
+        typer.Option(
+            min=2, help="Look for every window of so many poses, sliding by a third of them; -k answers each."
+        ),
+    ] = None,
     path: Annotated[bool, typer.Option("--path", help="Say which frames match which (with --json).")] = False,
     picture: PictureOption = None,
     as_json: JsonOption = False,
@@ -246,11 +253,15 @@ def align(
     All that are near enough: motionlake align 13_29 --from 480 --to 720 --below 0.5 --lake mylake
 
     Of a file that is not in the lake: motionlake align shots/new_take.bvh --path --json --lake mylake
+
+    A long take, window by window: motionlake align 13_29 --window 12 -k 3 --lake mylake
     """
     from motionlake.retrieval.alignment import AlignmentRangeSearcher, AlignmentSearcher
     from motionlake.retrieval.protocol import Scope
 
     target, k = open_lake(lake), _count(k, below)
+    if window is not None and (given := _named(whole, crossing, path, mirrored, picture, below)):
+        raise UserError(f"--window: looks for many ranges at once; leave {given} out")
     if whole and (crossing or path):
         raise UserError("--whole: compares whole clips; leave --crossing and --path out")
     if path and not as_json:
@@ -259,6 +270,11 @@ def align(
     scope = Scope(dataset, split, recorded_only, mirrored, own, min_quality=min_quality, below=below)
     how: dict[str, Any] = {"method": method, "stride": stride}
     with reading(target) as con:
+        if window is not None:
+            long = named_query(con, target, query, start, stop)
+            windows = AlignmentRangeSearcher(target, **how).long_query(long, scope, window).windows(window, k)
+            tell_hits([_of_window(hit) for hit in windows], mirrored=False, as_json=as_json)
+            return
         if whole:
             searcher: AlignmentSearcher | AlignmentRangeSearcher = AlignmentSearcher(target, **how)
         else:
@@ -283,6 +299,23 @@ def _count(k: int | None, below: float | None) -> int:
     if k is not None:
         return k
     return USUAL if below is None else EVERY
+
+
+def _of_window(hit: WindowHit) -> dict[str, object]:
+    """A row that begins with the frames of the query."""
+    return {"query_start": hit.query_start, "query_stop": hit.query_stop} | hit.as_row()
+
+
+def _named(whole: bool, crossing: bool, path: bool, mirrored: bool, picture: Path | None, below: float | None) -> str:
+    given = {
+        "whole": whole,
+        "crossing": crossing,
+        "path": path,
+        "mirrored": mirrored,
+        "picture": picture is not None,
+        "below": below is not None,
+    }
+    return " and ".join(f"--{name}" for name, is_given in given.items() if is_given)
 
 
 def _text(lake: Lake, encoder: str | None) -> LakeText:

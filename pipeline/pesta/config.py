@@ -12,6 +12,8 @@ from motionlake.weights import Pretrained
 
 Method = Literal["sta", "dtw", "sw"]
 
+# Symbols; a cell costs time as the square of the stride, and memory as the stride times the query.
+MAX_STRIDE: Final = 64
 METHODS: Final[tuple[Method, ...]] = get_args(Method)
 
 
@@ -23,14 +25,14 @@ class AlignmentConfig:
         method: "sta", strided temporal alignment (section 6); "dtw", sub-sequence dynamic time warping, which is the
             same recurrence with its three direct neighbours, stride 1; "sw", Smith-Waterman local alignment as Wu et
             al. apply it to strings of postures.
-        stride: w of section 6, at least 1; "dtw" and "sw" do not look at it. The paper takes 3 for whole sequences
-            and for sub-sequences by whole queries, 2 for sub-queries.
+        stride: w of section 6, from 1 to `MAX_STRIDE`; "dtw" and "sw" do not look at it. The paper takes 3 for whole
+            sequences and for sub-sequences by whole queries, 2 for sub-queries.
         threshold: "sw" alone: two symbols are alike by (threshold - distance), in units of the mean distance of two
             different symbols of the dictionary.
         gap: "sw" alone: what a symbol that is left out of either string costs, in the same unit.
 
     Raises:
-        ValueError: a method that does not exist, a stride below 1, a threshold or gap that is not above zero.
+        ValueError: a method that does not exist, a stride out of range, a threshold or gap that is not above zero.
     """
 
     method: Method = "sta"
@@ -41,8 +43,8 @@ class AlignmentConfig:
     def __post_init__(self) -> None:
         if self.method not in METHODS:
             raise ValueError(f"method is {self.method!r}, not one of {', '.join(METHODS)}")
-        if isinstance(self.stride, bool) or not isinstance(self.stride, int) or self.stride < 1:
-            raise ValueError(f"stride is {self.stride}: it is a whole number of at least 1")
+        if isinstance(self.stride, bool) or not isinstance(self.stride, int) or not 1 <= self.stride <= MAX_STRIDE:
+            raise ValueError(f"stride is {self.stride}: it is a whole number from 1 to {MAX_STRIDE}")
         for name, value in (("threshold", self.threshold), ("gap", self.gap)):
             if not 0 < value < float("inf"):
                 raise ValueError(f"{name} is {value}: it must be above zero")

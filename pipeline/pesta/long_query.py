@@ -1,10 +1,13 @@
 """Retrieval by sub-queries of one long query, PESTA-LQ (section 7).
 
-The query is cut into K segments of equal length, its last symbol repeated to fill the last of them. Each segment is
-aligned to the repository at most once, and of its weight matrix the last row is kept, with the column where the path of
-each of its cells begins. A sub-query takes the segments that cover it: from every column of the last row of the last
-segment a path goes back to that segment's first row, from there to the cheapest of w + 1 cells in the last row of the
-segment before, and so on; its cost is the sum of the costs of the last rows that it passes.
+The query is cut into K segments of equal length, its last symbol repeated to fill the last of them. A sub-query takes
+the segments that cover it: from every column of the last row of the last segment's weight matrix a path goes back to
+that segment's first row, from there to the cheapest of w + 1 cells in the last row of the segment before, and so on;
+its cost is the sum of the costs of the last rows that it passes.
+
+No weight matrix is kept: sub-queries are scanned side by side (`motionlake.pesta.segments`), and of each those columns
+are kept that may end one of the best matches. If they do not suffice, more of them are kept in a second scan, so that
+answers do not depend on how many there were.
 
 Where the paper is silent:
 
@@ -15,38 +18,62 @@ Where the paper is silent:
   where costs are equal.
 - Should the path stride over all of the sub-query's rows inside one segment, the portion is the cell that it strides
   to.
-- Several segments are aligned in one pass, since that takes no longer than one.
 """
 
 from __future__ import annotations
 
-from typing import Final
+from collections.abc import Iterable, Sequence
+from typing import Final, NamedTuple
 
 import numpy as np
 from motionlake.arrays import BoolArray, Float32Array, Int32Array, Int64Array
 from motionlake.kernels import njit
 from motionlake.pesta.config import DEFAULT_ALIGNMENT, AlignmentConfig
-from motionlake.pesta.kernels import join_column, joined_paths, segment_profile, segment_scanner
 from motionlake.pesta.matches import (
     Alignment,
     Match,
     beginning,
     placed,
-    strided_path,
+    step_back,
     taken_symbols,
+    trace,
+    weights_of,
 )
-from motionlake.pesta.selection import ascending_blocks, next_column
+from motionlake.pesta.scan import in_threads, useful_threads
+from motionlake.pesta.segments import strip_profile, strip_scanner
+from motionlake.pesta.selection import BLOCK, ascending_blocks, next_column
 from motionlake.pesta.strings import Boundaries, Distances, Repository, checked
 from motionlake.pesta.vectors import LANES
 from numpy.typing import ArrayLike
 
 # Symbols of a segment where K is not given: how far the windows of section 8.3.3 slide.
 SEGMENT_SYMBOLS: Final = 4
+KEPT_BYTES: Final = 64 << 20  # of what is kept for a session; the sub-queries asked for first are forgotten first
+MOST_IN_A_STRIP: Final = 6  # sub-queries of one lane
+_BLOCK_BYTES: Final = 4 * BLOCK
+_FEWEST_BLOCKS: Final = 32
+_ZERO, _INFINITY = np.float32(0), np.float32(np.inf)
+
+
+class _Kept(NamedTuple):
+    """What is kept of one sub-query: blocks of columns [c], ascending, the end costs within them [c * BLOCK] (infinite
+    beyond the last column), and what a column outside of them costs at least."""
+
+    blocks: Int32Array
+    costs: Float32Array
+    bound: np.float32
+
+
+class _Strips(NamedTuple):
+    """One scan: `gap` sub-queries of `chain` segments a lane, the first of which begins with segment first[lane]."""
+
+    first: list[int]
+    gap: int
+    chain: int
 
 
 class LongQuery:
-    """A long query, and what has been computed for its segments so far: 8 bytes for each symbol of the repository and
-    segment aligned.
+    """A long query, and what has been found out about its sub-queries so far: at most `KEPT_BYTES`.
 
     Args:
         query: [X] symbols.
@@ -82,12 +109,35 @@ class LongQuery:
         self._segments = np.ascontiguousarray(filled.reshape(count, self.segment_length))
         self._repository, self._stride, self.config = repository, config.reach, config
         self._inside = repository.offsets if boundaries == "dropped" else self._strings.offsets
-        self._ends = np.empty((count, len(repository.symbols)), dtype=np.float32)
-        self._starts = np.empty(self._ends.shape, dtype=np.int32)
-        self._known = np.zeros(count, dtype=np.bool_)
+        self._kept: dict[tuple[int, int], _Kept] = {}
+        self._bytes = 0
 
     def __len__(self) -> int:
         return len(self.query)
+
+    def align(self, parts: Iterable[tuple[int, int]], k: int = 10, *, threads: int = 1) -> None:
+        """Align sub-queries [start, stop) side by side, so that `best_matches` finds them ready.
+
+        Args:
+            parts: the sub-queries; of more than fit into `KEPT_BYTES` the first.
+            k: how many matches of each will be asked for.
+            threads: which share the work; the answers do not depend on their number.
+
+        Raises:
+            ValueError: as `best_matches`.
+        """
+        count = self._blocks(k)
+        room = max(1, KEPT_BYTES // (count * _BLOCK_BYTES))
+        covers = list(dict.fromkeys(self._cover(start, stop) for start, stop in parts))[:room]
+        missing = {cover for cover in covers if cover not in self._kept}
+        by_chain: dict[int, list[int]] = {}
+        for first, chain in sorted(missing):
+            by_chain.setdefault(chain, []).append(first)
+        scans = [scan for chain, firsts in by_chain.items() for scan in _strips(firsts, chain, threads)]
+        cells = len(self._strings.symbols) * LANES * self.segment_length
+        threads = useful_threads(threads, cells * sum(scan.gap + scan.chain for scan in scans))
+        for found in in_threads(lambda scan: self._scan(scan, missing, count), scans, threads):
+            self._keep(found)
 
     def best_matches(
         self,
@@ -101,6 +151,8 @@ class LongQuery:
     ) -> list[Match]:
         """The k best matches of the sub-query of symbols [start, stop) that do not overlap.
 
+        Where it has not been aligned (`align`), it is, and the sub-queries that follow it with it.
+
         Args:
             start, stop: the sub-query.
             k, barred, below, paths: as in `matches.best_matches`. Query indices of paths count from the long query's
@@ -112,47 +164,93 @@ class LongQuery:
         Raises:
             ValueError: an empty sub-query, or one that reaches beyond the query; k below 0.
         """
-        if not 0 <= start < stop <= len(self.query):
-            raise ValueError(f"sub-query [{start}, {stop}) is not a part of a query of {len(self.query)} symbols")
         if k < 0:
             raise ValueError(f"k is {k}: it is at least 0")
-        cover = slice(start // self.segment_length, -(-stop // self.segment_length))
-        self._align(cover)
-        first = cover.start * self.segment_length
-        ends, starts = self._ends[cover], self._starts[cover]
-        found, costs = _select(
-            self._segments[cover], self._strings.symbols, self._matrix.matrix, self._stride, ends, starts,
-            self._strings.offsets, self._inside, taken_symbols(barred, ends.shape[1]), k, np.float32(below),
-            start - first, stop - first,
-        )  # fmt: skip
+        cover = self._cover(start, stop)
+        first, chain = cover
+        segments = self._segments[first : first + chain]
+        rows = start - first * self.segment_length, stop - first * self.segment_length
+        if cover not in self._kept:
+            last = min(first + LANES, len(self._segments) - chain + 1)
+            following = [(each, chain) for each in range(first, last)]
+            wanted = {each for each in following if each not in self._kept}
+            strips = _Strips([each for each, _ in following], 1, chain)
+            self._keep(self._scan(strips, wanted, self._blocks(k)))
+        while True:
+            taken = taken_symbols(barred, len(self._strings.symbols))
+            found, costs, enough = _select(
+                segments, self._strings.symbols, self._matrix.matrix, self._stride, *self._kept[cover],
+                self._strings.offsets, self._inside, taken, k, np.float32(below), *rows,
+            )  # fmt: skip
+            if enough:
+                break
+            count = min(8 * len(self._kept[cover].blocks), self._blocks(None))
+            self._keep(self._scan(_Strips([first], 1, chain), {cover}, count))
 
         def path(end: int) -> Int64Array:
-            return self._path(cover, end, start, stop)
+            return self._path(segments, first, end, start, stop)
 
         return placed(found, costs, self._repository, path if paths else None)
 
-    def _align(self, cover: slice) -> None:
-        """Align the blocks of segments that hold one that is wanted and not known."""
-        for segment in range(cover.start, cover.stop):
-            if self._known[segment]:
-                continue
-            block = slice(segment // LANES * LANES, segment // LANES * LANES + LANES)
-            segment_scanner(self._stride)(
-                segment_profile(self._segments[block], self._matrix.matrix), self.segment_length,
-                self._strings.symbols, self._strings.offsets, self._ends[block], self._starts[block],
-            )  # fmt: skip
-            self._known[block] = True
+    def _cover(self, start: int, stop: int) -> tuple[int, int]:
+        """The first segment that covers a sub-query, and how many do."""
+        if not 0 <= start < stop <= len(self.query):
+            raise ValueError(f"sub-query [{start}, {stop}) is not a part of a query of {len(self.query)} symbols")
+        first = start // self.segment_length
+        return first, -(-stop // self.segment_length) - first
 
-    def _path(self, cover: slice, end: int, start: int, stop: int) -> Int64Array:
+    def _blocks(self, k: int | None) -> int:
+        """How many blocks are kept for k matches; None: all."""
+        every = -(-len(self._strings.symbols) // BLOCK)
+        return max(1, every if k is None else min(every, max(_FEWEST_BLOCKS, 4 * k)))
+
+    def _scan(self, strips: _Strips, wanted: set[tuple[int, int]], count: int) -> dict[tuple[int, int], _Kept]:
+        """Align the `wanted` sub-queries of some strips; the `count` best blocks of each."""
+        gap, chain, length = strips.gap, strips.chain, self.segment_length
+        rows = np.arange((gap + chain - 1) * length)
+        begins = np.array([strips.first[min(lane, len(strips.first) - 1)] for lane in range(LANES)])
+        places = np.minimum(begins[:, None] * length + rows, self._segments.size - 1)
+        covers = [
+            (strips.first[lane] + j, chain) if lane < len(strips.first) else None
+            for j in range(gap) for lane in range(LANES)
+        ]  # fmt: skip
+        blocks, minima = np.full((len(covers), count), -1, np.int32), np.full((len(covers), count), np.inf, np.float32)
+        costs = np.empty((len(covers), count, BLOCK), np.float32)
+        bounds = np.array([np.inf if cover in wanted else -np.inf for cover in covers], np.float32)
+        strip_scanner(self._stride, chain)(
+            strip_profile(self._segments.ravel()[places], self._matrix.matrix), length, chain, self._strings.symbols,
+            self._strings.offsets, blocks, minima, costs, bounds,
+        )  # fmt: skip
+        if count >= self._blocks(None):
+            bounds[:] = np.inf
+        else:
+            _by_column(blocks, costs)
+        return {
+            cover: _Kept(blocks[each], costs[each].reshape(-1), bounds[each])
+            for each, cover in enumerate(covers)
+            if cover in wanted
+        }
+
+    def _keep(self, found: dict[tuple[int, int], _Kept]) -> None:
+        """Remember what a scan has found, and forget what is oldest where it becomes too much."""
+        for cover, kept in found.items():
+            self._forget(cover)
+            self._kept[cover] = kept
+            self._bytes += kept.costs.nbytes
+        while self._bytes > KEPT_BYTES and (oldest := next(iter(self._kept))) not in found:
+            self._forget(oldest)
+
+    def _forget(self, cover: tuple[int, int]) -> None:
+        kept = self._kept.pop(cover, None)
+        self._bytes -= kept.costs.nbytes if kept else 0
+
+    def _path(self, segments: Int32Array, first: int, end: int, start: int, stop: int) -> Int64Array:
         """[L, 2] (query index, symbol of the repository) of the sub-query's own rows."""
-        begin = beginning(self._strings.offsets, end)
-        pieces, column = [], end
-        for segment in range(cover.stop - 1, cover.start - 1, -1):
-            alignment = _alignment(self._segments[segment], self._strings.symbols, self._matrix.matrix, self._stride)
-            path = _segment_path(alignment, self._starts[segment], column)
-            pieces.append(path + np.array([segment * self.segment_length, 0]))
-            if segment > cover.start:
-                column = int(join_column(self._ends[segment - 1], path[0, 1], begin, self._stride))
+        begin, pieces, column = beginning(self._strings.offsets, end), [], end
+        for segment in range(len(segments) - 1, -1, -1):
+            a = _alignment(segments[segment], self._strings.symbols, self._matrix.matrix, self._stride)
+            end, column, *_ = _leg(a, begin, column, segment == len(segments) - 1, 0, self.segment_length)
+            pieces.append(trace(a, begin, end) + np.array([(first + segment) * self.segment_length, 0]))
         whole = np.concatenate(pieces[::-1])
         rows = whole[:, 0]
         inside = (rows >= start) & (rows < stop)
@@ -161,49 +259,96 @@ class LongQuery:
         return np.asarray(whole[inside], dtype=np.int64)
 
 
+def _strips(firsts: Sequence[int], chain: int, threads: int) -> list[_Strips]:
+    """Scans for sub-queries of `chain` segments that begin with some segments, ascending: the quickest on so many
+    threads. More sub-queries of a lane share its segments, but need more lanes filled to be worth it."""
+
+    def lanes(gap: int) -> list[int]:
+        begins: list[int] = []
+        for first in firsts:
+            if not begins or first >= begins[-1] + gap:
+                begins.append(first)
+        return begins
+
+    def cost(gap: int) -> int:
+        scans = -(-len(lanes(gap)) // LANES)
+        return -(-scans // max(threads, 1)) * (gap + chain - 1)
+
+    gap = min(range(1, MOST_IN_A_STRIP + 1), key=cost) if len(firsts) > LANES else 1
+    begins = lanes(gap)
+    return [_Strips(begins[at : at + LANES], gap, chain) for at in range(0, len(begins), LANES)]
+
+
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _by_column(blocks: Int32Array, costs: Float32Array) -> None:
+    """Put the blocks [s, c] of sub-queries, and their costs [s, c, BLOCK], in ascending order."""
+    for each in range(len(blocks)):
+        order = np.argsort(blocks[each])
+        blocks[each], costs[each] = blocks[each][order], costs[each][order]
+
+
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
 def _alignment(segment: Int32Array, symbols: Int32Array, distances: Float32Array, stride: int) -> Alignment:
     return Alignment(segment, symbols, distances, stride, False, np.float32(0), np.float32(0))
 
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
-def _segment_path(segment: Alignment, starts: Int32Array, end: int) -> Int64Array:
-    """[L, 2] path of one segment that ends in column `end`, by local rows."""
-    path: Int64Array = strided_path(segment, starts[end], end, np.float32(np.inf))[0]
-    return path
+def _leg(a: Alignment, begin: int, near: int, last: bool, first_row: int, last_row: int) -> tuple[int, int, int, int]:
+    """The part of a path that lies in one segment: the columns of its end and its beginning, of its first cell from
+    `first_row` on, and of its last cell before `last_row`.
+
+    near: the column where the path ends, in the `last` segment; else that of the top element in the segment after.
+
+    The stretch of columns is long enough where the path lies within it: then its cost is true, and those of the other
+    cells that it was compared with are no greater than the true ones.
+    """
+    n_columns = len(a.query) + a.stride + 1
+    while True:
+        low = max(begin, near + 1 - n_columns)
+        weights = weights_of(a, low, near, _ZERO if low > begin else _INFINITY)
+        end = near - low + a.stride
+        if not last:
+            here, nearest = end, max(near - a.stride, begin) - low + a.stride
+            end = max(here - 1, nearest)
+            for step in range(a.stride):
+                other = max(here if step == 0 else here - step - 1, nearest)
+                if weights[other, -1] < weights[end, -1]:
+                    end = other
+        x, c, first, final = len(a.query) - 1, end, end, -1
+        while c >= a.stride:
+            final = c if final < 0 and x < last_row else final
+            first = c if x >= first_row else first
+            if x == 0:
+                to_columns = low - a.stride
+                return end + to_columns, c + to_columns, first + to_columns, final + to_columns
+            distance = a.distances[a.query[x], a.symbols[low + c - a.stride]]
+            rows, columns = step_back(weights, x, c, distance, a.stride)
+            x, c = x - rows, c - columns
+        n_columns *= 2
 
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
 def _portion(
-    first: Alignment,
-    last: Alignment,
-    ends: Float32Array,
-    starts: Int32Array,
+    segments: Int32Array,
+    symbols: Int32Array,
+    distances: Float32Array,
+    stride: int,
     begin: int,
     end: int,
-    top: int,
+    taken: BoolArray,
     first_row: int,
     last_row: int,
 ) -> tuple[int, int]:
-    """First and last column, from `top` to `end`, of a path in rows [first_row, last_row) of some segments."""
-    n, n_rows = len(ends), len(first.query)
-    low, high = top, end
-    if last_row < n * n_rows:
-        path = _segment_path(last, starts[n - 1], end)
-        limit = last_row - (n - 1) * n_rows
-        cell = len(path) - 1
-        while cell > 0 and path[cell, 0] >= limit:
-            cell -= 1
-        high = path[cell, 1]
-    if first_row > 0:
-        column = np.int64(end)
-        for segment in range(n - 2, -1, -1):
-            column = np.int64(join_column(ends[segment], np.int64(starts[segment + 1, column]), begin, first.stride))
-        path = _segment_path(first, starts[0], column)
-        cell = 0
-        while path[cell, 0] < first_row:
-            cell += 1
-        low = path[cell, 1]
+    """First and last column of a path in rows [first_row, last_row) of some segments; -1, -1 if it meets a taken."""
+    n, n_rows = segments.shape
+    low, high = end, end
+    for segment in range(n - 1, -1, -1):
+        a = _alignment(segments[segment], symbols, distances, stride)
+        above = segment * n_rows
+        _, _, first, final = _leg(a, begin, low, segment == n - 1, first_row - above, last_row - above)
+        low, high = first, final if segment == n - 1 else high
+        if np.any(taken[low : max(low, high) + 1]):
+            return -1, -1
     return low, max(low, high)
 
 
@@ -213,8 +358,9 @@ def _select(
     symbols: Int32Array,
     distances: Float32Array,
     stride: int,
-    ends: Float32Array,
-    starts: Int32Array,
+    blocks: Int32Array,
+    costs: Float32Array,
+    bound: np.float32,
     offsets: Int64Array,
     inside: Int64Array,
     taken: BoolArray,
@@ -222,28 +368,31 @@ def _select(
     limit: np.float32,
     first_row: int,
     last_row: int,
-) -> tuple[Int64Array, Float32Array]:
-    """[h, 3] start, stop and end column of the best matches, and their costs [h].
+) -> tuple[Int64Array, Float32Array, bool]:
+    """[h, 3] start, stop and end column of the best matches, their costs [h], and whether the blocks suffice.
 
-    segments: [s, rows] those that cover the sub-query, which are its rows [first_row, last_row); ends, starts: [s, Y].
+    segments: [s, rows] those that cover the sub-query, which are its rows [first_row, last_row).
     """
-    first = _alignment(segments[0], symbols, distances, stride)
-    last = _alignment(segments[-1], symbols, distances, stride)
-    costs, tops = joined_paths(ends, starts, offsets, stride)
-    found = np.empty((min(k, len(costs)), 3), dtype=np.int64)
+    found, paid = np.empty((min(k, len(symbols)), 3), dtype=np.int64), np.empty(min(k, len(symbols)), dtype=np.float32)
     n = 0
     # A path that goes on below the sub-query may end on a symbol that is taken.
-    ended = taken if last_row == segments.size else np.zeros_like(taken)
+    whole = last_row == segments.size
+    drawn = np.zeros(len(costs), dtype=np.bool_)
     heap = ascending_blocks(costs)
     while n < len(found):
-        end = next_column(heap, costs, ended)
-        if end < 0 or not costs[end] < limit:
-            break
+        place = next_column(heap, costs, drawn)
+        cost = costs[place] if place >= 0 else bound
+        if not cost < min(bound, limit):
+            return found[:n], paid[:n], not bound < limit if cost >= bound else True
+        end = np.int64(blocks[place // BLOCK]) * BLOCK + place % BLOCK
+        if whole and taken[end]:
+            continue
         begin = beginning(offsets, end)
-        low, high = _portion(first, last, ends, starts, begin, end, tops[end], first_row, last_row)
-        if low < beginning(inside, high) or np.any(taken[low : high + 1]):
+        low, high = _portion(segments, symbols, distances, stride, begin, end, taken, first_row, last_row)
+        if low < 0 or low < beginning(inside, high):
             continue
         taken[low : high + 1] = True
         found[n, 0], found[n, 1], found[n, 2] = low, high + 1, end
+        paid[n] = cost
         n += 1
-    return found[:n], costs[found[:n, 2]]
+    return found[:n], paid[:n], True

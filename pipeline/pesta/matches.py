@@ -119,7 +119,7 @@ def best_matches(
     found = _select(*alignment, ends, strings.offsets, inside, taken, k, limit)
 
     def path(end: int) -> Int64Array:
-        traced: Int64Array = _trace(alignment, beginning(strings.offsets, end), end)
+        traced: Int64Array = trace(alignment, beginning(strings.offsets, end), end)
         return traced
 
     return placed(found, ends[found[:, 2]], repository, path if paths else None)
@@ -138,8 +138,10 @@ def placed(
     """
     clips = np.searchsorted(repository.offsets, found[:, 0], side="right") - 1
     rows = zip(found.tolist(), clips.tolist(), repository.offsets[clips].tolist(), costs.tolist(), strict=True)
+    if path is None:
+        return [Match(clip, start - first, stop - first, cost) for (start, stop, _), clip, first, cost in rows]
     return [
-        Match(clip, start - first, stop - first, cost, path(end) - np.array([0, first]) if path else None)
+        Match(clip, start - first, stop - first, cost, path(end) - np.array([0, first]))
         for (start, stop, end), clip, first, cost in rows
     ]
 
@@ -193,7 +195,7 @@ def _select(
         begin = beginning(offsets, end)
         if not a.local and _runs_into(a, taken, begin, end, ends[end]):
             continue
-        path = _trace(a, begin, end)
+        path = trace(a, begin, end)
         start, stop = path[0, 1], path[-1, 1] + 1
         if start < beginning(inside, end) or np.any(taken[start:stop]):
             continue
@@ -212,11 +214,11 @@ def _runs_into(a: Alignment, taken: BoolArray, begin: int, end: int, cost: np.fl
         low -= 1
     if low == begin or not taken[low - 1]:
         return False
-    return bool(_weights(a, low, end, _INFINITY)[-1, -1] > cost)
+    return bool(weights_of(a, low, end, _INFINITY)[-1, -1] > cost)
 
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
-def _trace(a: Alignment, begin: int, end: int) -> Int64Array:
+def trace(a: Alignment, begin: int, end: int) -> Int64Array:
     """[L, 2] path (query index, string index) of the best match that ends with symbol `end` of a string from `begin`.
 
     Of a local alignment, the pairs that are matched; none where it matches nothing.
@@ -229,13 +231,13 @@ def _trace(a: Alignment, begin: int, end: int) -> Int64Array:
         if a.local:
             path, inside = _local_path(a, low, end, low > begin)
         else:
-            path, inside = strided_path(a, low, end, _ZERO if low > begin else _INFINITY)
+            path, inside = _strided_path(a, low, end, _ZERO if low > begin else _INFINITY)
         n_columns *= 2
     return path
 
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
-def _weights(a: Alignment, low: int, end: int, before: np.float32) -> Float32Array:
+def weights_of(a: Alignment, low: int, end: int, before: np.float32) -> Float32Array:
     """[stride + columns, X] of section 6 for symbols[low : end + 1], after `stride` columns that all cost `before`."""
     weights = np.empty((a.stride + end + 1 - low, len(a.query)), dtype=np.float32)
     weights[: a.stride] = before
@@ -260,17 +262,17 @@ def _weights(a: Alignment, low: int, end: int, before: np.float32) -> Float32Arr
 
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
-def strided_path(a: Alignment, low: int, end: int, before: np.float32) -> tuple[Int64Array, bool]:
+def _strided_path(a: Alignment, low: int, end: int, before: np.float32) -> tuple[Int64Array, bool]:
     """The path back from the last row in column `end`, and whether it stays in the columns from `low`.
 
     before: what the columns before `low` cost.
     """
-    weights = _weights(a, low, end, before)
+    weights = weights_of(a, low, end, before)
     reverse = np.empty((len(a.query) + end + 1 - low, 2), dtype=np.int64)
     x, y, n = len(a.query) - 1, end, 1
     reverse[0, 0], reverse[0, 1] = x, y
     while x > 0:
-        rows, columns = _step(weights, x, y - low + a.stride, a.distances[a.query[x], a.symbols[y]], a.stride)
+        rows, columns = step_back(weights, x, y - low + a.stride, a.distances[a.query[x], a.symbols[y]], a.stride)
         x, y = x - rows, y - columns
         if y < low:
             return reverse[:0], False
@@ -280,7 +282,7 @@ def strided_path(a: Alignment, low: int, end: int, before: np.float32) -> tuple[
 
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
-def _step(weights: Float32Array, x: int, c: int, distance: np.float32, stride: int) -> tuple[int, int]:
+def step_back(weights: Float32Array, x: int, c: int, distance: np.float32, stride: int) -> tuple[int, int]:
     """Rows and columns back to the cell that the cost of a cell comes from."""
     cost = weights[c, x]
     for p in range(1, stride + 1):

@@ -12,7 +12,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import Final, Literal, get_args
+from typing import Final, Literal, TypeVar, get_args
 
 import numpy as np
 from motionlake.arrays import Float32Array, Int32Array, Int64Array
@@ -27,7 +27,11 @@ Both = Literal["max", "mean", "query"]
 # Columns of a piece of a long string: enough to be worth its own lane, few enough to stay in cache.
 LEAST_COLUMNS: Final = 1024
 MOST_COLUMNS: Final = 4096
+# Cells of weight matrices, some milliseconds of work: a thread that has less to do takes longer to start.
+THREAD_CELLS: Final = 10_000_000
 BATCH: Final = 64  # clips that `nearest_strings` searches for in the query at once
+Part = TypeVar("Part")
+Found = TypeVar("Found")
 _NO_COSTS: Final = np.zeros(0, dtype=np.float32)
 _NO_STATES: Final = np.zeros((0, 0, 0), dtype=np.float32)
 
@@ -67,7 +71,7 @@ def scan_ends(
     longest = max(4 * warm, min(max(-(-len(ends) // LANES), LEAST_COLUMNS), MOST_COLUMNS))
     scan = _Scan(symbols, strings.symbols, ground, config)
     whole = _whole(strings, longest + warm)
-    _share(lambda part: scan(whole[part], ends=ends), _shares(whole, threads))
+    _share(lambda part: scan(whole[part], ends=ends), _shares(whole, len(symbols), threads))
     cut = np.flatnonzero(strings.lengths > warm + longest)
     if len(cut):
         bounds = zip(strings.offsets[cut].tolist(), strings.offsets[cut + 1].tolist(), strict=True)
@@ -88,7 +92,7 @@ def best_per_clip(
     symbols, ground = checked(query, repository, distances)
     best = np.full(len(repository), np.inf, dtype=np.float32)
     pieces, scan = _whole(repository), _Scan(symbols, repository.symbols, ground, config)
-    _share(lambda part: scan(pieces[part], best=best), _shares(pieces, threads))
+    _share(lambda part: scan(pieces[part], best=best), _shares(pieces, len(symbols), threads))
     return best
 
 
@@ -117,7 +121,8 @@ def pairwise(
                 _NO_COSTS, best,
             )  # fmt: skip
 
-    bounds = np.linspace(0, len(queries), max(1, threads) + 1).astype(int).tolist()
+    threads = useful_threads(threads, sum(map(len, strings)) * len(repository.symbols))
+    bounds = np.linspace(0, len(queries), threads + 1).astype(int).tolist()
     _share(work, [slice(a, b) for a, b in itertools.pairwise(bounds)])
     return costs
 
@@ -268,7 +273,7 @@ def _scan_cut(
     def work(part: slice) -> None:
         scan(by_length[part], warm, warm + longest, entries=entries[part], exits=exits[part], ends=ends)
 
-    _share(work, _shares(by_length, threads))
+    _share(work, _shares(by_length, state[1], threads))
     place = np.argsort(order)
     entries, exits = entries[place], exits[place]
     for piece in range(1, len(pieces)):
@@ -280,21 +285,30 @@ def _scan_cut(
         scan(alone, 0, stop - kept, initial=exits[piece - 1 : piece], entries=out, exits=out, ends=ends)
 
 
-def _shares(pieces: Int64Array, threads: int) -> list[slice]:
+def useful_threads(threads: int, cells: int) -> int:
+    """How many of some threads have enough to do, of so many cells of weight matrices, to be worth their start."""
+    return max(1, min(threads, cells // THREAD_CELLS))
+
+
+def _shares(pieces: Int64Array, n_rows: int, threads: int) -> list[slice]:
     """Consecutive pieces for each thread, whole groups of lanes with about as many columns each."""
-    if threads <= 1:
-        return [slice(0, len(pieces))]
     groups = pieces[::LANES]
     columns = np.concatenate([[0], np.cumsum(groups[:, 2] - groups[:, 0])])
+    threads = useful_threads(threads, int(columns[-1]) * LANES * n_rows)
+    if threads == 1:
+        return [slice(0, len(pieces))]
     goals = np.linspace(0, columns[-1], threads + 1)[1:-1]
     bounds = [0, *np.searchsorted(columns, goals).tolist(), len(groups)]
     return [slice(a * LANES, b * LANES) for a, b in itertools.pairwise(bounds) if b > a]
 
 
 def _share(work: Callable[[slice], None], parts: list[slice]) -> None:
-    if len(parts) == 1:
-        work(parts[0])
-        return
-    with ThreadPoolExecutor(len(parts) or 1) as pool:
-        for _ in pool.map(work, parts):
-            pass
+    in_threads(work, parts, len(parts))
+
+
+def in_threads(work: Callable[[Part], Found], parts: Sequence[Part], threads: int) -> list[Found]:
+    """What some work finds of each part, in their order."""
+    if min(len(parts), threads) <= 1:
+        return [work(part) for part in parts]
+    with ThreadPoolExecutor(min(len(parts), threads)) as pool:
+        return list(pool.map(work, parts))

@@ -137,13 +137,13 @@ def scaled(typing: Any, a: Any, factor: Any) -> Any:
 
 @intrinsic  # type: ignore[untyped-decorator]
 def chosen(typing: Any, a: Any, b: Any, if_less: Any, otherwise: Any) -> Any:
-    """`if_less` where b < a, else `otherwise`, lane by lane: a, b floats, the others integers."""
+    """`if_less` where b < a, else `otherwise`, lane by lane; all floats."""
 
     def emit(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         a, b, if_less, otherwise = arguments
         return builder.select(builder.fcmp_ordered("<", b, a), if_less, otherwise)
 
-    return Ints(Floats, Floats, Ints, Ints), emit
+    return Floats(Floats, Floats, Floats, Floats), emit
 
 
 @intrinsic  # type: ignore[untyped-decorator]
@@ -163,21 +163,6 @@ def load_rows(typing: Any, table: Any, at: Any, first: Any, out: Any) -> Any:
         return context.get_dummy_value()
 
     return types.none(table, at, types.intp, out), emit
-
-
-@intrinsic  # type: ignore[untyped-decorator]
-def transpose(typing: Any, source: Any, target: Any) -> Any:
-    """target[j * LANES + i] = source[i * LANES + j] of two flat arrays of `LANES` vectors."""
-
-    def emit(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        read, write = (_data(context, builder, signature.args[i], arguments[i]) for i in (0, 1))
-        vector = _vector(_kind(source))
-        rows = [_read(builder, read, ir.Constant(_INT64, i * LANES), vector) for i in range(LANES)]
-        for i, row in enumerate(_transposed(builder, rows, LANES)):
-            _write(builder, write, ir.Constant(_INT64, i * LANES), row)
-        return context.get_dummy_value()
-
-    return types.none(source, target), emit
 
 
 def _transposed(builder: Any, rows: list[Any], size: int) -> list[Any]:
@@ -216,7 +201,7 @@ def window(typing: Any, ring: Any, columns: Any, row: Any, above: Any, distance:
         return None
 
     def emit(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        read = _Window(context, builder, signature, arguments)
+        read = _Window(context, builder, signature, arguments, stride.literal_value)
         best = None
         for p in range(stride.literal_value, 0, -1):
             cells = [read.cost(*cell) for cell in window_cells(p) if cell != (1, 0)]
@@ -233,53 +218,106 @@ def window(typing: Any, ring: Any, columns: Any, row: Any, above: Any, distance:
 
 
 @intrinsic(prefer_literal=True)  # type: ignore[untyped-decorator]
-def window_from(typing: Any, ring: Any, origins: Any, columns: Any, row: Any, distance: Any, stride: Any) -> Any:
-    """As `window`, and the origin (int32) that the first of the best cells carries: a pair of vectors."""
-    if not isinstance(stride, types.IntegerLiteral):
+def rows_above(typing: Any, ring: Any, columns: Any, row: Any, plane: Any, stride: Any, depth: Any) -> Any:
+    """What `next_row` needs of the rows before a strip's second one: its first row, and none above it.
+
+    ring: flat float32: the costs, and `depth` tables of what cells carry, `plane` places apart; columns[k]: where the
+    column k steps back begins in it; row: the first row's place.
+
+    Returns:
+        (1 + depth) * stride * (stride + 1) vectors: by table, rows back and columns back.
+    """
+    if not (isinstance(stride, types.IntegerLiteral) and isinstance(depth, types.IntegerLiteral)):
         return None
-    pair = types.Tuple((Floats, Ints))
+    w, tables = stride.literal_value, depth.literal_value + 1
 
     def emit(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        costs = _Window(context, builder, signature, arguments)
-        marks = _data(context, builder, signature.args[1], arguments[1])
+        read = _Window(context, builder, signature, arguments[:3], w)
+        nothing = ir.Constant(_FLOATS, [float("inf")] * LANES)
+        cells = []
+        for table in range(tables):
+            cells += [read.cost(0, k, builder.mul(arguments[3], ir.Constant(_INT64, table))) for k in range(w + 1)]
+            cells += [nothing] * ((w - 1) * (w + 1))
+        return context.make_tuple(builder, signature.return_type, cells)
+
+    many = types.UniTuple(Floats, tables * w * (w + 1))
+    return many(ring, columns, types.intp, types.intp, stride, depth), emit
+
+
+@intrinsic(prefer_literal=True)  # type: ignore[untyped-decorator]
+def next_row(
+    typing: Any, ring: Any, columns: Any, row: Any, plane: Any, stride: Any, depth: Any, distance: Any, above: Any,
+    reach: Any,
+) -> Any:  # fmt: skip
+    """Write a row's cell, the least W(m, n) + D * p over its window (section 6), and what the first of the best cells
+    carries.
+
+    row: the row's place; distance: D; above: `rows_above` or what this has returned of the row before; reach: how many
+    rows above there are at most, a constant. Cells are compared by pairs, then the lesser ones by pairs, the first of
+    equals kept: no long chain.
+
+    Returns:
+        As `rows_above`, for the next row.
+    """
+    if not all(isinstance(each, types.IntegerLiteral) for each in (stride, depth, reach)):
+        return None
+    w, tables, most = stride.literal_value, depth.literal_value + 1, reach.literal_value
+
+    def emit(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        read = _Window(context, builder, signature, arguments[:3], w)
+        places = [builder.mul(arguments[3], ir.Constant(_INT64, table)) for table in range(tables)]
+        beside = [[read.cost(0, k, place) for k in range(1, w + 1)] for place in places]
+
+        def cell(table: int, rows: int, columns: int) -> Any:
+            if rows == 0:
+                return beside[table][columns - 1]
+            at = (table * w + rows - 1) * (w + 1) + columns
+            return builder.extract_value(arguments[7], at)
+
         rivals = []
-        for p in range(1, stride.literal_value + 1):
-            penalty = costs.penalty(arguments[4], p)
-            for cell in window_cells(p):
-                mark = _read(builder, marks, costs.place(*cell), _INTS)
-                rivals.append((builder.fadd(costs.cost(*cell), penalty), mark))
-        while len(rivals) > 1:  # by pairs, the first of equals kept: no long chain of comparisons
+        for p in range(1, w + 1):
+            penalty = read.penalty(arguments[6], p)
+            for rows, back in window_cells(p):
+                if rows <= most:
+                    cost = builder.fadd(cell(0, rows, back), penalty)
+                    rivals.append([cost, *(cell(table, rows, back) for table in range(1, tables))])
+        while len(rivals) > 1:
             pairs = [rivals[i : i + 2] for i in range(0, len(rivals), 2)]
             rivals = [_first_least(builder, *pair) if len(pair) > 1 else pair[0] for pair in pairs]
-        best, origin = rivals[0]
-        return context.make_tuple(builder, signature.return_type, (best, origin))
+        following = []
+        for table, place in enumerate(places):
+            read.put(place, rivals[0][table])
+            following += [rivals[0][table], *beside[table]]
+            following += [cell(table, rows, k) for rows in range(1, w) for k in range(w + 1)]
+        return context.make_tuple(builder, signature.return_type, following)
 
-    return pair(ring, origins, columns, types.intp, Floats, stride), emit
+    many = types.UniTuple(Floats, tables * w * (w + 1))
+    return many(ring, columns, types.intp, types.intp, stride, depth, Floats, many, reach), emit
 
 
-def _first_least(builder: Any, a: tuple[Any, Any], b: tuple[Any, Any]) -> tuple[Any, Any]:
+def _first_least(builder: Any, a: list[Any], b: list[Any]) -> list[Any]:
     less = builder.fcmp_ordered("<", b[0], a[0])
-    return builder.select(less, b[0], a[0]), builder.select(less, b[1], a[1])
+    return [builder.select(less, other, one) for one, other in zip(a, b, strict=True)]
 
 
 class _Window:
-    """The cells around one cell, as a window intrinsic's arguments (ring, ..., columns, row, ...) give them."""
+    """The cells around one cell, as an intrinsic's first arguments (ring, columns, row) give them."""
 
-    def __init__(self, context: Any, builder: Any, signature: Any, arguments: Any) -> None:
-        where = 1 if len(signature.args) and signature.args[1].dtype == types.intp else 2
+    def __init__(self, context: Any, builder: Any, signature: Any, arguments: Any, last: int) -> None:
         self._builder = builder
         self._data = _data(context, builder, signature.args[0], arguments[0])
-        self._row = arguments[where + 1]
-        columns = _data(context, builder, signature.args[where], arguments[where])
-        last = signature.args[-1].literal_value
-        self._columns = [builder.load(builder.gep(columns, [ir.Constant(_INT64, k)])) for k in range(last + 1)]
+        columns = _data(context, builder, signature.args[1], arguments[1])
+        starts = [builder.load(builder.gep(columns, [ir.Constant(_INT64, k)])) for k in range(last + 1)]
+        self._columns = [builder.add(start, arguments[2]) for start in starts]
 
-    def place(self, rows: int, columns: int) -> Any:
-        up = ir.Constant(_INT64, rows * LANES)
-        return self._builder.sub(self._builder.add(self._columns[columns], self._row), up)
+    def cost(self, rows: int, columns: int, table: Any = None) -> Any:
+        """Of the cell so many rows and columns back, in the table that begins `table` places further on."""
+        place = self._builder.sub(self._columns[columns], ir.Constant(_INT64, rows * LANES))
+        return _read(self._builder, self._data, place if table is None else self._builder.add(place, table), _FLOATS)
 
-    def cost(self, rows: int, columns: int) -> Any:
-        return _read(self._builder, self._data, self.place(rows, columns), _FLOATS)
+    def put(self, table: Any, value: Any) -> None:
+        """Into the cell itself."""
+        _write(self._builder, self._data, self._builder.add(self._columns[0], table), value)
 
     def penalty(self, distance: Any, p: int) -> Any:
         if p == 1:

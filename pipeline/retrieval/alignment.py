@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from typing import Any, TypedDict, Unpack
 
@@ -12,15 +12,14 @@ import numpy as np
 from motionlake.arrays import Float64Array
 from motionlake.errors import UserError
 from motionlake.lake.catalog import reading
-from motionlake.lake.frames import frame_range
 from motionlake.lake.layout import Lake
 from motionlake.lake.settings import served_config
 from motionlake.lake.strings import LakeStrings, read_strings
-from motionlake.pesta.config import SymbolsConfig
 from motionlake.pesta.long_query import LongQuery
 from motionlake.pesta.matches import Match, best_matches
 from motionlake.pesta.scan import Both, nearest_strings, pairwise
 from motionlake.pesta.strings import Repository
+from motionlake.retrieval.long_alignment import LongAlignment, step_of
 from motionlake.retrieval.matched_frames import MatchedFrames
 from motionlake.retrieval.protocol import (
     EVERYTHING,
@@ -40,7 +39,6 @@ from motionlake.retrieval.symbol_strings import (
     clip_query,
     encoded,
     query_of_symbols,
-    string_query,
 )
 from numpy.typing import ArrayLike
 
@@ -185,16 +183,24 @@ class AlignmentRangeSearcher(_Aligner):
             raise UserError(f"a string over {model} does not compare with strings over {served}; make it again")
         return ranked(self.matched(query_of_symbols(np.asarray(symbols, dtype=np.int32)), k, scope))
 
-    def long_query(self, query: Query, scope: Scope = EVERYTHING) -> LongAlignment:
+    def long_query(self, query: Query, scope: Scope = EVERYTHING, window: int | None = None) -> LongAlignment:
         """A clip whose ranges will be looked for one after another (section 7).
+
+        Args:
+            query: the clip.
+            scope: which clips may be answers.
+            window: how many symbols the ranges will have: they are cut into three segments. Without it, segments have
+                `SEGMENT_SYMBOLS`.
 
         Raises:
             UserError: as `symbols_of`; Smith-Waterman.
         """
         long, strings = self.symbols_of(query), self.strings.among(scope.admission(self.lake))
+        segments = None if window is None else -(-len(long.symbols) // step_of(window))
         with about(long.name):
-            kept = LongQuery(long.symbols, strings.repository, strings.distances, self.config)
-        return LongAlignment(long, strings, kept, self.clip_strings, served_config(self.lake).symbols)
+            kept = LongQuery(long.symbols, strings.repository, strings.distances, self.config, segments=segments)
+        symbols = served_config(self.lake).symbols
+        return LongAlignment(long, strings, kept, self.clip_strings, symbols, scope.own, self._threads)
 
     def distances(self, queries: Sequence[Query], gallery: Sequence[Query]) -> Float64Array:
         return self._pairwise(*([self.symbols_of(query) for query in side] for side in (queries, gallery)))
@@ -216,60 +222,3 @@ class AlignmentRangeSearcher(_Aligner):
                 )  # fmt: skip
 
         return MatchedFrames(strings, self.clip_strings, query, own=scope.own, crossing=self._crossing).hits(best, k)
-
-
-@dataclass(frozen=True)
-class LongAlignment:
-    """A long query, of which every segment is aligned at most once: look for as many ranges of it as you like.
-
-    The postures of a range are those of the long query. Where its string, reduced for itself, is a part of the long
-    query's, that part is looked for by the segments that cover it, and else it is aligned by itself: such a range
-    begins or ends within a repeat that the long query has folded.
-    """
-
-    query: StringQuery
-    strings: LakeStrings
-    kept: LongQuery
-    clips: ClipStrings
-    reduced: SymbolsConfig
-
-    def matches(self, start: int | None, stop: int | None, k: int, *, paths: bool = False) -> list[Hit]:
-        """The k best matches of frames [start, stop) of the long query, at its own rate.
-
-        Raises:
-            UserError: there are no such frames, or they are one symbol.
-        """
-        part = self.part(start, stop)
-        barred = barred_symbols(self.strings, part, self.clips)
-        first = self.place(part)
-
-        def best(count: int) -> list[Match]:
-            strings = self.strings
-            if first is None:
-                return best_matches(
-                    part.symbols, strings.repository, strings.distances, count, self.kept.config, barred=barred,
-                    paths=paths,
-                )  # fmt: skip
-            last = first + len(part.symbols)
-            found = self.kept.best_matches(first, last, count, barred=barred, paths=paths)
-            return [replace(m, path=None if m.path is None else m.path - np.array([first, 0])) for m in found]
-
-        return ranked(MatchedFrames(self.strings, self.clips, part).hits(best, k))
-
-    def part(self, start: int | None, stop: int | None) -> StringQuery:
-        """The string of a range, reduced for itself. Raises `UserError` as `matches`."""
-        whole, string = self.query, self.clips.of_query(self.query)
-        assert string is not None
-        first, last = frame_range(whole.name, start, stop, whole.stop)
-        return string_query(whole.name, string.part(first, last, self.reduced), whole.fps, whole.clip)
-
-    def place(self, part: StringQuery) -> int | None:
-        """Where a string stands in the long query's, nearest to its frames; None where it does not."""
-        whole, wanted = self.query, part.symbols
-        if len(wanted) > len(whole.symbols):
-            return None
-        windows = np.lib.stride_tricks.sliding_window_view(whole.symbols, len(wanted))
-        found = np.flatnonzero((windows == wanted).all(axis=1))
-        if not len(found):
-            return None
-        return int(found[np.argmin(np.abs(whole.string.starts[found] - part.start))])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, cast
 
@@ -22,6 +23,7 @@ COSTED = columns(
 )
 CYCLES = COSTED | columns(Hit, "cycles")
 ALIGNED = CYCLES | columns(Hit, "speed")
+WINDOWS = {"query_start": int, "query_stop": int} | ALIGNED
 
 
 @dataclass(frozen=True)
@@ -110,6 +112,15 @@ def align_symbols(
 ) -> list[Hit]:  # fmt: skip
     """The same for a list of symbols; `model` names their dictionary: another than the lake's is an error."""
     return _aligner(served, way).in_symbols(query_symbols, k, Scope(**vars(clips)), model=model)
+
+
+@sql_function(WINDOWS)
+def align_windows(
+    served: Served, query: str, window: int = 12, k: int = 10, way: Way = AS_CONFIGURED, clips: ClipFilter = EVERYTHING
+) -> Sequence[Hit]:
+    """The same for every window of some symbols, sliding over a clip, as `motionlake align --window`."""
+    scope = Scope(**vars(clips))
+    return _aligner(served, way).long_query(served.query(query), scope, window).windows(window, k)
 
 
 def _aligner(served: Served, way: Way) -> AlignmentRangeSearcher:
