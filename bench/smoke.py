@@ -132,6 +132,7 @@ SMOKES: Final[Sequence[Smoke]] = (
           "bench.words_speed.EMBED_SECONDS": 0.1, "bench.words_speed.COLD_QUERIES": 1,
           "bench.words_speed.PROCESSES": (2,),
           "bench.words_speed.K": 8, **_FEW_K}),
+    Smoke("bench.motif_weights", ("hdm05", "--seeds", "1"), {"bench.motif_weights.K": 8}),
     Smoke("bench.motion_graph", (), {"bench.motion_graph.SEEDS": ONE_SEED, "bench.motion_graph.WALKS": range(2),
           "bench.motion_graph.SECONDS": 5.0, **_FEW_K}),
     Smoke("bench.neighbours", ("--words", "1500"), {"bench.neighbours.ANCHORS": 20}),
