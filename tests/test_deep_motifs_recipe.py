@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from motionlake.arrays import Float32Array
 from motionlake.deep_motifs.config import NetworkConfig
 from motionlake.deep_motifs.words import training
-from motionlake.deep_motifs.words.deep_motifs import DeepMotifs, stands_still, triplet_loss
+from motionlake.deep_motifs.words.deep_motifs import DeepMotifs, drawn, stands_still, triplet_loss
 from motionlake.deep_motifs.words.dtw import word_distances
 from motionlake.deep_motifs.words.network import TrainedNetwork
 from motionlake.deep_motifs.words.positives import anchors, closest_in_time, split_clips
@@ -102,6 +102,17 @@ def test_negatives_are_words_of_other_clips_and_far_away_ones() -> None:
         for j, other in enumerate(rows):
             away = abs(int(found.starts[one]) - int(found.starts[other])) >= 40
             assert allowed[i, j] == (found.clips[one] != found.clips[other] or away)
+
+
+def test_a_batch_holds_anchors_with_a_positive_of_either_kind_and_copies() -> None:
+    found = anchors(clips(12), CONFIG, temporal=4, nearest=3)
+    rows, batch = drawn(found, 50, np.random.default_rng(0), CONFIG, reversible=False)
+    anchor, temporal, near, copy = np.split(batch, 4)
+    np.testing.assert_array_equal(anchor, found.words[rows])
+    np.testing.assert_allclose(copy[:, [0, -1]], anchor[:, [0, -1]], atol=1e-5)
+    for row, *seen in zip(rows, temporal, near, strict=True):
+        for word, positives in zip(seen, (found.temporal[row], found.nearest[row]), strict=True):
+            assert (found.words[positives] == word).all(axis=(1, 2)).any()
 
 
 def naive_loss(near: Float32Array, apart: Float32Array, allowed: np.ndarray, margin: float, negatives: str) -> float:

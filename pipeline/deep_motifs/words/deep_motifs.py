@@ -133,11 +133,11 @@ class DeepMotifsTraining:
         recipe, rng = self.recipe, np.random.default_rng(self.config.seed)
         watched = Watched(self.network, -(-self.config.steps // recipe.every))
         optimiser = torch.optim.Adam(self.network.parameters(), lr=recipe.learning_rate)
-        probe = self._drawn(self.material.held_out, recipe.probes, np.random.default_rng([self.config.seed, 2]))
+        probe = self._batch(self.material.held_out, recipe.probes, np.random.default_rng([self.config.seed, 2]))
 
         def step(number: int) -> float:
             self.network.train()
-            rows, batch = self._drawn(self.material.trained, recipe.batch, rng)
+            rows, batch = self._batch(self.material.trained, recipe.batch, rng)
             loss = self._loss(self.material.trained, rows, self.network(batch.to(self.device)))
             optimiser.zero_grad(set_to_none=True)
             loss.backward()  # type: ignore[no-untyped-call]
@@ -164,18 +164,12 @@ class DeepMotifsTraining:
             "held_out_loss": [round(loss, 6) for loss in watched.measured()],
         }
 
-    def _drawn(self, material: Anchors, count: int, rng: np.random.Generator) -> tuple[Int64Array, Tensor]:
-        """Anchors [B], and the words [4 B] of a batch: themselves, a positive of each kind, and copies."""
-        rows = rng.integers(0, len(material.words), count)
-        temporal, near = (
-            table[rows, rng.integers(0, table.shape[1], count)] for table in (material.temporal, material.nearest)
-        )
-        warped = copies(material.words[rows], rng, self.words, reversible=self.config.reversible)
-        batch = np.concatenate([material.words[np.concatenate([rows, temporal, near])], warped])
+    def _batch(self, material: Anchors, count: int, rng: np.random.Generator) -> tuple[Int64Array, Tensor]:
+        rows, batch = drawn(material, count, rng, self.words, reversible=self.config.reversible)
         return rows, torch.from_numpy(batch)
 
     def _loss(self, material: Anchors, rows: Int64Array, embedded: Tensor) -> Tensor:
-        """Equation 2 of a batch [4 B, d] as `_drawn` orders it."""
+        """Equation 2 of a batch [4 B, d] as `drawn` orders it."""
         anchor, *positives = torch.split(embedded, len(rows))
         near = torch.stack([(anchor - positive).square().sum(dim=1) for positive in positives])
         apart = (anchor[:, None] - anchor[None]).square().sum(dim=2)
@@ -187,6 +181,18 @@ class DeepMotifsTraining:
         self.network.eval()
         embedded = torch.cat([self.network(some.to(self.device)) for some in torch.split(batch, 128)])
         return float(self._loss(self.material.held_out, rows, embedded))
+
+
+def drawn(
+    material: Anchors, count: int, rng: np.random.Generator, words: WordConfig, *, reversible: bool
+) -> tuple[Int64Array, Float32Array]:
+    """Anchors [B], and the words [4 B, length, D] of a batch: they, a positive of either kind, and copies of them."""
+    rows = rng.integers(0, len(material.words), count)
+    temporal, near = (
+        table[rows, rng.integers(0, table.shape[1], count)] for table in (material.temporal, material.nearest)
+    )
+    warped = copies(material.words[rows], rng, words, reversible=reversible)
+    return rows, np.concatenate([material.words[np.concatenate([rows, temporal, near])], warped])
 
 
 def _batched(losses: list[float], count: int) -> list[list[float]]:
