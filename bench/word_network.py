@@ -41,30 +41,33 @@ PLAIN: Final[Mapping[str, Embedding]] = {
     "linear": partial(learned, architecture="linear"),
     "moves (default)": learned,
 }
-PAPER: Final = {f"paper, {negatives} negatives": negatives for negatives in NEGATIVES}
+PAPER: Final = {f"the paper's ({negatives} negatives)": negatives for negatives in NEGATIVES}
 # Set, row and seed.
 Unit = tuple[str, str, int]
 
 
-def trained(clips: list[Float32Array], negatives: str, seed: int) -> tuple[list[Float32Array], Found]:
+def trained(
+    clips: list[Float32Array], negatives: str, seed: int, checkpoint: Path | None
+) -> tuple[list[Float32Array], Found]:
     """Embedded words of each clip, and how the network that embeds them was trained."""
     words, config = WordConfig(), NetworkConfig(recipe="deep_motifs", negatives=negatives, seed=seed, steps=STEPS)
     started = time.process_time()
-    network = train_words(clips, words, config, deep_motifs=DeepMotifs(), device="cpu")
+    network = train_words(clips, words, config, deep_motifs=DeepMotifs(), checkpoint=checkpoint, device="cpu")
     seconds = time.process_time() - started
     found = {**network.metrics, "seconds_of_processor": round(seconds, 1), "measured_every": DeepMotifs().every}
     return [network.embed(word_windows(clip, words)) for clip in clips], found
 
 
-def measure(unit: Unit) -> dict[str, Found]:
-    """MAP and NN of one row on one set, on one thread; of a network its training too."""
+def measure(keep: Path | None, unit: Unit) -> dict[str, Found]:
+    """MAP and NN of one row on one set, on one thread; of a network its training too, that a folder may keep."""
     name, row, seed = unit
     with threadpool_limits(limits=1):
         clips = load(name)
         seen = features(clips, WordConfig())
         about: Found = {}
         if row in PAPER:
-            embedded, about = trained(seen, PAPER[row], seed)
+            checkpoint = keep / f"{name}-{PAPER[row]}-{seed}.safetensors" if keep else None
+            embedded, about = trained(seen, PAPER[row], seed, checkpoint)
         else:
             embedded = PLAIN[row](seen, WordConfig(), seed)
         scores = score(embedded, clips, seed)
@@ -107,12 +110,9 @@ def main() -> None:
     parser.add_argument("--keep", type=Path, help="folder from which a run that was interrupted goes on")
     given = parser.parse_args()
     runs: dict[str, dict[str, dict[int, Found]]] = {row: {} for row in given.rows}
+    chosen = units(given.sets, given.rows, given.seeds)
     for (name, row, seed), found in in_processes(
-        measure,
-        units(given.sets, given.rows, given.seeds),
-        given.processes,
-        lambda unit: "{}, {}, seed {}".format(*unit),
-        given.keep,
+        partial(measure, given.keep), chosen, given.processes, _said, given.keep
     ):
         runs[row].setdefault(name, {})[seed] = found[row]
     means = {
@@ -122,11 +122,11 @@ def main() -> None:
     print("MAP".ljust(28) + "".join(name.rjust(12) for name in given.sets))
     for row, of_sets in means.items():
         print(row.ljust(28) + "".join(f"{of_sets[name]:.3f}".rjust(12) for name in given.sets if name in of_sets))
-    chosen = default_by_others(means, given.sets)
-    for name, one in chosen.items():
+    others = default_by_others(means, given.sets)
+    for name, one in others.items():
         print(f"without {name}: {one['row']}, here {one['map']:.3f} (moves {one['today']:.3f})")
     paths = [p for name in given.sets for p in (recordings() / SETS[name].folder).rglob("*") if p.is_file()]
-    result = {"map": means, "runs": runs, "default_by_others": chosen, "steps_at_most": STEPS, "k": K}
+    result = {"map": means, "runs": runs, "default_by_others": others, "steps_at_most": STEPS, "k": K}
     print(record("word-network", result, hash_files(paths, recordings())))
 
 
