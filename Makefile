@@ -20,7 +20,7 @@ DEMO_SYNTHESIS = $(if $(filter demo/deepmimic,$(DATA)),$(BIN)/motionlake run syn
 DEMO_QUERIES = $(if $(filter demo/deepmimic,$(DATA)),humanoid3d_walk humanoid3d_kick humanoid3d_dance_a,--sample 3)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test lint docs ingest all $(STAGES) neighbours transitions synth quality status wheel bench-ingest bench-dtw bench-moves bench-emd bench-generalise bench-retrieval bench-scale bench-representation bench-words bench-find bench-motion-graph bench-neighbours bench-segmentation bench-signatures bench-sorting bench-align bench-strings bench-pesta bench-quality bench-rigs bench-descriptor-search bench-deephums bench-glogen bench-synthesis bench-text bench-kills bench-many bench-smoke fuzz records
+.PHONY: help setup demo test lint docs ingest all $(STAGES) neighbours transitions synth quality status wheel bench-ingest bench-dtw bench-moves bench-emd bench-generalise bench-retrieval bench-scale bench-representation bench-word-network bench-motif-weights bench-words bench-find bench-motion-graph bench-neighbours bench-segmentation bench-signatures bench-sorting bench-align bench-strings bench-pesta bench-quality bench-rigs bench-descriptor-search bench-deephums bench-glogen bench-synthesis bench-text bench-kills bench-many bench-smoke fuzz records
 
 help: ## Show this help
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 24
@@ -148,6 +148,12 @@ bench-retrieval: setup ## Measure retrieval on hdm05 beside its floors, and acro
 
 bench-representation: setup ## Measure words by raw numbers, DTW and networks, their length, K and the rest (minutes)
 	$(BIN)/python -m bench.representation
+
+bench-word-network: setup ## Measure the paper's word network beside closed forms, principal components and raw words (an hour)
+	$(BIN)/python -m bench.word_network
+
+bench-motif-weights: setup ## Measure signatures by quantity and density of motifs, with idf and without (minutes)
+	$(BIN)/python -m bench.motif_weights
 
 bench-words: setup ## Measure assigning words by DTW and by embedding, words embedded a second, a query from cold
 	$(BIN)/python -m bench.words_speed

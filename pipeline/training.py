@@ -88,9 +88,9 @@ class Checkpoint:
         self, network: nn.Module, optimiser: torch.optim.Optimizer, rng: np.random.Generator, losses: list[float]
     ) -> None:
         """Write the state, whole or not at all."""
-        tensors = {f"network.{name}": value.contiguous() for name, value in network.state_dict().items()}
+        tensors = {f"network.{name}": value.cpu().contiguous() for name, value in network.state_dict().items()}
         for index, entries in optimiser.state_dict()["state"].items():
-            tensors |= {f"optimiser.{index}.{key}": value.contiguous() for key, value in entries.items()}
+            tensors |= {f"optimiser.{index}.{key}": value.cpu().contiguous() for key, value in entries.items()}
         tensors["losses"] = torch.tensor(losses, dtype=torch.float64)
         state = {"key": self._key, "random": rng.bit_generator.state}
         temporary = self._path.with_name(f".{self._path.name}.tmp")
@@ -116,7 +116,7 @@ class Loop:
         progress: called with (steps done, steps, loss).
         told: steps from one such call to the next, fewer where steps are slow.
         stays: the file stays at the end, for a training of several networks that is interrupted at a later one.
-        ended: says before each step whether the training is over before its last step; it looks at the network alone.
+        over: asked before each step whether the training has ended already.
     """
 
     network: nn.Module
@@ -129,7 +129,7 @@ class Loop:
     progress: Progress | None = None
     told: int = 1
     stays: bool = False
-    ended: Callable[[], bool] | None = None
+    over: Callable[[], bool] = lambda: False
 
     def run(self) -> list[float]:
         """Train to the end; returns the loss of each step, those before a resumption too."""
@@ -137,7 +137,7 @@ class Loop:
         losses = kept.resume(self.network, self.optimiser, self.rng) if kept else []
         spoke = time.monotonic()
         for step in range(len(losses), self.steps):
-            if self.ended is not None and self.ended():
+            if self.over():
                 break
             done = step + 1
             with held() if kept else nullcontext():

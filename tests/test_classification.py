@@ -112,23 +112,22 @@ def test_what_cannot_be_answered_gets_one_clear_line(built_lake: Path, words: li
 
 
 @pytest.mark.recordings
-def test_real_recordings_get_their_classes(recordings: Path) -> None:
-    """Six classes of hdm05, untrained words: each clip gets its own class from all others."""
-    from motionlake.deep_motifs.emd import emd_matrix, ground_distances
-    from motionlake.deep_motifs.motifs import assign, fit_motifs
-    from motionlake.deep_motifs.signatures import signatures
+@pytest.mark.parametrize(
+    ("name", "chosen", "classes", "least"), [("hdm05", "hkls", 5, 0.97), ("bandai1", "", 16, 0.65)]
+)
+def test_recordings_get_their_classes(recordings: Path, name: str, chosen: str, classes: int, least: float) -> None:
+    """Sets that the pretrained words never saw: clips get their own class from all others.
+
+    With the columns of the weights shuffled one-vs-all reaches .47 on bandai1.
+    """
     from motionlake.evaluation.signatures import folded_accuracy
-    from motionlake.motion.features import WordConfig
 
-    from bench.canonical_sets import features, load
-    from bench.representation import shallow
+    from bench.canonical_sets import load
+    from tests.pretrained_words import signature_distances
 
-    chosen = [clip for clip in load("hdm05") if clip.label[0] in "hkls"][::2]
-    embedded = shallow(features(chosen, WordConfig()), WordConfig(), 0)
-    motifs = fit_motifs(np.concatenate(embedded), 60, 0)
-    made, _ = signatures([assign(words, motifs) for words in embedded], motifs.k)
-    distances = emd_matrix(made, ground_distances(motifs.centroids))
-    labels = [clip.label for clip in chosen]
+    clips = [clip for clip in load(name) if clip.label[0] in chosen or not chosen][:: 2 if chosen else 1]
+    distances = signature_distances(clips, 60)
+    labels = [clip.label for clip in clips]
 
     def one_vs_all(queries: np.ndarray, known: np.ndarray, names: list[str]) -> list[str]:
         return [v.label for v in classify_one_vs_all(queries, known, names)]
@@ -136,6 +135,6 @@ def test_real_recordings_get_their_classes(recordings: Path) -> None:
     def knn(queries: np.ndarray, known: np.ndarray, names: list[str]) -> list[str]:
         return [v.label for v in classify_knn(queries, names, 5)]
 
-    assert len(set(labels)) == 5
-    assert folded_accuracy(distances, labels, 5, one_vs_all) > 0.97
-    assert folded_accuracy(distances, labels, 5, knn) > 0.97
+    assert len(set(labels)) == classes
+    assert folded_accuracy(distances, labels, 5, one_vs_all) > least
+    assert folded_accuracy(distances, labels, 5, knn) > least

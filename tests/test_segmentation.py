@@ -29,17 +29,24 @@ from numpy.typing import NDArray
 STRIDE, LENGTH = 20, 80
 
 
-def corpus_of(clips: list[list[int]], places: NDArray[np.floating], idf: NDArray[np.float64] | None = None) -> Corpus:
-    """Clips of words given by their motifs; a word every 20 frames, 80 frames long."""
+def corpus_of(
+    clips: list[list[int]],
+    places: NDArray[np.floating],
+    idf: NDArray[np.float64] | None = None,
+    *,
+    stride: int = STRIDE,
+    length: int = LENGTH,
+) -> Corpus:
+    """Clips of words given by their motifs; a word every `stride` frames, `length` frames long."""
     offsets = np.cumsum([0, *map(len, clips)])
-    starts = np.concatenate([np.arange(len(c)) * STRIDE for c in clips])
-    frames = [(len(c) - 1) * STRIDE + LENGTH for c in clips]
+    starts = np.concatenate([np.arange(len(c)) * stride for c in clips])
+    frames = [(len(c) - 1) * stride + length for c in clips]
     known = [CorpusClip(f"set/{i}", "set", None, None, None, 120.0, n) for i, n in enumerate(frames)]
     k = len(places)
     weights = np.ones(k) if idf is None else idf
     motifs = np.concatenate(clips).astype(np.int32)
     return Corpus(
-        known, offsets, motifs, starts, starts + LENGTH, places.astype(np.float32), weights, np.ones(k), "m-1"
+        known, offsets, motifs, starts, starts + length, places.astype(np.float32), weights, np.ones(k), "m-1"
     )
 
 
@@ -195,7 +202,10 @@ def test_nothing_taught_is_an_error() -> None:
 
 @pytest.mark.recordings
 def test_real_takes_are_segmented_by_the_others(recordings: Path) -> None:
-    """cmu_exercises with untrained words (principal components), one take left out: far above chance, by few bands."""
+    """cmu_exercises with the pretrained words, one take left out: nearly every word, by few bands.
+
+    With the columns of the weights shuffled .94 of the words are right.
+    """
     from motionlake.deep_motifs.motifs import assign, fit_motifs
     from motionlake.formats import read_clips
     from motionlake.motion.canonicalise import canonicalise
@@ -203,29 +213,29 @@ def test_real_takes_are_segmented_by_the_others(recordings: Path) -> None:
     from motionlake.motion.kinematics import solve
     from motionlake.motion.rigs import identify, load_rigs
 
-    from bench.representation import shallow
+    from tests.pretrained_words import embedded
 
     rows = list(csv.DictReader((recordings / "cmu_exercises" / "segments.csv").open(encoding="utf-8")))
     names = sorted({row["file"] for row in rows})[:3]
-    config = WordConfig(length=16, stride=4)
-    features = []
+    config, features = WordConfig(), []
     for name in names:
         clip = read_clips(recordings / "cmu_exercises" / name)[0]
         motion = canonicalise(clip, solve(clip), identify(clip.hierarchy.joints, load_rigs()))
         features.append(word_features(motion.positions, motion.rotations, motion.fps, config))
-    embedded = shallow(features, config, 0)
-    motifs = fit_motifs(np.concatenate(embedded), 100, 0)
-    corpus = corpus_of([assign(words, motifs).tolist() for words in embedded], motifs.centroids)
+    words = embedded(features)
+    motifs = fit_motifs(np.concatenate(words), 100, 0)
+    assigned = [assign(each, motifs).tolist() for each in words]
+    corpus = corpus_of(assigned, motifs.centroids, stride=10, length=60)  # of the recordings' 120 frames a second
     taught = [
         LabelledRange(names.index(row["file"]), int(row["start"]), int(row["stop"]), row["label"])
         for row in rows
         if row["file"] in names[:2]
     ]
     truth = [(int(r["start"]), int(r["stop"]), r["label"]) for r in rows if r["file"] == names[2]]
-    segmenter = Segmenter(labelled_windows(corpus, taught, 9), corpus.ground, SegmentationConfig(window=9, reach=6))
-    words = corpus.words_of(2)
-    centres = (corpus.starts[words] + corpus.stops[words] - 1) / 2
-    found = segmenter.label_words(corpus.motifs[words], corpus.idf)
+    segmenter = Segmenter(labelled_windows(corpus, taught, 18), corpus.ground, SegmentationConfig(window=18, reach=12))
+    last = corpus.words_of(2)
+    centres = (corpus.starts[last] + corpus.stops[last] - 1) / 2
+    found = segmenter.label_words(corpus.motifs[last], corpus.idf)
     expected = [next((label for start, stop, label in truth if start <= c < stop), "") for c in centres]
-    assert np.mean(found.labels == np.array(expected)) > 0.85
+    assert np.mean(found.labels == np.array(expected)) > 0.95
     assert len(bands(found, centres, corpus.clips[2].frames)) < 3 * len(truth)

@@ -12,6 +12,9 @@ from motionlake.weights import Pretrained
 
 EXACT_WORDS: Final = 30_000
 CLOSED: Final = ("moves", "linear")  # architectures that are learned in closed form, without steps
+PAPER: Final = "inception736"  # the architecture of Deep Motifs
+RECIPES: Final = ("metric", "deep_motifs")
+NEGATIVES: Final = ("random", "semi-hard")
 ENOUGH: Final = 5_000  # words of a lake that trains its own network; the smallest lake measured held 5,644
 
 
@@ -25,12 +28,15 @@ class NetworkConfig:
             the words and the architecture, "own" always trains on the lake's clips, "auto" (default) does so where the
             lake holds `ENOUGH` words: own words retrieve no worse on any set measured (`docs/words.md`).
         seed: of its training.
-        steps: optimiser steps; "moves" and "linear" need none.
+        steps: optimiser steps; "moves" and "linear" need none. By recipe "deep_motifs" at most so many.
         max_words: size of the sample of words it is trained on.
         reversible: words played backwards are trained to count as alike (section 6.1).
+        recipe: how a network is trained that needs steps: "metric" (`words.training`), or "deep_motifs", that of the
+            paper (`words.deep_motifs`), which trains "inception736" where `architecture` needs no steps.
+        negatives: of recipe "deep_motifs": "random" (the paper's) or "semi-hard".
 
     Raises:
-        ValueError: other weights, or a number below one.
+        ValueError: other weights, another recipe or other negatives, or a number below one.
     """
 
     architecture: str = "moves"
@@ -39,12 +45,23 @@ class NetworkConfig:
     steps: int = 500
     max_words: int = 20_000
     reversible: bool = False
+    recipe: str = "metric"
+    negatives: str = "random"
 
     def __post_init__(self) -> None:
+        if self.recipe not in RECIPES:
+            raise ValueError(f"recipe is {self.recipe!r}, not {' or '.join(RECIPES)}")
+        if self.negatives not in NEGATIVES:
+            raise ValueError(f"negatives is {self.negatives!r}, not {' or '.join(NEGATIVES)}")
         if self.weights not in ("auto", "pretrained", "own"):
             raise ValueError(f"weights is {self.weights!r}, not auto, pretrained or own")
         if self.steps < 0 or self.max_words < 2:
             raise ValueError("a word network is trained on at least two words, for no negative number of steps")
+
+    @property
+    def built(self) -> str:
+        """The architecture that is trained."""
+        return PAPER if self.recipe == "deep_motifs" and self.architecture in CLOSED else self.architecture
 
 
 @dataclass(frozen=True)
@@ -77,7 +94,7 @@ class NeighboursConfig:
 def _same_words(about: Mapping[str, Any], words: WordConfig, network: NetworkConfig) -> bool:
     if network.weights == "own" or network.reversible:
         return False
-    return (about["words"], about["architecture"]) == (asdict(words), network.architecture)
+    return (about["words"], about["architecture"]) == (asdict(words), network.built)
 
 
 PRETRAINED_WORDS: Final = Pretrained(Path(__file__).parent / "weights" / "words-moves.safetensors", _same_words)

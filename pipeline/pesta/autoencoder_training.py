@@ -138,7 +138,7 @@ def train_autoencoder(
 
         done = Loop(
             watched, optimiser, rng, steps, train, kept, CHECKPOINT_EVERY, progress, REPORT_EVERY,
-            ended=lambda: watched.ended(recipe.patience),
+            over=lambda: watched.ended(recipe.patience),
         ).run()  # fmt: skip
         return _trained(watched.cpu(), known, other, recipe, len(done))
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from motionlake.arrays import Float32Array, Progress
-from motionlake.deep_motifs.config import CLOSED, ENOUGH, PRETRAINED_WORDS, NetworkConfig
+from motionlake.deep_motifs.config import CLOSED, ENOUGH, PAPER, PRETRAINED_WORDS, NetworkConfig
 from motionlake.lake.catalog import fetch
 from motionlake.lake.config import LakeConfig, config_hash
 from motionlake.lake.integrity import sound
@@ -20,6 +20,8 @@ from motionlake.stages.words import WORDS, read_features
 
 if TYPE_CHECKING:
     from motionlake.deep_motifs.words.network import TrainedNetwork
+
+TRUNK: Final = 2  # version of the layers of "inception736"; those of an earlier one cannot be read
 
 
 @dataclass(frozen=True)
@@ -42,7 +44,8 @@ class WordNetwork(ModelKind[WordSample]):
     help = """Train the word network that config.toml names; `motionlake run all` then embeds with it.
 
     Interrupted, the same command goes on where it stopped. [network] in config.toml says which architecture
-    ("moves", "linear", "conv", "inception736"), how many steps, and from which seed.
+    ("moves", "linear", "conv", "inception736"), how many steps, and from which seed; recipe = "deep_motifs" trains the
+    paper's network until its loss on held-out words stops falling.
 
     Example: motionlake train words --lake mylake
 
@@ -54,7 +57,12 @@ class WordNetwork(ModelKind[WordSample]):
     kept = ("words",)
 
     def key(self, at: LakeReader) -> str:
-        return config_hash(self.name, self.version, at.config.words, at.config.network)
+        shaping, default = asdict(at.config.network), NetworkConfig()
+        for name in ("recipe", "negatives"):  # added later: networks made before keep their key
+            if shaping[name] == getattr(default, name):
+                del shaping[name]
+        made = [] if at.config.network.built != PAPER else [TRUNK]
+        return config_hash(self.name, self.version, at.config.words, shaping, *made)
 
     def settings(self, config: LakeConfig) -> Mapping[str, Any]:
         return {"words": asdict(config.words), "network": asdict(config.network)}
@@ -67,8 +75,10 @@ class WordNetwork(ModelKind[WordSample]):
 
     def announce(self, at: LakeReader) -> str:
         network = at.config.network
-        steps = "" if network.architecture in CLOSED else f", {network.steps} steps; says how long after the first"
-        return f"will train a word network ({network.architecture}{steps})"
+        if network.built in CLOSED:
+            return f"will train a word network ({network.built})"
+        steps = f"at most {network.steps}" if network.recipe == "deep_motifs" else f"{network.steps}"
+        return f"will train a word network ({network.built}, {steps} steps; says how long after the first)"
 
     def data(self, at: LakeReader, where: Selection) -> WordSample | None:
         features = training_sample(at)
@@ -96,7 +106,7 @@ class WordNetwork(ModelKind[WordSample]):
 
     def take(self, lake: Lake, config: LakeConfig, weights: Path, file: str) -> Mapping[str, Any]:
         network = self.load(weights)
-        if (network.words, network.architecture) != (config.words, config.network.architecture):
+        if (network.words, network.architecture) != (config.words, config.network.built):
             raise ValueError(f"{weights} embeds other words than config.toml says")
         return super().take(lake, config, weights, file)
 

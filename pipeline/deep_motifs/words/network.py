@@ -2,8 +2,9 @@
 
 "linear" is the embedding of `linear`. "moves" (the default) is the same of a word with its moves beside it. "conv" is a
 small 1-D convolution over time beside a linear path that starts as that embedding: untrained it equals it.
-"inception736" follows the paper: an Inception network on the word as an image of frames by features, with
-the 736 channels of its last module (256 + 384 + 96) averaged into a unit vector.
+"inception736" follows the paper: an Inception network on the word as an image of frames by features, pooled after its
+first convolution as that of FaceNet is, with the 736 channels of its last module (256 + 384 + 96) averaged into a unit
+vector.
 """
 
 from __future__ import annotations
@@ -156,6 +157,7 @@ class InceptionBody(nn.Module):
         super().__init__()
         self.layers = nn.Sequential(
             _convolution(1, 64, 7, stride=2),
+            nn.MaxPool2d(3, 2, padding=1),
             Inception(64, 64, (96, 128), (16, 32), 32),
             nn.MaxPool2d(3, 2, padding=1),
             Inception(256, 128, (96, 192), (32, 64), 128),
@@ -164,6 +166,7 @@ class InceptionBody(nn.Module):
             nn.AdaptiveAvgPool2d(1),
             nn.Flatten(),
         )
+        self.to(memory_format=torch.channels_last)  # type: ignore[call-overload]  # 1.6 times as fast on a CPU
 
     def forward(self, words: Tensor) -> Tensor:
         return nn.functional.normalize(self.layers(words[:, None]), dim=1)

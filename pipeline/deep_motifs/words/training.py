@@ -1,4 +1,8 @@
-"""Training word networks (Deep Motifs, sections 3.3 and 3.4, equation 2)."""
+"""Training word networks (Deep Motifs, sections 3.3 and 3.4, equation 2).
+
+By recipe "metric" (`Recipe`) or by that of the paper (`motionlake.deep_motifs.words.deep_motifs`), as the configuration
+says; those that have a closed form, by it.
+"""
 
 from __future__ import annotations
 
@@ -10,14 +14,15 @@ import numpy as np
 import torch
 from motionlake.arrays import Float32Array, Progress
 from motionlake.deep_motifs.config import CLOSED, NetworkConfig
+from motionlake.deep_motifs.words.deep_motifs import DeepMotifs, DeepMotifsTraining, gathered
 from motionlake.deep_motifs.words.linear import LinearConfig, linear_embedding
 from motionlake.deep_motifs.words.network import LinearBody, TrainedNetwork, WordNetwork, build
 from motionlake.deep_motifs.words.triplets import (
     TrainingWords,
     TripletConfig,
+    copies,
     sample_words,
     time_reversed,
-    time_warped,
     training_words,
 )
 from motionlake.motion.features import WordConfig
@@ -30,13 +35,12 @@ CHECKPOINT_EVERY: Final = 100
 
 @dataclass(frozen=True)
 class Recipe:
-    """How a word network is trained; the defaults measured best (`docs/words.md`).
+    """Recipe "metric"; the defaults measured best (`docs/words.md`).
 
     Attributes:
         triplets: what positives and negatives are.
         linear: the embedding that "moves" and "linear" are and that "conv" starts from.
         margin: alpha of equation 2, in units of the squared median word distance.
-        temporal_weight: of the positives closest in time, beside 1 for each other kind. The paper's is 1.
         triplet_weight: of the triplet loss.
         metric_weight: of the term that keeps embedding distances equal to word distances.
         batch: anchors of a step.
@@ -48,18 +52,12 @@ class Recipe:
     triplets: TripletConfig = field(default_factory=TripletConfig)
     linear: LinearConfig = field(default_factory=LinearConfig)
     margin: float = 0.2
-    temporal_weight: float = 0.0
     triplet_weight: float = 1.0
     metric_weight: float = 1.0
     batch: int = 64
     pool: int = 128
     learning_rate: float = 1e-3
     threads: int = 1
-
-    @classmethod
-    def deep_motifs(cls) -> Recipe:
-        """The paper's (sections 3.3, 3.4): DTW alone, positives closest in time, equation 2 and nothing beside it."""
-        return cls(TripletConfig(elastic=1.0), LinearConfig.principal(), temporal_weight=1.0, metric_weight=0.0)
 
 
 def train_words(
@@ -68,6 +66,7 @@ def train_words(
     config: NetworkConfig,
     *,
     recipe: Recipe | None = None,
+    deep_motifs: DeepMotifs | None = None,
     start: TrainedNetwork | None = None,
     checkpoint: Path | None = None,
     device: str | None = None,
@@ -80,24 +79,29 @@ def train_words(
     Args:
         features: [T, D] of each clip, as `word_features` gives them.
         words: how words are cut.
-        config: architecture, seed, steps and sample size.
-        recipe: how to train.
+        config: architecture, recipe, seed, steps and sample size.
+        recipe: how to train by recipe "metric", and in closed form.
+        deep_motifs: how to train by the paper's.
         start: a network of the same words and architecture to go on from (fine-tuning).
         checkpoint: a file to save training to and to go on from; deleted at the end.
         device: of the computation; CUDA where there is one, else the CPU.
         progress: called with (steps done, steps, loss) every so often.
 
     Raises:
-        ValueError: fewer than two words, an unknown architecture, or a start of other words or architecture.
+        ValueError: fewer than two words (by the paper's recipe, clips), an unknown architecture, or a start of other
+            words or architecture.
     """
-    recipe = recipe or Recipe()
+    recipe, paper = recipe or Recipe(), deep_motifs or DeepMotifs()
+    by_paper = config.recipe == "deep_motifs"
     device = device or ("cuda" if torch.cuda.is_available() else "cpu")
-    if start is not None and (start.words, start.architecture) != (words, config.architecture):
+    if start is not None and (start.words, start.architecture) != (words, config.built):
         raise ValueError("fine-tuning needs a network of the same words and architecture")
-    with on_threads(recipe.threads), torch.random.fork_rng(devices=[]):
+    with on_threads(paper.threads if by_paper else recipe.threads), torch.random.fork_rng(devices=[]):
         torch.manual_seed(config.seed)
-        network = build(config.architecture, words)
-        if config.architecture in CLOSED:
+        network = build(config.built, words)
+        if by_paper:
+            metrics = _by_paper(network, features, words, config, paper, start, checkpoint, device, progress)
+        elif config.built in CLOSED:
             metrics = _solve(network, features, words, config, recipe, start)
         else:
             material = training_words(features, words, recipe.triplets, recipe.linear, config.max_words, config.seed)
@@ -105,7 +109,28 @@ def train_words(
             kept = Checkpoint(checkpoint, material.words, config, words, recipe) if checkpoint else None
             losses = _Fit(network.to(device), material, recipe, words, config, device).run(kept, progress)
             metrics = {"words": len(material.words), "anchors": len(material.anchors), "loss": _curve(losses)}
-    return TrainedNetwork(network.cpu().eval(), config.architecture, words, metrics)
+    return TrainedNetwork(network.cpu().eval(), config.built, words, metrics)
+
+
+def _by_paper(
+    network: WordNetwork,
+    features: list[Float32Array],
+    words: WordConfig,
+    config: NetworkConfig,
+    recipe: DeepMotifs,
+    start: TrainedNetwork | None,
+    checkpoint: Path | None,
+    device: str,
+    progress: Progress | None,
+) -> dict[str, Any]:
+    """Train by the paper's recipe; linear paths start as principal components."""
+    material = gathered(features, words, config, recipe)
+    trained = material.trained
+    matrix = linear_embedding(trained.words, trained.clips, LinearConfig.principal(), config.seed)
+    _initialise(network, trained.words, matrix, start)
+    kept = Checkpoint(checkpoint, trained.words, config, words, recipe) if checkpoint else None
+    training = DeepMotifsTraining(network.to(device), material, words, config, recipe, device)
+    return training.run(kept, CHECKPOINT_EVERY, progress, REPORT_EVERY)
 
 
 def _solve(
@@ -193,35 +218,25 @@ class _Fit:
         material, recipe = self.material, self.recipe
         rows = rng.integers(0, len(material.anchors), recipe.batch)
         pick = np.arange(recipe.batch)
-        near, temporal, neighbours = (
+        near, neighbours = (
             table[rows, rng.integers(0, table.shape[1], recipe.batch)]
-            for table in (material.nearest, material.temporal, material.neighbours)
+            for table in (material.nearest, material.neighbours)
         )
         random = rng.integers(0, len(material.words), recipe.pool)
         anchors = material.words[material.anchors[rows]]
-        pool = np.concatenate([near, temporal, neighbours, random])
-        batch = np.concatenate([anchors, self._copies(anchors, rng), material.words[pool]])
+        pool = np.concatenate([near, neighbours, random])
+        played = copies(anchors, rng, self.words, reversible=self.config.reversible)
+        batch = np.concatenate([anchors, played, material.words[pool]])
         embedded = self.network(torch.from_numpy(batch).to(self.device))
         anchor, warped, others = embedded.split([recipe.batch, recipe.batch, len(pool)])
         target = torch.from_numpy(material.distances[rows[:, None], pool]).to(self.device)
         squared = (anchor[:, None] - others[None]).square().sum(dim=2)
-        positives = torch.stack(
-            [squared[pick, pick], squared[pick, pick + recipe.batch], (anchor - warped).square().sum(dim=1)]
-        )
-        kinds = torch.tensor([1.0, recipe.temporal_weight, 1.0], device=self.device)
+        positives = torch.stack([squared[pick, pick], (anchor - warped).square().sum(dim=1)])
         negative = target > recipe.triplets.far
-        loss = recipe.triplet_weight * _triplet_loss(positives, kinds, squared, negative, recipe.margin)
+        loss = recipe.triplet_weight * _triplet_loss(positives, squared, negative, recipe.margin)
         if recipe.metric_weight:
             loss = loss + recipe.metric_weight * _metric_loss(squared, target)
         return loss
-
-    def _copies(self, words: Float32Array, rng: np.random.Generator) -> Float32Array:
-        """Time-warped copies; half of them played backwards where these count as alike."""
-        warped = time_warped(words, rng)
-        if not self.config.reversible:
-            return warped
-        chosen = rng.random(len(words)) < 0.5
-        return np.where(chosen[:, None, None], time_reversed(warped, self.words), warped)
 
 
 def _rate(step: int, steps: int, warm_up: float = 0.1) -> float:
@@ -235,13 +250,13 @@ def _curve(losses: list[float]) -> list[float]:
     return [round(float(np.mean(losses[i : i + REPORT_EVERY])), 5) for i in range(0, len(losses), REPORT_EVERY)]
 
 
-def _triplet_loss(positives: Tensor, kinds: Tensor, squared: Tensor, negative: Tensor, margin: float) -> Tensor:
+def _triplet_loss(positives: Tensor, squared: Tensor, negative: Tensor, margin: float) -> Tensor:
     """Equation 2, averaged over every positive of an anchor and every negative of the pool.
 
-    Squared embedding distances of positives [p, B] (of weights `kinds` [p]) and of the pool [B, P]; a mask [B, P].
+    Squared embedding distances of positives [p, B] and of the pool [B, P]; a mask [B, P].
     """
-    hinge = torch.relu(positives[:, :, None] - squared[None] + margin) * kinds[:, None, None]
-    return (hinge * negative).sum() / (kinds.sum() * negative.sum().clamp(min=1))
+    hinge = torch.relu(positives[:, :, None] - squared[None] + margin)
+    return (hinge * negative).sum() / (len(positives) * negative.sum().clamp(min=1))
 
 
 def _metric_loss(squared: Tensor, target: Tensor) -> Tensor:

@@ -1,9 +1,9 @@
-"""What a word network learns from: anchors, their positives and negatives (Deep Motifs, section 3.4).
+"""What recipe "metric" learns from: anchors, their positives and negatives (after Deep Motifs, section 3.4).
 
-Positives of an anchor are the z words of its clip closest in time without overlap, its k nearest words by
-DTW in *other* clips, and time-warped copies of itself. Negatives are words farther than a share of the
-median word distance: words drawn blindly are too often of the same action, and pushing those away teaches
-the network who moves and when instead of what.
+Positives of an anchor are its k nearest words in *other* clips, and time-warped copies of itself. Negatives are words
+farther than a share of the median word distance: words drawn blindly are too often of the same action, and pushing
+those away teaches the network who moves and when instead of what. What the paper draws is in
+`motionlake.deep_motifs.words.positives`.
 """
 
 from __future__ import annotations
@@ -23,16 +23,13 @@ class TripletConfig:
     """How training material is drawn.
 
     Attributes:
-        temporal: z, positives closest in time.
         nearest: k, positives nearest by word distance in other clips.
         anchors: words whose distances from all words are computed.
         far: negatives lie beyond this share of the median word distance.
         neighbourhood: share of all words that count as an anchor's neighbourhood when pairs are drawn.
-        elastic: share of DTW in the word distance; the rest is the distance in the linear embedding. The
-            paper's is 1.
+        elastic: share of DTW in the word distance; the rest is the distance in the linear embedding.
     """
 
-    temporal: int = 4
     nearest: int = 5
     anchors: int = 1500
     far: float = 0.6
@@ -51,7 +48,6 @@ class TrainingWords:
         anchors: [A] indices of words, ascending.
         distances: [A, N] word distances (`_distances`); their median is 1.
         linear: [d, length * D] `linear_embedding` of flattened words.
-        temporal: [A, z] words closest in time without overlap; the anchor itself where there are none.
         nearest: [A, k] nearest words of other clips; the anchor itself where there are none.
         neighbours: [A, h] the nearest words of any clip, the anchor left out.
     """
@@ -62,7 +58,6 @@ class TrainingWords:
     anchors: Int64Array
     distances: Float32Array
     linear: Float32Array
-    temporal: Int64Array
     nearest: Int64Array
     neighbours: Int64Array
 
@@ -93,11 +88,10 @@ def training_words(
     metric: Metric = "geodesic" if words.representation == "rotations" else "euclidean"
     projection = linear_embedding(stacked, clips, linear, seed)
     distances = _distances(stacked, anchors, projection, metric, config.elastic)
-    temporal = _temporal(clips, starts, anchors, words.length, config.temporal)
     elsewhere = _nearest(distances, anchors, clips[anchors][:, None] != clips, config.nearest)
     count = max(config.nearest, round(config.neighbourhood * len(clips)))
     neighbours = _nearest(distances, anchors, np.arange(len(clips)) != anchors[:, None], count)
-    return TrainingWords(stacked, clips, starts, anchors, distances, projection, temporal, elsewhere, neighbours)
+    return TrainingWords(stacked, clips, starts, anchors, distances, projection, elsewhere, neighbours)
 
 
 def sample_words(
@@ -147,6 +141,15 @@ def time_reversed(words: Float32Array, config: WordConfig) -> Float32Array:
     return turned
 
 
+def copies(words: Float32Array, rng: np.random.Generator, config: WordConfig, *, reversible: bool) -> Float32Array:
+    """Time-warped copies of words; half of them played backwards where these count as alike."""
+    warped = time_warped(words, rng)
+    if not reversible:
+        return warped
+    chosen = rng.random(len(words)) < 0.5
+    return np.where(chosen[:, None, None], time_reversed(warped, config), warped)
+
+
 def _distances(
     words: Float32Array, anchors: Int64Array, projection: Float32Array, metric: Metric, elastic: float
 ) -> Float32Array:
@@ -165,18 +168,6 @@ def _distances(
         found = np.sqrt(frame_distances(embedded[anchors], embedded))
         total += found * np.float32((1 - elastic) / (float(np.median(found)) or 1.0))
     return total / np.float32(float(np.median(total)) or 1.0)
-
-
-def _temporal(clips: Int64Array, starts: Int64Array, anchors: Int64Array, length: int, count: int) -> Int64Array:
-    positives = np.repeat(anchors[:, None], count, axis=1)
-    for row, anchor in enumerate(anchors):
-        low, high = np.searchsorted(clips, [clips[anchor], clips[anchor] + 1])
-        apart = np.abs(starts[low:high] - starts[anchor])
-        order = np.argsort(apart, kind="stable")
-        chosen = order[apart[order] >= length][:count]
-        if len(chosen):
-            positives[row] = low + np.resize(chosen, count)  # few: repeat them rather than the anchor
-    return positives
 
 
 def _nearest(distances: Float32Array, anchors: Int64Array, allowed: BoolArray, count: int) -> Int64Array:

@@ -1,0 +1,134 @@
+"""The paper's word network beside others: `python -m bench.word_network [--seeds N] [--rows ROW,...] [--keep FOLDER]
+[SET ...]`.
+
+The network of Deep Motifs (section 3.3) is trained by the recipe of section 3.4 on the words of a set, without labels,
+until its loss on held-out words stops falling (`[network] recipe = "deep_motifs"`); with random negatives, which are
+the paper's, and with semi-hard ones. Beside it stand raw words, their principal components, and both closed forms
+("linear", "moves"). Every row goes on as in `bench.representation`: K motifs, tf-idf signatures, exact Earth Mover's
+Distance, leave one out over whole clips. The paper's row has `--seeds` seeds on the sets of MANY and seed 0 on the
+others, all other rows seed 0; "semi-hard" is measured on the sets of MANY alone.
+
+Last comes the choice of a default: each set is left out in turn, and the row is taken that is best on the others.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Mapping
+from functools import partial
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from motionlake.arrays import Float32Array
+from motionlake.deep_motifs.config import NEGATIVES, NetworkConfig
+from motionlake.deep_motifs.words.deep_motifs import DeepMotifs
+from motionlake.deep_motifs.words.training import train_words
+from motionlake.motion.features import WordConfig, word_windows
+from threadpoolctl import threadpool_limits
+
+from bench.canonical_sets import SETS, features, load
+from bench.record import hash_files, record, recordings
+from bench.representation import SEEDS, Embedding, K, learned, raw, score, shallow
+from bench.units import Found, in_processes
+
+STEPS: Final = 2_000  # at most
+MANY: Final = ("hdm05", "salsa")  # sets on which trainings have several seeds
+PLAIN: Final[Mapping[str, Embedding]] = {
+    "raw words": raw,
+    "principal components": shallow,
+    "linear": partial(learned, architecture="linear"),
+    "moves (default)": learned,
+}
+PAPER: Final = {f"the paper's ({negatives} negatives)": negatives for negatives in NEGATIVES}
+# Set, row and seed.
+Unit = tuple[str, str, int]
+
+
+def trained(
+    clips: list[Float32Array], negatives: str, seed: int, checkpoint: Path | None
+) -> tuple[list[Float32Array], Found]:
+    """Embedded words of each clip, and how the network that embeds them was trained."""
+    words, config = WordConfig(), NetworkConfig(recipe="deep_motifs", negatives=negatives, seed=seed, steps=STEPS)
+    started = time.process_time()
+    network = train_words(clips, words, config, deep_motifs=DeepMotifs(), checkpoint=checkpoint, device="cpu")
+    seconds = time.process_time() - started
+    found = {**network.metrics, "seconds_of_processor": round(seconds, 1), "measured_every": DeepMotifs().every}
+    return [network.embed(word_windows(clip, words)) for clip in clips], found
+
+
+def measure(keep: Path | None, unit: Unit) -> dict[str, Found]:
+    """MAP and NN of one row on one set, on one thread; of a network its training too, that a folder may keep."""
+    name, row, seed = unit
+    with threadpool_limits(limits=1):
+        clips = load(name)
+        seen = features(clips, WordConfig())
+        about: Found = {}
+        if row in PAPER:
+            checkpoint = keep / f"{name}-{PAPER[row]}-{seed}.safetensors" if keep else None
+            embedded, about = trained(seen, PAPER[row], seed, checkpoint)
+        else:
+            embedded = PLAIN[row](seen, WordConfig(), seed)
+        scores = score(embedded, clips, seed)
+    return {row: {"map": scores.map, "nn": scores.nn, **about}}
+
+
+def units(names: list[str], rows: list[str], seeds: int) -> list[Unit]:
+    """What is measured, in this order."""
+    random, hard = PAPER
+    many = [name for name in names if name in MANY]
+    first = [(name, random, 0) for name in names]
+    plain = [(name, row, 0) for name in names for row in PLAIN]
+    more = [(name, random, seed) for seed in SEEDS[1:seeds] for name in many]
+    return [unit for unit in (*first, *plain, *more, *((name, hard, 0) for name in many)) if unit[1] in rows]
+
+
+def default_by_others(means: Mapping[str, Mapping[str, float]], names: list[str]) -> dict[str, dict[str, Any]]:
+    """{set: the row that is best on the others by mean MAP, and the MAP of it and of today's default here}."""
+    whole = {row: found for row, found in means.items() if set(names) <= set(found)}
+    today, chosen = "moves (default)", {}
+    if len(names) < 2 or today not in whole:
+        return {}
+    for left_out in names:
+        others = [name for name in names if name != left_out]
+        best = max(whole, key=lambda row: float(np.mean([whole[row][name] for name in others])))
+        chosen[left_out] = {"row": best, "map": whole[best][left_out], "today": whole[today][left_out]}
+    return chosen
+
+
+def _said(unit: Unit) -> str:
+    return "{}, {}, seed {}".format(*unit)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description="The paper's word network beside others.")
+    parser.add_argument("sets", nargs="*", default=list(SETS), metavar="SET", help=f"of {', '.join(SETS)}")
+    parser.add_argument("--seeds", type=int, default=len(SEEDS), choices=range(1, len(SEEDS) + 1))
+    parser.add_argument("--rows", type=lambda text: text.split(","), default=[*PLAIN, *PAPER], help="these alone")
+    parser.add_argument("--processes", type=int, default=1, help="at work side by side, one thread each")
+    parser.add_argument("--keep", type=Path, help="folder from which a run that was interrupted goes on")
+    given = parser.parse_args()
+    runs: dict[str, dict[str, dict[int, Found]]] = {row: {} for row in given.rows}
+    chosen = units(given.sets, given.rows, given.seeds)
+    for (name, row, seed), found in in_processes(
+        partial(measure, given.keep), chosen, given.processes, _said, given.keep
+    ):
+        runs[row].setdefault(name, {})[seed] = found[row]
+    means = {
+        row: {name: float(np.mean([run["map"] for run in seeds.values()])) for name, seeds in found.items()}
+        for row, found in runs.items()
+    }
+    print("MAP".ljust(28) + "".join(name.rjust(12) for name in given.sets))
+    for row, of_sets in means.items():
+        print(row.ljust(28) + "".join(f"{of_sets[name]:.3f}".rjust(12) for name in given.sets if name in of_sets))
+    others = default_by_others(means, given.sets)
+    for name, one in others.items():
+        print(f"without {name}: {one['row']}, here {one['map']:.3f} (moves {one['today']:.3f})")
+    paths = [p for name in given.sets for p in (recordings() / SETS[name].folder).rglob("*") if p.is_file()]
+    result = {"map": means, "runs": runs, "default_by_others": others, "steps_at_most": STEPS, "k": K}
+    print(record("word-network", result, hash_files(paths, recordings())))
+
+
+if __name__ == "__main__":
+    main()
