@@ -37,11 +37,8 @@ BENCH: Final = re.compile(r"\bbench\.[a-z]|\bmake bench-")
 SCALES: Final = (1, 100, 1000, 1e-3, 1e-6)
 WITHOUT: Final[tuple[str, ...]] = (
     "applications.md: Query by example inside sequences",
-    "measurements.md: On other characters: `python -m bench.retargeting`",
     "postures.md: The dictionary",
     "postures.md: What was measured",
-    "search.md: How good it is",
-    "skeletons.md: Twist of straight arms in HDM05",
     "synthesis.md: How it does",
     "synthesis.md: In the lake",
 )
