@@ -78,6 +78,7 @@ def _parts(module: str, parts: str, *words: str, **smaller: Any) -> list[Smoke]:
 ELSEWHERE: Final = {
     "against": "tests/test_against.py",
     "check_records": "tests/test_check_records.py",
+    "check_figures": "tests/test_check_figures.py",
     "golden": "tests/test_golden.py",
     "trust_cost": "tests/test_against.py",  # another that needs a second checkout: its arithmetic alone
 }

@@ -180,6 +180,13 @@ def test_folded_repeats_are_told_with_their_period(
         assert 0 <= fold.start < fold.stop <= clip.seconds
 
 
+def test_a_first_run_of_one_sample_is_not_folded() -> None:
+    starts = np.maximum(0, (np.arange(3) - 0.5) / 30)  # the first lasts half as long as a sample
+    runs = np.array([4, 5, 6])
+    clip = StripOfSymbols(0.1, standing(2), np.array([0.0, 0.05]), runs, starts, runs, starts, standing(3))
+    assert folds(clip, 1 / 30) == []
+
+
 @pytest.fixture(scope="module")
 def material(built_lake: Path) -> Iterator[SymbolMaterial]:
     lake = open_lake(built_lake)

@@ -95,7 +95,8 @@ def folds(clip: StripOfSymbols, sample: float) -> list[Fold]:
     `sample` are the seconds between two coded postures; a run begins half of that before its first sample.
     """
     runs = np.asarray(clip.runs).tolist()
-    owner = np.searchsorted(clip.starts, clip.run_starts + sample - 1e-9, side="left") - 1
+    begin = np.where(clip.run_starts > 0, clip.run_starts, -sample / 2)  # of the first run, before the clip's frames
+    owner = np.searchsorted(clip.starts, begin + sample - 1e-9, side="left") - 1
     edges = np.append(clip.run_starts, clip.seconds)
     found = []
     for symbol in np.unique(owner).tolist():
