@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Mapping
-from pathlib import Path
 
 import numpy as np
 from motionlake.arrays import Float64Array, Int64Array
@@ -28,7 +27,7 @@ from threadpoolctl import threadpool_limits
 from bench.canonical_sets import SETS, features, load
 from bench.record import hash_files, record, recordings
 from bench.representation import SEEDS, K, learned
-from bench.units import Found, in_processes, table, with_seeds
+from bench.units import Found, in_processes, table, unit_options, with_seeds
 
 # Set and seed.
 Unit = tuple[str, int]
@@ -81,9 +80,7 @@ def _said(unit: Unit) -> str:
 def main() -> None:
     parser = argparse.ArgumentParser(description="What a motif counts in a signature.")
     parser.add_argument("sets", nargs="*", default=list(SETS), metavar="SET", help=f"of {', '.join(SETS)}")
-    parser.add_argument("--seeds", type=int, default=len(SEEDS), choices=range(1, len(SEEDS) + 1))
-    parser.add_argument("--processes", type=int, default=1, help="at work side by side, one thread each")
-    parser.add_argument("--keep", type=Path, help="folder from which a run that was interrupted goes on")
+    unit_options(parser)
     given = parser.parse_args()
     units = [(name, seed) for name in given.sets for seed in SEEDS[: given.seeds]]
     runs: dict[str, dict[str, dict[int, Found]]] = {name: {} for name in given.sets}

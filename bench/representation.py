@@ -18,6 +18,7 @@ import argparse
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cache, partial
+from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
@@ -38,7 +39,7 @@ from threadpoolctl import threadpool_limits
 
 from bench.canonical_sets import SETS, LabelledClip, features, load
 from bench.record import hash_files, record, recordings
-from bench.units import Found, in_processes
+from bench.units import Found, in_processes, unit_options
 
 K: Final = 100
 COMPONENTS: Final = 48
@@ -266,14 +267,14 @@ def _said(unit: Unit) -> str:
 Runs = dict[str, dict[str, dict[int, dict[str, float]]]]
 
 
-def measure_all(names: list[str], processes: int, seeds: int, chosen: list[str]) -> Runs:
+def measure_all(names: list[str], processes: int, seeds: int, chosen: list[str], keep: Path | None = None) -> Runs:
     """{row: {set: {seed: measures}}} of each row of `chosen` on those of `names` that it is measured on."""
     made = {name: row for name, row in rows().items() if name in chosen}
     units = [(s, r, seed) for r, row in made.items() for s in names if s in row.sets for seed in row.seeds[:seeds]]
     units.sort(key=lambda unit: -ALL.index(unit[0]))  # the largest set first: no long one is left for the end
     runs: Runs = {name: {s: {} for s in names if s in row.sets} for name, row in made.items()}
     runs = {name: found for name, found in runs.items() if found}
-    for (set_name, row_name, seed), found in in_processes(_measured, units, processes, _said):
+    for (set_name, row_name, seed), found in in_processes(_measured, units, processes, _said, keep):
         runs[row_name][set_name][seed] = found["scores"]
     return runs
 
@@ -312,12 +313,11 @@ def _line(name: str, found: Mapping[str, Mapping[str, float]], names: list[str],
 def main() -> None:
     parser = argparse.ArgumentParser(description="Ablations of motion words.")
     parser.add_argument("sets", nargs="*", default=list(ALL), metavar="SET", help=f"of {', '.join(ALL)}")
-    parser.add_argument("--processes", type=int, default=2, help="at work side by side, one thread each")
-    parser.add_argument("--seeds", type=int, default=len(SEEDS), choices=range(1, len(SEEDS) + 1))
+    unit_options(parser, processes=2)
     parser.add_argument("--rows", type=lambda text: text.split(","), help=f"these alone, of: {'; '.join(rows())}")
     given = parser.parse_args()
     chosen = given.rows or list(rows())
-    runs = measure_all(given.sets, given.processes, given.seeds, chosen)
+    runs = measure_all(given.sets, given.processes, given.seeds, chosen, given.keep)
     print(table(runs, given.sets))
     paths = [p for name in given.sets for p in (recordings() / SETS[name].folder).rglob("*") if p.is_file()]
     result = {

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import multiprocessing
+from argparse import ArgumentParser
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
@@ -20,6 +21,13 @@ Found = dict[str, Any]
 Unit = TypeVar("Unit")
 DRAWN: Final = ("curve", "confusion")
 COUNTS: Final = ("n", "symbols", "occupied")
+
+
+def unit_options(parser: ArgumentParser, processes: int = 1) -> None:
+    """--seeds, --processes and --keep, as `in_processes` takes them."""
+    parser.add_argument("--seeds", type=int, default=len(SEEDS), choices=range(1, len(SEEDS) + 1))
+    parser.add_argument("--processes", type=int, default=processes, help="at work side by side, one thread each")
+    parser.add_argument("--keep", type=Path, help="folder from which a run that was interrupted goes on")
 
 
 def in_processes(

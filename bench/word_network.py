@@ -31,7 +31,7 @@ from threadpoolctl import threadpool_limits
 from bench.canonical_sets import SETS, features, load
 from bench.record import hash_files, record, recordings
 from bench.representation import SEEDS, Embedding, K, learned, raw, score, shallow
-from bench.units import Found, in_processes
+from bench.units import Found, in_processes, unit_options
 
 STEPS: Final = 2_000  # at most
 MANY: Final = ("hdm05", "salsa")  # sets on which trainings have several seeds
@@ -104,10 +104,8 @@ def _said(unit: Unit) -> str:
 def main() -> None:
     parser = argparse.ArgumentParser(description="The paper's word network beside others.")
     parser.add_argument("sets", nargs="*", default=list(SETS), metavar="SET", help=f"of {', '.join(SETS)}")
-    parser.add_argument("--seeds", type=int, default=len(SEEDS), choices=range(1, len(SEEDS) + 1))
+    unit_options(parser)
     parser.add_argument("--rows", type=lambda text: text.split(","), default=[*PLAIN, *PAPER], help="these alone")
-    parser.add_argument("--processes", type=int, default=1, help="at work side by side, one thread each")
-    parser.add_argument("--keep", type=Path, help="folder from which a run that was interrupted goes on")
     given = parser.parse_args()
     runs: dict[str, dict[str, dict[int, Found]]] = {row: {} for row in given.rows}
     chosen = units(given.sets, given.rows, given.seeds)

@@ -107,6 +107,10 @@ def test_all_answers_that_are_near_enough(built_lake: Path) -> None:
         assert motionlake(*ask, "--below", limit).json == near
         assert motionlake(*ask, "--below", limit, "-k", 3).json == near[:3]
     assert len(near) > 10  # more than there are without --below
+    ask = ["align", clip, "--window", 6, "--lake", built_lake, "--json"]
+    every = motionlake(*ask, "-k", 10_000).json
+    limit = sorted(row["distance"] for row in every)[len(every) // 2]
+    assert motionlake(*ask, "--below", limit).json == [row for row in every if row["distance"] < limit]
 
 
 @pytest.mark.parametrize("method", ["sta", "dtw", "sw"])

@@ -265,6 +265,7 @@ def test_sub_queries_of_a_lake_are_measured(lake: Path, clips_folder: Path, sche
         (["--only", "note"], "COLUMN=VALUE"),
         (["--baseline", "luck"], "auto, dtw, none"),
         (["--stride", "0"], "--stride"),
+        (["--stride", "65"], "--stride: stride is 65"),
         (["--dataset", "no/name"], "no/name"),
         (["--protocol", "luck"], "there are whole, sub-queries, holistic"),
         (["--protocol", "holistic"], "no two clips have segments of one class"),
@@ -326,3 +327,19 @@ def test_drawn_ranges_are_of_every_class_and_follow_the_seed() -> None:
     assert [each.label for each in drawn] == ["few"] * 3 + ["many"] * 10
     assert set(drawn) <= set(ranges)
     assert drawn == drawn_ranges(ranges, 10, 0) != drawn_ranges(ranges, 10, 1)
+
+
+def test_only_segments_of_one_posture_count_as_refused(lake: Path, clips_folder: Path) -> None:
+    """A frame is one symbol, which `align` refuses; a lake that is damaged is told of."""
+    clips = query(lake, "SELECT path, frames, clip FROM clips JOIN symbol_strings USING (clip) WHERE len(symbols) > 3")
+    (one, long, _), (other, frames, _) = clips[:2]
+    taught_lake(lake, clips_folder, [(one, 0, long, "move"), (other, 0, frames, "move"), (one, 3, 4, "move")])
+    ask = ("evaluate", "pesta", "--protocol", "several-labels", "--lake", lake, "--json")
+    found = motionlake(*ask).json["several_labels"]["sta"]
+    assert (found["n"], found["n_refused"]) == (2, 1)
+    assert found["all_map"] == pytest.approx(found["map"] * 2 / 3)
+    for part in sorted(lake.glob("frames/**/*.parquet")):
+        part.write_bytes(part.read_bytes()[:-40])
+    damaged = motionlake(*ask)
+    assert damaged.status == 2
+    assert "parquet" in damaged.err

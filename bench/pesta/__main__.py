@@ -21,7 +21,7 @@ from bench.pesta.dictionaries import OWN
 from bench.pesta.measuring import with_seeds
 from bench.pesta.sets import hash_sets
 from bench.record import record
-from bench.units import SEEDS, Found, in_processes, table
+from bench.units import SEEDS, Found, in_processes, table, unit_options
 
 Rows = dict[str, dict[int, Found]]
 Recipe = AutoencoderRecipe | None  # of the autoencoder, if not its own
@@ -33,7 +33,7 @@ def _gathered(
     units: Sequence[Any],
     processes: int,
     order: Callable[[Any], str],
-    keep: Path | None = None,
+    keep: Path | None,
 ) -> dict[str, Rows]:
     """{set: {row: {seed: found}}}, rows in the order of the units."""
     done = dict(in_processes(measure, units, processes, str, keep))
@@ -46,7 +46,9 @@ def _gathered(
 
 def measure_whole(given: argparse.Namespace, recipe: Recipe) -> Measured:
     sets = whole.MORE_SETS if given.all else whole.SETS
-    runs = _gathered(whole.measure, whole.units(sets, given.chosen, recipe), given.processes, lambda u: u.set_name)
+    runs = _gathered(
+        whole.measure, whole.units(sets, given.chosen, recipe), given.processes, lambda u: u.set_name, given.kept
+    )
     result = {name: with_seeds(rows) for name, rows in runs.items()}
     for name, rows in result.items():
         print(f"\n{table(name, rows, (*whole.SCORES, 'n', 'symbols'))}")
@@ -55,7 +57,9 @@ def measure_whole(given: argparse.Namespace, recipe: Recipe) -> Measured:
 
 
 def measure_ranges(given: argparse.Namespace, recipe: Recipe) -> Measured:
-    runs = _gathered(ranges.measure, ranges.units(given.chosen, recipe), given.processes, lambda unit: ranges.SET)
+    runs = _gathered(
+        ranges.measure, ranges.units(given.chosen, recipe), given.processes, lambda unit: ranges.SET, given.kept
+    )
     rows = with_seeds(runs[ranges.SET])
     print(f"\n{table(ranges.SET, rows, ('map', 'mean_of_classes', 'p_at_5', 'nn', 'n'))}")
     _show_classes(ranges.SET, rows)
@@ -64,7 +68,9 @@ def measure_ranges(given: argparse.Namespace, recipe: Recipe) -> Measured:
 
 def measure_sub_queries(given: argparse.Namespace, recipe: Recipe) -> Measured:
     units = sub_queries.units(given.chosen, recipe)
-    rows = with_seeds(_gathered(sub_queries.measure, units, 1, lambda unit: sub_queries.SET)[sub_queries.SET])
+    rows = with_seeds(
+        _gathered(sub_queries.measure, units, 1, lambda unit: sub_queries.SET, given.kept)[sub_queries.SET]
+    )
     print(f"\n{table(sub_queries.SET, rows, (*sub_queries.SCORES, 'seconds', 'share_of_time', 'points_lost'))}")
     print(sub_queries.verdict(rows))
     return {"rows": rows, "paper": sub_queries.PAPER}, [sub_queries.SET]
@@ -72,7 +78,7 @@ def measure_sub_queries(given: argparse.Namespace, recipe: Recipe) -> Measured:
 
 def measure_robustness(given: argparse.Namespace, recipe: Recipe) -> Measured:
     units = robustness.units(given.chosen, recipe)
-    runs = _gathered(robustness.measure, units, given.processes, lambda unit: robustness.SET)
+    runs = _gathered(robustness.measure, units, given.processes, lambda unit: robustness.SET, given.kept)
     rows = with_seeds(runs[robustness.SET])
     curves = robustness.fall(rows)
     print(f"\nMAP by rate, and its share of that at rate 0, {robustness.SET}")
@@ -103,14 +109,14 @@ def _draw(folder: Path, rows: Mapping[str, Found]) -> None:
 
 def measure_elasticity(given: argparse.Namespace, recipe: Recipe) -> Measured:
     units = elasticity.units(given.chosen, recipe)
-    rows = with_seeds(_gathered(elasticity.measure, units, 1, lambda unit: elasticity.SET)[elasticity.SET])
+    rows = with_seeds(_gathered(elasticity.measure, units, 1, lambda unit: elasticity.SET, given.kept)[elasticity.SET])
     print(f"\n{table(elasticity.SET, rows, elasticity.SCORES)}")
     return rows, [elasticity.SET]
 
 
 def measure_ablations(given: argparse.Namespace, recipe: Recipe) -> Measured:
     units = ablations.units(ablations.SETS, recipe)
-    runs = _gathered(ablations.measure, units, given.processes, lambda unit: unit.set_name, given.keep)
+    runs = _gathered(ablations.measure, units, given.processes, lambda unit: unit.set_name, given.kept)
     result = {name: with_seeds(rows) for name, rows in runs.items()}
     for name, rows in result.items():
         print(f"\n{table(name, rows, ('map', 'p_at_5', 'nn', 'symbols', 'occupied'))}")
@@ -118,7 +124,7 @@ def measure_ablations(given: argparse.Namespace, recipe: Recipe) -> Measured:
 
 
 def measure_recipes(given: argparse.Namespace, recipe: Recipe) -> Measured:
-    runs = _gathered(recipes.measure, recipes.units(recipe), given.processes, lambda unit: unit.set_name, given.keep)
+    runs = _gathered(recipes.measure, recipes.units(recipe), given.processes, lambda unit: unit.set_name, given.kept)
     result = {name: with_seeds(rows) for name, rows in runs.items()}
     for name, rows in result.items():
         print(f"\n{table(name, rows, recipes.SCORES)}")
@@ -129,7 +135,7 @@ def measure_recipes(given: argparse.Namespace, recipe: Recipe) -> Measured:
 
 def measure_threshold(given: argparse.Namespace, recipe: Recipe) -> Measured:
     units = threshold.units(given.chosen)
-    rows = with_seeds(_gathered(threshold.measure, units, given.processes, lambda unit: "lakes", given.keep)["lakes"])
+    rows = with_seeds(_gathered(threshold.measure, units, given.processes, lambda unit: "lakes", given.kept)["lakes"])
     print(threshold.verdict(rows))
     return rows, (*threshold.SETS, threshold.TAKES)
 
@@ -158,10 +164,8 @@ def _show_classes(title: str, rows: Mapping[str, Found]) -> None:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("parts", nargs="*", metavar="PART", help=f"of {', '.join(PARTS)} (default: all)")
-    parser.add_argument("--seeds", type=int, default=len(SEEDS), choices=range(1, len(SEEDS) + 1))
-    parser.add_argument("--processes", type=int, default=2, help="at work side by side, one thread each")
+    unit_options(parser, processes=2)
     parser.add_argument("--hidden", type=int, help="units and steps of the autoencoders: few, to try the bench itself")
-    parser.add_argument("--keep", type=Path, help="recipes, threshold, ablations: folder that keeps what was measured")
     parser.add_argument("--pictures", type=Path, help="robustness: draw figure 8 into this folder")
     parser.add_argument("--all", action="store_true", help="whole: salsa and utd_mhad as well")
     given = parser.parse_args()
@@ -171,6 +175,7 @@ def main() -> None:
     recipe = AutoencoderRecipe(hidden=given.hidden, steps=given.hidden, every=given.hidden) if given.hidden else None
     for part in given.parts or list(PARTS):
         print(f"\n{part}", flush=True)
+        given.kept = given.keep and given.keep / part  # units of two parts may be called alike
         figures, sets = PARTS[part](given, recipe)
         settings = {
             "postures": asdict(OWN),

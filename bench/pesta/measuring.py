@@ -3,19 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
 from typing import Final
 
-import numpy as np
-from motionlake.evaluation.ranking import (
-    by_class,
-    confusion,
-    others,
-    precision_recall,
-    ranked_relevance,
-    relatives,
-    score_rankings,
-)
+from motionlake.arrays import FloatArray
+from motionlake.evaluation.pesta.whole import scores
+from motionlake.evaluation.ranking import by_class, others, ranked_relevance, relatives, score_rankings
 from motionlake.pesta.config import AlignmentConfig
 from motionlake.pesta.scan import Both, symmetric_costs
 from motionlake.pesta.strings import Distances
@@ -41,16 +33,11 @@ def whole_scores(
     return score_distances(symmetric_costs([s.symbols for s in strings], distances, config, both=both), labels)
 
 
-def score_distances(distances: np.ndarray, labels: Sequence[str]) -> Found:
-    """Scores of [n, n] distances, MAP of each class, precision-recall curves and the confusion of the first 20."""
-    rankings = ranked_relevance(distances, relatives(labels), others(len(labels)))
-    of_classes = by_class(rankings, labels)
-    curves = {label: precision_recall(hits)["precision"] for label, hits in of_classes.items()}
-    return {
-        **asdict(score_rankings(rankings)),
-        "map_by_class": {label: score_rankings(hits).map for label, hits in of_classes.items()},
-        "curve": precision_recall(rankings) | {"by_class": curves},
-        "confusion": confusion(distances, labels, labels, others(len(labels))),
+def score_distances(distances: FloatArray, labels: Sequence[str]) -> Found:
+    """Scores of [n, n] distances as `motionlake evaluate pesta` has them, and MAP of each class."""
+    of_classes = by_class(ranked_relevance(distances, relatives(labels), others(len(labels))), labels)
+    return scores(distances, labels) | {
+        "map_by_class": {label: score_rankings(hits).map for label, hits in of_classes.items()}
     }
 
 

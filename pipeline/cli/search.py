@@ -260,8 +260,9 @@ def align(
     from motionlake.retrieval.protocol import Scope
 
     target, k = open_lake(lake), _count(k, below)
-    if window is not None and (given := _named(whole, crossing, path, mirrored, picture, below)):
-        raise UserError(f"--window: looks for many ranges at once; leave {given} out")
+    alone = {"--whole": whole, "--crossing": crossing, "--path": path, "--mirrored": mirrored, "--picture": picture}
+    if window is not None and (given := _given(alone)):
+        raise UserError(f"--window: looks for many ranges at once; leave {' and '.join(given)} out")
     if whole and (crossing or path):
         raise UserError("--whole: compares whole clips; leave --crossing and --path out")
     if path and not as_json:
@@ -306,16 +307,9 @@ def _of_window(hit: WindowHit) -> dict[str, object]:
     return {"query_start": hit.query_start, "query_stop": hit.query_stop} | hit.as_row()
 
 
-def _named(whole: bool, crossing: bool, path: bool, mirrored: bool, picture: Path | None, below: float | None) -> str:
-    given = {
-        "whole": whole,
-        "crossing": crossing,
-        "path": path,
-        "mirrored": mirrored,
-        "picture": picture is not None,
-        "below": below is not None,
-    }
-    return " and ".join(f"--{name}" for name, is_given in given.items() if is_given)
+def _given(options: Mapping[str, object]) -> list[str]:
+    """The names of those options that were given."""
+    return [name for name, value in options.items() if value is not None and value is not False]
 
 
 def _text(lake: Lake, encoder: str | None) -> LakeText:
@@ -326,9 +320,8 @@ def _text(lake: Lake, encoder: str | None) -> LakeText:
 
 def _check_clip_named(given: Mapping[str, object]) -> None:
     """Raises `UserError` where an option is given that says something of the clip to search for, and none is."""
-    for option_name, value in given.items():
-        if value is not None and value is not False:
-            raise UserError(f"{option_name}: is for a clip to search for; name one beside --text")
+    for name in _given(given):
+        raise UserError(f"{name}: is for a clip to search for; name one beside --text")
 
 
 def _check_picture(path: Path | None, queries: int) -> None:

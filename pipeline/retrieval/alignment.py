@@ -200,7 +200,7 @@ class AlignmentRangeSearcher(_Aligner):
         with about(long.name):
             kept = LongQuery(long.symbols, strings.repository, strings.distances, self.config, segments=segments)
         symbols = served_config(self.lake).symbols
-        return LongAlignment(long, strings, kept, self.clip_strings, symbols, scope.own, self._threads)
+        return LongAlignment(long, strings, kept, self.clip_strings, symbols, scope, self._threads)
 
     def distances(self, queries: Sequence[Query], gallery: Sequence[Query]) -> Float64Array:
         return self._pairwise(*([self.symbols_of(query) for query in side] for side in (queries, gallery)))

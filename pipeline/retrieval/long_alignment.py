@@ -12,7 +12,7 @@ from motionlake.pesta.config import SymbolsConfig
 from motionlake.pesta.long_query import LongQuery
 from motionlake.pesta.matches import Match, best_matches
 from motionlake.retrieval.matched_frames import MatchedFrames
-from motionlake.retrieval.protocol import Hit, ranked
+from motionlake.retrieval.protocol import EVERYTHING, Hit, Scope
 from motionlake.retrieval.symbol_strings import ClipStrings, StringQuery, barred_symbols, string_query
 
 
@@ -43,7 +43,7 @@ class LongAlignment:
         kept: what is known of its sub-queries.
         clips: the strings before their repeats are folded.
         reduced: how a range is reduced.
-        own: the range itself may be an answer.
+        scope: which of the strings' answers count.
         threads: which share the work.
     """
 
@@ -52,7 +52,7 @@ class LongAlignment:
     kept: LongQuery
     clips: ClipStrings
     reduced: SymbolsConfig
-    own: bool = False
+    scope: Scope = EVERYTHING
     threads: int = 1
 
     def windows(self, symbols: int, k: int) -> list[WindowHit]:
@@ -83,7 +83,7 @@ class LongAlignment:
             UserError: there are no such frames, or they are one symbol.
         """
         part = self.part(start, stop)
-        barred = None if self.own else barred_symbols(self.strings, part, self.clips)
+        barred = None if self.scope.own else barred_symbols(self.strings, part, self.clips)
         first = self.place(part)
 
         def best(count: int) -> list[Match]:
@@ -97,7 +97,7 @@ class LongAlignment:
             found = self.kept.best_matches(first, last, count, barred=barred, paths=paths)
             return [replace(m, path=None if m.path is None else m.path - np.array([first, 0])) for m in found]
 
-        return ranked(MatchedFrames(self.strings, self.clips, part, own=self.own).hits(best, k))
+        return self.scope.near(MatchedFrames(self.strings, self.clips, part, own=self.scope.own).hits(best, k))
 
     def part(self, start: int | None, stop: int | None) -> StringQuery:
         """The string of a range, reduced for itself. Raises `UserError` as `matches`."""

@@ -35,6 +35,10 @@ KEPT: Final = 1000  # clips whose unfolded strings are remembered
 EVERY: Final = [SymbolsConfig(runs, repeats) for runs in (True, False) for repeats in (True, False)]
 
 
+class OnePostureError(UserError):
+    """A query whose frames are one symbol: there is nothing to align."""
+
+
 @dataclass(frozen=True)
 class StringQuery:
     """A string that stands for frames [start, stop) of a clip or file; `clip` where it is one of the lake.
@@ -67,7 +71,7 @@ def string_query(name: str, string: UnfoldedString, fps: float, clip: str | None
     """A string as a query for the frames that it stands for.
 
     Raises:
-        UserError: it is one symbol.
+        OnePostureError: it is one symbol.
     """
     start, stop = int(string.starts[0]), int(string.stops[-1])
     return _long_enough(StringQuery(name, string.folded, start, stop, clip, string, fps))
@@ -77,7 +81,7 @@ def clip_query(name: str, string: SymbolString, fps: float) -> StringQuery:
     """A whole clip of the lake as a query.
 
     Raises:
-        UserError: it is one symbol.
+        OnePostureError: it is one symbol.
     """
     return _long_enough(StringQuery(name, string, 0, int(string.stops[-1]), name, None, fps))
 
@@ -100,7 +104,7 @@ def _long_enough(query: StringQuery) -> StringQuery:
     if count == 0:
         raise UserError(f"{query.name}: is empty; a string to align has at least {SHORTEST} symbols")
     if count < SHORTEST:
-        raise UserError(
+        raise OnePostureError(
             f"{query.name}: frames {query.start} to {query.stop} are one symbol, a posture that is held; take a longer "
             "range, one in which the body moves"
         )

@@ -86,10 +86,10 @@ def _scores(
     found: dict[str, Any] = {}
     for k in FIRST:
         total = sum(float(row[:k].sum()) / k for row in right)
-        found |= {f"p_at_{k}": total / n if n else 0.0, f"all_p_at_{k}": total / (n + refused)}
+        found |= {f"p_at_{k}": total / n, f"all_p_at_{k}": total / (n + refused)}
     rows = [_complete(row, count) for row, count in zip(right, most, strict=True) if count]
     known = [label for label, count in zip(labels, most, strict=True) if count]
-    found["map"] = sum(map(average_precision, rows)) / n if n else 0.0
+    found["map"] = sum(map(average_precision, rows)) / n
     curve: dict[str, Any] = {"recall": [], "precision": []} if not rows else precision_recall(rows)
     of_classes = {label: precision_recall(hits)["precision"] for label, hits in by_class(rows, known).items()}
     return {

@@ -18,8 +18,8 @@ from motionlake.pesta.config import AlignmentConfig, Method
 from motionlake.pesta.symbols import SymbolString
 from motionlake.retrieval.alignment import AlignmentRangeSearcher
 from motionlake.retrieval.labelled_clips import SignedClips
-from motionlake.retrieval.protocol import Query
-from motionlake.retrieval.symbol_strings import StringQuery
+from motionlake.retrieval.protocol import Query, about
+from motionlake.retrieval.symbol_strings import OnePostureError, StringQuery
 
 # The paper's strides: whole clips, parts of clips.
 WHOLE_STRIDE: Final = 3
@@ -49,8 +49,13 @@ class Measuring:
     stride: int | None = None
 
     def alignment(self, method: Method, stride: int) -> AlignmentConfig:
-        """As the lake aligns, by a method and with this stride unless another was asked for."""
-        return replace(served_config(self.lake).alignment, method=method, stride=self.stride or stride)
+        """As the lake aligns, by a method and with this stride unless another was asked for.
+
+        Raises:
+            UserError: a stride that is out of range.
+        """
+        with about("--stride"):
+            return replace(served_config(self.lake).alignment, method=method, stride=self.stride or stride)
 
     @cached_property
     def segments(self) -> Mapping[str, Segments]:
@@ -72,7 +77,7 @@ class Measuring:
         """Segments as queries, up to ten of each class that another clip shows, drawn by seed.
 
         Raises:
-            UserError: no class is shown by two clips.
+            UserError: no class is shown by two clips, or all segments are one symbol.
         """
         rows = [LabelledRange(clip, *segment) for clip, rows in self.segments.items() for segment in rows]
         clips_of: dict[str, set[str]] = {}
@@ -89,8 +94,10 @@ class Measuring:
         for each in drawn:
             try:
                 queries.append((each, searcher.symbols_of(Query(each.clip, each.start, each.stop))))
-            except UserError:  # one symbol
+            except OnePostureError:
                 refused += 1
+        if not queries:
+            raise UserError(f"each of {refused} segments is one posture, a symbol: there is nothing to align")
         return Asked(queries, refused)
 
 

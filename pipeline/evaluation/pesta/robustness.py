@@ -26,6 +26,7 @@ from motionlake.pesta.config import METHODS, Method
 from motionlake.pesta.scan import symmetric_costs
 from motionlake.pesta.symbols import symbolise
 from motionlake.retrieval.labelled_clips import FramedClip
+from motionlake.retrieval.protocol import about
 from motionlake.retrieval.symbol_strings import served_dictionary
 
 PIECE: Final = 10  # frames
@@ -49,7 +50,11 @@ class Framed:
 
 def measure_robustness(measuring: Measuring) -> dict[str, Any] | None:
     """By method and share of replaced pieces ("0", "0.1", …): map, nn, p_at_5, and kept, its MAP as a share of that
-    without replaced pieces. None where no two clips share a label."""
+    without replaced pieces. None where no two clips share a label, or all do.
+
+    Raises:
+        UserError: no clip of another class is as long as a piece.
+    """
     signed, strings, lake = measuring.signed.labelled(), measuring.strings, measuring.lake
     labels = signed.labels
     if len(set(labels)) in (1, len(labels)):
@@ -61,7 +66,9 @@ def measure_robustness(measuring: Measuring) -> dict[str, Any] | None:
     for rate in RATES:
         measuring.options.notice(f"{rate:.0%} of the pieces of {len(known)} clips replaced")
         own = []
-        for clip in singular_clips(known, labels, rate, SEED):
+        with about(f"{rate:.0%} replaced"):
+            replaced = singular_clips(known, labels, rate, SEED)
+        for clip in replaced:
             codes = dictionary.encode(word_features(clip.positions, clip.rotations, clip.fps, dictionary.config.frames))
             string = symbolise(
                 codes, codes_fps=dictionary.config.fps, fps=clip.fps, n_frames=len(clip.positions), config=reduced
