@@ -27,21 +27,18 @@ from typing import Final, NamedTuple
 
 import numpy as np
 from motionlake.arrays import BoolArray, Float32Array, Int32Array, Int64Array
-from motionlake.kernels import njit
 from motionlake.pesta.config import DEFAULT_ALIGNMENT, AlignmentConfig
+from motionlake.pesta.long_query_paths import alignment, by_column, leg, select
 from motionlake.pesta.matches import (
-    Alignment,
     Match,
     beginning,
     placed,
-    step_back,
     taken_symbols,
     trace,
-    weights_of,
 )
 from motionlake.pesta.scan import in_threads, useful_threads
 from motionlake.pesta.segments import strip_profile, strip_scanner
-from motionlake.pesta.selection import BLOCK, ascending_blocks, next_column
+from motionlake.pesta.selection import BLOCK
 from motionlake.pesta.strings import Boundaries, Distances, Repository, checked
 from motionlake.pesta.vectors import LANES
 from numpy.typing import ArrayLike
@@ -52,7 +49,6 @@ KEPT_BYTES: Final = 64 << 20  # of what is kept for a session; the sub-queries a
 MOST_IN_A_STRIP: Final = 6  # sub-queries of one lane
 _BLOCK_BYTES: Final = 4 * BLOCK
 _FEWEST_BLOCKS: Final = 32
-_ZERO, _INFINITY = np.float32(0), np.float32(np.inf)
 
 
 class _Kept(NamedTuple):
@@ -178,7 +174,7 @@ class LongQuery:
             self._keep(self._scan(strips, wanted, self._blocks(k)))
         while True:
             taken = taken_symbols(barred, len(self._strings.symbols))
-            found, costs, enough = _select(
+            found, costs, enough = select(
                 segments, self._strings.symbols, self._matrix.matrix, self._stride, *self._kept[cover],
                 self._strings.offsets, self._inside, taken, k, np.float32(below), *rows,
             )  # fmt: skip
@@ -224,7 +220,7 @@ class LongQuery:
         if count >= self._blocks(None):
             bounds[:] = np.inf
         else:
-            _by_column(blocks, costs)
+            by_column(blocks, costs)
         return {
             cover: _Kept(blocks[each], costs[each].reshape(-1), bounds[each])
             for each, cover in enumerate(covers)
@@ -248,8 +244,8 @@ class LongQuery:
         """[L, 2] (query index, symbol of the repository) of the sub-query's own rows."""
         begin, pieces, column = beginning(self._strings.offsets, end), [], end
         for segment in range(len(segments) - 1, -1, -1):
-            a = _alignment(segments[segment], self._strings.symbols, self._matrix.matrix, self._stride)
-            end, column, *_ = _leg(a, begin, column, segment == len(segments) - 1, 0, self.segment_length)
+            a = alignment(segments[segment], self._strings.symbols, self._matrix.matrix, self._stride)
+            end, column, *_ = leg(a, begin, column, segment == len(segments) - 1, 0, self.segment_length)
             pieces.append(trace(a, begin, end) + np.array([(first + segment) * self.segment_length, 0]))
         whole = np.concatenate(pieces[::-1])
         rows = whole[:, 0]
@@ -277,122 +273,3 @@ def _strips(firsts: Sequence[int], chain: int, threads: int) -> list[_Strips]:
     gap = min(range(1, MOST_IN_A_STRIP + 1), key=cost) if len(firsts) > LANES else 1
     begins = lanes(gap)
     return [_Strips(begins[at : at + LANES], gap, chain) for at in range(0, len(begins), LANES)]
-
-
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
-def _by_column(blocks: Int32Array, costs: Float32Array) -> None:
-    """Put the blocks [s, c] of sub-queries, and their costs [s, c, BLOCK], in ascending order."""
-    for each in range(len(blocks)):
-        order = np.argsort(blocks[each])
-        blocks[each], costs[each] = blocks[each][order], costs[each][order]
-
-
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
-def _alignment(segment: Int32Array, symbols: Int32Array, distances: Float32Array, stride: int) -> Alignment:
-    return Alignment(segment, symbols, distances, stride, False, np.float32(0), np.float32(0))
-
-
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
-def _leg(a: Alignment, begin: int, near: int, last: bool, first_row: int, last_row: int) -> tuple[int, int, int, int]:
-    """The part of a path that lies in one segment: the columns of its end and its beginning, of its first cell from
-    `first_row` on, and of its last cell before `last_row`.
-
-    near: the column where the path ends, in the `last` segment; else that of the top element in the segment after.
-
-    The stretch of columns is long enough where the path lies within it: then its cost is true, and those of the other
-    cells that it was compared with are no greater than the true ones.
-    """
-    n_columns = len(a.query) + a.stride + 1
-    while True:
-        low = max(begin, near + 1 - n_columns)
-        weights = weights_of(a, low, near, _ZERO if low > begin else _INFINITY)
-        end = near - low + a.stride
-        if not last:
-            here, nearest = end, max(near - a.stride, begin) - low + a.stride
-            end = max(here - 1, nearest)
-            for step in range(a.stride):
-                other = max(here if step == 0 else here - step - 1, nearest)
-                if weights[other, -1] < weights[end, -1]:
-                    end = other
-        x, c, first, final = len(a.query) - 1, end, end, -1
-        while c >= a.stride:
-            final = c if final < 0 and x < last_row else final
-            first = c if x >= first_row else first
-            if x == 0:
-                to_columns = low - a.stride
-                return end + to_columns, c + to_columns, first + to_columns, final + to_columns
-            distance = a.distances[a.query[x], a.symbols[low + c - a.stride]]
-            rows, columns = step_back(weights, x, c, distance, a.stride)
-            x, c = x - rows, c - columns
-        n_columns *= 2
-
-
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
-def _portion(
-    segments: Int32Array,
-    symbols: Int32Array,
-    distances: Float32Array,
-    stride: int,
-    begin: int,
-    end: int,
-    taken: BoolArray,
-    first_row: int,
-    last_row: int,
-) -> tuple[int, int]:
-    """First and last column of a path in rows [first_row, last_row) of some segments; -1, -1 if it meets a taken."""
-    n, n_rows = segments.shape
-    low, high = end, end
-    for segment in range(n - 1, -1, -1):
-        a = _alignment(segments[segment], symbols, distances, stride)
-        above = segment * n_rows
-        _, _, first, final = _leg(a, begin, low, segment == n - 1, first_row - above, last_row - above)
-        low, high = first, final if segment == n - 1 else high
-        if np.any(taken[low : max(low, high) + 1]):
-            return -1, -1
-    return low, max(low, high)
-
-
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
-def _select(
-    segments: Int32Array,
-    symbols: Int32Array,
-    distances: Float32Array,
-    stride: int,
-    blocks: Int32Array,
-    costs: Float32Array,
-    bound: np.float32,
-    offsets: Int64Array,
-    inside: Int64Array,
-    taken: BoolArray,
-    k: int,
-    limit: np.float32,
-    first_row: int,
-    last_row: int,
-) -> tuple[Int64Array, Float32Array, bool]:
-    """[h, 3] start, stop and end column of the best matches, their costs [h], and whether the blocks suffice.
-
-    segments: [s, rows] those that cover the sub-query, which are its rows [first_row, last_row).
-    """
-    found, paid = np.empty((min(k, len(symbols)), 3), dtype=np.int64), np.empty(min(k, len(symbols)), dtype=np.float32)
-    n = 0
-    # A path that goes on below the sub-query may end on a symbol that is taken.
-    whole = last_row == segments.size
-    drawn = np.zeros(len(costs), dtype=np.bool_)
-    heap = ascending_blocks(costs)
-    while n < len(found):
-        place = next_column(heap, costs, drawn)
-        cost = costs[place] if place >= 0 else bound
-        if not cost < min(bound, limit):
-            return found[:n], paid[:n], not bound < limit if cost >= bound else True
-        end = np.int64(blocks[place // BLOCK]) * BLOCK + place % BLOCK
-        if whole and taken[end]:
-            continue
-        begin = beginning(offsets, end)
-        low, high = _portion(segments, symbols, distances, stride, begin, end, taken, first_row, last_row)
-        if low < 0 or low < beginning(inside, high):
-            continue
-        taken[low : high + 1] = True
-        found[n, 0], found[n, 1], found[n, 2] = low, high + 1, end
-        paid[n] = cost
-        n += 1
-    return found[:n], paid[:n], True
