@@ -13,11 +13,12 @@ from hypothesis import strategies as st
 from motionlake.arrays import Float32Array
 from motionlake.deep_motifs.config import NetworkConfig
 from motionlake.deep_motifs.words import training
-from motionlake.deep_motifs.words.deep_motifs import DeepMotifs, drawn, stands_still, triplet_loss
+from motionlake.deep_motifs.words.deep_motifs import DeepMotifs, drawn, triplet_loss
 from motionlake.deep_motifs.words.dtw import word_distances
 from motionlake.deep_motifs.words.network import TrainedNetwork
 from motionlake.deep_motifs.words.positives import anchors, closest_in_time, split_clips
 from motionlake.deep_motifs.words.training import train_words
+from motionlake.early_stopping import stands_still
 from motionlake.lake.catalog import fetch, reading
 from motionlake.lake.config import LakeConfig
 from motionlake.lake.layout import Lake, open_lake
@@ -140,11 +141,17 @@ def test_the_loss_is_that_of_every_triplet(negatives: str, share: float) -> None
 
 
 def test_training_stops_when_the_loss_stands_still() -> None:
-    assert not stands_still([], 2, 0.01)
-    assert not stands_still([3.0, 2.0, 1.0], 2, 0.01)
-    assert not stands_still([3.0, 4.0, 2.9, 3.5], 2, 0.01)
-    assert stands_still([3.0, 4.0, 2.99, 3.5], 2, 0.01)  # falls by less than a hundredth
-    assert stands_still([0.0, 0.0, 0.0], 2, 0.01)
+    def hundredth(least: float) -> float:
+        return least * 0.99
+
+    assert not stands_still([], 2, hundredth)
+    assert not stands_still([3.0, 2.0, 1.0], 2, hundredth)
+    assert not stands_still([3.0, 4.0, 2.9, 3.5], 2, hundredth)
+    assert stands_still([3.0, 4.0, 2.99, 3.5], 2, hundredth)  # falls by less than a hundredth
+    assert stands_still([0.0, 0.0, 0.0], 2, hundredth)
+    assert not stands_still([0.0, 0.0, 0.0], 0, hundredth)
+    assert stands_still([-1.0, -1.0005, -1.0009], 2, lambda least: least - 1e-3)
+    assert not stands_still([-1.0, -1.0005, -1.002], 2, lambda least: least - 1e-3)
 
 
 def test_a_network_that_learns_no_more_stops_early_with_its_best_weights() -> None:

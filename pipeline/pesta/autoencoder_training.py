@@ -10,11 +10,12 @@ from typing import Any, Final
 import numpy as np
 import torch
 from motionlake.arrays import Float32Array, Int64Array, Progress
+from motionlake.early_stopping import Watched, stands_still
 from motionlake.pesta.autoencoder import AutoencoderEncoder, AutoencoderRecipe, PostureAutoencoder
 from motionlake.pesta.config import PosturesConfig
 from motionlake.pesta.occupancy import mean_postures
 from motionlake.training import Checkpoint, Loop, on_threads
-from torch import Tensor, nn
+from torch import Tensor
 from torch.nn.functional import binary_cross_entropy_with_logits, one_hot
 
 REPORT_EVERY: Final = 50
@@ -40,43 +41,6 @@ class TrainedAutoencoder:
     codes: Float32Array
     postures: Float32Array
     metrics: dict[str, Any]
-
-
-class Watched(nn.Module):
-    """A network in training, and what its validations have found: all that a checkpoint has to keep.
-
-    Attributes:
-        network: in training.
-        best: with the lowest loss so far.
-        found: [validations, 3] step, loss, symbols in use; rows of zeros are to come.
-    """
-
-    found: Tensor
-
-    def __init__(self, network: PostureAutoencoder, best: PostureAutoencoder, validations: int) -> None:
-        super().__init__()
-        self.network, self.best = network, best
-        self.register_buffer("found", torch.zeros(validations, 3, dtype=torch.float64))
-
-    @property
-    def curve(self) -> list[list[float]]:
-        """[[step, loss, symbols in use]] of the validations done."""
-        return [row for row in self.found.tolist() if row[0]]
-
-    def note(self, step: int, loss: float, occupied: int) -> None:
-        """Enter a validation; keep the network if its loss is the lowest."""
-        curve = self.curve
-        if not curve or loss < min(row[1] for row in curve):
-            self.best.load_state_dict(self.network.state_dict())
-        self.found[len(curve)] = torch.tensor([step, loss, occupied])
-
-    def ended(self, patience: int) -> bool:
-        """Whether so many validations have passed since the loss fell."""
-        lowest, last = float("inf"), 0
-        for number, (_, loss, _) in enumerate(self.curve):
-            if loss < lowest - LEAST_FALL:
-                lowest, last = loss, number
-        return bool(patience) and len(self.curve) - 1 - last >= patience
 
 
 def train_autoencoder(
@@ -117,12 +81,12 @@ def train_autoencoder(
     with on_threads(1), torch.random.fork_rng(devices=[]):
         torch.manual_seed(config.seed)
         size = (postures.shape[1], config.m, recipe.style, recipe.hidden)
-        network, best = PostureAutoencoder(*size), PostureAutoencoder(*size)
+        network = PostureAutoencoder(*size)
         mean = known.mean(axis=0, dtype=np.float64).astype(np.float32)
         network.mean.copy_(torch.from_numpy(mean))
         network.scale.fill_(float(np.std(known - mean, dtype=np.float64)) or 1.0)
         steps = recipe.count(len(known))
-        watched = Watched(network, best, -(-steps // recipe.every)).to(device)
+        watched = Watched(network, -(-steps // recipe.every), numbers=3).to(device)
         kept = Checkpoint(checkpoint, known, config, recipe) if checkpoint else None
         parameters = [*network.autoencoder(), *network.critics()]
         optimiser = torch.optim.Adam(parameters, lr=recipe.learning_rate, betas=(recipe.momentum, 0.999))
@@ -133,12 +97,13 @@ def train_autoencoder(
             loss = _step(network, known[rng.integers(0, len(known), recipe.batch)], recipe, rng, device)
             optimiser.step()
             if (step + 1) % recipe.every == 0 or step + 1 == steps:
-                watched.note(step + 1, *_validated(network, seen, recipe))
+                loss_outside, occupied = _validated(network, seen, recipe)
+                watched.add(loss_outside, step + 1, occupied)
             return loss
 
         done = Loop(
             watched, optimiser, rng, steps, train, kept, CHECKPOINT_EVERY, progress, REPORT_EVERY,
-            over=lambda: watched.ended(recipe.patience),
+            over=lambda: stands_still(watched.losses, recipe.patience, lambda least: least - LEAST_FALL),
         ).run()  # fmt: skip
         return _trained(watched.cpu(), known, other, recipe, len(done))
 
@@ -233,7 +198,11 @@ def _validated(network: PostureAutoencoder, postures: Tensor, recipe: Autoencode
 
 @torch.no_grad()
 def _trained(
-    watched: Watched, known: Float32Array, other: Float32Array, recipe: AutoencoderRecipe, steps: int
+    watched: Watched[PostureAutoencoder],
+    known: Float32Array,
+    other: Float32Array,
+    recipe: AutoencoderRecipe,
+    steps: int,
 ) -> TrainedAutoencoder:
     network = watched.best.eval()
     encoder, m = AutoencoderEncoder(network), len(network.heads)
@@ -244,7 +213,7 @@ def _trained(
     error = (network.decode(network.code(*network.encode(held))) - held).square().mean() / network.scale.square()
     metrics = {
         "steps": steps,
-        "curve": [[int(step), round(loss, 5), int(occupied)] for step, loss, occupied in watched.curve],
+        "curve": [[int(step), round(loss, 5), int(occupied)] for loss, step, occupied in watched.measures],
         "validation_error": float(error),
     }
     return TrainedAutoencoder(encoder, drawn if recipe.from_head else heads, typical, metrics)

@@ -8,7 +8,6 @@ words has not fallen for some time, training stops, and the weights with which i
 
 from __future__ import annotations
 
-import copy
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,9 +18,10 @@ from motionlake.deep_motifs.config import NetworkConfig
 from motionlake.deep_motifs.words.network import WordNetwork
 from motionlake.deep_motifs.words.positives import Anchors, anchors, split_clips
 from motionlake.deep_motifs.words.triplets import copies
+from motionlake.early_stopping import Watched, stands_still
 from motionlake.motion.features import WordConfig, windows
 from motionlake.training import Checkpoint, Loop
-from torch import Tensor, nn
+from torch import Tensor
 
 
 @dataclass(frozen=True)
@@ -80,43 +80,6 @@ def gathered(features: list[Float32Array], words: WordConfig, config: NetworkCon
     )
 
 
-class Watched(nn.Module):
-    """A network with what tells when to stop: one module, so that a checkpoint keeps all of it.
-
-    Attributes:
-        network: that is trained.
-        best: as it was when the loss on held-out words was least.
-        held_out: [measures] that loss; not a number where it is not measured yet.
-    """
-
-    held_out: Tensor
-
-    def __init__(self, network: WordNetwork, measures: int) -> None:
-        super().__init__()
-        self.network = network
-        self.best = copy.deepcopy(network)
-        self.register_buffer("held_out", torch.full((measures,), torch.nan, dtype=torch.float64))
-
-    def measured(self) -> list[float]:
-        """The loss on held-out words so far."""
-        return [float(loss) for loss in self.held_out if not torch.isnan(loss)]
-
-    def add(self, loss: float) -> None:
-        """Enter a measure, and keep the weights if it is the least."""
-        before = self.measured()
-        self.held_out[len(before)] = loss
-        if loss < min(before, default=np.inf):
-            self.best.load_state_dict(self.network.state_dict())
-
-
-def stands_still(losses: list[float], patience: int, falls: float) -> bool:
-    """Whether the last `patience` of some losses are none less than the least before, by a share `falls` of it."""
-    least, since = np.inf, 0
-    for loss in losses:
-        least, since = (loss, 0) if loss < least * (1 - falls) else (least, since + 1)
-    return since >= patience
-
-
 @dataclass(frozen=True)
 class DeepMotifsTraining:
     """One training; `network` is on `device` and ready to be trained."""
@@ -147,12 +110,12 @@ class DeepMotifsTraining:
             return float(loss.detach())
 
         def over() -> bool:
-            return stands_still(watched.measured(), recipe.patience, recipe.falls)
+            return stands_still(watched.losses, recipe.patience, lambda least: least * (1 - recipe.falls))
 
         losses = Loop(
             watched, optimiser, rng, self.config.steps, step, checkpoint, every, progress, told, over=over
         ).run()
-        if watched.measured():
+        if watched.losses:
             self.network.load_state_dict(watched.best.state_dict())
         trained, held_out = self.material.trained, self.material.held_out
         return {
@@ -161,7 +124,7 @@ class DeepMotifsTraining:
             "steps": len(losses),
             "stopped": over(),
             "loss": [round(float(np.mean(some)), 6) for some in _batched(losses, recipe.every)],
-            "held_out_loss": [round(loss, 6) for loss in watched.measured()],
+            "held_out_loss": [round(loss, 6) for loss in watched.losses],
         }
 
     def _batch(self, material: Anchors, count: int, rng: np.random.Generator) -> tuple[Int64Array, Tensor]:
