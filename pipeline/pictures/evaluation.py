@@ -156,7 +156,7 @@ def robustness_figure(
         raise ValueError("no rates to draw")
     styles = class_styles(by_rate)
     lines: list[Line] = [(name, {"color": styles[name].colour, "linewidth": 1.5}) for name in by_rate]
-    across = "per cent of 10-frame pieces replaced by pieces of other classes"
+    across = "per cent of pieces replaced by pieces of other classes"
     sheet, axes = _plot(title, note, across, "MAP", lines)
     for i, ((_, look), values) in enumerate(zip(lines, by_rate.values(), strict=True)):
         rates = sorted(values)
