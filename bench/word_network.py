@@ -5,8 +5,7 @@ The network of Deep Motifs (section 3.3) is trained by the recipe of section 3.4
 until its loss on held-out words stops falling (`[network] recipe = "deep_motifs"`); with random negatives, which are
 the paper's, and with semi-hard ones. Beside it stand raw words, their principal components, and both closed forms
 ("linear", "moves"). Every row goes on as in `bench.representation`: K motifs, tf-idf signatures, exact Earth Mover's
-Distance, leave one out over whole clips. The paper's row has `--seeds` seeds on the sets of MANY and seed 0 on the
-others, all other rows seed 0; "semi-hard" is measured on the sets of MANY alone.
+Distance, leave one out over whole clips. Each row has `--seeds` seeds on every set.
 
 Last comes the choice of a default: each set is left out in turn, and the row is taken that is best on the others.
 """
@@ -34,7 +33,6 @@ from bench.representation import SEEDS, Embedding, K, learned, raw, score, shall
 from bench.units import Found, in_processes, unit_options
 
 STEPS: Final = 2_000  # at most
-MANY: Final = ("hdm05", "salsa")  # sets on which trainings have several seeds
 PLAIN: Final[Mapping[str, Embedding]] = {
     "raw words": raw,
     "principal components": shallow,
@@ -75,13 +73,9 @@ def measure(keep: Path | None, unit: Unit) -> dict[str, Found]:
 
 
 def units(names: list[str], rows: list[str], seeds: int) -> list[Unit]:
-    """What is measured, in this order."""
-    random, hard = PAPER
-    many = [name for name in names if name in MANY]
-    first = [(name, random, 0) for name in names]
-    plain = [(name, row, 0) for name in names for row in PLAIN]
-    more = [(name, random, seed) for seed in SEEDS[1:seeds] for name in many]
-    return [unit for unit in (*first, *plain, *more, *((name, hard, 0) for name in many)) if unit[1] in rows]
+    """What is measured, seed by seed: first what all else is compared with."""
+    order = sorted(rows, key=lambda row: row in PAPER)
+    return [(name, row, seed) for seed in SEEDS[:seeds] for row in order for name in names]
 
 
 def default_by_others(means: Mapping[str, Mapping[str, float]], names: list[str]) -> dict[str, dict[str, Any]]:
