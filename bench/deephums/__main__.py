@@ -3,7 +3,7 @@
 retrieval: test clips of utd_mhad and hdm05 query their training clips, by every method, with the rows of robustness.
 curves: learning curves with one training subject held out. choices: what the thesis leaves open, by cross-validation
 over training subjects. unlabelled: constants without labels, chosen with one set left out in turn. submotion: pieces of
-clips and the clips they are from.
+clips and the clips they are from. performances: slow and fast performances as they were recorded, and pieces of clips.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from collections.abc import Callable
 from typing import Any, Final
 
 from bench import canonical_sets
-from bench.deephums import choices, curves, retrieval, submotion, unlabelled
+from bench.deephums import choices, curves, performances, retrieval, submotion, unlabelled
 from bench.deephums.sets import SETS
 from bench.record import hash_files, record, recordings
 from bench.units import SEEDS, Found, in_processes, table, with_seeds
@@ -52,12 +52,17 @@ def measure_submotion(given: argparse.Namespace) -> dict[str, Any]:
     return submotion.measure(given.chosen, given.steps, given.epochs, thesis=not given.without_thesis)
 
 
+def measure_performances(given: argparse.Namespace) -> dict[str, Any]:
+    return performances.measure(performances.SETS, given.chosen)
+
+
 PARTS: Final[dict[str, Callable[[argparse.Namespace], dict[str, Any]]]] = {
     "retrieval": measure_retrieval,
     "curves": measure_curves,
     "choices": measure_choices,
     "unlabelled": measure_unlabelled,
     "submotion": measure_submotion,
+    "performances": measure_performances,
 }
 
 
@@ -76,7 +81,9 @@ def main() -> None:
     for part in given.parts or PARTS:
         figures = PARTS[part](given)
         every = [chosen.folder for chosen in canonical_sets.SETS.values()]
-        sets = {"retrieval": given.sets, "unlabelled": every}.get(part, ["utd_mhad"])
+        sets = {"retrieval": given.sets, "unlabelled": every, "performances": [*performances.SETS]}.get(
+            part, ["utd_mhad"]
+        )
         files = [path for name in sets for path in (recordings() / name).rglob("*") if path.is_file()]
         print(f"wrote {record(f'deephums-{part}', figures, hash_files(files, recordings()))}")
 
