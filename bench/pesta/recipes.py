@@ -95,15 +95,21 @@ def bag_distances(codes: Sequence[np.ndarray], m: int) -> np.ndarray:
     return np.asarray(cdist(np.sqrt(shares), np.sqrt(shares)))
 
 
-def chosen(rows: Mapping[str, Mapping[str, Found]]) -> dict[str, dict[str, dict[str, Any]]]:
+def chosen(rows: Mapping[str, Mapping[str, Mapping[str, Found]]]) -> dict[str, dict[str, dict[str, Any]]]:
     """{measure: {set: what the other sets choose by the mean of it, and what that has on the set itself}}.
+
+    "both" is the mean of alignment and bags.
 
     Args:
         rows: {set: {row: {mean: scores}}}, of the same rows in every set.
     """
     found: dict[str, dict[str, dict[str, Any]]] = {}
-    for measure in MEASURES:
-        of = {name: {row: each["mean"][measure] for row, each in own.items()} for name, own in rows.items()}
+    for measure in (*MEASURES, "both"):
+        counted = MEASURES if measure == "both" else (measure,)
+        of = {
+            name: {row: float(np.mean([each["mean"][one] for one in counted])) for row, each in own.items()}
+            for name, own in rows.items()
+        }
         for name in of:
             others = [other for other in of if other != name] or [name]
             means = {row: float(np.mean([of[other][row] for other in others])) for row in of[name]}
