@@ -130,7 +130,11 @@ def measure_recipes(given: argparse.Namespace, recipe: Recipe) -> Measured:
         print(f"\n{table(name, rows, recipes.SCORES)}")
     choice = recipes.chosen(result)
     print(f"\nthe default, chosen with one set left out\n{recipes.verdict(choice)}")
-    return {"rows": result, "chosen": choice}, recipes.SETS
+    curves = {
+        name: {row: run["curve"] for row, by_seed in rows.items() for run in by_seed.values() if "curve" in run}
+        for name, rows in runs.items()
+    }
+    return {"rows": result, "chosen": choice, "curves": curves}, recipes.SETS
 
 
 def measure_threshold(given: argparse.Namespace, recipe: Recipe) -> Measured:
