@@ -8,7 +8,7 @@ from __future__ import annotations
 import argparse
 import csv
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Final
@@ -27,19 +27,22 @@ from bench.record import hash_files, recordings, revision
 LICENCE: Final = "CMU Graphics Lab Motion Capture Database, mocap.cs.cmu.edu"
 # Examples of how recorded motion goes on, fewer than a lake's own generator keeps: they are most of the file.
 EXAMPLES: Final = 2000
-# Of cmu_bvh, by description; the first that fits.
-DESCRIBED: Final[Mapping[str, Callable[[str], bool]]] = {
-    "walk": lambda said: "walk" in said,
-    "run": lambda said: said.startswith("run"),
-    "ballet": lambda said: said.startswith("dance"),
+# Of cmu_bvh, by exact description: a clip that tells of something else beside it ("run, leap") is of no class. Ballet
+# clips are told by their steps; what they have in common is the first word.
+DESCRIBED: Final[Mapping[str, Collection[str]]] = {
+    "walk": {"walk", "brisk walk", "slow walk", "walk/stride", "slow walk/stride", "walk, exaggerated stride"},
+    "run": {"run/jog"},
 }
+BALLET: Final = "dance - "
 
 
 def classes() -> dict[Path, str]:
     """The class of every clip of cmu_bvh that has one, and of cmu_dance."""
     found = {}
     for path, row in _rows("cmu_bvh"):
-        label = next((name for name, fits in DESCRIBED.items() if fits(row["description"].lower())), None)
+        said = row["description"]
+        ballet = "ballet" if said.startswith(BALLET) else None
+        label = next((name for name, exact in DESCRIBED.items() if said in exact), ballet)
         if label is not None:
             found[path] = label
     return found | {path: row["label"] for path, row in _rows("cmu_dance")}

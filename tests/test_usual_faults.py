@@ -12,9 +12,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from motionlake.motion.quality import Recording, check, in_dataset
-from motionlake.motion.quality.faults import runs
 from motionlake.motion.quality.levels import levels, sustained
 from motionlake.motion.quality_config import QualityConfig
+from motionlake.motion.runs import runs
 
 from tests.lakes import motionlake, query, quick_lake
 

@@ -6,6 +6,8 @@ from dataclasses import replace
 from functools import cache
 from typing import Final
 
+from motionlake.motion.calibration import recorded_range
+
 from bench.canonical_sets import LabelledClip, LabelledSet, read
 
 WALK: Final = "walk"
@@ -20,6 +22,7 @@ SETS: Final = {
     "indian": LabelledSet("cmu_dance", "label", lambda row: row["label"] == "indian"),
     "martial": LabelledSet("cmu_dance", "label", lambda row: row["label"] == "martial"),
     "walk": LabelledSet("cmu_bvh", "description", _is_walk),
+    "run": LabelledSet("cmu_bvh", "description", lambda row: row["description"] == "run/jog"),
 }
 """utd_mhad has 27 classes and the split of its labels file; the others are one class each, without a split: "indian"
 and "martial" dances of cmu_dance, and the clips of cmu_bvh whose description holds the word walk (68 of 126, of 14
@@ -30,10 +33,17 @@ subjects: slow, brisk and exaggerated ones too)."""
 def clips_of(name: str) -> list[LabelledClip]:
     """The clips of a set, in the order of its labels file: positions [F, 21, 3] metres at the clip's own rate.
 
-    The walks are labelled "walk", whatever their description says beside it.
+    Calibration poses at their ends are left out.
+
+    The walks are labelled "walk", whatever their description says beside it, the runs "run".
     """
-    clips = read(SETS[name])
-    return [replace(clip, label=WALK) for clip in clips] if name == "walk" else clips
+    clips = [_recorded(clip) for clip in read(SETS[name])]
+    return [replace(clip, label=name) for clip in clips] if SETS[name].label == "description" else clips
+
+
+def _recorded(clip: LabelledClip) -> LabelledClip:
+    rows = slice(*recorded_range(clip.positions, clip.fps))
+    return replace(clip, positions=clip.positions[rows], rotations=clip.rotations[rows])
 
 
 def split_of(name: str, split: str) -> list[LabelledClip]:

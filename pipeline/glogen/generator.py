@@ -18,6 +18,7 @@ from motionlake.glogen.rollout import Rollout, roll_out
 from motionlake.glogen.sparse import WIDTH, even_motion, ranges, sparse_motion
 from motionlake.glogen.training import ByClass
 from motionlake.glogen.trajectories import FPS, body_length, body_motion, in_world, measured_length
+from motionlake.motion.calibration import recorded_range
 from motionlake.motion.skeleton import JOINTS, facing
 from motionlake.training import on_threads, read_network, save_network
 from torch import nn
@@ -107,7 +108,7 @@ class StartState:
 
 
 def start_state(seed: SeedClip, chance: int, sparse: int, cyclic: bool = False) -> StartState:
-    """The first sparse poses of a seed clip, or of one piece of a long clip.
+    """The first sparse poses of a seed clip, or of one piece of a long clip, without calibration poses at its ends.
 
     Args:
         seed: the clip.
@@ -121,25 +122,28 @@ def start_state(seed: SeedClip, chance: int, sparse: int, cyclic: bool = False) 
     if seed.positions.ndim != 3 or seed.positions.shape[1:] != (len(JOINTS), 3):
         shape = "x".join(map(str, seed.positions.shape[1:]))
         raise ValueError(f"{seed.clip} is of another skeleton: {shape} numbers a frame, not {len(JOINTS)}x3")
-    frames = round((len(seed.positions) - 1) / seed.fps * FPS) + 1 if len(seed.positions) else 0
+    begin, end = recorded_range(seed.positions, seed.fps)
+    positions = seed.positions[begin:end]
+    frames = round((len(positions) - 1) / seed.fps * FPS) + 1 if len(positions) else 0
     if frames < SHORTEST:
-        seconds = len(seed.positions) / seed.fps
-        raise ValueError(f"{seed.clip} lasts {seconds:.2f} s; to start from it needs {SHORTEST / FPS:.2f} s at least")
+        cut = " without its calibration poses" * (len(positions) < len(seed.positions))
+        seconds = f"{len(positions) / seed.fps:.2f} s{cut}"
+        raise ValueError(f"{seed.clip} lasts {seconds}; to start from it needs {SHORTEST / FPS:.2f} s at least")
     if body_length(seed.rest_offsets) < 1e-6:
         raise ValueError(f"{seed.clip} has a body without length")
-    motion = body_motion(seed.positions, seed.fps)
+    motion = body_motion(positions, seed.fps)
     parts = ranges(len(motion))
     start, stop = parts[int(np.random.default_rng(chance).integers(len(parts)))]
     piece = motion.cut(start, stop)
     found = even_motion(piece) if cyclic else sparse_motion(piece, sparse)
     places = (start + found.places[:SEEDS]) / FPS * seed.fps
-    last = int(min(round(places[-1]), len(seed.positions) - 1))
-    root = seed.positions[last, 0].astype(float)
+    last = int(min(round(places[-1]), len(positions) - 1))
+    root = positions[last, 0].astype(float)
     height = motion.height[min(len(motion) - 1, round(start + found.places[SEEDS - 1]))]
-    root[1] -= height * measured_length(seed.positions)
-    yaw = float(facing(seed.positions[last : last + 1])[0])
+    root[1] -= height * measured_length(positions)
+    yaw = float(facing(positions[last : last + 1])[0])
     state = state_at(piece, found.places[SEEDS - 1 : SEEDS])[0] if cyclic else None
-    return StartState(found.rows[:SEEDS], state, root, yaw, int(places[0]), last + 1)
+    return StartState(found.rows[:SEEDS], state, root, yaw, begin + int(places[0]), begin + last + 1)
 
 
 @dataclass(frozen=True)

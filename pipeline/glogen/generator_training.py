@@ -17,6 +17,7 @@ from motionlake.glogen.onset import fit_onset
 from motionlake.glogen.sparse import PIECE, TrainingPiece, cyclic_classes, pieces, reach
 from motionlake.glogen.training import ByClass, epochs_of, groups, train_glogen
 from motionlake.glogen.trajectories import BodyMotion, body_motion
+from motionlake.motion.calibration import recorded
 
 STRIDE: Final = 25  # frames from piece to piece of a long clip, by the default recipe
 MOST: Final = 2000  # pieces that overlap, about
@@ -33,7 +34,7 @@ def train_generator(
     """Train a generator.
 
     Args:
-        motions: clips of known class.
+        motions: clips of known class; calibration poses at their ends are left out.
         config: recipe, seed, epochs (of either network).
         examples: most examples that the onset model keeps.
         checkpoint: a file to save training to and to go on from; deleted at the end.
@@ -48,7 +49,7 @@ def train_generator(
     """
     if not motions:
         raise ValueError("there are no clips to train on")
-    read = [body_motion(motion.positions, motion.fps) for motion in motions]
+    read = [body_motion(recorded(motion.positions, motion.fps), motion.fps) for motion in motions]
     labels = [motion.label for motion in motions]
     return fit_generator(read, labels, config, examples=examples, checkpoint=checkpoint, progress=progress)
 

@@ -121,7 +121,7 @@ class GeneratorModel(ModelKind[MotionSet]):
     """What makes motion of known classes."""
 
     name = "synthesis"
-    version = 4
+    version = 5  # 5: calibration poses at the ends of clips are left out
     config = SynthesisConfig
     title = "generator"
     use = "makes motion"

@@ -53,7 +53,7 @@ class Synthesize(ClipStage):
     """Motions made to order: shards are planned by `planned`, for a request."""
 
     name = "synthesize"
-    version = 2
+    version = 3
     upstream = ("synth", "frames")
     about = "motions that a generator makes, as clips of a dataset of their own"
     tables = ("synthetic", "clips", "segments", "layouts", "skeletons")

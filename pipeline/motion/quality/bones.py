@@ -6,9 +6,10 @@ from typing import Final
 
 import numpy as np
 from motionlake.arrays import BoolArray
-from motionlake.motion.quality.faults import Fault, Found, Level, Recording, joint_name, runs
+from motionlake.motion.quality.faults import Fault, Found, Level, Recording, joint_name
 from motionlake.motion.quality.levels import levels
 from motionlake.motion.quality_config import QualityConfig
+from motionlake.motion.runs import runs
 from motionlake.motion.skeleton import INDEX, PARENTS
 
 CHANGE: Final = 5e-5  # of a quaternion's numbers: less than a lake rounds them to

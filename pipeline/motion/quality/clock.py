@@ -20,8 +20,9 @@ from typing import Final
 
 import numpy as np
 from motionlake.arrays import BoolArray, Float64Array
-from motionlake.motion.quality.faults import Recording, runs, velocity
+from motionlake.motion.quality.faults import Recording, velocity
 from motionlake.motion.quality.feet import GRAVITY, Ground
+from motionlake.motion.runs import runs
 from motionlake.motion.skeleton import INDEX
 
 

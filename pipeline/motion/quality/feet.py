@@ -7,9 +7,10 @@ from typing import Final
 
 import numpy as np
 from motionlake.arrays import BoolArray, Float64Array
-from motionlake.motion.quality.faults import UPRIGHT, Fault, Found, Level, Recording, runs, velocity
+from motionlake.motion.quality.faults import UPRIGHT, Fault, Found, Level, Recording, velocity
 from motionlake.motion.quality.levels import levels
 from motionlake.motion.quality_config import QualityConfig
+from motionlake.motion.runs import runs
 from motionlake.motion.skeleton import INDEX
 
 POINTS: Final = ("left_ankle", "right_ankle", "left_toe", "right_toe")

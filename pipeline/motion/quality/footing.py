@@ -9,9 +9,10 @@ from typing import Final
 import numpy as np
 from motionlake.arrays import BoolArray, Float64Array
 from motionlake.motion.kinematics import forward_kinematics, local_rotations, world_rotations
-from motionlake.motion.quality.faults import Fault, Recording, runs
+from motionlake.motion.quality.faults import Fault, Recording
 from motionlake.motion.quality.feet import NEAR, RISING, SPAN, Ground
 from motionlake.motion.rotations import multiply, swing
+from motionlake.motion.runs import runs
 from motionlake.motion.skeleton import INDEX
 from motionlake.motion.standing import SIDES, staying
 from motionlake.motion.two_bones import bent, level_ahead

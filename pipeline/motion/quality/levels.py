@@ -6,7 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 from motionlake.arrays import Float64Array
-from motionlake.motion.quality.faults import RUNGS, Level, runs
+from motionlake.motion.quality.faults import RUNGS, Level
+from motionlake.motion.runs import runs
 
 
 def sustained(values: Float64Array, gap: int, least: int) -> Float64Array:

@@ -6,9 +6,10 @@ from typing import Final
 
 import numpy as np
 from motionlake.arrays import BoolArray, Float64Array
-from motionlake.motion.quality.faults import Fault, Found, Level, Recording, joint_name, runs
+from motionlake.motion.quality.faults import Fault, Found, Level, Recording, joint_name
 from motionlake.motion.quality.levels import levels
 from motionlake.motion.quality_config import QualityConfig
+from motionlake.motion.runs import runs
 from motionlake.motion.skeleton import INDEX, JOINTS, PARENTS
 
 # Fourth differences of white noise of standard deviation 1 have sqrt(70), second ones sqrt(6); the median length of

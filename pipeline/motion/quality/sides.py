@@ -6,8 +6,9 @@ from typing import Final
 
 import numpy as np
 from motionlake.arrays import Float64Array
-from motionlake.motion.quality.faults import Fault, Found, Recording, runs
+from motionlake.motion.quality.faults import Fault, Found, Recording
 from motionlake.motion.quality_config import QualityConfig
+from motionlake.motion.runs import runs
 
 WINDOW: Final = 0.25  # seconds over which the vote of knees and toes is taken
 UNSURE: Final = 0.02  # of a leg, as which knees and toes lie ahead

@@ -1,0 +1,116 @@
+"""Calibration poses at the ends of recordings: T-poses, and frames from which the joints jump."""
+
+from __future__ import annotations
+
+from typing import Final, NamedTuple
+
+import numpy as np
+from motionlake.arrays import BoolArray, Float64Array, FloatArray
+from motionlake.motion.quality_config import QualityConfig
+from motionlake.motion.runs import runs
+from motionlake.motion.skeleton import INDEX
+
+DEGREES: Final = QualityConfig.tpose_degrees
+SEAM: Final = QualityConfig.seam
+LONGEST: Final = 5.0  # seconds of a T-pose that belongs to an end
+EDGE: Final = 0.1  # seconds at an end within which a jump parts a calibration pose from the motion
+STEPS: Final = 3.0  # times the steps of the frames around, that a jump is
+AROUND: Final = 3  # frames
+SETTLED: Final = 1.5  # times the greatest of the steps that follow, within which the joints have settled
+SLOW: Final = 0.2  # metres a second, mean over the joints, of a pose that is held
+STILL: Final = 0.002  # metres: steps that are no motion
+
+
+class Jump(NamedTuple):
+    """Steps [start, stop) that are jumps, step i from frame i to frame i + 1, and the largest in metres."""
+
+    start: int
+    stop: int
+    metres: float
+
+
+def tposes(positions: FloatArray, degrees: float = DEGREES) -> BoolArray:
+    """[F] whether arms are stretched sideways and legs downwards, of joints [F, 21, 3]."""
+    near = np.cos(np.radians(degrees))
+    left, down = _direction(positions, "right_shoulder", "left_shoulder"), _direction(positions, "neck", "hips")
+    fits = np.ones(len(positions), dtype=np.bool_)
+    for side, sign in (("left", 1.0), ("right", -1.0)):
+        for bone in (("shoulder", "elbow"), ("elbow", "wrist")):
+            arm = _direction(positions, *(f"{side}_{part}" for part in bone))
+            fits &= (sign * arm * left).sum(axis=1) > near
+        fits &= (_direction(positions, f"{side}_hip", f"{side}_ankle") * down).sum(axis=1) > near
+    return fits
+
+
+def _direction(positions: FloatArray, start: str, stop: str) -> Float64Array:
+    bone = positions[:, INDEX[stop]].astype(np.float64) - positions[:, INDEX[start]]
+    unit: Float64Array = bone / np.maximum(np.linalg.norm(bone, axis=1, keepdims=True), 1e-9)
+    return unit
+
+
+def jumps(positions: FloatArray, seam: float = SEAM) -> list[Jump]:
+    """Where the whole body moves, in one step, by far more than in the steps around it.
+
+    Args:
+        positions: [F, 21, 3] joints, metres.
+        seam: metres, mean over the joints, by which such a step is longer than those around it.
+    """
+    if len(positions) < 2 * AROUND + 2:
+        return []
+    steps = np.linalg.norm(np.diff(positions.astype(np.float64), axis=0), axis=2)
+    padded = np.pad(steps, ((AROUND, AROUND), (0, 0)), mode="reflect")
+    shifted = [padded[AROUND + by : AROUND + by + len(steps)] for by in range(-AROUND, AROUND + 1) if by]
+    usual = np.max(shifted, axis=0)
+    mean, around = steps.mean(axis=1), np.max([each.mean(axis=1) for each in shifted], axis=0)
+    jumped = (mean > STEPS * around) & (mean - around > seam) & ((steps > 2 * usual).mean(axis=1) > 0.5)
+    return [Jump(start, stop, float(mean[start:stop].max())) for start, stop in runs(jumped, 1)]
+
+
+def recorded_range(positions: FloatArray, fps: float) -> tuple[int, int]:
+    """The frames [start, stop) of a recording that lie between the calibration poses at its ends.
+
+    Such a pose is a T-pose of at most `LONGEST` seconds that begins or ends the recording and is held still, or from
+    which the joints leap; or whatever lies beyond a jump of the joints within `EDGE` seconds of that. The frames next
+    to it in which the joints still settle, `EDGE` seconds at most, belong to it: a filter smears a jump. A recording
+    that holds nothing else is whole.
+
+    Args:
+        positions: [F, 21, 3] canonical joints, metres, y up.
+        fps: frames a second.
+    """
+    start, stop = _beginning(positions, fps), len(positions) - _beginning(positions[::-1], fps)
+    return (start, stop) if stop - start >= 2 else (0, len(positions))
+
+
+def _beginning(positions: FloatArray, fps: float) -> int:
+    """How many frames a calibration pose takes at the beginning."""
+    edge, stretched = max(1, round(EDGE * fps)), tposes(positions)
+    start = run_of(stretched & _still(positions, fps), round(LONGEST * fps))
+    near = jumps(positions[: start + edge + 2 * AROUND + 2])
+    start = max([start, *(jump.stop for jump in near if jump.stop <= start + edge)])
+    steps = np.linalg.norm(np.diff(positions[start : start + 4 * edge].astype(np.float64), axis=0), axis=2).mean(axis=1)
+    if len(steps) <= edge:
+        return start
+    usual = max(float(steps[edge:].max()), STILL)
+    if not start and not (stretched[0] and steps[0] > STEPS * usual):
+        return 0
+    restless = np.flatnonzero(steps[:edge] > SETTLED * usual)
+    return start + (int(restless[-1]) + 1 if len(restless) else 0)
+
+
+def _still(positions: FloatArray, fps: float) -> BoolArray:
+    """[F] whether the joints hardly move towards a frame or from it: who dances with arms spread calibrates nothing."""
+    steps = np.linalg.norm(np.diff(positions.astype(np.float64), axis=0), axis=2).mean(axis=1) * fps
+    return np.asarray(np.minimum(np.r_[np.inf, steps], np.r_[steps, np.inf])[: len(positions)] < SLOW)
+
+
+def run_of(mask: BoolArray, most: int) -> int:
+    """How many frames a mask [F] begins with; none where these are more than `most`."""
+    first = len(mask) if mask.all() else int(np.argmin(mask))
+    return first if first <= most else 0
+
+
+def recorded(positions: Float64Array, fps: float) -> Float64Array:
+    """The frames of `recorded_range`."""
+    start, stop = recorded_range(positions, fps)
+    return positions[start:stop]
