@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
 from motionlake.arrays import Float32Array, Float64Array
 from motionlake.formats import read_clips
+from motionlake.motion.calibration import held, recorded_range
 from motionlake.motion.canonicalise import canonicalise
 from motionlake.motion.features import WordConfig, word_features
 from motionlake.motion.kinematics import solve
@@ -52,8 +53,14 @@ SETS: Final = {
 
 
 def load(name: str) -> list[LabelledClip]:
-    """Every labelled clip of a set, canonical, in the order of its labels file."""
-    return read(SETS[name])
+    """Every labelled clip of a set, canonical, in the order of its labels file, without calibration poses (as a lake
+    derives from its frames)."""
+    return [_recorded(clip) for clip in read(SETS[name])]
+
+
+def _recorded(clip: LabelledClip) -> LabelledClip:
+    kept = recorded_range(clip.positions, clip.fps)
+    return replace(clip, positions=held(clip.positions, kept), rotations=held(clip.rotations, kept))
 
 
 def read(chosen: LabelledSet) -> list[LabelledClip]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from itertools import groupby
 from operator import itemgetter
 from pathlib import Path
@@ -18,6 +18,7 @@ from motionlake.errors import UserError
 from motionlake.lake.catalog import Connection, fetch
 from motionlake.lake.integrity import sound
 from motionlake.lake.layout import Lake
+from motionlake.motion.calibration import held, recorded_range
 from motionlake.motion.skeleton import JOINTS, PARENTS
 from numpy.typing import ArrayLike, NDArray
 
@@ -73,6 +74,16 @@ class Frames:
     fps: float
     rotations: NDArray[np.floating]
     positions: NDArray[np.floating]
+
+    def recorded(self) -> Frames:
+        """The same, where frames of calibration poses at its ends hold the pose of the motion next to them.
+
+        As many frames as before, so that each keeps its number.
+        """
+        kept = recorded_range(self.positions, self.fps)
+        if kept == (0, len(self.positions)):
+            return self
+        return replace(self, rotations=held(self.rotations, kept), positions=held(self.positions, kept))
 
 
 def quantise(values: NDArray[np.floating], step: float) -> NDArray[np.float32]:

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Final, NamedTuple
+from typing import Final, NamedTuple, TypeVar
 
 import numpy as np
 from motionlake.arrays import BoolArray, Float64Array, FloatArray
 from motionlake.motion.quality_config import QualityConfig
 from motionlake.motion.runs import runs
 from motionlake.motion.skeleton import INDEX
+from numpy.typing import NDArray
 
+Value = TypeVar("Value", bound=np.generic)
 DEGREES: Final = QualityConfig.tpose_degrees
 SEAM: Final = QualityConfig.seam
 LONGEST: Final = 5.0  # seconds of a T-pose that belongs to an end
@@ -84,8 +86,10 @@ def recorded_range(positions: FloatArray, fps: float) -> tuple[int, int]:
 
 def _beginning(positions: FloatArray, fps: float) -> int:
     """How many frames a calibration pose takes at the beginning."""
-    edge, stretched = max(1, round(EDGE * fps)), tposes(positions)
-    start = run_of(stretched & _still(positions, fps), round(LONGEST * fps))
+    edge, most = max(1, round(EDGE * fps)), round(LONGEST * fps)
+    positions = positions[: most + 6 * edge + 4 * AROUND]  # no more of them are looked at
+    stretched = tposes(positions)
+    start = run_of(stretched & _still(positions, fps), most)
     near = jumps(positions[: start + edge + 2 * AROUND + 2])
     start = max([start, *(jump.stop for jump in near if jump.stop <= start + edge)])
     steps = np.linalg.norm(np.diff(positions[start : start + 4 * edge].astype(np.float64), axis=0), axis=2).mean(axis=1)
@@ -114,3 +118,9 @@ def recorded(positions: Float64Array, fps: float) -> Float64Array:
     """The frames of `recorded_range`."""
     start, stop = recorded_range(positions, fps)
     return positions[start:stop]
+
+
+def held(values: NDArray[Value], kept: tuple[int, int]) -> NDArray[Value]:
+    """[F, ...] values of the frames where those outside `kept` have the values of the nearest frame inside."""
+    start, stop = kept
+    return values[np.clip(np.arange(len(values)), start, stop - 1)]

@@ -19,6 +19,7 @@ from motionlake.lake.integrity import is_listed, sound
 from motionlake.lake.layout import Lake
 from motionlake.lake.resolve import resolve_clip
 from motionlake.lake.settings import served_config
+from motionlake.motion.calibration import held, recorded_range
 from motionlake.motion.features import WordConfig, mirrored_features, native_range, windows, word_features, word_windows
 from motionlake.motion.skeleton import mirrored_positions, mirrored_rotations
 from motionlake.retrieval.protocol import Query
@@ -123,10 +124,12 @@ def words_of_file(lake: Lake, config: WordConfig, path: Path) -> FileWords:
         UserError: the file cannot be read.
     """
     clip, motion = first_body(lake, path)
-    features = word_features(motion.positions, motion.rotations, clip.fps, config)
-    frames = len(motion.positions)
+    kept = recorded_range(motion.positions, clip.fps)
+    positions = held(motion.positions, kept)
+    features = word_features(positions, held(motion.rotations, kept), clip.fps, config)
+    frames = len(positions)
     ranges = [native_range(int(s), clip.fps, frames, config) for s in windows(len(features), config)]
-    return FileWords(features, np.array(ranges, dtype=np.int64), motion.positions, clip.fps)
+    return FileWords(features, np.array(ranges, dtype=np.int64), positions, clip.fps)
 
 
 @dataclass(frozen=True)
@@ -159,6 +162,7 @@ def query_motion(lake: Lake, query: Query, *, mirrored: bool = False) -> QueryMo
         with reading(lake) as con:
             row = fetch(con, "clip", {"clip": resolve_clip(con, query.clip)})[0]
         stored = read_clip(sound(lake, lake.frames_part(row["dataset"], row["part"])), row["clip"])
+    stored = stored.recorded()
     positions, rotations, fps = stored.positions.astype(np.float64), stored.rotations.astype(np.float64), stored.fps
     if mirrored:
         positions = np.asarray(mirrored_positions(positions), dtype=np.float64)

@@ -71,7 +71,7 @@ def training_set(
         )
     labelled = config.supervision != "none" and any(row["label"] for row in rows)
     drawn = _drawn(rows, config.seed, len(rows) if labelled else MOST_UNLABELLED)
-    sequences = {clip.clip: sequence_of(clip) for clip in frames_of_clips(lake, drawn)}
+    sequences = {clip.clip: sequence_of(clip.recorded()) for clip in frames_of_clips(lake, drawn)}
     metrics = {
         "split": split,
         "dataset": dataset,

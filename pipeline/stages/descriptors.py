@@ -55,6 +55,7 @@ class Descriptors(VectorStage):
     tables = ("descriptors",)
     schema = ROWS
     statement = "load_descriptors"
+    version = 2  # without calibration poses
 
     def spec(self, at: LakeReader, part: Part) -> Mapping[str, Any]:
         network = DESCRIPTOR_NETWORK.serving(at)

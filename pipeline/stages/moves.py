@@ -28,6 +28,7 @@ class Moves(PartStage):
     about = "joints at 12 frames a second, by whose moves clips are aligned"
     folder = "moves"
     schema = ROWS
+    version = 2  # without calibration poses
 
     def spec(self, at: LakeReader, part: Part) -> Mapping[str, Any]:
         return {"clips": clips_of(at.con, part.part)}

@@ -68,7 +68,8 @@ class PostureDictionaryKind(ModelKind[list[Float32Array]]):
         found: dict[str, Float32Array] = {}
         for dataset, part in sorted({(row["dataset"], row["part"]) for row in clips.values()}):
             path = sound(at.lake, at.lake.frames_part(dataset, part))
-            for clip in frames.read_clips(path, [name for name, row in clips.items() if row["part"] == part]):
+            for stored in frames.read_clips(path, [name for name, row in clips.items() if row["part"] == part]):
+                clip = stored.recorded()
                 positions, rotations = clip.positions.astype(float), clip.rotations.astype(float)
                 found[clip.clip] = word_features(positions, rotations, clip.fps, config.frames)
         return [_some(found[name], share, random) for name in clips] or None

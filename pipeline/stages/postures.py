@@ -35,6 +35,7 @@ class Postures(PartStage):
     model = POSTURE_DICTIONARY
     folder = "postures"
     schema = ROWS
+    version = 2  # without calibration poses
 
     def spec(self, at: LakeReader, part: Part) -> Mapping[str, Any]:
         return {"dictionary": POSTURE_DICTIONARY.serving(at).file, "clips": clips_of(at.con, part.part)}

@@ -12,7 +12,7 @@ from motionlake.lake.layout import Lake
 from motionlake.motion.quality import MEASURES, Quality, Recording, check
 from motionlake.motion.quality_config import QualityConfig
 from motionlake.stages.reader import LakeReader
-from motionlake.stages.stage import PART_KEYS, Part, PartStage, Shard, clips_of_shard
+from motionlake.stages.stage import PART_KEYS, Part, PartStage, Shard, stored_clips
 
 RANGE: Final = pa.struct(
     [
@@ -58,7 +58,7 @@ class QualityStage(PartStage):
 
     def rows(self, lake: Lake, shard: Shard) -> Iterator[pa.Table]:
         config = QualityConfig(**shard.spec["quality"])
-        for clip in clips_of_shard(lake, shard):
+        for clip in stored_clips(lake, shard):
             twist, filled, repaired = shard.spec["bodies"][clip.clip]
             recording = Recording.of(
                 clip.positions, clip.rotations, clip.fps, twist=twist, filled=tuple(filled), repaired=repaired

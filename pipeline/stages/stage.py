@@ -165,9 +165,14 @@ def clips_of(con: Connection, part: str) -> list[str]:
     return [r["clip"] for r in fetch(con, "part_clips", {"part": part})]
 
 
-def clips_of_shard(lake: Lake, shard: Shard) -> Iterator[frames.Frames]:
+def stored_clips(lake: Lake, shard: Shard) -> Iterator[frames.Frames]:
     """Those of the clips that its spec names, of the frames part that a shard is derived from."""
     return frames.read_part(sound(lake, lake.frames_part(shard.dataset, shard.part)), shard.spec["clips"])
+
+
+def clips_of_shard(lake: Lake, shard: Shard) -> Iterator[frames.Frames]:
+    """The same without calibration poses at their ends (`Frames.recorded`)."""
+    return (clip.recorded() for clip in stored_clips(lake, shard))
 
 
 def part_keys(clip: str, shard: Shard, count: int) -> list[pa.Array]:

@@ -40,6 +40,7 @@ class Submotions(VectorStage):
     tables = ("submotions",)
     schema = ROWS
     statement = "load_submotions"
+    version = 2  # without calibration poses
 
     def spec(self, at: LakeReader, part: Part) -> Mapping[str, Any]:
         encoder = SUBMOTION_ENCODER.serving(at)

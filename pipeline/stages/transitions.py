@@ -51,6 +51,7 @@ class Transitions(ShardStage):
     """
 
     name = "transitions"
+    version = 2  # without calibration poses
     upstream = ("frames", "signatures")
     about = "where clips of DATASET=name (all datasets) can be joined into motion graphs"
     tables = ("transitions",)
@@ -164,7 +165,8 @@ def _read(lake: Lake, shard: Shard, part: str, config: TransitionsConfig) -> _Gr
 
     words = WordConfig(**shard.spec["words"])
     clips, fps, bones, sizes, positions, counts = [], [], [], [], [], []
-    for clip in frames.read_part(sound(lake, lake.frames_part(shard.dataset, part)), shard.spec["clips"]):
+    for stored in frames.read_part(sound(lake, lake.frames_part(shard.dataset, part)), shard.spec["clips"]):
+        clip = stored.recorded()
         joints, rotations = clip.positions.astype(float), clip.rotations.astype(float)
         sampled = resample(joints, clip.fps, words.fps)
         clips.append(clip.clip)

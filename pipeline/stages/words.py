@@ -43,6 +43,7 @@ class Words(PartStage):
     tables = ("words",)
     folder = "features"
     statement = "load_words"
+    version = 2  # without calibration poses
 
     def shaping(self, at: LakeReader) -> Sequence[Any]:
         return (at.config.words,)
