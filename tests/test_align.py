@@ -201,13 +201,14 @@ def test_whole_clips_are_ranked_by_both_ways(
     aligner: Aligner, both: Any, method: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(whole, "BATCH", 2)
-    kept, searcher = aligner.strings, AlignmentSearcher(aligner.lake, strings=aligner.strings, method=method)
+    kept = aligner.strings
+    searcher = AlignmentSearcher(aligner.lake, strings=kept, method=method, both=both)
     costs = symmetric_costs(kept.repository, kept.distances, AlignmentConfig(method), both=both)
     names = [c.clip for c in kept.clips]
     for i in np.flatnonzero(kept.repository.lengths >= 2).tolist():
         others = [j for j in range(len(names)) if j != i]
         expected = sorted((float(costs[i, j]), names[j]) for j in others)[:5]
-        found = searcher.whole(searcher.symbols_of(Query(names[i])), 5, both=both)
+        found = searcher.whole(searcher.symbols_of(Query(names[i])), 5)
         assert [h.distance for h in found] == pytest.approx([cost for cost, _ in expected], abs=1e-6)
         for hit, (cost, name) in zip(found, expected, strict=True):
             assert hit.clip == name or sum(abs(c - cost) < 1e-6 for c, _ in expected) > 1
@@ -220,7 +221,7 @@ def test_a_match_may_cross_from_clip_to_clip(built_lake: Path, aligner: Aligner)
         pair for pair in pairwise(known) if len(pair[0][1]) > 2 and len(pair[1][1]) > 2
     )
     asked = [symbol for symbol, _, _ in head[-3:] + tail[:3]]
-    hit = aligner.in_symbols(asked, 1, crossing=True, stride=1)[0]
+    hit = aligner.in_symbols(asked, 1, boundaries="crossed", stride=1)[0]
     assert (hit.clip, hit.stop_clip, hit.cost) == (before, after, 0)
     assert (hit.start, hit.stop) == (head[-3][1], tail[2][2])
     (fps, frames), (next_fps, _) = about[before], about[after]
@@ -301,10 +302,17 @@ def test_mistakes_are_met_with_one_clear_line(built_lake: Path, tmp_path: Path, 
         ([clip, "--from", 9, "--to", 4], f"has frames 0 to {frames}"),
         ([clip, "--stride", 0], "stride is 0"),
         ([clip, "--stride", 20000], "stride is 20000: it is a whole number from 1 to 64"),
-        ([clip, "--window", 9, "--whole", "--crossing"], "--window: looks for many ranges at once; leave --whole and"),
+        ([clip, "--window", 9, "--whole", "--mirrored"], "--window: looks for many ranges at once; leave --whole and"),
+        ([clip, "--window", 9, "--picture", "hits.html"], "--window: answers many queries; leave --picture out"),
+        ([clip, "--window", 9, "--gaps"], "aligned without gaps: switch gaps off"),
+        ([clip, "--gaps", "--method", "sw"], 'gaps are an option of "sta"'),
+        ([clip, "--boundaries", "open"], "boundaries is 'open', not one of kept, crossed, dropped"),
+        ([clip, "--whole", "--boundaries", "crossed"], "--whole: compares whole clips; leave --boundaries out"),
+        ([clip, "--whole", "--both", "all"], "both is 'all', not one of max, mean, query"),
+        ([clip, "--both", "query"], "--both: is for --whole"),
+        ([clip, "--window", 9, "--both", "query"], "--both: is for --whole"),
         ([clip, "--window", 9, "--method", "sw"], "by sta or dtw, not by sw"),
         ([clip, "--method", "guess"], "not one of sta, dtw, sw"),
-        ([clip, "--whole", "--path", "--json"], "--whole: compares whole clips"),
         ([clip, "--path"], "--path: needs --json"),
         (["nowhere"], "no such clip"),
     ):
@@ -318,6 +326,9 @@ def test_mistakes_are_met_with_one_clear_line(built_lake: Path, tmp_path: Path, 
         ("align_motion('nowhere', NULL, NULL)", "nowhere: no such clip"),
         (f"align_motion('{clip}', NULL, NULL, stride := 0)", "stride is 0"),
         (f"align_motion('{clip}', NULL, NULL, k := -1)", "k is -1"),
+        (f"align_motion('{clip}', boundaries := 'open')", "boundaries is 'open'"),
+        (f"align_windows('{clip}', gaps := true)", "switch gaps off"),
+        (f"aligned_clips('{clip}', both := 'all')", "both is 'all'"),
         (f"align_windows('{clip}', 1)", "window is 1: it has at least 2 symbols"),
         ("aligned_clips('nowhere')", "nowhere: no such clip"),
         (f"aligned_clips('{clip}', k := -1)", "k is -1"),
@@ -327,10 +338,8 @@ def test_mistakes_are_met_with_one_clear_line(built_lake: Path, tmp_path: Path, 
         assert said in run.err
     with pytest.raises(UserError, match="sw"):
         aligner.ranges(method="sw").long_query(Query(clip))
-    searcher = AlignmentSearcher(aligner.lake, strings=aligner.strings)
-    asked = searcher.symbols_of(Query(clip))
     with pytest.raises(UserError, match="both is 'all'"):
-        searcher.whole(asked, 3, both="all")  # type: ignore[arg-type]
+        AlignmentSearcher(aligner.lake, strings=aligner.strings, both="all")
     empty = tmp_path / "empty"
     assert motionlake("init", empty).status == 0
     assert "motionlake run all" in motionlake("align", clip, "--lake", empty).err
