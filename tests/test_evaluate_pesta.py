@@ -374,9 +374,8 @@ def test_dictionaries_of_several_sizes_are_measured(built_lake: Path, tmp_path: 
     with reading(lake) as con:
         postures = POSTURE_DICTIONARY.data(LakeReader(con, lake, config), Selection()) or []
     made = fit_dictionary(postures, replace(config.postures, m=20))
-    rows = query(
-        built_lake, "SELECT clip, label, fps, frames FROM clips WHERE label IS NOT NULL AND NOT synthetic ORDER BY clip"
-    )
+    text = "SELECT clip, label, fps, frames FROM symbol_strings JOIN clips USING (clip) WHERE label IS NOT NULL"
+    rows = query(built_lake, f"{text} ORDER BY clip")
     strings = []
     for clip, _, fps, frames in rows:
         motion = query_motion(lake, Query(clip))

@@ -170,11 +170,20 @@ def robustness_figure(
 
 @styled
 def sizes_figure(
-    by_size: Mapping[str, Mapping[int, float]], up: str, title: str = "Sizes of the dictionary", note: str = ""
+    by_size: Mapping[str, Mapping[int, float]],
+    up: str,
+    title: str = "Sizes of the dictionary",
+    note: str = "",
+    *,
+    span: float = 0.1,
 ) -> Figure:
     """What changes with the number of symbols of a dictionary (table 6): a line for each measure, by m.
 
-    `up` says what all measures are in.
+    Args:
+        by_size: each measure, none below 0.
+        up: what all measures are in.
+        title, note: above it.
+        span: the axis of the measures reaches over so much at least, or to 0, so that small differences look small.
 
     Raises:
         ValueError: no measures, or a measure without sizes.
@@ -187,6 +196,9 @@ def sizes_figure(
     for i, ((_, look), values) in enumerate(zip(lines, by_size.values(), strict=True)):
         sizes = sorted(values)
         axes.plot(sizes, [values[m] for m in sizes], marker="osD^vPX"[i % 7], markersize=4.5, **look)
+    low, high = axes.get_ylim()
+    bottom = max(0.0, min(low, high - span))
+    axes.set_ylim(bottom, high + 0.03 * (high - bottom))
     axes.set_xlim(left=0)
     return sheet.figure
 
@@ -267,9 +279,10 @@ def _sizes_pictures(rows: Mapping[int, Mapping[str, Any]]) -> list[Picture]:
     }
     title, dearer = "Sizes of the dictionary", "What larger dictionaries cost"
     note = f"times that of {min(rows)} symbols: {least['symbols']} symbols, {least['milliseconds']:.2g} ms"
+    costs = sizes_figure(grown, f"times that of {min(rows)} symbols", dearer, note, span=np.inf)
     return [
         picture("sizes", title, "Each labelled clip queries all others.", sizes_figure(found, "MAP, P@5", title)),
-        picture("sizes-cost", dearer, note, sizes_figure(grown, f"times that of {min(rows)}", dearer, note)),
+        picture("sizes-cost", dearer, note, costs),
     ]
 
 

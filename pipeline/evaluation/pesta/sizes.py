@@ -1,4 +1,4 @@
-"""Elasticity (section 8.3.1, Table 6): whole clips by strings over dictionaries of several sizes.
+"""Elasticity (section 8.5.1, Table 6): whole clips by strings over dictionaries of several sizes.
 
 Each dictionary is of the lake's kind and seed, and is fitted without labels to the postures of all clips of the lake.
 The lake's own dictionary and its strings stay as they are.
