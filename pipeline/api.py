@@ -281,7 +281,7 @@ class Lake:
         boundaries: str | None = None,
         path: bool = False,
         whole: bool = False,
-        both: str | None = None,
+        ways: str | None = None,
         window: int | None = None,
         **scope: Unpack[ScopeOptions],
     ) -> Rows:
@@ -307,7 +307,7 @@ class Lake:
                 "dropped", clips are one string, and matches that cross are left out.
             path: tell which frames are aligned to which.
             whole: rank whole clips, and not ranges inside them.
-            both: of `whole`, the "max" (default) or "mean" of both ways, or "query", the query in the clip alone.
+            ways: of `whole`, the "max" (default) or "mean" of both ways, or "query", the query in the clip alone.
             window: answer every window of so many symbols, sliding by a third of them ("query_start", "query_stop").
             scope: as of `find`.
 
@@ -317,11 +317,11 @@ class Lake:
         from motionlake.retrieval.alignment import check_together
 
         mirrored = scope.get("mirrored", False)
-        check_together(whole=whole, window=window, boundaries=boundaries, both=both, mirrored=mirrored)
+        check_together(whole=whole, window=window, boundaries=boundaries, ways=ways, mirrored=mirrored)
         how: dict[str, Any] = {"method": method, "stride": stride, "gaps": gaps, "paths": path}
         part = query, start, stop
         if whole:
-            return self._search("clip", "alignment", part, k, scope, **how, both=both)
+            return self._search("clip", "alignment", part, k, scope, **how, ways=ways)
         if window is None:
             return self._search("range", "alignment", part, k, scope, **how, boundaries=boundaries)
         return self._windows(part, window, k, scope, **how, boundaries=boundaries)

@@ -240,7 +240,7 @@ def align(
             "clip), or dropped (clips are one string, and matches that cross are left out)."
         ),
     ] = None,
-    both: Annotated[
+    ways: Annotated[
         str | None,
         option(
             help="--whole: the max (default) or mean of both ways, the query in the clip and the clip in the query, or "
@@ -282,7 +282,7 @@ def align(
 
     target, k = open_lake(lake), _count(k, below)
     check_together(
-        whole=whole, window=window, boundaries=boundaries, both=both, mirrored=mirrored, named="--"
+        whole=whole, window=window, boundaries=boundaries, ways=ways, mirrored=mirrored, named="--"
     )  # fmt: skip
     if window is not None and picture is not None:
         raise UserError("--window: answers many queries; leave --picture out")
@@ -299,7 +299,7 @@ def align(
             tell_hits([_of_window(hit) for hit in windows], mirrored=False, as_json=as_json)
             return
         if whole:
-            searcher: AlignmentSearcher | AlignmentRangeSearcher = AlignmentSearcher(target, **how, both=both)
+            searcher: AlignmentSearcher | AlignmentRangeSearcher = AlignmentSearcher(target, **how, ways=ways)
         else:
             searcher = AlignmentRangeSearcher(target, **how, boundaries=boundaries)
         piece = named_query(con, target, query, start, stop)

@@ -61,7 +61,7 @@ class AlignmentOptions(TypedDict, total=False):
 
 
 def check_together(
-    *, whole: bool, window: int | None, boundaries: str | None, both: str | None, mirrored: bool, named: str = ""
+    *, whole: bool, window: int | None, boundaries: str | None, ways: str | None, mirrored: bool, named: str = ""
 ) -> None:
     """Raises `UserError` where options of an alignment make no sense together; `named`: what their names begin with."""
     given = {"whole": whole, "mirrored": mirrored}
@@ -69,8 +69,8 @@ def check_together(
         raise UserError(f"{named}window: looks for many ranges at once; leave {' and '.join(needless)} out")
     if whole and boundaries is not None:
         raise UserError(f"{named}whole: compares whole clips; leave {named}boundaries out")
-    if both is not None and not whole:
-        raise UserError(f"{named}both: is for {named}whole; ranges are found by the query in the clip alone")
+    if ways is not None and not whole:
+        raise UserError(f"{named}ways: is for {named}whole; ranges are found by the query in the clip alone")
 
 
 class _Aligner(LakeSearcher):
@@ -133,22 +133,22 @@ class AlignmentSearcher(_Aligner):
 
     Args:
         lake: which holds the dictionary and the configuration.
-        both: the greater ("max") or the "mean" of both ways; "query" looks for the query in the clips alone, as the
+        ways: the greater ("max") or the "mean" of both; "query" looks for the query in the clips alone, as the
             paper does.
         paths: give every answer the path of the query's best match in it.
         options: `AlignmentOptions`.
 
     Raises:
-        UserError: as `_Aligner`; an unknown `both`.
+        UserError: as `_Aligner`; unknown `ways`.
     """
 
     finds = "clip"
 
     def __init__(
-        self, lake: Lake, *, both: str | None = None, paths: bool = False, **options: Unpack[AlignmentOptions]
+        self, lake: Lake, *, ways: str | None = None, paths: bool = False, **options: Unpack[AlignmentOptions]
     ) -> None:
         super().__init__(lake, **options)
-        self._both: Both = one_of("both", both or "max", get_args(Both))
+        self._both: Both = one_of("ways", ways or "max", get_args(Both))
         self._paths = paths
 
     def whole(self, query: StringQuery, k: int, scope: Scope = EVERYTHING) -> list[Hit]:

@@ -70,9 +70,9 @@ class RangeWay(Way):
 
 @dataclass(frozen=True)
 class ClipWay(Way):
-    """How whole clips are ranked by alignment; `both` ways: "max" (NULL), "mean" or "query", one way alone."""
+    """How whole clips are ranked by alignment; `ways`: of both "max" (NULL), "mean" or "query", one way alone."""
 
-    both: str | None = None
+    ways: str | None = None
 
 
 @dataclass(frozen=True)
