@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeAlias, TypedDict, TypeVar, Unpack
+from typing import TYPE_CHECKING, Any, TypeAlias, TypedDict, TypeVar, Unpack, cast
 
 from motionlake.errors import UserError, told_by_sql
 from motionlake.lake import layout
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from motionlake.lake.clip_dataset import ClipDataset
     from motionlake.lake.safe import LakeConnection
     from motionlake.motion.canonicalise import CanonicalMotion
+    from motionlake.retrieval.alignment import AlignmentRangeSearcher
     from motionlake.retrieval.protocol import Finds, Searcher
     from motionlake.retrieval.text import Encoder
 
@@ -276,8 +277,12 @@ class Lake:
         *,
         method: str | None = None,
         stride: int | None = None,
-        crossing: bool = False,
+        gaps: bool | None = None,
+        boundaries: str | None = None,
         path: bool = False,
+        whole: bool = False,
+        ways: str | None = None,
+        window: int | None = None,
         **scope: Unpack[ScopeOptions],
     ) -> Rows:
         """Where a motion occurs inside the clips, by alignment of postures: ranges, cheapest first (PESTA, section 6).
@@ -294,18 +299,32 @@ class Lake:
             query: a clip of the lake, or a clip file.
             start: its first frame that is asked for, at its own rate; by default 0.
             stop: the frame after the last; by default that after its last.
-            k: how many at most.
+            k: how many at most; of `window`, to each window.
             method: "sta" (strided temporal alignment), "dtw" or "sw" (Smith-Waterman); by default that of config.toml.
             stride: how many symbols "sta" may skip at a time, plus one; by default that of config.toml.
-            crossing: a match may begin in one clip and end in a later one.
+            gaps: of "sta": symbols may be left out of both sides at a price; by default as config.toml says.
+            boundaries: of clips: "kept" (default); "crossed", a match may begin in one clip and end in a later one; or
+                "dropped", clips are one string, and matches that cross are left out.
             path: tell which frames are aligned to which.
+            whole: rank whole clips, and not ranges inside them.
+            ways: of `whole`, the "max" (default) or "mean" of both ways, or "query", the query in the clip alone.
+            window: answer every window of so many symbols, sliding by a third of them ("query_start", "query_stop").
             scope: as of `find`.
 
         Raises:
-            UserError: as `find`.
+            UserError: as `find`; options that make no sense together.
         """
-        how = {"method": method, "stride": stride, "crossing": crossing, "paths": path}
-        return self._search("range", "alignment", (query, start, stop), k, scope, **how)
+        from motionlake.retrieval.alignment import check_together
+
+        mirrored = scope.get("mirrored", False)
+        check_together(whole=whole, window=window, boundaries=boundaries, ways=ways, mirrored=mirrored)
+        how: dict[str, Any] = {"method": method, "stride": stride, "gaps": gaps, "paths": path}
+        part = query, start, stop
+        if whole:
+            return self._search("clip", "alignment", part, k, scope, **how, ways=ways)
+        if window is None:
+            return self._search("range", "alignment", part, k, scope, **how, boundaries=boundaries)
+        return self._windows(part, window, k, scope, **how, boundaries=boundaries)
 
     def sql(self, text: str, parameters: Mapping[str, Any] | Sequence[Any] | None = None) -> Rows:
         """The answer to a query in SQL, with the lake's tables, macros and functions.
@@ -463,6 +482,13 @@ class Lake:
         query = Query(self._query(part[0]), *part[1:])
         found = self._searcher(finds, method, **how).search([query], k, Scope(**scope))[0]
         return Rows.of(hit.as_row() for hit in found)
+
+    def _windows(self, part: ClipRange, window: int, k: int, scope: ScopeOptions, /, **how: Any) -> Rows:
+        from motionlake.retrieval.protocol import Query, Scope
+
+        aligner = cast("AlignmentRangeSearcher", self._searcher("range", "alignment", **how))
+        long = aligner.long_query(Query(self._query(part[0]), *part[1:]), Scope(**scope), window)
+        return Rows.of(hit.as_row() for hit in long.windows(window, k, paths=how["paths"]))
 
     def _search_text(
         self,

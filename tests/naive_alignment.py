@@ -44,6 +44,49 @@ def path_back(
     return path[::-1]
 
 
+def gapped_weights(
+    query: Int32Array, string: Int32Array, distances: Float32Array, stride: int, query_gap: Score, clip_gap: Score
+) -> Float32Array:
+    """[X, Y] W of section 6 where symbols of the query and of the string may be left out at a price."""
+    w = np.zeros((len(query), len(string)), dtype=np.float32)
+    for x, e in enumerate(query):
+        for y, s in enumerate(string):
+            before = [(m, n) for m, n in cells(stride) if m <= x and n <= y]
+            steps = [w[x - m, y - n] + distances[e, s] * np.float32(max(m, n)) for m, n in before]
+            left_out = [w[x, y - 1] + np.float32(clip_gap)] if y else []
+            left_out.append((w[x - 1, y] if x else np.float32(0)) + np.float32(query_gap))
+            w[x, y] = min([*(steps if x else [distances[e, s]]), *left_out])
+    return w
+
+
+def gapped_path(
+    w: Float32Array,
+    query: Int32Array,
+    string: Int32Array,
+    distances: Float32Array,
+    stride: int,
+    clip_gap: Score,
+    end: int,
+) -> Path:
+    """The pairs that are matched on the path from the last row in column `end`, first cell first; there may be none."""
+    x, y, path = len(query) - 1, end, []
+    while x >= 0:
+        distance, step = distances[query[x], string[y]], None
+        if x == 0:
+            step = (1, 0) if w[x, y] == distance else None
+        for m, n in cells(stride) if x else ():
+            if step is None and m <= x and n <= y and w[x - m, y - n] + distance * np.float32(max(m, n)) == w[x, y]:
+                step = m, n
+        if step is not None:
+            path.append((x, y))
+            x, y = x - step[0], y - step[1]
+        elif y and w[x, y - 1] + np.float32(clip_gap) == w[x, y]:
+            y -= 1
+        else:
+            x -= 1
+    return path[::-1]
+
+
 def local_weights(
     query: Int32Array, string: Int32Array, distances: Float32Array, threshold: Score, gap: Score
 ) -> Float32Array:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
 from itertools import combinations, pairwise
 from pathlib import Path
 from typing import Any
@@ -19,7 +20,7 @@ from motionlake.pesta.matches import best_matches
 from motionlake.pesta.scan import end_costs, symmetric_costs
 from motionlake.pesta.strings import Repository
 from motionlake.retrieval.alignment import AlignmentRangeSearcher, AlignmentSearcher
-from motionlake.retrieval.protocol import Hit, Query, Scope
+from motionlake.retrieval.protocol import OPTIONAL, Hit, Query, Scope
 from motionlake.stages.postures import codes_of_clips
 
 from tests.lakes import QUICK, motionlake, query
@@ -60,6 +61,18 @@ def strings(lake: Path) -> dict[str, list[tuple[int, int, int]]]:
     }
 
 
+def by_sql(lake: Path, text: str) -> list[dict[str, Any]]:
+    """The rows of a query, without the columns that answers need not have where they are NULL."""
+    run = motionlake("sql", text, "--trusted", "--lake", lake, "--json")
+    assert run.status == 0, run.err
+    return without_nulls(run.json)
+
+
+def without_nulls(rows: Iterable[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """Answers without what they need not have, where it is None."""
+    return [{k: v for k, v in row.items() if v is not None or k not in OPTIONAL} for row in rows]
+
+
 def longest(lake: Path) -> tuple[str, int]:
     rows = query(lake, "SELECT clip, frames FROM clips JOIN symbol_strings USING (clip) ORDER BY -len(symbols), clip")
     return rows[0]
@@ -85,11 +98,11 @@ def test_every_way_to_ask_gives_the_same_answer(built_lake: Path, aligner: Align
     assert found
     assert [hit.as_row() for hit in aligner.in_clip(clip, 1, frames - 1, 4, **wanted)] == found
     text = f"FROM align_motion('{clip}', 1, {frames - 1}, k := 4{arguments})"
-    assert motionlake("sql", text, "--lake", built_lake, "--json").json == found
+    assert by_sql(built_lake, text) == found
     ranked = motionlake(*ask, "--whole").json
     assert [hit.as_row() for hit in aligner.whole(clip, 4, **wanted)] == ranked
     text = f"FROM aligned_clips('{clip}', k := 4{arguments})"
-    assert motionlake("sql", text, "--lake", built_lake, "--json").json == ranked
+    assert by_sql(built_lake, text) == ranked
 
 
 def test_all_answers_that_are_near_enough(built_lake: Path) -> None:
@@ -201,13 +214,14 @@ def test_whole_clips_are_ranked_by_both_ways(
     aligner: Aligner, both: Any, method: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(whole, "BATCH", 2)
-    kept, searcher = aligner.strings, AlignmentSearcher(aligner.lake, strings=aligner.strings, method=method)
+    kept = aligner.strings
+    searcher = AlignmentSearcher(aligner.lake, strings=kept, method=method, ways=both)
     costs = symmetric_costs(kept.repository, kept.distances, AlignmentConfig(method), both=both)
     names = [c.clip for c in kept.clips]
     for i in np.flatnonzero(kept.repository.lengths >= 2).tolist():
         others = [j for j in range(len(names)) if j != i]
         expected = sorted((float(costs[i, j]), names[j]) for j in others)[:5]
-        found = searcher.whole(searcher.symbols_of(Query(names[i])), 5, both=both)
+        found = searcher.whole(searcher.symbols_of(Query(names[i])), 5)
         assert [h.distance for h in found] == pytest.approx([cost for cost, _ in expected], abs=1e-6)
         for hit, (cost, name) in zip(found, expected, strict=True):
             assert hit.clip == name or sum(abs(c - cost) < 1e-6 for c, _ in expected) > 1
@@ -220,7 +234,7 @@ def test_a_match_may_cross_from_clip_to_clip(built_lake: Path, aligner: Aligner)
         pair for pair in pairwise(known) if len(pair[0][1]) > 2 and len(pair[1][1]) > 2
     )
     asked = [symbol for symbol, _, _ in head[-3:] + tail[:3]]
-    hit = aligner.in_symbols(asked, 1, crossing=True, stride=1)[0]
+    hit = aligner.in_symbols(asked, 1, boundaries="crossed", stride=1)[0]
     assert (hit.clip, hit.stop_clip, hit.cost) == (before, after, 0)
     assert (hit.start, hit.stop) == (head[-3][1], tail[2][2])
     (fps, frames), (next_fps, _) = about[before], about[after]
@@ -256,7 +270,7 @@ def test_windows_of_a_clip_are_asked_for_in_the_shell_and_in_sql(built_lake: Pat
     assert len(known) > 5
     rows = motionlake("align", clip, "--window", 4, "-k", 2, "--lake", built_lake, "--json").json
     text = f"FROM align_windows('{clip}', 4, k := 2)"
-    assert motionlake("sql", text, "--lake", built_lake, "--json").json == rows
+    assert by_sql(built_lake, text) == rows
     long, expected = aligner.ranges().long_query(Query(clip), window=4), []
     for first in range(len(known) - 3):
         start, stop = known[first][1], known[first + 3][2]
@@ -272,9 +286,9 @@ def test_a_string_of_symbols_is_answered_in_sql(built_lake: Path, aligner: Align
     clip, _ = longest(built_lake)
     asked = f"(SELECT symbols FROM symbol_strings WHERE clip = '{clip}'), k := 3"
     symbols = query(built_lake, "SELECT symbols FROM symbol_strings WHERE clip = $clip", clip=clip)[0][0]
-    found = motionlake("sql", f"FROM align_symbols({asked}, model := 'postures-1')", "--lake", built_lake, "--json")
-    assert found.json == [hit.as_row() for hit in aligner.in_symbols(symbols, 3, model="postures-1")]
-    assert clip in {hit["clip"] for hit in found.json if hit["distance"] == 0}  # beside others of the same string
+    found = by_sql(built_lake, f"FROM align_symbols({asked}, model := 'postures-1')")
+    assert found == [hit.as_row() for hit in aligner.in_symbols(symbols, 3, model="postures-1")]
+    assert clip in {hit["clip"] for hit in found if hit["distance"] == 0}  # beside others of the same string
     other = motionlake("sql", f"FROM align_symbols({asked}, model := 'postures-7')", "--lake", built_lake)
     assert other.status == 2
     assert "a string over postures-7 does not compare with strings over postures-1; make it again" in other.err
@@ -301,10 +315,17 @@ def test_mistakes_are_met_with_one_clear_line(built_lake: Path, tmp_path: Path, 
         ([clip, "--from", 9, "--to", 4], f"has frames 0 to {frames}"),
         ([clip, "--stride", 0], "stride is 0"),
         ([clip, "--stride", 20000], "stride is 20000: it is a whole number from 1 to 64"),
-        ([clip, "--window", 9, "--whole", "--crossing"], "--window: looks for many ranges at once; leave --whole and"),
+        ([clip, "--window", 9, "--whole", "--mirrored"], "--window: looks for many ranges at once; leave --whole and"),
+        ([clip, "--window", 9, "--picture", "hits.html"], "--window: answers many queries; leave --picture out"),
+        ([clip, "--window", 9, "--gaps"], "aligned without gaps: switch gaps off"),
+        ([clip, "--gaps", "--method", "sw"], 'gaps are an option of "sta"'),
+        ([clip, "--boundaries", "open"], "boundaries is 'open', not one of kept, crossed, dropped"),
+        ([clip, "--whole", "--boundaries", "crossed"], "--whole: compares whole clips; leave --boundaries out"),
+        ([clip, "--whole", "--ways", "all"], "ways is 'all', not one of max, mean, query"),
+        ([clip, "--ways", "query"], "--ways: is for --whole"),
+        ([clip, "--window", 9, "--ways", "query"], "--ways: is for --whole"),
         ([clip, "--window", 9, "--method", "sw"], "by sta or dtw, not by sw"),
         ([clip, "--method", "guess"], "not one of sta, dtw, sw"),
-        ([clip, "--whole", "--path", "--json"], "--whole: compares whole clips"),
         ([clip, "--path"], "--path: needs --json"),
         (["nowhere"], "no such clip"),
     ):
@@ -318,6 +339,9 @@ def test_mistakes_are_met_with_one_clear_line(built_lake: Path, tmp_path: Path, 
         ("align_motion('nowhere', NULL, NULL)", "nowhere: no such clip"),
         (f"align_motion('{clip}', NULL, NULL, stride := 0)", "stride is 0"),
         (f"align_motion('{clip}', NULL, NULL, k := -1)", "k is -1"),
+        (f"align_motion('{clip}', boundaries := 'open')", "boundaries is 'open'"),
+        (f"align_windows('{clip}', gaps := true)", "switch gaps off"),
+        (f"aligned_clips('{clip}', ways := 'all')", "ways is 'all'"),
         (f"align_windows('{clip}', 1)", "window is 1: it has at least 2 symbols"),
         ("aligned_clips('nowhere')", "nowhere: no such clip"),
         (f"aligned_clips('{clip}', k := -1)", "k is -1"),
@@ -327,10 +351,8 @@ def test_mistakes_are_met_with_one_clear_line(built_lake: Path, tmp_path: Path, 
         assert said in run.err
     with pytest.raises(UserError, match="sw"):
         aligner.ranges(method="sw").long_query(Query(clip))
-    searcher = AlignmentSearcher(aligner.lake, strings=aligner.strings)
-    asked = searcher.symbols_of(Query(clip))
-    with pytest.raises(UserError, match="both is 'all'"):
-        searcher.whole(asked, 3, both="all")  # type: ignore[arg-type]
+    with pytest.raises(UserError, match="ways is 'all'"):
+        AlignmentSearcher(aligner.lake, strings=aligner.strings, ways="all")
     empty = tmp_path / "empty"
     assert motionlake("init", empty).status == 0
     assert "motionlake run all" in motionlake("align", clip, "--lake", empty).err

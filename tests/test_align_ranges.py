@@ -24,6 +24,7 @@ from motionlake.stages.postures import codes_of_clips
 
 from bench.pesta.cut_files import cut_file, reduced
 from tests.lakes import made_once, motionlake, query
+from tests.test_align import by_sql
 
 POSTURES = '[postures]\ndictionary = "kmeans"\nm = 200\nweights = "own"\n'
 TAKES = ("13_29", "14_20")
@@ -116,7 +117,7 @@ def test_every_way_to_ask_gives_the_same_answer(boxing: Path, searcher: Alignmen
     assert len(command) == 4
     assert {"cycles", "speed"} <= set(command[0])
     text = f"FROM align_motion('{clip}', 240, 360, k := 4)"
-    assert motionlake("sql", text, "--lake", boxing, "--json").json == command
+    assert by_sql(boxing, text) == command
     assert list(OpenLake(boxing).align(clip, 240, 360, k=4)) == command
     whole = motionlake("search", clip, "--method", "alignment", "-k", 1, "--lake", boxing, "--json").json
     assert [row["clip"] for row in whole] == [clip_of(searcher, "14_20")]

@@ -228,6 +228,75 @@ def test_smith_waterman_is_the_local_alignment(case: Any, k: int) -> None:
         assert [(x, y + int(repository.offsets[match.clip])) for x, y in match.path.tolist()] in paths
 
 
+@given(cases(), st.integers(0, 12), st.sampled_from(["kept", "crossed", "dropped"]), st.integers(0, 99))
+@settings(max_examples=60, deadline=None)
+def test_symbols_may_be_left_out_at_a_price(case: Any, k: int, boundaries: Boundaries, seed: int) -> None:
+    query, repository, distances, stride = case
+    random = np.random.default_rng(seed)
+    config = AlignmentConfig(
+        stride=stride, gaps=True, clip_gap=random.uniform(0.01, 0.5), query_gap=random.uniform(0.1, 2)
+    )
+    query_gap, clip_gap = SymbolDistances(distances).scores(config)
+    strings = repository if boundaries == "kept" else repository.joined
+    costs, paths = [], []
+    for clip in range(len(strings)):
+        string, first = strings.string(clip), int(strings.offsets[clip])
+        w = naive.gapped_weights(query, string, distances, stride, query_gap, clip_gap)
+        costs += w[-1].tolist()
+        for y in range(len(string)):
+            pairs = naive.gapped_path(w, query, string, distances, stride, clip_gap, y)
+            paths.append([(x, n + first) for x, n in pairs])
+    for threads in (1, 3):
+        ends = end_costs(query, repository, distances, config, boundaries=boundaries, threads=threads)
+        assert np.array_equal(ends, np.array(costs, dtype=np.float32))
+    if boundaries == "kept":
+        best = best_per_clip(query, repository, distances, config)
+        assert np.array_equal(pairwise([query], repository, distances, config)[0], best)
+    clip_of = np.repeat(np.arange(len(repository)), repository.lengths)
+    ranges = [(p[0][1], p[-1][1] + 1) if p else None for p in paths]
+    ends_of = [clip_of[y] for y in range(len(ranges))]
+    valid = [
+        r if r is None or boundaries != "dropped" or clip_of[r[0]] == clip_of[r[1] - 1] == ends_of[y] else None
+        for y, r in enumerate(ranges)
+    ]
+    barred = random.random(len(repository.symbols)) < 0.05
+    open_ends = [r if not barred[y] else None for y, r in enumerate(valid)]
+    expected = naive.apart(costs, open_ends, k, np.flatnonzero(barred).tolist())
+    found = best_matches(
+        query, repository, distances, k, config, boundaries=boundaries, barred=barred, paths=True, threads=2
+    )
+    assert placed(found, repository) == expected
+    for match in found:
+        assert match.path is not None
+        assert [(x, y + int(repository.offsets[match.clip])) for x, y in match.path.tolist()] in paths
+
+
+def test_a_gap_is_worth_more_than_a_dear_symbol() -> None:
+    """The query 0 1 2 3 with a foreign symbol in it, in both, is found at the price of what was left out."""
+    distances = np.where(np.eye(6, dtype=bool), 0, 1).astype(np.float32)
+    config = AlignmentConfig(stride=1, gaps=True, clip_gap=0.05, query_gap=0.6)
+    strings = Repository.of([[0, 1, 5, 5, 5, 2, 3], [4, 4, 4, 4]])
+    found = best_matches([0, 1, 2, 3], strings, distances, 9, config, paths=True)
+    assert [(m.clip, m.start, m.stop) for m in found] == [(0, 0, 7)]  # where nothing is matched, nothing is found
+    assert found[0].cost == pytest.approx(3 * 0.05)
+    assert found[0].path is not None
+    assert found[0].path.tolist() == [[0, 0], [1, 1], [2, 5], [3, 6]]
+    (spoilt,) = best_matches([0, 1, 4, 2, 3], Repository.of([[0, 1, 2, 3]]), distances, 9, config, paths=True)
+    assert spoilt.cost == pytest.approx(0.6)
+    assert spoilt.path is not None
+    assert spoilt.path.tolist() == [[0, 0], [1, 1], [3, 2], [4, 3]]
+
+
+def test_long_strings_with_gaps_are_scanned_exactly() -> None:
+    rng = np.random.default_rng(0)
+    distances = dictionary(2, 6)
+    string, query = rng.integers(0, 6, 4000, dtype=np.int32), rng.integers(0, 6, 3, dtype=np.int32)
+    config = AlignmentConfig(stride=2, gaps=True, clip_gap=1e-7)  # so cheap that no piece can know where it began
+    expected = naive.gapped_weights(query, string, distances, 2, *SymbolDistances(distances).scores(config))[-1]
+    for threads in (1, 3):
+        assert np.array_equal(end_costs(query, Repository.of([string]), distances, config, threads=threads), expected)
+
+
 def test_costs_between_whole_strings() -> None:
     rng = np.random.default_rng(5)
     distances = dictionary(5, 20)
@@ -268,7 +337,15 @@ def test_mistakes_are_named(change: dict[str, Any], said: str) -> None:
 
 @pytest.mark.parametrize(
     ("settings_", "said"),
-    [({"stride": 0}, "stride is 0"), ({"stride": 1.5}, "stride"), ({"method": "lcs"}, "lcs"), ({"gap": 0.0}, "gap")],
+    [
+        ({"stride": 0}, "stride is 0"),
+        ({"stride": 1.5}, "stride"),
+        ({"method": "lcs"}, "lcs"),
+        ({"gap": 0.0}, "gap"),
+        ({"gaps": True, "clip_gap": 0.0}, "clip_gap is 0.0"),
+        ({"gaps": True, "method": "sw"}, "gaps are an option"),
+        ({"gaps": True, "method": "dtw"}, "gaps are an option"),
+    ],
 )
 def test_settings_are_checked(settings_: dict[str, Any], said: str) -> None:
     with pytest.raises(ValueError, match=said):

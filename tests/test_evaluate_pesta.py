@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
+from unittest import mock
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from motionlake.evaluation.pesta.framed import Framed
 from motionlake.evaluation.pesta.measuring import LabelledRange, Take, class_of, drawn_ranges
-from motionlake.evaluation.pesta.robustness import Framed, singular_clips, singular_pieces
+from motionlake.evaluation.pesta.robustness import piece_of, singular_clips, singular_pieces
 from motionlake.evaluation.pesta.sub_queries import (
     SubQuery,
     ask_all,
@@ -30,10 +33,20 @@ from motionlake.evaluation.ranking import (
     score_rankings,
     share_label,
 )
+from motionlake.lake.catalog import reading
+from motionlake.lake.layout import open_lake
+from motionlake.lake.settings import served_config
+from motionlake.motion.features import word_features
 from motionlake.motion.skeleton import INDEX, facing
 from motionlake.pesta.config import AlignmentConfig, Method
+from motionlake.pesta.dictionary_fitting import fit_dictionary
 from motionlake.pesta.scan import symmetric_costs
-from motionlake.pesta.symbols import SymbolString
+from motionlake.pesta.symbols import SymbolString, symbolise
+from motionlake.retrieval.encode import query_motion
+from motionlake.retrieval.protocol import Query
+from motionlake.stages.model_kind import Selection
+from motionlake.stages.posture_dictionary import POSTURE_DICTIONARY
+from motionlake.stages.reader import LakeReader
 
 from tests.lakes import motionlake, query
 from tests.test_evaluate import taught_lake
@@ -306,7 +319,7 @@ def frames_of(count: int, fps: float, seed: int) -> Framed:
 def test_a_replaced_piece_stands_where_the_one_before_stood() -> None:
     clips = [frames_of(200, 120.0, 1), frames_of(60, 30.0, 2), frames_of(90, 120.0, 3)]
     labels = ["a", "b", "a"]
-    assert [clip.piece for clip in clips] == [10, 2, 10]
+    assert [piece_of(clip) for clip in clips] == [10, 2, 10]
     same = singular_clips(clips, labels, 0.0, 0)
     assert all(np.array_equal(one.positions, clip.positions) for one, clip in zip(same, clips, strict=True))
     every = singular_clips(clips, labels, 1.0, 0)
@@ -343,3 +356,38 @@ def test_only_segments_of_one_posture_count_as_refused(lake: Path, clips_folder:
     damaged = motionlake(*ask)
     assert damaged.status == 2
     assert "parquet" in damaged.err
+
+
+def test_dictionaries_of_several_sizes_are_measured(built_lake: Path, tmp_path: Path) -> None:
+    """Each dictionary is one of the lake's own clips: that of the lake's size finds what a lake of such would."""
+    words = ["evaluate", "pesta", "--protocol", "sizes", "--lake", built_lake]
+    with mock.patch("motionlake.evaluation.pesta.sizes.SIZES", (20, 40, 100_000)):
+        run = motionlake(*words, "--pictures", tmp_path, "--json")
+        table = motionlake(*words).out
+    assert run.status == 0, run.err
+    assert "m = 100000: left out, as the lake holds" in run.err
+    found = run.json["sizes"]
+    assert list(found) == ["20", "40"]
+    assert list(found["40"]) == ["map", "p_at_5", "nn", "n", "symbols", "milliseconds", "occupied"]
+    lake = open_lake(built_lake)
+    config = served_config(lake)
+    with reading(lake) as con:
+        postures = POSTURE_DICTIONARY.data(LakeReader(con, lake, config), Selection()) or []
+    made = fit_dictionary(postures, replace(config.postures, m=20))
+    text = "SELECT clip, label, fps, frames FROM symbol_strings JOIN clips USING (clip) WHERE label IS NOT NULL"
+    rows = query(built_lake, f"{text} ORDER BY clip")
+    strings = []
+    for clip, _, fps, frames in rows:
+        motion = query_motion(lake, Query(clip))
+        codes = made.encode(word_features(*motion.cut(), fps, config.postures.frames))
+        strings.append(symbolise(codes, codes_fps=30.0, fps=fps, n_frames=frames, config=config.symbols).symbols)
+    costs = symmetric_costs(strings, made.distances, AlignmentConfig("sta", 3))
+    assert found["20"]["map"] == pytest.approx(leave_one_out(costs, [label for _, label, *_ in rows]).map, abs=1e-6)
+    assert found["20"]["symbols"] == sum(map(len, strings))
+    assert found["20"]["occupied"] <= 20 < found["40"]["occupied"] <= 40
+    assert {path.stem for path in tmp_path.iterdir()} == {"sizes", "sizes-cost"}
+    assert "symbols of a dictionary" in table
+    with mock.patch("motionlake.evaluation.pesta.sizes.SIZES", (100_000,)):
+        small = motionlake(*words)
+    assert (small.status, small.err.count("\n")) == (2, 1)
+    assert "500000 are needed for 100000 symbols" in small.err

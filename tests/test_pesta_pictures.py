@@ -236,10 +236,10 @@ def test_a_dictionary_over_rotations_is_drawn_as_moments_of_clips(material: Symb
     assert np.isnan(bodies[1]).all()
 
 
-@pytest.mark.parametrize("crossing", [False, True])
-def test_paths_in_frames_are_the_symbols_of_the_alignment(built_lake: Path, crossing: bool) -> None:
+@pytest.mark.parametrize("boundaries", ["kept", "crossed"])
+def test_paths_in_frames_are_the_symbols_of_the_alignment(built_lake: Path, boundaries: str) -> None:
     lake = open_lake(built_lake)
-    searcher = AlignmentRangeSearcher(lake, paths=True, crossing=crossing)
+    searcher = AlignmentRangeSearcher(lake, paths=True, boundaries=boundaries)
     strings = searcher.strings
     clip = strings.clips[int(np.argmax(strings.repository.lengths))]
     query = Query(clip.clip, 3, clip.frames - 2)

@@ -116,7 +116,7 @@ ASK: Final = {
     "align stride": "align {kick} --stride 3 -k 5 --json",
     "align dtw": "align {salsa} --from 240 --to 480 -k 5 --method dtw --json",
     "align sw": "align {salsa} --from 240 --to 480 -k 5 --method sw --json",
-    "align crossing": "align {kick} -k 5 --crossing --recorded-only --json",
+    "align crossing": "align {kick} -k 5 --boundaries crossed --recorded-only --json",
     "align whole dtw": "align {kick} --whole -k 5 --method dtw --recorded-only --json",
     "align whole sw": "align {kick} --whole -k 5 --method sw --dataset hdm05 --json",
     "align file": "align {src}/{walk} --from 0 --to 200 -k 5 --json",

@@ -3,7 +3,7 @@
 whole: Table 5 (hdm05, bandai1; --all: salsa and utd_mhad too). ranges: Table 3. sub_queries: Table 4. robustness:
 Fig. 8. elasticity: Table 6. ablations: of the dictionaries, the features and the alignment. recipes: k-means and the
 autoencoders at three sizes on four sets, and which is the default. threshold: the pretrained dictionary and one of the
-lake's own, by the size of lakes.
+lake's own, by the size of lakes. gaps: symbols that strided alignment may leave out, on three sets.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from typing import Any, Final
 
 from motionlake.pesta.autoencoder import AutoencoderRecipe
 
-from bench.pesta import ablations, elasticity, ranges, recipes, robustness, sub_queries, threshold, whole
+from bench.pesta import ablations, elasticity, gaps, ranges, recipes, robustness, sub_queries, threshold, whole
 from bench.pesta.dictionaries import OWN
 from bench.pesta.measuring import with_seeds
 from bench.pesta.sets import hash_sets
@@ -144,6 +144,15 @@ def measure_threshold(given: argparse.Namespace, recipe: Recipe) -> Measured:
     return rows, (*threshold.SETS, threshold.TAKES)
 
 
+def measure_gaps(given: argparse.Namespace, recipe: Recipe) -> Measured:
+    runs = _gathered(gaps.measure, gaps.units(given.chosen), given.processes, lambda u: u.set_name, given.kept)
+    result = {name: with_seeds(rows) for name, rows in runs.items()}
+    for name, rows in result.items():
+        print(f"\n{table(name, rows, ('map', 'p_at_5', 'nn', 'n'))}")
+    print(gaps.verdict(result))
+    return result, gaps.SETS
+
+
 PARTS: Final[dict[str, Callable[[argparse.Namespace, Recipe], Measured]]] = {
     "whole": measure_whole,
     "ranges": measure_ranges,
@@ -153,6 +162,7 @@ PARTS: Final[dict[str, Callable[[argparse.Namespace, Recipe], Measured]]] = {
     "ablations": measure_ablations,
     "recipes": measure_recipes,
     "threshold": measure_threshold,
+    "gaps": measure_gaps,
 }
 
 

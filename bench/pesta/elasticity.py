@@ -6,14 +6,12 @@ ways, on one thread: the mean over all clips of the set, of which the median of 
 
 from __future__ import annotations
 
-import statistics
-import time
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final
 
+from motionlake.evaluation.pesta.sizes import SIZES, query_milliseconds
 from motionlake.pesta.autoencoder import AutoencoderRecipe
-from motionlake.pesta.scan import nearest_strings
 from motionlake.pesta.strings import Repository, SymbolDistances
 
 from bench.pesta.dictionaries import Spec, Unit, fitted, strings_of
@@ -23,7 +21,6 @@ from bench.pesta.whole import MAIN, specs
 from bench.units import Found
 
 SET: Final = "hdm05"
-SIZES: Final = (50, 100, 200, 300, 400, 500, 600, 700, 800)
 ROUNDS: Final = 5
 SCORES: Final = ("map", "p_at_5", "milliseconds", "symbols", "occupied")
 
@@ -44,14 +41,8 @@ def measure(unit: Unit) -> dict[str, Found]:
     made, strings = fitted(SET, unit.spec), strings_of(SET, unit.spec)
     found = whole_scores(strings, made.distances, labels_of(SET), STA3)
     repository, ground = Repository.of([s.symbols for s in strings]), SymbolDistances.of(made.distances)
-    seconds = []
-    for _ in range(1 + ROUNDS):
-        start = time.perf_counter()
-        for clip in range(len(repository)):
-            nearest_strings(repository.string(clip), repository, ground, 20, STA3, without=clip)
-        seconds.append(time.perf_counter() - start)
     found |= {
-        "milliseconds": 1e3 * statistics.median(seconds[1:]) / len(repository),
+        "milliseconds": query_milliseconds(repository, ground, STA3, ROUNDS),
         "symbols": len(repository.symbols),
         "occupied": made.metrics["occupied"],
     }

@@ -20,6 +20,8 @@ Scores = dict[str, float]
 
 STA3: Final = AlignmentConfig("sta", 3)
 STA2: Final = AlignmentConfig("sta", 2)
+GAPS3: Final = AlignmentConfig("sta", 3, gaps=True)
+GAPS2: Final = AlignmentConfig("sta", 2, gaps=True)
 
 
 def whole_scores(

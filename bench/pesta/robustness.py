@@ -10,55 +10,67 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final
 
-from motionlake.evaluation.pesta.robustness import RATES, Framed, singular_clips
+from motionlake.evaluation.pesta.framed import Framed
+from motionlake.evaluation.pesta.robustness import RATES, singular_clips
 from motionlake.pesta.autoencoder import AutoencoderRecipe
 from motionlake.pesta.config import AlignmentConfig
 from motionlake.pesta.scan import Both
+from motionlake.pesta.symbols import SymbolString
 
 from bench.canonical_sets import features
-from bench.pesta.dictionaries import Unit, fitted, string
-from bench.pesta.measuring import STA2, STA3, whole_scores
+from bench.pesta.dictionaries import Spec, Unit, fitted, string
+from bench.pesta.measuring import GAPS2, GAPS3, STA2, STA3, whole_scores
 from bench.pesta.sets import clips_of, labels_of
 from bench.pesta.whole import DTW, MAIN, SW, specs
 from bench.units import Found
 
 SET: Final = "hdm05"
+DICTIONARIES: Final = (MAIN, "k-means of features", "SOM")
 ALIGNMENTS: Final[dict[str, tuple[AlignmentConfig, Both]]] = {
     "STA w = 3": (STA3, "max"),
     "STA w = 2": (STA2, "max"),
     "STA w = 4": (AlignmentConfig("sta", 4), "max"),
+    "STA w = 3, gaps": (GAPS3, "max"),
+    "STA w = 2, gaps": (GAPS2, "max"),
     "DTW": (DTW, "max"),
     "SW": (SW, "max"),
     "SW, gap as dear as a match": (AlignmentConfig("sw", gap=SW.threshold), "max"),
     "STA w = 3, one way": (STA3, "query"),
     "STA w = 2, one way": (STA2, "query"),
+    "STA w = 3, gaps, one way": (GAPS3, "query"),
     "DTW, one way": (DTW, "query"),
     "SW, one way": (SW, "query"),
 }
 
 
 def units(seeds: Sequence[int], recipe: AutoencoderRecipe | None) -> list[Unit]:
-    chosen = {name: spec for name, spec in specs(recipe).items() if name in (MAIN, "k-means of features")}
+    chosen = {name: spec for name, spec in specs(recipe).items() if name in DICTIONARIES}
     return [Unit(name, spec.seeded(seed), seed) for name, spec in chosen.items() for seed in seeds]
 
 
 def measure(unit: Unit) -> dict[str, Found]:
     """Every alignment at every rate; the seed draws pieces too."""
-    made, config = fitted(SET, unit.spec), unit.spec.config
-    framed = [Framed(clip.positions, clip.rotations, clip.fps) for clip in clips_of(SET)]
+    made = fitted(SET, unit.spec)
     rows: dict[str, Found] = {}
     for rate in RATES:
-        replaced = singular_clips(framed, labels_of(SET), rate, unit.seed)
-        clips = [
-            replace(clip, positions=own.positions, rotations=own.rotations)
-            for clip, own in zip(clips_of(SET), replaced, strict=True)
-        ]
-        features_of = features(clips, config.frames)
-        strings = [string(made.encode(each), c, config.fps) for each, c in zip(features_of, clips, strict=True)]
+        strings = replaced_strings(SET, unit.spec, rate, unit.seed)
         for name, (alignment, both) in ALIGNMENTS.items():
             found = whole_scores(strings, made.distances, labels_of(SET), alignment, both)
             rows[f"{unit.dictionary} + {name}, rate {rate:g}"] = found | {"symbols": sum(map(len, strings))}
     return rows
+
+
+def replaced_strings(name: str, spec: Spec, rate: float, seed: int) -> list[SymbolString]:
+    """Strings of the clips of a set with a share of their pieces replaced, by the dictionary of the set as it is."""
+    made, config = fitted(name, spec), spec.config
+    framed = [Framed(clip.positions, clip.rotations, clip.fps) for clip in clips_of(name)]
+    replaced = singular_clips(framed, labels_of(name), rate, seed)
+    clips = [
+        replace(clip, positions=own.positions, rotations=own.rotations)
+        for clip, own in zip(clips_of(name), replaced, strict=True)
+    ]
+    rows = features(clips, config.frames)
+    return [string(made.encode(each), clip, config.fps) for each, clip in zip(rows, clips, strict=True)]
 
 
 def fall(rows: dict[str, Found]) -> dict[str, dict[str, list[float]]]:

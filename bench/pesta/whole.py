@@ -18,7 +18,7 @@ from motionlake.pesta.scan import Both
 
 from bench.canonical_sets import features
 from bench.pesta.dictionaries import OWN, Spec, fitted, pretrained, strings_of
-from bench.pesta.measuring import STA2, STA3, score_distances, whole_scores
+from bench.pesta.measuring import GAPS2, GAPS3, STA2, STA3, score_distances, whole_scores
 from bench.pesta.sets import clips_of, labels_of
 from bench.units import Found
 
@@ -33,10 +33,13 @@ DTW, SW = AlignmentConfig("dtw"), AlignmentConfig("sw")
 ALIGNMENTS: Final[dict[str, tuple[AlignmentConfig, Both, SymbolsConfig]]] = {
     "STA w = 3": (STA3, "max", FULL),
     "STA w = 2": (STA2, "max", FULL),
+    "STA w = 3, gaps": (GAPS3, "max", FULL),
+    "STA w = 2, gaps": (GAPS2, "max", FULL),
     "DTW": (DTW, "max", FULL),
     "SW": (SW, "max", FULL),
     "STA w = 3, one way": (STA3, "query", FULL),
     "STA w = 2, one way": (STA2, "query", FULL),
+    "STA w = 3, gaps, one way": (GAPS3, "query", FULL),
     "DTW, one way": (DTW, "query", FULL),
     "SW, one way": (SW, "query", FULL),
     "STA w = 3, repeats kept": (STA3, "max", RUNS),

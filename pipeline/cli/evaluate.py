@@ -55,6 +55,10 @@ METRICS: Final = {
     "all_map": "map with the refused queries counted as 0; higher is better",
     "mean_of_classes": "map, mean over the classes; higher is better",
     "replaced": "share of pieces of clips that are of other classes; beside it map by method, higher is better",
+    "m": "symbols of a dictionary",
+    "symbols": "length of all strings together; a query takes time in proportion to it",
+    "milliseconds": "time of a query for its first 20 answers, on one thread; lower is better",
+    "occupied": "symbols that the dictionary's own postures use; m at best",
     "seconds": "time that the search took; lower is better",
     "n": "queries measured",
     "n_known": "words whose class was learned",
@@ -195,12 +199,15 @@ def pesta(
         int | None,
         option(min=1, help="Longest step of an alignment (default: 3; 2 for parts of clips)."),
     ] = None,
+    gaps: Annotated[
+        bool | None, typer.Option(help="sta: symbols may be left out at a price (default: of config.toml).")
+    ] = None,
     protocols: Annotated[
         list[str] | None,
         option(
             "--protocol",
-            help="What to measure (repeat it for more): whole, sub-queries, holistic, several-labels, robustness "
-            "(default: the first two).",
+            help="What to measure (repeat it for more): whole, sub-queries, holistic, several-labels, robustness, "
+            "sizes (default: the first two).",
         ),
     ] = None,
     baseline: BaselineOption = "auto",
@@ -212,19 +219,24 @@ def pesta(
     Methods are those of `align` (sta, dtw, sw), both ways and one way, with signatures and DTW of frames beside them.
     Where clips have segments, parts of them are searched for too: windows of long queries ("sub-queries"), segments in
     the other clips ("holistic"), and clips that show what a segment shows ("several-labels"). "robustness" replaces
-    pieces of clips by pieces of others. --json has precision-recall curves and confusions.
+    pieces of clips by pieces of others. "sizes" fits dictionaries of 50 to 800 symbols to the lake's postures, without
+    labels. --json has precision-recall curves and confusions.
 
     Example: motionlake evaluate pesta --dataset hdm05 --json --lake mylake
 
     Drawn: motionlake evaluate pesta --protocol holistic --pictures figures --lake mylake
+
+    How many symbols a dictionary should have: motionlake evaluate pesta --protocol sizes --lake mylake
     """
     from motionlake.evaluation.pesta.protocols import USUAL, evaluate_pesta
     from motionlake.evaluation.pesta.tables import tables
 
     target = open_lake(lake)
-    with reading(target) as con:
+    with reading(target) as con, stage_progress() as progress:
         options = _labelled(dataset, column, only, baseline, min_quality)
-        found = evaluate_pesta(con, target, options, stride=stride, protocols=protocols or USUAL)
+        found = evaluate_pesta(
+            con, target, options, stride=stride, gaps=gaps, protocols=protocols or USUAL, progress=progress
+        )
     if pictures is not None:
         from motionlake.pictures.evaluation import evaluation_pictures
 

@@ -229,7 +229,24 @@ def align(
         int | None,
         option(help="sta: how many poses a match may step ahead at a time (default: of config.toml)."),
     ] = None,
-    crossing: Annotated[bool, typer.Option("--crossing", help="A match may go on in the next clip.")] = False,
+    gaps: Annotated[
+        bool | None,
+        typer.Option(help="sta: poses may be left out at a price, of both sides (default: of config.toml)."),
+    ] = None,
+    boundaries: Annotated[
+        str | None,
+        option(
+            help="Where one clip ends and the next begins: kept (default), crossed (a match may go on in the next "
+            "clip), or dropped (clips are one string, and matches that cross are left out)."
+        ),
+    ] = None,
+    ways: Annotated[
+        str | None,
+        option(
+            help="--whole: the max (default) or mean of both ways, the query in the clip and the clip in the query, or "
+            "query, the query in the clip alone."
+        ),
+    ] = None,
     window: Annotated[
         int | None,
         typer.Option(
@@ -255,31 +272,36 @@ def align(
     Of a file that is not in the lake: motionlake align shots/new_take.bvh --path --json --lake mylake
 
     A long take, window by window: motionlake align 13_29 --window 12 -k 3 --lake mylake
+
+    Of a clip with pieces of other motions in it: motionlake align 13_29 --from 4s --to 6s --gaps --lake mylake
+
+    Also what goes on from one clip into the next: motionlake align 13_29 --boundaries crossed --lake mylake
     """
-    from motionlake.retrieval.alignment import AlignmentRangeSearcher, AlignmentSearcher
+    from motionlake.retrieval.alignment import AlignmentRangeSearcher, AlignmentSearcher, check_together
     from motionlake.retrieval.protocol import Scope
 
     target, k = open_lake(lake), _count(k, below)
-    alone = {"--whole": whole, "--crossing": crossing, "--path": path, "--mirrored": mirrored, "--picture": picture}
-    if window is not None and (given := _given(alone)):
-        raise UserError(f"--window: looks for many ranges at once; leave {' and '.join(given)} out")
-    if whole and (crossing or path):
-        raise UserError("--whole: compares whole clips; leave --crossing and --path out")
+    check_together(
+        whole=whole, window=window, boundaries=boundaries, ways=ways, mirrored=mirrored, named="--"
+    )  # fmt: skip
+    if window is not None and picture is not None:
+        raise UserError("--window: answers many queries; leave --picture out")
     if path and not as_json:
         raise UserError("--path: needs --json")
     _check_picture(picture, 1)
     scope = Scope(dataset, split, recorded_only, mirrored, own, min_quality=min_quality, below=below)
-    how: dict[str, Any] = {"method": method, "stride": stride}
+    how: dict[str, Any] = {"method": method, "stride": stride, "gaps": gaps, "paths": path or picture is not None}
     with reading(target) as con:
         if window is not None:
             long = named_query(con, target, query, start, stop)
-            windows = AlignmentRangeSearcher(target, **how).long_query(long, scope, window).windows(window, k)
+            aligner = AlignmentRangeSearcher(target, **how, boundaries=boundaries)
+            windows = aligner.long_query(long, scope, window).windows(window, k, paths=path)
             tell_hits([_of_window(hit) for hit in windows], mirrored=False, as_json=as_json)
             return
         if whole:
-            searcher: AlignmentSearcher | AlignmentRangeSearcher = AlignmentSearcher(target, **how)
+            searcher: AlignmentSearcher | AlignmentRangeSearcher = AlignmentSearcher(target, **how, ways=ways)
         else:
-            searcher = AlignmentRangeSearcher(target, **how, crossing=crossing, paths=path or picture is not None)
+            searcher = AlignmentRangeSearcher(target, **how, boundaries=boundaries)
         piece = named_query(con, target, query, start, stop)
         (hits,) = searcher.search([piece], k, scope)
         if picture is not None:

@@ -35,8 +35,10 @@ class Rows(Sequence[dict[str, Any]]):
 
     @classmethod
     def of(cls, rows: Iterable[Mapping[str, Any]]) -> Rows:
-        """Rows of dictionaries that have the same keys."""
-        return cls(pa.Table.from_pylist([dict(row) for row in rows]))
+        """Rows of dictionaries; a key that one of them lacks is None there."""
+        known = [dict(row) for row in rows]
+        names = dict.fromkeys(name for row in known for name in row)
+        return cls(pa.Table.from_pylist([{name: row.get(name) for name in names} for row in known]))
 
     @property
     def columns(self) -> list[str]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Final, Literal, get_args
 
@@ -30,24 +30,35 @@ class AlignmentConfig:
         threshold: "sw" alone: two symbols are alike by (threshold - distance), in units of the mean distance of two
             different symbols of the dictionary.
         gap: "sw" alone: what a symbol that is left out of either string costs, in the same unit.
+        gaps: "sta" alone: symbols may be left out of the clip and of the query, which is robust to clips with pieces of
+            other motions in them. Off, as in the paper: a path pays for every symbol that it does not stride over.
+        clip_gap: with `gaps`, what a symbol that is left out of the clip costs, in the same unit.
+        query_gap: with `gaps`, what a symbol that is left out of the query costs, in the same unit.
 
     Raises:
-        ValueError: a method that does not exist, a stride out of range, a threshold or gap that is not above zero.
+        ValueError: a method that does not exist, a stride out of range, a threshold or gap that is not above zero, gaps
+            of another method than "sta".
     """
 
     method: Method = "sta"
     stride: int = 2
     threshold: float = 0.7
     gap: float = 0.1
+    gaps: bool = False
+    clip_gap: float = 0.05
+    query_gap: float = 0.6
 
     def __post_init__(self) -> None:
         if self.method not in METHODS:
             raise ValueError(f"method is {self.method!r}, not one of {', '.join(METHODS)}")
         if isinstance(self.stride, bool) or not isinstance(self.stride, int) or not 1 <= self.stride <= MAX_STRIDE:
             raise ValueError(f"stride is {self.stride}: it is a whole number from 1 to {MAX_STRIDE}")
-        for name, value in (("threshold", self.threshold), ("gap", self.gap)):
+        for name in ("threshold", "gap", "clip_gap", "query_gap"):
+            value = getattr(self, name)
             if not 0 < value < float("inf"):
                 raise ValueError(f"{name} is {value}: it must be above zero")
+        if self.gaps and self.method != "sta":
+            raise ValueError(f'gaps are an option of "sta"; {self.method} has none that could be switched on')
 
     @property
     def reach(self) -> int:
@@ -59,7 +70,17 @@ class AlignmentConfig:
         """Whether a match may cover a part of the query only."""
         return self.method == "sw"
 
+    def by(self, method: Method) -> AlignmentConfig:
+        """The same by another method; one that is not "sta" has no gaps."""
+        return replace(self, method=method, gaps=self.gaps and method == "sta")
 
+    @property
+    def spec(self) -> dict[str, Any]:
+        """What makes answers differ, as keyword arguments; that of a configuration without gaps has nothing of them."""
+        return {name: value for name, value in asdict(self).items() if self.gaps or name not in _OF_GAPS}
+
+
+_OF_GAPS: Final = ("gaps", "clip_gap", "query_gap")
 DEFAULT_ALIGNMENT: Final = AlignmentConfig()
 DictionaryKind = Literal["kmeans", "som", "information", "adversarial"]
 KINDS: Final[tuple[DictionaryKind, ...]] = get_args(DictionaryKind)

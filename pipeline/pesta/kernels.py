@@ -4,6 +4,9 @@ W(1, y) = D(e_1, s_y); W(x, y) = min over the window of W(m, n) + D(e_x, s_y) * 
 further back than the string's first column. All costs are float32, and since rounding keeps the order of numbers, the
 minimum does not depend on the order in which cells are looked at.
 
+With gaps W(x, y) is no more than W(x - 1, y) + query gap, where the query's symbol is left out, nor than W(x, y - 1) +
+clip gap, where the clip's is. Before the first row costs are nothing.
+
 Smith-Waterman ("local") is kept as costs, so that smaller is better: C(x, y) = min(0, C(x-1, y-1) + D - threshold,
 C(x-1, y) + gap, C(x, y-1) + gap), and a column ends at the least of its rows.
 """
@@ -68,8 +71,8 @@ def _wide_window(ring: Float32Array, columns: Int64Array, row: int, above: Any, 
 
 
 @cache
-def scanner(stride: int) -> Callable[..., None]:
-    """The kernel that scans strings with one stride."""
+def scanner(stride: int, gapped: bool = False) -> Callable[..., None]:
+    """The kernel that scans strings with one stride, with gaps or without."""
     unrolled = stride <= MAX_UNROLLED
 
     @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
@@ -92,6 +95,7 @@ def scanner(stride: int) -> Callable[..., None]:
         """Scan pieces of strings, `LANES` at a time.
 
         profile: `query_profile` of a query of `n_rows`.
+        threshold, gap: `SymbolDistances.scores`.
         pieces: [n, 4] where a piece is scanned from, kept from and stops, and where its least end cost goes, -1 for
             nowhere; longest first.
         warm, full: columns that a cut piece is scanned before it is kept, and columns scanned of a piece that another
@@ -150,6 +154,9 @@ def scanner(stride: int) -> Callable[..., None]:
                         cost = window(ring, columns, row, above, distance, stride)
                     else:
                         cost = _wide_window(ring, columns, row, above, distance, stride)
+                    if gapped:
+                        left_out = spread(threshold) if x == 0 else plus(above, spread(threshold))
+                        cost = least(cost, least(plus(load(ring, columns[1] + row), spread(gap)), left_out))
                     store(ring, columns[0] + row, cost)
                     above = cost
                 store(bottom, t * LANES, lowest if local else above)

@@ -29,13 +29,8 @@ import numpy as np
 from motionlake.arrays import BoolArray, Float32Array, Int32Array, Int64Array
 from motionlake.pesta.config import DEFAULT_ALIGNMENT, AlignmentConfig
 from motionlake.pesta.long_query_paths import alignment, by_column, leg, select
-from motionlake.pesta.matches import (
-    Match,
-    beginning,
-    placed,
-    taken_symbols,
-    trace,
-)
+from motionlake.pesta.matches import Match, beginning, placed, taken_symbols
+from motionlake.pesta.paths import trace
 from motionlake.pesta.scan import in_threads, useful_threads
 from motionlake.pesta.segments import strip_profile, strip_scanner
 from motionlake.pesta.selection import BLOCK
@@ -75,12 +70,12 @@ class LongQuery:
         query: [X] symbols.
         repository: where to look.
         distances: [m, m] of the dictionary's symbols.
-        config: "sta" or "dtw".
+        config: "sta" without gaps, or "dtw".
         segments: K; as many as give segments of `SEGMENT_SYMBOLS` if not given.
         boundaries: as in `best_matches`.
 
     Raises:
-        ValueError: an empty query, a symbol outside the dictionary, K outside 1 to X, Smith-Waterman.
+        ValueError: an empty query, a symbol outside the dictionary, K outside 1 to X, Smith-Waterman, gaps.
     """
 
     def __init__(
@@ -95,6 +90,8 @@ class LongQuery:
     ) -> None:
         if config.local:
             raise ValueError("sub-queries of a long query are aligned by sta or dtw, not by sw")
+        if config.gaps:
+            raise ValueError("sub-queries of a long query are aligned without gaps: switch gaps off")
         self._strings = repository.aligned(boundaries)
         self.query, self._matrix = checked(query, repository, distances)
         count = -(-len(self.query) // SEGMENT_SYMBOLS) if segments is None else segments

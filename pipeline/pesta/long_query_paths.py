@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from motionlake.arrays import BoolArray, Float32Array, Int32Array, Int64Array
 from motionlake.kernels import njit
-from motionlake.pesta.matches import Alignment, beginning, step_back, weights_of
+from motionlake.pesta.matches import beginning
+from motionlake.pesta.paths import Alignment, step_back, weights_of
 from motionlake.pesta.selection import BLOCK, ascending_blocks, next_column
 
 _ZERO, _INFINITY = np.float32(0), np.float32(np.inf)
@@ -21,7 +22,7 @@ def by_column(blocks: Int32Array, costs: Float32Array) -> None:
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
 def alignment(segment: Int32Array, symbols: Int32Array, distances: Float32Array, stride: int) -> Alignment:
-    return Alignment(segment, symbols, distances, stride, False, np.float32(0), np.float32(0))
+    return Alignment(segment, symbols, distances, stride, False, False, np.float32(0), np.float32(0))
 
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]

@@ -112,7 +112,7 @@ def pairwise(
     strings = [checked(query, repository, ground)[0] for query in queries]
     costs = np.full((len(queries), len(repository)), np.inf, dtype=np.float32)
     pieces = _whole(repository)
-    kernel, how = scanner(config.reach), (config.local, *ground.scores(config), repository.symbols)
+    kernel, how = scanner(config.reach, config.gaps), (config.local, *ground.scores(config), repository.symbols)
 
     def work(part: slice) -> None:
         for query, best in zip(strings[part], costs[part], strict=True):
@@ -221,7 +221,7 @@ class _Scan:
     def __init__(
         self, query: Int32Array, symbols: Int32Array, ground: SymbolDistances, config: AlignmentConfig
     ) -> None:
-        self._kernel = scanner(config.reach)
+        self._kernel = scanner(config.reach, config.gaps)
         profile = query_profile(query, ground.matrix)
         self._query = profile, len(query), config.local, *ground.scores(config), symbols
 

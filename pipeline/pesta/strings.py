@@ -123,7 +123,10 @@ class SymbolDistances:
         return float((self.matrix.sum(dtype=np.float64) - np.trace(self.matrix)) / (n * (n - 1))) if n > 1 else 1.0
 
     def scores(self, config: AlignmentConfig) -> tuple[np.float32, np.float32]:
-        """Threshold and gap of "sw", in the unit of the distances."""
+        """In the unit of the distances: threshold and gap of "sw"; of "sta" with gaps, what a symbol costs that is left
+        out of the query and of the clip."""
+        if config.gaps:
+            return np.float32(config.query_gap * self.mean), np.float32(config.clip_gap * self.mean)
         unit = self.mean if config.local else 1.0
         return np.float32(config.threshold * unit), np.float32(config.gap * unit)
 

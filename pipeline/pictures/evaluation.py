@@ -169,6 +169,41 @@ def robustness_figure(
 
 
 @styled
+def sizes_figure(
+    by_size: Mapping[str, Mapping[int, float]],
+    up: str,
+    title: str = "Sizes of the dictionary",
+    note: str = "",
+    *,
+    span: float = 0.1,
+) -> Figure:
+    """What changes with the number of symbols of a dictionary (table 6): a line for each measure, by m.
+
+    Args:
+        by_size: each measure, none below 0.
+        up: what all measures are in.
+        title, note: above it.
+        span: the axis of the measures reaches over so much at least, or to 0, so that small differences look small.
+
+    Raises:
+        ValueError: no measures, or a measure without sizes.
+    """
+    if not by_size or not all(by_size.values()):
+        raise ValueError("no sizes to draw")
+    styles = class_styles(by_size)
+    lines: list[Line] = [(name, {"color": styles[name].colour, "linewidth": 1.5}) for name in by_size]
+    sheet, axes = _plot(title, note, "symbols of the dictionary", up, lines)
+    for i, ((_, look), values) in enumerate(zip(lines, by_size.values(), strict=True)):
+        sizes = sorted(values)
+        axes.plot(sizes, [values[m] for m in sizes], marker="osD^vPX"[i % 7], markersize=4.5, **look)
+    low, high = axes.get_ylim()
+    bottom = max(0.0, min(low, high - span))
+    axes.set_ylim(bottom, high + 0.03 * (high - bottom))
+    axes.set_xlim(left=0)
+    return sheet.figure
+
+
+@styled
 def loss_figure(losses: Sequence[float], name: str, title: str, note: str = "") -> Figure:
     """The loss of a training after each epoch, as a share of that of the first.
 
@@ -216,7 +251,8 @@ def descriptor_pictures(measured: DescriptorEvaluation) -> list[Picture]:
 def evaluation_pictures(found: Mapping[str, Any]) -> list[Picture]:
     """Precision and recall of all methods, of strided alignment by class, and the confusion of each method.
 
-    Of holistic queries the same; of replaced pieces how MAP falls. None where nothing of it was measured.
+    Of holistic queries the same; of replaced pieces how MAP falls; of sizes of the dictionary what they find and cost.
+    None where nothing of it was measured.
     """
     made = _ranked_pictures(
         {name: row for name, row in found.items() if row is not None and "curve" in row and not name.endswith(ONE_WAY)}
@@ -229,7 +265,25 @@ def evaluation_pictures(found: Mapping[str, Any]) -> list[Picture]:
         }
         said = "MAP of whole clips by the share of their pieces that was replaced."
         made.append(picture("robustness", "Robustness", said, robustness_figure(by_share)))
+    if sizes := found.get("sizes"):
+        made += _sizes_pictures({int(m): row for m, row in sizes.items()})
     return made
+
+
+def _sizes_pictures(rows: Mapping[int, Mapping[str, Any]]) -> list[Picture]:
+    least = rows[min(rows)]
+    found = {name: {m: row[key] for m, row in rows.items()} for name, key in (("MAP", "map"), ("P@5", "p_at_5"))}
+    grown = {
+        name: {m: row[key] / least[key] for m, row in rows.items()}
+        for name, key in (("length of the repository", "symbols"), ("time of a query", "milliseconds"))
+    }
+    title, dearer = "Sizes of the dictionary", "What larger dictionaries cost"
+    note = f"times that of {min(rows)} symbols: {least['symbols']} symbols, {least['milliseconds']:.2g} ms"
+    costs = sizes_figure(grown, f"times that of {min(rows)} symbols", dearer, note, span=np.inf)
+    return [
+        picture("sizes", title, "Each labelled clip queries all others.", sizes_figure(found, "MAP, P@5", title)),
+        picture("sizes-cost", dearer, note, costs),
+    ]
 
 
 def _ranked_pictures(

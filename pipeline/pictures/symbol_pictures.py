@@ -260,9 +260,9 @@ class AlignmentPictures:
             symbols: of the match.
             first: column of the first of them.
         """
-        if self.config.method != "sta" or self.config.stride == 1:
+        if self.config.method != "sta" or (self.config.stride == 1 and not self.config.gaps):
             return []
-        stretch, warping = Repository.of([symbols]), replace(self.config, method="dtw")
+        stretch, warping = Repository.of([symbols]), self.config.by("dtw")
         distances = self.material.strings.distances
         matches = best_matches(self.query.symbols, stretch, distances, 1, warping, paths=True)
         return [

@@ -6,7 +6,7 @@ import os
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
-from typing import Any, TypedDict, Unpack
+from typing import Any, TypedDict, Unpack, get_args
 
 import numpy as np
 from motionlake.arrays import Float64Array
@@ -18,19 +18,20 @@ from motionlake.lake.strings import LakeStrings, read_strings
 from motionlake.pesta.long_query import LongQuery
 from motionlake.pesta.matches import Match, best_matches
 from motionlake.pesta.scan import Both, nearest_strings, pairwise
-from motionlake.pesta.strings import Repository
+from motionlake.pesta.strings import Boundaries, Repository
 from motionlake.retrieval.long_alignment import LongAlignment, step_of
 from motionlake.retrieval.matched_frames import MatchedFrames
 from motionlake.retrieval.protocol import (
     EVERYTHING,
     Hit,
     LakeSearcher,
+    PathStep,
     Query,
     Scope,
     about,
     clip_hit,
     not_ready,
-    ranked,
+    one_of,
 )
 from motionlake.retrieval.symbol_strings import (
     ClipStrings,
@@ -49,12 +50,27 @@ class AlignmentOptions(TypedDict, total=False):
     Attributes:
         method: "sta", "dtw" or "sw"; by default that of config.toml.
         stride: symbols that "sta" may stride over, plus one; by default that of config.toml.
+        gaps: of "sta": whether symbols may be left out at a price; by default that of config.toml.
         strings: of the lake, where they have been read already.
     """
 
     method: str | None
     stride: int | None
+    gaps: bool | None
     strings: LakeStrings | None
+
+
+def check_together(
+    *, whole: bool, window: int | None, boundaries: str | None, ways: str | None, mirrored: bool, named: str = ""
+) -> None:
+    """Raises `UserError` where options of an alignment make no sense together; `named`: what their names begin with."""
+    given = {"whole": whole, "mirrored": mirrored}
+    if window is not None and (needless := [f"{named}{name}" for name, value in given.items() if value]):
+        raise UserError(f"{named}window: looks for many ranges at once; leave {' and '.join(needless)} out")
+    if whole and boundaries is not None:
+        raise UserError(f"{named}whole: compares whole clips; leave {named}boundaries out")
+    if ways is not None and not whole:
+        raise UserError(f"{named}ways: is for {named}whole; ranges are found by the query in the clip alone")
 
 
 class _Aligner(LakeSearcher):
@@ -72,7 +88,8 @@ class _Aligner(LakeSearcher):
         settings = served_config(lake)
         given: dict[str, Any] = {k: v for k, v in options.items() if k != "strings" and v is not None}
         try:
-            self.config = replace(settings.alignment, **given)
+            own = settings.alignment
+            self.config = replace(own.by(given["method"]) if "method" in given else own, **given)
         except ValueError as error:
             raise UserError(str(error)) from error
         self._threads = os.cpu_count() or 1
@@ -116,32 +133,61 @@ class AlignmentSearcher(_Aligner):
 
     Args:
         lake: which holds the dictionary and the configuration.
+        ways: the greater ("max") or the "mean" of both; "query" looks for the query in the clips alone, as the
+            paper does.
+        paths: give every answer the path of the query's best match in it.
         options: `AlignmentOptions`.
+
+    Raises:
+        UserError: as `_Aligner`; unknown `ways`.
     """
 
     finds = "clip"
 
-    def whole(self, query: StringQuery, k: int, scope: Scope = EVERYTHING, both: Both = "max") -> list[Hit]:
+    def __init__(
+        self, lake: Lake, *, ways: str | None = None, paths: bool = False, **options: Unpack[AlignmentOptions]
+    ) -> None:
+        super().__init__(lake, **options)
+        self._both: Both = one_of("ways", ways or "max", get_args(Both))
+        self._paths = paths
+
+    def whole(self, query: StringQuery, k: int, scope: Scope = EVERYTHING) -> list[Hit]:
         """The k clips nearest to a string, in order and not ranked yet.
 
         Args:
             query: the string; its own clip is left out.
             k: how many at most.
             scope: which clips may be answers.
-            both: the greater ("max") or the mean of both ways; "query" looks for the query in the clips alone.
         """
         strings = self.strings.among(scope.admission(self.lake))
         own = strings.positions.get(query.clip) if query.clip and not scope.own else None
         with about(query.name):
             found = nearest_strings(
-                query.symbols, strings.repository, strings.distances, k, self.config, both=both, without=own,
+                query.symbols, strings.repository, strings.distances, k, self.config, both=self._both, without=own,
                 threads=self._threads,
             )  # fmt: skip
-        return [clip_hit(strings.clips[index], cost) for index, cost in found]
+        hits = [clip_hit(strings.clips[index], cost) for index, cost in found]
+        if not self._paths:
+            return hits
+        return [
+            replace(hit, path=self._path(query, strings, index)) for hit, (index, _) in zip(hits, found, strict=True)
+        ]
+
+    def _path(self, query: StringQuery, strings: LakeStrings, index: int) -> tuple[PathStep, ...]:
+        """What of a clip the query's best match in it is aligned to; none where "sw" matches nothing."""
+        string = strings.string_of(index)
+        alone = Repository.of([string.symbols])
+        best = best_matches(query.symbols, alone, strings.distances, 1, self.config, paths=True)
+        pairs = [] if not best or best[0].path is None else best[0].path.tolist()
+        return tuple(PathStep(query.frames_of(x), (int(string.starts[y]), int(string.stops[y]))) for x, y in pairs)
 
     def distances(self, queries: Sequence[Query], gallery: Sequence[Query]) -> Float64Array:
         own, others = ([self.symbols_of(query) for query in side] for side in (queries, gallery))
-        return np.maximum(self._pairwise(own, others), self._pairwise(others, own).T)
+        there = self._pairwise(own, others)
+        if self._both == "query":
+            return there
+        back = self._pairwise(others, own).T
+        return np.maximum(there, back) if self._both == "max" else (there + back) / 2
 
     def nearest(self, queries: Sequence[Query], k: int, scope: Scope, *, mirrored: bool) -> list[list[Hit]]:
         return [self.whole(self.symbols_of(query, mirrored=mirrored), k, scope) for query in queries]
@@ -154,19 +200,29 @@ class AlignmentRangeSearcher(_Aligner):
     Of a repeat that was folded every cycle is one, or as many in a row as the query has (`pesta.cycles`).
 
     Args:
-        crossing: a match may begin in one clip and end in a later one.
+        boundaries: of clips: "kept", each is aligned by itself; "crossed", a match may begin in one clip and end in a
+            later one; "dropped", all clips make one string as well, and matches that cross are left out.
         paths: give every answer its path.
         options: as of `AlignmentSearcher`.
+
+    Raises:
+        UserError: as `_Aligner`; unknown `boundaries`.
     """
 
     finds = "range"
     several = True
 
     def __init__(
-        self, lake: Lake, *, crossing: bool = False, paths: bool = False, **options: Unpack[AlignmentOptions]
+        self,
+        lake: Lake,
+        *,
+        boundaries: str | None = None,
+        paths: bool = False,
+        **options: Unpack[AlignmentOptions],
     ) -> None:
         super().__init__(lake, **options)
-        self._crossing, self._paths = crossing, paths
+        self._boundaries: Boundaries = one_of("boundaries", boundaries or "kept", get_args(Boundaries))
+        self._paths = paths
 
     def in_symbols(
         self, symbols: ArrayLike, k: int, scope: Scope = EVERYTHING, *, model: str | None = None
@@ -181,7 +237,7 @@ class AlignmentRangeSearcher(_Aligner):
         served = self.strings.model
         if model is not None and model != served:
             raise UserError(f"a string over {model} does not compare with strings over {served}; make it again")
-        return ranked(self.matched(query_of_symbols(np.asarray(symbols, dtype=np.int32)), k, scope))
+        return scope.near(self.matched(query_of_symbols(np.asarray(symbols, dtype=np.int32)), k, scope))
 
     def long_query(self, query: Query, scope: Scope = EVERYTHING, window: int | None = None) -> LongAlignment:
         """A clip whose ranges will be looked for one after another (section 7).
@@ -198,9 +254,12 @@ class AlignmentRangeSearcher(_Aligner):
         long, strings = self.symbols_of(query), self.strings.among(scope.admission(self.lake))
         segments = None if window is None else -(-len(long.symbols) // step_of(window))
         with about(long.name):
-            kept = LongQuery(long.symbols, strings.repository, strings.distances, self.config, segments=segments)
+            kept = LongQuery(
+                long.symbols, strings.repository, strings.distances, self.config, segments=segments,
+                boundaries=self._boundaries,
+            )  # fmt: skip
         symbols = served_config(self.lake).symbols
-        return LongAlignment(long, strings, kept, self.clip_strings, symbols, scope, self._threads)
+        return LongAlignment(long, strings, kept, self.clip_strings, symbols, scope, self._threads, self._boundaries)
 
     def distances(self, queries: Sequence[Query], gallery: Sequence[Query]) -> Float64Array:
         return self._pairwise(*([self.symbols_of(query) for query in side] for side in (queries, gallery)))
@@ -217,8 +276,8 @@ class AlignmentRangeSearcher(_Aligner):
             with about(query.name):
                 return best_matches(
                     query.symbols, strings.repository, strings.distances, count, self.config,
-                    boundaries="crossed" if self._crossing else "kept", barred=barred, paths=self._paths,
-                    threads=self._threads,
+                    boundaries=self._boundaries, barred=barred, paths=self._paths, threads=self._threads,
                 )  # fmt: skip
 
-        return MatchedFrames(strings, self.clip_strings, query, own=scope.own, crossing=self._crossing).hits(best, k)
+        crossing = self._boundaries == "crossed"
+        return MatchedFrames(strings, self.clip_strings, query, own=scope.own, crossing=crossing).hits(best, k)

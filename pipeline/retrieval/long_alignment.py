@@ -11,6 +11,7 @@ from motionlake.lake.strings import LakeStrings
 from motionlake.pesta.config import SymbolsConfig
 from motionlake.pesta.long_query import LongQuery
 from motionlake.pesta.matches import Match, best_matches
+from motionlake.pesta.strings import Boundaries
 from motionlake.retrieval.matched_frames import MatchedFrames
 from motionlake.retrieval.protocol import EVERYTHING, Hit, Scope
 from motionlake.retrieval.symbol_strings import ClipStrings, StringQuery, barred_symbols, string_query
@@ -45,6 +46,7 @@ class LongAlignment:
         reduced: how a range is reduced.
         scope: which of the strings' answers count.
         threads: which share the work.
+        boundaries: as of `kept`.
     """
 
     query: StringQuery
@@ -54,8 +56,9 @@ class LongAlignment:
     reduced: SymbolsConfig
     scope: Scope = EVERYTHING
     threads: int = 1
+    boundaries: Boundaries = "kept"
 
-    def windows(self, symbols: int, k: int) -> list[WindowHit]:
+    def windows(self, symbols: int, k: int, *, paths: bool = False) -> list[WindowHit]:
         """The k best matches of every window of some symbols, which slide by a third of them over the long query.
 
         Raises:
@@ -72,7 +75,7 @@ class LongAlignment:
         for first, last in parts:
             start, stop = int(string.starts[first]), int(string.stops[last - 1])
             if start < stop:  # at a low rate symbols may stand for no frame
-                hits = self.matches(start, stop, k)
+                hits = self.matches(start, stop, k, paths=paths)
                 found += [WindowHit(**vars(hit), query_start=start, query_stop=stop) for hit in hits]
         return found
 
@@ -90,14 +93,16 @@ class LongAlignment:
             strings = self.strings
             if first is None:
                 return best_matches(
-                    part.symbols, strings.repository, strings.distances, count, self.kept.config, barred=barred,
-                    paths=paths, threads=self.threads,
+                    part.symbols, strings.repository, strings.distances, count, self.kept.config,
+                    boundaries=self.boundaries, barred=barred, paths=paths, threads=self.threads,
                 )  # fmt: skip
             last = first + len(part.symbols)
             found = self.kept.best_matches(first, last, count, barred=barred, paths=paths)
             return [replace(m, path=None if m.path is None else m.path - np.array([first, 0])) for m in found]
 
-        return self.scope.near(MatchedFrames(self.strings, self.clips, part, own=self.scope.own).hits(best, k))
+        crossing = self.boundaries == "crossed"
+        framed = MatchedFrames(self.strings, self.clips, part, own=self.scope.own, crossing=crossing)
+        return self.scope.near(framed.hits(best, k))
 
     def part(self, start: int | None, stop: int | None) -> StringQuery:
         """The string of a range, reduced for itself. Raises `UserError` as `matches`."""

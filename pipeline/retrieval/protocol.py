@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar, Final, Literal, Protocol, TypeAlias
+from typing import TYPE_CHECKING, ClassVar, Final, Literal, Protocol, TypeAlias, TypeVar
 
 import numpy as np
 from motionlake.arrays import Float64Array, Int64Array
@@ -343,6 +343,17 @@ def check_k(k: int) -> None:
     """Raises `UserError` where fewer than no answers are wanted."""
     if k < 0:
         raise UserError(f"k is {k}: it is at least 0")
+
+
+Choice = TypeVar("Choice", bound=str)
+
+
+def one_of(name: str, value: str, choices: tuple[Choice, ...]) -> Choice:
+    """A value that is one of a few. Raises `UserError` where it is not."""
+    for choice in choices:
+        if value == choice:
+            return choice
+    raise UserError(f"{name} is {value!r}, not one of {', '.join(choices)}")
 
 
 @contextmanager

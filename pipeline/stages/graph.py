@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
@@ -77,9 +77,9 @@ class Graph(ShardStage):
         if not methods or not 1 < sum(part.clips for part in live) <= MOST:
             return []
         clips = [row["clip"] for row in fetch(at.con, "clips_with_parts")]
-        of = config_hash(self.name, self.version, KIND, made, clips, at.config.alignment)
+        of = config_hash(self.name, self.version, KIND, made, clips, at.config.alignment.spec)
         moves = [MOVES.file(part.key) for part in made_parts(at)]
-        spec = {"methods": methods, "alignment": asdict(at.config.alignment), "moves": moves}
+        spec = {"methods": methods, "alignment": at.config.alignment.spec, "moves": moves}
         return [_shard(self.name, of, spec, group) for group in _groups(live)]
 
     def run(self, root: Path, shard: Shard, /) -> ShardResult:

@@ -47,13 +47,13 @@ def _classes(measuring: Measuring, asked: Asked, method: Method) -> list[list[st
     """The classes of the answers to each query, nearest first."""
     found: list[list[str]] = []
     searchers: dict[str, AlignmentRangeSearcher] = {}
-    stride = measuring.alignment(method, PART_STRIDE).stride
+    config = measuring.alignment(method, PART_STRIDE)
     for each, query in asked.queries:
         if each.clip not in searchers:
             others = {clip for clip in measuring.segments if clip != each.clip}
             elsewhere = measuring.strings.among(partial(_is_one, others))
             searchers[each.clip] = AlignmentRangeSearcher(
-                measuring.lake, method=method, stride=stride, strings=elsewhere
+                measuring.lake, method=method, stride=config.stride, gaps=config.gaps, strings=elsewhere
             )
         hits = searchers[each.clip].matched(query, MOST)
         found.append([_class(measuring, hit.clip, hit.start or 0, hit.stop or 0) for hit in hits])

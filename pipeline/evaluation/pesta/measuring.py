@@ -8,6 +8,7 @@ from functools import cached_property
 from typing import Final
 
 import numpy as np
+from motionlake.arrays import StepProgress
 from motionlake.errors import UserError
 from motionlake.evaluation.clips import LabelledOptions
 from motionlake.lake.catalog import Connection, fetch
@@ -39,6 +40,8 @@ class Measuring:
         signed: the chosen clips that have a string.
         options: how they were chosen.
         stride: w of "sta"; None: the paper's.
+        gaps: of "sta"; None: as config.toml says.
+        progress: hears what is done, and how much of it.
     """
 
     con: Connection
@@ -47,6 +50,8 @@ class Measuring:
     signed: SignedClips
     options: LabelledOptions
     stride: int | None = None
+    gaps: bool | None = None
+    progress: StepProgress = lambda what, done, total: None
 
     def alignment(self, method: Method, stride: int) -> AlignmentConfig:
         """As the lake aligns, by a method and with this stride unless another was asked for.
@@ -55,7 +60,9 @@ class Measuring:
             UserError: a stride that is out of range.
         """
         with about("--stride"):
-            return replace(served_config(self.lake).alignment, method=method, stride=self.stride or stride)
+            own = served_config(self.lake).alignment
+            gaps = own.gaps if self.gaps is None else self.gaps
+            return replace(own, method=method, stride=self.stride or stride, gaps=gaps and method == "sta")
 
     @cached_property
     def segments(self) -> Mapping[str, Segments]:

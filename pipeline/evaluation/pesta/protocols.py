@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Mapping
 from typing import Any, Final
 
+from motionlake.arrays import StepProgress
 from motionlake.errors import UserError
 from motionlake.evaluation.clips import LabelledOptions
 from motionlake.evaluation.pesta.holistic import measure_holistic
 from motionlake.evaluation.pesta.measuring import Measuring
 from motionlake.evaluation.pesta.robustness import measure_robustness
 from motionlake.evaluation.pesta.several_labels import measure_several_labels
+from motionlake.evaluation.pesta.sizes import measure_sizes
 from motionlake.evaluation.pesta.sub_queries import measure_sub_queries
 from motionlake.evaluation.pesta.whole import measure_whole
 from motionlake.lake.catalog import Connection
@@ -25,6 +27,7 @@ PROTOCOLS: Final[Mapping[str, Callable[[Measuring], dict[str, Any] | None]]] = {
     "holistic": measure_holistic,
     "several-labels": measure_several_labels,
     "robustness": measure_robustness,
+    "sizes": measure_sizes,
 }
 USUAL: Final = (WHOLE, "sub-queries")
 
@@ -35,7 +38,9 @@ def evaluate_pesta(
     options: LabelledOptions,
     *,
     stride: int | None = None,
+    gaps: bool | None = None,
     protocols: Collection[str] = USUAL,
+    progress: StepProgress = lambda what, done, total: None,
 ) -> dict[str, Any]:
     """Retrieval by the lake's strings.
 
@@ -43,7 +48,9 @@ def evaluate_pesta(
         con, lake: the lake.
         options: which clips.
         stride: w of "sta"; the paper's if not given: 3 for whole clips, 2 for parts of them.
+        gaps: of "sta"; as config.toml says if not given. Sub-queries of long queries have none.
         protocols: names of `PROTOCOLS`.
+        progress: hears what is done, and how much of it.
 
     Returns:
         Of "whole" by method, as `measure_whole` has it, with none where no two clips share a label; of each other
@@ -57,7 +64,7 @@ def evaluate_pesta(
     check_served(con, lake, "signature", "alignment")
     strings, signed = read_strings(con), options.signed(con)
     signed = signed.chosen([clip.clip in strings.positions for clip in signed.clips])
-    measuring = Measuring(con, lake, strings, signed, options, stride)
+    measuring = Measuring(con, lake, strings, signed, options, stride, gaps, progress)
     found = {name: measure(measuring) for name, measure in PROTOCOLS.items() if name in protocols}
     if not any(found.values()):
         raise UserError(

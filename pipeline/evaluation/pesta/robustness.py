@@ -8,44 +8,26 @@ repository alike. The dictionary is that of the lake.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
 from motionlake.arrays import Float64Array, Int64Array
+from motionlake.evaluation.pesta.framed import Framed, coded, read_framed
 from motionlake.evaluation.pesta.measuring import SEED, WHOLE_STRIDE, Measuring
 from motionlake.evaluation.ranking import others, ranked_relevance, relatives, score_rankings
-from motionlake.lake.frames import read_part
-from motionlake.lake.integrity import sound
 from motionlake.lake.settings import served_config
-from motionlake.motion.features import word_features
 from motionlake.motion.rotations import turn_on_ground
 from motionlake.motion.skeleton import INDEX, facing
 from motionlake.pesta.config import METHODS, Method
 from motionlake.pesta.scan import symmetric_costs
-from motionlake.pesta.symbols import symbolise
-from motionlake.retrieval.labelled_clips import FramedClip
 from motionlake.retrieval.protocol import about
 from motionlake.retrieval.symbol_strings import served_dictionary
 
 PIECE: Final = 10  # frames
 SECONDS: Final = 1 / 12  # of a piece
 RATES: Final = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5)
-
-
-@dataclass(frozen=True)
-class Framed:
-    """A clip's canonical frames: positions [F, 21, 3] in metres, rotations [F, 21, 4]."""
-
-    positions: Float64Array
-    rotations: Float64Array
-    fps: float
-
-    @property
-    def piece(self) -> int:
-        """Frames of a piece."""
-        return max(1, round(SECONDS * self.fps))
 
 
 def measure_robustness(measuring: Measuring) -> dict[str, Any] | None:
@@ -59,21 +41,14 @@ def measure_robustness(measuring: Measuring) -> dict[str, Any] | None:
     labels = signed.labels
     if len(set(labels)) in (1, len(labels)):
         return None
-    clips = dict(_read(measuring, signed.clips))
-    known = [clips[clip.clip] for clip in signed.clips]
+    known = read_framed(lake, signed.clips)
     dictionary, reduced = served_dictionary(lake, strings.model), served_config(lake).symbols
     found: dict[Method, dict[str, Any]] = {method: {} for method in METHODS}
     for rate in RATES:
         measuring.options.notice(f"{rate:.0%} of the pieces of {len(known)} clips replaced")
-        own = []
         with about(f"{rate:.0%} replaced"):
             replaced = singular_clips(known, labels, rate, SEED)
-        for clip in replaced:
-            codes = dictionary.encode(word_features(clip.positions, clip.rotations, clip.fps, dictionary.config.frames))
-            string = symbolise(
-                codes, codes_fps=dictionary.config.fps, fps=clip.fps, n_frames=len(clip.positions), config=reduced
-            )
-            own.append(string.symbols)
+        own = coded(dictionary, replaced, [clip.postures(dictionary.config.frames) for clip in replaced], reduced)
         for method, rows in found.items():
             costs = symmetric_costs(own, strings.distances, measuring.alignment(method, WHOLE_STRIDE))
             scores = score_rankings(ranked_relevance(costs, relatives(labels), others(len(labels))))
@@ -82,25 +57,22 @@ def measure_robustness(measuring: Measuring) -> dict[str, Any] | None:
     return {str(method): rows for method, rows in found.items()}
 
 
-def _read(measuring: Measuring, clips: Sequence[FramedClip]) -> Iterator[tuple[str, Framed]]:
-    """Each frames part is read once."""
-    names, lake = {clip.clip for clip in clips}, measuring.lake
-    for dataset, part in sorted({(clip.dataset, clip.part) for clip in clips}):
-        for clip in read_part(sound(lake, lake.frames_part(dataset, part)), names):
-            yield clip.clip, Framed(clip.positions.astype(np.float64), clip.rotations.astype(np.float64), clip.fps)
+def piece_of(clip: Framed) -> int:
+    """Frames of a piece."""
+    return max(1, round(SECONDS * clip.fps))
 
 
 def singular_clips(clips: Sequence[Framed], labels: Sequence[str], rate: float, seed: int) -> list[Framed]:
     """Clips with a share of their pieces replaced by pieces of clips of other labels."""
-    sizes = [clip.piece for clip in clips]
+    sizes = [piece_of(clip) for clip in clips]
     pieces = singular_pieces([len(clip.positions) for clip in clips], labels, rate, seed, sizes)
     found = []
     for clip, rows in zip(clips, pieces, strict=True):
         positions, rotations = clip.positions.copy(), clip.rotations.copy()
         for at, source, start in rows.tolist():
             other = clips[source]
-            taken = np.linspace(start, start + other.piece - 1, clip.piece).round().astype(np.int64)
-            own = slice(at, at + clip.piece)
+            taken = np.linspace(start, start + piece_of(other) - 1, piece_of(clip)).round().astype(np.int64)
+            own = slice(at, at + piece_of(clip))
             positions[own] = placed(other.positions[taken], clip.positions[at])
             rotations[own] = other.rotations[taken]
         found.append(replace(clip, positions=positions, rotations=rotations))

@@ -10,7 +10,7 @@ from __future__ import annotations
 import statistics
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
@@ -129,7 +129,7 @@ def _class(take: Take, match: Match) -> str:
 def measure_sub_queries(measuring: Measuring) -> dict[str, Any] | None:
     """pesta and pesta_lq: what `score_sub_queries` gives, and seconds; share_of_time of pesta_lq. None where no two
     clips have segments of one class."""
-    strings, config = measuring.strings, measuring.alignment("sta", PART_STRIDE)
+    strings, config = measuring.strings, replace(measuring.alignment("sta", PART_STRIDE), gaps=False)
     questions = long_questions(list(measuring.takes.values()))
     searches: dict[str, SearchOf] = {"pesta": fresh_search, "pesta_lq": shared_search}
     try:

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Final
 
-PARTS: Final = ("sub_queries", "holistic", "several_labels", "robustness")
+PARTS: Final = ("sub_queries", "holistic", "several_labels", "robustness", "sizes")
+TITLES: Final = {"sizes": "m"}  # of the first column; by default the name of the part
 LONG: Final = ("curve", "confusion", "map_by_class")
 Row = dict[str, Any]
 
@@ -17,7 +18,7 @@ def tables(found: Mapping[str, Any]) -> list[list[Row]]:
     for part in PARTS:
         rows = found.get(part)
         if rows:
-            made.append(_by_share(rows) if part == "robustness" else _by_method(part, rows))
+            made.append(_by_share(rows) if part == "robustness" else _by_method(TITLES.get(part, part), rows))
     return made
 
 

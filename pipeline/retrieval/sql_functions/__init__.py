@@ -161,7 +161,7 @@ def _register(con: Connection, name: str, row: Columns | None, answer: Callable[
     )
     called = name if row is None else f"{name}_rows"
     settings: Any = {"type": ARROW, "null_handling": SPECIAL}
-    of_row = ", ".join(f'"{column}" {_ARROW_IN_SQL[kind]}' for column, kind in arrow.items())
+    of_row = ", ".join(f'"{column}" {_in_sql(kind)}' for column, kind in arrow.items())
     result = "DOUBLE" if row is None else f"STRUCT({of_row})[]"
     if not fetch(con, "has_function", {"name": called}):
         con.create_function(called, each, types, duckdb.sqltype(result), **settings)
@@ -209,7 +209,7 @@ def _macro(name: str, parameters: Sequence[_Parameter]) -> str:
     given = [_cast(f'"{one.name}"', one.kind) for one in parameters]
     return (
         f"CREATE OR REPLACE TEMP MACRO {name}({', '.join(taken)}) AS TABLE "
-        f"FROM (SELECT unnest({name}_rows({', '.join(given)}), recursive := true))"
+        f"FROM (SELECT unnest({name}_rows({', '.join(given)}), max_depth := 2))"  # lists inside of rows stay
     )
 
 
@@ -221,6 +221,16 @@ def _cast(value: str, kind: Any) -> str:
 
 def _literal(value: object) -> str:
     return "NULL" if value is None else f"'{value}'" if isinstance(value, str) else str(value).lower()
+
+
+def _in_sql(kind: pa.DataType) -> str:
+    """What SQL calls a type of Arrow."""
+    if pa.types.is_list(kind):
+        return f"{_in_sql(kind.value_type)}[]"
+    if pa.types.is_struct(kind):
+        inside = ", ".join(f'"{field.name}" {_in_sql(field.type)}' for field in kind)
+        return f"STRUCT({inside})"
+    return _ARROW_IN_SQL[kind]
 
 
 def _plain(hint: Any) -> Any:
@@ -249,7 +259,12 @@ def _arguments(parameters: Sequence[_Parameter], values: Sequence[Any]) -> dict[
 def _rows(rows: Any, struct: pa.StructType) -> pa.StructArray:
     if isinstance(rows, pa.StructArray):
         return rows
-    return pa.array([{field.name: getattr(row, field.name) for field in struct} for row in rows], struct)
+    return pa.array([{field.name: _as_arrow(getattr(row, field.name)) for field in struct} for row in rows], struct)
+
+
+def _as_arrow(value: Any) -> Any:
+    """A sequence of objects as one of their fields."""
+    return [vars(each) for each in value] if isinstance(value, tuple) else value
 
 
 def _lists(rows: Sequence[pa.StructArray], struct: pa.StructType) -> pa.ListArray:

@@ -1,0 +1,56 @@
+"""The canonical frames of labelled clips, and their strings over a dictionary that need not be the lake's."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from motionlake.arrays import Float32Array, Float64Array, Int32Array
+from motionlake.lake.frames import read_part
+from motionlake.lake.integrity import sound
+from motionlake.lake.layout import Lake
+from motionlake.motion.features import WordConfig, word_features
+from motionlake.pesta.config import SymbolsConfig
+from motionlake.pesta.dictionary import PostureDictionary
+from motionlake.pesta.symbols import symbolise
+from motionlake.retrieval.labelled_clips import FramedClip
+
+
+@dataclass(frozen=True)
+class Framed:
+    """A clip's canonical frames: positions [F, 21, 3] in metres, rotations [F, 21, 4]."""
+
+    positions: Float64Array
+    rotations: Float64Array
+    fps: float
+
+    def postures(self, coding: WordConfig) -> Float32Array:
+        """[T, D] the features of its postures."""
+        return word_features(self.positions, self.rotations, self.fps, coding)
+
+
+def read_framed(lake: Lake, clips: Sequence[FramedClip]) -> list[Framed]:
+    """The frames of clips, in their order; each frames part is read once."""
+    found = dict(_read(lake, clips))
+    return [found[clip.clip] for clip in clips]
+
+
+def _read(lake: Lake, clips: Sequence[FramedClip]) -> Iterator[tuple[str, Framed]]:
+    names = {clip.clip for clip in clips}
+    for dataset, part in sorted({(clip.dataset, clip.part) for clip in clips}):
+        for clip in read_part(sound(lake, lake.frames_part(dataset, part)), names):
+            yield clip.clip, Framed(clip.positions.astype(np.float64), clip.rotations.astype(np.float64), clip.fps)
+
+
+def coded(
+    dictionary: PostureDictionary, clips: Sequence[Framed], postures: Sequence[Float32Array], reduced: SymbolsConfig
+) -> list[Int32Array]:
+    """The string [c] of each clip over a dictionary, from its `postures`."""
+    fps = dictionary.config.fps
+    return [
+        symbolise(
+            dictionary.encode(rows), codes_fps=fps, fps=clip.fps, n_frames=len(clip.positions), config=reduced
+        ).symbols
+        for rows, clip in zip(postures, clips, strict=True)
+    ]  # fmt: skip
