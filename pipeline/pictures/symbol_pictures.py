@@ -138,7 +138,8 @@ def posture_sample(material: SymbolMaterial, clips: Sequence[int]) -> tuple[Floa
     features = [np.zeros((0, material.postures.shape[1]), dtype=np.float32)]
     symbols = [np.zeros(0, dtype=np.int32)]
     for (dataset, part), members in sorted(parts.items()):
-        for found in read_clips(sound(material.lake, material.lake.frames_part(dataset, part)), members):
+        for stored in read_clips(sound(material.lake, material.lake.frames_part(dataset, part)), members):
+            found = stored.recorded()
             positions, rotations = found.positions.astype(float), found.rotations.astype(float)
             features.append(word_features(positions, rotations, found.fps, material.config.frames))
             symbols.append(coded[found.clip])

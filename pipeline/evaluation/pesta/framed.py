@@ -39,7 +39,8 @@ def read_framed(lake: Lake, clips: Sequence[FramedClip]) -> list[Framed]:
 def _read(lake: Lake, clips: Sequence[FramedClip]) -> Iterator[tuple[str, Framed]]:
     names = {clip.clip for clip in clips}
     for dataset, part in sorted({(clip.dataset, clip.part) for clip in clips}):
-        for clip in read_part(sound(lake, lake.frames_part(dataset, part)), names):
+        for stored in read_part(sound(lake, lake.frames_part(dataset, part)), names):
+            clip = stored.recorded()
             yield clip.clip, Framed(clip.positions.astype(np.float64), clip.rotations.astype(np.float64), clip.fps)
 
 
