@@ -117,7 +117,8 @@ def told(model: Model) -> dict[str, Any]:
 
 
 def read_positions(lake: Lake, clips: Sequence[FramedClip]) -> Iterator[tuple[str, float, Float64Array]]:
-    """Name, rate and canonical joint positions [F, 21, 3] (metres) of clips, without calibration poses; each frames part is read once."""
+    """Name, rate and canonical joint positions [F, 21, 3] (metres) of clips without calibration poses; each frames part
+    is read once."""
     names = {clip.clip for clip in clips}
     for dataset, part in sorted({(clip.dataset, clip.part) for clip in clips}):
         for clip in frames.read_part(sound(lake, lake.frames_part(dataset, part)), names):
