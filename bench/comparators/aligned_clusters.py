@@ -10,7 +10,7 @@ the kernel says, and count in it by their lengths.
 What the descriptions leave open: both begin with segments of half of `most` and kernel k-means (k-means++) of these,
 several times, and keep the least sum; the kernel of frames is a Gaussian as wide as frames are from the nearest share
 of all frames, on average; the first level of HACA has twice the clusters and a quarter of `most`. Frames are not
-grouped before, and HACA's levels are not gone through again.
+grouped first (every second one is seen), and HACA's levels are not gone through again.
 """
 
 from __future__ import annotations

@@ -80,7 +80,7 @@ METHODS: Final[dict[str, tuple[Callable[[Sequence[Seen], int], Distances], bool]
     "volumes": (by_volumes, False),
     "templates": (by_templates, False),
     "manifold": (by_manifold, True),
-    "signatures": (lambda clips, seed: {}, True),
+    "signatures": (lambda clips, seed: {}, False),
 }
 # Set, method and seed.
 Unit = tuple[str, str, int]
