@@ -112,7 +112,7 @@ def walk_figures(lake: Lake) -> dict[str, Figures]:
 
 def _slides(held: Sequence[Composition], free: Sequence[Composition]) -> Figures:
     """Metres a second at which feet near the ground go, in blends and elsewhere, held and not; means of walks."""
-    found = {}
+    found: Figures = {}
     for name, motions in (("held", held), ("free", free)):
         slid = np.array([slides(motion) for motion in motions])
         found |= {
