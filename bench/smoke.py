@@ -155,7 +155,7 @@ SMOKES: Final[Sequence[Smoke]] = (
           {"bench.segmentation.VARIANTS": {"default": (WordSegmentation(), True)}, **_FEW_K}),
     Smoke("bench.comparators", ("retrieval", "--seeds", "1", "--sets", "hdm05"), {"bench.representation.K": 8,
           "bench.comparators.manifold.STEPS": 2}),
-    Smoke("bench.comparators", ("segmentation", "--seeds", "1"), {"bench.comparators.segmentation.MOST": (12,),
+    Smoke("bench.comparators", ("segmentation", "--seeds", "1"), {"bench.comparators.segmentation.MOST": (24,),
           "bench.comparators.segmentation.SHARES": (0.1,), **_FEW_K}),
     Smoke("bench.signatures", ("--k", "8", "hdm05"), {"bench.signatures.SEEDS": ONE_SEED}),
     Smoke("bench.joint_twist", (), {"bench.representation.K": 8, "bench.representation.COMPONENTS": 8}),
