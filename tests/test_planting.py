@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -103,6 +104,15 @@ def test_stands_that_no_blend_touches_stay_as_they_are() -> None:
     made, legs, _ = blended("y", 0.0)
     alone = [WalkPiece(0, 0, len(made), 0)]
     assert planted(made, alone, lambda clip: np.ones((len(made), 2), dtype=bool), legs, limits(made, 1.0)) is made
+
+
+def test_legs_are_those_of_a_rig_that_is_known() -> None:
+    tree = still("y").hierarchy
+    found = Legs.of(tree)
+    assert found is not None
+    names = [[tree.joints[joint] for joint in leg] for leg in found.sides]
+    assert names == [[f"{side}_{part}" for part in ("hip", "knee", "ankle", "ankle")] for side in ("left", "right")]
+    assert Legs.of(replace(tree, joints=tuple(f"joint{i}" for i in range(len(tree.joints))))) is None
 
 
 def test_a_foot_in_the_air_does_not_stand() -> None:
