@@ -4,7 +4,8 @@ The paper tells them by joints, a kind (side of a plane, bent by an angle, movin
 thresholds each: a feature begins above the strong one and ends below the weak one. Lengths are in humeri, shoulder
 widths and hip widths. Of the 15 joints that every rig has there is no toe, no chest and no ground: the plane of the
 frontal feature is level and goes through the ankles, the spine is the line from the hips to the neck, and what is
-"raised" or "lowered" is measured from the lower ankle.
+"raised" or "lowered" is measured from the lower ankle. The thresholds are to our knowledge the paper's, where its
+joints are there, and unchecked.
 """
 
 from __future__ import annotations

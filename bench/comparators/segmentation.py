@@ -1,10 +1,10 @@
 """Takes cut by ACA and HACA, and by ours: what `python -m bench.comparators segmentation` measures.
 
-The measure is that of the papers: frames are grouped, each group is given one class, no two the same, so that as many
-frames as can be are right (Hungarian method), and the share of them counts; of the frames at the words' rate that
-have a class. ACA and HACA see the take alone and are told how many classes it has. Ours are told what the classes
-look like, by the other takes (cmu_exercises) or by other sets (86_01), as in `bench.segmentation`, and know nothing
-of how many there are; a frame has the class of the word whose centre is nearest.
+The measure is that of HACA as we understand it: frames are grouped, each group is given one class, no two the same,
+so that as many frames as can be are right (Hungarian method), and the share of them counts; of the frames at the
+words' rate that have a class. ACA and HACA see the take alone and are told how many classes it has. Ours are told
+what the classes look like, by the other takes (cmu_exercises) or by other sets (86_01), as in `bench.segmentation`,
+and know nothing of how many there are; a frame has the class of the word whose centre is nearest.
 
 `most` and the width of the kernel are constants of ACA and HACA that no description gives for 24 frames a second:
 every pair of `MOST` and `SHARES` is measured, and each take has the pair that is best on the others, by their ground
