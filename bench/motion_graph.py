@@ -1,9 +1,11 @@
 """Motion graphs of cmu_dance with and without the constraint by signatures: `python -m bench.motion_graph`.
 
 The lake is made afresh; labels (salsa, indian, martial) are only used to count transitions between classes. Three
-seeds for training and clustering, means; candidates do not depend on them. "nearest" takes as many transitions as
-the constraint leaves, by distance alone. Walks of a minute start with the same clips in both graphs, drawn by seed
-from each class in turn: salsa is two thirds of the set, and walks from it have little chance to leave it.
+seeds for training and clustering, means; candidates do not depend on them. "own" are words trained on the lake itself
+without labels, which are the default's for a lake of so many, "pretrained" the same training on other sets. "nearest"
+takes as many transitions as the constraint leaves, by distance alone. Walks of a minute start with the same clips in
+both graphs, drawn by seed from each class in turn: salsa is two thirds of the set, and walks from it have little
+chance to leave it. How feet slide, in blends and elsewhere, is measured with feet held where they stand and without.
 """
 
 from __future__ import annotations
@@ -11,7 +13,7 @@ from __future__ import annotations
 import tempfile
 import time
 from collections.abc import Mapping, Sequence
-from itertools import pairwise
+from itertools import pairwise, product
 from pathlib import Path
 from typing import Any, Final
 
@@ -26,17 +28,23 @@ from motionlake.deep_motifs.motion_graph.graph import (
     in_context,
     summarise,
 )
+from motionlake.evaluation.synthesis_metrics import sliding_steps
 from motionlake.jobs.run import run
 from motionlake.jobs.session import session
 from motionlake.lake.catalog import reading
 from motionlake.lake.layout import Lake
+from motionlake.motion.canonicalise import canonicalise
+from motionlake.motion.kinematics import solve
+from motionlake.motion.rigs import identify, load_rigs
 from motionlake.retrieval.compose import Composition, compose, read_graph
 
 from bench.lakes import make_lake, run_all
+from bench.pretrained_words import pretrained_for
 from bench.record import hash_files, record, recordings
 
 DATASET: Final = "cmu_dance"
 SEEDS: Final = (0, 1, 2)
+ORIGINS: Final = ("own", "pretrained")  # of words
 DISTANCES: Final = (0.25, 0.5, 0.75, 1.0)
 CONTEXTS: Final = (0.1, 0.25, 0.5)
 WALKED: Final = (DISTANCE_QUANTILE, 1.0)
@@ -91,14 +99,42 @@ def walk_figures(lake: Lake) -> dict[str, Figures]:
             }
             first = _starts([g.graph for g in graphs.values()])
             for name, graph in graphs.items():
-                made = []
+                made, free = [], []
                 for seed, clip in zip(WALKS, first, strict=True):
                     try:
                         made.append(compose(con, lake, graph, clip, SECONDS, seed))
+                        free.append(compose(con, lake, graph, clip, SECONDS, seed, plant=False))
                     except NoWalkError as error:
                         print(error, flush=True)
-                figures[f"walks, distance {distance:g}, {name}"] = _walks(made)
+                figures[f"walks, distance {distance:g}, {name}"] = _walks(made) | _slides(made, free)
     return figures
+
+
+def _slides(held: Sequence[Composition], free: Sequence[Composition]) -> Figures:
+    """Metres a second at which feet near the ground go, in blends and elsewhere, held and not; means of walks."""
+    found: Figures = {}
+    for name, motions in (("held", held), ("free", free)):
+        slid = np.array([slides(motion) for motion in motions])
+        found |= {
+            f"{name}_slide_in_blends": float(slid[:, 0].mean()),
+            f"{name}_slide_elsewhere": float(slid[:, 1].mean()),
+        }
+    return found
+
+
+def slides(motion: Composition) -> tuple[float, float]:
+    """Metres a second at which feet near the ground go: in blended frames, and in the others."""
+    clip = motion.clip
+    rig = identify(clip.hierarchy.joints, load_rigs())
+    made = canonicalise(clip, solve(clip), rig, up="y", metres_per_unit=clip.metres_per_unit)
+    speeds, weights, _ = sliding_steps(made.positions, made.fps)
+    blended = np.zeros(speeds.shape[1], dtype=np.bool_)
+    for before, source in pairwise(motion.sources):
+        blended[source.out_start - 1 : before.out_stop] = True
+    inside, outside = (
+        float((speeds * weights)[:, rows].sum() / max(weights[:, rows].sum(), 1e-9)) for rows in (blended, ~blended)
+    )
+    return inside, outside
 
 
 def _starts(graphs: Sequence[MotionGraph]) -> list[str]:
@@ -162,23 +198,25 @@ def chance(graph: MotionGraph) -> float:
 
 def main() -> None:
     source = recordings() / DATASET
-    graphs, walks = [], []
+    graphs: dict[str, list[dict[str, Figures]]] = {origin: [] for origin in ORIGINS}
+    walks: dict[str, list[dict[str, Figures]]] = {origin: [] for origin in ORIGINS}
     costs: dict[str, float] = {}
     with tempfile.TemporaryDirectory(prefix="bench-motion-graph-") as folder:
         lake = make_lake(Path(folder), [source])
-        for seed in SEEDS:
-            run_all(lake, seed)
+        others = pretrained_for(DATASET, Path(folder))
+        for seed, origin in product(SEEDS, ORIGINS):
+            run_all(lake, seed, others if origin == "pretrained" else None)
             began = time.perf_counter()
             with session(lake, "bench", lambda stage, done, total: None, lambda line: None) as job:
                 run(job, ["transitions"], dataset=DATASET)
                 outcome = job.outcomes["transitions"]
             if outcome.failed:
                 raise RuntimeError(outcome.reason)
-            costs.setdefault("stage_seconds" if seed == SEEDS[0] else "new_motifs_seconds", time.perf_counter() - began)
-            graphs.append(compare(lake))
-            walks.append(walk_figures(lake))
-            for name, row in walks[-1].items():
-                print(f"seed {seed}, {name}: {_line(row)}", flush=True)
+            costs.setdefault("new_motifs_seconds" if costs else "stage_seconds", time.perf_counter() - began)
+            graphs[origin].append(compare(lake))
+            walks[origin].append(walk_figures(lake))
+            for name, row in walks[origin][-1].items():
+                print(f"seed {seed}, {origin}, {name}: {_line(row)}", flush=True)
         with reading(lake) as con:
             free = read_graph(con, lake, DATASET, constrained=False).graph
             seconds = con.execute("SELECT sum(seconds) FROM manifest WHERE stage = 'transitions'").fetchall()[0][0]
@@ -187,11 +225,13 @@ def main() -> None:
     figures: dict[str, Any] = {
         "set": DATASET, "seeds": list(SEEDS), "walk_seeds": list(WALKS), "chance_between_classes": chance(free),
         "default": {"distance_quantile": DISTANCE_QUANTILE, "context_quantile": CONTEXT_QUANTILE},
-        "graphs": mean(graphs), "walks": mean(walks), "cost": costs,
+        "graphs": {origin: mean(each) for origin, each in graphs.items()},
+        "walks": {origin: mean(each) for origin, each in walks.items()}, "cost": costs,
     }  # fmt: skip
     print(f"\nchance of a change of class {figures['chance_between_classes']:.3f}; means of {len(SEEDS)} seeds")
-    for name, row in (figures["graphs"] | figures["walks"]).items():
-        print(f"  {name:47} {_line(row)}")
+    for origin in ORIGINS:
+        for name, row in (figures["graphs"][origin] | figures["walks"][origin]).items():
+            print(f"  {origin:10} {name:47} {_line(row)}")
     print(f"  cost {_line(costs)}")
     data = hash_files([p for p in source.rglob("*") if p.is_file()], source)
     print(record("motion-graph", figures, data))

@@ -28,7 +28,7 @@ def test_every_bench_has_a_small_size() -> None:
     assert all((BENCH.parent / file).is_file() for file in ELSEWHERE.values())
 
 
-@pytest.mark.parametrize("name", ["pesta", "deephums", "glogen"])
+@pytest.mark.parametrize("name", ["pesta", "deephums", "glogen", "comparators"])
 def test_every_part_of_a_bench_has_a_small_size(name: str) -> None:
     parts = importlib.import_module(f"bench.{name}.__main__").PARTS
     assert set(parts) == {smoke.words[0] for smoke in SMOKES if smoke.module == f"bench.{name}"}

@@ -6,6 +6,7 @@ import csv
 import itertools
 import json
 import os
+import re
 import shutil
 import tempfile
 from pathlib import Path
@@ -389,7 +390,8 @@ def source_clip(lake: Path, clip: str, folder: Path) -> SourceClip:
 
 
 def test_composed_motions_come_from_their_sources(graph_lake: Path, tmp_path: Path) -> None:
-    motion, rows, report = composed(graph_lake, tmp_path, any_clip(graph_lake), "--seconds", 40, "--no-constraint")
+    walk = (any_clip(graph_lake), "--seconds", 40, "--no-constraint")
+    motion, rows, report = composed(graph_lake, tmp_path, *walk, "--no-plant")
     made = solve(motion)
     assert len(made.positions) == report["frames"] == round(40 * motion.fps)
     assert report["rig"] == "own"
@@ -419,6 +421,20 @@ def test_composed_motions_come_from_their_sources(graph_lake: Path, tmp_path: Pa
     assert (largest_steps(made.positions) <= limits["metres"] * (1 + 1e-4) + 1e-3).all()
     assert (angle(made.local[:-1], made.local[1:]).max(axis=0) <= limits["degrees"] + 2e-3).all()
     assert report["jump"] <= 1
+
+
+def test_feet_are_held_by_legs_alone(graph_lake: Path, tmp_path: Path) -> None:
+    walk = (any_clip(graph_lake), "--seconds", 40, "--no-constraint")
+    free, rows, _ = composed(graph_lake, tmp_path, *walk, "--no-plant")
+    held, held_rows, report = composed(graph_lake, tmp_path, *walk)
+    assert held_rows == rows
+    assert report["jump"] <= 1
+    before, after = solve(free).positions, solve(held).positions
+    size = np.ptp(before[0, :, 1])
+    changed = np.abs(before - after).max(axis=(0, 2)) > 1e-4 * size
+    moved = [name.casefold() for name, is_so in zip(free.hierarchy.joints, changed, strict=True) if is_so]
+    assert moved
+    assert all(re.search("knee|shin|ankle|foot|toe", name) for name in moved)
 
 
 def largest_steps(positions: Float64Array) -> Float64Array:

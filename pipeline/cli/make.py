@@ -63,6 +63,10 @@ def compose(
         float,
         typer.Option(min=0.0, max=1.0, help="Of these, the share to keep, most alike motion first."),
     ] = 0.25,
+    plant: Annotated[
+        bool,
+        typer.Option("--plant/--no-plant", help="Hold feet that stand in place where clips are blended."),
+    ] = True,
     lineage: Annotated[Path | None, option(help="Also write where every frame comes from: .csv or .json.")] = None,
     as_json: JsonOption = False,
 ) -> None:
@@ -92,7 +96,7 @@ def compose(
         quantiles = {"distance_quantile": distance_quantile, "context_quantile": context_quantile}
         graph = read_graph(con, target, chosen, constrained=constraint, min_quality=min_quality, **quantiles)
         made = _first_made(
-            lambda first: compose_motion(con, target, graph, first, seconds, seed),
+            lambda first: compose_motion(con, target, graph, first, seconds, seed, plant=plant),
             [name] if name else _sampled(graph, seed),
         )
     write_bvh(made.clip, out)

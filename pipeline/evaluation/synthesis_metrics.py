@@ -156,6 +156,21 @@ def foot_sliding(positions: FloatArray, fps: float) -> FootSliding:
     Raises:
         ValueError: fewer than two frames, or a body without size.
     """
+    speed, weight, height = sliding_steps(positions, fps)
+    total, slid = float(weight.sum()), speed * weight
+    standing = float(slid.sum()) / total if total > 0 else 0.0
+    return FootSliding(float(slid.mean()), float((height < 1).mean()), standing)
+
+
+def sliding_steps(positions: FloatArray, fps: float) -> tuple[Float64Array, Float64Array, Float64Array]:
+    """What `foot_sliding` is of: of ankles and toes, left and right, in each step from a frame to the next.
+
+    Returns:
+        [2, F - 1, 2] horizontal speed, metres a second; nearness to the ground, 0 to 1; height over `LOW` body lengths.
+
+    Raises:
+        ValueError: fewer than two frames, or a body without size.
+    """
     if len(positions) < 2:
         raise ValueError("feet slide from one frame to the next: one frame tells nothing")
     size = body_length(positions.astype(np.float64))
@@ -165,11 +180,8 @@ def foot_sliding(positions: FloatArray, fps: float) -> FootSliding:
         ground = np.quantile(joints[..., 1].min(axis=1), GROUND)
         speeds.append(np.linalg.norm(np.diff(joints[..., [0, 2]], axis=0), axis=-1) * fps)
         heights.append((joints[1:, :, 1] + joints[:-1, :, 1]) / 2 - ground)
-    speed, height = np.stack(speeds), np.stack(heights) / (LOW * size)
-    weight = 2 - np.exp2(np.clip(height, 0, 1))
-    total, slid = float(weight.sum()), speed * weight
-    standing = float(slid.sum()) / total if total > 0 else 0.0
-    return FootSliding(float(slid.mean()), float((height < 1).mean()), standing)
+    height = np.stack(heights) / (LOW * size)
+    return np.stack(speeds), 2 - np.exp2(np.clip(height, 0, 1)), height
 
 
 def bone_length_drift(positions: FloatArray, rest_offsets: FloatArray | None = None) -> float:

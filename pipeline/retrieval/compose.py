@@ -32,6 +32,7 @@ from motionlake.deep_motifs.motion_graph.graph import (
     random_walk,
     summarise,
 )
+from motionlake.deep_motifs.motion_graph.planting import Legs, planted, standing
 from motionlake.errors import UserError
 from motionlake.lake.catalog import Connection, fetch, fetch_table
 from motionlake.lake.layout import Lake
@@ -244,12 +245,20 @@ class SmoothBlend:
 
 
 def compose(
-    con: Connection, lake: Lake, found: LakeGraph, clip: str, seconds: float = 60.0, seed: int = 0
+    con: Connection,
+    lake: Lake,
+    found: LakeGraph,
+    clip: str,
+    seconds: float = 60.0,
+    seed: int = 0,
+    *,
+    plant: bool = True,
 ) -> Composition:
     """A motion of `seconds` that starts with a clip and goes on from clip to clip.
 
     Where a joint would move more from frame to frame than it does within the clips walked through so far, the
-    transition blends longer, up to a second, or is not taken.
+    transition blends longer, up to a second, or is not taken. With `plant`, feet that stand while clips are blended
+    stay where they are, if the legs of the rig are known.
 
     Raises:
         UserError: no transition leads on from the clip, or `seconds` hold none.
@@ -262,6 +271,8 @@ def compose(
     places = placements(pieces, poses)
     made = assemble(pieces, places, poses)
     limits = smooth.limits(piece.clip for piece in pieces)
+    if plant and (legs := Legs.of(made.hierarchy)) is not None:
+        made = planted(made, pieces, cache(lambda own: standing(poses(own), legs)), legs, limits)
     t = found.graph.transitions
     sources = []
     for piece, place in zip(pieces, places, strict=True):

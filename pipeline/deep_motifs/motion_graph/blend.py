@@ -164,6 +164,17 @@ def _frame(up: str) -> tuple[Float64Array, Float64Array, Float64Array]:
     return sign * vectors[axis], vectors[(axis + 1) % 3], sign * vectors[(axis + 2) % 3]
 
 
+def y_up_axes(up: str) -> Float64Array:
+    """[3, 3] the axes x, y and z of a world whose y is up, in that of a rig."""
+    vertical, first, second = _frame(up)
+    return np.stack([second, vertical, first])
+
+
+def y_up(poses: RigPoses) -> Float64Array:
+    """[F, J, 3] joints in the world, metres, y up."""
+    return np.asarray(poses.positions() @ y_up_axes(poses.up).T)
+
+
 def _turn(up: str, degrees: float) -> Float64Array:
     return from_axis_angle(_frame(up)[0], degrees)
 
