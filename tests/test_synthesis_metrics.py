@@ -181,7 +181,11 @@ def test_the_ground_of_a_recording_may_be_tilted() -> None:
     walk[10:30, [INDEX["left_ankle"], INDEX["left_toe"]], 1] += 0.2
     ground = ground_of(walk)
     np.testing.assert_allclose(ground.slope, [0, 0.015], atol=1e-3)
-    assert footing(walk, FPS, ground).depth < 0.005
+    found = footing(walk, FPS, ground)
+    assert found.airborne == 0
+    assert found.depth < 0.005
+    flat = footing(walk, FPS, Ground(ground.heights, np.zeros(2)))
+    assert flat.airborne > 0.5  # a level ground would have the body fly
     np.testing.assert_array_equal(ground_of(standing(60)).slope, 0)
     level = ground.level_at(np.array([0, 9.0, 2.0]))
     np.testing.assert_allclose(level.heights, ground.heights + 2 * ground.slope[1])
