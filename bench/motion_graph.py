@@ -28,7 +28,7 @@ from motionlake.deep_motifs.motion_graph.graph import (
     in_context,
     summarise,
 )
-from motionlake.evaluation.synthesis_metrics import sliding_steps
+from motionlake.evaluation.synthesis.contact import bearing, ground_of
 from motionlake.jobs.run import run
 from motionlake.jobs.session import session
 from motionlake.lake.catalog import reading
@@ -123,17 +123,15 @@ def _slides(held: Sequence[Composition], free: Sequence[Composition]) -> Figures
 
 
 def slides(motion: Composition) -> tuple[float, float]:
-    """Metres a second at which feet near the ground go: in blended frames, and in the others."""
+    """Metres a second at which what bears the body travels: in blended frames, and in the others."""
     clip = motion.clip
     rig = identify(clip.hierarchy.joints, load_rigs())
     made = canonicalise(clip, solve(clip), rig, up="y", metres_per_unit=clip.metres_per_unit)
-    speeds, weights, _ = sliding_steps(made.positions, made.fps)
-    blended = np.zeros(speeds.shape[1], dtype=np.bool_)
+    speeds = bearing(made.positions, made.fps, ground_of(made.positions))
+    blended = np.zeros(len(speeds), dtype=np.bool_)
     for before, source in pairwise(motion.sources):
-        blended[source.out_start - 1 : before.out_stop] = True
-    inside, outside = (
-        float((speeds * weights)[:, rows].sum() / max(weights[:, rows].sum(), 1e-9)) for rows in (blended, ~blended)
-    )
+        blended[source.out_start : before.out_stop] = True
+    inside, outside = (float(np.nanmean(speeds[rows])) for rows in (blended, ~blended))
     return inside, outside
 
 

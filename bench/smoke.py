@@ -188,6 +188,8 @@ SMOKES: Final[Sequence[Smoke]] = (
     *_parts("bench.glogen", "dense", "--seeds", "1", "--epochs", "1", "--sets", "indian", "--methods",
             "zero_velocity", "seq2seq", "motionlake"),
     *_parts("bench.glogen", "search", "--seeds", "1", "--epochs", "1", "--sets", "utd_mhad", "--methods", "seq2seq"),
+    *_parts("bench.glogen", "measures", "--seeds", "1", "--epochs", "1", "--sets", "indian",
+            **{"bench.glogen.measured.COUNT": 1, "bench.glogen.measured.EVERY": 1}),
     *_parts("bench.glogen", "long between", "--seeds", "1", "--epochs", "1", "--sets", "indian"),
 )  # fmt: skip
 

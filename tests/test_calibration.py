@@ -36,7 +36,7 @@ def lowered(frames: int) -> Float64Array:
 
 
 def walking(frames: int) -> Float64Array:
-    body = lowered(frames) + np.array([0.4, 0, 0])
+    body: Float64Array = lowered(frames) + np.array([0.4, 0, 0])
     t = np.arange(frames) / FPS
     body[..., 2] += t[:, None]
     body[:, INDEX["left_wrist"], 2] += 0.1 * np.sin(6 * t)

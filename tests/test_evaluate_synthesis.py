@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 import pytest
 from motionlake.arrays import Float64Array
-from motionlake.evaluation.synthesis import SynthesisEvaluation, SynthesisPlan, measure_generator
-from motionlake.evaluation.synthesis_metrics import MILLISECONDS, body_poses, errors_at
-from motionlake.evaluation.synthesis_trials import RealMotion, following
+from motionlake.evaluation.synthesis import UNITS, SynthesisEvaluation, SynthesisPlan, measure_generator
+from motionlake.evaluation.synthesis.errors import MILLISECONDS, body_poses, errors_at
+from motionlake.evaluation.synthesis.trials import RealMotion, following
 from motionlake.glogen.config import SynthesisConfig
 from motionlake.glogen.generator import EmbeddedMotions, GeneratedMotion, MotionRequest, TrainingMotion, embed_motions
 from motionlake.glogen.generator_training import train_generator
@@ -105,13 +105,17 @@ def test_a_generator_of_the_truth_makes_no_errors() -> None:
     found = measured(truly).found
     assert found["mean_per_joint_error"] == pytest.approx(0, abs=1e-9)
     assert found["sparse"]["euclidean"] == pytest.approx(0, abs=1e-9)
-    assert found["fid"] == pytest.approx(0, abs=1e-9)
-    assert found["fid_real"] > 0.01
+    assert found["likeness"]["made"]["fid"] == pytest.approx(0, abs=1e-9)
+    assert found["likeness"]["training"]["fid"] > 1e-4  # other clips are other vectors
+    assert found["likeness"]["made"]["coverage"] == found["likeness"]["made"]["precision"] == 1
+    assert (found["diversity"]["ratio"], found["pose_spread"]["ratio"]) == pytest.approx((1, 1))
     assert found["recognised"]["made"] == found["recognised"]["own_seeds"] == 1
-    assert found["energy"]["within"] == 1
-    assert found["bone_length_drift"] > 10  # the fake bodies stretch
-    assert found["foot_sliding"]["ratio"] == pytest.approx(1)
-    assert found["foot_sliding"]["made"] == found["travel_speed"]["made"] == pytest.approx(0.5)
+    assert found["usual"]["made"] == pytest.approx(found["usual"]["real"], abs=0.2)
+    assert found["bone_length_drift"]["worst"]["made"] > 10  # the fake bodies stretch
+    assert (found["slide_speed"]["made"], found["travel_speed"]["made"]) == pytest.approx((0.5, 0.5))
+    assert found["skate_ratio"]["made"] == found["skate_ratio"]["real"]
+    assert found["transitions"]["n"] == 9
+    assert found["transitions"]["jump_mm"]["real"] < 5
     assert found["n"] == {
         "test": 6, "training": 15, "own_seeds": 6, "other_seeds": 9, "classes": 3, "test_clips": 6
     }  # fmt: skip
@@ -138,13 +142,19 @@ def test_a_generator_that_freezes_or_copies_is_seen_through() -> None:
     still = measured(held).found
     assert still["mean_per_joint_error"] == still["zero_velocity"]["mean_per_joint_error"] > 1
     assert still["errors_ms"] == still["zero_velocity"]["errors_ms"]
-    assert still["energy"]["within"] == 0
+    assert still["usual"]["made"] == 0
+    assert still["transitions"]["seconds"] is None
+    assert still["transitions"]["soon"]["made"] == 0
+    assert still["likeness"]["made"]["fid"] > still["likeness"]["training"]["fid"]
+    assert still["jerk"]["made"] == 0
     assert still["travel_speed"]["made"] == 0
     assert still["recognised"]["made"] < still["recognised"]["real"] == 1
     copying = measured(copied, SynthesisPlan(count=3, seconds=0.8)).found
     true = measured(truly, SynthesisPlan(count=3)).found
     assert copying["nearest_real"]["made"]["median"] < 1e-3 < copying["nearest_real"]["test"]["median"]
     assert copying["nearest_real"]["near"] == 1
+    assert copying["nearest_real"]["z"] < -2
+    assert copying["nearest_real"]["unseen"]["ratio"] < 1
     assert true["nearest_real"]["ratio"] == pytest.approx(1, abs=0.3)
     assert true["by_class"]["nod"]["recognised"]["n"] == 3
 
@@ -155,7 +165,7 @@ def test_nothing_is_compared_with_its_own_clip() -> None:
     one = [each for each in TEST if each.label == "nod"]
     alone = measured(truly, test=one, training=TRAINING).found
     assert alone["recognised"] is None
-    assert alone["fid_other_seeds"] is None
+    assert alone["likeness"]["other_seeds"] is alone["transitions"] is None
     assert alone["n"]["other_seeds"] == 0
 
 
@@ -239,19 +249,21 @@ def test_a_lake_with_a_generator_is_measured(made_lake: Path, tmp_path: Path) ->
     assert found["protocol"] == "test clips, train clips known"
     assert found["warning"] is None
     assert found["model"] == {"model": "synthesis-1", "split": "train", "dataset": None}
-    assert {"fid", "errors_ms", "foot_sliding", "energy", "travel_speed", "recognised", "nearest_real"} <= set(found)
+    assert {*UNITS} - {"fid"} <= set(found)
+    assert found["angular_range"]["left_wrist"]["made"] is not None
     tested = dict(
         query(made_lake, "SELECT label, count(*) FROM clips WHERE split = 'test' AND label IS NOT NULL GROUP BY ALL")
     )
     assert 0 < found["n"]["test"] <= sum(tested.values()) == found["n"]["test_clips"]
     assert found["n"]["other_seeds"] == 2 * found["n"]["classes"]
     assert set(found["by_class"]) <= set(tested)
-    assert found["bone_length_drift"] < 0.5
+    assert found["bone_length_drift"]["worst"]["made"] < 0.5
     assert {path.stem for path in (tmp_path / "figures").iterdir()} >= {"errors", "made-and-real", "strips", "measures"}
     assert motionlake(*words, "--json").json == found
     table = motionlake(*words)
     assert "error at 640 ms" in table.out
     assert "bone-length drift" in table.out
+    assert "skate ratio: share of frames" in table.out
 
 
 def test_a_generator_that_has_seen_the_clips_is_told(made_lake: Path, tmp_path: Path) -> None:

@@ -3,7 +3,9 @@
 sparse: the poses that follow five sparse poses, on utd_mhad (tables 4.1, 4.4). whole: all frames that follow them there
 (table 4.2). dense: what follows them in real time, every clip of a CMU set left out once (table 4.3). long: ten seconds
 from clips left out as for dense: energy, feet, travel. search: settings of baselines, by what is held out of the data
-to train on. between: LocGen beside curves, between true sparse poses of clips left out as for dense.
+to train on. between: LocGen beside curves, between true sparse poses of clips left out as for dense. measures: what
+each measure says of made motion, of real motion and of controls (every second clip left out), and of the generator of
+the package.
 """
 
 from __future__ import annotations
@@ -14,9 +16,9 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, Final
 
-from motionlake.evaluation.synthesis_metrics import MILLISECONDS
+from motionlake.evaluation.synthesis.errors import MILLISECONDS
 
-from bench.glogen import between, dense, folds, long, search, sparse, whole
+from bench.glogen import between, dense, folds, long, measured, search, sparse, whole
 from bench.glogen.sets import SETS
 from bench.record import hash_files, record, recordings
 from bench.units import SEEDS, Found, in_processes, table, with_seeds
@@ -53,7 +55,7 @@ def measure_dense(given: argparse.Namespace) -> tuple[dict[str, Any], list[str]]
 
 
 def measure_long(given: argparse.Namespace) -> tuple[dict[str, Any], list[str]]:
-    scores = ["travel", "energy", "least", "most", "sliding", "standing", "inside", "bones"]
+    scores = ["travel_speed", "energy", "usual", "skate_ratio", "penetration", "airborne", "jerk", "bone_length_drift"]
     return _of_folds(long, folds.means, _ours(given), given, long.ROWS, scores)
 
 
@@ -92,6 +94,20 @@ def _of_folds(
     return result, sorted({SETS[name].folder for name in kept})
 
 
+def measure_measures(given: argparse.Namespace) -> tuple[dict[str, Any], list[str]]:
+    """What the measures say of made and of real motion and of controls; and of the generator of the package."""
+    units = [folds.Unit(name, seed, 0, given.epochs) for name in given.sets or ["walk"] for seed in given.chosen]
+    runs: dict[str, dict[str, dict[int, Found]]] = {unit.set_name: {} for unit in units}
+    for unit, found in in_processes(measured.measure, units, given.processes, str, given.keep):
+        for row, values in found.items():
+            runs[unit.set_name].setdefault(row, {})[unit.seed] = values
+    result: dict[str, Any] = {name: with_seeds(rows, bool) for name, rows in runs.items()}
+    for name, rows in result.items():
+        print(f"\n{table(name, rows, measured.SCORES)}")
+    result["pretrained"] = measured.pretrained()
+    return result, sorted({SETS[name].folder for name in (*runs, "walk")})
+
+
 def measure_search(given: argparse.Namespace) -> tuple[dict[str, Any], list[str]]:
     units = search.units(given.sets or list(search.SETS), given.methods or [], given.epochs)
     runs: dict[str, dict[str, dict[int, Found]]] = {unit.set_name: {} for unit in units}
@@ -111,6 +127,7 @@ PARTS: Final[dict[str, Callable[[argparse.Namespace], tuple[dict[str, Any], list
     "long": measure_long,
     "between": measure_between,
     "search": measure_search,
+    "measures": measure_measures,
 }
 
 

@@ -9,7 +9,7 @@ from typing import Any, Final
 
 import numpy as np
 from motionlake.arrays import Float32Array, Float64Array
-from motionlake.evaluation.synthesis_metrics import MILLISECONDS
+from motionlake.evaluation.synthesis.errors import MILLISECONDS
 from motionlake.glogen.config import SEEDS, SPARSE, SynthesisConfig
 from motionlake.glogen.generator import TrainedGenerator
 from motionlake.glogen.inbetweening import dense_motions

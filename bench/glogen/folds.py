@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
+from motionlake.evaluation.synthesis.motions import WORST
 from motionlake.glogen.config import SynthesisConfig
 from motionlake.glogen.generator import TrainedGenerator, load_generator
 from motionlake.glogen.generator_training import fit_generator
@@ -23,7 +24,7 @@ FOLDS: Final = 8
 # What is measured of every motion or piece of a fold.
 Measures = dict[str, list[float]]
 # What is not a mean over these.
-EXTREMES: Final[Mapping[str, Callable[[Iterable[float]], float]]] = {"least": min, "most": max, "bones": max}
+EXTREMES: Final[Mapping[str, Callable[[Iterable[float]], float]]] = dict.fromkeys(WORST, max)
 
 
 @dataclass(frozen=True)
@@ -87,6 +88,8 @@ def means(folds: Sequence[Measures]) -> Found:
     found: Found = {}
     for key in folds[0]:
         each = [value for fold in folds for value in fold[key]]
+        if not each:  # every motion is too short for it
+            continue
         found[key] = float(EXTREMES.get(key, np.mean)(each))
-        found["n"] = len(each)
+        found["n"] = max(found.get("n", 0), len(each))
     return found

@@ -5,17 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Final
 
-from motionlake.arrays import Float64Array
-from motionlake.evaluation.synthesis_metrics import (
-    bone_length_drift,
-    energy,
-    foot_sliding,
-    travel_speed,
-    within_range,
-)
-from motionlake.glogen.generator import MotionRequest, SeedClip
+from motionlake.evaluation.synthesis.contact import ground_of
+from motionlake.evaluation.synthesis.motions import Stretch, Usual, described
+from motionlake.glogen.generator import GeneratedMotion, MotionRequest, SeedClip
 from motionlake.glogen.trajectories import FPS, resampled
 
+from bench.canonical_sets import LabelledClip
 from bench.glogen.folds import Measures, Unit, folds, generator_of, parted
 from bench.glogen.material import Material, material
 
@@ -26,14 +21,12 @@ ROWS: Final = ("made", "clips")
 def measure(unit: Unit) -> dict[str, Measures]:
     """{"made", "clips"}: of every motion that starts from a clip left out, and of these clips."""
     whole = material(unit.set_name)
-    _, test = parted(unit.set_name, unit.fold)
+    train, test = parted(unit.set_name, unit.fold)
     generator = generator_of(unit)
     made = generator.generate([_wish(test, i, unit.seed * 1000 + n) for i, n in enumerate(folds(whole)[unit.fold])])
-    found = _described([m.positions for m in made])
-    real = [energy(positions, FPS) for positions in _recorded(whole)]
-    found["inside"] = [float(one) for one in within_range([energy(m.positions, FPS) for m in made], real)]
-    found["bones"] = [bone_length_drift(m.positions, m.rest_offsets) for m in made]
-    return {"made": found, "clips": _described(_recorded(test))}
+    usual = Usual.of([recorded_stretch(clip) for clip in train.clips])
+    stretches = [made_stretch(one, clip) for one, clip in zip(made, test.clips, strict=True)]
+    return {"made": _described(stretches, usual), "clips": _described([*map(recorded_stretch, test.clips)], usual)}
 
 
 def _wish(test: Material, i: int, seed: int) -> MotionRequest:
@@ -42,15 +35,25 @@ def _wish(test: Material, i: int, seed: int) -> MotionRequest:
     return MotionRequest((clip.label,), SECONDS, seed, SeedClip(clip.name, clip.positions, clip.fps, clip.rest_offsets))
 
 
-def _recorded(chosen: Material) -> list[Float64Array]:
-    flat = [resampled(c.positions.reshape(len(c.positions), -1), c.fps, FPS) for c in chosen.clips]
-    return [rows.reshape(len(rows), -1, 3) for rows in flat]
+def made_stretch(made: GeneratedMotion, clip: LabelledClip) -> Stretch:
+    """A motion that goes on from a clip in its class, on a level ground as high as where the seed ends."""
+    ground = ground_of(clip.positions).level_at(clip.positions[made.seed_stop - 1, 0])
+    return Stretch(
+        frozenset({clip.name}), clip.label, made.positions, made.fps, made.rest_offsets, ground, made.rotations
+    )
 
 
-def _described(motions: Sequence[Float64Array]) -> Measures:
-    energies, feet = [energy(m, FPS) for m in motions], [foot_sliding(m, FPS) for m in motions]
-    return {
-        "energy": [e.mean for e in energies], "least": [e.low for e in energies], "most": [e.high for e in energies],
-        "sliding": [f.speed for f in feet], "standing": [f.standing_speed for f in feet],
-        "travel": [travel_speed(m, FPS) for m in motions],
-    }  # fmt: skip
+def recorded_stretch(clip: LabelledClip) -> Stretch:
+    """A whole clip, at the rate of made motion."""
+    assert clip.rest_offsets is not None
+    rows = resampled(clip.positions.reshape(len(clip.positions), -1), clip.fps, FPS)
+    return Stretch(
+        frozenset({clip.name}), clip.label, rows.reshape(len(rows), -1, 3), FPS, clip.rest_offsets,
+        ground_of(clip.positions), clip.rotations,
+    )  # fmt: skip
+
+
+def _described(motions: Sequence[Stretch], usual: Usual) -> Measures:
+    each = [described(motion) for motion in motions]
+    found = {name: [value for one in each if (value := one[name]) is not None] for name in each[0]}
+    return found | {"usual": [float(usual.fits(motion).mean()) for motion in motions]}

@@ -14,7 +14,7 @@ from motionlake.arrays import Float32Array
 from motionlake.deephums.config import DescriptorsConfig
 from motionlake.deephums.network import TrainedDescriptor
 from motionlake.deephums.training import TrainingClip, train_descriptor
-from motionlake.evaluation.synthesis_likeness import frechet_distance
+from motionlake.evaluation.synthesis.likeness import frechet_distance
 from motionlake.glogen.config import SEEDS, GloGenRecipe, glogen_recipe
 from motionlake.glogen.config import SPARSE as POSES
 from motionlake.glogen.rollout import predict

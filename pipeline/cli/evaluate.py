@@ -63,6 +63,43 @@ METRICS: Final = {
     "n": "queries measured",
     "n_known": "words whose class was learned",
 }
+# What the rows of the table of synthesis say.
+SYNTHESIS_METRICS: Final = {
+    "FID": "distance of the distributions of descriptors of two seconds, made against test clips; lower is better",
+    "precision": "share of made motions that lie among test clips; higher is better",
+    "recall": "share of test clips that lie among made motions; higher is better",
+    "density": "how many test clips a made motion lies near, 1 where both are alike",
+    "coverage": "share of test clips that a made motion lies near; higher is better",
+    "diversity": "how unlike made motions are one another, by descriptors; near 1 times the recorded is better",
+    "multimodality": "the same of motions of one class",
+    "pose spread": "body lengths between motions of one class at the same time; near the recorded is better",
+    "energy, m²/s²": "mean squared speed of joints seen from the body; near the recorded is better",
+    "travel speed, m/s": "of the hips, from second to second; near the recorded is better",
+    "usual seconds": "share whose energy and travel nine of ten recorded seconds have; near the recorded is better",
+    "jerk, m/s³": "change of acceleration; near the recorded is better",
+    "skate ratio": "share of frames with a foot near the ground in which even the slowest foot slides; lower is better",
+    "penetration, m": "how deep a joint goes below the ground; lower is better",
+    "airborne, s": "longest time off the ground; at most the recorded is better",
+    "bone-length drift, %": "lower is better",
+    "path circling": "turns a metre to one side; near the recorded is better",
+    "range of wrist": "degrees that the hands turn about their mean; 0 is a stiff hand",
+    "range of head": "the same of the head",
+    "range of toe": "the same of the toes",
+    "seconds until the class": "from a start of another class, median; lower is better",
+    "class within 1.5 s": "share that moves as the class does by then; higher is better",
+    "jump at the seam, mm": "off the way that the joints were going; near the recorded is better",
+    "first 200 ms, mm": "from what really follows, by the world; lower than the last pose held is better",
+    "nearest training clip": "body lengths, median; far below the recorded is a copy",
+    "copying z": "below -3 made motions are nearer to training clips than test clips are",
+}
+
+
+BESIDE_RECORDED: Final = (
+    ("diversity", "diversity"), ("multimodality", "multimodality"), ("pose_spread", "pose spread"),
+    ("energy", "energy, m²/s²"), ("travel_speed", "travel speed, m/s"), ("usual", "usual seconds"),
+    ("jerk", "jerk, m/s³"), ("skate_ratio", "skate ratio"), ("penetration", "penetration, m"),
+    ("airborne", "airborne, s"), ("bone_length_drift", "bone-length drift, %"), ("path_circling", "path circling"),
+)  # fmt: skip
 
 
 def _known_baseline(value: str) -> str:
@@ -306,9 +343,9 @@ def synthesis(
 ) -> None:
     """How good the motion is that the lake's generator makes from test clips.
 
-    Every measure stands beside that of recorded clips, or of a body that stops where the clip was cut. Errors, FID,
-    foot sliding and bone-length drift: lower is better. Energy and travel speed: nearer to recorded clips is better.
-    Class recognised: higher is better. --json has all by class too, and the units.
+    Every measure stands beside that of recorded clips, or of a body that stops where the clip was cut. Calibration
+    poses at the ends of recordings are left out. A line below the table says what each measure means; --json has more
+    of them, all by class too, and the units.
 
     Example: motionlake evaluate synthesis --dataset utd_mhad --json --lake mylake
 
@@ -326,32 +363,47 @@ def synthesis(
         from motionlake.pictures.synthesis import synthesis_pictures
 
         _draw(synthesis_pictures(measured), pictures)
-    _tell(measured.found, [_synthesis_rows(measured.found)], as_json)
+    rows = _synthesis_rows(measured.found)
+    _tell(measured.found, [rows], as_json)
+    if not as_json:
+        said = dict.fromkeys(row["measure"] for row in rows if row["measure"] in SYNTHESIS_METRICS)
+        print("".join(f"\n{name}: {SYNTHESIS_METRICS[name]}" for name in said))
 
 
 def _synthesis_rows(found: dict[str, Any]) -> list[Row]:
     """Measures beside those of recorded clips, or of the last pose held."""
     held, recognised, near = found["zero_velocity"], found["recognised"] or {}, found["nearest_real"]
     last, recorded, training = "last pose held", "recorded clips", "training against test clips"
+    alike = {side: found["likeness"][side] or {} for side in ("made", "training")}
     rows: list[tuple[str, Any, Any, str]] = [
         *((f"error at {t} ms, mm", error, held["errors_ms"][t], last) for t, error in found["errors_ms"].items()),
         ("mean per-joint error, mm", found["mean_per_joint_error"], held["mean_per_joint_error"], last),
         ("Euclidean distance, mm", found["euclidean"], held["euclidean"], last),
-        ("FID (distance of the descriptors' distributions)", found["fid"], found["fid_real"], training),
-        ("FID, starts of other classes", found["fid_other_seeds"], found["fid_real"], training),
         *(
-            (title, found[name]["made"], found[name]["real"], recorded)
-            for name, title in (
-                ("foot_sliding", "foot sliding, m/s"), ("energy", "energy, m²/s²"),
-                ("travel_speed", "travel speed, m/s"),
-            )
+            (name, alike["made"].get(name.lower()), alike["training"].get(name.lower()), training)
+            for name in ("FID", "precision", "recall", "density", "coverage")
         ),
-        ("bone-length drift, %", found["bone_length_drift"], None, ""),
+        *((title, found[name]["made"], found[name]["real"], recorded) for name, title in BESIDE_RECORDED),
+        *(
+            (f"range of {name.split('_')[-1]}", found["angular_range"][name]["made"],
+             found["angular_range"][name]["real"], recorded)
+            for name in ("left_wrist", "head", "left_toe")
+        ),
         ("class recognised, starts of other classes", recognised.get("made"), recognised.get("real"), recorded),
     ]  # fmt: skip
+    if changed := found["transitions"]:
+        soon, jump, first = changed["soon"], changed["jump_mm"], changed["continued_mm"]
+        rows += [
+            ("seconds until the class", changed["seconds"], None, ""),
+            ("class within 1.5 s", soon["made"], soon["real"], recorded),
+            ("jump at the seam, mm", jump["made"], jump["real"], recorded),
+            ("first 200 ms, mm", first["made"], first["held"], last),
+        ]
     if near:
-        made, test = near["made"]["median"], near["test"]["median"]
-        rows.append(("nearest training clip, median, body lengths", made, test, recorded))
+        rows += [
+            ("nearest training clip", near["made"]["median"], near["test"]["median"], recorded),
+            ("copying z", near["z"], None, ""),
+        ]
     return [{"measure": a, "made": b, "beside": c, "beside is": d} for a, b, c, d in rows]
 
 

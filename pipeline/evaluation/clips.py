@@ -116,10 +116,15 @@ def told(model: Model) -> dict[str, Any]:
     return {"model": model.model, **{name: value for name, value in model.metrics.items() if name != "loss"}}
 
 
+def read_frames(lake: Lake, clips: Sequence[FramedClip]) -> Iterator[frames.Frames]:
+    """The canonical frames of clips; each frames part is read once."""
+    names = {clip.clip for clip in clips}
+    for dataset, part in sorted({(clip.dataset, clip.part) for clip in clips}):
+        yield from frames.read_part(sound(lake, lake.frames_part(dataset, part)), names)
+
+
 def read_positions(lake: Lake, clips: Sequence[FramedClip]) -> Iterator[tuple[str, float, Float64Array]]:
     """Name, rate and canonical joint positions [F, 21, 3] (metres) of clips without calibration poses; each frames part
     is read once."""
-    names = {clip.clip for clip in clips}
-    for dataset, part in sorted({(clip.dataset, clip.part) for clip in clips}):
-        for clip in frames.read_part(sound(lake, lake.frames_part(dataset, part)), names):
-            yield clip.clip, clip.fps, clip.recorded().positions.astype(np.float64)
+    for clip in read_frames(lake, clips):
+        yield clip.clip, clip.fps, clip.recorded().positions.astype(np.float64)

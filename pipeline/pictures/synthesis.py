@@ -8,7 +8,7 @@ from typing import Any, Final
 import numpy as np
 from matplotlib.figure import Figure
 from motionlake.evaluation.synthesis import SynthesisEvaluation
-from motionlake.evaluation.synthesis_trials import Trial
+from motionlake.evaluation.synthesis.trials import Trial
 from motionlake.pictures.html import Picture, picture
 from motionlake.pictures.maps import LEAST, PERPLEXITY, beside_map, generator_map
 from motionlake.pictures.stick_figures import draw_strip, spread
@@ -102,21 +102,23 @@ def _strips_figure(trials: Sequence[Trial], title: str) -> Figure:
 
 @styled
 def _measures_figure(found: Mapping[str, Any], title: str, note: str) -> Figure:
-    """Made beside real: foot sliding, energy, travel speed, class recognised, nearest training clip."""
+    """Made beside real, where both are known."""
     panels = [
         (name, unit, found[key]["made"], found[key]["real"])
         for key, name, unit in (
-            ("foot_sliding", "foot sliding", "m/s"), ("energy", "energy", "m²/s²"),
-            ("travel_speed", "travel speed", "m/s"), ("recognised", "class recognised", "share"),
+            ("skate_ratio", "skate ratio", "share of frames"), ("energy", "energy", "m²/s²"),
+            ("travel_speed", "travel speed", "m/s"), ("diversity", "diversity", "distance of descriptors"),
+            ("pose_spread", "pose spread", "body lengths"), ("recognised", "class recognised", "share"),
         )
-        if found[key]
+        if found[key] and None not in (found[key]["made"], found[key]["real"])
     ]  # fmt: skip
     if found["nearest_real"]:
         near = found["nearest_real"]
         unit = "body lengths, median"
         panels.append(("nearest training clip", unit, near["made"]["median"], near["test"]["median"]))
-    if found["fid"] is not None:
-        panels.append(("FID", "real: training clips against test clips", found["fid"], found["fid_real"] or 0.0))
+    made, known = found["likeness"]["made"], found["likeness"]["training"]
+    for key, name in (("fid", "FID"), ("coverage", "coverage")) if made and known else ():
+        panels.append((name, "real: training clips against test clips", made[key], known[key]))
     columns, wide, tall = 3, 2.45, 1.15
     sheet = Sheet(columns * wide + 0.3, TOP + tall * -(-len(panels) // columns) + 0.1, title, note)
     for i, (name, unit, *values) in enumerate(panels):

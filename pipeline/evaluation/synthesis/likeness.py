@@ -1,23 +1,17 @@
-"""Whether made motions are like real ones, as a set and one by one (section 4.3.3), and whether they are copies."""
+"""Whether made motions are like real ones: Frechet distance, and the classes they are taken for (section 4.3.3)."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass
-from functools import partial
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
-from motionlake.arrays import Float32Array, Float64Array, FloatArray, StepProgress
-from motionlake.evaluation.dtw import baseline_features
-from motionlake.evaluation.synthesis_trials import SeededClip, Trial
-from motionlake.motion.dtw import nearest_stretch
+from motionlake.arrays import Float64Array, FloatArray
+from motionlake.evaluation.synthesis.trials import SeededClip, Trial
 from numpy.typing import NDArray
 from scipy.linalg import cholesky, qr, solve_triangular
 from scipy.spatial.distance import cdist
 
-MOST_ALIGNED: Final = 200  # motions of a kind that are aligned with every training clip
-NEAR: Final = 0.05  # quantile of the distances of real clips below which a motion is near
 # [n, d] descriptors of n motions, each positions [F, 21, 3] and frames a second.
 Describe = Callable[[Sequence[tuple[Float64Array, float]]], FloatArray]
 
@@ -134,68 +128,3 @@ class Likeness:
         return {
             "made": made, "real": real, "ratio": made / real if real else None, "own_seeds": alone, "n": len(others)
         }  # fmt: skip
-
-
-@dataclass(frozen=True)
-class Aligned:
-    """A motion to align: its frames [T, D] as DTW compares them, and the clips that it has to do with."""
-
-    frames: Float32Array
-    clips: frozenset[str]
-
-    @classmethod
-    def of(cls, positions: Float64Array, fps: float, *clips: str) -> Aligned:
-        return cls(baseline_features(positions, fps), frozenset(clips))
-
-
-def nearest_real_distances(
-    motions: Sequence[Aligned], real: Sequence[Aligned], progress: Callable[[int, int], None] = lambda done, total: None
-) -> Float64Array:
-    """[q] cost of aligning each of q motions with the nearest stretch of a real clip that it has nothing to do with.
-
-    NaN where there is none; `progress` hears motions done and q.
-    """
-    found = np.full(len(motions), np.nan)
-    for i, motion in enumerate(motions):
-        apart = [other for other in real if not other.clips & motion.clips]
-        found[i] = min((nearest_stretch(motion.frames, other.frames).cost for other in apart), default=np.nan)
-        progress(i + 1, len(motions))
-    return found
-
-
-def copying(
-    made: Sequence[Aligned], test: Sequence[Aligned], followed: Sequence[Aligned], training: Sequence[Aligned],
-    progress: StepProgress,
-) -> dict[str, Any]:  # fmt: skip
-    """How near the nearest stretch of a training clip is, in body lengths (the frame distance of `baseline_features`).
-
-    Where there are more than `MOST_ALIGNED` of a kind, so many at even distances are aligned.
-
-    Args:
-        made: motions.
-        test: what really follows the seeds.
-        followed: the same of training clips, each to be compared with all other training clips.
-        training: whole clips.
-        progress: hears motions done.
-
-    Returns:
-        n, mean, median and 5 % quantile of "made", "test" and "training"; `near`: share of the made motions that are
-        nearer than the nearest 5 % of "test".
-    """
-    found = {}
-    for name, motions in (("made", made), ("test", test), ("training", followed)):
-        some = [motions[i] for i in np.unique(np.linspace(0, len(motions) - 1, MOST_ALIGNED).round().astype(int))]
-        far = nearest_real_distances(some, training, partial(progress, f"align {name}"))
-        found[name] = far[np.isfinite(far)]
-    if not all(len(far) for far in found.values()):
-        return {}
-    medians = {name: float(np.median(far)) for name, far in found.items()}
-    quantiles = {name: float(np.quantile(far, NEAR)) for name, far in found.items()}
-    return {
-        **{
-            name: {"mean": float(far.mean()), "median": medians[name], "q05": quantiles[name], "n": len(far)}
-            for name, far in found.items()
-        },
-        "ratio": medians["made"] / max(medians["test"], 1e-12),
-        "near": float(np.mean(found["made"] < quantiles["test"])),
-    }

@@ -12,16 +12,19 @@ from typing import Final, Protocol
 import numpy as np
 from motionlake.arrays import Float64Array, FloatArray, StepProgress
 from motionlake.errors import UserError
-from motionlake.evaluation.clips import LEAVE_ONE_OUT, read_positions, split_of
+from motionlake.evaluation.clips import LEAVE_ONE_OUT, read_frames, split_of
+from motionlake.evaluation.synthesis.contact import Ground, ground_of
 from motionlake.glogen.generator import GeneratedMotion, MotionRequest, SeedClip
 from motionlake.lake.catalog import Connection, fetch
 from motionlake.lake.layout import Lake
+from motionlake.motion.calibration import recorded_range
 from motionlake.motion.resampling import TOLERANCE, beside
 from motionlake.retrieval.labelled_clips import FramedClip, check_column
 
 # Of more than these, clips are taken at even distances of their names.
 MOST_TEST: Final = 1000
 MOST_TRAINING: Final = 2000
+LEAST_FRAMES: Final = 2  # of a clip between its calibration poses
 
 
 @dataclass(frozen=True)
@@ -35,6 +38,8 @@ class RealMotion:
         positions: [F, 21, 3] canonical joints, metres, y up.
         fps: frames a second.
         rest_offsets: [21, 3] of its body, metres.
+        rotations: [F, 21, 4] local; None where they are not known.
+        floor: the ground of the recording that it is a range of; None: its own.
     """
 
     clip: str
@@ -43,6 +48,18 @@ class RealMotion:
     positions: Float64Array
     fps: float
     rest_offsets: Float64Array
+    rotations: FloatArray | None = None
+    floor: Ground | None = None
+
+    @property
+    def ground(self) -> Ground:
+        """What its body stands on."""
+        return ground_of(self.positions) if self.floor is None else self.floor
+
+    def cut(self, start: int, stop: int) -> RealMotion:
+        """Frames [start, stop) of it, on the same ground."""
+        turned = None if self.rotations is None else self.rotations[start:stop]
+        return replace(self, positions=self.positions[start:stop], rotations=turned, floor=self.ground)
 
     def pieces(self, seconds: float) -> Iterator[RealMotion]:
         """One after the other, `seconds` long each; a rest that is shorter goes with the piece before it."""
@@ -50,7 +67,7 @@ class RealMotion:
         count = max(1, len(self.positions) // frames)
         for i in range(count):
             stop = len(self.positions) if i == count - 1 else (i + 1) * frames
-            yield replace(self, positions=self.positions[i * frames : stop])
+            yield self.cut(i * frames, stop)
 
 
 @dataclass(frozen=True)
@@ -120,6 +137,7 @@ def real_clips(
         )
     queries, known = _spread(test, MOST_TEST), _spread(training, MOST_TRAINING)
     motions = _motions(lake, list(dict.fromkeys([*queries, *known])))
+    queries, known = ([row for row in some if row in motions] for some in (queries, known))
     protocol = "{} clips, {} clips known".format(*parted.names) if parted.names else LEAVE_ONE_OUT
     return RealClips(
         [motions[row] for row in queries], [motions[row] for row in known], protocol,
@@ -134,17 +152,24 @@ def _spread(rows: list[_Row], most: int) -> list[_Row]:
 
 
 def _motions(lake: Lake, rows: Sequence[_Row]) -> dict[_Row, RealMotion]:
+    """Of each row the frames between the calibration poses of its clip, two at least."""
     ranges: dict[str, list[_Row]] = {}
     for row in rows:
         ranges.setdefault(row.clip, []).append(row)
-    return {
-        row: RealMotion(
-            name, row.dataset, row.label, positions[row.start : row.stop], fps,
-            np.asarray(row.rest_offsets, dtype=np.float64).reshape(-1, 3),
-        )
-        for name, fps, positions in read_positions(lake, [some[0] for some in ranges.values()])
-        for row in ranges[name]
-    }  # fmt: skip
+    found: dict[_Row, RealMotion] = {}
+    for clip in read_frames(lake, [some[0] for some in ranges.values()]):
+        first, last = recorded_range(clip.positions, clip.fps)
+        for row in ranges[clip.clip]:
+            offsets = np.asarray(row.rest_offsets, dtype=np.float64).reshape(-1, 3)
+            positions = clip.positions.astype(np.float64)
+            whole = RealMotion(
+                clip.clip, row.dataset, row.label, positions, clip.fps, offsets, clip.rotations,
+                ground_of(positions[first:last]),
+            )  # fmt: skip
+            start, stop = max(row.start, first), min(row.stop, last)
+            if stop - start >= LEAST_FRAMES:
+                found[row] = whole.cut(start, stop)
+    return found
 
 
 AT_ONCE: Final = 64  # motions that a generator makes in one go

@@ -9,27 +9,31 @@ from itertools import chain
 from typing import Any, Final
 
 from motionlake.arrays import FloatArray, StepProgress
+from motionlake.deephums.config import PRETRAINED_DESCRIPTORS
 from motionlake.deephums.sequence import clip_sequence
 from motionlake.errors import UserError
 from motionlake.evaluation.clips import Notice, told
-from motionlake.evaluation.synthesis_likeness import Aligned, Describe, Likeness, copying, frechet_distance
-from motionlake.evaluation.synthesis_metrics import Movement, energy, errors, movement
-from motionlake.evaluation.synthesis_trials import (
+from motionlake.evaluation.synthesis.copying import Aligned, copying
+from motionlake.evaluation.synthesis.errors import errors
+from motionlake.evaluation.synthesis.likeness import Describe, Likeness
+from motionlake.evaluation.synthesis.motions import UNITS as MOTION_UNITS
+from motionlake.evaluation.synthesis.motions import Measured, Stretch, beside, usual_of
+from motionlake.evaluation.synthesis.transitions import made_stretch, real_stretch, transitions
+from motionlake.evaluation.synthesis.trials import (
     Generator,
     RealMotion,
+    SeededClip,
     Trial,
     continued,
-    following,
     from_other_classes,
     real_clips,
     seeded_clips,
 )
+from motionlake.evaluation.synthesis.variety import Windows, likeness, pose_spread, spread
 from motionlake.glogen.generator import EmbeddedMotions
 from motionlake.lake.catalog import Connection
-from motionlake.lake.integrity import sound
 from motionlake.lake.layout import Lake
 from motionlake.lake.models import Model, current_model
-from motionlake.stages.descriptors import DESCRIPTORS
 from motionlake.stages.synthesis import open_generator
 
 
@@ -95,11 +99,11 @@ def measure_generator(
 
     Returns:
         mean_per_joint_error, euclidean, sparse (the same over 15 sparse poses), errors_ms and euclidean_ms by
-        milliseconds with n_ms (clips that go on so long), zero_velocity (all of these of the last pose held);
-        fid (motions that go on in their own class, against what follows), fid_other_seeds, fid_real (training clips
-        against test clips), None of fewer than two; foot_sliding, energy, travel_speed (made, real, ratio; see
-        `movement`), bone_length_drift; recognised (of motions with other seeds: made, real, ratio; own_seeds; None
-        without other classes); nearest_real (`copying`); by_class; n.
+        milliseconds with n_ms (clips that go on so long), zero_velocity (all of these of the last pose held); the
+        measures of `Measured.of`; likeness (made, other_seeds, training: `variety.likeness` against what follows in
+        test clips); diversity, multimodality, pose_spread (made, real, ratio); transitions (`transitions`); recognised
+        (of motions with other seeds: made, real, ratio; own_seeds; None without other classes); nearest_real
+        (`copying`); by_class; n.
 
     Raises:
         UserError: no clip is long enough to go on from.
@@ -115,29 +119,21 @@ def measure_generator(
     )  # fmt: skip
     trials = [*own, *other]
     measure = Likeness(trials, seeded, known, describe)
-    moves = _Moves(trials, [*test, *training])
+    sets = _Sets(trials, seeded, known, describe)
+    whole = range(len(own)), range(len(own), len(trials))
     found = {
-        **errors(likely),
-        "fid": _fid(measure.real, measure.made[: len(own)]),
-        "fid_other_seeds": _fid(measure.real, measure.made[len(own) :]),
-        "fid_real": _fid(measure.real, measure.gallery),
-        **moves.of(range(len(trials))),
-        "recognised": measure.recognised(range(len(own), len(trials)), range(len(own))),
-        "nearest_real": copying(
-            [Aligned.of(t.made.positions, t.made.fps, t.seed.motion.clip, t.real.motion.clip) for t in trials],
-            [Aligned.of(each.after, each.fps, each.motion.clip) for each in seeded],
-            [Aligned.of(each.after, each.fps, each.motion.clip) for each in known],
-            [Aligned.of(m.positions, m.fps, m.clip) for m in training], progress,
-        ),
+        **errors(likely), **sets.of(*whole),
+        "recognised": measure.recognised(whole[1], whole[0]),
+        "nearest_real": _copying(trials, seeded, known, training, test, progress),
         "by_class": {},
     }  # fmt: skip
     for name in sorted({trial.wanted for trial in trials}):
-        rows = [i for i, trial in enumerate(trials) if trial.wanted == name]
+        rows = [[i for i in some if trials[i].wanted == name] for some in whole]
         found["by_class"][name] = {
-            "n": len(rows),
+            "n": sum(map(len, rows)),
             **errors([t for t in likely if t.wanted == name]),
-            **moves.of(rows),
-            "recognised": measure.recognised([i for i in rows if i >= len(own)], [i for i in rows if i < len(own)]),
+            **sets.of(*rows),
+            "recognised": measure.recognised(rows[1], rows[0]),
         }
     found["n"] = {
         "test": len(seeded), "training": len(known), "own_seeds": len(own), "other_seeds": len(other),
@@ -147,37 +143,81 @@ def measure_generator(
     return SynthesisEvaluation(found, trials, len(own), measure.real, labels, measure.made)
 
 
-def _fid(real: FloatArray, made: FloatArray) -> float | None:
-    return frechet_distance(real, made) if min(len(real), len(made)) > 1 else None
+def _copying(
+    trials: Sequence[Trial], seeded: Sequence[SeededClip], known: Sequence[SeededClip], training: Sequence[RealMotion],
+    test: Sequence[RealMotion], progress: StepProgress,
+) -> dict[str, Any]:  # fmt: skip
+    followed, followed_known = (
+        [Aligned.of(each.after, each.fps, each.motion.clip) for each in some] for some in (seeded, known)
+    )
+    clips, unseen = ([Aligned.of(m.positions, m.fps, m.clip) for m in some] for some in (training, test))
+    made = [Aligned.of(t.made.positions, t.made.fps, t.seed.motion.clip, t.real.motion.clip) for t in trials]
+    return copying(made, followed, followed_known, clips, unseen, progress)
 
 
-class _Moves:
-    """How the trials and the real clips beside them move."""
+class _Sets:
+    """Trials, what really follows in test clips and in training clips: each as motions and as descriptors."""
 
-    def __init__(self, trials: Sequence[Trial], clips: Sequence[RealMotion]) -> None:
-        self._classes = [trial.wanted for trial in trials]
-        self._made = [Movement.of(t.made.positions, t.made.fps, t.made.rest_offsets) for t in trials]
-        beside = {
-            real: Movement.of(real.after, real.fps, real.motion.rest_offsets) for real in {t.real for t in trials}
-        }
-        self._real = [beside[trial.real] for trial in trials]
-        fps = trials[0].made.fps
-        long = [clip for clip in clips if len(clip.positions) > 3 * clip.fps / fps]
-        self._ranges = {
-            name: [energy(following(clip, 1, fps), fps) for clip in long if clip.label == name]
-            for name in set(self._classes)
-        }
+    def __init__(
+        self, trials: Sequence[Trial], test: Sequence[SeededClip], training: Sequence[SeededClip], describe: Describe
+    ) -> None:
+        self._trials, self._test, self._training = trials, test, training
+        self._made = [made_stretch(trial) for trial in trials]
+        self._real, self._known = ([real_stretch(each) for each in some] for some in (test, training))
+        self._usual = usual_of([*self._known, *(one for one in self._real if one.label not in _labels(self._known))])
+        self._measured = Measured(self._made, self._real, self._usual)
+        self._windows, self._real_windows, self._known_windows = (
+            Windows(some, describe) for some in (self._made, self._real, self._known)
+        )
 
-    def of(self, rows: Sequence[int]) -> dict[str, Any]:
-        made, real = ([side[i] for i in rows] for side in (self._made, self._real))
-        return movement(made, real, [self._classes[i] for i in rows], self._ranges)
+    def of(self, own: Sequence[int], other: Sequence[int]) -> dict[str, Any]:
+        """Of trials from own seeds and from other classes', by row, and of the real motion of their classes."""
+        rows = [*own, *other]
+        labels = {self._trials[i].wanted for i in rows}
+        real, known = ([i for i, each in enumerate(some) if each.label in labels] for some in (self._real, self._known))
+        vectors, trained = self._real_windows.some(real), self._known_windows.some(known)
+        made, from_others = self._windows.some(own), self._windows.some(other)
+        count = min((len(some) for some in (made, from_others, trained) if len(some) > 1), default=0)
+        return {
+            **self._measured.of(rows, real),
+            "likeness": {
+                "made": likeness(vectors, made, count), "other_seeds": likeness(vectors, from_others, count),
+                "training": likeness(vectors, trained, count),
+            },
+            **self._variety(own, real),
+            "transitions": transitions([self._trials[i] for i in other], [self._made[i] for i in other], self._usual),
+        }  # fmt: skip
+
+    def _variety(self, made: Sequence[int], real: Sequence[int]) -> dict[str, Any]:
+        """Of motions that go on in their own class, as many as real ones."""
+        sides = ((self._windows, self._made, made), (self._real_windows, self._real, real))
+        found: list[tuple[float | None, ...]] = []
+        for described, motions, rows in sides:
+            kept = [i for i, of in enumerate(described.of.tolist()) if of in set(rows)]
+            vectors, of, place = described.vectors[kept], described.of[kept], described.place[kept]
+            classes = [motion.label for motion in motions]
+            found.append(
+                (
+                    spread(vectors, of, place),
+                    spread(vectors, of, place, classes),
+                    pose_spread([motions[i] for i in rows]),
+                )
+            )
+        names = ("diversity", "multimodality", "pose_spread")
+        return {name: beside(*pair) for name, pair in zip(names, zip(*found, strict=True), strict=True)}
+
+
+def _labels(motions: Sequence[Stretch]) -> set[str]:
+    return {motion.label for motion in motions}
 
 
 UNITS: Final = {
     "mean_per_joint_error": "mm", "euclidean": "mm", "errors_ms": "mm", "euclidean_ms": "mm",
-    "sparse": "body lengths (leg plus torso) of the standard skeleton", "foot_sliding": "m/s",
-    "contact": "share of frames", "bone_length_drift": "%", "energy": "m²/s²", "travel_speed": "m/s",
-    "recognised": "share", "nearest_real": "body lengths, Euclidean over 14 joints", "fid": "descriptors of length one",
+    "sparse": "body lengths (leg plus torso) of the standard skeleton", **MOTION_UNITS, "usual": "share of seconds",
+    "angular_range": "degrees", "never_turned": "joints", "pose_spread": "body lengths",
+    "diversity": "distance of descriptors of length one", "multimodality": "distance of descriptors of length one",
+    "likeness": "descriptors of length one", "transitions": "seconds, shares, mm", "recognised": "share",
+    "nearest_real": "body lengths, Euclidean over 14 joints",
 }  # fmt: skip
 
 
@@ -186,7 +226,9 @@ def evaluate_synthesis(
     repository: str | None = None, column: str = "label", notice: Notice = lambda line: None,
     progress: StepProgress = lambda what, done, total: None,
 ) -> SynthesisEvaluation:  # fmt: skip
-    """Measure the lake's generator on test clips, by the descriptor network that the lake serves.
+    """Measure the lake's generator on test clips, by the pretrained descriptor network of the package.
+
+    That one is the same for every lake and has seen no generator's classes or motions.
 
     Args:
         con, lake: the lake.
@@ -204,7 +246,7 @@ def evaluate_synthesis(
         None unless the generator was trained on clips that it is measured by.
 
     Raises:
-        UserError: no generator, no descriptors, no such split or column, or no clip to measure by.
+        UserError: no generator, no such split or column, or no clip to measure by.
     """
     from motionlake.deephums.network import load_descriptor
     from motionlake.glogen.generator import TrainingMotion, embed_motions
@@ -212,11 +254,8 @@ def evaluate_synthesis(
     model = current_model(con, "synthesis")
     if model is None:
         raise UserError(f"{lake.root}: has no generator yet; train one with `motionlake train synthesis --split train`")
-    network = DESCRIPTORS.served(con)
-    if network is None:
-        raise UserError(f"{lake.root}: has no descriptors yet; make them with `motionlake run descriptors`")
     generator = open_generator(lake, model)
-    descriptor = load_descriptor(sound(lake, network.file))
+    descriptor = load_descriptor(PRETRAINED_DESCRIPTORS.file)
     clips = real_clips(
         con, lake, generator.classes, dataset=dataset, split=split, repository=repository, column=column
     )  # fmt: skip
@@ -230,7 +269,11 @@ def evaluate_synthesis(
         notice(f"warning: {warning}")
     measured.found["n"]["other_classes_left_out"] = clips.strangers
     measured.found.update(
-        protocol=clips.protocol, units=UNITS, model=told(model), descriptor=told(network), warning=warning
+        protocol=clips.protocol,
+        units=UNITS,
+        model=told(model),
+        descriptor=PRETRAINED_DESCRIPTORS.about(),
+        warning=warning,
     )
     read = [TrainingMotion(clip.positions, clip.fps, clip.label) for clip in clips.test]
     return replace(measured, embedded=embed_motions(generator, read))
