@@ -6,7 +6,7 @@ import os
 import shutil
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -28,8 +28,9 @@ from motionlake.stages.model_kind import ModelKind, Selection
 from motionlake.stages.posture_dictionary import POSTURE_DICTIONARY
 from motionlake.stages.reader import LakeReader, lake_reader
 from motionlake.stages.sources import IngestOptions, Root, SourceFile, content_hash
-from motionlake.stages.stage import Shard
+from motionlake.stages.stage import Shard, ShardResult
 from motionlake.stages.symbols import SYMBOLS
+from motionlake.stages.word_network import TRUNK, WORD_NETWORK
 from motionlake.stages.words import WORDS
 
 from tests.samples import deepmimic_frames, deepmimic_text
@@ -176,10 +177,23 @@ def test_files_that_are_gone_are_told(made: Made) -> None:
 
 
 def test_what_shapes_frames_has_all_read_again_and_nothing_else_has(made: Made) -> None:
-    for options in ({"up": "z"}, {"unit": "cm"}, {"fps": 60.0}, {"rig": "deepmimic"}):
-        intake = compared(made.lake, root_of(made.folder, **options))
+    before, others = made.root.shaping_hash(LakeConfig(), Lake(made.lake)), set()
+    for options in (
+        {"up": "z"},
+        {"up": "x"},
+        {"up": "-y"},
+        {"unit": "cm"},
+        {"unit": "m"},
+        {"fps": 60.0},
+        {"rig": "deepmimic"},
+    ):
+        root = root_of(made.folder, **options)
+        intake = compared(made.lake, root)
         assert intake.difference.again == len(intake.difference.changed) == 4, options
-        assert intake.difference.before == made.root.shaping_hash(LakeConfig(), Lake(made.lake))
+        assert intake.difference.before == before
+        others.add(root.shaping_hash(LakeConfig(), Lake(made.lake)))
+    assert len(others) == 7
+    assert min(others) < before < max(others), "hashes have no order that means anything"
     for options in ({"licence": "CC0"}, {"labels": "labels.csv"}, {"segments": "x.csv"}):
         assert compared(made.lake, root_of(made.folder, **options)).shards == [], options
     (made.lake / "config.toml").write_text("[frames]\nposition_step = 0.002\n", encoding="utf-8")
@@ -190,8 +204,9 @@ def test_what_shapes_frames_has_all_read_again_and_nothing_else_has(made: Made) 
 
 def test_a_rejected_file_is_tried_again_when_asked(made: Made) -> None:
     assert compared(made.lake, made.root).shards == []
-    (shard,) = compared(made.lake, made.root, retry_failed=True).shards
-    assert [file["path"] for file in shard.spec["files"]] == ["z.npz"]
+    intake = compared(made.lake, made.root, retry_failed=True)
+    assert [file["path"] for shard in intake.shards for file in shard.spec["files"]] == ["z.npz"]
+    assert (intake.difference.again, intake.difference.before) == (0, ""), "it is shaped as it was"
 
 
 def test_a_file_that_a_limit_turned_away_is_tried_again_when_it_is_raised(made: Made) -> None:
@@ -326,6 +341,21 @@ def test_keys_are_those_that_lakes_hold() -> None:
     assert config_hash("pretrained") != config_hash("shipped")
 
 
+def test_a_file_that_cannot_be_read_is_known_as_one_without_content(tmp_path: Path) -> None:
+    nothing = sha256().hexdigest()
+    assert content_hash(tmp_path / "gone.bvh") == nothing
+    memory = Path("/proc/self/mem")  # opens, and gives nothing where nothing lies
+    if memory.is_file():
+        (tmp_path / "clip.bvh").symlink_to(memory)
+        assert content_hash(tmp_path / "clip.bvh") == nothing
+
+
+def test_a_stage_without_files_of_its_own_counts_none() -> None:
+    shard = Shard("s", "k", "p", "d", {}, 1)
+    given = ShardResult(shard)
+    assert (given.rows, given.size, given.files, given.seconds, given.sums, given.rejected) == (0, 0, (), 0.0, (), 0)
+
+
 @contextmanager
 def reader(made: Made, **config: Any) -> Iterator[LakeReader]:
     with opened(made.lake) as one:
@@ -377,6 +407,19 @@ def test_a_part_of_no_clips_is_refused(made: Made) -> None:
     with pytest.raises(ValueError, match="holds no clip"):
         WORDS.run(made.lake, replace(shard, spec={**shard.spec, "clips": []}))
     assert not (made.lake / "features" / f"{shard.key[:16]}.parquet").exists()
+
+
+def test_word_networks_made_before_an_option_was_added_keep_their_key(made: Made) -> None:
+    with reader(made) as at:
+        config, words = at.config.network, at.config.words
+        known = {name: value for name, value in asdict(config).items() if name not in ("recipe", "negatives")}
+        assert WORD_NETWORK.key(at) == config_hash("network", WORD_NETWORK.version, words, known)
+    with reader(made, network=replace(config, negatives="semi-hard")) as at:
+        changed = {**known, "negatives": "semi-hard"}
+        assert WORD_NETWORK.key(at) == config_hash("network", WORD_NETWORK.version, words, changed)
+    with reader(made, network=replace(config, recipe="deep_motifs")) as at:
+        changed = {**known, "recipe": "deep_motifs"}
+        assert WORD_NETWORK.key(at) == config_hash("network", WORD_NETWORK.version, words, changed, TRUNK)
 
 
 class Dictionary:

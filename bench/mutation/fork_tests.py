@@ -24,16 +24,16 @@ PRELOAD: Final = (
     "torch", "safetensors.torch", "sklearn.cluster", "pandas", "dask", "distributed", "distributed.http.scheduler",
     "threadpoolctl", "typer", "rich.progress", "pydivsufsort", "hypothesis.extra.numpy", "pytest", "xdist",
 )  # fmt: skip
-LAKES: Final = {"scheduler", "built_lake"}  # what tests ask for that take long to begin
+SLOW: Final = {"scheduler", "built_lake", "recordings"}  # what tests ask for that take long
 _PAUSE: Final = 0.02  # seconds
 _ENOUGH: Final = 30  # times the seconds of the processor, by the clock: a machine may have more to do
 
 
 class Quick:
-    """Leaves out tests that need a lake that commands have made."""
+    """Leaves out tests that need a lake that commands have made, or a set of recordings."""
 
     def pytest_collection_modifyitems(self, items: list[Any]) -> None:
-        items[:] = [item for item in items if not LAKES & set(item.fixturenames)]
+        items[:] = [item for item in items if not SLOW & set(item.fixturenames)]
 
 
 def main() -> None:

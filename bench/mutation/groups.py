@@ -55,7 +55,7 @@ GROUPS: Final[Mapping[str, Mapping[str, Module]]] = {
         "pipeline/deep_motifs/emd_search.py": _EMD,
     },
     "dtw": {
-        "pipeline/motion/dtw.py": Module(_tests("dtw subsequence")),
+        "pipeline/motion/dtw.py": Module(_tests("dtw subsequence split_retrieval evaluate shortlist")),
         "pipeline/motion/moves.py": _MOVES,
         "pipeline/motion/moves_index.py": _MOVES,
         "pipeline/motion/moves_windows.py": _MOVES,

@@ -104,7 +104,7 @@ def mutants_of(path: str, source: str, functions: Collection[str] = ()) -> Itera
 
 
 def sample(mutants: Sequence[Mutant], count: int | None, seed: int) -> list[Mutant]:
-    """So many of them by chance, one a place; one of every place, or with None all."""
+    """So many of them by chance, at most one a place, and all those of a smaller sample; with None all there are."""
     if count is None:
         return list(mutants)
     chance = random.Random(seed)
@@ -112,7 +112,8 @@ def sample(mutants: Sequence[Mutant], count: int | None, seed: int) -> list[Muta
     for mutant in mutants:
         places[mutant.place].append(mutant)
     chosen = [chance.choice(places[place]) for place in sorted(places)]
-    return sorted(chance.sample(chosen, min(count, len(chosen))), key=lambda mutant: mutant.place)
+    chance.shuffle(chosen)
+    return sorted(chosen[:count], key=lambda mutant: mutant.place)
 
 
 @cache

@@ -13,6 +13,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import IO, Final
 
+from bench.record import hash_files
+
 ROOT: Final = Path(__file__).parents[2]
 PACKAGE: Final = {"pipeline": "motionlake", "jobs": "motionlake.jobs", "sql": "motionlake.sql"}
 
@@ -28,7 +30,7 @@ class Tree:
     """
 
     def __init__(self, folder: Path) -> None:
-        self.root, self._warm, self._cache = folder / "tree", folder / "kernels", folder / "kernels-of-run"
+        self.root, self._cache = folder / "tree", folder / "kernels-of-run"
         shutil.rmtree(self.root, ignore_errors=True)
         listed = subprocess.run(
             ["git", "ls-files", "-zco", "--exclude-standard"], cwd=ROOT, capture_output=True, check=True, text=True
@@ -38,6 +40,7 @@ class Tree:
                 target = self.root / name
                 target.parent.mkdir(parents=True, exist_ok=True)
                 shutil.copy2(ROOT / name, target)
+        self._warm = folder / f"kernels-{_sources(self.root)[:12]}"
         self._warm.mkdir(exist_ok=True)
         source = self.root / ".source"
         (source / "motionlake").mkdir(parents=True)
@@ -70,12 +73,13 @@ class Tree:
         shutil.rmtree(self._cache, ignore_errors=True)
         _link(self._warm, self._cache, self._users[path])
         file = self.root / path
-        kept = file.read_text(encoding="utf-8")
+        kept, times = file.read_bytes(), file.stat()
         try:
             self._write(file, text)
             return self._asked(tests, self._cache, log, seconds)
         finally:
-            self._write(file, kept)
+            file.write_bytes(kept)
+            os.utime(file, ns=(times.st_atime_ns, times.st_mtime_ns))
 
     def close(self) -> None:
         """End the process."""
@@ -101,6 +105,11 @@ class Tree:
         self._clock += 1
         seconds = 1_000_000_000 + 2 * self._clock
         os.utime(file, (seconds, seconds))
+
+
+def _sources(root: Path) -> str:
+    """sha256 of all modules, of which kept kernels were compiled."""
+    return hash_files((file for top in PACKAGE for file in (root / top).rglob("*.py")), root)
 
 
 def _users(root: Path) -> dict[str, set[str]]:
