@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
+import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
@@ -14,6 +15,7 @@ from typing import Any
 import pyarrow.parquet as pq
 import pytest
 from motionlake.arrays import Progress
+from motionlake.deep_motifs.config import NetworkConfig
 from motionlake.errors import UserError
 from motionlake.formats.limits_config import Limits
 from motionlake.jobs import models
@@ -422,6 +424,25 @@ def test_word_networks_made_before_an_option_was_added_keep_their_key(made: Made
         assert WORD_NETWORK.key(at) == config_hash("network", WORD_NETWORK.version, words, changed, TRUNK)
 
 
+@pytest.mark.parametrize(
+    ("weights", "small", "large"), [("auto", True, False), ("pretrained", True, True), ("own", False, False)]
+)
+def test_a_lake_that_holds_enough_takes_the_pretrained_model_only_when_told(
+    made: Made, monkeypatch: pytest.MonkeyPatch, weights: str, small: bool, large: bool
+) -> None:
+    for kind, config in (
+        (WORD_NETWORK, NetworkConfig(weights=weights)),
+        (POSTURE_DICTIONARY, PosturesConfig(weights=weights)),
+    ):
+        with reader(made, config=config) as at:
+            assert kind.takes_pretrained(at) == small
+        with monkeypatch.context() as enough:
+            enough.setattr("motionlake.stages.word_network.ENOUGH", 0)
+            enough.setattr("motionlake.pesta.config.ENOUGH", 0)
+            with reader(made, config=config) as at:
+                assert kind.takes_pretrained(at) == large
+
+
 class Dictionary:
     """What a training gave."""
 
@@ -460,7 +481,7 @@ class Kind(ModelKind[int]):
 def test_a_model_serves_until_its_configuration_or_its_version_is_another(
     made: Made, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    kind = Kind()
+    kind, started = Kind(), time.perf_counter()
     with reader(made) as at:
         assert kind.fitting(at) is None
     with opened(made.lake) as one:
@@ -471,6 +492,14 @@ def test_a_model_serves_until_its_configuration_or_its_version_is_another(
         second = models.obtain(one, kind, stage="symbols", refit=True)
         assert second is not None
         assert (kind.runs, second.file) == (2, "models/postures-2.safetensors")
+    passed = time.perf_counter() - started
+    with reader(made) as at:
+        kept = at.con.execute("SELECT seconds, data_hash FROM models").fetchall()
+        assert all(0 <= seconds <= passed for seconds, _ in kept)
+        clips = at.con.execute("SELECT clip, content_hash FROM clips ORDER BY clip").fetchall()
+        assert len(clips) == 3
+        assert {data for _, data in kept} == {frames.clips_key(clips)}, "what it was trained on: the whole lake"
+        assert frames.clips_key(clips) != frames.clips_key(clips[1:])
     with reader(made) as at:
         assert kind.serving(at) == second
         assert second.key == config_hash("postures", 1, at.config.postures)
