@@ -36,7 +36,7 @@ class Quick:
         items[:] = [item for item in items if not SLOW & set(item.fixturenames)]
 
 
-def main() -> None:
+def serve() -> None:
     for name in PRELOAD:
         with suppress(ImportError):
             importlib.import_module(name)
@@ -89,4 +89,4 @@ def _pytest(tests: list[str], cache: str, log: Path) -> int:
 
 
 if __name__ == "__main__":
-    main()
+    serve()

@@ -96,7 +96,7 @@ GROUPS: Final[Mapping[str, Mapping[str, Module]]] = {
         ),
         "pipeline/stages/motif_model.py": Module(_KEYS, ("key",)),
         "pipeline/stages/word_network.py": Module(_KEYS, ("key", "takes_pretrained")),
-        "pipeline/stages/posture_dictionary.py": Module(_KEYS, ("key", "takes_pretrained")),
+        "pipeline/stages/posture_dictionary.py": Module(_KEYS, ("takes_pretrained",)),
         "jobs/models.py": Module(_KEYS, ("obtain", "train", "_make")),
     },
 }  # fmt: skip

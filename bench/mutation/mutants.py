@@ -145,7 +145,7 @@ def _of_no_effect(node: Any, operator: str) -> bool:
     """Whether a fault at a node changes nothing that a program does right: types, messages, guards, compilation."""
     if operator == "RemoveDecorator":
         return bool(_DECORATORS & set(re.findall(r"\w+", node.get_code(include_prefix=False))))
-    return any(_silent(below, above) for below, above in _above(node))
+    return any(_silent(below, above) for below, above in ((None, node), *_above(node)))
 
 
 def _silent(below: Any, above: Any) -> bool:
