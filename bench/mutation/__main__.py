@@ -61,6 +61,9 @@ class Runner:
         for tree in self._made:
             self._trees.put(tree)
 
+    def _key(self, tests: Sequence[str], path: str, text: str) -> str:
+        return _digest(path, text, *(test + self.text(test) for test in tests))
+
     def text(self, path: str) -> str:
         """A file as the copies have it: the repository may change meanwhile."""
         return (self._made[0].root / path).read_text(encoding="utf-8")
@@ -84,9 +87,13 @@ class Runner:
                 sys.exit(f"{' '.join(tests)}: {how} without a fault: {log}")
         return seconds
 
+    def knows(self, tests: Sequence[str], path: str, text: str) -> bool:
+        """Whether an earlier run has found how tests end where a module has another text."""
+        return self._key(tests, path, text) in self._ended
+
     def ended(self, tests: Sequence[str], path: str, text: str, seconds: float, name: str) -> tuple[str, float]:
         """How tests end where a module has another text, and their seconds."""
-        key = _digest(path, text, *(test + self.text(test) for test in tests))
+        key = self._key(tests, path, text)
         if key not in self._ended:
             tree = self._trees.get()
             try:
@@ -152,12 +159,13 @@ def measured(runner: Runner, group: str, chosen: Sequence[Mutant], processes: in
         SystemExit: tests fail without a fault, or do not see the copy.
     """
     modules = GROUPS[group]
-    used = list(dict.fromkeys(mutant.path for mutant in chosen))
-    print(f"{group}: {len(chosen)} faults in {len(used)} modules", flush=True)
+    sources = {path: runner.text(path) for path in dict.fromkeys(mutant.path for mutant in chosen)}
+    texts = {mutant: planted(sources[mutant.path], mutant.operator, mutant.occurrence) for mutant in chosen}
+    print(f"{group}: {len(chosen)} faults in {len(sources)} modules", flush=True)
     limits: dict[tuple[str, ...], float] = {}
-    for path in used:
-        tests = modules[path].tests
-        if tests not in limits:
+    for mutant, text in texts.items():
+        path, tests = mutant.path, modules[mutant.path].tests
+        if tests not in limits and not runner.knows(tests, path, text):
             limits[tests] = max(LEAST_SECONDS, TIMES * runner.warm(tests))
             print(f"  without a fault {limits[tests] / TIMES:.1f} s at most: {' '.join(tests)}", flush=True)
             _check_seen(runner, path, tests, limits[tests])
@@ -165,10 +173,9 @@ def measured(runner: Runner, group: str, chosen: Sequence[Mutant], processes: in
 
     def one(mutant: Mutant) -> Outcome:
         tests = modules[mutant.path].tests
-        source = runner.text(mutant.path)
-        text = planted(source, mutant.operator, mutant.occurrence)
-        before, after = change(source, text)
-        how, seconds = runner.ended(tests, mutant.path, text, limits[tests], mutant.name)
+        text = texts[mutant]
+        before, after = change(sources[mutant.path], text)
+        how, seconds = runner.ended(tests, mutant.path, text, limits.get(tests, LEAST_SECONDS), mutant.name)
         state = {"passed": "survived", "failed": "killed"}.get(how, how)
         if state == "survived" and (mutant.path, before, after) in explained:
             state = "explained"
