@@ -20,7 +20,7 @@ DEMO_SYNTHESIS = $(if $(filter demo/deepmimic,$(DATA)),$(BIN)/motionlake run syn
 DEMO_QUERIES = $(if $(filter demo/deepmimic,$(DATA)),humanoid3d_walk humanoid3d_kick humanoid3d_dance_a,--sample 3)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test lint docs ingest all $(STAGES) neighbours transitions synth quality status wheel bench-ingest bench-dtw bench-moves bench-emd bench-generalise bench-retrieval bench-scale bench-representation bench-word-network bench-motif-weights bench-words bench-find bench-motion-graph bench-neighbours bench-segmentation bench-signatures bench-sorting bench-align bench-strings bench-pesta bench-quality bench-rigs bench-descriptor-search bench-deephums bench-glogen bench-synthesis bench-text bench-kills bench-many bench-comparators bench-smoke fuzz records
+.PHONY: help setup demo test lint docs ingest all $(STAGES) neighbours transitions synth quality status wheel bench-ingest bench-dtw bench-moves bench-emd bench-generalise bench-retrieval bench-scale bench-representation bench-word-network bench-motif-weights bench-words bench-find bench-motion-graph bench-neighbours bench-segmentation bench-signatures bench-sorting bench-align bench-strings bench-pesta bench-quality bench-rigs bench-descriptor-search bench-deephums bench-glogen bench-synthesis bench-text bench-kills bench-many bench-comparators bench-mutation bench-smoke fuzz records
 
 help: ## Show this help
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 24
@@ -213,6 +213,9 @@ bench-kills: setup ## Kill drivers, workers and schedulers at random moments, co
 
 bench-many: setup ## Four writers and eight readers on one lake at once (SECONDS=600)
 	$(BIN)/python -m bench.many_at_once --seconds $(or $(SECONDS),600)
+
+bench-mutation: setup ## Plant faults in alignment, symbols, EMD, DTW, losses and keys, count those that tests find (an hour; SAMPLE=n KEEP=folder)
+	$(BIN)/python -m bench.mutation --sample $(or $(SAMPLE),40) --processes 2 $(if $(KEEP),--keep "$(KEEP)")
 
 fuzz: setup ## Damage 10,000 files and take them in; then readers, configuration, labels, SQL by hypothesis (FILES=n EXAMPLES=n SEED=n)
 	$(BIN)/python -m bench.fuzz --files $(or $(FILES),10000) --examples $(or $(EXAMPLES),2000) --seed $(or $(SEED),0)

@@ -177,6 +177,7 @@ SMOKES: Final[Sequence[Smoke]] = (
             "bench.pesta.recipes.SIZES": (24,), "bench.pesta.recipes.SETS": ("hdm05", "salsa"),
             "bench.pesta.threshold.SETS": ("hdm05",), "bench.pesta.threshold.COUNTS": (500,),
             "bench.pesta.gaps.SETS": ("hdm05",)}),
+    Smoke("bench.mutation", ("emd", "--sample", "1"), recordings=False, peers=("cosmic_ray",)),
     Smoke("bench.pesta.cut_files", ("cmu_bvh", "--windows", "2")),
     *_parts("bench.deephums", "retrieval choices unlabelled submotion performances", "--seeds", "1", "--epochs", "1",
             "--steps", "1", **{"bench.deephums.choices.CHOICES": First(6), "bench.deephums.unlabelled.DRAWS": 1,

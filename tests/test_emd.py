@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -105,3 +108,19 @@ def test_ground_distances_are_those_of_scipy(k: int) -> None:
     centroids = np.random.default_rng(k).standard_normal((k, 48)).astype(np.float32)
     expected = cdist(centroids.astype(np.float64), centroids.astype(np.float64))
     np.testing.assert_allclose(ground_distances(centroids), expected, rtol=1e-15)
+
+
+@pytest.mark.parametrize("before", ["", "import ot"], ids=["without POT", "with POT"])
+def test_only_the_solver_of_pot_is_imported_and_a_pot_that_is_there_stays(before: str) -> None:
+    code = f"""
+import sys
+{before}
+from motionlake.deep_motifs.emd import emd, ground_distances
+known = sys.modules.get("ot")
+import numpy as np
+assert emd([1.0, 0], [0, 1.0], ground_distances(np.array([[0.0], [3]]))) == 3
+assert sys.modules.get("ot") is known
+assert ("ot.bregman" in sys.modules) == (known is not None), "the rest of POT takes long"
+"""
+    ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert ran.returncode == 0, ran.stderr

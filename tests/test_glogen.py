@@ -14,7 +14,7 @@ from motionlake.glogen.config import SEEDS, GloGenRecipe, glogen_recipe
 from motionlake.glogen.network import ParallelDecoder, Seq2Seq, StartPoses, glogen_network
 from motionlake.glogen.rollout import SPEED, led_over, predict
 from motionlake.glogen.sparse import DURATION, HEIGHT, JOINT_COLUMNS, WIDTH
-from motionlake.glogen.training import epochs_of, train_glogen, unseen
+from motionlake.glogen.training import _block_loss, _error, epochs_of, train_glogen, unseen
 
 SMALL = GloGenRecipe(
     embedding=16, state=32, layers=1, latent=4, dropout=0.0, epochs=20, batch=16, steps=0, going_steps=0
@@ -168,6 +168,31 @@ def test_a_class_can_be_had_from_poses_of_another(architecture: Literal["ahead",
     if architecture == "ahead":
         wanted = rows[1 - targets[:8], SEEDS:, :HEIGHT]  # row 0 is of class 0, row 1 of class 1
         assert np.abs(made[:, 2:, :HEIGHT] - wanted[:, 2:]).mean() < 0.25
+
+
+def test_the_error_is_that_of_the_poses_there_are_joints_before_the_rest() -> None:
+    rng = np.random.default_rng(4)
+    made, true = (rng.standard_normal((3, 7, WIDTH)) for _ in range(2))
+    there = np.arange(7) < np.array([[7], [3], [0]])
+    expected = []
+    for motion, pose in zip(*np.nonzero(there), strict=True):
+        apart = (made[motion, pose] - true[motion, pose]) ** 2
+        expected.append(apart[:HEIGHT].mean() + apart[HEIGHT:].mean() / 4)
+    found = _error(*(torch.from_numpy(values) for values in (made, true, there)))
+    assert float(found) == pytest.approx(np.mean(expected))
+    assert float(_error(torch.ones(1, 2, WIDTH), torch.zeros(1, 2, WIDTH), torch.zeros(1, 2))) == 0, "no pose is there"
+
+
+def test_blocks_are_measured_from_the_five_poses_before_each() -> None:
+    network = glogen_network(replace(glogen_recipe("glogen"), state=8, embedding=8, missing=0.0), 2).eval()
+    assert isinstance(network, Seq2Seq)
+    scaled, targets = torch.randn(3, 18, WIDTH), torch.tensor([0, 1, 0])
+    errors = []
+    for start, stop in ((5, 10), (10, 15), (15, 18)):
+        made = network.block(scaled[:, start - 5 : start], targets)[:, : stop - start]
+        errors.append(float((made - scaled[:, start:stop]).square().mean().detach()))
+    found = _block_loss(network, scaled, targets, np.random.default_rng(0))
+    assert float(found.detach()) == pytest.approx(np.mean(errors), rel=1e-5)
 
 
 def test_joints_that_are_not_seen_stand_at_their_mean() -> None:

@@ -13,6 +13,7 @@ from motionlake.glogen.config import LocGenRecipe, locgen_recipe
 from motionlake.glogen.inbetweening import (
     DenseDecoder,
     Inbetweener,
+    _between_loss,
     between,
     dense_motions,
     interpolated_motion,
@@ -100,6 +101,18 @@ def test_the_thesis_reads_five_poses_between_two(walks: list[TrainingPiece]) -> 
     for i, (interpolated, real) in enumerate(pairs):
         np.testing.assert_allclose(interpolated[-1], walks[0].sparse.rows[i + 1, : HEIGHT + 1], atol=1e-9)
         np.testing.assert_allclose(real[-1], interpolated[-1], atol=1e-9)
+
+
+def test_poses_between_are_measured_against_the_real_ones(walks: list[TrainingPiece]) -> None:
+    network = locgen_network(BETWEEN).eval()
+    assert isinstance(network, Inbetweener)
+    pairs = [pair for walk in walks[:2] for pair in poses_between(walk, BETWEEN.between)]
+    errors = []
+    with torch.no_grad():
+        for given_poses, real in pairs:
+            made = network(torch.from_numpy(given_poses)[None].float())
+            errors.append(float((made - network.scale(torch.from_numpy(real)[None].float())).square().mean()))
+        assert float(_between_loss(network, walks[:2])) == pytest.approx(np.mean(errors), rel=1e-5)
 
 
 def test_training_goes_on_from_its_checkpoint(walks: list[TrainingPiece], tmp_path: Path) -> None:

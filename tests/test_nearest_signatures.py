@@ -70,6 +70,42 @@ def test_no_bound_exceeds_the_distance(k: int, seed: int, unit: float) -> None:
             assert (bounds <= exact).all()
 
 
+def naive_bound(query: Float64Array, row: Float64Array, ground: Float64Array) -> float:
+    """What is over goes, motif by motif, to the nearest that lack some, as if each had its lack to itself; and back."""
+    surplus, deficit = np.maximum(query - row, 0), np.maximum(row - query, 0)
+    ways = []
+    for over, lack in ((surplus, deficit), (deficit, surplus)):
+        work = 0.0
+        for i in np.flatnonzero(over):
+            left = over[i]
+            for j in np.argsort(ground[i], kind="stable"):
+                moved = min(left, lack[j])
+                work, left = work + moved * ground[i, j], left - moved
+        ways.append(work)
+    return max(ways)
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.integers(4, 12), st.integers(0, 10_000))
+def test_the_tight_bound_is_the_dearer_of_two_ways_to_move_by_the_nearest(k: int, seed: int) -> None:
+    signatures, ground = some_signatures(9, k, seed), some_ground(k, seed)
+    index = SignatureIndex.build(signatures, ground)
+    masses = [index.mass(i) for i in range(len(index))]
+    for mass in masses:
+        expected = [naive_bound(mass, row, ground) for row in masses]
+        found = index.tight_bounds(mass, np.arange(len(index)))
+        np.testing.assert_allclose(found, expected, rtol=1e-8, atol=1e-8)
+
+
+def test_the_cheap_bound_is_the_largest_difference_of_the_means() -> None:
+    signatures, ground = some_signatures(9, 10, 11), some_ground(10, 11)
+    index = SignatureIndex.build(signatures, ground)
+    means = np.array([index.mass(i) @ ground for i in range(len(index))])
+    for i, own in enumerate(means):
+        expected = np.abs(means - own).max(axis=1)
+        np.testing.assert_allclose(index.cheap_bounds(index.mass(i), np.arange(9)), expected, rtol=1e-4, atol=1e-4)
+
+
 def test_the_bounds_are_tight_where_one_motif_has_all_mass() -> None:
     signatures, ground = some_signatures(9, 10, 3), some_ground(10, 3)
     index = SignatureIndex.build(signatures, ground)

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from motionlake.pesta.config import SymbolsConfig
-from motionlake.pesta.symbols import SymbolString, symbolise
+from motionlake.pesta.symbols import SymbolString, symbolise, unfolded
 from motionlake.pesta.tandem import reduce_repeats, reduce_runs
 
 BOTH = SymbolsConfig()
@@ -82,3 +82,18 @@ def test_bad_input_is_named(codes: list[int], n_frames: int, fps: float, message
 def test_codes_that_are_not_whole_numbers_are_refused() -> None:
     with pytest.raises(ValueError, match="whole numbers"):
         symbolise(np.zeros(3), codes_fps=30.0, fps=30.0, n_frames=3, config=SymbolsConfig())  # type: ignore[arg-type]
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.lists(st.integers(0, 3), min_size=2, max_size=40), st.data())
+def test_a_part_is_reduced_as_if_it_were_a_clip_and_moved_as_a_whole(codes: list[int], data: st.DataObject) -> None:
+    """One frame a sample: the part's own string is that of its codes, with ranges within it."""
+    whole = unfolded(np.array(codes, np.int32), codes_fps=30.0, fps=30.0, n_frames=len(codes), config=BOTH)
+    start = data.draw(st.integers(0, len(codes) - 1))
+    stop = data.draw(st.integers(start + 1, len(codes)))
+    cut = np.array(codes[start:stop], np.int32)
+    alone = unfolded(cut, codes_fps=30.0, fps=30.0, n_frames=len(cut), config=BOTH)
+    part, moved = whole.part(start, stop, BOTH), alone.moved(start)
+    for name in ("symbols", "starts", "stops", "kept"):
+        np.testing.assert_array_equal(getattr(part, name), getattr(moved, name))
+    assert (part.folded.starts[0], part.folded.stops[-1]) == (start, stop)

@@ -119,6 +119,18 @@ def test_symbols_of_one_and_two_bytes_give_the_repetitions_that_trying_all_perio
         np.testing.assert_array_equal(one, other)
 
 
+def test_more_symbols_than_two_bytes_hold_are_told_apart() -> None:
+    """Of 70,000 symbols, each of them twice, those that are 65,536 apart are repeated together."""
+    near, far = np.arange(4_464), np.arange(4_464) + (1 << 16)
+    others = np.arange(4_464, 1 << 16)
+    repeated = np.stack([near, far, near, far], axis=1).ravel()
+    text = np.concatenate([others, repeated, others[::-1]]).astype(np.int32)
+    starts, stops, periods, _ = by_suffixes(text, suffix_order(text, 70_000))
+    np.testing.assert_array_equal(starts, len(others) + 4 * near)
+    np.testing.assert_array_equal(stops - starts, 4)
+    np.testing.assert_array_equal(periods, 2)
+
+
 @settings(max_examples=300, deadline=None)
 @given(words)
 def test_the_reduction_is_the_one_described(word: list[int]) -> None:
