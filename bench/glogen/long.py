@@ -13,8 +13,8 @@ from motionlake.evaluation.synthesis_metrics import (
     travel_speed,
     within_range,
 )
-from motionlake.glogen.generator import MotionRequest, SeedClip
 from motionlake.glogen.trajectories import FPS, resampled
+from motionlake.motion.generation import MotionRequest, SeedClip
 
 from bench.glogen.folds import Measures, Unit, folds, generator_of, parted
 from bench.glogen.material import Material, material

@@ -207,7 +207,7 @@ def evaluate_synthesis(
         UserError: no generator, no descriptors, no such split or column, or no clip to measure by.
     """
     from motionlake.deephums.network import load_descriptor
-    from motionlake.glogen.generator import TrainingMotion, embed_motions
+    from motionlake.glogen.generator import TrainedGenerator, TrainingMotion, embed_motions
 
     model = current_model(con, "synthesis")
     if model is None:
@@ -232,6 +232,8 @@ def evaluate_synthesis(
     measured.found.update(
         protocol=clips.protocol, units=UNITS, model=told(model), descriptor=told(network), warning=warning
     )
+    if not isinstance(generator, TrainedGenerator):  # plays recorded frames: there is no layer that reads motions
+        return measured
     read = [TrainingMotion(clip.positions, clip.fps, clip.label) for clip in clips.test]
     return replace(measured, embedded=embed_motions(generator, read))
 

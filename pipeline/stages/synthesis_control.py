@@ -1,0 +1,309 @@
+"""Requests of new motion: what they may say, of time and way too (seconds of a class, a path, a speed, a loop)."""
+
+from __future__ import annotations
+
+import csv
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+from motionlake.errors import UserError
+from motionlake.glogen.config import MATCHING
+from motionlake.stages.synthesis import check_classes
+
+if TYPE_CHECKING:
+    from motionlake.lake.models import Model
+    from motionlake.motion.paths import GroundPath
+
+# Of a request: what its starts are drawn from; and what was added since motions were first kept, by its default.
+DRAWN: Final = ("start", "outside", "split", "min_quality")
+ADDED: Final = {"shares": None, "path": None, "speed": None, "facing": None, "loop": False, "from_end": False}
+SECONDS: Final = 8.0  # of a motion for which nothing says how long it is
+SHAPES: Final = ("circle", "eight")
+LEAST_LOOP: Final = 2.0  # seconds
+# Of the slowest and the fastest of a class, how slow and fast it may be asked to go.
+SLOWER, FASTER = 0.7, 1.3
+_TIMED: Final = re.compile(r"(.+):(\d+(?:\.\d+)?)")
+_POINTS: Final = "x,z;x,z…"
+Points = str | Path | Sequence[Sequence[float]]
+
+
+LONGEST: Final = 3600.0  # seconds of one motion
+
+
+@dataclass(frozen=True)
+class Request:
+    """Motions to make.
+
+    Attributes:
+        classes: one after the other in each motion, equal shares of the time.
+        seconds: of each motion; None: as long as classes or path say.
+        seed: of what is drawn; every motion is drawn for itself, so that it does not depend on how many are made.
+        start: recorded clip that all start from, or with `outside` a clip file that need not be in the lake (its first
+            body); None draws a clip of the first class for each.
+        outside: `start` is the path of a file.
+        split: draws from this split only.
+        pace: 2 is twice as fast.
+        temperature: of the latent variables: 0 for the likeliest motion, 1 as recordings vary.
+        min_quality: the worst verdict of stage "quality" that a clip may have that is drawn; None: any.
+        shares: seconds of each class; None: equal shares of the time.
+        path: on the ground (`path_text`); None: as recordings go.
+        speed: metres a second; None: that of the class.
+        facing: degrees to the left of the heading at the start that the body keeps facing; None: along its way.
+        loop: the end of a motion meets its beginning.
+        from_end: it goes on from the last frames of `start`, not from its first.
+    """
+
+    classes: tuple[str, ...]
+    seconds: float | None
+    seed: int = 0
+    start: str | None = None
+    outside: bool = False
+    split: str | None = None
+    pace: float = 1.0
+    temperature: float = 1.0
+    min_quality: str | None = None
+    shares: tuple[float, ...] | None = None
+    path: str | None = None
+    speed: float | None = None
+    facing: float | None = None
+    loop: bool = False
+    from_end: bool = False
+
+    @property
+    def lasts(self) -> float:
+        """Seconds of each motion, once they are settled."""
+        assert self.seconds is not None, "the request is not settled"
+        return self.seconds
+
+
+def check_request(request: Request) -> None:
+    """Raises `UserError` for numbers that no motion can have."""
+    if request.seconds is not None and not 0 < request.seconds <= LONGEST:
+        raise UserError(f"{request.seconds:g} seconds: ask for more than 0, and at most {LONGEST:g}")
+    if not (request.pace > 0 and math.isfinite(request.pace)):
+        raise UserError(f"pace {request.pace:g}: must be more than 0; 1 is as recorded, 2 twice as fast")
+    if not (request.temperature >= 0 and math.isfinite(request.temperature)):
+        raise UserError(f"temperature {request.temperature:g}: must be 0 or more; 0 gives the likeliest motion")
+    if request.seed < 0:
+        raise UserError(f"seed {request.seed}: must be 0 or more")
+    if request.start is not None and request.split is not None:
+        raise UserError("a motion starts from one clip (--from) or from those of a split (--split): leave one out")
+
+
+def timed_classes(wanted: Sequence[str]) -> tuple[tuple[str, ...], tuple[float, ...] | None]:
+    """The classes, and where they are given ("walk:3") the seconds of each.
+
+    Raises:
+        UserError: some have seconds and some have none, or no time.
+    """
+    found = [_TIMED.fullmatch(name) for name in wanted]
+    if not any(found):
+        return tuple(wanted), None
+    if not all(found):
+        lone = next(name for name, match in zip(wanted, found, strict=True) if match is None)
+        raise UserError(f"{lone}: say how many seconds, {lone}:3, as of the other classes, or of none")
+    names, seconds = zip(*((m.group(1), float(m.group(2))) for m in found if m is not None), strict=True)
+    none = next((name for name, time in zip(names, seconds, strict=True) if not time > 0), None)
+    if none is not None:
+        raise UserError(f"{none}: must last more than 0 seconds")
+    return names, seconds
+
+
+def path_text(given: Points, *, files: bool = True) -> str:
+    """A path as requests hold it: "circle:3", "eight:3" (metres of radius) or points "x,z;x,z".
+
+    Args:
+        given: the same, the name of a CSV file of points in metres (columns x and z, or the first two), or points.
+        files: a file may be read.
+
+    Raises:
+        UserError: it is none of these, or has fewer than two points.
+    """
+    if not isinstance(given, str | Path):
+        text = ";".join(f"{float(point[0])!r},{float(point[1])!r}" for point in given)
+    elif isinstance(given, Path) or given.lower().endswith(".csv"):
+        if not files:
+            raise UserError(f"path {given}: files are not read here; give the points, {_POINTS}")
+        text = _of_file(Path(given))
+    else:
+        text = given.strip()
+    try:
+        path_of(text)
+    except ValueError as error:
+        raise UserError(f"path {given if isinstance(given, str | Path) else text}: {error}") from error
+    return text
+
+
+def path_of(text: str) -> GroundPath:
+    """The path that `path_text` gave.
+
+    Raises:
+        ValueError: it is none.
+    """
+    from motionlake.motion.paths import RADIUS, ground_path, shape_path
+
+    name, _, radius = text.partition(":")
+    if name in SHAPES:
+        size = _number(radius) if radius else RADIUS
+        if not 0.5 <= size <= 1000:
+            raise ValueError("a radius is between 0.5 and 1000 metres")
+        return shape_path(name, size)
+    points = [[_number(part) for part in point.split(",")] for point in text.split(";") if point.strip()]
+    if any(len(point) != 2 for point in points):
+        raise ValueError(f"give circle, eight, a CSV file, or points in metres, {_POINTS}")
+    return ground_path([(x, z) for x, z in points])
+
+
+def _number(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise ValueError(f"give circle, eight, a CSV file, or points in metres, {_POINTS}") from None
+
+
+def _of_file(path: Path) -> str:
+    """The points of a CSV file."""
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as handle:
+            rows = [row for row in csv.reader(handle) if any(cell.strip() for cell in row)]
+    except (OSError, UnicodeDecodeError) as error:
+        raise UserError(f"--path {path}: cannot be read ({getattr(error, 'strerror', None) or error})") from error
+    x, z, first = 0, 1, 1
+    if rows and not _is_number(rows[0][0]):
+        names = [cell.strip().lower() for cell in rows[0]]
+        if "x" not in names or "z" not in names:
+            raise UserError(f"--path {path}: has no columns x and z")
+        x, z, rows, first = names.index("x"), names.index("z"), rows[1:], 2
+    for line, row in enumerate(rows, first):
+        if len(row) <= max(x, z) or not (_is_number(row[x]) and _is_number(row[z])):
+            raise UserError(f"--path {path}: row {line} holds no point of two numbers")
+    return ";".join(f"{row[x].strip()},{row[z].strip()}" for row in rows)
+
+
+def _is_number(text: str) -> bool:
+    try:
+        return math.isfinite(float(text))
+    except ValueError:
+        return False
+
+
+def facing_of(text: str | float | None) -> float | None:
+    """Degrees to the left of the heading at the start that a body keeps facing; None: along its way.
+
+    Raises:
+        UserError: neither "path" nor a number.
+    """
+    if text is None or text == "path":
+        return None
+    if not _is_number(str(text)):
+        raise UserError(f'facing {text}: give "path", or degrees to the left of where the motion starts to head')
+    return float(text)
+
+
+def check_recipe(request: Request, recipe: str) -> None:
+    """Raises `UserError` where a recipe cannot do what a request says of time and way."""
+    if recipe == MATCHING:
+        return
+    asked = {
+        "follows no path": request.path is not None, "keeps no speed": request.speed is not None,
+        "keeps facing nothing": request.facing is not None, "makes no loops": request.loop,
+        "does not go on from the end of a clip": request.from_end,
+        "gives every class an equal share of the time": request.shares is not None,
+    }  # fmt: skip
+    cannot = next((said for said, wanted in asked.items() if wanted), None)
+    if cannot is not None:
+        raise UserError(
+            f'recipe "{recipe}" {cannot}; "{MATCHING}" can: set [synthesis] recipe = "{MATCHING}" in config.toml, then '
+            "`motionlake run synth`"
+        )
+
+
+def settled(request: Request, model: Model, recipe: str) -> Request:
+    """The request with its seconds and its speed.
+
+    Args:
+        request: as it was asked.
+        model: the generator; its metric `speeds` has of each class the slowest, the usual and the fastest, metres a
+            second.
+        recipe: of it.
+
+    Raises:
+        UserError: no motion can have its numbers; the recipe or a class cannot do what it says, or this does not fit
+            together: a path that leaves no time, a class that goes nowhere.
+    """
+    check_request(request)
+    check_classes(model, request.classes)
+    check_recipe(request, recipe)
+    _check_together(request)
+    metrics = model.metrics
+    seconds = sum(request.shares) if request.shares is not None else request.seconds
+    if request.path is None:
+        return replace(request, seconds=SECONDS if seconds is None else seconds)
+    path = path_of(request.path)
+    rates = [metrics["speeds"].get(name) for name in request.classes]
+    if request.speed is None and not any(rates):
+        raise UserError(f"class {request.classes[0]} stays where it is; to have it follow a path, give --speed")
+    if len(set(request.classes)) > 1 and request.speed is None:
+        if seconds is None:
+            raise UserError("several classes along a path: say how long each lasts, --class walk:3 --class run:2")
+        return replace(request, seconds=seconds)
+    usual = request.speed or rates[0][1]
+    if seconds is None:
+        return _within(replace(request, seconds=path.length / usual, speed=usual), path.length, rates[0])
+    if request.speed is not None:
+        return _within(replace(request, seconds=seconds), path.length, rates[0])
+    if not path.closed:
+        return _within(replace(request, seconds=seconds, speed=path.length / seconds), path.length, rates[0])
+    rounds = max(1, round(seconds * usual / path.length)) if request.loop else seconds * usual / path.length
+    return _within(
+        replace(request, seconds=seconds, speed=rounds * path.length / seconds), rounds * path.length, rates[0]
+    )
+
+
+def _check_together(request: Request) -> None:
+    if request.shares is not None and request.seconds is not None:
+        total = sum(request.shares)
+        if not math.isclose(total, request.seconds):
+            raise UserError(f"the classes last {total:g} seconds together, and --seconds says {request.seconds:g}")
+    if request.speed is not None and not (request.speed > 0 and math.isfinite(request.speed)):
+        raise UserError(f"speed {request.speed:g}: must be more than 0 metres a second")
+    if request.facing is not None and request.path is None:
+        raise UserError("--facing says where a body faces along a path: give --path")
+    if request.pace != 1.0 and (request.path is not None or request.speed is not None):
+        raise UserError("along a path, or with --speed, metres a second say how fast: leave --pace out")
+    if request.loop and request.from_end:
+        raise UserError("a motion that goes on from a clip (--continue) does not end where it began (--loop)")
+    if request.loop and request.path is not None and not path_of(request.path).closed:
+        raise UserError("a loop needs a path that ends where it begins")
+    lasts = sum(request.shares) if request.shares is not None else request.seconds
+    if request.loop and lasts is not None and lasts < LEAST_LOOP:
+        raise UserError(f"a loop of {lasts:g} seconds: ask for {LEAST_LOOP:g} at least")
+
+
+def _within(request: Request, metres: float, rates: Sequence[float] | None) -> Request:
+    """The request, where its class goes as fast as it asks."""
+    if rates is None or request.speed is None:
+        return request
+    slow, fast = SLOWER * rates[0], FASTER * rates[2]
+    if slow <= request.speed <= fast:
+        return request
+    name = request.classes[0]
+    least, most = metres / fast, metres / max(slow, 1e-3)
+    raise UserError(
+        f"{metres:.1f} m in {metres / request.speed:.1f} s are {request.speed:.2g} m/s, and {name} goes "
+        f"{slow:.2g} to {fast:.2g} as recorded: the path needs {least:.1f} to {most:.1f} seconds"
+    )
+
+
+def shaping(request: Request) -> dict[str, Any]:
+    """What of a request its motions follow from, beside what they start from; what it does not ask for is left out, so
+    that motions keep their keys."""
+    return {
+        name: value
+        for name, value in asdict(request).items()
+        if name not in DRAWN and not (name in ADDED and value == ADDED[name])
+    }
