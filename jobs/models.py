@@ -35,10 +35,6 @@ def obtain(session: Session, kind: Kind, *, stage: str, refit: bool = False) -> 
 
 
 def _trained(session: Session, kind: Kind, stage: str) -> Model | None:
-    with lake_reader(session.lake, session.config) as at:
-        said = kind.estimate(at)
-    if said:
-        session.notice(f"{stage}: {said}")
     model = train(session, kind)
     if model is None:
         session.notice(f"{stage}: there are no {kind.lacks}")

@@ -14,7 +14,7 @@ from motionlake.matching.assembly import Poses, assembled, in_world
 from motionlake.matching.course import Course, Part, Player, Start
 from motionlake.matching.database import MotionDatabase, load_database, steps_of
 from motionlake.matching.features import features
-from motionlake.matching.feet import grounded, heights_standing, planted
+from motionlake.matching.feet import Ground, heights_standing, on_ground
 from motionlake.matching.recordings import FPS, RootedMotion, rooted, sound_ranges
 from motionlake.matching.steering import Steering
 from motionlake.motion.generation import SHORTEST, Control, GeneratedMotion, MotionRequest, SeedClip, Source
@@ -103,8 +103,8 @@ class MatchingGenerator:
         body, size = request.start.rest_offsets, body_length(request.start.rest_offsets)
         poses = assembled(self.database, course, shown)
         hips, rotations = in_world(poses, course, size)
-        hips = grounded(hips, rotations, body, poses.stands, given.lowest)
-        rotations = planted(hips, rotations, body, poses.stands, given.lowest, size)
+        ground = Ground(given.lowest, begun=shown is not None)
+        hips, rotations = on_ground(hips, rotations, body, poses.stands, ground, size)
         hips[:, 1] += given.motion.ground
         positions = forward_kinematics(hips, rotations, body)
         starts = tuple(part.first for part in parts)

@@ -172,20 +172,19 @@ class GeneratorModel(ModelKind[MotionSet]):
         return at.config.synthesis.weights == "pretrained" or not classed_motions(at.con)
 
     def announce(self, at: LakeReader) -> str:
-        config, count = at.config.synthesis, len(classed_motions(at.con))
+        config, motions = at.config.synthesis, classed_motions(at.con)
         other = '; to take the pretrained one: [synthesis] weights = "pretrained" in config.toml'
-        why = f", since the lake has {count} labelled clips or ranges" + other * self._could_take(config)
-        return f"will train a generator of motion ({config.recipe}){why if count else ''}"
+        why = f", since the lake has {len(motions)} labelled clips or ranges" + other * self._could_take(config)
+        takes = self._takes(config, len({row["label"] for row in motions}))
+        return f"will train a generator of motion ({config.recipe}){takes}{why if motions else ''}"
 
-    def estimate(self, at: LakeReader) -> str:
-        motions = classed_motions(at.con)
-        if at.config.synthesis.recipe == MATCHING or at.config.synthesis.epochs or not motions:
+    def _takes(self, config: SynthesisConfig, classes: int) -> str:
+        """How long training takes, about."""
+        if config.recipe == MATCHING:
+            return ", which takes seconds"
+        if not classes or config.epochs:
             return ""
-        classes = len({row["label"] for row in motions})
-        return (
-            f"trains networks on {len(motions)} motions of {classes} classes, which takes up to {classes + SHARED} "
-            f'minutes on one core; [synthesis] recipe = "{MATCHING}" in config.toml takes seconds'
-        )
+        return f', which takes up to {classes + SHARED} minutes on one core (recipe = "{MATCHING}" takes seconds)'
 
     def _could_take(self, config: SynthesisConfig) -> bool:
         return self.pretrained.fits(replace(config, weights="pretrained"))

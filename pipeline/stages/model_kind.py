@@ -119,10 +119,6 @@ class ModelKind(ABC, Generic[Data]):
         """What training would make, for people: "will ..."."""
         return f"will train a {self.title}"
 
-    def estimate(self, at: LakeReader) -> str:
-        """What a person should know before training that nobody asked for: "trains ..."; "" where it is soon done."""
-        return ""
-
     @abstractmethod
     def data(self, at: LakeReader, where: Selection) -> Data | None:
         """What to train on; None where there is nothing.

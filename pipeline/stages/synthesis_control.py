@@ -239,29 +239,30 @@ def settled(request: Request, model: Model, recipe: str) -> Request:
     check_classes(model, request.classes)
     check_recipe(request, recipe)
     _check_together(request)
-    metrics = model.metrics
+    rates = model.metrics.get("speeds", {}).get(request.classes[0])
     seconds = sum(request.shares) if request.shares is not None else request.seconds
     if request.path is None:
-        return replace(request, seconds=SECONDS if seconds is None else seconds)
-    path = path_of(request.path)
-    rates = [metrics["speeds"].get(name) for name in request.classes]
-    if request.speed is None and not any(rates):
-        raise UserError(f"class {request.classes[0]} stays where it is; to have it follow a path, give --speed")
+        return _within(replace(request, seconds=SECONDS if seconds is None else seconds), rates)
+    return _within(_along(replace(request, seconds=seconds), path_of(request.path), rates), rates)
+
+
+def _along(request: Request, path: GroundPath, rates: Sequence[float] | None) -> Request:
+    """The request with the seconds and the speed by which it follows a path."""
     if len(set(request.classes)) > 1 and request.speed is None:
-        if seconds is None:
+        if request.seconds is None:
             raise UserError("several classes along a path: say how long each lasts, --class walk:3 --class run:2")
-        return replace(request, seconds=seconds)
-    usual = request.speed or rates[0][1]
-    if seconds is None:
-        return _within(replace(request, seconds=path.length / usual, speed=usual), path.length, rates[0])
+        return request
+    if request.speed is None and rates is None:
+        raise UserError(f"class {request.classes[0]} stays where it is; to have it follow a path, give --speed")
+    usual = request.speed or (rates[1] if rates else 0.0)
+    if request.seconds is None:
+        return replace(request, seconds=path.length / usual, speed=usual)
     if request.speed is not None:
-        return _within(replace(request, seconds=seconds), path.length, rates[0])
-    if not path.closed:
-        return _within(replace(request, seconds=seconds, speed=path.length / seconds), path.length, rates[0])
-    rounds = max(1, round(seconds * usual / path.length)) if request.loop else seconds * usual / path.length
-    return _within(
-        replace(request, seconds=seconds, speed=rounds * path.length / seconds), rounds * path.length, rates[0]
-    )
+        return request
+    rounds = request.seconds * usual / path.length if path.closed else 1.0
+    if request.loop:
+        rounds = max(1, round(rounds))
+    return replace(request, speed=rounds * path.length / request.seconds)
 
 
 def _check_together(request: Request) -> None:
@@ -284,19 +285,17 @@ def _check_together(request: Request) -> None:
         raise UserError(f"a loop of {lasts:g} seconds: ask for {LEAST_LOOP:g} at least")
 
 
-def _within(request: Request, metres: float, rates: Sequence[float] | None) -> Request:
+def _within(request: Request, rates: Sequence[float] | None) -> Request:
     """The request, where its class goes as fast as it asks."""
     if rates is None or request.speed is None:
         return request
     slow, fast = SLOWER * rates[0], FASTER * rates[2]
     if slow <= request.speed <= fast:
         return request
-    name = request.classes[0]
-    least, most = metres / fast, metres / max(slow, 1e-3)
-    raise UserError(
-        f"{metres:.1f} m in {metres / request.speed:.1f} s are {request.speed:.2g} m/s, and {name} goes "
-        f"{slow:.2g} to {fast:.2g} as recorded: the path needs {least:.1f} to {most:.1f} seconds"
-    )
+    metres = request.speed * request.lasts
+    needs = f"{metres / fast:.1f} to {metres / max(slow, 1e-3):.1f} seconds"
+    way = f"; {metres:.1f} m need {needs}" if request.path is not None else ""
+    raise UserError(f"{request.classes[0]} goes {slow:.2g} to {fast:.2g} m/s as recorded, not {request.speed:.3g}{way}")
 
 
 def shaping(request: Request) -> dict[str, Any]:
