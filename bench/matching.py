@@ -83,7 +83,7 @@ def left_out(label: str, number: int) -> tuple[LabelledClip, int]:
     """A clip, and the fold that it is of; others for other numbers, from all folds in turn."""
     folds = [(clip, fold) for fold in range(FOLDS) for clip in parted(label, fold)[1]]
     order = np.random.default_rng(0).permutation(len(folds))
-    return folds[order[number % len(folds)]]
+    return folds[int(order[number % len(folds)])]
 
 
 @cache

@@ -398,11 +398,12 @@ class Lake:
         """
         from motionlake.lake.settings import served_config
         from motionlake.stages.synthesis import open_generator, served_generator
-        from motionlake.stages.synthesis_control import Request, path_text, settled, timed_classes
+        from motionlake.stages.synthesis_control import Request, settled
+        from motionlake.stages.synthesis_options import begun, path_text, timed_classes
         from motionlake.stages.synthesis_requests import canonical_motion, find_starts, make, motions_of
 
         names, shares = timed_classes((classes,) if isinstance(classes, str) else tuple(classes))
-        named = continues if start is None else start
+        named: Clip | None = begun(start, continues)
         seed_clip = None if named is None else self._query(named)
         clip = None if seed_clip is None else str(seed_clip)
         outside = isinstance(seed_clip, Path)

@@ -212,18 +212,15 @@ def synthesize(
     Which classes there are: motionlake synthesize --classes --lake mylake
     """
     from motionlake.jobs import run as jobs
-    from motionlake.stages.synthesis_control import Request, check_request, facing_of, path_text, timed_classes
+    from motionlake.stages.synthesis_control import Request, check_request
+    from motionlake.stages.synthesis_options import begun, facing_of, path_text, timed_classes
 
     target = open_lake(lake)
     if classes:
         _list_classes(target, as_json)
         return
-    if start is not None and continues is not None:
-        raise UserError(
-            "a motion starts from a clip (--from) or goes on from the end of one (--continue): leave one out"
-        )
-    begun = start if continues is None else continues
-    name, outside = (None, False) if begun is None else _start(target, begun)
+    first = begun(start, continues)
+    name, outside = (None, False) if first is None else _start(target, first)
     names, shares = timed_classes(wanted or ())
     request = Request(
         names, seconds, seed, name, outside, split, pace, temperature, min_quality, shares,

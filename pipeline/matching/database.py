@@ -108,6 +108,13 @@ class MotionDatabase:
         ways: Float64Array = np.linalg.norm(self.features[chosen, PLACES][:, -2:].astype(float), axis=1)
         return ways / (AHEAD[-1] / FPS)
 
+    def aside(self, target: int) -> float:
+        """Share of the frames of a class that go, and go elsewhere within a second than within 45 degrees of ahead."""
+        own = self.rows[target]
+        ways = self.features[own[: len(own) // 2], PLACES][:, -2:].astype(float)
+        going = np.linalg.norm(ways, axis=1) > LEAST_SPEED * AHEAD[-1] / FPS
+        return float((ways[going, 1] < np.abs(ways[going, 0])).mean()) if going.any() else 0.0
+
     def usual_speed(self, target: int) -> float:
         """Body lengths a second that a class goes, the median; 0 of one that mostly stays where it is."""
         speed = float(np.median(self.speeds(target)))
@@ -178,7 +185,8 @@ def build_database(clips: Sequence[MatchingClip], seed: int = 0, most: int = MOS
         else None
         for i, name in enumerate(classes)
     }
-    return replace(database, metrics={**database.metrics, "speeds": speeds})
+    aside = {name: round(database.aside(i), 3) for i, name in enumerate(classes)}
+    return replace(database, metrics={**database.metrics, "speeds": speeds, "aside": aside})
 
 
 @dataclass(frozen=True)

@@ -14,11 +14,13 @@ from motionlake.motion.rotations import multiply, swing
 from motionlake.motion.skeleton import INDEX
 from motionlake.motion.standing import SIDES, staying
 from motionlake.motion.two_bones import bent, level_ahead
-from scipy.ndimage import gaussian_filter1d
+from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 
 SETTLE: Final = 4.0  # frames over which the body settles
 SMOOTH: Final = 1.5  # frames
 FAR: Final = 0.2  # body lengths that a foot is held back while it stands, at most
+LOWEST: Final = 0.015  # body lengths that this is below the ground, at most
+DEEP: Final = 0.005  # metres below the ground from which on the whole body is lifted
 LEAST: Final = 0.05  # weight of no standing foot
 FLOOR: Final = 15.0  # frames: half-life of what given feet stood on above the ground, or below it
 BLEND: Final = 5  # frames over which a foot comes to where it stands, and leaves it
@@ -63,11 +65,24 @@ def on_ground(
     settled = _settled(above, stands, SETTLE)
     floor = np.zeros(len(hips))
     if ground.begun:  # the floor of a recording is not level: what the given feet stand on passes into the ground
-        floor = settled[0] * np.exp(-math.log(2) / FLOOR * np.arange(len(hips)))
+        floor = max(settled[0], -LOWEST * size) * np.exp(-math.log(2) / FLOOR * np.arange(len(hips)))
         settled = _settled(above - floor[:, None], stands, SETTLE)
     moved = hips.copy()
     moved[:, 1] -= settled
+    planted = _planted(moved, rotations, rest_offsets, stands, ground, floor, size)
+    sunk = _sunk(moved, planted, rest_offsets, ground.lowest + np.minimum(floor, 0.0)[:, None])
+    if sunk.max() < DEEP:
+        return moved, planted
+    moved[:, 1] += gaussian_filter1d(maximum_filter1d(sunk, round(4 * SMOOTH) + 1), SMOOTH)
     return moved, _planted(moved, rotations, rest_offsets, stands, ground, floor, size)
+
+
+def _sunk(
+    hips: Float64Array, rotations: Float64Array, rest_offsets: Float64Array, lowest: Float64Array
+) -> Float64Array:
+    """[T] metres by which a foot is below the ground for all that a leg can bend."""
+    feet = forward_kinematics(hips, rotations, rest_offsets)[:, [INDEX[name] for name in FEET], 1]
+    return np.asarray(np.maximum(0.0, (lowest - feet).max(axis=1)))
 
 
 def _planted(

@@ -11,10 +11,11 @@ from typing import Any, Final
 import numpy as np
 from motionlake.arrays import Float64Array
 from motionlake.matching.assembly import Poses, assembled, in_world
-from motionlake.matching.course import Course, Part, Player, Start
+from motionlake.matching.course import Course, Part, Start
 from motionlake.matching.database import MotionDatabase, load_database, steps_of
 from motionlake.matching.features import features
 from motionlake.matching.feet import Ground, heights_standing, on_ground
+from motionlake.matching.player import Player
 from motionlake.matching.recordings import FPS, RootedMotion, rooted, sound_ranges
 from motionlake.matching.steering import Steering
 from motionlake.motion.generation import SHORTEST, Control, GeneratedMotion, MotionRequest, SeedClip, Source

@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 from motionlake.arrays import BoolArray, Float64Array
 from motionlake.motion.generation import FPS as FPS
-from motionlake.motion.kinematics import continuous_signs, forward_kinematics, local_rotations, world_from_positions
+from motionlake.motion.kinematics import continuous_signs, local_rotations, world_from_positions
 from motionlake.motion.quality.ends import check_ends
 from motionlake.motion.quality.faults import Recording
 from motionlake.motion.quality_config import QualityConfig
@@ -117,9 +117,8 @@ def rooted(
     if rotations is None:
         rotations = local_rotations(world_from_positions(np.ascontiguousarray(positions, dtype=float)))
     local = resample(np.asarray(rotations, dtype=float), fps, FPS, spherical=True)
-    hips = resample(np.asarray(positions[:, :1], dtype=float), fps, FPS)[:, 0]
-    size = body_length(rest_offsets)
-    world = forward_kinematics(hips, local, rest_offsets) / size
+    # The joints as recorded, which a depth sensor's bones of changing length make others than forward kinematics does.
+    world = resample(np.asarray(positions, dtype=float), fps, FPS) / body_length(rest_offsets)
     heading = _smooth(facing(world))
     place = _smooth(world[:, 0, [0, 2]])
     feet = world[:, [INDEX[name] for name in FEET]]
@@ -128,8 +127,9 @@ def rooted(
     joints[..., 1] -= ground
     local[:, 0] = multiply(about_y(-heading), local[:, 0])
     return RootedMotion(
-        continuous_signs(local), joints[:, 0].copy(), joints, place, heading, standing(feet), ground * size
-    )
+        continuous_signs(local), joints[:, 0].copy(), joints, place, heading, standing(feet),
+        ground * body_length(rest_offsets),
+    )  # fmt: skip
 
 
 def seen_from(world: Float64Array, place: Float64Array, heading: Float64Array) -> Float64Array:

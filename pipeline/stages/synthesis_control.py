@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import csv
 import math
-import re
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from motionlake.errors import UserError
 from motionlake.glogen.config import MATCHING
 from motionlake.stages.synthesis import check_classes
+from motionlake.stages.synthesis_options import path_of
 
 if TYPE_CHECKING:
     from motionlake.lake.models import Model
@@ -22,13 +20,10 @@ if TYPE_CHECKING:
 DRAWN: Final = ("start", "outside", "split", "min_quality")
 ADDED: Final = {"shares": None, "path": None, "speed": None, "facing": None, "loop": False, "from_end": False}
 SECONDS: Final = 8.0  # of a motion for which nothing says how long it is
-SHAPES: Final = ("circle", "eight")
+ASIDE: Final = 0.05  # share of a class's frames that go sideways or back, with which it can face elsewhere
 LEAST_LOOP: Final = 2.0  # seconds
 # Of the slowest and the fastest of a class, how slow and fast it may be asked to go.
 SLOWER, FASTER = 0.7, 1.3
-_TIMED: Final = re.compile(r"(.+):(\d+(?:\.\d+)?)")
-_POINTS: Final = "x,z;x,z…"
-Points = str | Path | Sequence[Sequence[float]]
 
 
 LONGEST: Final = 3600.0  # seconds of one motion
@@ -94,116 +89,6 @@ def check_request(request: Request) -> None:
         raise UserError("a motion starts from one clip (--from) or from those of a split (--split): leave one out")
 
 
-def timed_classes(wanted: Sequence[str]) -> tuple[tuple[str, ...], tuple[float, ...] | None]:
-    """The classes, and where they are given ("walk:3") the seconds of each.
-
-    Raises:
-        UserError: some have seconds and some have none, or no time.
-    """
-    found = [_TIMED.fullmatch(name) for name in wanted]
-    if not any(found):
-        return tuple(wanted), None
-    if not all(found):
-        lone = next(name for name, match in zip(wanted, found, strict=True) if match is None)
-        raise UserError(f"{lone}: say how many seconds, {lone}:3, as of the other classes, or of none")
-    names, seconds = zip(*((m.group(1), float(m.group(2))) for m in found if m is not None), strict=True)
-    none = next((name for name, time in zip(names, seconds, strict=True) if not time > 0), None)
-    if none is not None:
-        raise UserError(f"{none}: must last more than 0 seconds")
-    return names, seconds
-
-
-def path_text(given: Points, *, files: bool = True) -> str:
-    """A path as requests hold it: "circle:3", "eight:3" (metres of radius) or points "x,z;x,z".
-
-    Args:
-        given: the same, the name of a CSV file of points in metres (columns x and z, or the first two), or points.
-        files: a file may be read.
-
-    Raises:
-        UserError: it is none of these, or has fewer than two points.
-    """
-    if not isinstance(given, str | Path):
-        text = ";".join(f"{float(point[0])!r},{float(point[1])!r}" for point in given)
-    elif isinstance(given, Path) or given.lower().endswith(".csv"):
-        if not files:
-            raise UserError(f"path {given}: files are not read here; give the points, {_POINTS}")
-        text = _of_file(Path(given))
-    else:
-        text = given.strip()
-    try:
-        path_of(text)
-    except ValueError as error:
-        raise UserError(f"path {given if isinstance(given, str | Path) else text}: {error}") from error
-    return text
-
-
-def path_of(text: str) -> GroundPath:
-    """The path that `path_text` gave.
-
-    Raises:
-        ValueError: it is none.
-    """
-    from motionlake.motion.paths import RADIUS, ground_path, shape_path
-
-    name, _, radius = text.partition(":")
-    if name in SHAPES:
-        size = _number(radius) if radius else RADIUS
-        if not 0.5 <= size <= 1000:
-            raise ValueError("a radius is between 0.5 and 1000 metres")
-        return shape_path(name, size)
-    points = [[_number(part) for part in point.split(",")] for point in text.split(";") if point.strip()]
-    if any(len(point) != 2 for point in points):
-        raise ValueError(f"give circle, eight, a CSV file, or points in metres, {_POINTS}")
-    return ground_path([(x, z) for x, z in points])
-
-
-def _number(text: str) -> float:
-    try:
-        return float(text)
-    except ValueError:
-        raise ValueError(f"give circle, eight, a CSV file, or points in metres, {_POINTS}") from None
-
-
-def _of_file(path: Path) -> str:
-    """The points of a CSV file."""
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as handle:
-            rows = [row for row in csv.reader(handle) if any(cell.strip() for cell in row)]
-    except (OSError, UnicodeDecodeError) as error:
-        raise UserError(f"--path {path}: cannot be read ({getattr(error, 'strerror', None) or error})") from error
-    x, z, first = 0, 1, 1
-    if rows and not _is_number(rows[0][0]):
-        names = [cell.strip().lower() for cell in rows[0]]
-        if "x" not in names or "z" not in names:
-            raise UserError(f"--path {path}: has no columns x and z")
-        x, z, rows, first = names.index("x"), names.index("z"), rows[1:], 2
-    for line, row in enumerate(rows, first):
-        if len(row) <= max(x, z) or not (_is_number(row[x]) and _is_number(row[z])):
-            raise UserError(f"--path {path}: row {line} holds no point of two numbers")
-    return ";".join(f"{row[x].strip()},{row[z].strip()}" for row in rows)
-
-
-def _is_number(text: str) -> bool:
-    try:
-        return math.isfinite(float(text))
-    except ValueError:
-        return False
-
-
-def facing_of(text: str | float | None) -> float | None:
-    """Degrees to the left of the heading at the start that a body keeps facing; None: along its way.
-
-    Raises:
-        UserError: neither "path" nor a number.
-    """
-    if text is None or text == "path":
-        return None
-    if not _is_number(str(text)):
-        raise UserError(f'facing {text}: give "path", or degrees to the left of where the motion starts to head')
-    return float(text)
-
-
 def check_recipe(request: Request, recipe: str) -> None:
     """Raises `UserError` where a recipe cannot do what a request says of time and way."""
     if recipe == MATCHING:
@@ -239,6 +124,11 @@ def settled(request: Request, model: Model, recipe: str) -> Request:
     check_classes(model, request.classes)
     check_recipe(request, recipe)
     _check_together(request)
+    aside = model.metrics.get("aside", {}).get(request.classes[0], 0.0)
+    if request.facing is not None and aside < ASIDE:
+        raise UserError(
+            f"{request.classes[0]} was recorded going ahead alone: it can only face its way (--facing path)"
+        )
     rates = model.metrics.get("speeds", {}).get(request.classes[0])
     seconds = sum(request.shares) if request.shares is not None else request.seconds
     if request.path is None:

@@ -18,7 +18,8 @@ from motionlake.stages.frames import first_body
 from motionlake.stages.generator_model import classed_motions, long_enough
 from motionlake.stages.sources import content_hash
 from motionlake.stages.synthesis import check_classes
-from motionlake.stages.synthesis_control import Request, path_of
+from motionlake.stages.synthesis_control import Request
+from motionlake.stages.synthesis_options import path_of
 from motionlake.stages.training_clips import check_chosen, frames_of_clips
 
 if TYPE_CHECKING:

@@ -62,11 +62,12 @@ def synthesize(
     'x,z;x,z'; `speed`: metres a second; `facing`: degrees; `loop`: its end meets its beginning; `continues`: a clip
     from the end of which it goes on.
     """
-    from motionlake.stages.synthesis_control import Request, path_text, settled, timed_classes
+    from motionlake.stages.synthesis_control import Request, settled
+    from motionlake.stages.synthesis_options import begun, path_text, timed_classes
     from motionlake.stages.synthesis_requests import find_starts, make, motions_of
 
     model, generator = served.once(_generator)
-    named = continues if start is None else start
+    named = begun(start, continues)
     clip = None if named is None else str(served.query(named).source)
     names, shares = timed_classes(classes)
     way = None if path is None else path_text(path, files=False)
