@@ -211,6 +211,11 @@ def test_another_seed_is_another_motion_and_the_same_is_the_same(made_by: Matchi
     np.testing.assert_array_equal(calm[0], calm[1])
 
 
+def test_what_was_played_lately_is_not_played_again(made_by: MatchingGenerator) -> None:
+    made = made_by.generate([request("run", seconds=20.0, temperature=0.0)])[0]
+    assert len({(source.clip, source.mirrored) for source in made.sources}) > 5  # 2 where it costs nothing
+
+
 def test_no_half_second_is_played_again_at_once(made_by: MatchingGenerator) -> None:
     made = made_by.generate([request("salsa", seconds=20.0)])[0]
     played = [
