@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import json
 import shutil
 from collections.abc import Sequence
 from pathlib import Path
@@ -165,6 +166,8 @@ def test_command_sql_and_python_make_the_same_motion(
     with lineage.open(encoding="utf-8", newline="") as handle:
         rows = list(csv.DictReader(handle))
     assert {row["clip"] for row in rows} == set(run.json["clips"])
+    ((config,),) = query(matching, "SELECT DISTINCT config FROM synthetic")
+    assert json.loads(config)["control"] == {"path": "circle:2", "speed": 0.8, "shares": [3.0]}
     recorded = {clip for (clip,) in query(matching, "SELECT clip FROM clips WHERE format <> 'synthetic'")}
     assert {row["source"] for row in rows} <= recorded
     first = [row for row in rows if row["clip"] == run.json["clips"][0]]

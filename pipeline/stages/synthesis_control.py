@@ -188,11 +188,13 @@ def _within(request: Request, rates: Sequence[float] | None) -> Request:
     raise UserError(f"{request.classes[0]} goes {slow:.2g} to {fast:.2g} m/s as recorded, not {request.speed:.3g}{way}")
 
 
+def controls(request: Request) -> dict[str, Any]:
+    """What a request says of time and way beside its seconds; what it does not ask for is left out."""
+    return {name: value for name, value in asdict(request).items() if name in ADDED and value != ADDED[name]}
+
+
 def shaping(request: Request) -> dict[str, Any]:
-    """What of a request its motions follow from, beside what they start from; what it does not ask for is left out, so
-    that motions keep their keys."""
-    return {
-        name: value
-        for name, value in asdict(request).items()
-        if name not in DRAWN and not (name in ADDED and value == ADDED[name])
-    }
+    """What of a request its motions follow from, beside what they start from; without what it does not ask for, so that
+    motions keep their keys."""
+    of_old = {k: value for k, value in asdict(request).items() if k not in DRAWN and k not in ADDED}
+    return of_old | controls(request)

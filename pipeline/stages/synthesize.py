@@ -21,7 +21,7 @@ from motionlake.stages.reader import LakeReader
 from motionlake.stages.sources import check_apart
 from motionlake.stages.stage import Shard
 from motionlake.stages.synthesis import open_generator, served_generator
-from motionlake.stages.synthesis_control import Request, settled, shaping
+from motionlake.stages.synthesis_control import Request, controls, settled, shaping
 from motionlake.stages.synthesis_requests import (
     Motion,
     Start,
@@ -154,6 +154,8 @@ def planned(at: LakeReader, request: Request, dataset: str, count: int) -> Plan:
     keys = {m.number: config_hash(*made_by, _identity(request, m)) for m in motions}
     there = {r["clip"]: r["key"] for r in fetch(at.con, "synthetic_keys", {"dataset": dataset})}
     lacking = [m for m in motions if there.get(names[m.number]) != keys[m.number]]
+    control = controls(request)
+    asked = {"control": control} if control else {}
     together = max(1, min(TOGETHER, int(SECONDS / request.lasts)))
     shards = []
     for _, group in groupby(lacking, lambda m: (m.number - 1) // together):
@@ -161,7 +163,7 @@ def planned(at: LakeReader, request: Request, dataset: str, count: int) -> Plan:
         chosen = list({m.start: None for m in block})
         spec = {
             "generator": asdict(model),
-            "config": canonical_json(asdict(at.config.synthesis)),
+            "config": canonical_json(asdict(at.config.synthesis) | asked),
             "frames": asdict(at.config.frames),
             "request": asdict(request),
             "starts": [asdict(start) for start in chosen],
