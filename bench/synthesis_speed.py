@@ -20,11 +20,12 @@ from typing import Any, Final
 
 import numpy as np
 import torch
-from motionlake.glogen.generator import MotionRequest, SeedClip, TrainedGenerator, load_generator
+from motionlake.glogen.generator import TrainedGenerator, load_generator
 from motionlake.glogen.sparse import HEIGHT
 from motionlake.glogen.trajectories import FPS
 from motionlake.lake.catalog import create_catalog
 from motionlake.lake.layout import Lake
+from motionlake.motion.generation import MotionRequest, SeedClip
 from motionlake.training import on_threads
 
 from bench.canonical_sets import LabelledClip

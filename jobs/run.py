@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from motionlake.errors import UserError
 from motionlake.jobs.models import obtain
@@ -17,8 +18,8 @@ from motionlake.stages.reader import lake_reader
 from motionlake.stages.registry import ALL, STAGES
 from motionlake.stages.sources import Root
 from motionlake.stages.stage import ShardStage, Stage
-from motionlake.stages.synthesis_requests import Request
-from motionlake.stages.synthesize import SYNTHESIZE, planned
+from motionlake.stages.synthesis_control import Request
+from motionlake.stages.synthesize import SYNTHESIZE, planned, source_rows
 
 
 @dataclass(frozen=True)
@@ -163,3 +164,9 @@ def synthesize(session: Session, request: Request, dataset: str, count: int) -> 
         sum(row["seconds"] for row in lengths),
         time.perf_counter() - started,
     )
+
+
+def synthetic_sources(session: Session, request: Request, dataset: str, count: int) -> list[tuple[Any, ...]]:
+    """Of motions 1 to `count` of a request, the recorded frames that they were made from (`source_rows`)."""
+    with lake_reader(session.lake, session.config) as at:
+        return source_rows(at, request, dataset, count)

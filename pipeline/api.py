@@ -371,7 +371,7 @@ class Lake:
     def synthesize(
         self,
         classes: str | Sequence[str],
-        seconds: float = 8.0,
+        seconds: float | None = None,
         *,
         seed: int = 0,
         start: Clip | None = None,
@@ -379,8 +379,13 @@ class Lake:
         pace: float = 1.0,
         temperature: float = 1.0,
         min_quality: str | None = None,
+        path: str | Path | Sequence[tuple[float, float]] | None = None,
+        speed: float | None = None,
+        facing: float | None = None,
+        loop: bool = False,
+        continues: Clip | None = None,
     ) -> CanonicalMotion:
-        """New motion of known classes, which nobody recorded (GloGen). The same arguments give the same motion.
+        """New motion of known classes, which nobody recorded. The same arguments give the same motion.
 
         The lake is not changed: `motionlake synthesize` makes clips of it. A generator comes first:
         `motionlake run synth`.
@@ -390,29 +395,45 @@ class Lake:
             <CanonicalMotion: 60 frames, 30 a second, 2 s>
 
         Args:
-            classes: one, or several that follow one another in equal shares of the time.
-            seconds: length.
+            classes: one, or several that follow one another in equal shares of the time, or each for its own
+                ("walk:3").
+            seconds: length; by default what the classes say, else what a path takes, else 8.
             seed: another seed, another motion.
             start: start from the first poses of this recorded clip or clip file; by default from one that is drawn.
             split: draw it from this split.
             pace: 2 is twice as fast.
             temperature: how much chance varies the motion; 0 not at all.
             min_quality: draw it from clips with this verdict at worst.
+            path: on the ground, from where the motion starts: "circle", "eight:2" (radius 2 m), a CSV file with columns
+                x and z, or points in metres. This and what follows need the recipe "matching".
+            speed: metres a second; by default as recorded.
+            facing: degrees to the left of where it starts to head that the body keeps facing; by default along its way.
+            loop: the end meets the beginning.
+            continues: go on from the end of this recorded clip or clip file.
 
         Raises:
-            UserError: there is no generator, it does not know a class, there is nothing to start from, or a number
-                that no motion can have.
+            UserError: there is no generator, it does not know a class, there is nothing to start from, a number
+                that no motion can have, or a path that the recipe cannot follow or that leaves no time.
         """
         from motionlake.lake.settings import served_config
         from motionlake.stages.synthesis import open_generator, served_generator
-        from motionlake.stages.synthesis_requests import Request, canonical_motion, find_starts, make, motions_of
+        from motionlake.stages.synthesis_control import Request, settled
+        from motionlake.stages.synthesis_options import begun, path_text, timed_classes
+        from motionlake.stages.synthesis_requests import canonical_motion, find_starts, make, motions_of
 
-        wanted = (classes,) if isinstance(classes, str) else tuple(classes)
-        seed_clip = None if start is None else self._query(start)
+        names, shares = timed_classes((classes,) if isinstance(classes, str) else tuple(classes))
+        named: Clip | None = begun(start, continues)
+        seed_clip = None if named is None else self._query(named)
         clip = None if seed_clip is None else str(seed_clip)
         outside = isinstance(seed_clip, Path)
-        request = Request(wanted, seconds, seed, clip, outside, split, pace, temperature, min_quality)
-        model = served_generator(self._con.own, self._lake, served_config(self._lake))
+        way = None if path is None else path_text(path)
+        asked = Request(
+            names, seconds, seed, clip, outside, split, pace, temperature, min_quality, shares, way, speed, facing,
+            loop, continues is not None,
+        )  # fmt: skip
+        config = served_config(self._lake)
+        model = served_generator(self._con.own, self._lake, config)
+        request = settled(asked, model, config.synthesis.recipe)
         starts = find_starts(self._con.own, self._lake, model, request)
         generator = self._keep(("synthesize",), lambda: open_generator(self._lake, model))
         return canonical_motion(make(generator, self._lake, request, motions_of(request, starts, [1]))[0])

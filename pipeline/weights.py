@@ -43,6 +43,21 @@ def read_tensors(path: Path, key: str, *names: str) -> tuple[dict[str, NDArray[A
         raise ValueError(f"{path} is damaged: {error}") from error
 
 
+def holds(path: Path, key: str) -> bool:
+    """Whether a file's metadata has such a key.
+
+    Raises:
+        ValueError: the file is damaged.
+    """
+    from safetensors import SafetensorError, safe_open
+
+    try:
+        with safe_open(path, framework="numpy") as file:
+            return key in (file.metadata() or {})
+    except SafetensorError as error:
+        raise ValueError(f"{path} is damaged: {error}") from error
+
+
 STATE_KEY: Final = "training"  # of the metadata of checkpoints
 _DIGEST: Final = "sha256"  # likewise: of the state and of all tensors
 

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 from motionlake.arrays import Float64Array
 from motionlake.glogen.config import SynthesisConfig
-from motionlake.glogen.generator import MotionRequest, SeedClip, TrainingMotion, start_state
+from motionlake.glogen.generator import TrainingMotion, start_state
 from motionlake.glogen.generator_training import train_generator
 from motionlake.motion.calibration import LONGEST, recorded, recorded_range, tposes
+from motionlake.motion.generation import MotionRequest, SeedClip
 from motionlake.motion.skeleton import INDEX, PARENTS
 
 from bench import canonical_sets

@@ -15,12 +15,13 @@ from motionlake.evaluation.synthesis import UNITS, SynthesisEvaluation, Synthesi
 from motionlake.evaluation.synthesis.errors import MILLISECONDS, body_poses, errors_at
 from motionlake.evaluation.synthesis.trials import RealMotion, following
 from motionlake.glogen.config import SynthesisConfig
-from motionlake.glogen.generator import EmbeddedMotions, GeneratedMotion, MotionRequest, TrainingMotion, embed_motions
+from motionlake.glogen.generator import EmbeddedMotions, TrainingMotion, embed_motions
 from motionlake.glogen.generator_training import train_generator
 from motionlake.lake.catalog import writing
 from motionlake.lake.integrity import sums_of
 from motionlake.lake.layout import open_lake
 from motionlake.lake.models import add_model, next_file, save_model
+from motionlake.motion.generation import GeneratedMotion, MotionRequest
 from motionlake.motion.skeleton import INDEX, JOINTS, PARENTS
 from motionlake.pictures.maps import beside_map, generator_map
 from motionlake.pictures.synthesis import recognised_figure, synthesis_pictures

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,9 +13,6 @@ import torch
 from motionlake.glogen.config import GloGenRecipe, LocGenRecipe, SynthesisConfig
 from motionlake.glogen.generator import (
     METADATA_KEY,
-    GeneratedMotion,
-    MotionRequest,
-    SeedClip,
     TrainedGenerator,
     TrainingMotion,
     load_generator,
@@ -24,6 +22,7 @@ from motionlake.glogen.rollout import FASTEST, Rollout
 from motionlake.glogen.sparse import DURATION, WIDTH
 from motionlake.glogen.training import groups
 from motionlake.glogen.trajectories import STANDARD, body_motion
+from motionlake.motion.generation import GeneratedMotion, MotionRequest, SeedClip
 from motionlake.motion.kinematics import forward_kinematics
 from motionlake.motion.skeleton import JOINTS
 from motionlake.training import save_network
@@ -51,7 +50,7 @@ def generator(request: pytest.FixtureRequest) -> TrainedGenerator:
     return fit_generator(read, labels, SynthesisConfig(recipe=request.param), glogen=glogen, locgen=locgen)
 
 
-def wish(*classes: str, seconds: float = 3.0, seed: int = 0, **more: float) -> MotionRequest:
+def wish(*classes: str, seconds: float = 3.0, seed: int = 0, **more: Any) -> MotionRequest:
     return MotionRequest(classes or ("walk",), seconds, seed, SeedClip("clip", swinging(60, 99), 30.0, BODY), **more)
 
 

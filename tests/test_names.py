@@ -21,7 +21,7 @@ from motionlake.lake.layout import Lake
 from motionlake.motion.clip import Hierarchy, SourceClip
 from motionlake.names import file_name, folded, kept, on_disk, printable, safe_name, told_apart, toml_text, typed
 from motionlake.pictures.html import document, page
-from motionlake.stages.synthesis_requests import Request
+from motionlake.stages.synthesis_control import Request
 from motionlake.stages.synthesize import clip_path
 
 from tests.hostile import Tags, obeyed

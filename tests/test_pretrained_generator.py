@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from motionlake.glogen.config import PRETRAINED_GENERATOR, SynthesisConfig
-from motionlake.glogen.generator import MotionRequest, SeedClip, load_generator
+from motionlake.glogen.generator import load_generator
+from motionlake.motion.generation import MotionRequest, SeedClip
 from motionlake.motion.skeleton import JOINTS, PARENTS
 
 from tests.lakes import Changed, motionlake, query

@@ -176,7 +176,8 @@ def test_motion_in_sql_is_the_first_of_the_command(own: Path, name: str, schedul
     wanted = f"synthesize(['{name}', '{other}'], seconds := 1.5, seed := 3, pace := 1.2)"
     text = (
         "SELECT count(*) AS frames, (SELECT count(*) FROM frames WHERE dataset = 'synthetic') AS stored, "
-        f"(SELECT count(*) FROM (SELECT * EXCLUDE (time, class, seed_clip) FROM {wanted} INTERSECT "
+        f"(SELECT count(*) FROM (SELECT * EXCLUDE (time, class, seed_clip, source, source_frame) FROM {wanted} "
+        "INTERSECT "
         "SELECT * EXCLUDE (clip, dataset, fps) FROM frames WHERE dataset = 'synthetic')) AS same, "
         f"list(DISTINCT class ORDER BY class) AS classes, max(time) AS last FROM {wanted}"
     )

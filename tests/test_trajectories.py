@@ -30,7 +30,6 @@ from motionlake.glogen.trajectories import (
     FPS,
     STANDARD,
     BodyMotion,
-    body_length,
     body_motion,
     in_world,
     measured_length,
@@ -38,7 +37,7 @@ from motionlake.glogen.trajectories import (
     resampled,
     standard_joints,
 )
-from motionlake.motion.skeleton import INDEX, PARENTS, facing, mirrored_positions
+from motionlake.motion.skeleton import INDEX, PARENTS, body_length, facing, mirrored_positions
 
 from tests.lakes import canonical_clips, query
 from tests.test_pictures import standing

@@ -7,8 +7,8 @@ from typing import Final
 
 from motionlake.evaluation.synthesis.contact import ground_of
 from motionlake.evaluation.synthesis.motions import Stretch, Usual, described
-from motionlake.glogen.generator import GeneratedMotion, MotionRequest, SeedClip
 from motionlake.glogen.trajectories import FPS, resampled
+from motionlake.motion.generation import GeneratedMotion, MotionRequest, SeedClip
 
 from bench.canonical_sets import LabelledClip
 from bench.glogen.folds import Measures, Unit, folds, generator_of, parted

@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from motionlake.jobs.session import Session
     from motionlake.retrieval.compose import Composition, LakeGraph
 
+SOURCE: Final = ("clip", "start", "stop", "source", "first", "last", "mirrored")  # columns of --lineage
 TRIES: Final = 10  # clips that `--sample` tries to start from
 
 
@@ -160,9 +161,12 @@ def _write_lineage(file: Path, rows: Sequence[dict[str, Any]]) -> None:
 def synthesize(
     lake: LakeOption,
     wanted: Annotated[
-        list[str] | None, option("--class", "-c", help="Class of the motion; several follow one another.")
+        list[str] | None,
+        option("--class", "-c", help="Class of the motion; several follow one another (walk:3 for 3 seconds)."),
     ] = None,
-    seconds: Annotated[float, typer.Option(help="Length of each motion.")] = 8.0,
+    seconds: Annotated[
+        float | None, option(help="Length of each motion (default: as classes or path say, else 8).")
+    ] = None,
     count: Annotated[int, typer.Option(help="How many motions.")] = 1,
     seed: Annotated[int, typer.Option(help="Another seed, other motions.")] = 0,
     dataset: Annotated[
@@ -175,6 +179,19 @@ def synthesize(
     temperature: Annotated[
         float, typer.Option(help="Variety: 0 for the likeliest motion, 1 as recordings vary.")
     ] = 1.0,
+    path: Annotated[
+        str | None,
+        option(
+            "--path", help="Way on the ground: circle, eight:2 (radius 2 m), a CSV file of x, z, or points 0,0;0,3;2,5."
+        ),
+    ] = None,
+    speed: Annotated[float | None, option("--speed", help="Metres a second (default: as recorded).")] = None,
+    facing: Annotated[
+        str | None, option("--facing", help="path, or degrees to the left that the body keeps facing (default: path).")
+    ] = None,
+    loop: Annotated[bool, typer.Option("--loop", help="The end meets the beginning.")] = False,
+    continues: Annotated[str | None, option("--continue", help="Go on from the end of this clip or clip file.")] = None,
+    lineage: Annotated[Path | None, option(help="Also write where every frame comes from: .csv.")] = None,
     bvh: Annotated[Path | None, option(help="Also write a BVH file of each here.")] = None,
     classes: Annotated[bool, typer.Option("--classes", help="List the classes there are, and make nothing.")] = False,
     workers: WorkersOption = None,
@@ -190,18 +207,32 @@ def synthesize(
 
     Example: motionlake synthesize --class walk --class kick --seconds 8 --count 100 --seed 7 --lake mylake
 
+    Along a path: motionlake synthesize --class walk --path eight --speed 1.2 --lake mylake
+
+    By time: motionlake synthesize --class walk:3 --class run:2 --continue walk_01 --lineage from.csv --lake mylake
+
+    A loop: motionlake synthesize --class walk --path circle:2 --facing path --loop --lake mylake
+
     Which classes there are: motionlake synthesize --classes --lake mylake
     """
     from motionlake.jobs import run as jobs
-    from motionlake.stages.synthesis_requests import Request, check_request
+    from motionlake.stages.synthesis_control import Request, check_request
+    from motionlake.stages.synthesis_options import begun, facing_of, path_text, timed_classes
 
     target = open_lake(lake)
     if classes:
         _list_classes(target, as_json)
         return
-    name, outside = (None, False) if start is None else _start(target, start)
-    request = Request(tuple(wanted or ()), seconds, seed, name, outside, split, pace, temperature, min_quality)
+    first = begun(start, continues)
+    name, outside = (None, False) if first is None else _start(target, first)
+    names, shares = timed_classes(wanted or ())
+    request = Request(
+        names, seconds, seed, name, outside, split, pace, temperature, min_quality, shares,
+        None if path is None else path_text(path), speed, facing_of(facing), loop, continues is not None,
+    )  # fmt: skip
     check_request(request)
+    if lineage is not None:
+        check_folder_of(lineage)
     if count < 1:
         raise UserError(f"--count {count}: ask for one motion at least")
     if bvh is not None:
@@ -209,6 +240,8 @@ def synthesize(
     with running(target, "synthesize", workers, scheduler) as job:
         made = jobs.synthesize(job, request, dataset, count)
         files = _write_bvh(job, made.clips, bvh) if bvh is not None else 0
+        if lineage is not None:
+            write_csv(lineage, list(SOURCE), jobs.synthetic_sources(job, request, dataset, count))
     found = {
         "model": made.model, "dataset": dataset, "clips": made.clips, "made": made.made, "there": made.there,
         "seconds": round(made.seconds, 3), "wall_seconds": round(made.wall_seconds, 3), "files": files,

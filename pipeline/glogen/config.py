@@ -9,7 +9,8 @@ from typing import Any, Final, Literal
 
 from motionlake.weights import Pretrained
 
-RECIPES: Final = ("default", "glogen")
+MATCHING: Final = "matching"
+RECIPES: Final = ("default", "glogen", MATCHING)
 WEIGHTS: Final = ("auto", "pretrained", "own")
 
 
@@ -18,7 +19,8 @@ class SynthesisConfig:
     """Which generator makes new motion.
 
     Attributes:
-        recipe: "default", or "glogen", the thesis's (sections 4.2 and 4.3).
+        recipe: "default", or "glogen", the thesis's (sections 4.2 and 4.3): networks; "matching": motion matching,
+            which plays recorded frames and trains nothing.
         seed: of training.
         epochs: of training; 0 takes the recipe's.
         weights: what a lake without a generator starts with: "own" trains one on clips of known class, "pretrained"

@@ -17,74 +17,14 @@ from motionlake.glogen.onset import FEATURES, Onset, state_at, with_onset
 from motionlake.glogen.rollout import Rollout, roll_out
 from motionlake.glogen.sparse import WIDTH, even_motion, ranges, sparse_motion
 from motionlake.glogen.training import ByClass
-from motionlake.glogen.trajectories import FPS, body_length, body_motion, in_world, measured_length
+from motionlake.glogen.trajectories import FPS, body_motion, in_world, measured_length
 from motionlake.motion.calibration import recorded_range
-from motionlake.motion.skeleton import JOINTS, facing
+from motionlake.motion.generation import SHORTEST, GeneratedMotion, MotionRequest, SeedClip
+from motionlake.motion.skeleton import JOINTS, body_length, facing
 from motionlake.training import on_threads, read_network, save_network
 from torch import nn
 
 METADATA_KEY: Final = "motion_generator"
-SHORTEST: Final = 24  # frames at 30 a second that a seed clip has at least: five sparse poses of a cyclic motion
-
-
-@dataclass(frozen=True)
-class SeedClip:
-    """A recorded clip whose first sparse poses a generated motion continues from.
-
-    Attributes:
-        clip: its name.
-        positions: [F, 21, 3] canonical joints, metres, y up.
-        fps: frames a second.
-        rest_offsets: [21, 3] of its body, metres; the motion gets this body.
-    """
-
-    clip: str
-    positions: Float64Array
-    fps: float
-    rest_offsets: Float64Array
-
-
-@dataclass(frozen=True)
-class MotionRequest:
-    """One motion to generate.
-
-    Attributes:
-        classes: one after the other, equal shares of the time each.
-        seconds: of motion.
-        seed: of the random latent variables.
-        start: the clip that it continues from.
-        pace: speed relative to the recordings; 2 is twice as fast.
-        temperature: scale of the latent variables; 0 gives the most likely motion.
-    """
-
-    classes: tuple[str, ...]
-    seconds: float
-    seed: int
-    start: SeedClip
-    pace: float = 1.0
-    temperature: float = 1.0
-
-
-@dataclass(frozen=True)
-class GeneratedMotion:
-    """A generated motion; its first frame is 1 / fps seconds after the last pose of its seed clip.
-
-    Attributes:
-        positions: [F, 21, 3] canonical joints, metres, y up.
-        rotations: [F, 21, 4] local rotations (w, x, y, z) relative to the canonical rest pose.
-        rest_offsets: [21, 3] of the body, metres: forward kinematics of the rotations gives the positions.
-        fps: frames a second.
-        class_starts: first frame of each class.
-        seed_start, seed_stop: frames of the seed clip, at its own rate, that it continues from.
-    """
-
-    positions: Float64Array
-    rotations: Float64Array
-    rest_offsets: Float64Array
-    fps: float
-    class_starts: tuple[int, ...]
-    seed_start: int
-    seed_stop: int
 
 
 @dataclass(frozen=True)

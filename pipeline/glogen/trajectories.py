@@ -13,10 +13,19 @@ from typing import Final
 import numpy as np
 from motionlake.arrays import Float64Array
 from motionlake.glogen.feet import planted
+from motionlake.motion.generation import FPS as FPS
 from motionlake.motion.kinematics import forward_kinematics, local_rotations, world_from_positions
 from motionlake.motion.resampling import interpolated
 from motionlake.motion.rotations import turn_about_y, turn_on_ground
-from motionlake.motion.skeleton import INDEX, JOINTS, MIRRORED_JOINTS, facing
+from motionlake.motion.skeleton import (
+    INDEX,
+    JOINTS,
+    LENGTH_JOINTS,
+    LENGTH_SHARES,
+    MIRRORED_JOINTS,
+    body_length,
+    facing,
+)
 from scipy.ndimage import gaussian_filter1d
 from scipy.signal import savgol_filter
 
@@ -38,20 +47,13 @@ def _mirrored(name: str) -> tuple[float, float, float]:
 STANDARD: Final[Float64Array] = np.array(
     [(0, 0, 0), *(_OFFSETS.get(name) or _mirrored(name) for name in JOINTS[1:])], dtype=float
 )
-_LENGTH: Final = ("spine", "chest", "neck", "left_knee", "left_ankle", "right_knee", "right_ankle")
-_SHARES: Final = np.array([1.0, 1.0, 1.0, 0.5, 0.5, 0.5, 0.5])
-
-
-def body_length(rest_offsets: Float64Array) -> float:
-    """Leg and torso of a body, in the unit of its rest offsets [21, 3]."""
-    return float(np.linalg.norm(rest_offsets[[INDEX[name] for name in _LENGTH]], axis=1) @ _SHARES)
 
 
 def measured_length(positions: Float64Array) -> float:
     """Leg and torso of a body as its joints [F, 21, 3] show them: medians over the frames."""
     parents = {"spine": "hips", "chest": "spine", "neck": "chest"}
     total = 0.0
-    for name, share in zip(_LENGTH, _SHARES, strict=True):
+    for name, share in zip(LENGTH_JOINTS, LENGTH_SHARES, strict=True):
         side, _, joint = name.partition("_")
         parent = parents.get(name) or f"{side}_{'hip' if joint == 'knee' else 'knee'}"
         bones = positions[:, INDEX[name]] - positions[:, INDEX[parent]]
@@ -83,7 +85,6 @@ def posed(positions: Float64Array, rest_offsets: Float64Array, root: Float64Arra
     return forward_kinematics(root, rotations, rest_offsets), rotations
 
 
-FPS: Final = 30.0
 # As for descriptors: takes the jitter of depth sensors and hardly moves clean motion.
 WINDOW: Final = 7
 ORDER: Final = 3

@@ -103,3 +103,12 @@ def facing(positions: FloatArray) -> Float64Array:
     before = np.maximum(after - 1, 0)
     nearer = np.where(np.abs(valid[before] - frames) <= np.abs(valid[after] - frames), before, after)
     return np.asarray(yaw[nearer], np.float64)
+
+
+LENGTH_JOINTS: Final = ("spine", "chest", "neck", "left_knee", "left_ankle", "right_knee", "right_ankle")
+LENGTH_SHARES: Final = np.array([1.0, 1.0, 1.0, 0.5, 0.5, 0.5, 0.5])
+
+
+def body_length(rest_offsets: Float64Array) -> float:
+    """Leg and torso of a body, in the unit of its rest offsets [21, 3]."""
+    return float(np.linalg.norm(rest_offsets[[INDEX[name] for name in LENGTH_JOINTS]], axis=1) @ LENGTH_SHARES)

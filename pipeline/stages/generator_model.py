@@ -1,26 +1,34 @@
-"""The generator of motion (GloGen and LocGen), trained on the clips of known class of a lake or taken pretrained."""
+"""The generator of motion, made from the clips of known class of a lake (networks or motion matching) or pretrained."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, TypeVar, cast
 
+import numpy as np
 from motionlake.arrays import Progress
 from motionlake.errors import UserError
-from motionlake.glogen.config import PRETRAINED_GENERATOR, SynthesisConfig
+from motionlake.glogen.config import MATCHING, PRETRAINED_GENERATOR, SynthesisConfig
 from motionlake.lake.catalog import Connection, fetch
 from motionlake.lake.config import LakeConfig
 from motionlake.lake.layout import Lake
+from motionlake.motion.generation import FPS, SHORTEST
 from motionlake.stages.frames import clips_key
 from motionlake.stages.model_kind import CHOSEN, ModelKind, Selection
 from motionlake.stages.reader import LakeReader
 from motionlake.stages.training_clips import chosen_clips, drawn_clips, frames_of_clips
+from motionlake.weights import holds
 
 if TYPE_CHECKING:
     from motionlake.glogen.generator import TrainedGenerator, TrainingMotion
+    from motionlake.lake.frames import Frames
+    from motionlake.matching.generator import MatchingGenerator
+    from motionlake.matching.recordings import MatchingClip
 
+M = TypeVar("M")
+SHARED: Final = 2  # minutes of training that classes share, beside about a minute for each
 # Of more frames than these, motions are drawn at random: a GiB of positions.
 MOST_FRAMES = 2_000_000
 
@@ -29,7 +37,7 @@ MOST_FRAMES = 2_000_000
 class MotionSet:
     """Motions of known class in order of their clips and frames, and what a generator's metrics tell of them."""
 
-    motions: list[TrainingMotion]
+    motions: list[TrainingMotion] | list[MatchingClip]
     metrics: Mapping[str, Any]
 
 
@@ -73,7 +81,7 @@ def motion_set(
         "motions_there": len(rows),
         "data_sha256": clips_key([(_name(row), row["content_hash"]) for row in drawn]),
     }
-    return MotionSet(_motions(lake, drawn), metrics)
+    return MotionSet(_matching_clips(lake, drawn) if config.recipe == MATCHING else _motions(lake, drawn), metrics)
 
 
 def _refuse_unlabelled(con: Connection, lake: Lake, split: str | None, dataset: str | None) -> None:
@@ -92,15 +100,34 @@ def _name(row: Mapping[str, Any]) -> str:
 def _motions(lake: Lake, rows: Sequence[Mapping[str, Any]]) -> list[TrainingMotion]:
     from motionlake.glogen.generator import TrainingMotion
 
+    def motion(clip: Frames, row: Mapping[str, Any]) -> TrainingMotion:
+        return TrainingMotion(clip.positions[row["start"] : row["stop"]].astype(float), clip.fps, row["label"])
+
+    return _of_rows(lake, rows, motion)
+
+
+def _matching_clips(lake: Lake, rows: Sequence[Mapping[str, Any]]) -> list[MatchingClip]:
+    from motionlake.matching.recordings import MatchingClip
+
+    def motion(clip: Frames, row: Mapping[str, Any]) -> MatchingClip:
+        positions, rotations = (rows[row["start"] : row["stop"]] for rows in (clip.positions, clip.rotations))
+        offsets = np.array(row["rest_offsets"], dtype=float).reshape(-1, 3)
+        return MatchingClip(
+            clip.clip, row["start"], row["label"], positions.astype(float), rotations.astype(float), offsets, clip.fps
+        )
+
+    return _of_rows(lake, rows, motion)
+
+
+def _of_rows(lake: Lake, rows: Sequence[Mapping[str, Any]], make: Callable[[Frames, Mapping[str, Any]], M]) -> list[M]:
+    """What is made of the frames of each row's clip, in their order; each clip is read once."""
     wanted: dict[str, list[int]] = {}
     for index, row in enumerate(rows):
         wanted.setdefault(row["clip"], []).append(index)
-    found: dict[int, TrainingMotion] = {}
+    found: dict[int, M] = {}
     for clip in frames_of_clips(lake, rows):
         for index in wanted[clip.clip]:
-            row = rows[index]
-            positions = clip.positions[row["start"] : row["stop"]].astype(float)
-            found[index] = TrainingMotion(positions, clip.fps, row["label"])
+            found[index] = make(clip, rows[index])
     return [found[index] for index in range(len(rows))]
 
 
@@ -111,9 +138,6 @@ def classed_motions(con: Connection, split: str | None = None, label: str | None
 
 def long_enough(row: Mapping[str, Any]) -> bool:
     """Whether frames [start, stop) of a clip are enough to start from, and to learn from."""
-    from motionlake.glogen.generator import SHORTEST
-    from motionlake.glogen.trajectories import FPS
-
     return bool(round((row["stop"] - row["start"] - 1) / row["fps"] * FPS) + 1 >= SHORTEST)
 
 
@@ -129,7 +153,8 @@ class GeneratorModel(ModelKind[MotionSet]):
     help = """Train the generator that config.toml names; `motionlake synthesize` then makes motion with it.
 
     It learns from clips with a label, and from the labelled ranges of those without. [synthesis] in config.toml says by
-    which recipe ("default", "glogen") and from which seed. Interrupted, the same command goes on where it stopped.
+    which recipe and from which seed: "default" and "glogen" train networks, "matching" plays recorded frames and takes
+    seconds. Interrupted, the same command goes on where it stopped.
 
     Example: motionlake train synthesis --split train --lake mylake
     """
@@ -147,10 +172,19 @@ class GeneratorModel(ModelKind[MotionSet]):
         return at.config.synthesis.weights == "pretrained" or not classed_motions(at.con)
 
     def announce(self, at: LakeReader) -> str:
-        config, count = at.config.synthesis, len(classed_motions(at.con))
+        config, motions = at.config.synthesis, classed_motions(at.con)
         other = '; to take the pretrained one: [synthesis] weights = "pretrained" in config.toml'
-        why = f", since the lake has {count} labelled clips or ranges" + other * self._could_take(config)
-        return f"will train a generator of motion ({config.recipe}){why if count else ''}"
+        why = f", since the lake has {len(motions)} labelled clips or ranges" + other * self._could_take(config)
+        takes = self._takes(config, len({row["label"] for row in motions}))
+        return f"will train a generator of motion ({config.recipe}){takes}{why if motions else ''}"
+
+    def _takes(self, config: SynthesisConfig, classes: int) -> str:
+        """How long training takes, about."""
+        if config.recipe == MATCHING:
+            return ", which takes seconds"
+        if not classes or config.epochs:
+            return ""
+        return f', which takes up to {classes + SHARED} minutes on one core (recipe = "{MATCHING}" takes seconds)'
 
     def _could_take(self, config: SynthesisConfig) -> bool:
         return self.pretrained.fits(replace(config, weights="pretrained"))
@@ -160,13 +194,34 @@ class GeneratorModel(ModelKind[MotionSet]):
 
     def fit(
         self, lake: Lake, config: LakeConfig, data: MotionSet, checkpoint: Path, progress: Progress
-    ) -> TrainedGenerator:
+    ) -> TrainedGenerator | MatchingGenerator:
+        if config.synthesis.recipe == MATCHING:
+            return self._matching(config.synthesis, cast("list[MatchingClip]", data.motions), data.metrics)
         from motionlake.glogen.generator_training import train_generator
 
-        trained = train_generator(data.motions, config.synthesis, checkpoint=checkpoint, progress=progress)
+        trained = train_generator(
+            cast("list[TrainingMotion]", data.motions), config.synthesis, checkpoint=checkpoint, progress=progress
+        )
         return replace(trained, metrics={**data.metrics, **trained.metrics, "class_names": sorted(trained.classes)})
 
-    def load(self, path: Path) -> TrainedGenerator:
+    def _matching(
+        self, config: SynthesisConfig, clips: list[MatchingClip], metrics: Mapping[str, Any]
+    ) -> MatchingGenerator:
+        from motionlake.matching.database import build_database
+        from motionlake.matching.generator import MatchingGenerator
+
+        database = build_database(clips, config.seed)
+        return MatchingGenerator(
+            replace(database, metrics={**metrics, **database.metrics, "class_names": database.classes})
+        )
+
+    def load(self, path: Path) -> TrainedGenerator | MatchingGenerator:
+        from motionlake.matching.database import METADATA_KEY
+
+        if holds(path, METADATA_KEY):
+            from motionlake.matching.generator import load_generator as load_matching
+
+            return load_matching(path)
         from motionlake.glogen.generator import load_generator
 
         return load_generator(path)

@@ -1,4 +1,4 @@
-"""Stage "synth": a generator of new motion, pretrained or trained on clips of known class (GloGen and LocGen)."""
+"""Stage "synth": a generator of new motion, pretrained or made from clips of known class."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from motionlake.stages.reader import LakeReader
 from motionlake.stages.stage import Stage
 
 if TYPE_CHECKING:
-    from motionlake.glogen.generator import TrainedGenerator
+    from motionlake.motion.generation import MotionGenerator
 
 SHOWN = 3  # classes offered in place of an unknown one
 
@@ -58,16 +58,14 @@ def served_generator(con: Connection, lake: Lake, config: LakeConfig) -> Model:
     )
 
 
-def open_generator(lake: Lake, model: Model) -> TrainedGenerator:
+def open_generator(lake: Lake, model: Model) -> MotionGenerator:
     """The generator itself.
 
     Raises:
         UserError: its file holds something else, or a generator of another skeleton.
     """
-    from motionlake.glogen.generator import load_generator
-
     try:
-        return load_generator(sound(lake, model.file))
+        return GENERATOR.load(sound(lake, model.file))
     except ValueError as error:
         raise UserError(f"{lake.root}: {model.model} makes no motion here: {error}") from error
 

@@ -1,4 +1,4 @@
-"""Requests of new motion: what they may say, the recorded clips that their motions start from, and making these."""
+"""Making motions that are requested: the recorded clips that they start from, and the motions themselves."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from motionlake.errors import UserError
@@ -18,42 +18,14 @@ from motionlake.stages.frames import first_body
 from motionlake.stages.generator_model import classed_motions, long_enough
 from motionlake.stages.sources import content_hash
 from motionlake.stages.synthesis import check_classes
+from motionlake.stages.synthesis_control import Request
+from motionlake.stages.synthesis_options import path_of
 from motionlake.stages.training_clips import check_chosen, frames_of_clips
 
 if TYPE_CHECKING:
-    from motionlake.glogen.generator import GeneratedMotion, TrainedGenerator
+    from motionlake.lake.frames import Frames
     from motionlake.motion.canonicalise import CanonicalMotion
-
-DRAWN: Final = ("start", "outside", "split", "min_quality")  # of a request: what its starts are drawn from
-LONGEST: Final = 3600.0  # seconds of one motion
-
-
-@dataclass(frozen=True)
-class Request:
-    """Motions to make.
-
-    Attributes:
-        classes: one after the other in each motion, equal shares of the time.
-        seconds: of each motion.
-        seed: of what is drawn; every motion is drawn for itself, so that it does not depend on how many are made.
-        start: recorded clip that all start from, or with `outside` a clip file that need not be in the lake (its first
-            body); None draws a clip of the first class for each.
-        outside: `start` is the path of a file.
-        split: draws from this split only.
-        pace: 2 is twice as fast.
-        temperature: of the latent variables: 0 for the likeliest motion, 1 as recordings vary.
-        min_quality: the worst verdict of stage "quality" that a clip may have that is drawn; None: any.
-    """
-
-    classes: tuple[str, ...]
-    seconds: float
-    seed: int = 0
-    start: str | None = None
-    outside: bool = False
-    split: str | None = None
-    pace: float = 1.0
-    temperature: float = 1.0
-    min_quality: str | None = None
+    from motionlake.motion.generation import Control, GeneratedMotion, MotionGenerator
 
 
 @dataclass(frozen=True)
@@ -83,30 +55,15 @@ class Motion:
     start: Start
 
 
-def check_request(request: Request) -> None:
-    """Raises `UserError` for numbers that no motion can have."""
-    if not 0 < request.seconds <= LONGEST:
-        raise UserError(f"{request.seconds:g} seconds: ask for more than 0, and at most {LONGEST:g}")
-    if not (request.pace > 0 and math.isfinite(request.pace)):
-        raise UserError(f"pace {request.pace:g}: must be more than 0; 1 is as recorded, 2 twice as fast")
-    if not (request.temperature >= 0 and math.isfinite(request.temperature)):
-        raise UserError(f"temperature {request.temperature:g}: must be 0 or more; 0 gives the likeliest motion")
-    if request.seed < 0:
-        raise UserError(f"seed {request.seed}: must be 0 or more")
-    if request.start is not None and request.split is not None:
-        raise UserError("a motion starts from one clip (--from) or from those of a split (--split): leave one out")
-
-
 def find_starts(con: Connection, lake: Lake, model: Model, request: Request) -> list[Start]:
     """What the motions of a request may start from, by clip and frame.
 
     Recorded motion of the first class; in a lake that knows of no clip's class, any recorded clip.
 
     Raises:
-        UserError: no motion can have these numbers, the generator does not know a class, the clip to start from is
-            synthetic, the file cannot be read, or no recorded clip of the first class is long enough.
+        UserError: the generator does not know a class, the clip to start from is synthetic, the file cannot be read, or
+            no recorded clip of the first class is long enough.
     """
-    check_request(request)
     check_classes(model, request.classes)
     if request.start is not None and request.outside:
         return [_outside(lake, Path(request.start))]
@@ -154,30 +111,45 @@ def motions_of(request: Request, starts: Sequence[Start], numbers: Iterable[int]
     return [Motion(number, starts[int(index)]) for number, index in drawn.items()]
 
 
-def make(generator: TrainedGenerator, lake: Lake, request: Request, motions: Sequence[Motion]) -> list[GeneratedMotion]:
+def make(generator: MotionGenerator, lake: Lake, request: Request, motions: Sequence[Motion]) -> list[GeneratedMotion]:
     """The motions, in their order.
 
     Raises:
         UserError: a start is shorter than needed.
     """
-    from motionlake.glogen.generator import MotionRequest, SeedClip
+    from motionlake.motion.generation import MotionRequest, SeedClip
 
     starts = sorted({motion.start for motion in motions}, key=lambda start: (start.clip, start.start, start.stop))
-    clips = {c.clip: c.positions for c in frames_of_clips(lake, [asdict(s) for s in starts if not s.outside])}
+    clips: dict[str, Frames | CanonicalMotion] = {
+        clip.clip: clip for clip in frames_of_clips(lake, [asdict(s) for s in starts if not s.outside])
+    }
     seeds = {}
     for start in starts:
-        whole = first_body(lake, Path(start.clip))[1].positions if start.outside else clips[start.clip]
+        whole = first_body(lake, Path(start.clip))[1] if start.outside else clips[start.clip]
+        own = slice(start.start, start.stop)
+        positions, rotations = whole.positions[own].astype(float), whole.rotations[own].astype(float)
         offsets = np.array(start.rest_offsets, dtype=float).reshape(-1, 3)
-        seeds[start] = SeedClip(start.clip, whole[start.start : start.stop].astype(float), start.fps, offsets)
+        seeds[start] = SeedClip(start.clip, positions, start.fps, offsets, rotations)
+    control = _control(request)
     wanted = []
     for motion in motions:
         seed = int(np.random.SeedSequence([request.seed, motion.number]).generate_state(1)[0])
         options = (seed, seeds[motion.start], request.pace, request.temperature)
-        wanted.append(MotionRequest(request.classes, request.seconds, *options))
+        wanted.append(MotionRequest(request.classes, request.lasts, *options, request.shares, control))
     try:
         return generator.generate(wanted)
     except ValueError as error:
         raise UserError(str(error)) from error
+
+
+def _control(request: Request) -> Control | None:
+    """Where a motion goes; None where the request says nothing of it."""
+    from motionlake.motion.generation import Control
+
+    facing = None if request.facing is None else math.radians(request.facing)
+    path = None if request.path is None else path_of(request.path)
+    control = Control(path, request.speed, facing, request.loop, request.from_end)
+    return None if control == Control() else control
 
 
 def canonical_motion(made: GeneratedMotion, filled: Sequence[str] = ()) -> CanonicalMotion:
@@ -196,6 +168,6 @@ def canonical_motion(made: GeneratedMotion, filled: Sequence[str] = ()) -> Canon
     errors = np.linalg.norm(forward_kinematics(positions[:, 0], rotations, rest_offsets) - positions, axis=-1)
     return CanonicalMotion(
         fps=made.fps, root=positions[:, 0], rotations=rotations, positions=positions, rest_offsets=rest_offsets,
-        body_height=body_height(rest_offsets), twist=False, filled=tuple(filled), up="y",
+        body_height=body_height(rest_offsets), twist=bool(made.sources), filled=tuple(filled), up="y",
         metres_per_unit=METRES_PER_UNIT, fk_error=float(errors.max()), fk_error_mean=float(errors.mean()),
     )  # fmt: skip

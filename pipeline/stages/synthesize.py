@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import hashlib
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Mapping
+from dataclasses import asdict, astuple, dataclass, replace
 from itertools import groupby
 from typing import TYPE_CHECKING, Any, ClassVar, Final
 
@@ -20,10 +21,9 @@ from motionlake.stages.reader import LakeReader
 from motionlake.stages.sources import check_apart
 from motionlake.stages.stage import Shard
 from motionlake.stages.synthesis import open_generator, served_generator
+from motionlake.stages.synthesis_control import Request, controls, settled, shaping
 from motionlake.stages.synthesis_requests import (
-    DRAWN,
     Motion,
-    Request,
     Start,
     canonical_motion,
     find_starts,
@@ -32,7 +32,7 @@ from motionlake.stages.synthesis_requests import (
 )
 
 if TYPE_CHECKING:
-    from motionlake.glogen.generator import GeneratedMotion
+    from motionlake.motion.generation import GeneratedMotion
 
 TRIAL: Final = 1.0  # seconds of a first motion, by which it shows whether there is anything to start from
 TOGETHER: Final = 32  # motions a shard
@@ -79,7 +79,7 @@ class Synthesize(ClipStage):
 
         spec, rig = shard.spec, load_rigs()["canonical"]
         model = Model(**spec["generator"])
-        request = Request(**{**spec["request"], "classes": tuple(spec["request"]["classes"])})
+        request = _request(spec["request"])
         keys = {m["number"]: m["key"] for m in spec["motions"]}
         starts = [Start(**{**start, "rest_offsets": tuple(start["rest_offsets"])}) for start in spec["starts"]]
         motions = [Motion(m["number"], starts[m["start"]]) for m in spec["motions"]]
@@ -146,6 +146,7 @@ def planned(at: LakeReader, request: Request, dataset: str, count: int) -> Plan:
     if fetch(at.con, "recorded_dataset", {"dataset": dataset}):
         raise UserError(f"{dataset}: holds recorded clips; give synthetic ones a dataset of their own (--dataset NAME)")
     check_apart(at.con, [dataset])
+    request = settled(request, model, at.config.synthesis.recipe)
     starts = find_starts(at.con, at.lake, model, request)
     motions = motions_of(request, starts, range(1, count + 1))
     names = {m.number: f"{dataset}/{clip_path(request, m.number)}" for m in motions}
@@ -153,14 +154,16 @@ def planned(at: LakeReader, request: Request, dataset: str, count: int) -> Plan:
     keys = {m.number: config_hash(*made_by, _identity(request, m)) for m in motions}
     there = {r["clip"]: r["key"] for r in fetch(at.con, "synthetic_keys", {"dataset": dataset})}
     lacking = [m for m in motions if there.get(names[m.number]) != keys[m.number]]
-    together = max(1, min(TOGETHER, int(SECONDS / request.seconds)))
+    control = controls(request)
+    asked = {"control": control} if control else {}
+    together = max(1, min(TOGETHER, int(SECONDS / request.lasts)))
     shards = []
     for _, group in groupby(lacking, lambda m: (m.number - 1) // together):
         block = list(group)
         chosen = list({m.start: None for m in block})
         spec = {
             "generator": asdict(model),
-            "config": canonical_json(asdict(at.config.synthesis)),
+            "config": canonical_json(asdict(at.config.synthesis) | asked),
             "frames": asdict(at.config.frames),
             "request": asdict(request),
             "starts": [asdict(start) for start in chosen],
@@ -170,9 +173,32 @@ def planned(at: LakeReader, request: Request, dataset: str, count: int) -> Plan:
         shards.append(Shard(SYNTHESIZE.name, key, key[:16], dataset, spec, len(block)))
     if shards:
         # The beginning of the first motion: what is wrong with every motion is said before any work is handed out.
-        short = replace(request, seconds=min(request.seconds, TRIAL))
+        short = replace(request, seconds=min(request.lasts, TRIAL))
         make(open_generator(at.lake, model), at.lake, short, motions[:1])
     return Plan(model, list(names.values()), shards, len(motions) - len(lacking))
+
+
+def source_rows(at: LakeReader, request: Request, dataset: str, count: int) -> list[tuple[Any, ...]]:
+    """Where the frames of motions 1 to `count` of a request come from: a row for each run of recorded frames.
+
+    The motions are made again for it: nothing is kept of them but their frames.
+
+    Returns:
+        Rows of the clip, its frames [start, stop), the recorded clip that they were made from, the first and the last
+        of its frames, and whether these are mirrored; none of a generator that plays no recorded frames.
+
+    Raises:
+        UserError: as `planned`.
+    """
+    model = served_generator(at.con, at.lake, at.config)
+    request = settled(request, model, at.config.synthesis.recipe)
+    motions = motions_of(request, find_starts(at.con, at.lake, model, request), range(1, count + 1))
+    generator, rows = open_generator(at.lake, model), []
+    for motion in motions:
+        (made,) = make(generator, at.lake, request, [motion])
+        name = f"{dataset}/{clip_path(request, motion.number)}"
+        rows += [(name, *astuple(source)) for source in made.sources]
+    return rows
 
 
 def clip_path(request: Request, number: int) -> str:
@@ -184,11 +210,16 @@ def clip_path(request: Request, number: int) -> str:
     return f"{classes}-s{request.seed}-{number:04d}"
 
 
+def _request(spec: Mapping[str, Any]) -> Request:
+    """The request of a shard."""
+    lists = {name: tuple(spec[name]) for name in ("classes", "shares") if spec[name] is not None}
+    return Request(**{**spec, **lists})
+
+
 def _identity(request: Request, motion: Motion) -> list[Any]:
     """All that a motion follows from but the generator."""
     start = motion.start
-    shaping = {name: value for name, value in asdict(request).items() if name not in DRAWN}
-    return [shaping, motion.number, start.clip, start.content_hash, start.start, start.stop]
+    return [shaping(request), motion.number, start.clip, start.content_hash, start.start, start.stop]
 
 
 def _segments(name: str, request: Request, made: GeneratedMotion) -> list[dict[str, Any]]:

@@ -249,7 +249,7 @@ def evaluate_synthesis(
         UserError: no generator, no such split or column, or no clip to measure by.
     """
     from motionlake.deephums.network import load_descriptor
-    from motionlake.glogen.generator import TrainingMotion, embed_motions
+    from motionlake.glogen.generator import TrainedGenerator, TrainingMotion, embed_motions
 
     model = current_model(con, "synthesis")
     if model is None:
@@ -275,6 +275,8 @@ def evaluate_synthesis(
         descriptor=PRETRAINED_DESCRIPTORS.about(),
         warning=warning,
     )
+    if not isinstance(generator, TrainedGenerator):  # plays recorded frames: there is no layer that reads motions
+        return measured
     read = [TrainingMotion(clip.positions, clip.fps, clip.label) for clip in clips.test]
     return replace(measured, embedded=embed_motions(generator, read))
 

@@ -14,14 +14,21 @@ from motionlake.lake.settings import served_config
 from motionlake.retrieval.sql_functions import Names, Served, sql_function
 
 if TYPE_CHECKING:
-    from motionlake.glogen.generator import GeneratedMotion, TrainedGenerator
     from motionlake.lake.models import Model
-    from motionlake.stages.synthesis_requests import Request
+    from motionlake.motion.generation import GeneratedMotion, MotionGenerator
+    from motionlake.stages.synthesis_control import Request
 
-FRAME = {"frame": pa.int32(), "time": float, "class": str, "seed_clip": str} | dict.fromkeys(CHANNELS, pa.float32())
+FRAME = {
+    "frame": pa.int32(),
+    "time": float,
+    "class": str,
+    "seed_clip": str,
+    "source": str,
+    "source_frame": int,
+} | dict.fromkeys(CHANNELS, pa.float32())
 
 
-def _generator(lake: Lake) -> tuple[Model, TrainedGenerator]:
+def _generator(lake: Lake) -> tuple[Model, MotionGenerator]:
     from motionlake.stages.synthesis import open_generator, served_generator
 
     with reading(lake) as con:
@@ -33,27 +40,42 @@ def _generator(lake: Lake) -> tuple[Model, TrainedGenerator]:
 def synthesize(
     served: Served,
     classes: Names,
-    seconds: float | None = 8.0,
+    seconds: float | None = None,
     seed: int = 0,
     start: str | None = None,
     split: str | None = None,
     pace: float = 1.0,
     temperature: float = 1.0,
     min_quality: str | None = None,
+    path: str | None = None,
+    speed: float | None = None,
+    facing: float | None = None,
+    loop: bool = False,
+    continues: str | None = None,
 ) -> list[object] | pa.StructArray:
     """The frames of the first motion that `motionlake synthesize` makes for the same options.
 
-    A row a frame, with the columns of `frames`, the time, the class and the recorded clip that it goes on from.
-    `classes`: 'walk', or ['walk', 'kick'] one after the other; `start`: that clip; `split`: its split;
-    `min_quality`: the worst verdict that it may have.
+    A row a frame, with the columns of `frames`, the time, the class, the recorded clip that it goes on from, and of a
+    generator that plays recorded frames the clip and the frame that it was made from.
+    `classes`: 'walk', or ['walk:3', 'kick:1'] one after the other, with the seconds of each; `start`: that clip;
+    `split`: its split; `min_quality`: the worst verdict that it may have; `path`: 'circle', 'eight:2' or points
+    'x,z;x,z'; `speed`: metres a second; `facing`: degrees; `loop`: its end meets its beginning; `continues`: a clip
+    from the end of which it goes on.
     """
-    from motionlake.stages.synthesis_requests import Request, find_starts, make, motions_of
+    from motionlake.stages.synthesis_control import Request, settled
+    from motionlake.stages.synthesis_options import begun, path_text, timed_classes
+    from motionlake.stages.synthesis_requests import find_starts, make, motions_of
 
-    if seconds is None:
-        return []
     model, generator = served.once(_generator)
-    clip = None if start is None else str(served.query(start).source)
-    request = Request(tuple(classes), seconds, seed, clip, False, split, pace, temperature, min_quality)
+    named = begun(start, continues)
+    clip = None if named is None else str(served.query(named).source)
+    names, shares = timed_classes(classes)
+    way = None if path is None else path_text(path, files=False)
+    asked = Request(
+        names, seconds, seed, clip, False, split, pace, temperature, min_quality, shares, way, speed, facing, loop,
+        continues is not None,
+    )  # fmt: skip
+    request = settled(asked, model, served_config(served.lake).synthesis.recipe)
     with reading(served.lake) as con:
         starts = find_starts(con, served.lake, model, request)
     motions = motions_of(request, starts, [1])
@@ -72,6 +94,19 @@ def _rows(config: LakeConfig, request: Request, made: GeneratedMotion, seed_clip
         "time": pa.array(at / motion.fps),
         "class": pa.array([request.classes[i] for i in current], pa.string()),
         "seed_clip": pa.array([seed_clip] * len(at), pa.string()),
+        **_sources(made),
     }
     rows = pa.table({name: added[name] if name in added else table[name] for name in FRAME})
     return rows.to_struct_array().combine_chunks()
+
+
+def _sources(made: GeneratedMotion) -> dict[str, pa.Array]:
+    """The recorded clip and frame that every frame was made from; NULL where a network made it."""
+    clips: list[str | None] = [None] * len(made.positions)
+    frames: list[int | None] = [None] * len(made.positions)
+    for source in made.sources:
+        clips[source.start : source.stop] = [source.clip] * (source.stop - source.start)
+        frames[source.start : source.stop] = (
+            np.linspace(source.first, source.last, source.stop - source.start).round().astype(int).tolist()
+        )
+    return {"source": pa.array(clips, pa.string()), "source_frame": pa.array(frames, pa.int64())}

@@ -1,0 +1,222 @@
+"""The frames that motion is made from, of clips of known class, with their mirror images."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from motionlake.arrays import BoolArray, Float32Array, Float64Array, Int64Array
+from motionlake.matching.features import AHEAD, PLACES, POSE, features, mirrored_features, scales
+from motionlake.matching.recordings import (
+    FPS,
+    SHORTEST,
+    MatchingClip,
+    RootedMotion,
+    rooted,
+    sound_ranges,
+)
+from motionlake.motion.rotations import turn_on_ground
+from motionlake.motion.skeleton import JOINTS, body_length
+from motionlake.weights import read_tensors, save_tensors
+
+METADATA_KEY: Final = "matching_database"
+VERSION: Final = 1
+MOST_FRAMES: Final = 200_000  # at 30 a second; of more, pieces are drawn
+APART: Final = 3  # frames: poses so near in time are joined and nobody sees it
+LEAST_SPEED: Final = 0.3  # body lengths a second: a class whose frames mostly go faster gets about
+QUANTILES: Final = (0.05, 0.5, 0.95)  # of the speeds of a class that metrics tell, metres a second
+_TENSORS: Final = ("rotations", "hips", "steps", "turns", "stands", "features", "pieces", "fps")
+
+
+@dataclass(frozen=True)
+class MotionDatabase:
+    """N frames at 30 a second in M pieces; row n + N is frame n mirrored left to right. Lengths are in body lengths.
+
+    Attributes:
+        classes: names, sorted.
+        clips: [M] name of the clip of each piece.
+        pieces: [M, 4] first row and the one after the last, class, and the frame of its clip that is the first.
+        fps: [M] of the clips.
+        rotations: [N, 21, 4] local; the hips' are relative to the root's heading.
+        hips: [N, 3] from the root on the ground.
+        steps: [N, 2] of the root to the next frame (left, ahead), a second.
+        turns: [N] of the root's heading to the next frame, radians a second.
+        stands: [N, 4] whether ankle and toe stand, left and right.
+        features: [N, 48].
+        metrics: of how it was made.
+    """
+
+    classes: list[str]
+    clips: list[str]
+    pieces: Int64Array
+    fps: Float64Array
+    rotations: Float32Array
+    hips: Float32Array
+    steps: Float32Array
+    turns: Float32Array
+    stands: BoolArray
+    features: Float32Array
+    metrics: dict[str, Any]
+
+    def __len__(self) -> int:
+        return len(self.hips)
+
+    @cached_property
+    def scales(self) -> Float32Array:
+        """[48] that make features comparable."""
+        return scales(self.features)
+
+    @cached_property
+    def compared(self) -> Float32Array:
+        """[2 N, 48] features of all rows."""
+        return np.concatenate([self.features, mirrored_features(self.features)])
+
+    @cached_property
+    def piece_of(self) -> Int64Array:
+        """[N] piece of every frame."""
+        return np.repeat(np.arange(len(self.pieces)), self.pieces[:, 1] - self.pieces[:, 0])
+
+    @cached_property
+    def left(self) -> Int64Array:
+        """[N] frames that follow in the piece."""
+        return np.asarray(self.pieces[self.piece_of, 1] - 1 - np.arange(len(self)))
+
+    @cached_property
+    def rows(self) -> list[Int64Array]:
+        """Of every class, its rows, mirrored ones too."""
+        target = self.pieces[self.piece_of, 2]
+        found = [np.flatnonzero(target == i) for i in range(len(self.classes))]
+        return [np.concatenate([own, own + len(self)]) for own in found]
+
+    @cached_property
+    def tolerance(self) -> float:
+        """How far poses are from one another that a tenth of a second lies between: the median."""
+        here = np.flatnonzero(self.left >= APART)[:: max(1, len(self) // 20_000)]
+        apart = (self.features[here + APART, :POSE] - self.features[here, :POSE]) * self.scales[:POSE]
+        return float(np.median(np.linalg.norm(apart, axis=1)))
+
+    def speeds(self, target: int) -> Float64Array:
+        """Speeds of the root over the second that follows, of the frames of a class that has a second left."""
+        own = self.rows[target]
+        own = own[: len(own) // 2]
+        whole = own[self.left[own] >= AHEAD[-1]]
+        chosen = whole if len(whole) else own
+        ways: Float64Array = np.linalg.norm(self.features[chosen, PLACES][:, -2:].astype(float), axis=1)
+        return ways / (AHEAD[-1] / FPS)
+
+    def aside(self, target: int) -> float:
+        """Share of the frames of a class that go, and go elsewhere within a second than within 45 degrees of ahead."""
+        own = self.rows[target]
+        ways = self.features[own[: len(own) // 2], PLACES][:, -2:].astype(float)
+        going = np.linalg.norm(ways, axis=1) > LEAST_SPEED * AHEAD[-1] / FPS
+        return float((ways[going, 1] < np.abs(ways[going, 0])).mean()) if going.any() else 0.0
+
+    def usual_speed(self, target: int) -> float:
+        """Body lengths a second that a class goes, the median; 0 of one that mostly stays where it is."""
+        speed = float(np.median(self.speeds(target)))
+        return speed if speed > LEAST_SPEED else 0.0
+
+    def save(self, path: Path) -> None:
+        """Write it as one safetensors file."""
+        tensors = {name: getattr(self, name) for name in _TENSORS}
+        kept = {
+            "version": VERSION, "joints": list(JOINTS), "classes": self.classes, "clips": self.clips,
+            "figures": self.metrics,
+        }  # fmt: skip
+        save_tensors(path, tensors, METADATA_KEY, kept)
+
+
+def load_database(path: Path) -> MotionDatabase:
+    """Read what `MotionDatabase.save` wrote.
+
+    Raises:
+        ValueError: the file holds something else, or frames of another skeleton or version.
+    """
+    tensors, kept = read_tensors(path, METADATA_KEY)
+    if kept["joints"] != list(JOINTS):
+        raise ValueError(f"{path} holds frames of another skeleton: {', '.join(kept['joints'])}")
+    if kept["version"] != VERSION:
+        raise ValueError(f"{path} was made by another version; make it anew with `motionlake train synthesis`")
+    return MotionDatabase(kept["classes"], kept["clips"], **tensors, metrics=kept["figures"])
+
+
+def build_database(clips: Sequence[MatchingClip], seed: int = 0, most: int = MOST_FRAMES) -> MotionDatabase:
+    """The database of recorded clips.
+
+    Args:
+        clips: of known class.
+        seed: draws pieces where there are more than `most` frames.
+        most: frames.
+
+    Raises:
+        ValueError: no clip has frames enough.
+    """
+    found = [piece for clip in clips for piece in _pieces(clip)]
+    order = np.random.default_rng(seed).permutation(len(found))
+    total = np.cumsum([len(found[i].motion) for i in order])
+    kept = [found[i] for i in sorted(order[: max(1, int(np.searchsorted(total, most, side="right")))].tolist())]
+    if not kept:
+        raise ValueError(f"no motion lasts {SHORTEST / FPS:g} s without a calibration pose")
+    classes = sorted({piece.label for piece in kept})
+    stops = np.cumsum([len(piece.motion) for piece in kept])
+    rows = np.array(
+        [
+            (stop - len(piece.motion), stop, classes.index(piece.label), piece.start)
+            for piece, stop in zip(kept, stops, strict=True)
+        ]
+    )
+    motions = [piece.motion for piece in kept]
+    size = float(np.mean([piece.size for piece in kept]))
+    steps = [steps_of(motion) for motion in motions]
+    database = MotionDatabase(
+        classes, [piece.clip for piece in kept], rows.astype(np.int64), np.array([piece.fps for piece in kept]),
+        _joined([m.rotations for m in motions]), _joined([m.hips for m in motions]),
+        _joined([s[:, :2] for s in steps]), _joined([s[:, 2] for s in steps]),
+        np.concatenate([m.stands for m in motions]), _joined([features(m) for m in motions]),
+        {"frames": int(stops[-1]), "pieces": len(kept), "classes": len(classes), "clips": len({p.clip for p in kept})},
+    )  # fmt: skip
+    speeds = {
+        name: [round(float(size * v), 3) for v in np.quantile(database.speeds(i), QUANTILES)]
+        if database.usual_speed(i)
+        else None
+        for i, name in enumerate(classes)
+    }
+    aside = {name: round(database.aside(i), 3) for i, name in enumerate(classes)}
+    return replace(database, metrics={**database.metrics, "speeds": speeds, "aside": aside})
+
+
+@dataclass(frozen=True)
+class _Piece:
+    clip: str
+    start: int
+    label: str
+    fps: float
+    size: float
+    motion: RootedMotion
+
+
+def _pieces(clip: MatchingClip) -> list[_Piece]:
+    """The stretches of a clip between calibration poses and jumps."""
+    found, size = [], body_length(clip.rest_offsets)
+    for start, stop in sound_ranges(clip.positions, clip.rotations, clip.fps):
+        if (stop - start - 1) / clip.fps * FPS + 1 < SHORTEST:
+            continue
+        motion = rooted(clip.positions[start:stop], clip.rotations[start:stop], clip.rest_offsets, clip.fps)
+        found.append(_Piece(clip.clip, clip.start + start, clip.label, clip.fps, size, motion))
+    return found
+
+
+def _joined(rows: Sequence[Any]) -> Float32Array:
+    return np.ascontiguousarray(np.concatenate(rows), dtype=np.float32)
+
+
+def steps_of(motion: RootedMotion) -> Float64Array:
+    """[T, 3] steps (left, ahead) and turn of the root to the next frame, a second; the last repeats."""
+    steps, turns = np.diff(motion.place, axis=0), np.diff(motion.heading)
+    left, ahead = turn_on_ground(steps[:, 0], steps[:, 1], -motion.heading[:-1])
+    rows = np.stack([left, ahead, turns], axis=1) * FPS
+    return np.concatenate([rows, rows[-1:]])

@@ -1,0 +1,150 @@
+"""Feet that stand neither slide nor sink: hips settle on them, and hip, knee and ankle take what is left."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from motionlake.arrays import BoolArray, Float64Array
+from motionlake.matching.recordings import FEET
+from motionlake.motion.kinematics import forward_kinematics, local_rotations, world_rotations
+from motionlake.motion.rotations import multiply, swing
+from motionlake.motion.skeleton import INDEX
+from motionlake.motion.standing import SIDES, staying
+from motionlake.motion.two_bones import bent, level_ahead
+from scipy.ndimage import gaussian_filter1d, maximum_filter1d
+
+SETTLE: Final = 4.0  # frames over which the body settles
+SMOOTH: Final = 1.5  # frames
+FAR: Final = 0.2  # body lengths that a foot is held back while it stands, at most
+LOWEST: Final = 0.015  # body lengths that this is below the ground, at most
+DEEP: Final = 0.005  # metres below the ground from which on the whole body is lifted
+LEAST: Final = 0.05  # weight of no standing foot
+FLOOR: Final = 15.0  # frames: half-life of what given feet stood on above the ground, or below it
+BLEND: Final = 5  # frames over which a foot comes to where it stands, and leaves it
+
+
+@dataclass(frozen=True)
+class Ground:
+    """What a body of four joints of the feet (`FEET`) stands on.
+
+    Attributes:
+        lowest: [4] metres of each where it stands flat.
+        begun: the motion goes on from given frames, from which feet must not jump.
+    """
+
+    lowest: Float64Array
+    begun: bool = False
+
+
+def on_ground(
+    hips: Float64Array,
+    rotations: Float64Array,
+    rest_offsets: Float64Array,
+    stands: BoolArray,
+    ground: Ground,
+    size: float,
+) -> tuple[Float64Array, Float64Array]:
+    """A motion whose feet stand on the ground where they stand, neither sliding nor below it.
+
+    Args:
+        hips: [T, 3] metres.
+        rotations: [T, 21, 4] local.
+        rest_offsets: [21, 3] metres.
+        stands: [T, 4] of `FEET`.
+        ground: under them.
+        size: metres of a body length.
+
+    Returns:
+        Hips [T, 3] and local rotations [T, 21, 4].
+    """
+    feet = forward_kinematics(hips, rotations, rest_offsets)[:, [INDEX[name] for name in FEET], 1]
+    above = feet - ground.lowest
+    settled = _settled(above, stands, SETTLE)
+    floor = np.zeros(len(hips))
+    if ground.begun:  # the floor of a recording is not level: what the given feet stand on passes into the ground
+        floor = max(settled[0], -LOWEST * size) * np.exp(-math.log(2) / FLOOR * np.arange(len(hips)))
+        settled = _settled(above - floor[:, None], stands, SETTLE)
+    moved = hips.copy()
+    moved[:, 1] -= settled
+    planted = _planted(moved, rotations, rest_offsets, stands, ground, floor, size)
+    sunk = _sunk(moved, planted, rest_offsets, ground.lowest + np.minimum(floor, 0.0)[:, None])
+    if sunk.max() < DEEP:
+        return moved, planted
+    moved[:, 1] += gaussian_filter1d(maximum_filter1d(sunk, round(4 * SMOOTH) + 1), SMOOTH)
+    return moved, _planted(moved, rotations, rest_offsets, stands, ground, floor, size)
+
+
+def _sunk(
+    hips: Float64Array, rotations: Float64Array, rest_offsets: Float64Array, lowest: Float64Array
+) -> Float64Array:
+    """[T] metres by which a foot is below the ground for all that a leg can bend."""
+    feet = forward_kinematics(hips, rotations, rest_offsets)[:, [INDEX[name] for name in FEET], 1]
+    return np.asarray(np.maximum(0.0, (lowest - feet).max(axis=1)))
+
+
+def _planted(
+    hips: Float64Array, rotations: Float64Array, rest_offsets: Float64Array, stands: BoolArray, ground: Ground,
+    floor: Float64Array, size: float,
+) -> Float64Array:  # fmt: skip
+    """Local rotations by which hips, knees and ankles bring the feet where they belong; `floor` [T] metres of it."""
+    joints = forward_kinematics(hips, rotations, rest_offsets)
+    world = world_rotations(rotations)
+    ahead = level_ahead(joints[:, INDEX["left_hip"]], joints[:, INDEX["right_hip"]])
+    for i, side in enumerate(SIDES):
+        hip, knee, ankle, toe = (INDEX[f"{side}_{part}"] for part in ("hip", "knee", "ankle", "toe"))
+        foot, own = joints[:, [ankle, toe]], stands[:, 2 * i : 2 * i + 2]
+        standing = np.asarray(own.any(axis=1))
+        change = staying(foot, standing, FAR * size, BLEND)
+        change[:, 1] = _upright(foot[..., 1] - ground.lowest[2 * i : 2 * i + 2] - floor[:, None], own)
+        if ground.begun:
+            change = _from_given(change, standing)
+        to_knee, to_ankle = bent(joints[:, hip], joints[:, knee], joints[:, ankle], foot[:, 0] + change, ahead)
+        for joint, before, after in (
+            (hip, joints[:, knee] - joints[:, hip], to_knee - joints[:, hip]),
+            (knee, joints[:, ankle] - joints[:, knee], to_ankle - to_knee),
+        ):
+            world[:, joint] = multiply(swing(before, after), world[:, joint])
+    return local_rotations(world)
+
+
+def _from_given(change: Float64Array, standing: BoolArray) -> Float64Array:
+    """Changes [T, 3] of a foot that begin with none: a foot that stands stays where the given frames have it."""
+    first = len(standing) if standing.all() else int(np.argmin(standing))
+    frames = np.arange(len(change))
+    after = np.clip((frames - max(0, first - 1)) / BLEND, 0, 1)
+    begun = change - (0.5 + 0.5 * np.cos(np.pi * after))[:, None] * change[0] * np.array([1.0, 0.0, 1.0])
+    begun[:, 1] *= np.clip(frames / BLEND, 0, 1)
+    return np.asarray(begun)
+
+
+def _settled(above: Float64Array, stands: BoolArray, frames: float) -> Float64Array:
+    """[T] by which standing joints are too high, of heights [T, 4 or 2] above where they stand: the lowest bears."""
+    held = stands.any(axis=1)
+    off = np.where(held, np.where(stands, above, np.inf).min(axis=1, initial=np.inf), 0.0)
+    weight = held.astype(float)
+    spread: Float64Array = gaussian_filter1d(off * weight, frames) / (gaussian_filter1d(weight, frames) + LEAST)
+    return spread
+
+
+def _upright(above: Float64Array, stands: BoolArray) -> Float64Array:
+    """[T] by which a foot is moved up or down: onto the ground while it stands, never below it.
+
+    Args:
+        above: [T, 2] heights of ankle and toe above where they stand.
+        stands: [T, 2].
+    """
+    down = -_settled(above, stands, SMOOTH)
+    sunk = np.maximum(0.0, -(above + down[:, None]).min(axis=1))
+    lift: Float64Array = down + np.maximum(sunk, gaussian_filter1d(sunk, SMOOTH))
+    return lift
+
+
+def heights_standing(joints: Float64Array, ground: float) -> Float64Array:
+    """[4] heights over the ground of the joints of `FEET` of a body's frames [F, 21, 3], where they are lowest."""
+    feet = joints[:, [INDEX[name] for name in FEET], 1] - ground
+    lowest = np.quantile(feet, 0.05, axis=0)
+    level: Float64Array = np.repeat(np.minimum(lowest[:2], lowest[2:])[None], 2, axis=0).ravel()
+    return level

@@ -1,0 +1,230 @@
+"""Motion matching as a generator: from requests to motion."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from motionlake.arrays import Float64Array
+from motionlake.matching.assembly import Poses, assembled, in_world
+from motionlake.matching.course import Course, Part, Start
+from motionlake.matching.database import MotionDatabase, load_database, steps_of
+from motionlake.matching.features import features
+from motionlake.matching.feet import Ground, heights_standing, on_ground
+from motionlake.matching.player import Player
+from motionlake.matching.recordings import FPS, RootedMotion, rooted, sound_ranges
+from motionlake.matching.steering import Steering
+from motionlake.motion.generation import SHORTEST, Control, GeneratedMotion, MotionRequest, SeedClip, Source
+from motionlake.motion.kinematics import forward_kinematics, local_rotations, world_from_positions
+from motionlake.motion.skeleton import JOINTS, body_length
+
+PIECE: Final = 100  # frames of a long seed clip from start to start
+GIVEN: Final = 15  # frames that a motion goes on from
+
+
+@dataclass(frozen=True)
+class Given:
+    """The frames that a motion goes on from, in the world.
+
+    Attributes:
+        motion: seen from the root, up to the last given frame.
+        lowest: [4] metres, where joints of the feet stand.
+        first, last: frames [first, last) of the seed clip at its own rate.
+    """
+
+    motion: RootedMotion
+    lowest: Float64Array
+    first: int
+    last: int
+
+
+@dataclass(frozen=True)
+class MatchingGenerator:
+    """A frozen generator: a database, and nothing that was trained."""
+
+    database: MotionDatabase
+
+    @property
+    def classes(self) -> list[str]:
+        return self.database.classes
+
+    @property
+    def metrics(self) -> Mapping[str, Any]:
+        return self.database.metrics
+
+    @cached_property
+    def usual(self) -> list[float]:
+        """Usual speed of every class, body lengths a second; 0 of one that stays."""
+        return [self.database.usual_speed(target) for target in range(len(self.classes))]
+
+    def generate(self, requests: Sequence[MotionRequest]) -> list[GeneratedMotion]:
+        """One motion for each request; the same request gives the same motion, whatever the others are.
+
+        Raises:
+            ValueError: a class that it does not know, no seconds, no pace, a seed clip shorter than needed or of
+                another skeleton, or a path for which the time is too short or too long.
+        """
+        return [self._made(request) for request in requests]
+
+    def save(self, path: Path) -> None:
+        """Write it as one safetensors file."""
+        self.database.save(path)
+
+    def _made(self, request: MotionRequest) -> GeneratedMotion:
+        self._check(request)
+        control = request.control or Control()
+        body, frames = request.start.rest_offsets, max(2, round(request.seconds * FPS))
+        size = body_length(body)
+        given = given_frames(request.start, request.seed, control.from_end)
+        parts = self._parts(request, control, frames, size)
+        rng = np.random.default_rng(request.seed)
+        start = _start(given.motion)
+        steering = None
+        if control.path is not None:
+            speeds = self._speeds(parts, frames)
+            heading = start.heading
+            facing = None if control.facing is None else heading + control.facing
+            steering = Steering(control.path, size, start.place, heading, speeds, facing)
+        player = Player(
+            self.database, parts, frames, rng, pace=request.pace, temperature=request.temperature, steering=steering,
+            loop=control.loop,
+        )  # fmt: skip
+        course = player.run(start, drawn=control.loop and steering is None)
+        if control.loop and control.path is not None:
+            course = _closed(course)
+        return self._posed(request, given, course, parts, None if control.loop else _last_two(given.motion))
+
+    def _posed(
+        self, request: MotionRequest, given: Given, course: Course, parts: list[Part], shown: Poses | None
+    ) -> GeneratedMotion:
+        body, size = request.start.rest_offsets, body_length(request.start.rest_offsets)
+        poses = assembled(self.database, course, shown)
+        hips, rotations = in_world(poses, course, size)
+        ground = Ground(given.lowest, begun=shown is not None)
+        hips, rotations = on_ground(hips, rotations, body, poses.stands, ground, size)
+        hips[:, 1] += given.motion.ground
+        positions = forward_kinematics(hips, rotations, body)
+        starts = tuple(part.first for part in parts)
+        sources = self._sources(course)
+        return GeneratedMotion(positions, rotations, body, FPS, starts, given.first, given.last, sources)
+
+    def _sources(self, course: Course) -> list[Source]:
+        found = []
+        for start, stop in zip(course.jumps, [*course.jumps[1:], len(course.at)], strict=True):
+            piece = int(self.database.piece_of[int(course.at[start])])
+            low, _, _, frame = self.database.pieces[piece]
+            first, last = (
+                int(frame + round((course.at[t] - low) / FPS * self.database.fps[piece])) for t in (start, stop - 1)
+            )
+            clip = self.database.clips[piece]
+            found.append(Source(start, stop, clip, first, last, bool(course.mirrored[start])))
+        return found
+
+    def _parts(self, request: MotionRequest, control: Control, frames: int, size: float) -> list[Part]:
+        targets = [self.classes.index(name) for name in request.classes]
+        shares = np.array(request.shares or [1.0] * len(targets))
+        firsts = np.concatenate([[0.0], np.cumsum(shares)[:-1]]) / shares.sum() * frames
+        going = len(set(targets)) > 1 or control.path is not None or control.speed is not None
+        speeds: list[float | None] = [self.usual[target] or None if going else None for target in targets]
+        if control.speed is not None:
+            speeds = [control.speed / size] * len(targets)
+        return [
+            Part(target, min(frames - 1, round(first)), speed, control.speed is not None)
+            for target, first, speed in zip(targets, firsts, speeds, strict=True)
+        ]
+
+    def _speeds(self, parts: list[Part], frames: int) -> Float64Array:
+        speeds = np.empty(frames)
+        for part in parts:
+            speeds[part.first :] = part.speed or 0.0
+        return speeds
+
+    def _check(self, request: MotionRequest) -> None:
+        if not request.classes:
+            raise ValueError("a request names no class")
+        for name in request.classes:
+            if name not in self.classes:
+                raise ValueError(f"class {name!r} is none of this generator's {len(self.classes)}")
+        if not (np.isfinite(request.seconds) and request.seconds > 0):
+            raise ValueError(f"{request.seconds} seconds of motion cannot be made; ask for more than 0")
+        if not (np.isfinite(request.pace) and request.pace > 0):
+            raise ValueError(f"pace {request.pace} is none; 1 is that of the recordings, 2 twice as fast")
+        if not (np.isfinite(request.temperature) and request.temperature >= 0):
+            raise ValueError(f"temperature {request.temperature} is none; 0 leaves nothing to chance")
+
+
+def given_frames(seed: SeedClip, chance: int, from_end: bool) -> Given:
+    """The frames of a seed clip that a motion goes on from: its last, or the first of it or of one piece of a long one.
+
+    Raises:
+        ValueError: the clip is shorter than needed, or of another skeleton.
+    """
+    if seed.positions.ndim != 3 or seed.positions.shape[1:] != (len(JOINTS), 3):
+        shape = "x".join(map(str, seed.positions.shape[1:]))
+        raise ValueError(f"{seed.clip} is of another skeleton: {shape} numbers a frame, not {len(JOINTS)}x3")
+    if body_length(seed.rest_offsets) < 1e-6:
+        raise ValueError(f"{seed.clip} has a body without length")
+    rotations = seed.rotations
+    first, stop = _sound(seed)
+    frames = round((stop - first - 1) / seed.fps * FPS) + 1
+    if frames < SHORTEST:
+        seconds = len(seed.positions) / seed.fps
+        raise ValueError(f"{seed.clip} lasts {seconds:.2f} s; to start from it needs {SHORTEST / FPS:.2f} s at least")
+    own = None if rotations is None else rotations[first:stop]
+    motion = rooted(seed.positions[first:stop], own, seed.rest_offsets, seed.fps)
+    size = body_length(seed.rest_offsets)
+    lowest = heights_standing(motion.joints, 0.0) * size
+    begins = np.arange(0, max(1, len(motion) - PIECE), PIECE)
+    begin = int(begins[np.random.default_rng(chance).integers(len(begins))])
+    end = len(motion) if from_end else min(len(motion), begin + GIVEN)
+    cut = motion.cut(end - GIVEN, end)
+    at = [round(first + frame / FPS * seed.fps) for frame in (end - GIVEN, end - 1)]
+    return Given(cut, lowest, at[0], min(at[1] + 1, len(seed.positions)))
+
+
+def _sound(seed: SeedClip) -> tuple[int, int]:
+    """The longest stretch of the clip without calibration poses and jumps; all of it where that is too short."""
+    rotations = seed.rotations
+    if rotations is None:
+        rotations = local_rotations(world_from_positions(np.ascontiguousarray(seed.positions, dtype=float)))
+    if len(seed.positions) < 2:
+        return 0, len(seed.positions)
+    found = max(sound_ranges(seed.positions, rotations, seed.fps), key=lambda pair: pair[1] - pair[0])
+    return found if (found[1] - found[0] - 1) / seed.fps * FPS + 1 >= SHORTEST else (0, len(seed.positions))
+
+
+def _start(motion: RootedMotion) -> Start:
+    """The last given frame, from which the root goes on as it went."""
+    row = features(motion)[-1]
+    step = steps_of(motion)[-1]
+    last, heading = motion.place[-1], float(motion.heading[-1])
+    moved = motion.place[-1] - motion.place[-2]
+    return Start(row, step, last + moved, heading + step[2] / FPS)
+
+
+def _last_two(motion: RootedMotion) -> Poses:
+    return Poses(motion.rotations[-2:], motion.hips[-2:], motion.stands[-2:])
+
+
+def _closed(course: Course) -> Course:
+    """A course whose end is led to its beginning: what it misses is spread over all of it."""
+    count = len(course.at)
+    share = np.linspace(0, 1, count)
+    place, heading = course.place, course.heading
+    off = place[0] - (place[-1] + (place[-1] - place[-2]))
+    turned = heading[0] - heading[-1]
+    turned -= 2 * np.pi * np.round(turned / (2 * np.pi))
+    return replace(course, place=place + share[:, None] * off, heading=heading + share * turned)
+
+
+def load_generator(path: Path) -> MatchingGenerator:
+    """Read what `MatchingGenerator.save` wrote.
+
+    Raises:
+        ValueError: the file holds something else, or frames of another skeleton or version.
+    """
+    return MatchingGenerator(load_database(path))

@@ -1,0 +1,200 @@
+"""Requests of new motion: what they may say, of time and way too (seconds of a class, a path, a speed, a loop)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import TYPE_CHECKING, Any, Final
+
+from motionlake.errors import UserError
+from motionlake.glogen.config import MATCHING
+from motionlake.stages.synthesis import check_classes
+from motionlake.stages.synthesis_options import path_of
+
+if TYPE_CHECKING:
+    from motionlake.lake.models import Model
+    from motionlake.motion.paths import GroundPath
+
+# Of a request: what its starts are drawn from; and what was added since motions were first kept, by its default.
+DRAWN: Final = ("start", "outside", "split", "min_quality")
+ADDED: Final = {"shares": None, "path": None, "speed": None, "facing": None, "loop": False, "from_end": False}
+SECONDS: Final = 8.0  # of a motion for which nothing says how long it is
+ASIDE: Final = 0.05  # share of a class's frames that go sideways or back, with which it can face elsewhere
+LEAST_LOOP: Final = 2.0  # seconds
+# Of the slowest and the fastest of a class, how slow and fast it may be asked to go.
+SLOWER, FASTER = 0.7, 1.3
+
+
+LONGEST: Final = 3600.0  # seconds of one motion
+
+
+@dataclass(frozen=True)
+class Request:
+    """Motions to make.
+
+    Attributes:
+        classes: one after the other in each motion, equal shares of the time.
+        seconds: of each motion; None: as long as classes or path say.
+        seed: of what is drawn; every motion is drawn for itself, so that it does not depend on how many are made.
+        start: recorded clip that all start from, or with `outside` a clip file that need not be in the lake (its first
+            body); None draws a clip of the first class for each.
+        outside: `start` is the path of a file.
+        split: draws from this split only.
+        pace: 2 is twice as fast.
+        temperature: of the latent variables: 0 for the likeliest motion, 1 as recordings vary.
+        min_quality: the worst verdict of stage "quality" that a clip may have that is drawn; None: any.
+        shares: seconds of each class; None: equal shares of the time.
+        path: on the ground (`path_text`); None: as recordings go.
+        speed: metres a second; None: that of the class.
+        facing: degrees to the left of the heading at the start that the body keeps facing; None: along its way.
+        loop: the end of a motion meets its beginning.
+        from_end: it goes on from the last frames of `start`, not from its first.
+    """
+
+    classes: tuple[str, ...]
+    seconds: float | None
+    seed: int = 0
+    start: str | None = None
+    outside: bool = False
+    split: str | None = None
+    pace: float = 1.0
+    temperature: float = 1.0
+    min_quality: str | None = None
+    shares: tuple[float, ...] | None = None
+    path: str | None = None
+    speed: float | None = None
+    facing: float | None = None
+    loop: bool = False
+    from_end: bool = False
+
+    @property
+    def lasts(self) -> float:
+        """Seconds of each motion, once they are settled."""
+        assert self.seconds is not None, "the request is not settled"
+        return self.seconds
+
+
+def check_request(request: Request) -> None:
+    """Raises `UserError` for numbers that no motion can have."""
+    if request.seconds is not None and not 0 < request.seconds <= LONGEST:
+        raise UserError(f"{request.seconds:g} seconds: ask for more than 0, and at most {LONGEST:g}")
+    if not (request.pace > 0 and math.isfinite(request.pace)):
+        raise UserError(f"pace {request.pace:g}: must be more than 0; 1 is as recorded, 2 twice as fast")
+    if not (request.temperature >= 0 and math.isfinite(request.temperature)):
+        raise UserError(f"temperature {request.temperature:g}: must be 0 or more; 0 gives the likeliest motion")
+    if request.seed < 0:
+        raise UserError(f"seed {request.seed}: must be 0 or more")
+    if request.start is not None and request.split is not None:
+        raise UserError("a motion starts from one clip (--from) or from those of a split (--split): leave one out")
+
+
+def check_recipe(request: Request, recipe: str) -> None:
+    """Raises `UserError` where a recipe cannot do what a request says of time and way."""
+    if recipe == MATCHING:
+        return
+    asked = {
+        "follows no path": request.path is not None, "keeps no speed": request.speed is not None,
+        "keeps facing nothing": request.facing is not None, "makes no loops": request.loop,
+        "does not go on from the end of a clip": request.from_end,
+        "gives every class an equal share of the time": request.shares is not None,
+    }  # fmt: skip
+    cannot = next((said for said, wanted in asked.items() if wanted), None)
+    if cannot is not None:
+        raise UserError(
+            f'recipe "{recipe}" {cannot}; "{MATCHING}" can: set [synthesis] recipe = "{MATCHING}" in config.toml, then '
+            "`motionlake run synth`"
+        )
+
+
+def settled(request: Request, model: Model, recipe: str) -> Request:
+    """The request with its seconds and its speed.
+
+    Args:
+        request: as it was asked.
+        model: the generator; its metric `speeds` has of each class the slowest, the usual and the fastest, metres a
+            second.
+        recipe: of it.
+
+    Raises:
+        UserError: no motion can have its numbers; the recipe or a class cannot do what it says, or this does not fit
+            together: a path that leaves no time, a class that goes nowhere.
+    """
+    check_request(request)
+    check_classes(model, request.classes)
+    check_recipe(request, recipe)
+    _check_together(request)
+    aside = model.metrics.get("aside", {}).get(request.classes[0], 0.0)
+    if request.facing is not None and aside < ASIDE:
+        raise UserError(
+            f"{request.classes[0]} was recorded going ahead alone: it can only face its way (--facing path)"
+        )
+    rates = model.metrics.get("speeds", {}).get(request.classes[0])
+    seconds = sum(request.shares) if request.shares is not None else request.seconds
+    if request.path is None:
+        return _within(replace(request, seconds=SECONDS if seconds is None else seconds), rates)
+    return _within(_along(replace(request, seconds=seconds), path_of(request.path), rates), rates)
+
+
+def _along(request: Request, path: GroundPath, rates: Sequence[float] | None) -> Request:
+    """The request with the seconds and the speed by which it follows a path."""
+    if len(set(request.classes)) > 1 and request.speed is None:
+        if request.seconds is None:
+            raise UserError("several classes along a path: say how long each lasts, --class walk:3 --class run:2")
+        return request
+    if request.speed is None and rates is None:
+        raise UserError(f"class {request.classes[0]} stays where it is; to have it follow a path, give --speed")
+    usual = request.speed or (rates[1] if rates else 0.0)
+    if request.seconds is None:
+        return replace(request, seconds=path.length / usual, speed=usual)
+    if request.speed is not None:
+        return request
+    rounds = request.seconds * usual / path.length if path.closed else 1.0
+    if request.loop:
+        rounds = max(1, round(rounds))
+    return replace(request, speed=rounds * path.length / request.seconds)
+
+
+def _check_together(request: Request) -> None:
+    if request.shares is not None and request.seconds is not None:
+        total = sum(request.shares)
+        if not math.isclose(total, request.seconds):
+            raise UserError(f"the classes last {total:g} seconds together, and --seconds says {request.seconds:g}")
+    if request.speed is not None and not (request.speed > 0 and math.isfinite(request.speed)):
+        raise UserError(f"speed {request.speed:g}: must be more than 0 metres a second")
+    if request.facing is not None and request.path is None:
+        raise UserError("--facing says where a body faces along a path: give --path")
+    if request.pace != 1.0 and (request.path is not None or request.speed is not None):
+        raise UserError("along a path, or with --speed, metres a second say how fast: leave --pace out")
+    if request.loop and request.from_end:
+        raise UserError("a motion that goes on from a clip (--continue) does not end where it began (--loop)")
+    if request.loop and request.path is not None and not path_of(request.path).closed:
+        raise UserError("a loop needs a path that ends where it begins")
+    lasts = sum(request.shares) if request.shares is not None else request.seconds
+    if request.loop and lasts is not None and lasts < LEAST_LOOP:
+        raise UserError(f"a loop of {lasts:g} seconds: ask for {LEAST_LOOP:g} at least")
+
+
+def _within(request: Request, rates: Sequence[float] | None) -> Request:
+    """The request, where its class goes as fast as it asks."""
+    if rates is None or request.speed is None:
+        return request
+    slow, fast = SLOWER * rates[0], FASTER * rates[2]
+    if slow <= request.speed <= fast:
+        return request
+    metres = request.speed * request.lasts
+    needs = f"{metres / fast:.1f} to {metres / max(slow, 1e-3):.1f} seconds"
+    way = f"; {metres:.1f} m need {needs}" if request.path is not None else ""
+    raise UserError(f"{request.classes[0]} goes {slow:.2g} to {fast:.2g} m/s as recorded, not {request.speed:.3g}{way}")
+
+
+def controls(request: Request) -> dict[str, Any]:
+    """What a request says of time and way beside its seconds; what it does not ask for is left out."""
+    return {name: value for name, value in asdict(request).items() if name in ADDED and value != ADDED[name]}
+
+
+def shaping(request: Request) -> dict[str, Any]:
+    """What of a request its motions follow from, beside what they start from; without what it does not ask for, so that
+    motions keep their keys."""
+    of_old = {k: value for k, value in asdict(request).items() if k not in DRAWN and k not in ADDED}
+    return of_old | controls(request)

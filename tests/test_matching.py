@@ -1,0 +1,312 @@
+"""Motion matching on real recordings: the search by a naive one, joins, feet, paths, changes of class, and copies of
+what must not pass: a frozen body."""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from motionlake.arrays import Float64Array
+from motionlake.evaluation.synthesis.contact import footing, ground_of
+from motionlake.evaluation.synthesis.movement import bone_length_drift, energy, travel_speed
+from motionlake.matching.database import MotionDatabase, build_database
+from motionlake.matching.features import features, mirrored_features
+from motionlake.matching.generator import MatchingGenerator, load_generator
+from motionlake.matching.inertia import decayed, joined_points, joined_rotations
+from motionlake.matching.recordings import MatchingClip, rooted, sound_ranges
+from motionlake.matching.search import distances
+from motionlake.motion.generation import FPS, Control, GeneratedMotion, MotionRequest
+from motionlake.motion.kinematics import forward_kinematics
+from motionlake.motion.paths import ground_path, shape_path
+from motionlake.motion.rotations import angle, from_vectors
+from motionlake.motion.skeleton import INDEX, mirrored_positions, mirrored_rotations
+from motionlake.weights import save_tensors
+
+from bench.matching import clips_of, far_from, ground_under, offsets_of, recorded, seed_of, speeds, stands
+
+pytestmark = pytest.mark.recordings
+SETS = {"walk": slice(0, 30), "run": slice(0, 11), "salsa": slice(0, 5)}
+
+
+@cache
+def generator() -> MatchingGenerator:
+    """Walks, runs and salsa, every third clip left out."""
+    return MatchingGenerator(
+        build_database(
+            [
+                MatchingClip(f"{label}/{c.name}", 0, label, c.positions, c.rotations, offsets_of(c), c.fps)
+                for label, own in SETS.items()
+                for i, c in enumerate(clips_of(label)[own])
+                if i % 3
+            ]
+        )
+    )
+
+
+@pytest.fixture(scope="module")
+def made_by(recordings: Path) -> MatchingGenerator:
+    assert recordings.is_dir()
+    return generator()
+
+
+def left_out(label: str, number: int = 0) -> int:
+    return 3 * number
+
+
+def request(*classes: str, seconds: float = 6.0, seed: int = 0, number: int = 1, **more: object) -> MotionRequest:
+    start = seed_of(clips_of(classes[0])[left_out(classes[0], number)])
+    return MotionRequest(classes, seconds, seed, start, **more)  # type: ignore[arg-type]
+
+
+def lively(made: GeneratedMotion, real: Float64Array) -> bool:
+    """Whether a motion has at least half of the energy of its recording, and wrists and head that turn."""
+    turns = {
+        name: float(angle(made.rotations[:-1, INDEX[name]], made.rotations[1:, INDEX[name]]).mean())
+        for name in ("left_wrist", "right_wrist", "head")
+    }
+    enough = energy(made.positions, FPS) > 0.5 * energy(real, FPS)
+    return bool(enough and min(turns.values()) > 0.01)
+
+
+def test_the_search_is_a_naive_one(made_by: MatchingGenerator) -> None:
+    data = made_by.database
+    rng = np.random.default_rng(0)
+    rows = np.sort(rng.choice(2 * len(data), 200, replace=False))
+    query = data.compared[7] + np.asarray(rng.normal(size=data.compared.shape[1]), dtype=np.float32)
+    found = np.empty(len(rows), dtype=np.float32)
+    distances(data.compared, rows, query, data.scales, found)
+    naive = [
+        math.sqrt(
+            sum((float(a - b) * float(w)) ** 2 for a, b, w in zip(data.compared[row], query, data.scales, strict=True))
+        )
+        for row in rows
+    ]
+    np.testing.assert_allclose(found, naive, rtol=1e-4)
+
+
+def test_features_of_a_mirrored_clip_are_mirrored_features(recordings: Path) -> None:
+    clip = clips_of("walk")[3]
+    own = rooted(clip.positions, clip.rotations, offsets_of(clip), clip.fps)
+    other = rooted(
+        np.asarray(mirrored_positions(clip.positions), dtype=float),
+        np.asarray(mirrored_rotations(clip.rotations), dtype=float), offsets_of(clip), clip.fps,
+    )  # fmt: skip
+    # A body is not quite symmetric: joints of its mirror image lie up to centimetres elsewhere.
+    np.testing.assert_allclose(mirrored_features(features(own)), features(other), atol=0.35)
+    apart = np.abs(mirrored_features(features(own)) - features(other)).mean()
+    assert apart < np.abs(features(own) - features(other)).mean() / 5
+
+
+def test_calibration_poses_are_left_out(made_by: MatchingGenerator) -> None:
+    for label, own in SETS.items():
+        for clip in clips_of(label)[own]:
+            (start, _), *_ = sound_ranges(clip.positions, clip.rotations, clip.fps)
+            assert start >= 1
+    data = made_by.database
+    assert (data.pieces[:, 3] > 0).mean() == 1.0
+    arms = data.features.reshape(len(data), -1)[:, [12, 15]]  # left and right wrist, to the left
+    assert np.abs(arms).max() < 0.9  # body lengths: no stretched arms
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 999), st.floats(-3, 3))
+def test_a_difference_dies_away_without_a_jump(seed: int, speed: float) -> None:
+    rng = np.random.default_rng(seed)
+    value = rng.normal(size=3)
+    seconds = np.arange(0, 60) / 60
+    course = decayed(value, np.full(3, speed), seconds)
+    np.testing.assert_allclose(course[0], value)
+    np.testing.assert_allclose(
+        (course[1] - course[0]) * 60, speed, atol=0.6 + 0.4 * (abs(speed) + np.abs(value).max() * 14)
+    )
+    assert np.abs(course[-1]).max() < 0.01 * (np.abs(value).max() + abs(speed))
+
+
+def test_joined_runs_go_on_from_what_was_shown() -> None:
+    rng = np.random.default_rng(1)
+    turns = from_vectors(rng.normal(size=(2, 4, 3)))
+    run = np.repeat(turns[1:], 40, axis=0)
+    still = np.repeat(turns[:1], 2, axis=0)
+    joined = joined_rotations(still, run, np.repeat(turns[1:], 2, axis=0), FPS)
+    first, between = angle(joined[0], turns[0]), angle(turns[1], turns[0])
+    assert (first < 0.3 * between).all()
+    assert angle(joined[-1], turns[1]).max() < 0.01
+    points = joined_points(np.zeros((2, 3)), np.ones((40, 3)), np.ones((2, 3)), FPS)
+    assert points[0].max() < 0.3
+    np.testing.assert_allclose(points[-1], 1, atol=0.001)
+
+
+@pytest.mark.parametrize("label", ["walk", "run", "salsa"])
+def test_motion_is_that_of_a_living_body(made_by: MatchingGenerator, label: str) -> None:
+    clip = clips_of(label)[left_out(label, 1)]
+    made = made_by.generate([request(label, seconds=10.0)])[0]
+    real = recorded(clip)
+    assert made.positions.shape == (300, 21, 3)
+    np.testing.assert_allclose(
+        forward_kinematics(made.positions[:, 0], made.rotations, made.rest_offsets), made.positions, atol=1e-9
+    )
+    assert bone_length_drift(made.positions, made.rest_offsets) < 1e-6
+    assert lively(made, real)
+    frozen = GeneratedMotion(
+        np.repeat(made.positions[:1], 300, axis=0), np.repeat(made.rotations[:1], 300, axis=0), made.rest_offsets, FPS,
+        (0,), 0, 1,
+    )  # fmt: skip
+    assert not lively(frozen, real)
+    ground = ground_under(made, clip)
+    feet, own = stands(made, clip), footing(real, FPS, ground_of(real))
+    assert feet.depth < 0.03
+    assert feet.skates <= 1.3 * own.skates + 0.03
+    assert footing(made.positions - np.array([0.0, 0.05, 0.0]), FPS, ground).depth > 0.03
+    glides = made.positions + np.array([1.0, 0.0, 0.0]) * np.arange(300)[:, None, None] / FPS
+    if label != "run":
+        assert footing(glides, FPS, ground).skates > 1.3 * own.skates + 0.03
+
+
+def test_frames_are_those_of_their_sources(made_by: MatchingGenerator) -> None:
+    made = made_by.generate([request("walk", seconds=8.0)])[0]
+    stops = [source.stop for source in made.sources]
+    assert [source.start for source in made.sources] == [0, *stops[:-1]]
+    assert stops[-1] == len(made.positions)
+    names = {f"walk/{clip.name}": clip for clip in clips_of("walk")}
+    for source in made.sources:
+        clip = names[source.clip]
+        assert 0 <= source.first <= source.last < len(clip.positions)
+        if source.stop - source.start < 25:
+            continue
+        at = source.stop - 1  # what was joined has died away: the pose is the recorded one
+        pose = clip.rotations[source.last : source.last + 1]
+        pose = np.asarray(mirrored_rotations(pose), dtype=float) if source.mirrored else pose
+        arms = [INDEX[f"{side}_{joint}"] for side in ("left", "right") for joint in ("shoulder", "elbow", "wrist")]
+        assert angle(made.rotations[at, arms], pose[0, arms]).max() < 6
+
+
+def test_motion_goes_on_from_the_given_frames(made_by: MatchingGenerator) -> None:
+    for number in range(4):
+        clip = clips_of("walk")[left_out("walk", number)]
+        for from_end in (False, True):
+            made = made_by.generate([request("walk", seconds=2.0, number=number, control=Control(from_end=from_end))])[
+                0
+            ]
+            stop = made.seed_stop
+            if from_end:
+                assert stop > 0.8 * len(clip.positions)
+            step = round(clip.fps / FPS)
+            last, before = clip.positions[stop - 1], clip.positions[stop - 1 - step]
+            jump = np.linalg.norm(made.positions[0] - (2 * last - before), axis=-1)
+            assert jump.mean() < 0.02
+            assert np.linalg.norm(made.positions[0, 0] - last[0]) < 0.12
+
+
+def test_another_seed_is_another_motion_and_the_same_is_the_same(made_by: MatchingGenerator) -> None:
+    few = made_by.generate([request("walk", seed=seed) for seed in range(3)])
+    many = made_by.generate([request("walk", seed=seed) for seed in range(30)])
+    for one, other in zip(few, many, strict=False):
+        np.testing.assert_array_equal(one.positions, other.positions)
+    assert len({motion.positions.tobytes() for motion in many}) == 30
+    calm = [made_by.generate([request("walk", seed=0, temperature=0.0)])[0].positions for _ in range(2)]
+    np.testing.assert_array_equal(calm[0], calm[1])
+
+
+def test_what_was_played_lately_is_not_played_again(made_by: MatchingGenerator) -> None:
+    made = made_by.generate([request("run", seconds=20.0, temperature=0.0)])[0]
+    assert len({(source.clip, source.mirrored) for source in made.sources}) > 5  # 2 where it costs nothing
+
+
+def test_no_half_second_is_played_again_at_once(made_by: MatchingGenerator) -> None:
+    made = made_by.generate([request("salsa", seconds=20.0)])[0]
+    played = [
+        (source.clip, frame // 60, t)
+        for source in made.sources
+        for t, frame in zip(
+            range(source.start, source.stop),
+            np.linspace(source.first, source.last, source.stop - source.start).astype(int),
+            strict=True,
+        )
+    ]
+    last: dict[tuple[str, int], int] = {}
+    again = 0
+    for clip, half, t in played:
+        before = last.get((clip, half))
+        again += before is not None and 15 < t - before < 60
+        last[clip, half] = t
+    assert again < 0.1 * len(played)
+
+
+def test_a_change_of_class_has_the_speed_of_the_new_one_soon(made_by: MatchingGenerator) -> None:
+    reached = []
+    for seed in range(10):
+        wish = request("walk", "run", "walk", seconds=9.0, seed=seed, number=seed % 5)
+        made = made_by.generate([wish])[0]
+        assert made.class_starts == (0, 90, 180)
+        along = speeds(made.positions)
+        reached += [along[90:135].max() > 2.6, along[180:225].min() < 1.8]
+    assert np.mean(reached) > 0.9
+
+
+def test_seconds_of_each_class(made_by: MatchingGenerator) -> None:
+    made = made_by.generate([request("walk", "run", seconds=5.0, shares=(3.0, 2.0))])[0]
+    assert made.class_starts == (0, 90)
+    labels = {source.clip.partition("/")[0] for source in made.sources if source.start > 110}
+    assert labels == {"run"}
+
+
+@pytest.mark.parametrize(
+    "path", [shape_path("eight"), ground_path([(0, 0), (0, 4), (4, 6), (10, 6)])], ids=["eight", "points"]
+)
+def test_a_path_is_followed(made_by: MatchingGenerator, path: object) -> None:
+    made = made_by.generate([request("walk", seconds=10.0, control=Control(path=path, speed=1.2))])[0]  # type: ignore[arg-type]
+    assert far_from(made, path) < 0.3  # type: ignore[arg-type]
+    free = made_by.generate([request("walk", seconds=10.0)])[0]
+    assert far_from(free, path) > 0.5  # type: ignore[arg-type]
+    assert travel_speed(made.positions, FPS) == pytest.approx(1.2, rel=0.1)
+    assert stands(made, clips_of("walk")[3]).skates < 0.03
+
+
+def test_a_loop_ends_where_it_began(made_by: MatchingGenerator) -> None:
+    round_trip = shape_path("circle", 1.5)
+    for control in (Control(loop=True), Control(path=round_trip, speed=round_trip.length / 8, loop=True)):
+        made = made_by.generate([request("walk", seconds=8.0, control=control)])[0]
+        usual = angle(made.rotations[:-1, 1:], made.rotations[1:, 1:]).max(axis=0)
+        seam = angle(made.rotations[-1, 1:], made.rotations[0, 1:])
+        assert (seam < 2 * usual + 2).all()
+        if control.path is not None:
+            step = np.linalg.norm(np.diff(made.positions[:, 0], axis=0), axis=1).max()
+            assert np.linalg.norm(made.positions[-1, 0] - made.positions[0, 0]) < 3 * step
+
+
+def test_a_file_holds_the_database(made_by: MatchingGenerator, tmp_path: Path) -> None:
+    made_by.save(tmp_path / "database.safetensors")
+    again = load_generator(tmp_path / "database.safetensors")
+    wish = request("run", seconds=2.0)
+    np.testing.assert_array_equal(made_by.generate([wish])[0].positions, again.generate([wish])[0].positions)
+    save_tensors(tmp_path / "other.safetensors", {"x": np.zeros(2)}, "something_else", {})
+    with pytest.raises(ValueError, match="holds no"):
+        load_generator(tmp_path / "other.safetensors")
+
+
+def test_of_too_many_frames_some_are_drawn(recordings: Path) -> None:
+    clips = [
+        MatchingClip(c.name, 0, "walk", c.positions, c.rotations, offsets_of(c), c.fps) for c in clips_of("walk")[:6]
+    ]
+    whole: MotionDatabase = build_database(clips)
+    some = build_database(clips, seed=1, most=len(whole) // 2)
+    assert 0 < len(some) <= len(whole) // 2
+    assert set(some.clips) < set(whole.clips)
+
+
+@pytest.mark.parametrize(
+    ("wish", "said"),
+    [
+        ({"classes": ()}, "names no class"), ({"classes": ("kick",)}, "none of this generator's"),
+        ({"seconds": -1.0}, "seconds of motion"), ({"pace": 0.0}, "pace"), ({"temperature": -1.0}, "temperature"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_made(made_by: MatchingGenerator, wish: dict[str, object], said: str) -> None:
+    whole = {"classes": ("walk",), "seconds": 2.0, "seed": 0, "start": seed_of(clips_of("walk")[0])} | wish
+    with pytest.raises(ValueError, match=said):
+        made_by.generate([MotionRequest(**whole)])  # type: ignore[arg-type]

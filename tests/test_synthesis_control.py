@@ -1,0 +1,212 @@
+"""What a request of motion says of time and way: read, refused in one clear line, and done in a lake in three ways."""
+
+from __future__ import annotations
+
+import csv
+import json
+import shutil
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+from motionlake.api import Lake
+from motionlake.errors import UserError
+from motionlake.lake.models import Model
+from motionlake.stages.synthesis_control import Request, settled, shaping
+from motionlake.stages.synthesis_options import facing_of, path_of, path_text, timed_classes
+
+from tests.lakes import Run, query
+from tests.lakes import motionlake as command
+
+SPEEDS = {"walk": [0.9, 1.2, 1.6], "run": [2.5, 3.0, 3.5], "dance": None}
+MODEL = Model(
+    "synthesis-1",
+    "synthesis",
+    "",
+    "",
+    {"class_names": sorted(SPEEDS), "speeds": SPEEDS, "aside": {"walk": 0.01, "dance": 0.4}},
+)
+
+
+def asked(*classes: str, seconds: float | None = None, **more: object) -> Request:
+    return settled(Request(classes or ("walk",), seconds, **more), MODEL, "matching")  # type: ignore[arg-type]
+
+
+def test_seconds_of_classes() -> None:
+    assert timed_classes(["walk", "run"]) == (("walk", "run"), None)
+    assert timed_classes(["walk:3", "turn left:0.5"]) == (("walk", "turn left"), (3.0, 0.5))
+    assert timed_classes(["a:b:2"]) == (("a:b",), (2.0,))
+    assert timed_classes(["a:b"]) == (("a:b",), None)
+    assert timed_classes([]) == ((), None)
+    for wanted, said in ((["walk:3", "run"], "run: say how many seconds"), (["walk:0"], "more than 0")):
+        with pytest.raises(UserError, match=said):
+            timed_classes(wanted)
+
+
+@pytest.mark.parametrize(
+    ("text", "points"),
+    [
+        ("x,z\n0,0\n0,2\n", [(0, 0), (0, 2)]), ("0,0\n1,2\n\n", [(0, 0), (1, 2)]),
+        ("time,z,x\n0,0,0\n1,2,1\n", [(0, 0), (1, 2)]), ("X, Z\n0, 0\n1, 2\n", [(0, 0), (1, 2)]),
+    ],
+)  # fmt: skip
+def test_a_file_of_points(tmp_path: Path, text: str, points: Sequence[tuple[float, float]]) -> None:
+    file = tmp_path / "way.csv"
+    file.write_text(text, encoding="utf-8")
+    np.testing.assert_allclose(path_of(path_text(str(file))).points, path_of(path_text(points)).points)
+    with pytest.raises(UserError, match="files are not read here"):
+        path_text(str(file), files=False)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("x,z\n0,0\n", "one point"), ("", "one point"), ("a,b\n0,0\n", "no columns x and z"),
+        ("x,z\n0,0\n0\n", "row 3 holds no point"), ("0,0\n0,nan\n", "row 2 holds no point"),
+    ],
+)  # fmt: skip
+def test_a_file_that_holds_no_path(tmp_path: Path, text: str, said: str) -> None:
+    file = tmp_path / "way.csv"
+    file.write_text(text, encoding="utf-8")
+    with pytest.raises(UserError, match=said):
+        path_text(file)
+
+
+@pytest.mark.parametrize(
+    "text", ["circle:x", "circle:0", "oval", "1,2", "1,2;3", "1,2;1,2", "nowhere.csv", "0,0;inf,1"]
+)
+def test_what_is_no_path(text: str) -> None:
+    with pytest.raises(UserError, match="path"):
+        path_text(text)
+
+
+def test_seconds_and_speed_follow_from_one_another() -> None:
+    assert asked().seconds == 8.0
+    assert asked("walk", "run", shares=(3.0, 2.0)).seconds == 5.0
+    way = asked(path="0,0;0,12")
+    assert (way.seconds, way.speed) == pytest.approx((10.0, 1.2), rel=0.01)
+    assert asked(path="0,0;0,12", seconds=8.0).speed == pytest.approx(1.5, rel=0.01)
+    assert asked(path="0,0;0,12", speed=1.0).seconds == pytest.approx(12.0, rel=0.01)
+    assert asked(path="circle:2", seconds=30.0).speed == pytest.approx(1.2)
+    loop = asked(path="circle:2", seconds=20.0, loop=True)
+    assert loop.speed is not None
+    assert loop.speed * 20 == pytest.approx(2 * path_of("circle:2").length)
+    assert asked("walk", "run", path="eight", shares=(3.0, 2.0)).speed is None
+    assert facing_of("path") is None
+    assert facing_of("90") == 90.0
+
+
+@pytest.mark.parametrize(
+    ("wish", "said"),
+    [
+        ({"path": "0,0;0,100", "seconds": 1.0}, "walk goes .* not 100; 100.* m need"),
+        ({"path": "0,0;0,5", "seconds": 60.0}, "walk goes"), ({"speed": 9.0}, "walk goes"),
+        ({"speed": -1.0}, "more than 0 metres a second"), ({"speed": float("nan")}, "more than 0 metres a second"),
+        ({"classes": ("dance",), "path": "circle"}, "stays where it is"),
+        ({"classes": ("walk", "run"), "path": "circle"}, "say how long each lasts"),
+        ({"classes": ("walk", "run"), "shares": (1.0, 2.0), "seconds": 9.0}, "last 3 seconds together"),
+        ({"facing": 90.0}, "give --path"),
+        ({"facing": 90.0, "path": "circle"}, "going ahead alone"),
+        ({"path": "circle", "pace": 2.0}, "leave --pace out"),
+        ({"loop": True, "from_end": True, "start": "a"}, "--continue"), ({"loop": True, "seconds": 1.0}, "2 at least"),
+        ({"loop": True, "path": "0,0;0,5"}, "ends where it begins"), ({"seconds": 1e9}, "at most"),
+        ({"classes": ()}, "name one class"), ({"classes": ("moonwalk",)}, "knows no such class"),
+    ],
+)  # fmt: skip
+def test_what_does_not_fit_together(wish: dict[str, object], said: str) -> None:
+    whole = {"classes": ("walk",), "seconds": None} | wish
+    with pytest.raises(UserError, match=said):
+        settled(Request(**whole), MODEL, "matching")  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    "wish", [{"path": "circle"}, {"speed": 1.0}, {"loop": True}, {"from_end": True}, {"shares": (1.0,)}]
+)
+def test_a_recipe_that_cannot_names_the_one_that_can(wish: dict[str, object]) -> None:
+    with pytest.raises(UserError, match=r'recipe "default" .*"matching" can'):
+        settled(Request(("walk",), None, **wish), MODEL, "default")  # type: ignore[arg-type]
+
+
+def test_what_is_not_asked_for_changes_no_key() -> None:
+    assert sorted(shaping(Request(("walk",), 8.0))) == ["classes", "pace", "seconds", "seed", "temperature"]
+    assert "path" in shaping(Request(("walk",), 8.0, path="circle"))
+
+
+@pytest.fixture(scope="module")
+def matching(tmp_path_factory: pytest.TempPathFactory, built_lake: Path) -> Path:
+    """The small lake with a generator that plays recorded frames."""
+    lake = Path(shutil.copytree(built_lake, tmp_path_factory.mktemp("matching") / "lake"))
+    with (lake / "config.toml").open("a", encoding="utf-8") as handle:
+        handle.write('[synthesis]\nrecipe = "matching"\n')
+    run = command("run", "synth", "--lake", lake)
+    assert run.status == 0, run.err
+    assert "(matching), which takes seconds" in run.err
+    return lake
+
+
+def synthesize(lake: Path, scheduler: str, *words: str | Path) -> Run:
+    return command("synthesize", *words, "--seed", "7", "--json", "--lake", lake, "--scheduler", scheduler)
+
+
+@pytest.fixture(scope="module")
+def label(matching: Path) -> str:
+    rows = query(matching, "SELECT label FROM clips WHERE label IS NOT NULL ORDER BY seconds DESC, clip LIMIT 1")
+    return str(rows[0][0])
+
+
+def test_command_sql_and_python_make_the_same_motion(
+    matching: Path, label: str, scheduler: str, tmp_path: Path
+) -> None:
+    lineage = tmp_path / "from.csv"
+    words = ("--class", f"{label}:3", "--path", "circle:2", "--speed", "0.8", "--count", "2", "--lineage", lineage)
+    run = synthesize(matching, scheduler, *words)
+    assert run.status == 0, run.err
+    assert (run.json["made"], run.json["seconds"]) == (2, pytest.approx(6.0, abs=0.1))
+    with lineage.open(encoding="utf-8", newline="") as handle:
+        rows = list(csv.DictReader(handle))
+    assert {row["clip"] for row in rows} == set(run.json["clips"])
+    ((config,),) = query(matching, "SELECT DISTINCT config FROM synthetic")
+    assert json.loads(config)["control"] == {"path": "circle:2", "speed": 0.8, "shares": [3.0]}
+    recorded = {clip for (clip,) in query(matching, "SELECT clip FROM clips WHERE format <> 'synthetic'")}
+    assert {row["source"] for row in rows} <= recorded
+    first = [row for row in rows if row["clip"] == run.json["clips"][0]]
+    assert [int(row["start"]) for row in first] == [0, *(int(row["stop"]) for row in first[:-1])]
+    text = (
+        "SELECT source, root_x, root_z FROM synthesize([$label], path := 'circle:2', speed := 0.8, seed := 7) "
+        "ORDER BY frame"
+    )
+    with Lake(matching) as lake:
+        made = lake.sql(text, {"label": f"{label}:3"}).fetchall()
+        motion = lake.synthesize(f"{label}:3", path="circle:2", speed=0.8, seed=7)
+    assert made[0][0] == first[0]["source"]
+    assert int(first[-1]["stop"]) == len(made) == 90
+    kept = query(
+        matching, "SELECT root_x, root_z FROM frames WHERE clip = $clip ORDER BY frame", clip=run.json["clips"][0]
+    )
+    np.testing.assert_allclose([row[1:] for row in made], kept, atol=1e-3)
+    np.testing.assert_allclose(motion.root[:, [0, 2]], kept, atol=1e-3)
+
+
+def test_a_motion_goes_on_from_the_end_of_a_clip(matching: Path, label: str, scheduler: str) -> None:
+    clip, frames = query(matching, "SELECT clip, frames FROM clips WHERE label = $label LIMIT 1", label=label)[0]
+    run = synthesize(matching, scheduler, "--class", label, "--continue", clip, "--seconds", "2", "--dataset", "on")
+    assert run.status == 0, run.err
+    found = query(matching, "SELECT seed_clip, seed_stop FROM synthetic WHERE clip = $clip", clip=run.json["clips"][0])
+    assert found[0][0] == clip
+    assert found[0][1] > 0.9 * frames
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("--path", "1,1"), "one point"), (("--path", "nowhere.csv"), "cannot be read"),
+        (("--continue", "a", "--from", "b"), "leave one out"), (("--facing", "up"), "degrees"),
+        (("--lineage", "nowhere/from.csv"), "nowhere"),
+    ],
+)  # fmt: skip
+def test_a_mistake_is_one_line(matching: Path, label: str, scheduler: str, words: tuple[str, ...], said: str) -> None:
+    run = synthesize(matching, scheduler, "--class", label, *words)
+    assert run.status == 2
+    assert said in run.err
+    assert run.err.count("\n") == 1
