@@ -5,9 +5,9 @@ slower than .4 body lengths a second and lower than .06, then it is held; one th
 Here no speed says that a foot stands: the ground bears a body that does not fall freely (`FALLS`), and of all points of
 both feet that are near the ground (`NEAR`, so wide that a foot which is lifted is still near) the slowest bears it. The
 body slides where even that point travels (`SLIDES`). So holding a foot helps only where it truly stays, and lifting one
-that swings changes next to nothing. `SLIDES` was chosen on hdm05, utd_mhad and bandai1, where 19 of 20 frames at least
-do not slide by it; `NEAR` and `FALLS` so that feet of real clips that are lifted (`bench.glogen.controls`) slide as
-much as before.
+that swings changes little. `SLIDES` was chosen on hdm05, utd_mhad and bandai1, where 19 of 20 frames at least do not
+slide by it. `NEAR` and `FALLS` were chosen so that lifted feet of real clips (`bench.glogen.controls`) slide about as
+much as before, on walks, runs and dances of CMU too, which are measured by it.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ SUNK: Final = 0.03  # metres below the ground
 
 @dataclass(frozen=True, eq=False)
 class Ground:
-    """What a recorded body stands on: a plane, since floors of recordings are tilted (by 6 cm over a walk of cmu_bvh).
+    """What a recorded body stands on: a plane, since floors of some recordings are tilted.
 
     Attributes:
         heights: [2] metres of ankle and of toe joints of a foot that stands at the origin.
