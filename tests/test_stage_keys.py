@@ -375,7 +375,7 @@ def test_a_part_is_due_until_it_is_made_and_again_when_what_shapes_it_changes(ma
         assert WORDS.again(at, shard.key) == shard
         assert WORDS.again(at, "no key") is None
         (above,) = at.done("frames")
-        assert shard.key == config_hash("words", 1, above, at.config.words)
+        assert shard.key == config_hash("words", WORDS.version, above, at.config.words)
         assert WORDS.files(at) == {shard.part: f"features/{shard.key[:16]}.parquet"}
     with opened(made.lake) as one:
         outcome = one.execute(WORDS, [shard], here=True)
