@@ -192,7 +192,7 @@ SMOKES: Final[Sequence[Smoke]] = (
             "zero_velocity", "seq2seq", "motionlake"),
     *_parts("bench.glogen", "search", "--seeds", "1", "--epochs", "1", "--sets", "utd_mhad", "--methods", "seq2seq"),
     *_parts("bench.glogen", "measures", "--seeds", "1", "--epochs", "1", "--sets", "indian",
-            **{"bench.glogen.measured.COUNT": 1, "bench.glogen.measured.EVERY": 1}),
+            **{"bench.glogen.measured.COUNT": 1, "bench.glogen.measured.EVERY": 2}),
     *_parts("bench.glogen", "long between", "--seeds", "1", "--epochs", "1", "--sets", "indian"),
 )  # fmt: skip
 
