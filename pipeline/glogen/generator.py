@@ -118,7 +118,7 @@ class TrainedGenerator:
                 another skeleton.
         """
         for request in requests:
-            self._check(request)
+            request.check(self.classes)
         starts = [self._start(request) for request in requests]
         with on_threads(1):
             rollouts = roll_out(self.glogen, [self._rollout(r, s) for r, s in zip(requests, starts, strict=True)])
@@ -134,21 +134,6 @@ class TrainedGenerator:
                     begins = tuple(min(frames - 1, round(second * FPS)) for second in rollouts[i].begins)
                     made[i] = GeneratedMotion(positions, rotations, body, FPS, begins, start.first, start.last)
         return [one for one in made if one is not None]
-
-    def _check(self, request: MotionRequest) -> None:
-        if not request.classes:
-            raise ValueError("a request names no class")
-        for name in request.classes:
-            if name not in self.classes:
-                raise ValueError(f"class {name!r} is none of this generator's {len(self.classes)}")
-        if not (np.isfinite(request.seconds) and request.seconds > 0):
-            raise ValueError(f"{request.seconds} seconds of motion cannot be made; ask for more than 0")
-        if not (np.isfinite(request.pace) and request.pace > 0):
-            raise ValueError(f"pace {request.pace} is none; 1 is that of the recordings, 2 twice as fast")
-        if not (np.isfinite(request.temperature) and request.temperature >= 0):
-            raise ValueError(
-                f"temperature {request.temperature} is none; 0 gives the most likely motion, 1 natural variation"
-            )
 
     def _start(self, request: MotionRequest) -> StartState:
         cyclic = self.cyclic[self.classes.index(request.classes[0])]

@@ -75,7 +75,7 @@ class MatchingGenerator:
         self.database.save(path)
 
     def _made(self, request: MotionRequest) -> GeneratedMotion:
-        self._check(request)
+        request.check(self.classes)
         control = request.control or Control()
         body, frames = request.start.rest_offsets, max(2, round(request.seconds * FPS))
         size = body_length(body)
@@ -142,19 +142,6 @@ class MatchingGenerator:
         for part in parts:
             speeds[part.first :] = part.speed or 0.0
         return speeds
-
-    def _check(self, request: MotionRequest) -> None:
-        if not request.classes:
-            raise ValueError("a request names no class")
-        for name in request.classes:
-            if name not in self.classes:
-                raise ValueError(f"class {name!r} is none of this generator's {len(self.classes)}")
-        if not (np.isfinite(request.seconds) and request.seconds > 0):
-            raise ValueError(f"{request.seconds} seconds of motion cannot be made; ask for more than 0")
-        if not (np.isfinite(request.pace) and request.pace > 0):
-            raise ValueError(f"pace {request.pace} is none; 1 is that of the recordings, 2 twice as fast")
-        if not (np.isfinite(request.temperature) and request.temperature >= 0):
-            raise ValueError(f"temperature {request.temperature} is none; 0 leaves nothing to chance")
 
 
 def given_frames(seed: SeedClip, chance: int, from_end: bool) -> Given:

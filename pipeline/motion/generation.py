@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, Protocol
@@ -76,6 +77,22 @@ class MotionRequest:
     temperature: float = 1.0
     shares: tuple[float, ...] | None = None
     control: Control | None = None
+
+    def check(self, classes: Sequence[str]) -> None:
+        """Raises `ValueError` where no generator of these classes can make it."""
+        if not self.classes:
+            raise ValueError("a request names no class")
+        for name in self.classes:
+            if name not in classes:
+                raise ValueError(f"class {name!r} is none of this generator's {len(classes)}")
+        if not 0 < self.seconds < math.inf:
+            raise ValueError(f"{self.seconds} seconds of motion cannot be made; ask for more than 0")
+        if not 0 < self.pace < math.inf:
+            raise ValueError(f"pace {self.pace} is none; 1 is that of the recordings, 2 twice as fast")
+        if not 0 <= self.temperature < math.inf:
+            raise ValueError(
+                f"temperature {self.temperature} is none; 0 gives the most likely motion, 1 natural variation"
+            )
 
 
 @dataclass(frozen=True)

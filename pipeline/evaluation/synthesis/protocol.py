@@ -20,7 +20,6 @@ from motionlake.evaluation.synthesis.motions import UNITS as MOTION_UNITS
 from motionlake.evaluation.synthesis.motions import Measured, Stretch, beside, usual_of
 from motionlake.evaluation.synthesis.transitions import made_stretch, real_stretch, transitions
 from motionlake.evaluation.synthesis.trials import (
-    Generator,
     RealMotion,
     SeededClip,
     Trial,
@@ -34,6 +33,7 @@ from motionlake.glogen.generator import EmbeddedMotions
 from motionlake.lake.catalog import Connection
 from motionlake.lake.layout import Lake
 from motionlake.lake.models import Model, current_model
+from motionlake.motion.generation import MotionGenerator
 from motionlake.stages.synthesis import open_generator
 
 
@@ -80,7 +80,7 @@ class SynthesisEvaluation:
 
 
 def measure_generator(
-    generator: Generator, test: Sequence[RealMotion], training: Sequence[RealMotion], describe: Describe,
+    generator: MotionGenerator, test: Sequence[RealMotion], training: Sequence[RealMotion], describe: Describe,
     plan: SynthesisPlan = DEFAULT, progress: StepProgress = lambda what, done, total: None,
 ) -> SynthesisEvaluation:  # fmt: skip
     """Measure anything that generates.

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Final, Protocol
+from typing import Final
 
 import numpy as np
 from motionlake.arrays import Float64Array, FloatArray, StepProgress
@@ -17,7 +17,7 @@ from motionlake.evaluation.synthesis.contact import Ground, ground_of
 from motionlake.lake.catalog import Connection, fetch
 from motionlake.lake.layout import Lake
 from motionlake.motion.calibration import recorded_range
-from motionlake.motion.generation import GeneratedMotion, MotionRequest, SeedClip
+from motionlake.motion.generation import GeneratedMotion, MotionGenerator, MotionRequest, SeedClip
 from motionlake.motion.resampling import TOLERANCE, beside
 from motionlake.retrieval.labelled_clips import FramedClip, check_column
 
@@ -176,15 +176,6 @@ AT_ONCE: Final = 64  # motions that a generator makes in one go
 LEAST: Final = 0.3  # seconds of a real clip after the seed
 
 
-class Generator(Protocol):
-    """What makes motion; `motionlake.glogen.generator.TrainedGenerator` is one, and so is any baseline."""
-
-    @property
-    def classes(self) -> list[str]: ...
-
-    def generate(self, requests: Sequence[MotionRequest]) -> list[GeneratedMotion]: ...
-
-
 @dataclass(frozen=True, eq=False)
 class SeededClip:
     """A recorded clip whose first poses are the seed of a generated motion.
@@ -231,7 +222,7 @@ class Trial:
 
 
 def seeded_clips(
-    generator: Generator, motions: Sequence[RealMotion], seed: int, what: str, progress: StepProgress
+    generator: MotionGenerator, motions: Sequence[RealMotion], seed: int, what: str, progress: StepProgress
 ) -> list[SeededClip]:
     """The clips that are long enough to be continued, each with the recorded frames after its seed.
 
@@ -270,7 +261,7 @@ def poses_at(poses: Float64Array, at: FloatArray) -> Float64Array:
 
 
 def continued(
-    generator: Generator, seeded: Sequence[SeededClip], *, temperature: float, seconds: float | None, what: str,
+    generator: MotionGenerator, seeded: Sequence[SeededClip], *, temperature: float, seconds: float | None, what: str,
     progress: StepProgress,
 ) -> list[Trial]:  # fmt: skip
     """Continue each clip in its own class, for `seconds`, or for as long as the recording continues."""
@@ -281,8 +272,8 @@ def continued(
 
 
 def from_other_classes(
-    generator: Generator, seeded: Sequence[SeededClip], count: int, *, seconds: float | None, seed: int, what: str,
-    progress: StepProgress,
+    generator: MotionGenerator, seeded: Sequence[SeededClip], count: int, *, seconds: float | None, seed: int,
+    what: str, progress: StepProgress,
 ) -> list[Trial]:  # fmt: skip
     """Generate `count` motions of each class that has recorded clips, each from a clip of another class.
 
@@ -306,7 +297,7 @@ def from_other_classes(
 
 
 def _trials(
-    generator: Generator,
+    generator: MotionGenerator,
     requests: Sequence[MotionRequest],
     pairs: Sequence[tuple[SeededClip, SeededClip]],
     what: str,
@@ -322,12 +313,13 @@ def _trials(
 
 
 def _request(start: RealMotion, label: str, seconds: float, seed: int, temperature: float) -> MotionRequest:
-    given = SeedClip(start.clip, start.positions, start.fps, start.rest_offsets)
+    turned = None if start.rotations is None else start.rotations.astype(np.float64)
+    given = SeedClip(start.clip, start.positions, start.fps, start.rest_offsets, turned)
     return MotionRequest((label,), seconds, seed, given, temperature=temperature)
 
 
 def _those_possible(
-    generator: Generator, requests: Sequence[MotionRequest]
+    generator: MotionGenerator, requests: Sequence[MotionRequest]
 ) -> tuple[list[GeneratedMotion | None], str]:
     """What each request gives, None where it cannot be met, and why the last of these could not."""
     try:
