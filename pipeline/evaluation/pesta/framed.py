@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from motionlake.arrays import Float32Array, Float64Array, Int32Array
-from motionlake.lake.frames import read_part
-from motionlake.lake.integrity import sound
+from motionlake.evaluation.clips import read_frames
+from motionlake.lake.frames import Frames
 from motionlake.lake.layout import Lake
 from motionlake.motion.features import WordConfig, word_features
 from motionlake.pesta.config import SymbolsConfig
@@ -31,17 +31,12 @@ class Framed:
 
 
 def read_framed(lake: Lake, clips: Sequence[FramedClip]) -> list[Framed]:
-    """The frames of clips, in their order; each frames part is read once."""
-    found = dict(_read(lake, clips))
+    """The frames of clips without calibration poses, in their order."""
+    found = {
+        clip.clip: Framed(clip.positions.astype(np.float64), clip.rotations.astype(np.float64), clip.fps)
+        for clip in map(Frames.recorded, read_frames(lake, clips))
+    }
     return [found[clip.clip] for clip in clips]
-
-
-def _read(lake: Lake, clips: Sequence[FramedClip]) -> Iterator[tuple[str, Framed]]:
-    names = {clip.clip for clip in clips}
-    for dataset, part in sorted({(clip.dataset, clip.part) for clip in clips}):
-        for stored in read_part(sound(lake, lake.frames_part(dataset, part)), names):
-            clip = stored.recorded()
-            yield clip.clip, Framed(clip.positions.astype(np.float64), clip.rotations.astype(np.float64), clip.fps)
 
 
 def coded(
