@@ -6,11 +6,18 @@ from unittest import mock
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from motionlake.evaluation.pesta.measuring import Segments
 from motionlake.pesta.config import AlignmentConfig, PosturesConfig
 from motionlake.pesta.dictionary import NearestCode, PostureDictionary
+from motionlake.pesta.scan import symmetric_costs
+from motionlake.pesta.strings import Repository, SymbolDistances
+from scipy.spatial.distance import cdist
 
 from bench.canonical_sets import LabelledClip
+from bench.pesta.gaps import Form, form_costs
+from bench.pesta.measuring import GAPS3, STA3
 from bench.pesta.recipes import bag_distances, chosen
 from bench.pesta.windows import Window, score_windows, windows
 
@@ -66,3 +73,21 @@ def test_bags_of_the_same_symbols_are_alike() -> None:
     apart = bag_distances(codes, 3)
     assert apart[0, 1] == pytest.approx(0, abs=1e-7)
     assert apart[0, 2] == pytest.approx(2**0.5)
+
+
+@given(
+    st.lists(st.lists(st.integers(0, 5), min_size=1, max_size=9), min_size=2, max_size=4),
+    st.integers(0, 99),
+)
+def test_forms_of_gaps_are_those_of_strided_alignment(strings: list[list[int]], seed: int) -> None:
+    points = np.random.default_rng(seed).normal(size=(6, 3))
+    distances = SymbolDistances.of(cdist(points, points).astype(np.float32))
+    repository, unit = Repository.of([np.array(s, dtype=np.int32) for s in strings]), np.float32(distances.mean)
+    gaps = Form(clip=(GAPS3.clip_gap, GAPS3.clip_gap), query=(GAPS3.query_gap, GAPS3.query_gap))
+    capped = SymbolDistances.of(np.minimum(distances.matrix / unit, np.float32(0.7)))
+    for form, expected in (
+        (Form(), symmetric_costs(repository, distances, STA3) / unit),
+        (gaps, symmetric_costs(repository, distances, GAPS3) / unit),
+        (Form(cap=0.7), symmetric_costs(repository, capped, STA3)),
+    ):
+        np.testing.assert_allclose(form_costs(repository, distances, form), expected, rtol=1e-4, atol=1e-5)
