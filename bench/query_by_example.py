@@ -39,7 +39,8 @@ from motionlake.jobs.session import session
 from motionlake.lake.layout import Lake
 from motionlake.motion.dtw import STEPS, alignment_ends, dtw_cross
 from motionlake.retrieval import fused_ranges
-from motionlake.retrieval.protocol import Hit, Searcher
+from motionlake.retrieval.hits import Hit
+from motionlake.retrieval.protocol import Searcher
 from motionlake.retrieval.registry import searcher
 from motionlake.stages.registry import ALL
 from motionlake.stages.word_network import WORD_NETWORK

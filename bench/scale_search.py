@@ -31,7 +31,8 @@ from motionlake.lake.settings import served_config
 from motionlake.motion.moves_index import Stack, aligned, floored
 from motionlake.retrieval.alignment import AlignmentSearcher
 from motionlake.retrieval.fused import REACH, FusedSearcher
-from motionlake.retrieval.protocol import Finds, Hit, LakeSearcher, Query, Scope, clip_hit
+from motionlake.retrieval.hits import Hit, clip_hit
+from motionlake.retrieval.protocol import Finds, LakeSearcher, Query, Scope
 from motionlake.retrieval.signature import SignatureSearcher
 from motionlake.stages.moves import MOVES, made_parts, tracks_in
 from motionlake.stages.reader import LakeReader

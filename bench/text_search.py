@@ -24,7 +24,8 @@ from motionlake.jobs.session import session
 from motionlake.lake.catalog import create_catalog, reading, writing
 from motionlake.lake.layout import Lake
 from motionlake.retrieval.fused import FusedSearcher
-from motionlake.retrieval.protocol import Hit, Query, Scope
+from motionlake.retrieval.hits import Hit
+from motionlake.retrieval.protocol import Query, Scope
 from motionlake.retrieval.suggestions import REACH, TRIED, Confidence, Vote, vote
 from motionlake.retrieval.text import LakeText
 from motionlake.stages.registry import ALL

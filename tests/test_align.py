@@ -20,7 +20,8 @@ from motionlake.pesta.matches import best_matches
 from motionlake.pesta.scan import end_costs, symmetric_costs
 from motionlake.pesta.strings import Repository
 from motionlake.retrieval.alignment import AlignmentRangeSearcher, AlignmentSearcher
-from motionlake.retrieval.protocol import OPTIONAL, Hit, Query, Scope
+from motionlake.retrieval.hits import OPTIONAL, Hit
+from motionlake.retrieval.protocol import Query, Scope
 from motionlake.stages.postures import codes_of_clips
 
 from tests.lakes import QUICK, motionlake, query

@@ -19,7 +19,8 @@ from motionlake.motion.features import word_features
 from motionlake.pesta.matches import best_matches
 from motionlake.retrieval.alignment import AlignmentRangeSearcher
 from motionlake.retrieval.encode import query_motion
-from motionlake.retrieval.protocol import Hit, Query, Scope
+from motionlake.retrieval.hits import Hit
+from motionlake.retrieval.protocol import Query, Scope
 from motionlake.stages.postures import codes_of_clips
 
 from bench.pesta.cut_files import cut_file, reduced

@@ -28,8 +28,9 @@ from motionlake.motion.diffusion import (
     diffused_again,
 )
 from motionlake.retrieval.fused import DIRECT, WEIGHTS, FusedSearcher
+from motionlake.retrieval.hits import TOGETHER
 from motionlake.retrieval.lake_neighbours import read_neighbours
-from motionlake.retrieval.protocol import TOGETHER, Query, Scope
+from motionlake.retrieval.protocol import Query, Scope
 from motionlake.retrieval.registry import searcher
 from motionlake.retrieval.views import View, near_again
 from motionlake.stages.graph import GRAPH, KEPT

@@ -16,7 +16,8 @@ from motionlake.errors import UserError
 from motionlake.lake.layout import Lake, open_lake
 from motionlake.retrieval import registry
 from motionlake.retrieval.fused import WEIGHTS, FusedSearcher
-from motionlake.retrieval.protocol import Finds, Hit, LakeSearcher, Query, Scope, nearer_of_both
+from motionlake.retrieval.hits import Hit, nearer_of_both
+from motionlake.retrieval.protocol import Finds, LakeSearcher, Query, Scope
 from motionlake.retrieval.registry import SEARCHERS, methods, ready, searcher
 
 from tests.lakes import Changed, list_anew, motionlake, query, tables

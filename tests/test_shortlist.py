@@ -20,9 +20,10 @@ from motionlake.motion.dtw import clip_dtw, clip_path
 from motionlake.motion.skeleton import COMMON
 from motionlake.motion.sketches import Directions, instants, nearness, searchable
 from motionlake.retrieval.fused import FusedSearcher
+from motionlake.retrieval.hits import Hit
 from motionlake.retrieval.matched import matched_moves
 from motionlake.retrieval.moves import MovesSearcher
-from motionlake.retrieval.protocol import Hit, LakeSearcher, Query, Scope
+from motionlake.retrieval.protocol import LakeSearcher, Query, Scope
 from motionlake.retrieval.registry import searcher
 from motionlake.stages.reader import lake_reader
 from motionlake.stages.shortlist import COMPARED, SHORTLIST

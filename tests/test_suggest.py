@@ -10,7 +10,7 @@ import motionlake as library
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from motionlake.retrieval.protocol import Hit
+from motionlake.retrieval.hits import Hit
 from motionlake.retrieval.suggestions import Confidence, vote
 
 from tests.lakes import Changed, motionlake, query

@@ -34,7 +34,8 @@ from motionlake.lake.settings import served_config
 from motionlake.motion.features import word_features
 from motionlake.retrieval.alignment import AlignmentRangeSearcher
 from motionlake.retrieval.encode import query_motion
-from motionlake.retrieval.protocol import Hit, Query, Scope
+from motionlake.retrieval.hits import Hit
+from motionlake.retrieval.protocol import Query, Scope
 from motionlake.retrieval.symbol_strings import StringQuery
 
 from bench.lakes import make_lake

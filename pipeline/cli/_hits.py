@@ -16,7 +16,7 @@ def tell_hits(rows: Sequence[Mapping[str, Any]], *, mirrored: bool, as_json: boo
 
 def _explained(shares: Sequence[Mapping[str, Any]]) -> dict[str, str]:
     """A column a method: what it counts, its distance, and how near that is, from 0 to 1, alone and by the graph."""
-    from motionlake.retrieval.protocol import TOGETHER
+    from motionlake.retrieval.hits import TOGETHER
 
     found = {}
     for share in shares:

@@ -6,6 +6,7 @@ from dataclasses import asdict
 from typing import Annotated
 
 import typer
+from motionlake.cli._answers import MirroredOption
 from motionlake.cli.common import (
     DatasetOption,
     JsonOption,
@@ -16,7 +17,6 @@ from motionlake.cli.common import (
     option,
     tell,
 )
-from motionlake.cli.search import MirroredOption
 from motionlake.lake.catalog import reading
 from motionlake.lake.layout import open_lake
 

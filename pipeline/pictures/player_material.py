@@ -19,7 +19,8 @@ from motionlake.names import kept
 from motionlake.pictures.bands import Segment
 from motionlake.pictures.stick_figures import PoseReader, body_height
 from motionlake.pictures.style import ClassStyle, class_styles
-from motionlake.retrieval.protocol import Hit, Query, Scope
+from motionlake.retrieval.hits import Hit
+from motionlake.retrieval.protocol import Query, Scope
 from motionlake.retrieval.registry import ready, searcher
 from motionlake.stages.frames import first_body
 

@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 from motionlake.arrays import Int64Array, IntArray
 from motionlake.lake.strings import LakeStrings
-from motionlake.retrieval.protocol import Hit
+from motionlake.retrieval.hits import Hit
 from motionlake.retrieval.symbol_strings import StringQuery
 
 CONTEXT: Final = 3  # symbols before and after a match

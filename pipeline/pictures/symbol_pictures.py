@@ -36,7 +36,7 @@ from motionlake.pictures.symbol_figures import (
     symbol_strip,
 )
 from motionlake.pictures.symbol_material import SymbolMaterial
-from motionlake.retrieval.protocol import Hit, clip_hit, ranked
+from motionlake.retrieval.hits import Hit, clip_hit, ranked
 from motionlake.retrieval.symbol_strings import ClipStrings, StringQuery, clip_query
 
 MOST_MATRICES: Final = 10

@@ -19,20 +19,10 @@ from motionlake.pesta.long_query import LongQuery
 from motionlake.pesta.matches import Match, best_matches
 from motionlake.pesta.scan import Both, nearest_strings, pairwise
 from motionlake.pesta.strings import Boundaries, Repository
+from motionlake.retrieval.hits import Hit, PathStep, clip_hit
 from motionlake.retrieval.long_alignment import LongAlignment, step_of
 from motionlake.retrieval.matched_frames import MatchedFrames
-from motionlake.retrieval.protocol import (
-    EVERYTHING,
-    Hit,
-    LakeSearcher,
-    PathStep,
-    Query,
-    Scope,
-    about,
-    clip_hit,
-    not_ready,
-    one_of,
-)
+from motionlake.retrieval.protocol import EVERYTHING, LakeSearcher, Query, Scope, about, not_ready, one_of
 from motionlake.retrieval.symbol_strings import (
     ClipStrings,
     StringQuery,

@@ -15,8 +15,9 @@ from motionlake.errors import UserError
 from motionlake.lake.catalog import reading
 from motionlake.lake.layout import Lake
 from motionlake.retrieval.fused import EVERY, REACH, FusedSearcher
+from motionlake.retrieval.hits import Hit
 from motionlake.retrieval.labelled_clips import lake_ground, signed_clips
-from motionlake.retrieval.protocol import ClipFilter, Hit, Query, Scope
+from motionlake.retrieval.protocol import ClipFilter, Query, Scope
 from motionlake.retrieval.signature import SignatureSearcher
 
 Method = Literal["search", "knn", "one_vs_all"]

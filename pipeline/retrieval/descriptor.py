@@ -16,7 +16,8 @@ from motionlake.lake.corpus import read_descriptors
 from motionlake.lake.integrity import sound
 from motionlake.lake.layout import Lake
 from motionlake.retrieval.encode import query_motion
-from motionlake.retrieval.protocol import ClipFilter, Hit, LakeSearcher, Query, Scope, about, clip_hit, not_ready
+from motionlake.retrieval.hits import Hit, clip_hit
+from motionlake.retrieval.protocol import ClipFilter, LakeSearcher, Query, Scope, about, not_ready
 from motionlake.stages.descriptors import DESCRIPTORS
 
 if TYPE_CHECKING:

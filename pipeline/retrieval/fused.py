@@ -13,7 +13,8 @@ from motionlake.errors import DamagedError, UserError
 from motionlake.lake.catalog import fetch, reading
 from motionlake.lake.layout import Lake
 from motionlake.motion.diffusion import NOWHERE, diffused, scale
-from motionlake.retrieval.protocol import TOGETHER, Finds, Hit, LakeSearcher, Query, Scope, Share
+from motionlake.retrieval.hits import TOGETHER, Hit, Share
+from motionlake.retrieval.protocol import Finds, LakeSearcher, Query, Scope
 from motionlake.retrieval.registry import ready, searcher
 from motionlake.retrieval.views import View, near_again
 from motionlake.stages.shortlist_files import MOST

@@ -18,8 +18,9 @@ from motionlake.lake.catalog import fetch, reading
 from motionlake.lake.layout import Lake
 from motionlake.lake.settings import served_config
 from motionlake.retrieval.encode import asked_words, query_motifs, query_vectors
+from motionlake.retrieval.hits import Hit, range_hit
 from motionlake.retrieval.moves import MovesRangeSearcher
-from motionlake.retrieval.protocol import EVERYTHING, Finds, Hit, LakeSearcher, Query, Scope, not_ready, range_hit
+from motionlake.retrieval.protocol import EVERYTHING, Finds, LakeSearcher, Query, Scope, not_ready
 from motionlake.retrieval.query_by_example import WordsSearcher
 from motionlake.retrieval.registry import ready
 from motionlake.retrieval.window_graph import along_windows

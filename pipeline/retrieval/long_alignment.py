@@ -12,8 +12,9 @@ from motionlake.pesta.config import SymbolsConfig
 from motionlake.pesta.long_query import LongQuery
 from motionlake.pesta.matches import Match, best_matches
 from motionlake.pesta.strings import Boundaries
+from motionlake.retrieval.hits import Hit
 from motionlake.retrieval.matched_frames import MatchedFrames
-from motionlake.retrieval.protocol import EVERYTHING, Hit, Scope
+from motionlake.retrieval.protocol import EVERYTHING, Scope
 from motionlake.retrieval.symbol_strings import ClipStrings, StringQuery, barred_symbols, string_query
 
 

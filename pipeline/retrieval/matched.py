@@ -9,7 +9,8 @@ from motionlake.lake.frames import frame_range
 from motionlake.lake.layout import Lake
 from motionlake.motion.dtw import clip_path
 from motionlake.motion.skeleton import COMMON
-from motionlake.retrieval.protocol import Match, PathStep, Query
+from motionlake.retrieval.hits import Match, PathStep
+from motionlake.retrieval.protocol import Query
 
 
 def asked_frames(lake: Lake, query: Query) -> tuple[int, int]:

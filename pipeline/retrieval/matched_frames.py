@@ -10,7 +10,7 @@ import numpy as np
 from motionlake.lake.strings import LakeStrings
 from motionlake.pesta.cycles import Occurrence, occurrences, whole
 from motionlake.pesta.matches import Match
-from motionlake.retrieval.protocol import Hit, PathStep, range_hit
+from motionlake.retrieval.hits import Hit, PathStep, range_hit
 from motionlake.retrieval.symbol_strings import ClipStrings, StringQuery
 
 Best = Callable[[int], list[Match]]  # so many matches, cheapest first

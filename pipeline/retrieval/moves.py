@@ -17,20 +17,9 @@ from motionlake.motion.moves import FPS, LEAST, MOST, Track
 from motionlake.motion.moves_index import MovesIndex, moves_distance
 from motionlake.motion.moves_windows import distances_about, nearest_place
 from motionlake.retrieval.encode import query_motion
+from motionlake.retrieval.hits import Hit, Match, clip_hit, range_hit
 from motionlake.retrieval.matched import asked_frames, matched_moves
-from motionlake.retrieval.protocol import (
-    ClipFilter,
-    Finds,
-    Hit,
-    LakeSearcher,
-    Match,
-    Query,
-    Scope,
-    about,
-    clip_hit,
-    not_ready,
-    range_hit,
-)
+from motionlake.retrieval.protocol import ClipFilter, Finds, LakeSearcher, Query, Scope, about, not_ready
 from motionlake.stages.moves import joints_of, read_tracks
 from motionlake.stages.reader import LakeReader
 

@@ -15,7 +15,8 @@ from motionlake.lake.corpus import read_corpus
 from motionlake.lake.layout import Lake
 from motionlake.lake.models import check_served
 from motionlake.retrieval.encode import query_motifs
-from motionlake.retrieval.protocol import EVERYTHING, Finds, Hit, Query, Scope, check_k, not_ready, range_hit
+from motionlake.retrieval.hits import Hit, range_hit
+from motionlake.retrieval.protocol import EVERYTHING, Finds, Query, Scope, check_k, not_ready
 
 
 class WordsSearcher:

@@ -28,7 +28,8 @@ from motionlake.motion.moves_index import Stack, aligned, floored
 from motionlake.motion.sketches import instants, nearness
 from motionlake.pesta.scan import nearest_strings
 from motionlake.pesta.strings import Repository, SymbolDistances
-from motionlake.retrieval.protocol import ClipFilter, Hit, Match, Query, Scope, clip_hit, not_ready
+from motionlake.retrieval.hits import Hit, Match, clip_hit
+from motionlake.retrieval.protocol import ClipFilter, Query, Scope, not_ready
 from motionlake.retrieval.symbol_strings import encoded, query_of_symbols, served_dictionary
 from motionlake.stages.shortlist_files import INSTANTS, ShortlistFiles, string_sketch
 

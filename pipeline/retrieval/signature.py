@@ -13,17 +13,8 @@ from motionlake.errors import UserError
 from motionlake.lake.catalog import fetch, reading
 from motionlake.lake.corpus import read_signatures
 from motionlake.lake.layout import Lake
-from motionlake.retrieval.protocol import (
-    EVERYTHING,
-    Hit,
-    LakeSearcher,
-    Query,
-    Scope,
-    clip_hit,
-    nearer_of_both,
-    not_ready,
-    ranked,
-)
+from motionlake.retrieval.hits import Hit, clip_hit, nearer_of_both, ranked
+from motionlake.retrieval.protocol import EVERYTHING, LakeSearcher, Query, Scope, not_ready
 from numpy.typing import NDArray
 
 

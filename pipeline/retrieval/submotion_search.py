@@ -24,7 +24,8 @@ from motionlake.lake.settings import served_config
 from motionlake.motion.dtw import Stretch, nearest_stretch
 from motionlake.motion.features import WordConfig, word_features
 from motionlake.retrieval.encode import features_of_clips, query_motion
-from motionlake.retrieval.protocol import Hit, LakeSearcher, Query, Scope, about, range_hit
+from motionlake.retrieval.hits import Hit, range_hit
+from motionlake.retrieval.protocol import LakeSearcher, Query, Scope, about
 from motionlake.stages.submotions import SUBMOTIONS
 from numpy.typing import NDArray
 

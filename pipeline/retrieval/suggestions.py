@@ -14,8 +14,9 @@ from motionlake.lake.catalog import Connection, fetch, reading
 from motionlake.lake.layout import Lake
 from motionlake.lake.verdicts import good_rows
 from motionlake.names import kept
+from motionlake.retrieval.hits import Hit
 from motionlake.retrieval.labelled_clips import check_column
-from motionlake.retrieval.protocol import Hit, Query, Scope, Searcher
+from motionlake.retrieval.protocol import Query, Scope, Searcher
 
 VOTES: Final = 3  # nearest labelled clips, the second of which counts a half, the third a third
 REACH: Final = 200  # nearest clips among which labelled ones are looked for first

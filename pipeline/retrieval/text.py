@@ -16,7 +16,8 @@ from motionlake.errors import UserError
 from motionlake.lake.catalog import fetch, fetch_table, reading
 from motionlake.lake.layout import Lake
 from motionlake.lake.verdicts import good_clips
-from motionlake.retrieval.protocol import EVERYTHING, ClipFilter, Hit, check_k, clip_hit, ranked
+from motionlake.retrieval.hits import Hit, clip_hit, ranked
+from motionlake.retrieval.protocol import EVERYTHING, ClipFilter, check_k
 from motionlake.retrieval.text_index import Asked, TextIndex
 from motionlake.retrieval.text_words import numbers, terms, words
 

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final
 
-from motionlake.retrieval.protocol import EVERYTHING, Hit, Query, Scope, Searcher, Share, check_k
+from motionlake.retrieval.hits import Hit, Share
+from motionlake.retrieval.protocol import EVERYTHING, Query, Scope, Searcher, check_k
 from motionlake.retrieval.text import Answers, LakeText
 
 REACH: Final = 200  # nearest clips to the example, and those that answer the text best, which are ranked by both

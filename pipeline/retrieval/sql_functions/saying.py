@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from motionlake.lake.layout import Lake
-from motionlake.retrieval.protocol import EVERYTHING, Hit, Scope
+from motionlake.retrieval.hits import Hit
+from motionlake.retrieval.protocol import EVERYTHING, Scope
 from motionlake.retrieval.sql_functions import Served, columns, sql_function
 from motionlake.retrieval.sql_functions.searching import ALL
 

@@ -7,7 +7,8 @@ from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any, cast
 
 import pyarrow as pa
-from motionlake.retrieval.protocol import EVERYTHING, ClipFilter, Hit, Query, Scope, about
+from motionlake.retrieval.hits import Hit
+from motionlake.retrieval.protocol import EVERYTHING, ClipFilter, Query, Scope, about
 from motionlake.retrieval.sql_functions import Served, columns, sql_function
 
 if TYPE_CHECKING:
