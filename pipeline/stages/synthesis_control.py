@@ -24,8 +24,6 @@ ASIDE: Final = 0.05  # share of a class's frames that go sideways or back, with 
 LEAST_LOOP: Final = 2.0  # seconds
 # Of the slowest and the fastest of a class, how slow and fast it may be asked to go.
 SLOWER, FASTER = 0.7, 1.3
-
-
 LONGEST: Final = 3600.0  # seconds of one motion
 
 

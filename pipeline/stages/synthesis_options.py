@@ -14,7 +14,6 @@ from motionlake.errors import UserError
 if TYPE_CHECKING:
     from motionlake.motion.paths import GroundPath
 
-SHAPES: Final = ("circle", "eight")
 _TIMED: Final = re.compile(r"(.+):(\d+(?:\.\d+)?)")
 _POINTS: Final = "x,z;x,z…"
 Clip = TypeVar("Clip", bound=str | Path)
@@ -71,7 +70,7 @@ def path_of(text: str) -> GroundPath:
     Raises:
         ValueError: it is none.
     """
-    from motionlake.motion.paths import RADIUS, ground_path, shape_path
+    from motionlake.motion.paths import RADIUS, SHAPES, ground_path, shape_path
 
     name, _, radius = text.partition(":")
     if name in SHAPES:
