@@ -210,6 +210,15 @@ def test_a_training_goes_on_at_the_step_a_signal_stopped_it_at(tmp_path: Path) -
     assert train(tmp_path / "kept") == train(None)
 
 
+@pytest.fixture
+def interrupts() -> Iterator[None]:
+    """Interrupts are heard, as in a terminal: what a shell starts in the background ignores them."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.usefixtures("interrupts")
 def test_a_signal_waits_for_what_is_held_and_a_second_one_for_nothing() -> None:
     done = []
 
