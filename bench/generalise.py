@@ -33,7 +33,7 @@ from bench.search_lakes import DISPLACEMENTS, METHODS, SEEDED, TASKS, WINDOWS, M
 
 SEEDS: Final = (0, 1, 2)
 # How much each of them counts.
-SHARES: Final = ((1, 1, 4, 2), (2, 1, 4, 2), (1, 1, 2, 1), (1, 1, 2, 2))
+SHARES: Final = ((2, 1, 4, 2), (2, 1, 4, 1.5), (2, 1, 4, 1), (3, 1, 6, 2))
 RECIPROCALS: Final = (16, 24, 32)
 DIRECTS: Final = (0.1, 0.3, 1.0)
 WINDOW_SHARES: Final = (1.0, 2.0)

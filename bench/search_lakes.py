@@ -35,7 +35,7 @@ from bench.record import recordings
 METHODS: Final = ("signature", "alignment", "moves", "descriptor")
 SEEDED: Final = "signature"  # the one that another seed of motifs changes
 WINDOWS: Final = "windows"
-DISPLACEMENTS: Final = (0.3, 0.5, 1.0)  # what displacement counts in moves, beside velocity
+DISPLACEMENTS: Final = (0.2, 0.3, 0.5)  # what displacement counts in moves, beside velocity
 # Two more that no bar names, of other kinds of motion: a lake as small as people begin with, and long walks.
 TASKS: Final = {
     **SETS, "dance": LabelledSet("cmu_dance", "label"), "cmu_bvh": LabelledSet("cmu_bvh", "description")

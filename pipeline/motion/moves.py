@@ -21,7 +21,7 @@ LEAST: Final = 4  # frames
 MOST: Final = 160  # frames of a clip that are aligned; of a longer one as many, evenly spread
 SMOOTHED: Final = 1.0  # frames; standard deviation of the filter before velocities
 WIDTH: Final = 3 * 3 * len(COMMON)  # numbers of a frame: displacement, velocity, joints
-DISPLACEMENT_COUNT: Final = 0.5  # a root mean square of the displacement, beside one of the velocity
+DISPLACEMENT_COUNT: Final = 0.3  # a root mean square of the displacement, beside one of the velocity
 JOINTS_COUNT: Final = 0.4  # a body length of the joints themselves, beside the same
 # What was made of moves of another kind is not compared with these.
 KIND: Final = f"{WIDTH} numbers, displacement {DISPLACEMENT_COUNT}, joints {JOINTS_COUNT}"

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from motionlake.retrieval.shortlist import Cascade
 
 # How much each counts: looked at on all sets (docs/search.md says what choices with one set left out make of it).
-WEIGHTS: Final = {"signature": 2.0, "alignment": 1.0, "moves": 4.0, "descriptor": 2.0}
+WEIGHTS: Final = {"signature": 2.0, "alignment": 1.0, "moves": 4.0, "descriptor": 1.5}
 LARGE: Final = ("signature",)
 REACH: Final = 300  # nearest clips by each method, which are ranked by all
 DIRECT: Final = 0.3  # what the distance itself counts beside a way along the graph
