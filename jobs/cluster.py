@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import logging
 import multiprocessing
 import os
@@ -60,12 +61,28 @@ def cluster(lake: Lake, workers: int, scheduler: str | None = None) -> Iterator[
                 yield client
             return
         try:
-            client = Client(scheduler, timeout=_CONNECT)
+            client = Client(_address(scheduler), timeout=_CONNECT)
         except (OSError, TimeoutError, ValueError) as error:
             raise UserError(f"--scheduler {scheduler}: no Dask scheduler answers there ({error})") from error
         with client:
             _check_workers(client, scheduler, lake)
             yield client
+
+
+def _address(scheduler: str) -> str:
+    """The address of a scheduler, which may be named by the file that it wrote (`dask scheduler --scheduler-file`).
+
+    Raises:
+        UserError: there is no such file, or no scheduler wrote it.
+    """
+    file = Path(scheduler)
+    if file.suffix != ".json" and not file.is_file():
+        return scheduler
+    try:
+        return str(json.loads(file.read_text(encoding="utf-8"))["address"])
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        said = error.strerror if isinstance(error, OSError) else "it holds no address of a scheduler"
+        raise UserError(f"--scheduler-file {scheduler}: {said}; give the file that the Dask scheduler wrote") from error
 
 
 def _started(workers: int) -> LocalCluster:

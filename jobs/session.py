@@ -10,13 +10,14 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
 from datetime import datetime
+from importlib.util import find_spec
 from typing import TYPE_CHECKING, Protocol
 
 import pyarrow as pa
 from motionlake import memory
 from motionlake.errors import FULL
 from motionlake.jobs.shards import run_here, run_on, with_inputs
-from motionlake.lake.catalog import collect_garbage, create_catalog, load_rows, table_of, writing
+from motionlake.lake.catalog import bring_macros, collect_garbage, create_catalog, load_rows, table_of, writing
 from motionlake.lake.config import LakeConfig, load_config
 from motionlake.lake.integrity import check_files, list_files
 from motionlake.lake.layout import Lake
@@ -103,6 +104,8 @@ class Session:
             self.notice(told)
         if self._client is None:
             self._client = self._stack.enter_context(cluster(self.lake, wanted, self.scheduler))
+            if find_spec("bokeh"):  # without it Dask has no dashboard
+                self.notice(f"dashboard of the workers: {self._client.dashboard_link}")
         elif self.scheduler is None:
             grow(self._client, wanted)
         return self._client
@@ -213,6 +216,8 @@ def session(
             notice(f"{lake.root / file}: {what}, since the last run")
         keep_settings(lake)
         collect_garbage(lake, FOLDERS)
+        if not damaged:
+            bring_macros(lake)
         try:
             with ExitStack() as stack:
                 yield Session(lake, config, progress, notice, workers, scheduler, _stack=stack)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 import socket
 import subprocess
@@ -12,6 +13,7 @@ from contextlib import closing, contextmanager
 from pathlib import Path
 
 import pytest
+from motionlake.errors import UserError
 from motionlake.jobs import cluster
 from motionlake.jobs.session import session
 from motionlake.lake.layout import open_lake
@@ -117,6 +119,21 @@ def test_no_scheduler_is_a_clear_error(tmp_path: Path, clips_folder: Path, monke
     run = motionlake("ingest", clips_folder, "--lake", lake, "--scheduler", "tcp://127.0.0.1:9")
     assert run.status == 2
     assert "no Dask scheduler answers there" in run.err
+
+
+def test_a_scheduler_is_named_by_its_file(tmp_path: Path, clips_folder: Path, scheduler: str) -> None:
+    """As jobs of a batch system find it; a file that no scheduler wrote, or that is not there, is one clear line."""
+    file = tmp_path / "scheduler.json"
+    file.write_text(json.dumps({"type": "Scheduler", "address": scheduler, "workers": {}}), encoding="utf-8")
+    lake = quick_lake(tmp_path / "lake")
+    assert motionlake("ingest", clips_folder, "--lake", lake, "--scheduler-file", file).status == 0
+    for text in ("{}", "[]", "no JSON"):
+        file.write_text(text, encoding="utf-8")
+        with pytest.raises(UserError, match="it holds no address of a scheduler; give the file that"):
+            cluster._address(str(file))
+    file.unlink()
+    with pytest.raises(UserError, match="No such file or directory; give the file that"):
+        cluster._address(str(file))
 
 
 def test_a_lake_may_be_moved(tmp_path: Path, lake: Path, clips_folder: Path, scheduler: str) -> None:

@@ -81,8 +81,12 @@ MinQualityOption = Annotated[
 LabelColumn = Annotated[str, typer.Option("--label-column", help="Column of labels.csv that holds the classes.")]
 WorkersOption = Annotated[int | None, option("--workers", min=1, help="Local worker processes (default: one a core).")]
 SchedulerOption = Annotated[
-    str | None, option("--scheduler", help="Address of a running Dask scheduler, such as tcp://host:8786.")
-]
+    str | None,
+    option(
+        "--scheduler", "--scheduler-file",
+        help="A running Dask scheduler: its address, such as tcp://host:8786, or the file that it wrote.",
+    ),
+]  # fmt: skip
 
 
 @dataclass(frozen=True)

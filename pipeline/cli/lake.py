@@ -11,7 +11,7 @@ import typer
 from motionlake.cli.common import JsonOption, LakeOption, argument, notice, option, stage_progress, tell
 from motionlake.errors import UserError
 from motionlake.lake import layout
-from motionlake.lake.catalog import SCHEMA_VERSION, check_no_lake, create_catalog, fetch
+from motionlake.lake.catalog import SCHEMA_VERSION, check_no_lake, create_catalog, fetch, has_macros
 from motionlake.lake.config import default_toml, load_config
 from motionlake.lake.integrity import listed_in, touched_faults
 from motionlake.lake.lock import locked
@@ -81,28 +81,48 @@ def migrate(
         print(f"version {step.from_version} to {step.to_version}: {step.does}; {step.files} parts {verb}")
 
 
-def status(lake: LakeOption, as_json: JsonOption = False) -> None:
+def status(
+    lake: LakeOption,
+    as_json: JsonOption = False,
+    as_metrics: Annotated[
+        bool, typer.Option("--open-metrics", help="As OpenMetrics text, which Prometheus collects from a file.")
+    ] = False,
+) -> None:
     """What a lake holds, what is made, what is missing, what was rejected and what failed.
 
     Example: motionlake status --lake mylake
+
+    Example: motionlake status --open-metrics --lake mylake > motionlake.prom
     """
     from motionlake.stages.generator_model import GENERATOR
     from motionlake.stages.reader import lake_reader
     from motionlake.stages.registry import ALL, BY_NAME, EVERY, ON_REQUEST
     from motionlake.stages.synthesis import SYNTH
 
+    if as_json and as_metrics:
+        raise UserError("status: --json and --open-metrics are two forms of one answer; name one")
     target = layout.open_lake(lake)
     with lake_reader(target, load_config(target.config_file)) as at:
         due: dict[str, int | None] = {stage.name: stage.due(at) for stage in EVERY}
         datasets, models, failed = (fetch(at.con, q) for q in ("status_datasets", "status_models", "failed_shards"))
         done = {row["stage"]: row for row in fetch(at.con, "status_stages")}
         rows = {row["stage"]: row["rows"] for row in fetch(at.con, "status_rows")}
+        if as_metrics and not has_macros(at.con):
+            raise UserError(
+                f"{target.root}: an earlier motionlake wrote it; `motionlake run all` adds what metrics need"
+            )
+        metrics = fetch(at.con, "status_metrics") if as_metrics else []
         damaged = [{"file": f.file, "fault": wrong} for f, wrong in touched_faults(target, listed_in(at.con).values())]
     # A stage that is made when asked for by name is not due before it was.
     known = {*ALL, *done, *(SYNTH.name for m in models if m["model"].startswith(GENERATOR.name))}
     wanted = {s: due[s] if s in known else None for s in ALL + BY_NAME}
     if ON_REQUEST.name in done:  # made to order, never due
         wanted[ON_REQUEST.name] = None
+    if as_metrics:
+        from motionlake.cli._open_metrics import open_metrics
+
+        print(open_metrics(datasets, metrics, wanted, len(damaged)), end="")
+        return
     nothing = {"shards": 0, "rows": 0, "bytes": 0, "failed": 0}
     stages = [{"stage": s, **nothing, **done.get(s, {}), "due": wanted[s]} for s in wanted]
     for row in stages:

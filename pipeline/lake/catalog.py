@@ -240,6 +240,21 @@ def refresh_macros(con: Connection) -> None:
         run_sql(con, name)
 
 
+def has_macros(con: Connection) -> bool:
+    """Whether a catalog has all macros that this program has: an earlier one may have written it."""
+    stems = (name.removeprefix("macros/").removesuffix(".sql") for name in sql.names("macros"))
+    return all(fetch(con, "has_function", {"name": stem}) for stem in stems)
+
+
+def bring_macros(lake: Lake) -> None:
+    """Give a catalog the macros that it lacks; the caller holds the lake's lock."""
+    with reading(lake) as con:
+        lacking = not has_macros(con)
+    if lacking:
+        with writing(lake):
+            pass
+
+
 def refresh_views(con: Connection, lake: Lake) -> None:
     """Views over Parquet exist while there are parts to read (DuckDB binds them when they are made)."""
     for name in sql.names("views"):

@@ -38,3 +38,6 @@ GROUP BY c.dataset ORDER BY c.dataset;
 
 -- name: table_names
 SELECT table_name AS name FROM duckdb_tables() WHERE database_name = current_database() AND NOT temporary ORDER BY name;
+
+-- name: status_metrics
+SELECT * EXCLUDE (finished) FROM stage_metrics();
