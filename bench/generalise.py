@@ -33,10 +33,10 @@ from bench.search_lakes import DISPLACEMENTS, METHODS, SEEDED, TASKS, WINDOWS, M
 
 SEEDS: Final = (0, 1, 2)
 # How much each of them counts.
-SHARES: Final = ((2, 1, 4, 2), (2, 1, 4, 1.5), (2, 1, 4, 1), (3, 1, 6, 2))
-RECIPROCALS: Final = (16, 24, 32)
+SHARES: Final = ((2, 1, 4, 2), (2, 1, 4, 1.5), (2, 1, 4, 1))
+RECIPROCALS: Final = (16, 24)
 DIRECTS: Final = (0.1, 0.3, 1.0)
-WINDOW_SHARES: Final = (1.0, 2.0)
+WINDOW_SHARES: Final = (1.0,)
 
 
 @dataclass(frozen=True)
@@ -46,21 +46,19 @@ class Constants:
     Attributes:
         reciprocal: `diffusion.RECIPROCAL`.
         direct: `fused.DIRECT`.
-        together: go the way by all methods together too.
         shares: what each method counts.
     """
 
     reciprocal: int
     direct: float
-    together: bool
     shares: tuple[float, ...]
 
 
-NOW: Final = Constants(diffusion.RECIPROCAL, DIRECT, True, tuple(WEIGHTS.get(method, 0.0) for method in METHODS))
+NOW: Final = Constants(diffusion.RECIPROCAL, DIRECT, tuple(WEIGHTS.get(method, 0.0) for method in METHODS))
 
 
 def every_constants() -> Iterator[Constants]:
-    return itertools.starmap(Constants, itertools.product(RECIPROCALS, DIRECTS, (False, True), SHARES))
+    return itertools.starmap(Constants, itertools.product(RECIPROCALS, DIRECTS, SHARES))
 
 
 How = TypeVar("How")
@@ -175,15 +173,15 @@ def _of_set(found: Scores, name: str, lakes: Sequence[Measured], reciprocal: int
         for one in lakes:
             of_each = {SEEDED: _views(one.distances[SEEDED]), **fixed}
             rows = [{method: views[row] for method, views in of_each.items()} for row in range(one.clips)]
-            for shares, together in {(how.shares, how.together) for how in (NOW, *every_constants())}:
-                near = near_of(one, rows, _counted(shares), together=together)
+            for shares in {how.shares for how in (NOW, *every_constants())}:
+                near = near_of(one, rows, _counted(shares), together=True)
                 for direct in sorted({*DIRECTS, NOW.direct}):
-                    how = Constants(reciprocal, direct, together, shares)
+                    how = Constants(reciprocal, direct, shares)
                     found.add(how, name, one.scores(near.along + direct * near.direct))
             if reciprocal == NOW.reciprocal:
                 for count in DISPLACEMENTS:
                     other = [{**each, "moves": each[counting(count)]} for each in rows]
-                    near = near_of(one, other, _counted(NOW.shares), together=NOW.together)
+                    near = near_of(one, other, _counted(NOW.shares), together=True)
                     found.add(_with(count), name, one.scores(near.along + NOW.direct * near.direct))
                 for what, counted in _combinations(first=one is lakes[0]):
                     near = near_of(one, rows, counted, together=len(counted) > 1)

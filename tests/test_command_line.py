@@ -65,7 +65,7 @@ def test_help_imports_no_command_and_no_library_but_typer() -> None:
     modules = imported_by("--help")
     assert {m for m in modules if m.startswith("motionlake")} == {
         "motionlake", "motionlake.caches", "motionlake.errors", "motionlake.names", "motionlake.stopping",
-        "motionlake.cli", "motionlake.cli.main", "motionlake.cli.common",
+        "motionlake.cli", "motionlake.cli.main", "motionlake.cli.common", "motionlake.cli._event_log",
     }  # fmt: skip
     assert not modules & {*HEAVY, *LIBRARIES, "numpy", "rich"}
 

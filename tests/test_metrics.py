@@ -1,7 +1,8 @@
-"""What each stage has done and how fast: as a table macro, and as OpenMetrics text."""
+"""What programs that watch a lake are told: what each stage has done and how fast, and a log of events."""
 
 from __future__ import annotations
 
+import json
 import re
 import shutil
 from pathlib import Path
@@ -9,7 +10,7 @@ from pathlib import Path
 import pytest
 from motionlake.cli._open_metrics import open_metrics
 
-from tests.lakes import Changed, motionlake, query
+from tests.lakes import Changed, motionlake, query, quick_lake
 
 SAMPLE = re.compile(r'^([a-z_]+)(?:\{((?:[a-z]+="(?:[^"\\\n]|\\["\\n])*",?)*)\})? (\S+)$')
 
@@ -74,3 +75,34 @@ def test_a_lake_of_an_earlier_program_gets_the_macro_by_its_next_run(built_lake:
     assert (run.status, "an earlier motionlake wrote it; `motionlake run all`" in run.err) == (2, True)
     assert motionlake("run", "words", "--lake", lake).status == 0
     assert motionlake("status", "--open-metrics", "--lake", lake).status == 0
+
+
+def events(file: Path) -> list[dict[str, object]]:
+    return [json.loads(line) for line in file.read_text(encoding="utf-8").splitlines()]
+
+
+def test_a_log_of_events(tmp_path: Path, clips_folder: Path, scheduler: str) -> None:
+    log, lake = tmp_path / "log.jsonl", quick_lake(tmp_path / "lake")
+    words = ("ingest", clips_folder, "--lake", lake, "--scheduler", scheduler)
+    assert motionlake("--log-json", log, *words).status == 0
+    begins, *between, ends = events(log)
+    assert begins["event"] == "begins"
+    assert (ends["event"], ends["status"]) == ("ends", 0)
+    assert all("time" in one for one in between)
+    counts = [(one["done"], one["total"]) for one in between if one.get("stage") == "frames"]
+    ((clips,),) = query(lake, "SELECT count(*) FROM clips")
+    assert (counts[0], counts[-1]) == ((0, clips), (clips, clips))
+    assert counts == sorted(counts)
+
+    assert motionlake("--log-json", log, "run", "nothing", "--lake", lake).status == 2
+    assert [one["event"] for one in events(log)[-3:]] == ["begins", "fails", "ends"]
+    assert "no such stage" in str(events(log)[-2]["reason"])
+    assert motionlake("status", "--lake", lake).status == 0
+    assert events(log)[-1]["status"] == 2, "the next command keeps no log"
+
+
+def test_a_log_that_cannot_be_written(tmp_path: Path, built_lake: Path) -> None:
+    run = motionlake("--log-json", tmp_path / "nowhere" / "log", "status", "--lake", built_lake)
+    assert (run.status, "No such file or directory; name a file that can be written" in run.err) == (2, True)
+    run = motionlake("--log-json", "/dev/full", "status", "--lake", built_lake)
+    assert (run.status, run.err.count("no more is logged")) == (0, 1)

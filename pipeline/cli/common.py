@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
+from motionlake.cli._event_log import event, stage_event
 from motionlake.errors import UserError
 from motionlake.names import json_text, printable, typed
 
@@ -191,6 +192,7 @@ def write_csv(file: Path, columns: Sequence[str], rows: Sequence[Sequence[Any]])
 
 def notice(line: str) -> None:
     """Tell a person something while a command runs."""
+    event("notice", text=line)
     print(printable(line), file=sys.stderr, flush=True)
 
 
@@ -241,6 +243,7 @@ class StageProgress:
         self._spoke = time.monotonic()
 
     def __call__(self, stage: str, done: int, total: int) -> None:
+        stage_event(stage, done, total)
         if self._bars is not None:
             if stage not in self._tasks:
                 self._tasks[stage] = self._bars.add_task(stage, total=total)

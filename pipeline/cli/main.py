@@ -13,9 +13,11 @@ import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from io import TextIOWrapper
+from pathlib import Path
 from typing import Annotated, Any, Final, NoReturn
 
 import typer
+from motionlake.cli._event_log import ending, event, log_to
 from motionlake.cli.common import SETTINGS, notice
 from motionlake.errors import UserError, denied, explained
 from motionlake.names import printable
@@ -174,9 +176,19 @@ def options(
     version: Annotated[
         bool, typer.Option("--version", help="Show the version and exit.", callback=_version, is_eager=True)
     ] = False,
+    log_json: Annotated[
+        Path | None,
+        typer.Option(
+            "--log-json",
+            metavar="FILE",
+            help="Append events of the command to a file, a line of JSON each: motionlake --log-json run.jsonl run all",
+        ),
+    ] = None,
 ) -> None:
     if debug:
         os.environ["MOTIONLAKE_DEBUG"] = "1"
+    if log_json is not None:
+        log_to(log_json)
 
 
 @contextmanager
@@ -235,7 +247,7 @@ def _send_nowhere(descriptor: int) -> None:
 def main() -> None:
     """Run the command line; a mistake gets one line on stderr and exit status 2, a signal one and 128 + its number."""
     os.environ.setdefault("POT_BACKEND_DISABLE_PYTORCH", "1")  # else POT takes a second to import torch for nothing
-    with _streams():
+    with _streams(), ending():
         try:
             with obeying():
                 app(standalone_mode=True)
@@ -268,7 +280,9 @@ def _end(error: BaseException) -> NoReturn:
 def _fail(message: str, error: BaseException, status: int = 2) -> NoReturn:
     if os.environ.get("MOTIONLAKE_DEBUG"):
         raise error
-    print(f"motionlake: {printable(' '.join(message.split()))}", file=sys.stderr)
+    said = " ".join(message.split())
+    event("fails", reason=said)
+    print(f"motionlake: {printable(said)}", file=sys.stderr)
     raise SystemExit(status)
 
 
