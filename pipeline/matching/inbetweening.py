@@ -123,7 +123,9 @@ class Inbetweens:
         assert keys.speeds is not None, "speeds are known"
         hips, turning = keys.speeds[side, 0] / FPS, keys.speeds[side, 1:] / FPS
         both = np.stack([keys.rotations[side], multiply(from_vectors(turning), keys.rotations[side])])
-        joints = forward_kinematics(np.stack([keys.hips[side], keys.hips[side] + hips]), both, self._offsets * self._size)
+        joints = forward_kinematics(
+            np.stack([keys.hips[side], keys.hips[side] + hips]), both, self._offsets * self._size
+        )
         one, other = seen(joints / self._size)
         return np.asarray((other - one) * FPS)
 
@@ -132,7 +134,7 @@ class Inbetweens:
     ) -> list[list[tuple[int, float, float]]]:
         world, apart = self._compared(keys)
         heading, poses = facing(world), seen(world)
-        times = keys.frames * (FPS / keys.fps)
+        times = np.asarray(keys.frames * (FPS / keys.fps), dtype=np.float64)
         return [
             self._candidates(i, times[i : i + 2], apart, poses, world[:, 0], heading, rng, temperature)
             for i in range(len(poses) - 1)

@@ -80,8 +80,9 @@ def _far_ones_led(
             frames.append(_after(best, pair).frames[:1])
             hips.append(best.stretch.hips[-1:])
             rotations.append(best.stretch.rotations[-1:])
-        for rows, own in ((frames, keys.frames), (hips, keys.hips), (rotations, keys.rotations)):
-            rows.append(own[i + 1 : i + 2])
+        frames.append(keys.frames[i + 1 : i + 2])
+        hips.append(keys.hips[i + 1 : i + 2])
+        rotations.append(keys.rotations[i + 1 : i + 2])
     everything = KeyPoses(
         np.concatenate(frames), np.concatenate(hips), np.concatenate(rotations), keys.speeds, keys.fps
     )
@@ -92,7 +93,9 @@ def _after(led: _Led, pair: KeyPoses) -> KeyPoses:
     """The pose that is led to, and the next that is given."""
     at = led.start + len(led.stretch.hips) - 1
     last = (led.stretch.hips[-1:], led.stretch.rotations[-1:])
-    hips, rotations = (np.concatenate([one, own[1:]]) for one, own in zip(last, (pair.hips, pair.rotations), strict=True))
+    hips, rotations = (
+        np.concatenate([one, own[1:]]) for one, own in zip(last, (pair.hips, pair.rotations), strict=True)
+    )
     return KeyPoses(np.array([at, pair.frames[1]]), hips, rotations, fps=pair.fps)
 
 

@@ -19,9 +19,7 @@ def course_sources(database: MotionDatabase, course: Course) -> list[Source]:
     ]
 
 
-def run_source(
-    database: MotionDatabase, frames: tuple[int, int], rows: tuple[float, float], mirrored: bool
-) -> Source:
+def run_source(database: MotionDatabase, frames: tuple[int, int], rows: tuple[float, float], mirrored: bool) -> Source:
     """The recorded frames of frames [start, stop) of a motion, from the first to the last of two rows of a piece."""
     piece = int(database.piece_of[int(rows[0])])
     low, _, _, frame = database.pieces[piece]

@@ -90,7 +90,9 @@ def even_stretch(keys: KeyPoses, index: int) -> Stretch:
     """From one pose to the next at even speed."""
     share = np.linspace(0, 1, int(keys.frames[index + 1] - keys.frames[index]) + 1)
     hips = keys.hips[index] + share[:, None] * (keys.hips[index + 1] - keys.hips[index])
-    first, last = (np.broadcast_to(keys.rotations[i], (len(share), *keys.rotations[i].shape)) for i in (index, index + 1))
+    first, last = (
+        np.broadcast_to(keys.rotations[i], (len(share), *keys.rotations[i].shape)) for i in (index, index + 1)
+    )
     return Stretch(hips, slerp(first, last, np.broadcast_to(share[:, None], first.shape[:2])), recorded=False)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,13 +19,16 @@ from motionlake.stages.generator_model import classed_motions, long_enough
 from motionlake.stages.sources import content_hash
 from motionlake.stages.synthesis import check_classes
 from motionlake.stages.synthesis_control import Request
+from motionlake.stages.synthesis_edits import edge_poses, edited_clip
+from motionlake.stages.synthesis_keys import key_poses
 from motionlake.stages.synthesis_options import path_of
 from motionlake.stages.training_clips import check_chosen, frames_of_clips
 
 if TYPE_CHECKING:
     from motionlake.lake.frames import Frames
     from motionlake.motion.canonicalise import CanonicalMotion
-    from motionlake.motion.generation import Control, GeneratedMotion, MotionGenerator
+    from motionlake.motion.generation import Control, GeneratedMotion, MotionGenerator, SeedClip
+    from motionlake.motion.keyframes import KeyPoses
 
 
 @dataclass(frozen=True)
@@ -69,7 +72,7 @@ def find_starts(con: Connection, lake: Lake, model: Model, request: Request) -> 
         return [_outside(lake, Path(request.start))]
     if request.start is not None:
         row = fetch(con, "clip", {"clip": request.start})[0]
-        if row["format"] == "synthetic":
+        if row["format"] == "synthetic" and not request.keyframes:
             raise UserError(f"{request.start}: is synthetic; start from a recorded clip")
         return [_start(row | {"start": 0, "stop": row["frames"]})]
     wanted = request.classes[0]
@@ -135,11 +138,24 @@ def make(generator: MotionGenerator, lake: Lake, request: Request, motions: Sequ
     for motion in motions:
         seed = int(np.random.SeedSequence([request.seed, motion.number]).generate_state(1)[0])
         options = (seed, seeds[motion.start], request.pace, request.temperature)
-        wanted.append(MotionRequest(request.classes, request.lasts, *options, request.shares, control))
+        keys = _keys(request, seeds[motion.start])
+        wanted.append(MotionRequest(request.classes, request.lasts, *options, request.shares, control, keys))
     try:
-        return generator.generate(wanted)
+        made = generator.generate(wanted)
     except ValueError as error:
         raise UserError(str(error)) from error
+    if request.edited is not None:
+        return [edited_clip(request, one, wish.start) for one, wish in zip(made, wanted, strict=True)]
+    if request.keyframes:
+        first = request.keyframes[0].frame
+        return [replace(one, seed_start=first, seed_stop=first + 1) for one in made]
+    return made
+
+
+def _keys(request: Request, seed: SeedClip) -> KeyPoses | None:
+    if request.edited is not None:
+        return edge_poses(request, seed)
+    return key_poses(request) if request.keyframes else None
 
 
 def _control(request: Request) -> Control | None:

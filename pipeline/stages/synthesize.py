@@ -21,7 +21,7 @@ from motionlake.stages.reader import LakeReader
 from motionlake.stages.sources import check_apart
 from motionlake.stages.stage import Shard
 from motionlake.stages.synthesis import open_generator, served_generator
-from motionlake.stages.synthesis_control import Request, controls, settled, shaping
+from motionlake.stages.synthesis_control import Keyframe, Request, controls, settled, shaping
 from motionlake.stages.synthesis_requests import (
     Motion,
     Start,
@@ -97,7 +97,7 @@ class Synthesize(ClipStage):
                 name, body, canonical, FramesConfig(**spec["frames"]), rig_joints(body.hierarchy.joints, rig),
                 path=path, format="synthetic", rig=rig.name, notes=[], licence="; ".join(licences) or None,
                 content_hash=hashlib.sha256(content).hexdigest(),
-                label=request.classes[0] if len(set(request.classes)) == 1 else None,
+                label=_label(request),
             )  # fmt: skip
             parts.rows["synthetic_segments"] += _segments(name, request, one)
             parts.rows["synthetic"].append(
@@ -212,8 +212,12 @@ def clip_path(request: Request, number: int) -> str:
 
 def _request(spec: Mapping[str, Any]) -> Request:
     """The request of a shard."""
-    lists = {name: tuple(spec[name]) for name in ("classes", "shares") if spec[name] is not None}
-    return Request(**{**spec, **lists})
+    lists = {name: tuple(spec[name]) for name in ("classes", "shares", "edited") if spec.get(name) is not None}
+    keys = tuple(
+        Keyframe(**{**key, "hips": tuple(key["hips"]), "rotations": tuple(key["rotations"])})
+        for key in spec.get("keyframes", ())
+    )
+    return Request(**{**spec, **lists, "keyframes": keys})
 
 
 def _identity(request: Request, motion: Motion) -> list[Any]:
@@ -222,9 +226,17 @@ def _identity(request: Request, motion: Motion) -> list[Any]:
     return [shaping(request), motion.number, start.clip, start.content_hash, start.start, start.stop]
 
 
+def _label(request: Request) -> str | None:
+    """The class of a whole motion; None of one of several classes, and of a clip of which a range was made."""
+    return request.classes[0] if len(set(request.classes)) == 1 and request.edited is None else None
+
+
 def _segments(name: str, request: Request, made: GeneratedMotion) -> list[dict[str, Any]]:
-    """The range of every class, where there are several."""
-    if len(set(request.classes)) == 1:
+    """The range of every class, where there are several, one after the other."""
+    if request.edited is not None:
+        first, stop = request.edited
+        return [{"clip": name, "start": first, "stop": stop, "label": request.classes[0]}]
+    if len(set(request.classes)) == 1 or request.keyframes:
         return []
     stops = (*made.class_starts[1:], len(made.positions))
     return [
