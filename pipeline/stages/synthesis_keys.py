@@ -162,7 +162,7 @@ def _times(frames: Sequence[Marked], at: Sequence[int], clips: Mapping[Any, _Cli
             )
         if before is not None and not seconds > found[-1]:
             raise UserError(
-                f"keyframe {one.name}: comes at {seconds:g} s, {before.name} before it at {found[-1]:g}: "
+                f"keyframe {one.name}: comes at {seconds:.3g} s, {before.name} before it at {found[-1]:.3g}: "
                 "times must rise"
             )
         if before is not None and round((seconds - found[0]) * rate) == round((found[-1] - found[0]) * rate):
