@@ -87,7 +87,7 @@ def test_any_stretch_is_bent_through_any_poses(seed: int, gaps: list[int]) -> No
 def test_poses_of_a_recording_lead_to_that_recording(recordings: Path) -> None:
     clip = clips_of("walk")[1]
     keys, _ = keyed(clip, 0.5)
-    ground = ground_below(seed_of(clip))
+    ground = ground_below(clip.positions, clip.name)
     keys = KeyPoses(keys.frames, keys.hips - [0, ground, 0], keys.rotations)
     data = generator().database
     for i, run in enumerate(Inbetweens(data, [0], offsets_of(clip)).runs(keys, np.random.default_rng(0))):
@@ -143,7 +143,7 @@ def test_locgen_leads_through_a_persons_poses(recordings: Path) -> None:
     start, stop = max(sound_ranges(clip.positions, clip.rotations, clip.fps), key=lambda pair: pair[1] - pair[0])
     motion = body_motion(clip.positions[start:stop], clip.fps)
     known = poses_at(motion, keys.frames.astype(float)).rows
-    rows = sparse_rows(keys, offsets_of(clip), ground_below(seed_of(clip)))
+    rows = sparse_rows(keys, offsets_of(clip), ground_below(clip.positions, clip.name))
     np.testing.assert_allclose(rows[1:, :60], known[1:, :60], atol=0.06)
     np.testing.assert_allclose(rows[1:, -4:], known[1:, -4:], atol=0.1)
 
@@ -156,13 +156,7 @@ def test_how_keyframes_are_written() -> None:
         with pytest.raises(UserError, match="is written"):
             marked(text)
     with pytest.raises(ValueError, match="another skeleton"):
-        ground_below(seed_of_skeleton(20))
-
-
-def seed_of_skeleton(joints: int):  # type: ignore[no-untyped-def]
-    from motionlake.motion.generation import SeedClip
-
-    return SeedClip("a", np.zeros((5, joints, 3)), 30.0, np.zeros((joints, 3)))
+        ground_below(np.zeros((5, 20, 3)), "a")
 
 
 @pytest.fixture(scope="module")

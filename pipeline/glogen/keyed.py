@@ -46,7 +46,11 @@ def keyed_motion(locgen: DenseDecoder | Inbetweener, request: MotionRequest) -> 
         ValueError: a seed clip of another skeleton.
     """
     assert request.keys is not None, "a request of poses"
-    keys, body, ground = request.keys, request.start.rest_offsets, ground_below(request.start)
+    keys, body, ground = (
+        request.keys,
+        request.start.rest_offsets,
+        ground_below(request.start.positions, request.start.clip),
+    )
     times = (keys.frames - keys.frames[0]) / keys.fps
     (motion,) = dense_motions(
         locgen, [sparse_rows(keys, body, ground)], [times], max(1, int(np.ceil(times[-1] * FPS)))

@@ -47,7 +47,7 @@ def keyed_motion(database: MotionDatabase, request: MotionRequest) -> GeneratedM
     assert request.keys is not None, "a request of poses"
     request.check(database.classes)
     body, keys = request.start.rest_offsets, request.keys
-    ground = ground_below(request.start)
+    ground = ground_below(request.start.positions, request.start.clip)
     keys = KeyPoses(keys.frames, keys.hips - [0.0, ground, 0.0], keys.rotations, keys.speeds, keys.fps)
     targets = sorted({database.classes.index(name) for name in request.classes})
     found = Inbetweens(database, targets, body)

@@ -12,7 +12,6 @@ from typing import Final
 
 import numpy as np
 from motionlake.arrays import Float64Array, Int64Array
-from motionlake.motion.generation import SeedClip
 from motionlake.motion.rotations import conjugate, from_vectors, multiply, rotate, slerp, to_vectors
 from motionlake.motion.skeleton import INDEX, JOINTS
 
@@ -67,16 +66,16 @@ class Stretch:
     recorded: bool = True
 
 
-def ground_below(seed: SeedClip) -> float:
-    """Height of the ground below a clip, metres: where its lower toe mostly stands.
+def ground_below(positions: Float64Array, clip: str) -> float:
+    """Height of the ground below joints [F, 21, 3] of a clip, metres: where its lower toe mostly stands.
 
     Raises:
-        ValueError: it is of another skeleton.
+        ValueError: they are of another skeleton.
     """
-    if seed.positions.ndim != 3 or seed.positions.shape[1:] != (len(JOINTS), 3):
-        shape = "x".join(map(str, seed.positions.shape[1:]))
-        raise ValueError(f"{seed.clip} is of another skeleton: {shape} numbers a frame, not {len(JOINTS)}x3")
-    toes = seed.positions[:, [INDEX["left_toe"], INDEX["right_toe"]], 1]
+    if positions.ndim != 3 or positions.shape[1:] != (len(JOINTS), 3):
+        shape = "x".join(map(str, positions.shape[1:]))
+        raise ValueError(f"{clip} is of another skeleton: {shape} numbers a frame, not {len(JOINTS)}x3")
+    toes = positions[:, [INDEX["left_toe"], INDEX["right_toe"]], 1]
     return float(np.quantile(toes.min(axis=1), GROUND))
 
 

@@ -180,7 +180,7 @@ def _laid_out(
     from motionlake.motion.keyframes import ground_below
 
     body = clips[frames[0].source].seed
-    size, ground = body_length(body.rest_offsets), ground_below(body)
+    size, ground = body_length(body.rest_offsets), ground_below(body.positions, body.clip)
     if size < 1e-6:
         raise UserError(f"keyframe {frames[0].name}: has a body without length")
     found: list[Keyframe] = []
@@ -188,7 +188,7 @@ def _laid_out(
     for i, one in enumerate(frames):
         clip, frame = clips[one.source], at[i]
         scale = size / body_length(clip.seed.rest_offsets)
-        hips = clip.seed.positions[frame, 0] - np.array([0.0, ground_below(clip.seed), 0.0])
+        hips = clip.seed.positions[frame, 0] - np.array([0.0, ground_below(clip.seed.positions, clip.seed.clip), 0.0])
         hips = hips * scale + np.array([0.0, ground, 0.0])
         if i and one.source != frames[i - 1].source:
             before, last = clips[frames[i - 1].source], found[-1]
