@@ -21,6 +21,7 @@ from motionlake.cli.common import (
     dataset_name,
     frame_or_seconds,
     named_source,
+    notice,
     option,
     running,
     tell,
@@ -49,6 +50,10 @@ def synthesize(
         float | None, option(help="Length of each motion (default: as classes or path say, else 8).")
     ] = None,
     count: Annotated[int, typer.Option(help="How many motions.")] = 1,
+    diverse: Annotated[
+        bool,
+        typer.Option("--diverse", help="None nearer to another than recorded clips of the class are to one another."),
+    ] = False,
     seed: Annotated[int, typer.Option(help="Another seed, other motions.")] = 0,
     dataset: Annotated[
         str, typer.Option(help="Dataset of the new clips; it may hold no recorded ones.", callback=dataset_name)
@@ -107,6 +112,8 @@ def synthesize(
 
     A loop: motionlake synthesize --class walk --path circle:2 --facing path --loop --lake mylake
 
+    Twenty that differ: motionlake synthesize --class walk --count 20 --diverse --lake mylake
+
     Through poses: motionlake synthesize --keyframes walk_01@10 --keyframes walk_01@3s --keyframes run_02@40=4.5 --lake
     mylake
 
@@ -129,6 +136,7 @@ def synthesize(
         names, seconds, seed, name, outside, split, pace, temperature, min_quality, shares,
         None if path is None else path_text(path), speed, facing_of(facing), loop, continues is not None,
     )  # fmt: skip
+    request = replace(request, diverse=diverse)
     check_request(request)
     if edit is not None or keyframes:
         with reading(target) as con:
@@ -150,6 +158,14 @@ def synthesize(
         "model": made.model, "dataset": dataset, "clips": made.clips, "made": made.made, "there": made.there,
         "seconds": round(made.seconds, 3), "wall_seconds": round(made.wall_seconds, 3), "files": files,
     }  # fmt: skip
+    if made.floor is not None:
+        found |= {"floor": round(made.floor, 4), "alike": made.alike}
+    if made.alike:
+        more = f" and {len(made.alike) - 3} more" if len(made.alike) > 3 else ""
+        notice(
+            f"{len(made.alike)} of {count} motions are nearer to another than recorded clips of {request.classes[0]} "
+            f"({made.floor:.3f} body lengths), whatever seed was tried: {', '.join(made.alike[:3])}{more}"
+        )
     there = f" ({made.there} were there already)" if made.there else ""
     first = f", {made.clips[0]} the first" if made.clips else ""
     line = (

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 DRAWN: Final = ("start", "outside", "split", "min_quality")
 ADDED: Final[dict[str, Any]] = {
     "shares": None, "path": None, "speed": None, "facing": None, "loop": False, "from_end": False, "keyframes": (),
-    "rate": None, "edited": None,
+    "rate": None, "edited": None, "diverse": False,
 }  # fmt: skip
 SECONDS: Final = 8.0  # of a motion for which nothing says how long it is
 ASIDE: Final = 0.05  # share of a class's frames that go sideways or back, with which it can face elsewhere
@@ -80,6 +80,7 @@ class Request:
         keyframes: poses that it passes through (`synthesis_keys`); it lasts from the first to the last.
         rate: frames a second of a motion through keyframes, or of an edited clip; None: those of the generator.
         edited: frames [first, stop) of `start` that are made anew; the motion is the whole clip then.
+        diverse: none of the motions is nearer to another than recorded clips of the class are (`synthesis_diversity`).
     """
 
     classes: tuple[str, ...]
@@ -100,6 +101,7 @@ class Request:
     keyframes: tuple[Keyframe, ...] = ()
     rate: float | None = None
     edited: tuple[int, int] | None = None
+    diverse: bool = False
 
     @property
     def lasts(self) -> float:

@@ -52,10 +52,11 @@ class Start:
 
 @dataclass(frozen=True)
 class Motion:
-    """One motion of a request: its number from 1, and what it starts from."""
+    """One motion of a request: its number from 1, what it starts from, and how often it was tried before."""
 
     number: int
     start: Start
+    attempt: int = 0
 
 
 def find_starts(con: Connection, lake: Lake, model: Model, request: Request) -> list[Start]:
@@ -108,10 +109,14 @@ def _outside(lake: Lake, path: Path) -> Start:
     return Start(str(path), "", "", body.fps, 0, len(motion.positions), content, None, offsets, outside=True)
 
 
-def motions_of(request: Request, starts: Sequence[Start], numbers: Iterable[int]) -> list[Motion]:
-    """The motions of these numbers; each draws what it starts from by the seed and its number."""
-    drawn = {n: np.random.default_rng([request.seed, n]).integers(len(starts)) for n in numbers}
-    return [Motion(number, starts[int(index)]) for number, index in drawn.items()]
+def motions_of(request: Request, starts: Sequence[Start], numbers: Iterable[int], attempt: int = 0) -> list[Motion]:
+    """The motions of these numbers; each draws what it starts from by the seed, its number and the attempt."""
+    drawn = {n: np.random.default_rng(_seeds(request, n, attempt)).integers(len(starts)) for n in numbers}
+    return [Motion(number, starts[int(index)], attempt) for number, index in drawn.items()]
+
+
+def _seeds(request: Request, number: int, attempt: int) -> list[int]:
+    return [request.seed, number, *([attempt] if attempt else [])]
 
 
 def make(generator: MotionGenerator, lake: Lake, request: Request, motions: Sequence[Motion]) -> list[GeneratedMotion]:
@@ -136,7 +141,7 @@ def make(generator: MotionGenerator, lake: Lake, request: Request, motions: Sequ
     control = _control(request)
     wanted = []
     for motion in motions:
-        seed = int(np.random.SeedSequence([request.seed, motion.number]).generate_state(1)[0])
+        seed = int(np.random.SeedSequence(_seeds(request, motion.number, motion.attempt)).generate_state(1)[0])
         options = (seed, seeds[motion.start], request.pace, request.temperature)
         keys = _keys(request, seeds[motion.start])
         wanted.append(MotionRequest(request.classes, request.lasts, *options, request.shares, control, keys))
