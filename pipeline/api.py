@@ -388,6 +388,7 @@ class Lake:
         edit: Clip | None = None,
         first: int | None = None,
         last: int | None = None,
+        style: Clip | None = None,
     ) -> CanonicalMotion:
         """New motion of known classes, which nobody recorded. The same arguments give the same motion.
 
@@ -419,6 +420,7 @@ class Lake:
             edit: make frames [`first`, `last`) of this clip anew, of one class; the motion is the whole clip, at its
                 own rate, with the other frames as they are.
             first, last: of the frames that are made anew.
+            style: recorded frames that look like those of this clip or clip file are preferred.
 
         Raises:
             UserError: there is no generator, it does not know a class, there is nothing to start from, a number
@@ -428,7 +430,7 @@ class Lake:
         from motionlake.stages.synthesis import open_generator, served_generator
         from motionlake.stages.synthesis_control import Request, settled
         from motionlake.stages.synthesis_edits import with_edit
-        from motionlake.stages.synthesis_keys import marked, with_keyframes
+        from motionlake.stages.synthesis_keys import marked, style_of, with_keyframes
         from motionlake.stages.synthesis_options import begun, path_text, timed_classes
         from motionlake.stages.synthesis_requests import canonical_motion, find_starts, make, motions_of
 
@@ -442,6 +444,8 @@ class Lake:
             names, seconds, seed, clip, outside, split, pace, temperature, min_quality, shares, way, speed, facing,
             loop, continues is not None,
         )  # fmt: skip
+        if style is not None:
+            asked = replace(asked, style=style_of(self._con.own, self._lake, self._query(style)))
         if edit is not None:
             asked = with_edit(self._con.own, self._lake, asked, self._query(edit), first, last)
         elif keyframes:

@@ -83,6 +83,10 @@ def synthesize(
     ] = None,
     loop: Annotated[bool, typer.Option("--loop", help="The end meets the beginning.")] = False,
     continues: Annotated[str | None, option("--continue", help="Go on from the end of this clip or clip file.")] = None,
+    style: Annotated[
+        str | None,
+        option("--style-from", help="Prefer recorded frames that look like this clip or clip file."),
+    ] = None,
     keyframes: Annotated[
         list[str] | None,
         option("--keyframes", help="Pass through this frame, CLIP@FRAME, or CLIP@FRAME=SECONDS; again for the next."),
@@ -114,6 +118,8 @@ def synthesize(
 
     Twenty that differ: motionlake synthesize --class walk --count 20 --diverse --lake mylake
 
+    In the manner of a clip: motionlake synthesize --class walk --style-from old_man_01 --lake mylake
+
     Through poses: motionlake synthesize --keyframes walk_01@10 --keyframes walk_01@3s --keyframes run_02@40=4.5 --lake
     mylake
 
@@ -123,6 +129,7 @@ def synthesize(
     """
     from motionlake.jobs import run as jobs
     from motionlake.stages.synthesis_control import Request, check_request
+    from motionlake.stages.synthesis_keys import style_of
     from motionlake.stages.synthesis_options import begun, facing_of, path_text, timed_classes
 
     target = open_lake(lake)
@@ -138,6 +145,9 @@ def synthesize(
     )  # fmt: skip
     request = replace(request, diverse=diverse)
     check_request(request)
+    if style is not None:
+        with reading(target) as con:
+            request = replace(request, style=style_of(con, target, _source(con, style)))
     if edit is not None or keyframes:
         with reading(target) as con:
             request = _shown_poses(con, target, request, keyframes or [], edit, (start, stop))

@@ -20,6 +20,7 @@ from motionlake.matching.player import Player
 from motionlake.matching.recordings import FPS, RootedMotion, rooted, sound_ranges
 from motionlake.matching.sources import course_sources
 from motionlake.matching.steering import Steering
+from motionlake.matching.style import style_costs
 from motionlake.motion.generation import SHORTEST, Control, GeneratedMotion, MotionRequest, SeedClip
 from motionlake.motion.kinematics import forward_kinematics, local_rotations, world_from_positions
 from motionlake.motion.skeleton import JOINTS, body_length
@@ -70,13 +71,15 @@ class MatchingGenerator:
             ValueError: a class that it does not know, no seconds, no pace, a seed clip shorter than needed or of
                 another skeleton, or a path for which the time is too short or too long.
         """
-        return [self._made(request) for request in requests]
+        styles = {id(s): s for r in requests if (s := (r.control or Control()).style) is not None}
+        costs = {key: style_costs(self.database, style) for key, style in styles.items()}
+        return [self._made(request, costs.get(id((request.control or Control()).style))) for request in requests]
 
     def save(self, path: Path) -> None:
         """Write it as one safetensors file."""
         self.database.save(path)
 
-    def _made(self, request: MotionRequest) -> GeneratedMotion:
+    def _made(self, request: MotionRequest, style: Float64Array | None) -> GeneratedMotion:
         if request.keys is not None:
             return keyed_motion(self.database, request)
         request.check(self.classes)
@@ -95,7 +98,7 @@ class MatchingGenerator:
             steering = Steering(control.path, size, start.place, heading, speeds, facing)
         player = Player(
             self.database, parts, frames, rng, pace=request.pace, temperature=request.temperature, steering=steering,
-            loop=control.loop,
+            loop=control.loop, style=style,
         )  # fmt: skip
         course = player.run(start, drawn=control.loop and steering is None)
         if control.loop and control.path is not None:

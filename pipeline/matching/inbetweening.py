@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from motionlake.arrays import Float64Array, Int64Array
+from motionlake.arrays import BoolArray, Float64Array, Int64Array
 from motionlake.matching.assembly import read_poses
 from motionlake.matching.database import MotionDatabase
 from motionlake.matching.recordings import FPS, about_y
@@ -210,8 +210,8 @@ class Inbetweens:
     def _run(self, row: int, frames: float) -> Run:
         return Run(int(self._rows[row]), frames, row >= self._count)
 
-    def stretch(self, run: Run, keys: KeyPoses, index: int) -> Stretch:
-        """The frames of a run, put where the poses are."""
+    def stretch(self, run: Run, keys: KeyPoses, index: int) -> tuple[Stretch, BoolArray]:
+        """The frames of a run, put where the poses are; and [n + 1, 2] whether the feet stand."""
         count = int(keys.frames[index + 1] - keys.frames[index])
         off = np.linspace(0, run.frames, count + 1)
         first = int(np.searchsorted(self._rows[: self._count], run.row)) + run.mirrored * self._count
@@ -223,7 +223,12 @@ class Inbetweens:
         rotations = poses.rotations.copy()
         rotations[:, 0] = multiply(about_y(yaw), rotations[:, 0])
         hips = np.stack([x, poses.hips[:, 1], z], axis=1) * self._size
-        return _placed(Stretch(hips, rotations), keys, index, self._offsets)
+        return _placed(Stretch(hips, rotations), keys, index, self._offsets), feet(poses.stands)
+
+
+def feet(stands: BoolArray) -> BoolArray:
+    """[T, 2] whether the left and the right foot stands, of joints of the feet [T, 4]."""
+    return np.asarray(stands.reshape(len(stands), 2, 2).any(axis=2))
 
 
 def _placed(stretch: Stretch, keys: KeyPoses, index: int, offsets: Float64Array) -> Stretch:

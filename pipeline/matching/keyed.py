@@ -7,11 +7,12 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-from motionlake.arrays import Float64Array
+from motionlake.arrays import BoolArray, Float64Array
 from motionlake.matching.assembly import assembled, in_world
 from motionlake.matching.course import Course, Part, Start
 from motionlake.matching.database import MotionDatabase
-from motionlake.matching.inbetweening import LONGEST, Inbetweens, Run
+from motionlake.matching.inbetweening import LONGEST, Inbetweens, Run, feet
+from motionlake.matching.keyed_feet import feet_held
 from motionlake.matching.player import Player
 from motionlake.matching.recordings import FPS
 from motionlake.matching.sources import course_sources, run_source
@@ -31,9 +32,10 @@ FAR: Final = 0.5  # body lengths: to a pose that is nearer than that no path lea
 
 @dataclass(frozen=True)
 class _Led:
-    """A stretch that motion matching made, its course, and the frame at which it begins."""
+    """A stretch that motion matching made, whether feet stand [n + 1, 2], its course, and its first frame."""
 
     stretch: Stretch
+    stands: BoolArray
     course: Course
     start: int
 
@@ -54,11 +56,22 @@ def keyed_motion(database: MotionDatabase, request: MotionRequest) -> GeneratedM
     rng = np.random.default_rng(request.seed)
     keys, led = _far_ones_led(database, found, keys, body, rng, request.temperature)
     runs = found.runs(keys, rng, request.temperature)
-    stretches = [
-        led[i].stretch if i in led else even_stretch(keys, i) if run is None else found.stretch(run, keys, i)
-        for i, run in enumerate(runs)
-    ]
+    stretches, stands = [], [np.zeros((1, 2), dtype=np.bool_)]
+    for i, run in enumerate(runs):
+        if i in led:
+            stretch, own = led[i].stretch, led[i].stands
+        elif run is not None:
+            stretch, own = found.stretch(run, keys, i)
+        else:
+            stretch = even_stretch(keys, i)
+            own = np.zeros((len(stretch.hips), 2), dtype=np.bool_)
+        stands[-1][-1] |= own[0]
+        stretches.append(stretch)
+        stands.append(own[1:])
     hips, rotations = through(keys, stretches)
+    rotations = feet_held(
+        hips, rotations, body, np.concatenate(stands), request.keys.frames - keys.frames[0], keys.fps, body_length(body)
+    )
     hips[:, 1] += ground
     positions = forward_kinematics(hips, rotations, body)
     return GeneratedMotion(positions, rotations, body, keys.fps, (0,), 0, 1, _sources(database, keys, runs, led))
@@ -121,10 +134,12 @@ def _led(
         steering = Steering(ground_path(points), size, place, float(np.arctan2(way[0], way[1])), speeds)
     player = Player(database, [Part(target, 0)], frames, rng, temperature=temperature, steering=steering)
     course = player.run(start)
-    hips, rotations = in_world(assembled(database, course, None), course, size)
+    poses = assembled(database, course, None)
+    hips, rotations = in_world(poses, course, size)
     at = np.linspace(0, frames - 1, count + 1)
     turned = normalise(interpolated(continuous_signs(rotations), at))
-    return _Led(Stretch(interpolated(hips, at), turned), course, int(pair.frames[0]))
+    stands = feet(poses.stands)[np.round(at).astype(int)]
+    return _Led(Stretch(interpolated(hips, at), turned), stands, course, int(pair.frames[0]))
 
 
 def _sources(

@@ -46,6 +46,7 @@ class Control:
         facing: radians to the left of the heading at the start that the body keeps facing; None: along the path.
         loop: its end meets its beginning.
         from_end: it goes on from the last frames of its seed clip, not from its first.
+        style: frames that look like those of this clip are preferred; None: all alike.
     """
 
     path: GroundPath | None = None
@@ -53,6 +54,7 @@ class Control:
     facing: float | None = None
     loop: bool = False
     from_end: bool = False
+    style: SeedClip | None = None
 
 
 @dataclass(frozen=True)

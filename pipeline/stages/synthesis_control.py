@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 DRAWN: Final = ("start", "outside", "split", "min_quality")
 ADDED: Final[dict[str, Any]] = {
     "shares": None, "path": None, "speed": None, "facing": None, "loop": False, "from_end": False, "keyframes": (),
-    "rate": None, "edited": None, "diverse": False,
+    "rate": None, "edited": None, "diverse": False, "style": None,
 }  # fmt: skip
 SECONDS: Final = 8.0  # of a motion for which nothing says how long it is
 ASIDE: Final = 0.05  # share of a class's frames that go sideways or back, with which it can face elsewhere
@@ -57,6 +57,19 @@ class Keyframe:
 
 
 @dataclass(frozen=True)
+class StyleClip:
+    """A clip of the lake, or a clip file (`outside`, its path), that motion is to look like; where it is kept."""
+
+    clip: str
+    dataset: str
+    part: str
+    fps: float
+    rest_offsets: tuple[float, ...]
+    content_hash: str
+    outside: bool = False
+
+
+@dataclass(frozen=True)
 class Request:
     """Motions to make.
 
@@ -81,6 +94,7 @@ class Request:
         rate: frames a second of a motion through keyframes, or of an edited clip; None: those of the generator.
         edited: frames [first, stop) of `start` that are made anew; the motion is the whole clip then.
         diverse: none of the motions is nearer to another than recorded clips of the class are (`synthesis_diversity`).
+        style: frames that look like those of this clip are preferred.
     """
 
     classes: tuple[str, ...]
@@ -102,6 +116,7 @@ class Request:
     rate: float | None = None
     edited: tuple[int, int] | None = None
     diverse: bool = False
+    style: StyleClip | None = None
 
     @property
     def lasts(self) -> float:
@@ -134,6 +149,7 @@ def check_recipe(request: Request, recipe: str) -> None:
         "does not go on from the end of a clip": request.from_end,
         "gives every class an equal share of the time": request.shares is not None,
         "makes no range of a clip anew": request.edited is not None,
+        "takes no style from a clip": request.style is not None,
     }  # fmt: skip
     cannot = next((said for said, wanted in asked.items() if wanted), None)
     if cannot is not None:
@@ -237,6 +253,7 @@ def _check_alone(request: Request) -> None:
         "--path": request.path is not None, "--speed": request.speed is not None,
         "--facing": request.facing is not None,
         "--loop": request.loop, "--continue": request.from_end, "--split": request.split is not None,
+        "--style-from": request.style is not None,
         "seconds of classes": request.shares is not None, "--pace": request.pace != 1.0,
     }  # fmt: skip
     other = next((name for name, given in told.items() if given), None)
@@ -260,6 +277,8 @@ def _within(request: Request, rates: Sequence[float] | None) -> Request:
 def controls(request: Request) -> dict[str, Any]:
     """What a request says of time and way beside its seconds; what it does not ask for is left out."""
     found = _added(request)
+    if request.style is not None:
+        found["style"] = request.style.clip
     if request.keyframes:
         found["keyframes"] = [f"{key.name}={key.seconds:g}" for key in request.keyframes]
     return found

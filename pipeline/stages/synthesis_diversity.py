@@ -123,7 +123,7 @@ def _recorded(con: Connection, lake: Lake, label: str) -> list[Float64Array]:
     found = {clip.clip: clip for clip in frames_of_clips(lake, chosen)}
     return [
         poses(
-            found[row["clip"]].positions[row["start"] : row["stop"]], row["fps"],
+            found[row["clip"]].positions[row["start"] : row["stop"]].astype(float), row["fps"],
             body_length(np.array(row["rest_offsets"], dtype=float).reshape(-1, 3)),
         )
         for row in chosen

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -18,7 +18,8 @@ from motionlake.motion.generation import FPS, SeedClip
 from motionlake.motion.rotations import from_vectors, multiply, turn_on_ground
 from motionlake.motion.skeleton import body_length, facing
 from motionlake.stages.frames import first_body
-from motionlake.stages.synthesis_control import Keyframe, Request
+from motionlake.stages.sources import content_hash
+from motionlake.stages.synthesis_control import Keyframe, Request, StyleClip
 from motionlake.stages.training_clips import frames_of_clips
 
 if TYPE_CHECKING:
@@ -94,6 +95,32 @@ def with_keyframes(
         request, classes=classes, seconds=times[-1], keyframes=tuple(_laid_out(frames, at, times, clips)), rate=rate,
         start=str(first), outside=isinstance(first, Path),
     )  # fmt: skip
+
+
+def style_of(con: Connection, lake: Lake, source: str | Path) -> StyleClip:
+    """The clip of the lake (full name), or the clip file, that a motion is to look like.
+
+    Raises:
+        UserError: the file cannot be read.
+    """
+    if isinstance(source, Path):
+        body, motion = first_body(lake, source)
+        offsets = tuple(motion.rest_offsets.ravel().tolist())
+        return StyleClip(str(source), "", "", body.fps, offsets, content_hash(source), outside=True)
+    row: Mapping[str, Any] = fetch(con, "clip", {"clip": source})[0]
+    names = ("clip", "dataset", "part", "fps", "content_hash")
+    return StyleClip(**{name: row[name] for name in names}, rest_offsets=tuple(row["rest_offsets"]))
+
+
+def style_frames(lake: Lake, style: StyleClip) -> SeedClip:
+    """The frames of the clip of a style."""
+    if style.outside:
+        motion = first_body(lake, Path(style.clip))[1]
+        return SeedClip(style.clip, motion.positions, style.fps, motion.rest_offsets, motion.rotations)
+    (frames,) = frames_of_clips(lake, [asdict(style)])
+    offsets = np.array(style.rest_offsets, dtype=float).reshape(-1, 3)
+    positions, rotations = frames.positions.astype(float), frames.rotations.astype(float)
+    return SeedClip(style.clip, positions, style.fps, offsets, rotations)
 
 
 def key_poses(request: Request) -> KeyPoses:

@@ -20,7 +20,7 @@ from motionlake.stages.sources import content_hash
 from motionlake.stages.synthesis import check_classes
 from motionlake.stages.synthesis_control import Request
 from motionlake.stages.synthesis_edits import edge_poses, edited_clip
-from motionlake.stages.synthesis_keys import key_poses
+from motionlake.stages.synthesis_keys import key_poses, style_frames
 from motionlake.stages.synthesis_options import path_of
 from motionlake.stages.training_clips import check_chosen, frames_of_clips
 
@@ -138,7 +138,7 @@ def make(generator: MotionGenerator, lake: Lake, request: Request, motions: Sequ
         positions, rotations = whole.positions[own].astype(float), whole.rotations[own].astype(float)
         offsets = np.array(start.rest_offsets, dtype=float).reshape(-1, 3)
         seeds[start] = SeedClip(start.clip, positions, start.fps, offsets, rotations)
-    control = _control(request)
+    control = _control(request, None if request.style is None else style_frames(lake, request.style))
     wanted = []
     for motion in motions:
         seed = int(np.random.SeedSequence(_seeds(request, motion.number, motion.attempt)).generate_state(1)[0])
@@ -163,13 +163,13 @@ def _keys(request: Request, seed: SeedClip) -> KeyPoses | None:
     return key_poses(request) if request.keyframes else None
 
 
-def _control(request: Request) -> Control | None:
+def _control(request: Request, style: SeedClip | None) -> Control | None:
     """Where a motion goes; None where the request says nothing of it."""
     from motionlake.motion.generation import Control
 
     facing = None if request.facing is None else math.radians(request.facing)
     path = None if request.path is None else path_of(request.path)
-    control = Control(path, request.speed, facing, request.loop, request.from_end)
+    control = Control(path, request.speed, facing, request.loop, request.from_end, style)
     return None if control == Control() else control
 
 

@@ -21,7 +21,7 @@ from motionlake.stages.reader import LakeReader
 from motionlake.stages.sources import check_apart
 from motionlake.stages.stage import Shard
 from motionlake.stages.synthesis import open_generator, served_generator
-from motionlake.stages.synthesis_control import Keyframe, Request, controls, settled, shaping
+from motionlake.stages.synthesis_control import Keyframe, Request, StyleClip, controls, settled, shaping
 from motionlake.stages.synthesis_diversity import diverse
 from motionlake.stages.synthesis_requests import (
     Motion,
@@ -233,7 +233,10 @@ def _request(spec: Mapping[str, Any]) -> Request:
         Keyframe(**{**key, "hips": tuple(key["hips"]), "rotations": tuple(key["rotations"])})
         for key in spec.get("keyframes", ())
     )
-    return Request(**{**spec, **lists, "keyframes": keys})
+    style = spec.get("style")
+    if style is not None:
+        style = StyleClip(**{**style, "rest_offsets": tuple(style["rest_offsets"])})
+    return Request(**{**spec, **lists, "keyframes": keys, "style": style})
 
 
 def _identity(request: Request, motion: Motion) -> list[Any]:

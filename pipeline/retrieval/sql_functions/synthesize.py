@@ -57,6 +57,7 @@ def synthesize(
     edit: str | None = None,
     first: int | None = None,
     last: int | None = None,
+    style: str | None = None,
 ) -> list[object] | pa.StructArray:
     """The frames of the first motion that `motionlake synthesize` makes for the same options.
 
@@ -66,11 +67,12 @@ def synthesize(
     `split`: its split; `min_quality`: the worst verdict that it may have; `path`: 'circle', 'eight:2' or points
     'x,z;x,z'; `speed`: metres a second; `facing`: degrees; `loop`: its end meets its beginning; `continues`: a clip
     from the end of which it goes on; `keyframes`: ['clip@120', 'clip@4s=2.5'] are poses that it passes through, and
-    `classes` may be [] then; `edit`: a clip of which frames [`first`, `last`) are made anew and the others kept.
+    `classes` may be [] then; `edit`: a clip of which frames [`first`, `last`) are made anew and the others kept;
+    `style`: a clip; recorded frames that look like its frames are preferred.
     """
     from motionlake.stages.synthesis_control import Request, settled
     from motionlake.stages.synthesis_edits import with_edit
-    from motionlake.stages.synthesis_keys import marked, with_keyframes
+    from motionlake.stages.synthesis_keys import marked, style_of, with_keyframes
     from motionlake.stages.synthesis_options import begun, path_text, timed_classes
     from motionlake.stages.synthesis_requests import find_starts, make, motions_of
 
@@ -84,6 +86,8 @@ def synthesize(
         continues is not None,
     )  # fmt: skip
     with reading(served.lake) as con:
+        if style is not None:
+            asked = replace(asked, style=style_of(con, served.lake, served.query(style).source))
         if edit is not None:
             asked = with_edit(con, served.lake, asked, served.query(edit).source, first, last)
         elif keyframes:
