@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 from functools import cache
 from itertools import pairwise
@@ -23,8 +24,10 @@ from motionlake.glogen.trajectories import body_motion
 from motionlake.matching.database import build_database
 from motionlake.matching.generator import MatchingGenerator
 from motionlake.matching.inbetweening import Inbetweens
+from motionlake.matching.keyed_feet import still
 from motionlake.matching.recordings import MatchingClip, sound_ranges
-from motionlake.motion.generation import FPS, MotionRequest
+from motionlake.matching.style import style_costs
+from motionlake.motion.generation import FPS, Control, MotionRequest
 from motionlake.motion.keyframes import KeyPoses, even_stretch, ground_below, through
 from motionlake.motion.kinematics import forward_kinematics
 from motionlake.motion.rotations import angle, from_vectors
@@ -121,6 +124,44 @@ def test_a_clip_left_out_is_filled_in(recordings: Path, number: int) -> None:
     assert stops[-1] == len(made.positions)
 
 
+@settings(max_examples=50, deadline=None)
+@given(st.integers(0, 9999))
+def test_feet_are_held_but_at_the_poses(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    keys = np.array([0, 12, 13, 30])
+    standing = np.repeat(rng.random(8) < 0.6, 4)[:31]
+    foot = np.cumsum(rng.normal(0, 0.01, (31, 2, 3)), axis=0)
+    change = still(foot, standing, keys, 5, 10.0)
+    np.testing.assert_allclose(change[keys], 0, atol=EXACT)
+    np.testing.assert_array_equal(change[:, 1], 0)
+    moved = (foot + change[:, None])[..., [0, 2]]
+    for start, stop in pairwise(keys):
+        own = np.arange(start, stop + 1)
+        if standing[own].all():  # from where one pose has it evenly to where the next does
+            speeds = np.linalg.norm(np.diff(moved[own], axis=0), axis=-1)
+            assert np.ptp(speeds, axis=0).min() < EXACT
+
+
+@pytest.mark.recordings
+def test_a_style_is_taken_on(recordings: Path) -> None:
+    clips = clips_of("walk")
+    data = generator().database
+    style = next(clip for i, clip in enumerate(clips[:24]) if i % 3 == 1 and clip.subject != clips[0].subject)
+    costs = style_costs(data, seed_of(style))
+    piece = data.clips.index(style.name)
+    own = np.zeros(2 * len(data), dtype=bool)
+    own[data.pieces[piece, 0] : data.pieces[piece, 1]] = True
+    assert costs[own].max() < 1e-3 < np.median(costs[~own])
+
+    def share(control: Control | None) -> float:
+        requests = [MotionRequest(("walk",), 6.0, seed, seed_of(clips[0]), control=control) for seed in (0, 1, 2)]
+        sources = [source for made in generator().generate(requests) for source in made.sources]
+        frames = [source.stop - source.start for source in sources]
+        return sum(n for n, s in zip(frames, sources, strict=True) if s.clip == style.name) / sum(frames)
+
+    assert share(Control(style=seed_of(style))) > 2 * share(None)
+
+
 @pytest.mark.recordings
 def test_a_pose_far_off_in_time_is_walked_to(recordings: Path) -> None:
     clip = clips_of("walk")[3]
@@ -209,6 +250,24 @@ def test_keyframes_are_the_same_in_three_ways(matching: Path, two: list[tuple[st
     assert query(matching, "SELECT seed_start, seed_stop FROM synthetic WHERE clip = $c", c=run.json["clips"][0]) == [
         (3, 4)
     ]
+
+
+def test_a_style_is_the_same_in_three_ways(matching: Path, two: list[tuple[str, str, int, float]]) -> None:
+    (_, label, *_), (style, *_) = two
+    words = ("--class", label, "--style-from", style, "--seconds", "2", "--seed", "5", "--dataset", "styled", "--json")
+    run = command("synthesize", *words, "--lake", matching)
+    assert run.status == 0, run.err
+    ((config,),) = query(matching, "SELECT config FROM synthetic WHERE clip = $c", c=run.json["clips"][0])
+    assert json.loads(config)["control"] == {"style": style}
+    with Lake(matching) as lake:
+        motion = lake.synthesize(label, seconds=2, seed=5, style=style)
+        rows = lake.sql(
+            "SELECT root_x FROM synthesize([$l], seconds := 2, seed := 5, style := $s) ORDER BY frame",
+            {"l": label, "s": style},
+        ).fetchall()
+    made = stored(matching, run.json["clips"][0])
+    np.testing.assert_allclose(motion.root, made[:, :3], atol=1e-3)
+    np.testing.assert_allclose([row[0] for row in rows], made[:, 0], atol=1e-3)
 
 
 def test_an_edit_keeps_the_rest_and_joins_it(matching: Path, two: list[tuple[str, str, int, float]]) -> None:

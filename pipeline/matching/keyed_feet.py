@@ -68,9 +68,9 @@ def still(foot: Float64Array, standing: BoolArray, keys: Int64Array, blend: int,
         off = wanted - flat[:, bears]
         if np.linalg.norm(off, axis=1).max() > far:
             continue
-        change[np.ix_(rows, [0, 2])] += off
+        change[rows[:, None], [0, 2]] += off
         for edge, step, value in ((rows[0], -1, off[0]), (rows[-1], 1, off[-1])):
-            # A foot is where the poses have it, so it gets there by the next one; the motion ends a frame after its last.
+            # At the next pose a foot is where that has it.
             ahead = [at - edge for at in (*keys.tolist(), -1, len(foot)) if (at - edge) * step > 0]
             reach = min(blend, *(abs(frames) for frames in ahead))
             for ago in range(1, reach):
