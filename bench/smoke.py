@@ -173,6 +173,8 @@ SMOKES: Final[Sequence[Smoke]] = (
           "bench.synthesis_speed.SECONDS": 2.0}),
     Smoke("bench.matching", ("run",), {"bench.matching.SEEDS": ONE_SEED, "bench.matching.SECONDS": 2.0,
           "bench.matching.CHANGES": 3, "bench.matching.EIGHTS": 1, "bench.matching.EIGHT_SECONDS": 5.0}),
+    Smoke("bench.style", (), {"bench.style.SEEDS": ONE_SEED, "bench.style.STYLES": 1, "bench.style.SECONDS": 3.0}),
+    Smoke("bench.keyframes", ("run",), {"bench.keyframes.GAPS": (0.5,), "bench.keyframes.CLIPS": 1}),
     *_parts("bench.pesta", "whole ranges sub_queries robustness elasticity ablations recipes threshold gaps", "--seeds",
             "1", "--processes", "1", "--hidden", "8", **_FEW_SYMBOLS, **{"bench.pesta.elasticity.SIZES": (8, 24),
             "bench.pesta.elasticity.ROUNDS": 1, "bench.pesta.ablations.variants": lambda recipe: _FEW_VARIANTS,

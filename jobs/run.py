@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from motionlake.errors import UserError
@@ -125,6 +125,8 @@ class Synthesis:
         there: how many were there.
         seconds: of motion, of all clips of the request that are in the lake.
         wall_seconds: that making them took.
+        alike: of motions that were asked to differ, those that are nearer to one before them than recorded clips are.
+        floor: how far recorded clips are from one another, body lengths; None where it was not asked.
     """
 
     model: str
@@ -133,6 +135,8 @@ class Synthesis:
     there: int
     seconds: float
     wall_seconds: float
+    alike: list[str] = field(default_factory=list)
+    floor: float | None = None
 
 
 def synthesize(session: Session, request: Request, dataset: str, count: int) -> Synthesis:
@@ -163,6 +167,8 @@ def synthesize(session: Session, request: Request, dataset: str, count: int) -> 
         plan.there,
         sum(row["seconds"] for row in lengths),
         time.perf_counter() - started,
+        plan.alike,
+        plan.floor,
     )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias, TypedDict, TypeVar, Unpack, cast
 
@@ -370,7 +370,7 @@ class Lake:
 
     def synthesize(
         self,
-        classes: str | Sequence[str],
+        classes: str | Sequence[str] = (),
         seconds: float | None = None,
         *,
         seed: int = 0,
@@ -384,6 +384,11 @@ class Lake:
         facing: float | None = None,
         loop: bool = False,
         continues: Clip | None = None,
+        keyframes: Sequence[str] = (),
+        edit: Clip | None = None,
+        first: int | None = None,
+        last: int | None = None,
+        style: Clip | None = None,
     ) -> CanonicalMotion:
         """New motion of known classes, which nobody recorded. The same arguments give the same motion.
 
@@ -410,6 +415,12 @@ class Lake:
             facing: degrees to the left of where it starts to head that the body keeps facing; by default along its way.
             loop: the end meets the beginning.
             continues: go on from the end of this recorded clip or clip file.
+            keyframes: poses that it passes through, "CLIP@FRAME", or "CLIP@FRAME=SECONDS" for when; it then lasts from
+                the first to the last, and `classes` may be left out.
+            edit: make frames [`first`, `last`) of this clip anew, of one class; the motion is the whole clip, at its
+                own rate, with the other frames as they are.
+            first, last: of the frames that are made anew.
+            style: recorded frames that look like those of this clip or clip file are preferred.
 
         Raises:
             UserError: there is no generator, it does not know a class, there is nothing to start from, a number
@@ -418,6 +429,8 @@ class Lake:
         from motionlake.lake.settings import served_config
         from motionlake.stages.synthesis import open_generator, served_generator
         from motionlake.stages.synthesis_control import Request, settled
+        from motionlake.stages.synthesis_edits import with_edit
+        from motionlake.stages.synthesis_keys import marked, style_of, with_keyframes
         from motionlake.stages.synthesis_options import begun, path_text, timed_classes
         from motionlake.stages.synthesis_requests import canonical_motion, find_starts, make, motions_of
 
@@ -431,12 +444,58 @@ class Lake:
             names, seconds, seed, clip, outside, split, pace, temperature, min_quality, shares, way, speed, facing,
             loop, continues is not None,
         )  # fmt: skip
+        if style is not None:
+            asked = replace(asked, style=style_of(self._con.own, self._lake, self._query(style)))
+        if edit is not None:
+            asked = with_edit(self._con.own, self._lake, asked, self._query(edit), first, last)
+        elif keyframes:
+            frames = [marked(text) for text in keyframes]
+            frames = [replace(frame, source=self._query(str(frame.source))) for frame in frames]
+            asked = with_keyframes(self._con.own, self._lake, asked, frames)
         config = served_config(self._lake)
         model = served_generator(self._con.own, self._lake, config)
         request = settled(asked, model, config.synthesis.recipe)
         starts = find_starts(self._con.own, self._lake, model, request)
         generator = self._keep(("synthesize",), lambda: open_generator(self._lake, model))
         return canonical_motion(make(generator, self._lake, request, motions_of(request, starts, [1]))[0])
+
+    def inbetween(
+        self,
+        poses: Clip,
+        keys: str | Path | Sequence[int] = "all",
+        classes: str | Sequence[str] = (),
+        *,
+        spacing: float | None = None,
+        fps: float | None = None,
+        seed: int = 0,
+        temperature: float = 0.0,
+    ) -> CanonicalMotion:
+        """Motion through given poses: frames of a clip of the lake or of a clip file, at the times of these frames.
+
+        Examples:
+            >>> lake.inbetween("humanoid3d_walk", [0, 10, 20, 30])
+            <CanonicalMotion: 31 frames, 30 a second, 1.03 s>
+
+        Args:
+            poses: the clip or file that holds the poses.
+            keys: its frames, "all" of them, or a CSV file with the columns frame and, if wanted, seconds.
+            classes: as which it moves between them; by default as any that the generator knows.
+            spacing: seconds from pose to pose; by default as the frames are apart.
+            fps: frames a second of the motion; by default 30.
+            seed: another seed, other motion between the poses.
+            temperature: how much chance varies it.
+
+        Raises:
+            UserError: there is no generator, the file cannot be read or has another skeleton, it does not have such a
+                frame, or times do not rise.
+        """
+        from motionlake.stages.synthesis_inbetween import inbetween
+
+        names = (classes,) if isinstance(classes, str) else tuple(classes)
+        return inbetween(
+            self._con.own, self._lake, self._query(poses), keys, names, spacing=spacing, fps=fps, seed=seed,
+            temperature=temperature,
+        ).motion  # fmt: skip
 
     def close(self) -> None:
         """Let go of the catalog; the next call opens it again."""

@@ -41,7 +41,8 @@ fs.writeFileSync(to, zlib.brotliDecompressSync(fs.readFileSync(from)));
 """
 KEYS: Final = {
     " ": ("Space", 32), "ArrowLeft": ("ArrowLeft", 37), "ArrowUp": ("ArrowUp", 38), "ArrowRight": ("ArrowRight", 39),
-    "End": ("End", 35), "Home": ("Home", 36), "f": ("KeyF", 70), "r": ("KeyR", 82),
+    "End": ("End", 35), "Home": ("Home", 36), "b": ("KeyB", 66), "c": ("KeyC", 67), "f": ("KeyF", 70),
+    "j": ("KeyJ", 74), "n": ("KeyN", 78), "o": ("KeyO", 79), "r": ("KeyR", 82), "t": ("KeyT", 84),
 }  # fmt: skip
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import math
 import shutil
 from collections.abc import Sequence
 from pathlib import Path
@@ -11,12 +12,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 from motionlake.api import Lake
+from motionlake.arrays import Float64Array
 from motionlake.errors import UserError
 from motionlake.lake.models import Model
+from motionlake.motion.skeleton import body_length
 from motionlake.stages.synthesis_control import Request, settled, shaping
+from motionlake.stages.synthesis_diversity import SHIFTS, distance, floor_of, poses
 from motionlake.stages.synthesis_options import facing_of, path_of, path_text, timed_classes
 
-from tests.lakes import Run, query
+from tests.lakes import Changed, Run, query
 from tests.lakes import motionlake as command
 
 SPEEDS = {"walk": [0.9, 1.2, 1.6], "run": [2.5, 3.0, 3.5], "dance": None}
@@ -203,6 +207,61 @@ def test_a_motion_goes_on_from_the_end_of_a_clip(matching: Path, label: str, sch
     found = query(matching, "SELECT seed_clip, seed_stop FROM synthetic WHERE clip = $clip", clip=run.json["clips"][0])
     assert found[0][0] == clip
     assert found[0][1] > 0.9 * frames
+
+
+def test_the_distance_of_motions_is_a_naive_one() -> None:
+    rng = np.random.default_rng(0)
+    one, other = rng.normal(size=(12, 21, 3)), rng.normal(size=(9, 21, 3))
+    found = []
+    for shift in range(-SHIFTS, SHIFTS + 1):
+        pairs = [(i, i - shift) for i in range(12) if 0 <= i - shift < 9]
+        apart = [math.dist(one[i, k], other[j, k]) for i, j in pairs for k in range(21)]
+        found.append(sum(apart) / len(apart))
+    assert distance(one, other) == pytest.approx(min(found))
+    assert distance(one[2:], one) == 0.0
+    assert floor_of([one, other]) is None
+
+
+def test_motions_that_are_asked_to_differ_do_or_are_named(
+    matching: Path, label: str, scheduler: str, tmp_path: Path
+) -> None:
+    matching = Path(shutil.copytree(matching, tmp_path / "lake"))
+    with Changed(matching) as con:  # more of one class, so that there are some to measure by
+        con.execute("UPDATE clips SET label = $label WHERE format <> 'synthetic' AND seconds > 1", {"label": label})
+    words = ("--class", label, "--seconds", "2", "--diverse", "--dataset")
+    few = synthesize(matching, scheduler, *words, "few", "--count", "3")
+    many = synthesize(matching, scheduler, *words, "many", "--count", "6")
+    assert many.status == 0, many.err
+    made = [frames_of(matching, clip) for clip in many.json["clips"]]
+    sizes = [
+        body_length(np.array(offsets).reshape(-1, 3))
+        for (offsets,) in query(matching, "SELECT rest_offsets FROM clips WHERE dataset = 'many' ORDER BY clip")
+    ]
+    seen = [poses(one, 30.0, size) for one, size in zip(made, sizes, strict=True)]
+    for i, clip in enumerate(many.json["clips"]):
+        near = min((distance(seen[i], seen[j]) for j in range(i)), default=math.inf)
+        assert (near < many.json["floor"] - 1e-3) <= (clip in many.json["alike"])
+    for clip, own in zip(few.json["clips"], made, strict=False):
+        np.testing.assert_allclose(frames_of(matching, clip), own, atol=1e-6)
+    # From one clip, with nothing left to chance, all are alike.
+    ((start,),) = query(
+        matching,
+        "SELECT clip FROM clips WHERE label = $label AND format <> 'synthetic' ORDER BY ALL LIMIT 1",
+        label=label,
+    )
+    same = synthesize(
+        matching, scheduler, *words, "same", "--count", "3", "--from", start, "--temperature", "0",
+    )  # fmt: skip
+    assert same.status == 0, same.err
+    assert same.json["alike"] == same.json["clips"][1:]
+    assert "2 of 3 motions are nearer to another than recorded clips" in same.err
+
+
+def frames_of(lake: Path, clip: str) -> Float64Array:
+    """[F, 21, 3] joints."""
+    rows = query(lake, "SELECT COLUMNS('_[xyz]$') FROM frames WHERE clip = $clip ORDER BY frame", clip=clip)
+    table = np.array(rows, dtype=float)
+    return table.reshape(len(rows), -1, 3)
 
 
 @pytest.mark.parametrize(

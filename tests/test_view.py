@@ -199,6 +199,9 @@ def test_synthetic_clips_are_no_nearest_real_ones_and_show_their_classes(lake: P
     run = motionlake("view", made, "--lake", lake, "--beside", "none", "--out", tmp_path / "b.html", "--json")
     row = run.json["clips"][0]
     assert (row["made by"], row["starts from"]) == ("synthesis-1", f"{clip}, frames 0 to 9")
+    words = ("--beside", "source", "--beside", second, "--out", tmp_path / "c.html", "--json")
+    run = motionlake("view", made, *words, "--lake", lake)
+    assert [row["clip"] for row in run.json["clips"]] == [made, clip, second]
     told = embedded((tmp_path / "b.html").read_text(encoding="utf-8"))["clips"][0]
     (band,) = told["bands"]
     assert [span["label"] for span in band["spans"]] == ["walk", "kick"]
@@ -252,6 +255,9 @@ def test_a_lake_without_descriptors_and_signatures_shows_the_clip_alone(
     [
         (["no_such_clip"], "no_such_clip: no such clip"),
         (["CLIP", "--beside", "no_such_clip"], "no_such_clip: no such clip"),
+        (["CLIP", "--beside", "source"], "was recorded"),
+        (["CLIP", *["--beside", "none"] * 4], "shows 3 beside the clip at most, not 4"),
+        (["CLIP", *["--beside", "none"] * 2, "--out", "a.gif"], "shows 1 beside the clip at most"),
         (["CLIP", "--out", "a.mp4"], "a.mp4: its name must end in one of .html, .gif, .png"),
         (["CLIP", "--out", "no/such/folder/a.html"], "no/such/folder: no such folder"),
         (["CLIP", "--out", "FOLDER"], "there is a folder of that name"),

@@ -246,3 +246,91 @@ def test_names_that_are_html_stay_text(shown: Any) -> None:
     for selector in ("figure h2", "dd", ".bands li"):
         assert text(page, selector) == HOSTILE
     assert coloured(page, 0, LEFT)[2] > 400
+
+
+GREEN, PURPLE = [0, 158, 115], [170, 68, 153]
+
+
+@pytest.mark.parametrize("key", ["b", "t", "n"])
+def test_a_key_shows_more_of_both_bodies_and_takes_it_away(shown: Any, key: str) -> None:
+    page = shown(two_clips())
+    page.drag("#scrub", 0, 0, at=(0.2, 0.5))
+    page.evaluate("document.activeElement.blur()")
+    plain = pixels(page)
+    page.press(key)
+    assert differ(plain, pixels(page))
+    page.press(key)
+    assert pixels(page) == plain
+
+
+def test_capsules_are_thicker_than_sticks(shown: Any) -> None:
+    page = shown(two_clips())
+    drawn = """(() => { const c = document.querySelector("canvas"), {width, height} = c;
+      const copy = new OffscreenCanvas(width, height).getContext("2d", {willReadFrequently: true});
+      copy.drawImage(c, 0, 0);
+      const data = copy.getImageData(0, 0, width, height).data;
+      let count = 0; for (let i = 3; i < data.length; i += 4) count += data[i] > 250; return count; })()"""
+    sticks = page.evaluate(drawn)
+    page.click("#body")
+    assert page.evaluate(drawn) > 2 * sticks
+
+
+def test_feet_are_marked_where_they_stand_and_only_there(shown: Any) -> None:
+    body = standing(60)
+    sliding = body.copy()
+    sliding[..., 2] += np.linspace(0, 4, 60)[:, None]
+    clips = [PlayerClip(name, one, 30.0, 60) for name, one in (("still", body), ("sliding", sliding))]
+    page = shown(clips)
+    assert coloured(page, 0, GREEN)[2] == 0
+    page.click("#contacts")
+    page.evaluate("document.querySelectorAll('canvas')[0].dispatchEvent(new Event('dblclick'))")
+    page.settle()
+    greenish = """(() => [...document.querySelectorAll("canvas")].map((c) => {
+      const data = c.getContext("2d").getImageData(0, 0, c.width, c.height).data; let n = 0;
+      for (let i = 0; i < data.length; i += 4)
+        n += data[i + 3] > 100 && data[i + 1] > data[i] + 60 && data[i + 1] > data[i + 2] + 20; return n; }))()"""
+    still, slid = page.evaluate(greenish)
+    assert still > 100
+    assert slid == 0
+
+
+def test_the_others_are_drawn_in_the_first(shown: Any) -> None:
+    page = shown(two_clips())
+    page.press("End")
+    plain = pixels(page)
+    page.press("o")
+    after = pixels(page)
+    assert plain[0] != after[0]
+    assert plain[1] == after[1]
+
+
+def test_curves_follow_the_joint_that_is_chosen(shown: Any) -> None:
+    page = shown(two_clips())
+    assert page.evaluate("document.querySelectorAll('canvas').length") == 2
+    page.press("j")
+    assert page.evaluate("document.getElementById('curve').clientHeight") > 60
+    curve = pixels(page)[2]
+    assert coloured(page, 2, PURPLE)[2] > 50  # of the second clip
+    page.evaluate(
+        "(s => { s.selectedIndex = 8; s.dispatchEvent(new Event('change')); })(document.getElementById('joint'))"
+    )
+    page.settle()
+    assert pixels(page)[2] != curve
+    assert text(page, "#values").startswith("1: ")
+    page.click("#curve")
+    assert text(page, "#time").startswith("frame 248 of 500")  # the middle
+
+
+def test_four_clips_fit_on_a_small_screen(shown: Any) -> None:
+    page = shown([*two_clips(), *two_clips("set/third.bvh")])
+    page.resize(1280, 800)
+    boxes = page.evaluate(
+        "[...document.querySelectorAll('canvas')].map(c => (b => [b.left, b.top, b.right, b.bottom])"
+        "(c.getBoundingClientRect()))"
+    )
+    assert len(boxes) == 4
+    assert len({round(box[0]) for box in boxes}) == len({round(box[1]) for box in boxes}) == 2  # two by two
+    assert max(box[3] for box in boxes) < 800
+    assert page.evaluate("document.documentElement.scrollWidth") <= 1280
+    with pytest.raises(ValueError, match="one to 4"):
+        player_page([two_clips()[0]] * 5)

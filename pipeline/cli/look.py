@@ -35,9 +35,12 @@ def view(
     lake: LakeOption,
     clip: ClipArgument,
     beside: Annotated[
-        str,
-        typer.Option(help="What is shown beside it: a clip, a clip file, nearest (the nearest recorded clip), none."),
-    ] = "nearest",
+        list[str] | None,
+        typer.Option(
+            help="What is shown beside it: a clip, a clip file, nearest (recorded clip), source (of a made one), none; "
+            "up to three times (default: nearest)."
+        ),
+    ] = None,
     start: StartOption = None,
     stop: StopOption = None,
     out: Annotated[
@@ -53,11 +56,14 @@ def view(
 
     Beside another one: motionlake view walk_01 --beside walk_02 --out two_walks.html --lake mylake
 
+    A made clip over what it was made from: motionlake view synthetic/walk-s0-0001 --beside source --lake mylake
+
     Some seconds of a file that is not in the lake: motionlake view shots/new_take.bvh --from 1.5s --to 4s --out
     take.gif --beside none --lake mylake
     """
     target = open_lake(lake)
     from motionlake.pictures.html import write_file
+    from motionlake.pictures.player import MOST_CLIPS
     from motionlake.pictures.player_material import player_clip
 
     if out is not None:
@@ -69,9 +75,11 @@ def view(
         query = named_query(con, target, clip, start, stop)
         shown = [player_clip(con, target, query)]
         path = out or Path(f"{_page_name(con, query, shown[0].name)}.html")
-        other = _beside(con, target, query, beside)
-        if other is not None:
-            shown.append(other)
+        named = beside or ["nearest"]
+        most = MOST_CLIPS if path.suffix == ".html" else 2
+        if len(named) >= most:
+            raise UserError(f"--beside: a {path.suffix} shows {most - 1} beside the clip at most, not {len(named)}")
+        shown += [other for name in named if (other := _beside(con, target, query, name)) is not None]
     notes = _left_out(path, shown)
     write_file(path, _drawn(path, shown))
     for note in notes:
@@ -129,6 +137,8 @@ def _beside(con: Connection, lake: Lake, query: Query, beside: str) -> PlayerCli
 
     if beside == "none":
         return None
+    if beside == "source":
+        return player_clip(con, lake, _source(con, lake, query))
     if beside != "nearest":
         return player_clip(con, lake, named_query(con, lake, beside))
     try:
@@ -137,6 +147,14 @@ def _beside(con: Connection, lake: Lake, query: Query, beside: str) -> PlayerCli
         notice(f"shown alone, without the nearest recorded clip: {error}")
         return None
     return player_clip(con, lake, Query(found[1].clip), nearest=found)
+
+
+def _source(con: Connection, lake: Lake, query: Query) -> Query:
+    """The clip that a made one starts from."""
+    found = None if query.clip is None else next(iter(fetch(con, "synthetic_clip", {"clip": query.clip})), None)
+    if found is None:
+        raise UserError(f"--beside source: {query.name} was recorded; a clip that `motionlake synthesize` made has one")
+    return named_query(con, lake, found["seed_clip"])
 
 
 def _drawn(path: Path, shown: list[PlayerClip]) -> bytes:

@@ -66,6 +66,7 @@ COMMANDS: Final = {
     "Make new motion": {
         "compose": "A new motion cut together from a dataset's clips, as BVH.",
         "synthesize": "New motion of classes that you name, made by a trained generator.",
+        "inbetween": "Motion between your own poses: marked frames of a file become a dense BVH.",
     },
     "Train and measure": {
         "train": "Train a model on a lake's own clips.",
@@ -88,7 +89,8 @@ MODULES: Final = {
     "export": ("export",),
     "sort": ("classify", "segment", "cluster"),
     "suggest": ("suggest",),
-    "make": ("compose", "synthesize"),
+    "make": ("compose",),
+    "synthesize": ("synthesize", "inbetween"),
     "train": ("train",),
     "evaluate": ("evaluate",),
 }

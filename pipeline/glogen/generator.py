@@ -12,6 +12,7 @@ import torch
 from motionlake.arrays import Float32Array, Float64Array
 from motionlake.glogen.config import SEEDS, GloGenRecipe, LocGenRecipe, SynthesisConfig
 from motionlake.glogen.inbetweening import DenseDecoder, Inbetweener, dense_motions, locgen_network
+from motionlake.glogen.keyed import keyed_motion
 from motionlake.glogen.network import glogen_network
 from motionlake.glogen.onset import FEATURES, Onset, state_at, with_onset
 from motionlake.glogen.rollout import Rollout, roll_out
@@ -117,6 +118,8 @@ class TrainedGenerator:
             ValueError: a class that it does not know, no seconds, no pace, a seed clip shorter than needed or of
                 another skeleton.
         """
+        if any(request.keys is not None for request in requests):
+            return [one for request in requests for one in self._one(request)]
         for request in requests:
             request.check(self.classes)
         starts = [self._start(request) for request in requests]
@@ -134,6 +137,13 @@ class TrainedGenerator:
                     begins = tuple(min(frames - 1, round(second * FPS)) for second in rollouts[i].begins)
                     made[i] = GeneratedMotion(positions, rotations, body, FPS, begins, start.first, start.last)
         return [one for one in made if one is not None]
+
+    def _one(self, request: MotionRequest) -> list[GeneratedMotion]:
+        if request.keys is None:
+            return self.generate([request])
+        request.check(self.classes)
+        with on_threads(1):
+            return [keyed_motion(self.locgen, request)]
 
     def _start(self, request: MotionRequest) -> StartState:
         cyclic = self.cyclic[self.classes.index(request.classes[0])]

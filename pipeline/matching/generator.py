@@ -15,10 +15,13 @@ from motionlake.matching.course import Course, Part, Start
 from motionlake.matching.database import MotionDatabase, load_database, steps_of
 from motionlake.matching.features import features
 from motionlake.matching.feet import Ground, heights_standing, on_ground
+from motionlake.matching.keyed import keyed_motion
 from motionlake.matching.player import Player
 from motionlake.matching.recordings import FPS, RootedMotion, rooted, sound_ranges
+from motionlake.matching.sources import course_sources
 from motionlake.matching.steering import Steering
-from motionlake.motion.generation import SHORTEST, Control, GeneratedMotion, MotionRequest, SeedClip, Source
+from motionlake.matching.style import style_costs
+from motionlake.motion.generation import SHORTEST, Control, GeneratedMotion, MotionRequest, SeedClip
 from motionlake.motion.kinematics import forward_kinematics, local_rotations, world_from_positions
 from motionlake.motion.skeleton import JOINTS, body_length
 
@@ -68,13 +71,17 @@ class MatchingGenerator:
             ValueError: a class that it does not know, no seconds, no pace, a seed clip shorter than needed or of
                 another skeleton, or a path for which the time is too short or too long.
         """
-        return [self._made(request) for request in requests]
+        styles = {id(s): s for r in requests if (s := (r.control or Control()).style) is not None}
+        costs = {key: style_costs(self.database, style) for key, style in styles.items()}
+        return [self._made(request, costs.get(id((request.control or Control()).style))) for request in requests]
 
     def save(self, path: Path) -> None:
         """Write it as one safetensors file."""
         self.database.save(path)
 
-    def _made(self, request: MotionRequest) -> GeneratedMotion:
+    def _made(self, request: MotionRequest, style: Float64Array | None) -> GeneratedMotion:
+        if request.keys is not None:
+            return keyed_motion(self.database, request)
         request.check(self.classes)
         control = request.control or Control()
         body, frames = request.start.rest_offsets, max(2, round(request.seconds * FPS))
@@ -91,7 +98,7 @@ class MatchingGenerator:
             steering = Steering(control.path, size, start.place, heading, speeds, facing)
         player = Player(
             self.database, parts, frames, rng, pace=request.pace, temperature=request.temperature, steering=steering,
-            loop=control.loop,
+            loop=control.loop, style=style,
         )  # fmt: skip
         course = player.run(start, drawn=control.loop and steering is None)
         if control.loop and control.path is not None:
@@ -109,20 +116,8 @@ class MatchingGenerator:
         hips[:, 1] += given.motion.ground
         positions = forward_kinematics(hips, rotations, body)
         starts = tuple(part.first for part in parts)
-        sources = self._sources(course)
+        sources = course_sources(self.database, course)
         return GeneratedMotion(positions, rotations, body, FPS, starts, given.first, given.last, sources)
-
-    def _sources(self, course: Course) -> list[Source]:
-        found = []
-        for start, stop in zip(course.jumps, [*course.jumps[1:], len(course.at)], strict=True):
-            piece = int(self.database.piece_of[int(course.at[start])])
-            low, _, _, frame = self.database.pieces[piece]
-            first, last = (
-                int(frame + round((course.at[t] - low) / FPS * self.database.fps[piece])) for t in (start, stop - 1)
-            )
-            clip = self.database.clips[piece]
-            found.append(Source(start, stop, clip, first, last, bool(course.mirrored[start])))
-        return found
 
     def _parts(self, request: MotionRequest, control: Control, frames: int, size: float) -> list[Part]:
         targets = [self.classes.index(name) for name in request.classes]

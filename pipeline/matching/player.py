@@ -40,7 +40,7 @@ LOOP: Final = 24  # frames before the first that a loop ends with
 
 
 class Player:
-    """Plays one motion; `run` may be called once."""
+    """Plays one motion; `run` may be called once. `style` [2 N] is what rows cost beside all else (`style_costs`)."""
 
     def __init__(
         self,
@@ -53,6 +53,7 @@ class Player:
         temperature: float = 1.0,
         steering: Steering | None = None,
         loop: bool = False,
+        style: Float64Array | None = None,
     ) -> None:
         self._data, self._parts, self._frames, self._rng = database, parts, frames, rng
         self._pace, self._temperature, self._steering, self._loop = pace, temperature, steering, loop
@@ -62,6 +63,8 @@ class Player:
         self._played = np.full(len(database), -np.inf)
         self._frames_of = [rows % len(database) for rows in database.rows]
         self._short = [self._cost_of_short(rows) for rows in database.rows]
+        if style is not None:
+            self._short = [short + style[rows] for short, rows in zip(self._short, database.rows, strict=True)]
         self._at, self._mirrored = 0.0, False
         self._end = 0
         self._drift = np.zeros(3)  # by which the root goes otherwise than the run that is played

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Final, Protocol
 from motionlake.arrays import Float64Array
 
 if TYPE_CHECKING:
+    from motionlake.motion.keyframes import KeyPoses
     from motionlake.motion.paths import GroundPath
 
 FPS: Final = 30.0  # of generated motion
@@ -45,6 +46,7 @@ class Control:
         facing: radians to the left of the heading at the start that the body keeps facing; None: along the path.
         loop: its end meets its beginning.
         from_end: it goes on from the last frames of its seed clip, not from its first.
+        style: frames that look like those of this clip are preferred; None: all alike.
     """
 
     path: GroundPath | None = None
@@ -52,6 +54,7 @@ class Control:
     facing: float | None = None
     loop: bool = False
     from_end: bool = False
+    style: SeedClip | None = None
 
 
 @dataclass(frozen=True)
@@ -67,6 +70,8 @@ class MotionRequest:
         temperature: how much is left to chance; 0 gives the most likely motion.
         shares: seconds of each class; None: equal shares of the time.
         control: where it goes; None: as recordings go.
+        keys: poses that it passes through, in the world of `start` and by its body; it lasts from the first to the last
+            of them, whatever `seconds` says, and moves between them as the classes do.
     """
 
     classes: tuple[str, ...]
@@ -77,6 +82,7 @@ class MotionRequest:
     temperature: float = 1.0
     shares: tuple[float, ...] | None = None
     control: Control | None = None
+    keys: KeyPoses | None = None
 
     def check(self, classes: Sequence[str]) -> None:
         """Raises `ValueError` where no generator of these classes can make it."""

@@ -53,6 +53,14 @@ def from_vectors(vectors: Float64Array, out: Float64Array | None = None) -> Floa
     return np.asarray(over_axes("from_vector")(vectors, IDENTITY, out=out))
 
 
+def to_vectors(q: Float64Array) -> Float64Array:
+    """Rotation vectors [..., 3], radians, of unit quaternions [..., 4]: the shorter way round."""
+    near = np.where(q[..., :1] < 0, -q, q)
+    sine = np.linalg.norm(near[..., 1:], axis=-1, keepdims=True)
+    angles = 2 * np.arctan2(sine, near[..., :1])
+    return np.asarray(near[..., 1:] * np.where(sine > MIN_LENGTH, angles / np.maximum(sine, MIN_LENGTH), 2.0))
+
+
 def from_axis_angle(axis: Float64Array, degrees: Float64Array | float) -> Float64Array:
     """Rotation [..., 4] by `degrees` [...] about unit `axis` [..., 3]."""
     half = np.deg2rad(np.asarray(degrees, float)) / 2

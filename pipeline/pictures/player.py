@@ -1,4 +1,4 @@
-"""A self-contained HTML page that plays one motion, or two side by side: no network, no other file."""
+"""A self-contained HTML page that plays one motion, or up to four side by side: no network, no other file."""
 
 from __future__ import annotations
 
@@ -20,11 +20,23 @@ from motionlake.pictures.stick_figures import LEFT, RIGHT
 from motionlake.pictures.style import FAINT, INK, NONE, ClassStyle, ink_on
 
 _TOKENS: Final = {"ink": INK, "faint": FAINT, "none": NONE, "left": LEFT, "right": RIGHT}
+MOST_CLIPS: Final = 4
+# The script, in the order in which its parts use one another.
+_PARTS: Final = ("motion", "scene", "marks", "body", "curves")
+_FEET: Final = ("left_ankle", "left_toe", "right_ankle", "right_toe")
+_TRAILS: Final = ("head", "left_wrist", "right_wrist", "left_ankle", "right_ankle")
+_SHOWN: Final = (
+    ("body", "capsules"), ("contacts", "standing feet"), ("trails", "trails"), ("onion", "onion skin"),
+    ("curved", "curves"),
+)  # fmt: skip
+_MEASURES: Final = ("height", "speed", "ground speed")
 _SPEEDS: Final = ("0.1", "0.25", "0.5", "1", "2", "4")
 _HELP: Final = (
     ("<kbd>Space</kbd>", "play or pause"), ("<kbd>← →</kbd>", "a frame back or on, with Shift a second"),
     ("<kbd>Home End</kbd>", "first or last frame"), ("<kbd>F</kbd>", "the camera follows the body or stays"),
-    ("<kbd>R</kbd>", "the view as it was"), ("<kbd>+ −</kbd>", "nearer or farther"),
+    ("<kbd>R</kbd>", "the view as it was"), ("<kbd>B</kbd>", "sticks or capsules"), ("<kbd>C</kbd>", "standing feet"),
+    ("<kbd>T</kbd>", "trails"), ("<kbd>N</kbd>", "onion skin"), ("<kbd>J</kbd>", "curves of a joint"),
+    ("<kbd>O</kbd>", "the other clips over the first"), ("<kbd>+ −</kbd>", "nearer or farther"),
     ("drag", "turns the view; arrow keys do while a figure has the focus"), ("wheel, pinch", "nearer or farther"),
     ("double click", "the view as it was"),
 )  # fmt: skip
@@ -37,21 +49,22 @@ def player_page(clips: Sequence[PlayerClip]) -> str:
     Content-Security-Policy lets no script run but its own.
 
     Args:
-        clips: one or two; the first sets the rate of the timeline.
+        clips: one to four; the first sets the rate of the timeline.
 
     Raises:
-        ValueError: neither one nor two clips.
+        ValueError: none, or more than four clips.
     """
-    if len(clips) not in (1, 2):
-        raise ValueError(f"{len(clips)} clips: one or two are shown side by side")
+    if not 1 <= len(clips) <= MOST_CLIPS:
+        raise ValueError(f"{len(clips)} clips: one to {MOST_CLIPS} are shown side by side")
     tokens = " ".join(f"--{name}: {value};" for name, value in _TOKENS.items())
-    style, script = f":root {{ {tokens} }}\n{_asset('player.css')}", _asset("player.js")
+    style, script = f":root {{ {tokens} }}\n{_asset('player.css')}", _script()
     policy = f"default-src 'none'; script-src {_hash(script)}; style-src {_hash(style)}; img-src data:"
     body = [
         f"<h1>{html(clips[0].name.rpartition('/')[2])}</h1>",
         *(f'<p class="note">{html(_cut(clip))}</p>' for clip in clips if clip.duration > MOST_SECONDS),
-        f'<main><div class="panes">{"".join(map(_pane, clips))}</div>',
-        _controls(two=len(clips) == 2),
+        f'<main><div class="panes" data-count="{len(clips)}">{"".join(map(_pane, clips))}</div>',
+        _controls(several=len(clips) > 1),
+        _choices(several=len(clips) > 1),
         _timeline(clips),
         f"</main>{_help()}",
         f'<script type="application/json" id="motion">{_json(_motion(clips))}</script>',
@@ -62,6 +75,12 @@ def player_page(clips: Sequence[PlayerClip]) -> str:
 
 def _asset(name: str) -> str:
     return resources.files("motionlake.pictures").joinpath(name).read_text(encoding="utf-8")
+
+
+def _script() -> str:
+    """The parts in one scope, which nothing else of the page sees."""
+    parts = [_asset(f"player_{name}.js") for name in _PARTS] + [_asset("player.js")]
+    return '"use strict";\n(() => {\n' + "\n".join(parts) + "})();\n"
 
 
 def _hash(text: str) -> str:
@@ -93,15 +112,41 @@ def _terms(pairs: Iterable[tuple[str, str]]) -> str:
     return f"<dl>{''.join(f'<div><dt>{term}</dt><dd>{said}</dd></div>' for term, said in pairs)}</dl>"
 
 
-def _controls(*, two: bool) -> str:
+def _controls(*, several: bool) -> str:
     speeds = "".join(f'<option value="{s}"{" selected" if s == "1" else ""}>{s}×</option>' for s in _SPEEDS)
-    stretch = '<label><input type="checkbox" id="stretch">stretch to equal length</label>' if two else ""
+    stretch = '<label><input type="checkbox" id="stretch">stretch to equal length</label>' if several else ""
     return (
         '<div class="controls" role="group" aria-label="Player"><button id="play" type="button">Play</button>'
         f'<label>Speed <select id="speed">{speeds}</select></label>'
         '<label><input type="checkbox" id="loop" checked>loop</label>'
         '<label><input type="checkbox" id="follow" checked>camera follows</label>'
         f'{stretch}<button id="home" type="button">Reset view</button><output id="time"></output></div>'
+    )
+
+
+def _choices(*, several: bool) -> str:
+    """What may be shown with the bodies."""
+    shown = [*_SHOWN, *([("overlay", "all in the first")] if several else [])]
+    boxes = "".join(f'<label><input type="checkbox" id="{name}">{said}</label>' for name, said in shown)
+    return f'<div class="controls shown" role="group" aria-label="Shown">{boxes}</div>'
+
+
+def _curves(clips: Sequence[PlayerClip]) -> str:
+    """A plot of a joint, which is shown where it is asked for."""
+    chosen = INDEX["left_ankle"]
+    joints = "".join(
+        f'<option value="{i}"{" selected" if i == chosen else ""}>{name.replace("_", " ")}</option>'
+        for i, name in enumerate(JOINTS)
+    )
+    measures = "".join(f'<option value="{name}">{name}</option>' for name in _MEASURES)
+    keys = "".join(
+        f'<span><span class="key key{i}"></span>{html(clip.name.rpartition("/")[2])}</span>'
+        for i, clip in enumerate(clips)
+    )
+    return (
+        f'<div id="curves" hidden><div class="controls"><label>Joint <select id="joint">{joints}</select></label>'
+        f'<label>Curve <select id="measure">{measures}</select></label>{keys}<output id="values"></output></div>'
+        "</div>"
     )
 
 
@@ -119,7 +164,7 @@ def _timeline(clips: Sequence[PlayerClip]) -> str:
     shown = f'<div class="bands"><div id="needle"></div>{"".join(bands)}</div>' if bands else ""
     return (
         '<div class="timeline"><input type="range" id="scrub" aria-label="Frame" min="0" max="0" value="0" step="1">'
-        f"{shown}</div>"
+        f"{shown}</div>{_curves(clips)}"
     )
 
 
@@ -127,7 +172,9 @@ def _help() -> str:
     return (
         f"<details><summary>Keys and mouse</summary>{_terms(_HELP)}"
         "<p>Left limbs are blue, right limbs orange. The grid has squares of half a metre, wider where a path is long; "
-        "the line on the ground is the path of the hips. Both figures are turned to face the same way at first.</p>"
+        "the line on the ground is the path of the hips. All figures are turned to face the same way at first. A green "
+        "mark is under a joint of a foot that stands, and shows how far it slid. Onion skin: grey before, blue after."
+        "</p>"
         "</details>"
     )
 
@@ -140,6 +187,9 @@ def _motion(clips: Sequence[PlayerClip]) -> dict[str, Any]:
         "sides": [next((s for s in ("left", "right") if name.startswith(s)), "ink") for name in JOINTS],
         "head": INDEX["head"],
         "neck": INDEX["neck"],
+        "names": JOINTS,
+        "feet": [INDEX[name] for name in _FEET],
+        "trails": [INDEX[name] for name in _TRAILS],
         "clips": [
             {
                 "name": clip.name,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Final
 
 from motionlake.errors import UserError
@@ -18,13 +19,54 @@ if TYPE_CHECKING:
 
 # Of a request: what its starts are drawn from; and what was added since motions were first kept, by its default.
 DRAWN: Final = ("start", "outside", "split", "min_quality")
-ADDED: Final = {"shares": None, "path": None, "speed": None, "facing": None, "loop": False, "from_end": False}
+ADDED: Final[dict[str, Any]] = {
+    "shares": None, "path": None, "speed": None, "facing": None, "loop": False, "from_end": False, "keyframes": (),
+    "rate": None, "edited": None, "diverse": False, "style": None,
+}  # fmt: skip
 SECONDS: Final = 8.0  # of a motion for which nothing says how long it is
 ASIDE: Final = 0.05  # share of a class's frames that go sideways or back, with which it can face elsewhere
 LEAST_LOOP: Final = 2.0  # seconds
 # Of the slowest and the fastest of a class, how slow and fast it may be asked to go.
 SLOWER, FASTER = 0.7, 1.3
+NEAR: Final = 0.2  # metres between keyframes that any class gets over
+STAYING: Final = 1.5  # metres a second that a class goes at most which mostly stays where it is
 LONGEST: Final = 3600.0  # seconds of one motion
+
+
+@dataclass(frozen=True)
+class Keyframe:
+    """A pose that a motion passes through: of which frame of which clip, when, and the pose in the motion's world.
+
+    Attributes:
+        clip: name, or path of a file.
+        frame: of it.
+        seconds: from the first keyframe.
+        hips: [3] metres.
+        rotations: [21 x 4] local.
+    """
+
+    clip: str
+    frame: int
+    seconds: float
+    hips: tuple[float, ...]
+    rotations: tuple[float, ...]
+
+    @property
+    def name(self) -> str:
+        return f"{self.clip}@{self.frame}"
+
+
+@dataclass(frozen=True)
+class StyleClip:
+    """A clip of the lake, or a clip file (`outside`, its path), that motion is to look like; where it is kept."""
+
+    clip: str
+    dataset: str
+    part: str
+    fps: float
+    rest_offsets: tuple[float, ...]
+    content_hash: str
+    outside: bool = False
 
 
 @dataclass(frozen=True)
@@ -48,6 +90,11 @@ class Request:
         facing: degrees to the left of the heading at the start that the body keeps facing; None: along its way.
         loop: the end of a motion meets its beginning.
         from_end: it goes on from the last frames of `start`, not from its first.
+        keyframes: poses that it passes through (`synthesis_keys`); it lasts from the first to the last.
+        rate: frames a second of a motion through keyframes, or of an edited clip; None: those of the generator.
+        edited: frames [first, stop) of `start` that are made anew; the motion is the whole clip then.
+        diverse: none of the motions is nearer to another than recorded clips of the class are (`synthesis_diversity`).
+        style: frames that look like those of this clip are preferred.
     """
 
     classes: tuple[str, ...]
@@ -65,6 +112,11 @@ class Request:
     facing: float | None = None
     loop: bool = False
     from_end: bool = False
+    keyframes: tuple[Keyframe, ...] = ()
+    rate: float | None = None
+    edited: tuple[int, int] | None = None
+    diverse: bool = False
+    style: StyleClip | None = None
 
     @property
     def lasts(self) -> float:
@@ -96,6 +148,8 @@ def check_recipe(request: Request, recipe: str) -> None:
         "keeps facing nothing": request.facing is not None, "makes no loops": request.loop,
         "does not go on from the end of a clip": request.from_end,
         "gives every class an equal share of the time": request.shares is not None,
+        "makes no range of a clip anew": request.edited is not None,
+        "takes no style from a clip": request.style is not None,
     }  # fmt: skip
     cannot = next((said for said, wanted in asked.items() if wanted), None)
     if cannot is not None:
@@ -122,12 +176,16 @@ def settled(request: Request, model: Model, recipe: str) -> Request:
     check_classes(model, request.classes)
     check_recipe(request, recipe)
     _check_together(request)
+    speeds = model.metrics.get("speeds", {})
+    if request.keyframes:
+        _check_ways(request, [speeds[name] for name in request.classes if name in speeds])
+        return request
     aside = model.metrics.get("aside", {}).get(request.classes[0], 0.0)
     if request.facing is not None and aside < ASIDE:
         raise UserError(
             f"{request.classes[0]} was recorded going ahead alone: it can only face its way (--facing path)"
         )
-    rates = model.metrics.get("speeds", {}).get(request.classes[0])
+    rates = speeds.get(request.classes[0])
     seconds = sum(request.shares) if request.shares is not None else request.seconds
     if request.path is None:
         return _within(replace(request, seconds=SECONDS if seconds is None else seconds), rates)
@@ -153,7 +211,22 @@ def _along(request: Request, path: GroundPath, rates: Sequence[float] | None) ->
     return replace(request, speed=rounds * path.length / request.seconds)
 
 
+def _check_ways(request: Request, rates: Sequence[Sequence[float] | None]) -> None:
+    """Raises `UserError` where no class goes so fast as its keyframes are apart."""
+    fastest = max((STAYING if rate is None else FASTER * rate[2] for rate in rates), default=math.inf)
+    for before, after in pairwise(request.keyframes):
+        metres = math.hypot(*(after.hips[i] - before.hips[i] for i in (0, 2)))
+        seconds = after.seconds - before.seconds
+        if metres > NEAR and metres / seconds > fastest:
+            raise UserError(
+                f"{metres:.1f} m from {before.name} to {after.name} leave no time: {', '.join(request.classes)} goes "
+                f"{fastest:.2g} m/s at most, which takes {metres / fastest:.1f} s, not {seconds:.2g}"
+            )
+
+
 def _check_together(request: Request) -> None:
+    if request.keyframes:
+        _check_alone(request)
     if request.shares is not None and request.seconds is not None:
         total = sum(request.shares)
         if not math.isclose(total, request.seconds):
@@ -173,6 +246,21 @@ def _check_together(request: Request) -> None:
         raise UserError(f"a loop of {lasts:g} seconds: ask for {LEAST_LOOP:g} at least")
 
 
+def _check_alone(request: Request) -> None:
+    """Raises `UserError` for what keyframes, or the rest of an edited clip, say already."""
+    what = "keyframes say" if request.edited is None else "the rest of the clip says"
+    told = {
+        "--path": request.path is not None, "--speed": request.speed is not None,
+        "--facing": request.facing is not None,
+        "--loop": request.loop, "--continue": request.from_end, "--split": request.split is not None,
+        "--style-from": request.style is not None,
+        "seconds of classes": request.shares is not None, "--pace": request.pace != 1.0,
+    }  # fmt: skip
+    other = next((name for name, given in told.items() if given), None)
+    if other is not None:
+        raise UserError(f"{what} where a motion goes and when: leave {other} out")
+
+
 def _within(request: Request, rates: Sequence[float] | None) -> Request:
     """The request, where its class goes as fast as it asks."""
     if rates is None or request.speed is None:
@@ -188,6 +276,15 @@ def _within(request: Request, rates: Sequence[float] | None) -> Request:
 
 def controls(request: Request) -> dict[str, Any]:
     """What a request says of time and way beside its seconds; what it does not ask for is left out."""
+    found = _added(request)
+    if request.style is not None:
+        found["style"] = request.style.clip
+    if request.keyframes:
+        found["keyframes"] = [f"{key.name}={key.seconds:g}" for key in request.keyframes]
+    return found
+
+
+def _added(request: Request) -> dict[str, Any]:
     return {name: value for name, value in asdict(request).items() if name in ADDED and value != ADDED[name]}
 
 
@@ -195,4 +292,4 @@ def shaping(request: Request) -> dict[str, Any]:
     """What of a request its motions follow from, beside what they start from; without what it does not ask for, so that
     motions keep their keys."""
     of_old = {k: value for k, value in asdict(request).items() if k not in DRAWN and k not in ADDED}
-    return of_old | controls(request)
+    return of_old | _added(request)

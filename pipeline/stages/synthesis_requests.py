@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,13 +19,16 @@ from motionlake.stages.generator_model import classed_motions, long_enough
 from motionlake.stages.sources import content_hash
 from motionlake.stages.synthesis import check_classes
 from motionlake.stages.synthesis_control import Request
+from motionlake.stages.synthesis_edits import edge_poses, edited_clip
+from motionlake.stages.synthesis_keys import key_poses, style_frames
 from motionlake.stages.synthesis_options import path_of
 from motionlake.stages.training_clips import check_chosen, frames_of_clips
 
 if TYPE_CHECKING:
     from motionlake.lake.frames import Frames
     from motionlake.motion.canonicalise import CanonicalMotion
-    from motionlake.motion.generation import Control, GeneratedMotion, MotionGenerator
+    from motionlake.motion.generation import Control, GeneratedMotion, MotionGenerator, SeedClip
+    from motionlake.motion.keyframes import KeyPoses
 
 
 @dataclass(frozen=True)
@@ -49,10 +52,11 @@ class Start:
 
 @dataclass(frozen=True)
 class Motion:
-    """One motion of a request: its number from 1, and what it starts from."""
+    """One motion of a request: its number from 1, what it starts from, and how often it was tried before."""
 
     number: int
     start: Start
+    attempt: int = 0
 
 
 def find_starts(con: Connection, lake: Lake, model: Model, request: Request) -> list[Start]:
@@ -69,7 +73,7 @@ def find_starts(con: Connection, lake: Lake, model: Model, request: Request) -> 
         return [_outside(lake, Path(request.start))]
     if request.start is not None:
         row = fetch(con, "clip", {"clip": request.start})[0]
-        if row["format"] == "synthetic":
+        if row["format"] == "synthetic" and not request.keyframes:
             raise UserError(f"{request.start}: is synthetic; start from a recorded clip")
         return [_start(row | {"start": 0, "stop": row["frames"]})]
     wanted = request.classes[0]
@@ -105,10 +109,14 @@ def _outside(lake: Lake, path: Path) -> Start:
     return Start(str(path), "", "", body.fps, 0, len(motion.positions), content, None, offsets, outside=True)
 
 
-def motions_of(request: Request, starts: Sequence[Start], numbers: Iterable[int]) -> list[Motion]:
-    """The motions of these numbers; each draws what it starts from by the seed and its number."""
-    drawn = {n: np.random.default_rng([request.seed, n]).integers(len(starts)) for n in numbers}
-    return [Motion(number, starts[int(index)]) for number, index in drawn.items()]
+def motions_of(request: Request, starts: Sequence[Start], numbers: Iterable[int], attempt: int = 0) -> list[Motion]:
+    """The motions of these numbers; each draws what it starts from by the seed, its number and the attempt."""
+    drawn = {n: np.random.default_rng(_seeds(request, n, attempt)).integers(len(starts)) for n in numbers}
+    return [Motion(number, starts[int(index)], attempt) for number, index in drawn.items()]
+
+
+def _seeds(request: Request, number: int, attempt: int) -> list[int]:
+    return [request.seed, number, *([attempt] if attempt else [])]
 
 
 def make(generator: MotionGenerator, lake: Lake, request: Request, motions: Sequence[Motion]) -> list[GeneratedMotion]:
@@ -130,25 +138,38 @@ def make(generator: MotionGenerator, lake: Lake, request: Request, motions: Sequ
         positions, rotations = whole.positions[own].astype(float), whole.rotations[own].astype(float)
         offsets = np.array(start.rest_offsets, dtype=float).reshape(-1, 3)
         seeds[start] = SeedClip(start.clip, positions, start.fps, offsets, rotations)
-    control = _control(request)
+    control = _control(request, None if request.style is None else style_frames(lake, request.style))
     wanted = []
     for motion in motions:
-        seed = int(np.random.SeedSequence([request.seed, motion.number]).generate_state(1)[0])
+        seed = int(np.random.SeedSequence(_seeds(request, motion.number, motion.attempt)).generate_state(1)[0])
         options = (seed, seeds[motion.start], request.pace, request.temperature)
-        wanted.append(MotionRequest(request.classes, request.lasts, *options, request.shares, control))
+        keys = _keys(request, seeds[motion.start])
+        wanted.append(MotionRequest(request.classes, request.lasts, *options, request.shares, control, keys))
     try:
-        return generator.generate(wanted)
+        made = generator.generate(wanted)
     except ValueError as error:
         raise UserError(str(error)) from error
+    if request.edited is not None:
+        return [edited_clip(request, one, wish.start) for one, wish in zip(made, wanted, strict=True)]
+    if request.keyframes:
+        first = request.keyframes[0].frame
+        return [replace(one, seed_start=first, seed_stop=first + 1) for one in made]
+    return made
 
 
-def _control(request: Request) -> Control | None:
+def _keys(request: Request, seed: SeedClip) -> KeyPoses | None:
+    if request.edited is not None:
+        return edge_poses(request, seed)
+    return key_poses(request) if request.keyframes else None
+
+
+def _control(request: Request, style: SeedClip | None) -> Control | None:
     """Where a motion goes; None where the request says nothing of it."""
     from motionlake.motion.generation import Control
 
     facing = None if request.facing is None else math.radians(request.facing)
     path = None if request.path is None else path_of(request.path)
-    control = Control(path, request.speed, facing, request.loop, request.from_end)
+    control = Control(path, request.speed, facing, request.loop, request.from_end, style)
     return None if control == Control() else control
 
 

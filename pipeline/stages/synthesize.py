@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping
-from dataclasses import asdict, astuple, dataclass, replace
+from dataclasses import asdict, astuple, dataclass, field, replace
 from itertools import groupby
 from typing import TYPE_CHECKING, Any, ClassVar, Final
 
@@ -21,7 +21,8 @@ from motionlake.stages.reader import LakeReader
 from motionlake.stages.sources import check_apart
 from motionlake.stages.stage import Shard
 from motionlake.stages.synthesis import open_generator, served_generator
-from motionlake.stages.synthesis_control import Request, controls, settled, shaping
+from motionlake.stages.synthesis_control import Keyframe, Request, StyleClip, controls, settled, shaping
+from motionlake.stages.synthesis_diversity import diverse
 from motionlake.stages.synthesis_requests import (
     Motion,
     Start,
@@ -82,7 +83,7 @@ class Synthesize(ClipStage):
         request = _request(spec["request"])
         keys = {m["number"]: m["key"] for m in spec["motions"]}
         starts = [Start(**{**start, "rest_offsets": tuple(start["rest_offsets"])}) for start in spec["starts"]]
-        motions = [Motion(m["number"], starts[m["start"]]) for m in spec["motions"]]
+        motions = [Motion(m["number"], starts[m["start"]], m.get("attempt", 0)) for m in spec["motions"]]
         made = make(open_generator(lake, model), lake, request, motions)
         by_path = sorted((clip_path(request, motion.number), i) for i, motion in enumerate(motions))
         for path, i in by_path:
@@ -97,7 +98,7 @@ class Synthesize(ClipStage):
                 name, body, canonical, FramesConfig(**spec["frames"]), rig_joints(body.hierarchy.joints, rig),
                 path=path, format="synthetic", rig=rig.name, notes=[], licence="; ".join(licences) or None,
                 content_hash=hashlib.sha256(content).hexdigest(),
-                label=request.classes[0] if len(set(request.classes)) == 1 else None,
+                label=_label(request),
             )  # fmt: skip
             parts.rows["synthetic_segments"] += _segments(name, request, one)
             parts.rows["synthetic"].append(
@@ -124,12 +125,16 @@ class Plan:
         clips: of the request, in the order of their numbers.
         shards: that make those which are not there yet.
         there: how many are.
+        alike: of motions that were asked to differ, those that are nearer to one before them than recorded clips are.
+        floor: how far recorded clips are from one another, body lengths; None where it was not asked.
     """
 
     model: Model
     clips: list[str]
     shards: list[Shard]
     there: int
+    alike: list[str] = field(default_factory=list)
+    floor: float | None = None
 
 
 def planned(at: LakeReader, request: Request, dataset: str, count: int) -> Plan:
@@ -148,7 +153,10 @@ def planned(at: LakeReader, request: Request, dataset: str, count: int) -> Plan:
     check_apart(at.con, [dataset])
     request = settled(request, model, at.config.synthesis.recipe)
     starts = find_starts(at.con, at.lake, model, request)
-    motions = motions_of(request, starts, range(1, count + 1))
+    motions, alike, floor = motions_of(request, starts, range(1, count + 1)), [], None
+    if request.diverse:
+        found = diverse(at.con, at.lake, open_generator(at.lake, model), request, starts, count)
+        motions, alike, floor = found.motions, found.alike, found.floor
     names = {m.number: f"{dataset}/{clip_path(request, m.number)}" for m in motions}
     made_by = [SYNTHESIZE.name, SYNTHESIZE.version, model.model, at.file_hash(model.file), at.config.frames]
     keys = {m.number: config_hash(*made_by, _identity(request, m)) for m in motions}
@@ -167,7 +175,7 @@ def planned(at: LakeReader, request: Request, dataset: str, count: int) -> Plan:
             "frames": asdict(at.config.frames),
             "request": asdict(request),
             "starts": [asdict(start) for start in chosen],
-            "motions": [{"number": m.number, "start": chosen.index(m.start), "key": keys[m.number]} for m in block],
+            "motions": [_motion(m, chosen.index(m.start), keys[m.number]) for m in block],
         }
         key = config_hash(SYNTHESIZE.name, dataset, [keys[m.number] for m in block])
         shards.append(Shard(SYNTHESIZE.name, key, key[:16], dataset, spec, len(block)))
@@ -175,7 +183,13 @@ def planned(at: LakeReader, request: Request, dataset: str, count: int) -> Plan:
         # The beginning of the first motion: what is wrong with every motion is said before any work is handed out.
         short = replace(request, seconds=min(request.lasts, TRIAL))
         make(open_generator(at.lake, model), at.lake, short, motions[:1])
-    return Plan(model, list(names.values()), shards, len(motions) - len(lacking))
+    near = [names[number] for number in alike]
+    return Plan(model, list(names.values()), shards, len(motions) - len(lacking), near, floor)
+
+
+def _motion(motion: Motion, start: int, key: str) -> dict[str, Any]:
+    attempt = {"attempt": motion.attempt} if motion.attempt else {}
+    return {"number": motion.number, "start": start, "key": key} | attempt
 
 
 def source_rows(at: LakeReader, request: Request, dataset: str, count: int) -> list[tuple[Any, ...]]:
@@ -192,8 +206,10 @@ def source_rows(at: LakeReader, request: Request, dataset: str, count: int) -> l
     """
     model = served_generator(at.con, at.lake, at.config)
     request = settled(request, model, at.config.synthesis.recipe)
-    motions = motions_of(request, find_starts(at.con, at.lake, model, request), range(1, count + 1))
-    generator, rows = open_generator(at.lake, model), []
+    starts, generator, rows = find_starts(at.con, at.lake, model, request), open_generator(at.lake, model), []
+    motions = motions_of(request, starts, range(1, count + 1))
+    if request.diverse:
+        motions = diverse(at.con, at.lake, generator, request, starts, count).motions
     for motion in motions:
         (made,) = make(generator, at.lake, request, [motion])
         name = f"{dataset}/{clip_path(request, motion.number)}"
@@ -212,19 +228,35 @@ def clip_path(request: Request, number: int) -> str:
 
 def _request(spec: Mapping[str, Any]) -> Request:
     """The request of a shard."""
-    lists = {name: tuple(spec[name]) for name in ("classes", "shares") if spec[name] is not None}
-    return Request(**{**spec, **lists})
+    lists = {name: tuple(spec[name]) for name in ("classes", "shares", "edited") if spec.get(name) is not None}
+    keys = tuple(
+        Keyframe(**{**key, "hips": tuple(key["hips"]), "rotations": tuple(key["rotations"])})
+        for key in spec.get("keyframes", ())
+    )
+    style = spec.get("style")
+    if style is not None:
+        style = StyleClip(**{**style, "rest_offsets": tuple(style["rest_offsets"])})
+    return Request(**{**spec, **lists, "keyframes": keys, "style": style})
 
 
 def _identity(request: Request, motion: Motion) -> list[Any]:
     """All that a motion follows from but the generator."""
     start = motion.start
-    return [shaping(request), motion.number, start.clip, start.content_hash, start.start, start.stop]
+    attempt = [motion.attempt] if motion.attempt else []
+    return [shaping(request), motion.number, start.clip, start.content_hash, start.start, start.stop, *attempt]
+
+
+def _label(request: Request) -> str | None:
+    """The class of a whole motion; None of one of several classes, and of a clip of which a range was made."""
+    return request.classes[0] if len(set(request.classes)) == 1 and request.edited is None else None
 
 
 def _segments(name: str, request: Request, made: GeneratedMotion) -> list[dict[str, Any]]:
-    """The range of every class, where there are several."""
-    if len(set(request.classes)) == 1:
+    """The range of every class, where there are several, one after the other."""
+    if request.edited is not None:
+        first, stop = request.edited
+        return [{"clip": name, "start": first, "stop": stop, "label": request.classes[0]}]
+    if len(set(request.classes)) == 1 or request.keyframes:
         return []
     stops = (*made.class_starts[1:], len(made.positions))
     return [

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -52,6 +53,11 @@ def synthesize(
     facing: float | None = None,
     loop: bool = False,
     continues: str | None = None,
+    keyframes: list[str] | None = None,
+    edit: str | None = None,
+    first: int | None = None,
+    last: int | None = None,
+    style: str | None = None,
 ) -> list[object] | pa.StructArray:
     """The frames of the first motion that `motionlake synthesize` makes for the same options.
 
@@ -60,9 +66,13 @@ def synthesize(
     `classes`: 'walk', or ['walk:3', 'kick:1'] one after the other, with the seconds of each; `start`: that clip;
     `split`: its split; `min_quality`: the worst verdict that it may have; `path`: 'circle', 'eight:2' or points
     'x,z;x,z'; `speed`: metres a second; `facing`: degrees; `loop`: its end meets its beginning; `continues`: a clip
-    from the end of which it goes on.
+    from the end of which it goes on; `keyframes`: ['clip@120', 'clip@4s=2.5'] are poses that it passes through, and
+    `classes` may be [] then; `edit`: a clip of which frames [`first`, `last`) are made anew and the others kept;
+    `style`: a clip; recorded frames that look like its frames are preferred.
     """
     from motionlake.stages.synthesis_control import Request, settled
+    from motionlake.stages.synthesis_edits import with_edit
+    from motionlake.stages.synthesis_keys import marked, style_of, with_keyframes
     from motionlake.stages.synthesis_options import begun, path_text, timed_classes
     from motionlake.stages.synthesis_requests import find_starts, make, motions_of
 
@@ -75,8 +85,16 @@ def synthesize(
         names, seconds, seed, clip, False, split, pace, temperature, min_quality, shares, way, speed, facing, loop,
         continues is not None,
     )  # fmt: skip
-    request = settled(asked, model, served_config(served.lake).synthesis.recipe)
     with reading(served.lake) as con:
+        if style is not None:
+            asked = replace(asked, style=style_of(con, served.lake, served.query(style).source))
+        if edit is not None:
+            asked = with_edit(con, served.lake, asked, served.query(edit).source, first, last)
+        elif keyframes:
+            frames = [marked(text) for text in keyframes]
+            named_by = [replace(frame, source=served.query(str(frame.source)).source) for frame in frames]
+            asked = with_keyframes(con, served.lake, asked, named_by)
+        request = settled(asked, model, served_config(served.lake).synthesis.recipe)
         starts = find_starts(con, served.lake, model, request)
     motions = motions_of(request, starts, [1])
     (made,) = make(generator, served.lake, request, motions)
@@ -89,15 +107,25 @@ def _rows(config: LakeConfig, request: Request, made: GeneratedMotion, seed_clip
     motion, steps = canonical_motion(made), config.frames
     frames = Frames("", motion.fps, motion.rotations, motion.positions)
     table, at = to_table(frames, "", steps.position_step, steps.rotation_step), np.arange(len(motion.positions))
-    current = np.searchsorted(made.class_starts, at, side="right") - 1
     added = {
         "time": pa.array(at / motion.fps),
-        "class": pa.array([request.classes[i] for i in current], pa.string()),
+        "class": pa.array(_classes(request, made), pa.string()),
         "seed_clip": pa.array([seed_clip] * len(at), pa.string()),
         **_sources(made),
     }
     rows = pa.table({name: added[name] if name in added else table[name] for name in FRAME})
     return rows.to_struct_array().combine_chunks()
+
+
+def _classes(request: Request, made: GeneratedMotion) -> list[str | None]:
+    """The class of every frame; NULL outside of a range that was made anew, and where several lead between poses."""
+    count = len(made.positions)
+    if request.edited is not None:
+        first, stop = request.edited
+        return [request.classes[0] if first <= frame < stop else None for frame in range(count)]
+    if request.keyframes and len(set(request.classes)) > 1:
+        return [None] * count
+    return [request.classes[i] for i in np.searchsorted(made.class_starts, np.arange(count), side="right") - 1]
 
 
 def _sources(made: GeneratedMotion) -> dict[str, pa.Array]:

@@ -1,0 +1,37 @@
+"""Recorded frames that look like those of another clip: what motion matching prefers where a style is asked for."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from motionlake.arrays import Float64Array
+from motionlake.matching.database import MotionDatabase
+from motionlake.matching.features import POSE, features
+from motionlake.matching.recordings import rooted, sound_ranges
+from motionlake.motion.generation import SeedClip
+from motionlake.motion.kinematics import local_rotations, world_from_positions
+from scipy.spatial import cKDTree
+
+WEIGHT: Final = 3.0  # of the distance from the style beside that from what is played
+
+
+def style_costs(database: MotionDatabase, style: SeedClip) -> Float64Array:
+    """[2 N] what every row of a database costs: how far its pose and velocities are from the nearest of a style.
+
+    Raises:
+        ValueError: the clip of the style is too short.
+    """
+    rotations = style.rotations
+    if len(style.positions) < 2:
+        raise ValueError(f"{style.clip} has one frame; a style needs two at least")
+    if rotations is None:
+        rotations = local_rotations(world_from_positions(np.ascontiguousarray(style.positions, dtype=float)))
+    start, stop = max(sound_ranges(style.positions, rotations, style.fps), key=lambda pair: pair[1] - pair[0])
+    if stop - start < 2:
+        start, stop = 0, len(style.positions)
+    motion = rooted(style.positions[start:stop], rotations[start:stop], style.rest_offsets, style.fps)
+    scales = database.scales[:POSE]
+    tree = cKDTree(features(motion)[:, :POSE] * scales)
+    apart = tree.query(database.compared[:, :POSE] * scales)[0]
+    return np.asarray(WEIGHT * (apart - apart.min()), dtype=np.float64)
