@@ -32,6 +32,7 @@ LIBRARIES = {"scipy", "duckdb", "pyarrow", "pandas"}
 CREATES = ("init", "ingest")
 COMMAND_LINES = {
     "ingest": ["ingest", "{source}"],
+    "inbetween": ["inbetween", "clip", "--out", "a.bvh"],
     "run": ["run", "all"],
     "status": ["status"],
     "search": ["search", "x"],
