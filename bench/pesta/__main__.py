@@ -73,7 +73,7 @@ def measure_sub_queries(given: argparse.Namespace, recipe: Recipe) -> Measured:
     )
     print(f"\n{table(sub_queries.SET, rows, (*sub_queries.SCORES, 'seconds', 'share_of_time', 'points_lost'))}")
     print(sub_queries.verdict(rows))
-    return {"rows": rows, "paper": sub_queries.PAPER}, [sub_queries.SET]
+    return {"rows": rows, "spread": sub_queries.spread(rows), "paper": sub_queries.PAPER}, [sub_queries.SET]
 
 
 def measure_robustness(given: argparse.Namespace, recipe: Recipe) -> Measured:
