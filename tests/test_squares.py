@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
-from motionlake.pesta import squares
+from motionlake.pesta import squares, tandem
 from motionlake.pesta.squares import square_free
 from motionlake.pesta.tandem import LARGEST_TABLE, by_period, by_suffixes, ranks, suffix_order, without_repetitions
 
@@ -109,6 +109,17 @@ def test_of_short_strings_one_pair_a_symbol_is_compared() -> None:
         assert square_free(np.arange(n, dtype=np.int32), 64)[1] == n
 
 
+def test_of_long_strings_pairs_are_counted_one_by_one() -> None:
+    """Of 40 symbols twice, the last one other than before: each symbol with its last; the first eight of the copy, what
+    stands before them, and the whole when it would be complete; three further eights, with eight before each that are
+    the same and so belong to them, and of sixteen symbols the first eight."""
+    word = np.array([*range(40), *range(39), 40], dtype=np.int32)
+    kept, compared = square_free(word, 41)
+    assert len(kept) == 80
+    assert isinstance(compared, int)
+    assert compared == 80 + (1 + 1) + 1 + 3 * (1 + 9) + 1
+
+
 class Symbol:
     """A symbol that counts how often one is compared."""
 
@@ -137,6 +148,24 @@ def test_comparisons_are_counted(word: list[int]) -> None:
     Symbol.compared = 0
     told = by_period.py_func(counting)[3]
     assert Symbol.compared <= told <= 2 * Symbol.compared
+
+
+@pytest.mark.parametrize("word", [[*range(150)], [*range(40)] * 3, [*range(50), *range(10, 50), *range(45)]])
+def test_arrays_are_as_long_as_what_goes_into_them(word: list[int]) -> None:
+    """Compiled kernels do not notice when they write beyond an array; numpy does."""
+    text = np.array(word, dtype=np.int32)
+    alphabet = int(text.max()) + 1
+    kept, compared = square_free.py_func(text, alphabet)
+    assert kept.tolist() == naive_square_free(word)
+    assert compared == square_free(text, alphabet)[1]
+    one, other = by_period.py_func(text), by_suffixes.py_func(text, suffix_order(text, alphabet))
+    for ours, theirs in zip(one[:3], other[:3], strict=True):
+        np.testing.assert_array_equal(ours, theirs)
+    assert (
+        without_repetitions.py_func(len(text), *one[:3]).tolist() == without_repetitions(len(text), *one[:3]).tolist()
+    )
+    begins = tandem._in_bytes.py_func(text, np.arange(alphabet, dtype=np.int32), 0)[1]
+    assert begins.tolist() == [k // 2 if k % 2 == 0 else -1 for k in range(2 * len(text))]
 
 
 repetitions = st.tuples(st.integers(0, 330), st.integers(1, 40), st.integers(2, 90))
