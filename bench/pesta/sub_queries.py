@@ -4,18 +4,14 @@ Dictionaries are trained on the takes themselves without labels, but for the pre
 Means over the sub-queries whose exercise another take shows too; `all_...` counts the others as well, as wrong. A
 window of 12 symbols lasts longer the fewer symbols a dictionary has for a take: "same windows" rows ask for the same
 frames of every dictionary (`bench.pesta.windows`). Times are medians of every sub-query of every take, interleaved.
-
-Chance alone moves the scores of a dictionary: "draws" rows are the default one of `DRAWS` times as many seeds, with the
-spread of their scores (`spread`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from functools import partial
 from typing import Final
 
-import numpy as np
 from motionlake.evaluation.pesta.measuring import Take
 from motionlake.evaluation.pesta.sub_queries import (
     LongQuestion,
@@ -39,8 +35,6 @@ from bench.record import interleave
 from bench.units import Found
 
 SET: Final = "cmu_exercises"
-DRAWN: Final = f"{MAIN}, draws"
-DRAWS: Final = 4
 SCORES: Final = ("p_at_2", "p_at_5", "p_at_10", "all_p_at_2", "all_p_at_5", "all_p_at_10", "n", "all_n", "symbols")
 PAPER: Final = {"p_at_2": 0.913, "p_at_5": 0.824, "p_at_10": 0.716, "time": 0.52, "points": 5.0}
 METHODS: Final = {
@@ -54,9 +48,7 @@ METHODS: Final = {
 
 
 def units(seeds: Sequence[int], recipe: AutoencoderRecipe | None) -> list[Unit]:
-    chosen = specs(recipe)
-    made = [Unit(name, spec.seeded(seed), seed) for name, spec in chosen.items() for seed in seeds]
-    made += [Unit(DRAWN, chosen[MAIN].seeded(seed), seed) for seed in range(DRAWS * len(seeds))]
+    made = [Unit(name, spec.seeded(seed), seed) for name, spec in specs(recipe).items() for seed in seeds]
     ready = pretrained()
     return made + ([Unit(READY, ready, 0)] if ready else [])
 
@@ -67,14 +59,11 @@ def measure(unit: Unit) -> dict[str, Found]:
     takes = [Take(s, segments) for s, segments in zip(strings, segments_of(SET), strict=True)]
     questions = long_questions(takes)
     rows: dict[str, Found] = {}
-    drawn = unit.dictionary == DRAWN
-    for name, (search, config) in METHODS.items() if not drawn else [("PESTA", METHODS["PESTA"])]:
+    for name, (search, config) in METHODS.items():
         rows[f"{unit.dictionary} + {name}"] = score_sub_queries(questions, made.distances, config, search) | {
             "symbols": sum(len(take.string) for take in takes)
         }
     rows[f"{unit.dictionary} + PESTA, {SAME}"] = score_windows(SET, made, codes_of(SET, unit.spec), STA2)
-    if drawn:
-        return rows
     fresh, shared = (rows[f"{unit.dictionary} + {name}"] for name in ("PESTA", "PESTA-LQ"))
     seconds = interleave(
         {name: partial(_ask, questions, made.distances, METHODS[name]) for name in ("PESTA", "PESTA-LQ")}
@@ -91,25 +80,6 @@ def _ask(questions: Sequence[LongQuestion], distances: Distances, method: tuple[
         pass
 
 
-def spread(rows: Mapping[str, Found]) -> dict[str, Found]:
-    """Of each row of draws how many there are, and by score: mean, standard deviation, least and greatest."""
-    return {
-        name: {"draws": len(row["seeds"])}
-        | {
-            score: {
-                "mean": float(np.mean(values)),
-                "deviation": float(np.std(values, ddof=1)) if len(values) > 1 else 0.0,
-                "least": min(values),
-                "greatest": max(values),
-            }
-            for score in SCORES[:6]
-            if (values := [run[score] for run in row["seeds"].values() if score in run])
-        }
-        for name, row in rows.items()
-        if name.startswith(DRAWN)
-    }
-
-
 def verdict(rows: dict[str, Found]) -> str:
     """The bars, for the default dictionary."""
     fresh, shared = rows[f"{MAIN} + PESTA"]["mean"], rows[f"{MAIN} + PESTA-LQ"]["mean"]
@@ -119,9 +89,6 @@ def verdict(rows: dict[str, Found]) -> str:
         for n in (2, 5, 10)
     ]
     time, points = shared["share_of_time"], shared["points_lost"]
-    for name, found in spread(rows).items():
-        told = (f"{n} {one['mean']:.4f} ± {one['deviation']:.4f}" for n, one in found.items() if n.startswith("p_"))
-        lines.append(f"{name}, {found['draws']}: {', '.join(told)}")
     lines.append(f"PESTA-LQ takes {time:.0%} of PESTA's time (at most 52 %): {_met(time <= PAPER['time'])}")
     lines.append(f"PESTA-LQ loses {points:.1f} points of P@10 (at most 5): {_met(points <= PAPER['points'])}")
     return "\n".join(f"  {line}" for line in lines)
