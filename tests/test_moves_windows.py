@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import random
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from motionlake.arrays import Float32Array
-from motionlake.motion import moves_index
+from motionlake.arrays import Float32Array, Int64Array
+from motionlake.motion import moves_index, moves_windows
 from motionlake.motion.moves import Track
 from motionlake.motion.moves_index import MovesIndex, Stack, aligned, floored, moves_distance
 from motionlake.motion.moves_windows import Place, distances_about, nearest_place, windows_distances
@@ -23,20 +26,19 @@ def lengths(length: int, factors: tuple[float, ...], frames: int) -> list[int]:
     return sorted({width for f in factors if (width := max(4, round(length * f))) <= frames})
 
 
-def naive_place(query: Float32Array, track: Track, barred: tuple[int, int] | None) -> Place | None:
-    """As the docstring of `nearest_place` has it, window by window."""
-    frames, step = len(track.joints), max(1, len(query) // 6)
-
-    def free(start: int, width: int) -> bool:
-        return barred is None or start + width <= barred[0] or start >= barred[1]
+def naive_place(
+    distance: Callable[[int, int], float], length: int, frames: int, barred: tuple[int, int] | None
+) -> Place | None:
+    """As the docstring of `nearest_place` has it, window by window; `distance` of the window of a start and width."""
+    step = max(1, length // 6)
 
     def nearest(windows: set[tuple[int, int]]) -> Place | None:
-        places = [Place(naive_window(query, track, s, w), s, s + w) for s, w in windows if free(s, w)]
-        return min(places, default=None)
+        free = (w for w in windows if barred is None or sum(w) <= barred[0] or w[0] >= barred[1])
+        return min((Place(distance(s, w), s, s + w) for s, w in free), default=None)
 
     coarse = {
         (s, w)
-        for w in lengths(len(query), (0.75, 1.0, 4 / 3), frames)
+        for w in lengths(length, (0.75, 1.0, 4 / 3), frames)
         for s in [*range(0, frames - w + 1, step), frames - w]
     }
     best = nearest(coarse)
@@ -55,19 +57,47 @@ def naive_place(query: Float32Array, track: Track, barred: tuple[int, int] | Non
     return None
 
 
-@settings(max_examples=25, deadline=None)
-@given(st.integers(0, 999), st.integers(4, 24), st.integers(3, 60), st.none() | st.tuples(*[st.integers(0, 50)] * 2))
+barriers = st.none() | st.tuples(st.integers(0, 50), st.integers(0, 50))
+
+
+@settings(max_examples=150, deadline=None)
+@given(st.integers(0, 9999), st.integers(4, 40), st.integers(3, 60), barriers, st.booleans())
+def test_windows_are_looked_at_as_written(
+    seed: int, length: int, frames: int, between: tuple[int, int] | None, coarse: bool
+) -> None:
+    """With distances by chance, so that any window may be the nearest; `coarse` ones are often equal."""
+    barred = (min(between), max(between) + 1) if between else None
+
+    def chance(start: int, width: int) -> float:
+        return random.Random(f"{seed} {start} {width}").randint(0, 9 if coarse else 10**9)
+
+    class Products:
+        def __init__(self, query: Float32Array, track: Track) -> None:
+            self._frames = len(track.joints)
+
+        def nearest(self, starts: Int64Array, width: int) -> Place | None:
+            assert all(0 <= start <= self._frames - width for start in starts.tolist())
+            return min((Place(chance(start, width), start, start + width) for start in starts.tolist()), default=None)
+
+    query, track = np.zeros((length, 135), dtype=np.float32), Track.of(np.zeros((frames, 45)))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(moves_windows, "_Products", Products)
+        assert nearest_place(query, track, barred) == naive_place(chance, length, frames, barred)
+
+
+@settings(max_examples=8, deadline=None)
+@given(st.integers(0, 999), st.integers(4, 16), st.integers(3, 40), barriers)
 def test_the_nearest_place_is_that_of_windows_one_by_one(
     seed: int, length: int, frames: int, between: tuple[int, int] | None
 ) -> None:
     query, track = wandering(seed, length).moves(), wandering(seed + 1, frames)
     barred = (min(between), max(between) + 1) if between else None
-    found, expected = nearest_place(query, track, barred), naive_place(query, track, barred)
+    expected = naive_place(lambda start, width: naive_window(query, track, start, width), length, frames, barred)
+    found = nearest_place(query, track, barred)
     assert (found is None) == (expected is None)
     if found is None or expected is None:
         return
     assert found.distance == pytest.approx(expected.distance, rel=2e-3)
-    assert found.distance == pytest.approx(naive_window(query, track, found.start, found.stop - found.start), rel=2e-3)
     assert (found.start, found.stop) == (expected.start, expected.stop)
 
 
