@@ -223,8 +223,8 @@ bench-kills: setup ## Kill drivers, workers and schedulers at random moments, co
 bench-many: setup ## Four writers and eight readers on one lake at once (SECONDS=600)
 	$(BIN)/python -m bench.many_at_once --seconds $(or $(SECONDS),600)
 
-bench-mutation: setup ## Plant faults in alignment, symbols, EMD, DTW, losses and keys, count those that tests find (an hour; SAMPLE=n KEEP=folder)
-	$(BIN)/python -m bench.mutation --sample $(or $(SAMPLE),40) --processes 2 $(if $(KEEP),--keep "$(KEEP)")
+bench-mutation: setup ## Plant faults in alignment, symbols, EMD, DTW, losses and keys, count those that tests find (an hour; SAMPLE=n SEED=n KEEP=folder)
+	$(BIN)/python -m bench.mutation --sample $(or $(SAMPLE),40) $(if $(SEED),--seed $(SEED)) --processes 2 $(if $(KEEP),--keep "$(KEEP)")
 
 fuzz: setup ## Damage 10,000 files and take them in; then readers, configuration, labels, SQL by hypothesis (FILES=n EXAMPLES=n SEED=n)
 	$(BIN)/python -m bench.fuzz --files $(or $(FILES),10000) --examples $(or $(EXAMPLES),2000) --seed $(or $(SEED),0)

@@ -31,6 +31,7 @@ from motionlake.deep_motifs.word_segmentation import WordSegmentation
 from motionlake.pesta.config import PosturesConfig
 
 from bench.pesta.dictionaries import Spec
+from bench.pesta.draws import Variant
 from bench.small_sets import write_small_sets
 
 
@@ -175,12 +176,14 @@ SMOKES: Final[Sequence[Smoke]] = (
           "bench.matching.CHANGES": 3, "bench.matching.EIGHTS": 1, "bench.matching.EIGHT_SECONDS": 5.0}),
     Smoke("bench.style", (), {"bench.style.SEEDS": ONE_SEED, "bench.style.STYLES": 1, "bench.style.SECONDS": 3.0}),
     Smoke("bench.keyframes", ("run",), {"bench.keyframes.GAPS": (0.5,), "bench.keyframes.CLIPS": 1}),
-    *_parts("bench.pesta", "whole ranges sub_queries robustness elasticity ablations recipes threshold gaps", "--seeds",
-            "1", "--processes", "1", "--hidden", "8", **_FEW_SYMBOLS, **{"bench.pesta.elasticity.SIZES": (8, 24),
-            "bench.pesta.elasticity.ROUNDS": 1, "bench.pesta.ablations.variants": lambda recipe: _FEW_VARIANTS,
-            "bench.pesta.recipes.SIZES": (24,), "bench.pesta.recipes.SETS": ("hdm05", "salsa"),
-            "bench.pesta.threshold.SETS": ("hdm05",), "bench.pesta.threshold.COUNTS": (500,),
-            "bench.pesta.gaps.SETS": ("hdm05",)}),
+    *_parts("bench.pesta", "whole ranges sub_queries robustness elasticity ablations recipes threshold gaps draws",
+            "--seeds", "1", "--processes", "1", "--hidden", "8", **_FEW_SYMBOLS, **{
+            "bench.pesta.elasticity.SIZES": (8, 24), "bench.pesta.elasticity.ROUNDS": 1,
+            "bench.pesta.ablations.variants": lambda recipe: _FEW_VARIANTS, "bench.pesta.recipes.SIZES": (24,),
+            "bench.pesta.recipes.SETS": ("hdm05", "salsa"), "bench.pesta.threshold.SETS": ("hdm05",),
+            "bench.pesta.threshold.COUNTS": (500,), "bench.pesta.gaps.SETS": ("hdm05",),
+            "bench.pesta.draws.SETS": ("cmu_exercises", "salsa"),
+            "bench.pesta.draws.VARIANTS": {"default": Variant(_FEW)}}),
     Smoke("bench.mutation", ("emd", "--sample", "1"), recordings=False, peers=("cosmic_ray",)),
     Smoke("bench.pesta.cut_files", ("cmu_bvh", "--windows", "2")),
     *_parts("bench.deephums", "retrieval choices unlabelled submotion performances", "--seeds", "1", "--epochs", "1",

@@ -40,6 +40,19 @@ def test_threads_are_for_much_work() -> None:
         assert len(end_costs([1, 2], strings, dictionary(0, 9), threads=8)) == 9 * 64
 
 
+def test_a_repository_knows_its_strings() -> None:
+    strings = [[3, 1], [], [2, 2, 5], [4]]
+    repository = Repository.of(strings)
+    assert [repository.string(clip).tolist() for clip in range(len(repository))] == strings
+    assert repository.lengths.tolist() == [2, 0, 3, 1]
+    assert repository.by_length.tolist() == [2, 0, 3]
+    assert repository.largest == 5
+    assert repository.joined.string(0).tolist() == [3, 1, 2, 2, 5, 4]
+    assert Repository.of([]).largest == Repository.of([[]]).largest == -1
+    with pytest.raises(ValueError, match=r"dictionary has 0 to 0$"):
+        end_costs([0], Repository.of([[1]]), np.zeros((1, 1), dtype=np.float32))
+
+
 def dictionary(seed: int, m: int, *, whole: bool = False) -> NDArray[np.float32]:
     """[m, m] distances; of whole numbers, so that costs tie, on demand."""
     points = np.random.default_rng(seed).normal(size=(m, 3))

@@ -69,6 +69,20 @@ def test_a_sub_query_of_one_segment_is_a_query_of_its_own(boundaries: Boundaries
             assert np.array_equal(ours.path - [part.start, 0], theirs.path)
 
 
+def test_sub_queries_up_to_the_end_are_aligned_together() -> None:
+    """With several of one lane, whose last may end beyond the query."""
+    rng = np.random.default_rng(3)
+    repository = Repository.of([rng.integers(0, 9, 300), rng.integers(0, 9, 40)])
+    for symbols in (90, 120):
+        query = rng.integers(0, 9, symbols, dtype=np.int32)
+        one_by_one, together = (LongQuery(query, repository, dictionary(0, 9)) for _ in range(2))
+        parts = [(start, min(start + 9, symbols)) for start in range(0, symbols, 2)]
+        together.align(parts)
+        for start, stop in parts:
+            ours, theirs = (each.best_matches(start, stop, 4) for each in (together, one_by_one))
+            assert placed(ours, repository) == placed(theirs, repository)
+
+
 def test_sub_queries_are_aligned_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """Those asked for together, and those that follow one that is asked for."""
     rng = np.random.default_rng(2)

@@ -12,7 +12,16 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from motionlake.arrays import Float32Array, Float64Array
 from motionlake.deep_motifs.words.dtw import LANES, word_distances
-from motionlake.motion.dtw import Metric, frame_distances
+from motionlake.motion.dtw import (
+    Metric,
+    clip_dtw,
+    clip_path,
+    dtw_cross,
+    dtw_matrix,
+    frame_distances,
+    nearest_stretch,
+    squared_distances,
+)
 
 
 def naive_frame_distance(a: Float32Array, b: Float32Array, metric: Metric) -> float:
@@ -106,3 +115,54 @@ def test_shapes_that_do_not_fit_are_refused() -> None:
     with pytest.raises(ValueError, match="no whole number of quaternions"):
         word_distances(words[:, :, :6], words[:, :, :6], "geodesic")
     assert word_distances(words[:0], words).shape == (0, 2)
+
+
+whole_numbers = st.integers(1, 7).flatmap(
+    lambda n: arrays(np.float32, (n, 2), elements=st.sampled_from([0.0, 0.0, 0.25, 0.5, 3.0]))
+)
+
+
+@settings(max_examples=150, deadline=None)
+@given(whole_numbers, whole_numbers)
+def test_a_path_prefers_the_diagonal_then_the_first_clip(a: Float32Array, b: Float32Array) -> None:
+    """Read from the end; frames that are the same or hardly apart give many equal paths."""
+    costs = np.sqrt(np.maximum(squared_distances(a, b), 0)).astype(np.float64)
+    best = np.full((len(a) + 1, len(b) + 1), np.inf)
+    best[0, 0] = 0
+    for i, j in np.ndindex(*costs.shape):
+        best[i + 1, j + 1] = costs[i, j] + min(best[i, j], best[i, j + 1], best[i + 1, j])
+    i, j = costs.shape
+    path = []
+    while i and j:
+        path.append([i - 1, j - 1])
+        steps = [(i - 1, j - 1), (i - 1, j), (i, j - 1)]
+        i, j = min(steps, key=lambda step: best[step])
+    assert clip_path(a, b).tolist() == path[::-1]
+    assert clip_dtw(a, b) == pytest.approx(best[-1, -1] / (len(a) + len(b)), abs=1e-4)
+    found = np.array([dtw_cross([a, b], [b, a, b]), dtw_matrix([a, b, b])[[0, 1]][:, [1, 0, 2]]])
+    straight, own = clip_dtw(a, b), [clip_dtw(a, a), clip_dtw(b, b)]
+    np.testing.assert_allclose(found[0], [[straight, own[0], straight], [own[1], straight, own[1]]], atol=1e-6)
+    np.testing.assert_allclose(found[1], [[straight, 0, straight], [0, straight, own[1]]], atol=1e-6)
+
+
+@pytest.mark.parametrize("away", [0.0, 1000.0])
+def test_frames_far_from_the_origin_are_told_apart(away: float) -> None:
+    a, b = (random_words(1, 9, 5, "euclidean", seed)[0] + np.float32(away) for seed in (1, 2))
+    expected = np.array([[naive_frame_distance(x, y, "euclidean") for y in b] for x in a])
+    np.testing.assert_allclose(frame_distances(a, b), expected, rtol=1e-3, atol=1e-3)
+    assert frame_distances(a[:0], b).shape == (0, 9)
+
+
+def test_edges_of_a_query_are_left_out_as_far_as_three_frames_stay() -> None:
+    sequence = np.arange(20, dtype=np.float32)[:, None]
+    for length, edge, left in [(5, 1, 1), (5, 2, 1), (6, 9, 1), (7, 9, 2), (9, 2, 2), (4, 3, 0), (3, 1, 0), (9, 0, 0)]:
+        query = sequence[8 : 8 + length].copy()
+        query[:left] = query[length - left :] = 50
+        found = nearest_stretch(query, sequence, edge)
+        assert (found.start, found.stop) == (8, 8 + length)
+        assert found.cost == pytest.approx(0, abs=1e-3)
+        if edge > left:  # one frame more is not left out
+            query[left] = 50
+            assert nearest_stretch(query, sequence, edge).cost > 1
+    first = nearest_stretch(np.ones((2, 1), dtype=np.float32), np.ones((6, 1), dtype=np.float32))
+    assert first.stop == 1

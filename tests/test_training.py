@@ -330,6 +330,21 @@ def test_other_files_and_names_are_refused(tmp_path: Path) -> None:
         train_words(clips(3), CONFIG, NetworkConfig("transformer", steps=1))
 
 
+def test_the_learning_rate_rises_and_falls() -> None:
+    """In a straight line over a tenth of the steps, then along half a cosine."""
+    found = [training._rate(step, 19) for step in range(19)]
+    assert found[:2] == pytest.approx([0.5, 1.0])
+    falling = [0.5 + 0.5 * np.cos(np.pi * (k + 1 - 2) / 18) for k in range(2, 19)]
+    assert found[2:] == pytest.approx(falling)
+    assert training._rate(98, 99) == pytest.approx(0.5 - 0.5 * np.cos(np.pi / 90))
+
+
+def test_a_curve_has_a_mean_of_fifty_steps() -> None:
+    assert training._curve([*range(120)]) == [24.5, 74.5, 109.5]
+    assert training._curve([0.123456789]) == [0.12346]
+    assert training._curve([]) == []
+
+
 def test_progress_is_reported() -> None:
     seen: list[tuple[int, int]] = []
     train_words(

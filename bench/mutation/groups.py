@@ -26,9 +26,9 @@ def _tests(names: str) -> tuple[str, ...]:
 
 _ALIGN: Final = Module(_tests("alignment alignment_long_query align align_ranges"))
 _LONG: Final = Module(_tests("alignment_long_query align"))
-_SYMBOLS: Final = Module(_tests("symbols tandem cycles"))
+_SYMBOLS: Final = Module(_tests("squares symbols tandem cycles"))
 _EMD: Final = Module(_tests("emd nearest_signatures"))
-_MOVES: Final = Module(_tests("moves"))
+_MOVES: Final = Module(_tests("track moves_windows moves"))
 _KEYS: Final = _tests("stage_keys")
 
 GROUPS: Final[Mapping[str, Mapping[str, Module]]] = {

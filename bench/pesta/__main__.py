@@ -3,7 +3,8 @@
 whole: Table 5 (hdm05, bandai1; --all: salsa and utd_mhad too). ranges: Table 3. sub_queries: Table 4. robustness:
 Fig. 8. elasticity: Table 6. ablations: of the dictionaries, the features and the alignment. recipes: k-means and the
 autoencoders at three sizes on four sets, and which is the default. threshold: the pretrained dictionary and one of the
-lake's own, by the size of lakes. gaps: symbols that strided alignment may leave out, on three sets.
+lake's own, by the size of lakes. gaps: symbols that strided alignment may leave out, on three sets. draws: Table 4 by
+the default dictionary of many seeds, and by variants of it.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from typing import Any, Final
 
 from motionlake.pesta.autoencoder import AutoencoderRecipe
 
-from bench.pesta import ablations, elasticity, gaps, ranges, recipes, robustness, sub_queries, threshold, whole
+from bench.pesta import ablations, draws, elasticity, gaps, ranges, recipes, robustness, sub_queries, threshold, whole
 from bench.pesta.dictionaries import OWN
 from bench.pesta.measuring import with_seeds
 from bench.pesta.sets import hash_sets
@@ -153,6 +154,17 @@ def measure_gaps(given: argparse.Namespace, recipe: Recipe) -> Measured:
     return result, gaps.SETS
 
 
+def measure_draws(given: argparse.Namespace, recipe: Recipe) -> Measured:
+    runs = _gathered(draws.measure, draws.units(given.chosen), given.processes, lambda u: u.set_name, given.kept)
+    result = {name: with_seeds(rows) for name, rows in runs.items()}
+    for name, rows in result.items():
+        print(f"\n{table(name, rows, draws.SCORES if name == draws.TAKES else ('map', 'p_at_5', 'nn'))}")
+    spread = draws.spread(result[draws.TAKES][draws.DEFAULT])
+    for score, one in spread.items():
+        print(f"  {score:11} {one['mean']:.4f} ± {one['deviation']:.4f}, {one['draws']} draws")
+    return {"rows": result, "spread": spread}, draws.SETS
+
+
 PARTS: Final[dict[str, Callable[[argparse.Namespace, Recipe], Measured]]] = {
     "whole": measure_whole,
     "ranges": measure_ranges,
@@ -163,6 +175,7 @@ PARTS: Final[dict[str, Callable[[argparse.Namespace, Recipe], Measured]]] = {
     "recipes": measure_recipes,
     "threshold": measure_threshold,
     "gaps": measure_gaps,
+    "draws": measure_draws,
 }
 
 

@@ -265,7 +265,7 @@ def ranks(symbols: IntArray) -> tuple[Int32Array, int]:
     if low >= 0 and high < 256:
         return np.ascontiguousarray(symbols, dtype=np.int32), high + 1
     if high - low < max(LARGEST_TABLE, 2 * len(symbols)):
-        if low >= 0 and len(symbols) < 1024:
+        if low >= 0 and high < LARGEST_TABLE and len(symbols) < 1024:
             return np.ascontiguousarray(symbols, dtype=np.int32), high + 1
         shifted = np.asarray(symbols - low)
         present = np.zeros(high - low + 1, dtype=np.bool_)
