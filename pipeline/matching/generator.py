@@ -169,14 +169,15 @@ def given_frames(seed: SeedClip, chance: int, from_end: bool) -> Given:
     if frames < SHORTEST:
         seconds = len(seed.positions) / seed.fps
         raise ValueError(f"{seed.clip} lasts {seconds:.2f} s; to start from it needs {SHORTEST / FPS:.2f} s at least")
-    begins = np.arange(0, max(1, frames - PIECE), PIECE)
-    begin = int(begins[np.random.default_rng(chance).integers(len(begins))])
-    end = frames if from_end else min(frames, begin + GIVEN)
-    at = [round(first + frame / FPS * seed.fps) for frame in (end - GIVEN, end - 1)]
     recorded = seed.positions[first:stop], rotations[first:stop]
+    turned = rooted(*recorded, seed.rest_offsets, seed.fps)
+    begins = np.arange(0, max(1, len(turned) - PIECE), PIECE)
+    begin = int(begins[np.random.default_rng(chance).integers(len(begins))])
+    end = len(turned) if from_end else min(len(turned), begin + GIVEN)
+    at = [round(first + frame / FPS * seed.fps) for frame in (end - GIVEN, end - 1)]
     ground = ground_of(recorded[0])
     flat = levelled(*recorded, ground, ground.below(seed.positions[at[1], 0]))
-    turned, motion = (rooted(*each, seed.rest_offsets, seed.fps) for each in (recorded, flat))
+    motion = rooted(*flat, seed.rest_offsets, seed.fps)
     size = body_length(seed.rest_offsets)
     lowest = heights_standing(motion.joints, 0.0) * size
     cut = motion.cut(end - GIVEN, end)
