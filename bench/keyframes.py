@@ -11,10 +11,11 @@ from typing import Any, Final
 
 import numpy as np
 from motionlake.arrays import Float64Array
-from motionlake.evaluation.synthesis.contact import footing, ground_of
+from motionlake.evaluation.synthesis.contact import footing
 from motionlake.evaluation.synthesis.movement import energy
 from motionlake.matching.recordings import sound_ranges
 from motionlake.motion.generation import FPS, MotionRequest
+from motionlake.motion.ground import ground_of
 from motionlake.motion.keyframes import KeyPoses, even_stretch, through
 from motionlake.motion.kinematics import continuous_signs, forward_kinematics
 from motionlake.motion.resampling import resample

@@ -18,7 +18,7 @@ from typing import Any, Final
 
 import numpy as np
 from motionlake.arrays import Float64Array
-from motionlake.evaluation.synthesis.contact import Footing, Ground, footing, ground_of
+from motionlake.evaluation.synthesis.contact import Footing, footing
 from motionlake.evaluation.synthesis.errors import body_poses
 from motionlake.evaluation.synthesis.movement import bone_length_drift, energy, travel_speed
 from motionlake.matching.database import build_database
@@ -26,6 +26,7 @@ from motionlake.matching.generator import MatchingGenerator
 from motionlake.matching.recordings import MatchingClip, sound_ranges
 from motionlake.motion.features import body_length
 from motionlake.motion.generation import FPS, Control, GeneratedMotion, MotionRequest, SeedClip
+from motionlake.motion.ground import Ground, ground_of
 from motionlake.motion.paths import GroundPath, shape_path
 from motionlake.motion.resampling import resample
 from motionlake.training import on_threads

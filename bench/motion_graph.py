@@ -28,12 +28,13 @@ from motionlake.deep_motifs.motion_graph.graph import (
     in_context,
     summarise,
 )
-from motionlake.evaluation.synthesis.contact import bearing, ground_of
+from motionlake.evaluation.synthesis.contact import bearing
 from motionlake.jobs.run import run
 from motionlake.jobs.session import session
 from motionlake.lake.catalog import reading
 from motionlake.lake.layout import Lake
 from motionlake.motion.canonicalise import canonicalise
+from motionlake.motion.ground import ground_of
 from motionlake.motion.kinematics import solve
 from motionlake.motion.rigs import identify, load_rigs
 from motionlake.retrieval.compose import Composition, compose, read_graph

@@ -54,7 +54,7 @@ def _rows(name: str) -> list[tuple[Path, dict[str, str]]]:
         return [(folder / row["file"], row) for row in csv.DictReader(handle)]
 
 
-def train(labels: Mapping[Path, str], seed: int, epochs: int = 0) -> TrainedGenerator:
+def train(labels: Mapping[Path, str], seed: int, epochs: int = 0, checkpoint: Path | None = None) -> TrainedGenerator:
     """The default generator of clips of known class; 0 epochs are the recipe's."""
     rigs = load_rigs()
     read: dict[Path, CanonicalMotion] = {}
@@ -62,7 +62,8 @@ def train(labels: Mapping[Path, str], seed: int, epochs: int = 0) -> TrainedGene
         clip = read_clips(path)[0]
         read[path] = canonicalise(clip, solve(clip), identify(clip.hierarchy.joints, rigs))
     motions = [TrainingMotion(one.positions.astype(float), one.fps, labels[path]) for path, one in read.items()]
-    made = train_generator(motions, SynthesisConfig(seed=seed, epochs=epochs), examples=EXAMPLES, progress=_tell)
+    config = SynthesisConfig(seed=seed, epochs=epochs)
+    made = train_generator(motions, config, examples=EXAMPLES, checkpoint=checkpoint, progress=_tell)
     metrics = {
         "clips": len(motions),
         "class_names": made.classes,
@@ -86,8 +87,9 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=PRETRAINED_GENERATOR.file)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--epochs", type=int, default=0, help="0: as the recipe has it")
+    parser.add_argument("--checkpoint", type=Path, help="a file that keeps training, to go on from")
     given = parser.parse_args()
-    made = train(classes(), given.seed, given.epochs)
+    made = train(classes(), given.seed, given.epochs, given.checkpoint)
     for network in (made.glogen, made.locgen, made.lead):
         network.half()  # half the file; they are read as single precision again
     given.out.parent.mkdir(parents=True, exist_ok=True)

@@ -12,15 +12,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from motionlake.arrays import Float64Array
-from motionlake.evaluation.synthesis.contact import footing, ground_of
+from motionlake.evaluation.synthesis.contact import footing
 from motionlake.evaluation.synthesis.movement import bone_length_drift, energy, travel_speed
 from motionlake.matching.database import MotionDatabase, build_database
 from motionlake.matching.features import features, mirrored_features
 from motionlake.matching.generator import MatchingGenerator, load_generator
 from motionlake.matching.inertia import decayed, joined_points, joined_rotations
-from motionlake.matching.recordings import MatchingClip, rooted, sound_ranges
+from motionlake.matching.recordings import MatchingClip, aloft, rooted, sound_ranges
 from motionlake.matching.search import distances
 from motionlake.motion.generation import FPS, Control, GeneratedMotion, MotionRequest
+from motionlake.motion.ground import Ground, ground_of, levelled
 from motionlake.motion.kinematics import forward_kinematics
 from motionlake.motion.paths import ground_path, shape_path
 from motionlake.motion.rotations import angle, from_vectors
@@ -165,6 +166,46 @@ def test_motion_is_that_of_a_living_body(made_by: MatchingGenerator, label: str)
     glides = made.positions + np.array([1.0, 0.0, 0.0]) * np.arange(300)[:, None, None] / FPS
     if label != "run":
         assert footing(glides, FPS, ground).skates > 1.3 * own.skates + 0.03
+
+
+def test_walks_on_a_floor_that_climbs_do_not_float(recordings: Path) -> None:
+    """Recorded floors of subjects 07 and 08 climb by 2 %: made walks were off the ground for up to .87 s."""
+    assert recordings.is_dir()
+    climbing = [clip for clip in clips_of("walk") if clip.name[:3] in ("07_", "08_")]
+    assert max(np.linalg.norm(ground_of(recorded(clip)).slope) for clip in climbing) > 0.015
+    maker = MatchingGenerator(
+        build_database(
+            [MatchingClip(c.name, 0, "walk", c.positions, c.rotations, offsets_of(c), c.fps) for c in climbing[1::2]]
+        )
+    )
+    for i, clip in enumerate(climbing[:6:2]):
+        (made,) = maker.generate([MotionRequest(("walk",), 8.0, i, seed_of(clip))])
+        feet = stands(made, clip)
+        assert feet.airborne < 0.1
+        assert feet.depth < 0.03
+
+
+def test_flights_at_joins_are_told_by_how_long_feet_were_off_the_ground() -> None:
+    feet = np.zeros((8, 4, 3))
+    feet[2:5, :, 1] = 0.2  # all four joints off the ground for three frames
+    feet[6, :3, 1] = 0.2  # one toe stays
+    np.testing.assert_array_equal(aloft(feet), [0, 0, 1, 2, 3, 0, 0, 0])
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.floats(-0.05, 0.05), st.floats(-0.05, 0.05), st.integers(0, 99))
+def test_a_tilted_ground_is_made_level(along: float, ahead: float, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    ground = Ground(np.array([0.08, 0.02]), np.array([along, ahead]))
+    places = rng.uniform(-3, 3, size=(6, 2))
+    joints = np.stack([places[:, 0], 0.02 + places @ ground.slope, places[:, 1]], axis=1)[:, None].repeat(21, axis=1)
+    turns = np.tile([1.0, 0.0, 0.0, 0.0], (6, 21, 1))
+    level, turned = levelled(joints, turns, ground, ground.below(joints[0, 0]))
+    assert np.ptp(level[..., 1]) < 1e-9
+    np.testing.assert_allclose(level[0], joints[0], atol=1e-9)
+    apart = np.linalg.norm(joints[:, None, 0] - joints[None, :, 0], axis=-1)
+    np.testing.assert_allclose(np.linalg.norm(level[:, None, 0] - level[None, :, 0], axis=-1), apart, atol=1e-9)
+    np.testing.assert_array_equal(turned[:, 1:], turns[:, 1:])
 
 
 def test_frames_are_those_of_their_sources(made_by: MatchingGenerator) -> None:

@@ -11,13 +11,13 @@ from typing import Any, Final
 
 import numpy as np
 from motionlake.arrays import Float64Array
-from motionlake.evaluation.synthesis.contact import FEET
 from motionlake.evaluation.synthesis.copying import Aligned, copying
 from motionlake.evaluation.synthesis.likeness import Describe
 from motionlake.evaluation.synthesis.motions import Measured, Stretch, Usual, beside
 from motionlake.evaluation.synthesis.variety import Windows, likeness, pose_spread, spread
 from motionlake.motion.dtw import nearest_stretch
 from motionlake.motion.features import body_length
+from motionlake.motion.ground import FEET
 from motionlake.motion.resampling import interpolated
 from motionlake.motion.rotations import turn_about_y
 from motionlake.motion.skeleton import INDEX

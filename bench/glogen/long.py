@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Final
 
-from motionlake.evaluation.synthesis.contact import ground_of
 from motionlake.evaluation.synthesis.motions import Stretch, Usual, described
 from motionlake.glogen.trajectories import FPS, resampled
 from motionlake.motion.generation import GeneratedMotion, MotionRequest, SeedClip
+from motionlake.motion.ground import ground_of
 
 from bench.canonical_sets import LabelledClip
 from bench.glogen.folds import Measures, Unit, folds, generator_of, parted

@@ -30,12 +30,14 @@ class Start:
 
     Attributes:
         query: [48] features of the last given frame.
+        aloft: frames for which no foot was near the ground then.
         step: [3] of the root there: left, ahead, turn, a second.
         place: [2] body lengths, of the root in the first frame.
         heading: radians, likewise.
     """
 
     query: Float32Array
+    aloft: float
     step: Float64Array
     place: Float64Array
     heading: float

@@ -19,17 +19,18 @@ from motionlake.matching.recordings import (
     rooted,
     sound_ranges,
 )
+from motionlake.motion.ground import ground_of, levelled
 from motionlake.motion.rotations import turn_on_ground
 from motionlake.motion.skeleton import JOINTS, body_length
 from motionlake.weights import read_tensors, save_tensors
 
 METADATA_KEY: Final = "matching_database"
-VERSION: Final = 1
+VERSION: Final = 2  # 2: floors are level, and it is known how long a body is in the air
 MOST_FRAMES: Final = 200_000  # at 30 a second; of more, pieces are drawn
 APART: Final = 3  # frames: poses so near in time are joined and nobody sees it
 LEAST_SPEED: Final = 0.3  # body lengths a second: a class whose frames mostly go faster gets about
 QUANTILES: Final = (0.05, 0.5, 0.95)  # of the speeds of a class that metrics tell, metres a second
-_TENSORS: Final = ("rotations", "hips", "steps", "turns", "stands", "features", "pieces", "fps")
+_TENSORS: Final = ("rotations", "hips", "steps", "turns", "stands", "aloft", "features", "pieces", "fps")
 
 
 @dataclass(frozen=True)
@@ -46,6 +47,7 @@ class MotionDatabase:
         steps: [N, 2] of the root to the next frame (left, ahead), a second.
         turns: [N] of the root's heading to the next frame, radians a second.
         stands: [N, 4] whether ankle and toe stand, left and right.
+        aloft: [N] frames for which no foot was near the ground.
         features: [N, 48].
         metrics: of how it was made.
     """
@@ -59,6 +61,7 @@ class MotionDatabase:
     steps: Float32Array
     turns: Float32Array
     stands: BoolArray
+    aloft: Float32Array
     features: Float32Array
     metrics: dict[str, Any]
 
@@ -176,7 +179,8 @@ def build_database(clips: Sequence[MatchingClip], seed: int = 0, most: int = MOS
         classes, [piece.clip for piece in kept], rows.astype(np.int64), np.array([piece.fps for piece in kept]),
         _joined([m.rotations for m in motions]), _joined([m.hips for m in motions]),
         _joined([s[:, :2] for s in steps]), _joined([s[:, 2] for s in steps]),
-        np.concatenate([m.stands for m in motions]), _joined([features(m) for m in motions]),
+        np.concatenate([m.stands for m in motions]), _joined([m.aloft for m in motions]),
+        _joined([features(m) for m in motions]),
         {"frames": int(stops[-1]), "pieces": len(kept), "classes": len(classes), "clips": len({p.clip for p in kept})},
     )  # fmt: skip
     speeds = {
@@ -200,12 +204,15 @@ class _Piece:
 
 
 def _pieces(clip: MatchingClip) -> list[_Piece]:
-    """The stretches of a clip between calibration poses and jumps."""
+    """The stretches of a clip between calibration poses and jumps, on level ground."""
     found, size = [], body_length(clip.rest_offsets)
-    for start, stop in sound_ranges(clip.positions, clip.rotations, clip.fps):
+    ranges = sound_ranges(clip.positions, clip.rotations, clip.fps)
+    ground = ground_of(clip.positions[ranges[0][0] : ranges[-1][1]])
+    positions, rotations = levelled(clip.positions, clip.rotations, ground, clip.positions[0, 0])
+    for start, stop in ranges:
         if (stop - start - 1) / clip.fps * FPS + 1 < SHORTEST:
             continue
-        motion = rooted(clip.positions[start:stop], clip.rotations[start:stop], clip.rest_offsets, clip.fps)
+        motion = rooted(positions[start:stop], rotations[start:stop], clip.rest_offsets, clip.fps)
         found.append(_Piece(clip.clip, clip.start + start, clip.label, clip.fps, size, motion))
     return found
 

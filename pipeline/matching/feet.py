@@ -23,20 +23,22 @@ LOWEST: Final = 0.015  # body lengths that this is below the ground, at most
 DEEP: Final = 0.005  # metres below the ground from which on the whole body is lifted
 LEAST: Final = 0.05  # weight of no standing foot
 FLOOR: Final = 15.0  # frames: half-life of what given feet stood on above the ground, or below it
+EASE: Final = 8  # frames after given ones in which the body begins to settle
 BLEND: Final = 5  # frames over which a foot comes to where it stands, and leaves it
 
 
 @dataclass(frozen=True)
-class Ground:
-    """What a body of four joints of the feet (`FEET`) stands on.
+class Soles:
+    """How a body of four joints of the feet (`FEET`) stands.
 
     Attributes:
         lowest: [4] metres of each where it stands flat.
-        begun: the motion goes on from given frames, from which feet must not jump.
+        floor: metres by which the feet of the given frames stand higher than that; None: the motion goes on from none,
+            so that nothing must not jump.
     """
 
     lowest: Float64Array
-    begun: bool = False
+    floor: float | None = None
 
 
 def on_ground(
@@ -44,7 +46,7 @@ def on_ground(
     rotations: Float64Array,
     rest_offsets: Float64Array,
     stands: BoolArray,
-    ground: Ground,
+    soles: Soles,
     size: float,
 ) -> tuple[Float64Array, Float64Array]:
     """A motion whose feet stand on the ground where they stand, neither sliding nor below it.
@@ -54,27 +56,28 @@ def on_ground(
         rotations: [T, 21, 4] local.
         rest_offsets: [21, 3] metres.
         stands: [T, 4] of `FEET`.
-        ground: under them.
+        soles: how they stand.
         size: metres of a body length.
 
     Returns:
         Hips [T, 3] and local rotations [T, 21, 4].
     """
     feet = forward_kinematics(hips, rotations, rest_offsets)[:, [INDEX[name] for name in FEET], 1]
-    above = feet - ground.lowest
-    settled = _settled(above, stands, SETTLE)
-    floor = np.zeros(len(hips))
-    if ground.begun:  # the floor of a recording is not level: what the given feet stand on passes into the ground
-        floor = max(settled[0], -LOWEST * size) * np.exp(-math.log(2) / FLOOR * np.arange(len(hips)))
-        settled = _settled(above - floor[:, None], stands, SETTLE)
+    above = feet - soles.lowest
+    frames = np.arange(len(hips))
+    # The floor of a recording is not even: what the given feet stand on passes into the ground.
+    floor = max(soles.floor or 0.0, -LOWEST * size) * np.exp(-math.log(2) / FLOOR * frames)
+    settled = _settled(above - floor[:, None], stands, SETTLE)
+    if soles.floor is not None:
+        settled *= 0.5 - 0.5 * np.cos(np.pi * np.clip(frames / EASE, 0, 1))
     moved = hips.copy()
     moved[:, 1] -= settled
-    planted = _planted(moved, rotations, rest_offsets, stands, ground, floor, size)
-    sunk = _sunk(moved, planted, rest_offsets, ground.lowest + np.minimum(floor, 0.0)[:, None])
+    planted = _planted(moved, rotations, rest_offsets, stands, soles, floor, size)
+    sunk = _sunk(moved, planted, rest_offsets, soles.lowest + np.minimum(floor, 0.0)[:, None])
     if sunk.max() < DEEP:
         return moved, planted
     moved[:, 1] += gaussian_filter1d(maximum_filter1d(sunk, round(4 * SMOOTH) + 1), SMOOTH)
-    return moved, _planted(moved, rotations, rest_offsets, stands, ground, floor, size)
+    return moved, _planted(moved, rotations, rest_offsets, stands, soles, floor, size)
 
 
 def _sunk(
@@ -86,7 +89,7 @@ def _sunk(
 
 
 def _planted(
-    hips: Float64Array, rotations: Float64Array, rest_offsets: Float64Array, stands: BoolArray, ground: Ground,
+    hips: Float64Array, rotations: Float64Array, rest_offsets: Float64Array, stands: BoolArray, soles: Soles,
     floor: Float64Array, size: float,
 ) -> Float64Array:  # fmt: skip
     """Local rotations by which hips, knees and ankles bring the feet where they belong; `floor` [T] metres of it."""
@@ -98,8 +101,8 @@ def _planted(
         foot, own = joints[:, [ankle, toe]], stands[:, 2 * i : 2 * i + 2]
         standing = np.asarray(own.any(axis=1))
         change = staying(foot, standing, FAR * size, BLEND)
-        change[:, 1] = _upright(foot[..., 1] - ground.lowest[2 * i : 2 * i + 2] - floor[:, None], own)
-        if ground.begun:
+        change[:, 1] = _upright(foot[..., 1] - soles.lowest[2 * i : 2 * i + 2] - floor[:, None], own)
+        if soles.floor is not None:
             change = _from_given(change, standing)
         to_knee, to_ankle = bent(joints[:, hip], joints[:, knee], joints[:, ankle], foot[:, 0] + change, ahead)
         for joint, before, after in (
@@ -148,3 +151,9 @@ def heights_standing(joints: Float64Array, ground: float) -> Float64Array:
     lowest = np.quantile(feet, 0.05, axis=0)
     level: Float64Array = np.repeat(np.minimum(lowest[:2], lowest[2:])[None], 2, axis=0).ravel()
     return level
+
+
+def standing_above(pose: Float64Array, stands: BoolArray, lowest: Float64Array) -> float:
+    """Metres by which the joints of `FEET` of a pose [21, 3] that stand [4] are higher than `lowest` [4]; 0 of none."""
+    above = pose[[INDEX[name] for name in FEET], 1] - lowest
+    return float(above[stands].min(initial=np.inf)) if stands.any() else 0.0

@@ -14,15 +14,17 @@ from motionlake.matching.assembly import Poses, assembled, in_world
 from motionlake.matching.course import Course, Part, Start
 from motionlake.matching.database import MotionDatabase, load_database, steps_of
 from motionlake.matching.features import features
-from motionlake.matching.feet import Ground, heights_standing, on_ground
+from motionlake.matching.feet import Soles, heights_standing, on_ground, standing_above
 from motionlake.matching.keyed import keyed_motion
 from motionlake.matching.player import Player
-from motionlake.matching.recordings import FPS, RootedMotion, rooted, sound_ranges
+from motionlake.matching.recordings import FPS, RootedMotion, about_y, rooted, seen_from, sound_ranges
 from motionlake.matching.sources import course_sources
 from motionlake.matching.steering import Steering
 from motionlake.matching.style import style_costs
 from motionlake.motion.generation import SHORTEST, Control, GeneratedMotion, MotionRequest, SeedClip
+from motionlake.motion.ground import ground_of, levelled
 from motionlake.motion.kinematics import forward_kinematics, local_rotations, world_from_positions
+from motionlake.motion.rotations import multiply, turn_on_ground
 from motionlake.motion.skeleton import JOINTS, body_length
 
 PIECE: Final = 100  # frames of a long seed clip from start to start
@@ -34,13 +36,17 @@ class Given:
     """The frames that a motion goes on from, in the world.
 
     Attributes:
-        motion: seen from the root, up to the last given frame.
+        motion: seen from the root, up to the last given frame, turned about that so that the ground is level.
+        shown: the last two frames as recorded, seen from the root likewise.
         lowest: [4] metres, where joints of the feet stand.
+        floor: metres by which they stand higher in the last frame; 0 where none does.
         first, last: frames [first, last) of the seed clip at its own rate.
     """
 
     motion: RootedMotion
+    shown: Poses
     lowest: Float64Array
+    floor: float
     first: int
     last: int
 
@@ -103,7 +109,7 @@ class MatchingGenerator:
         course = player.run(start, drawn=control.loop and steering is None)
         if control.loop and control.path is not None:
             course = _closed(course)
-        return self._posed(request, given, course, parts, None if control.loop else _last_two(given.motion))
+        return self._posed(request, given, course, parts, None if control.loop else given.shown)
 
     def _posed(
         self, request: MotionRequest, given: Given, course: Course, parts: list[Part], shown: Poses | None
@@ -111,8 +117,8 @@ class MatchingGenerator:
         body, size = request.start.rest_offsets, body_length(request.start.rest_offsets)
         poses = assembled(self.database, course, shown)
         hips, rotations = in_world(poses, course, size)
-        ground = Ground(given.lowest, begun=shown is not None)
-        hips, rotations = on_ground(hips, rotations, body, poses.stands, ground, size)
+        soles = Soles(given.lowest, None if shown is None else given.floor)
+        hips, rotations = on_ground(hips, rotations, body, poses.stands, soles, size)
         hips[:, 1] += given.motion.ground
         positions = forward_kinematics(hips, rotations, body)
         starts = tuple(part.first for part in parts)
@@ -151,28 +157,49 @@ def given_frames(seed: SeedClip, chance: int, from_end: bool) -> Given:
     if body_length(seed.rest_offsets) < 1e-6:
         raise ValueError(f"{seed.clip} has a body without length")
     rotations = seed.rotations
-    first, stop = _sound(seed)
+    if rotations is None:
+        rotations = local_rotations(world_from_positions(np.ascontiguousarray(seed.positions, dtype=float)))
+    first, stop = _sound(seed, rotations)
     frames = round((stop - first - 1) / seed.fps * FPS) + 1
     if frames < SHORTEST:
         seconds = len(seed.positions) / seed.fps
         raise ValueError(f"{seed.clip} lasts {seconds:.2f} s; to start from it needs {SHORTEST / FPS:.2f} s at least")
-    own = None if rotations is None else rotations[first:stop]
-    motion = rooted(seed.positions[first:stop], own, seed.rest_offsets, seed.fps)
+    recorded = seed.positions[first:stop], rotations[first:stop]
+    turned = rooted(*recorded, seed.rest_offsets, seed.fps)
+    begins = np.arange(0, max(1, len(turned) - PIECE), PIECE)
+    begin = int(begins[np.random.default_rng(chance).integers(len(begins))])
+    end = len(turned) if from_end else min(len(turned), begin + GIVEN)
+    at = [round(first + frame / FPS * seed.fps) for frame in (end - GIVEN, end - 1)]
+    ground = ground_of(recorded[0])
+    flat = levelled(*recorded, ground, ground.below(seed.positions[at[1], 0]))
+    motion = rooted(*flat, seed.rest_offsets, seed.fps)
     size = body_length(seed.rest_offsets)
     lowest = heights_standing(motion.joints, 0.0) * size
-    begins = np.arange(0, max(1, len(motion) - PIECE), PIECE)
-    begin = int(begins[np.random.default_rng(chance).integers(len(begins))])
-    end = len(motion) if from_end else min(len(motion), begin + GIVEN)
     cut = motion.cut(end - GIVEN, end)
-    at = [round(first + frame / FPS * seed.fps) for frame in (end - GIVEN, end - 1)]
-    return Given(cut, lowest, at[0], min(at[1] + 1, len(seed.positions)))
+    shown = _seen_from(cut, turned.cut(end - GIVEN, end), size)
+    return Given(
+        cut,
+        shown,
+        lowest,
+        standing_above(cut.joints[-1] * size, cut.stands[-1], lowest),
+        at[0],
+        min(at[1] + 1, len(seed.positions)),
+    )
 
 
-def _sound(seed: SeedClip) -> tuple[int, int]:
+def _seen_from(roots: RootedMotion, motion: RootedMotion, size: float) -> Poses:
+    """The last two frames of a motion, seen from the roots of another."""
+    x, z = turn_on_ground(motion.hips[-2:, 0], motion.hips[-2:, 2], motion.heading[-2:])
+    up = motion.hips[-2:, 1] + (motion.ground - roots.ground) / size
+    world = np.stack([motion.place[-2:, 0] + x, up, motion.place[-2:, 1] + z], axis=1)
+    rotations = motion.rotations[-2:].copy()
+    rotations[:, 0] = multiply(about_y(motion.heading[-2:] - roots.heading[-2:]), rotations[:, 0])
+    hips = seen_from(world[:, None], roots.place[-2:], roots.heading[-2:])[:, 0]
+    return Poses(rotations, hips, roots.stands[-2:])
+
+
+def _sound(seed: SeedClip, rotations: Float64Array) -> tuple[int, int]:
     """The longest stretch of the clip without calibration poses and jumps; all of it where that is too short."""
-    rotations = seed.rotations
-    if rotations is None:
-        rotations = local_rotations(world_from_positions(np.ascontiguousarray(seed.positions, dtype=float)))
     if len(seed.positions) < 2:
         return 0, len(seed.positions)
     found = max(sound_ranges(seed.positions, rotations, seed.fps), key=lambda pair: pair[1] - pair[0])
@@ -185,11 +212,7 @@ def _start(motion: RootedMotion) -> Start:
     step = steps_of(motion)[-1]
     last, heading = motion.place[-1], float(motion.heading[-1])
     moved = motion.place[-1] - motion.place[-2]
-    return Start(row, step, last + moved, heading + step[2] / FPS)
-
-
-def _last_two(motion: RootedMotion) -> Poses:
-    return Poses(motion.rotations[-2:], motion.hips[-2:], motion.stands[-2:])
+    return Start(row, float(motion.aloft[-1]), step, last + moved, heading + step[2] / FPS)
 
 
 def _closed(course: Course) -> Course:

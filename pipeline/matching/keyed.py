@@ -124,7 +124,8 @@ def _led(
     steps = database.steps[row].astype(float) * np.array([-1.0 if mirrored else 1.0, 1.0])
     turn = float(database.turns[row]) * (-1.0 if mirrored else 1.0)
     place = pair.hips[0, [0, 2]] / size
-    start = Start(database.compared[row + mirrored * len(database)], np.array([*steps, turn]), place, heading)
+    query, aloft = database.compared[row + mirrored * len(database)], float(database.aloft[row])
+    start = Start(query, aloft, np.array([*steps, turn]), place, heading)
     way = (pair.hips[1, [0, 2]] - pair.hips[0, [0, 2]]) / size
     target, frames = int(database.pieces[database.piece_of[row], 2]), round(count / pair.fps * FPS) + 1
     steering = None

@@ -34,6 +34,9 @@ WAIT: Final = 0.02  # tolerances that a frame of waiting for it costs
 FREE: Final = 0.2  # weight of the trajectory where no path says what is wanted
 RAMP: Final = 0.8  # seconds in which a new class gets to its speed
 ARRIVED: Final = 60  # frames in which a new class gets to its speed by other runs, where it does not at once
+FLIGHT: Final = (
+    0.5  # tolerances that a frame costs by which flights do not fit: joined, they would be of another length
+)
 NEAR: Final = 32  # nearest rows that chance chooses from
 SETTLE: Final = 0.12  # seconds: half-life of a difference in the root's speed
 LOOP: Final = 24  # frames before the first that a loop ends with
@@ -100,7 +103,7 @@ class Player:
                     jumps.append(t)
                 elif change is not None and t >= change:
                     self._part, change = self._part + 1, None
-                    self._jump(self._choose(self._query(here, yaw, t), t, self._scales, 0.3), t)
+                    self._jump(self._choose(self._query(here, yaw, t), self._aloft(), t, self._scales, 0.3), t)
                     jumps.append(t)
                 elif closing is None or t < closing:
                     found = self._next(here, yaw, t)
@@ -126,7 +129,7 @@ class Player:
         if self._is_aimed(0):
             self._aim(query, start.place, start.heading, float(np.hypot(*start.step[:2])), 0)
             weights = self._scales
-        row = self._choose(query, 0, weights, 1.0)
+        row = self._choose(query, start.aloft, 0, weights, 1.0)
         self._go(row, 0)
         self._drift_speed = start.step - self._rates()
 
@@ -173,6 +176,9 @@ class Player:
     def _row(self) -> int:
         return int(self._at) + (len(self._data) if self._mirrored else 0)
 
+    def _aloft(self) -> float:
+        return float(self._data.aloft[int(self._at)])
+
     def _query(self, here: Float64Array, yaw: float, t: int) -> Float32Array:
         query: Float32Array = self._data.compared[self._row()].copy()
         speed = float(np.hypot(*self._rates()[:2])) * self._pace
@@ -200,20 +206,21 @@ class Player:
         new = self._part > 0 and t < part.first + ARRIVED
         return self._steering is not None or (part.speed is not None and (part.held or new))
 
-    def _costs(self, query: Float32Array, target: int, t: int, weights: Float32Array) -> Float64Array:
-        """[n] of the rows of a class."""
+    def _costs(self, query: Float32Array, aloft: float, target: int, t: int, weights: Float32Array) -> Float64Array:
+        """[n] of the rows of a class, after a frame that was so long in the air."""
         rows = self._data.rows[target]
         out = np.empty(len(rows), dtype=np.float32)
         distances(self._data.compared, rows, query, weights, out)
         costs = out + self._short[target]
         ago = t - self._played[self._frames_of[target]]
         costs += PLAYED * self._data.tolerance * np.maximum(1 - ago / AGAIN, 0)
+        costs += FLIGHT * self._data.tolerance * np.abs(self._data.aloft[self._frames_of[target]] - aloft)
         return np.asarray(costs)
 
-    def _choose(self, query: Float32Array, t: int, weights: Float32Array, spread: float) -> int:
+    def _choose(self, query: Float32Array, aloft: float, t: int, weights: Float32Array, spread: float) -> int:
         """A row among the nearest: the nearer the likelier, within `spread` tolerances of the nearest."""
         target = self._parts[self._part].target
-        rows, costs = self._data.rows[target], self._costs(query, target, t, weights)
+        rows, costs = self._data.rows[target], self._costs(query, aloft, target, t, weights)
         width = spread * self._temperature * self._data.tolerance
         if width <= 0:
             return int(rows[costs.argmin()])
@@ -232,16 +239,16 @@ class Player:
             self._until = t + SEARCH
             query, weights = self._query(here, yaw, t), self._scales
             if ends:
-                return self._choose(query, t, weights, 0.3)
-            found = self._choose(query, t, weights, 0.15)
+                return self._choose(query, self._aloft(), t, weights, 0.3)
+            found = self._choose(query, self._aloft(), t, weights, 0.15)
             return found if self._nearer(found, query, weights, t) else None
         if not ends and (t < self._until or self._temperature == 0):
             return None
         query = self._query(here, yaw, t)
         if ends:
-            return self._choose(query, t, self._pose, 1.0)
+            return self._choose(query, self._aloft(), t, self._pose, 1.0)
         self._until = t + SEARCH
-        found = self._choose(query, t, self._pose, 1.0)
+        found = self._choose(query, self._aloft(), t, self._pose, 1.0)
         apart = np.linalg.norm((self._data.compared[found] - query) * self._pose)
         return found if apart <= self._data.tolerance else None
 
@@ -265,8 +272,8 @@ class Player:
             if self._steering is None:
                 speed = float(np.hypot(*self._data.steps[low + wait]))
                 self._aim(query, np.zeros(2), 0.0, speed, part.first)
-            cost = float(self._costs(query, part.target, t, self._scales).min()) + WAIT * self._data.tolerance * wait
-            best = min(best, (cost, wait))
+            costs = self._costs(query, float(self._data.aloft[low + wait]), part.target, t, self._scales)
+            best = min(best, (float(costs.min()) + WAIT * self._data.tolerance * wait, wait))
         self._part = before
         return best[1]
 

@@ -28,6 +28,7 @@ SMOOTH: Final = 6.0  # frames, of the root's place and heading
 # A joint of a foot stands that is slower and lower than this: body lengths a second, body lengths above its lowest.
 SLOW: Final = 0.45
 LOW: Final = 0.05
+NEAR: Final = 0.035  # body lengths above its lowest: a joint of a foot that may bear the body
 GROUND: Final = 0.05  # quantile of heights that counts as the lowest
 SHORTEST: Final = 12  # frames of a piece
 
@@ -66,6 +67,7 @@ class RootedMotion:
         place: [T, 2] of the root on the ground (x, z).
         heading: [T] radians.
         stands: [T, 4] whether a joint of `FEET` stands.
+        aloft: [T] frames for which no foot was near the ground; 0 while one is.
         ground: metres, height of the lowest toes.
     """
 
@@ -75,6 +77,7 @@ class RootedMotion:
     place: Float64Array
     heading: Float64Array
     stands: BoolArray
+    aloft: Float64Array
     ground: float
 
     def __len__(self) -> int:
@@ -85,7 +88,7 @@ class RootedMotion:
         own = slice(start, stop)
         return RootedMotion(
             self.rotations[own], self.hips[own], self.joints[own], self.place[own], self.heading[own],
-            self.stands[own], self.ground,
+            self.stands[own], self.aloft[own], self.ground,
         )  # fmt: skip
 
 
@@ -123,7 +126,7 @@ def rooted(
     local[:, 0] = multiply(about_y(-heading), local[:, 0])
     return RootedMotion(
         continuous_signs(local), joints[:, 0].copy(), joints, place, heading, standing(feet),
-        ground * body_length(rest_offsets),
+        aloft(feet), ground * body_length(rest_offsets),
     )  # fmt: skip
 
 
@@ -144,11 +147,18 @@ def about_y(angles: Float64Array) -> Float64Array:
 def standing(feet: Float64Array) -> BoolArray:
     """[T, 4] of joints [T, 4, 3] of feet, body lengths at 30 frames a second: slow and low; lone frames are filled."""
     speed = np.linalg.norm(np.gradient(feet, axis=0), axis=-1) * FPS
-    low = feet[..., 1] - np.quantile(feet[..., 1], GROUND, axis=0) < LOW
-    stands = (speed < SLOW) & low
+    stands = (speed < SLOW) & (feet[..., 1] - np.quantile(feet[..., 1], GROUND, axis=0) < LOW)
     filled = stands.copy()
     filled[1:-1] |= stands[:-2] & stands[2:]
     return np.asarray(filled)
+
+
+def aloft(feet: Float64Array) -> Float64Array:
+    """[T] frames since one of the joints [T, 4, 3] of feet was near the ground: 0 while one is."""
+    frames, lowest = np.arange(len(feet)), np.quantile(feet[..., 1], GROUND, axis=0)
+    lowest = np.tile(np.minimum(lowest[:2], lowest[2:]), 2)  # of ankles and of toes, both sides
+    down = np.where((feet[..., 1] - lowest < NEAR).any(axis=1), frames, -1)
+    return np.asarray(frames - np.maximum(np.maximum.accumulate(down), 0), dtype=float)
 
 
 def _smooth(rows: Float64Array) -> Float64Array:

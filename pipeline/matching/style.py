@@ -10,6 +10,7 @@ from motionlake.matching.database import MotionDatabase
 from motionlake.matching.features import POSE, features
 from motionlake.matching.recordings import rooted, sound_ranges
 from motionlake.motion.generation import SeedClip
+from motionlake.motion.ground import ground_of, levelled
 from motionlake.motion.kinematics import local_rotations, world_from_positions
 from scipy.spatial import cKDTree
 
@@ -30,7 +31,10 @@ def style_costs(database: MotionDatabase, style: SeedClip) -> Float64Array:
     start, stop = max(sound_ranges(style.positions, rotations, style.fps), key=lambda pair: pair[1] - pair[0])
     if stop - start < 2:
         start, stop = 0, len(style.positions)
-    motion = rooted(style.positions[start:stop], rotations[start:stop], style.rest_offsets, style.fps)
+    recorded = style.positions[start:stop], rotations[start:stop]
+    ground = ground_of(recorded[0])
+    flat = levelled(*recorded, ground, ground.below(recorded[0][0, 0]))
+    motion = rooted(*flat, style.rest_offsets, style.fps)
     scales = database.scales[:POSE]
     tree = cKDTree(features(motion)[:, :POSE] * scales)
     apart = tree.query(database.compared[:, :POSE] * scales)[0]

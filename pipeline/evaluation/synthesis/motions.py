@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 from motionlake.arrays import Float64Array, FloatArray
 from motionlake.evaluation.synthesis.angles import TOLD, angular_ranges, never_turned
-from motionlake.evaluation.synthesis.contact import Ground, footing, ground_of
+from motionlake.evaluation.synthesis.contact import footing
 from motionlake.evaluation.synthesis.movement import (
     bone_length_drift,
     energy,
@@ -19,6 +19,7 @@ from motionlake.evaluation.synthesis.movement import (
     travel_speed,
     travel_windows,
 )
+from motionlake.motion.ground import Ground, ground_of
 from motionlake.motion.skeleton import INDEX, JOINTS
 
 USUAL: Final = (0.05, 0.95)  # quantiles of the seconds of real clips between which a second is usual

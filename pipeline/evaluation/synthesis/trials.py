@@ -13,11 +13,11 @@ import numpy as np
 from motionlake.arrays import Float64Array, FloatArray, StepProgress
 from motionlake.errors import UserError
 from motionlake.evaluation.clips import LEAVE_ONE_OUT, read_frames, split_of
-from motionlake.evaluation.synthesis.contact import Ground, ground_of
 from motionlake.lake.catalog import Connection, fetch
 from motionlake.lake.layout import Lake
 from motionlake.motion.calibration import recorded_range
 from motionlake.motion.generation import GeneratedMotion, MotionGenerator, MotionRequest, SeedClip
+from motionlake.motion.ground import Ground, ground_of
 from motionlake.motion.resampling import TOLERANCE, beside
 from motionlake.retrieval.labelled_clips import FramedClip, check_column
 
