@@ -474,7 +474,7 @@ class Lake:
 
         Examples:
             >>> lake.inbetween("humanoid3d_walk", [0, 10, 20, 30])
-            <CanonicalMotion: 31 frames, 30 a second, 1.03 s>
+            <CanonicalMotion: 31 frames, 30 a second, 1.033 s>
 
         Args:
             poses: the clip or file that holds the poses.

@@ -26,7 +26,7 @@ from tests.lakes import Run, made_once, motionlake, query, quick_lake
 # What pages of the player are made of.
 ELEMENTS = (
     {"html", "head", "meta", "title", "style", "script", "body", "main", "div", "figure", "canvas", "figcaption"}
-    | {"h1", "h2", "h3", "p", "dl", "dt", "dd", "ul", "details", "summary", "kbd"}
+    | {"h1", "h2", "h3", "p", "span", "dl", "dt", "dd", "ul", "details", "summary", "kbd"}
     | {"button", "label", "select", "option", "input", "output"}
 )
 

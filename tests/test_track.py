@@ -116,7 +116,7 @@ def test_moves_are_displacement_velocity_and_joints(frames: int) -> None:
     def scaled(part: Float64Array) -> Float64Array:
         return np.asarray(part / max(np.sqrt(np.mean([frame @ frame for frame in part])), 1e-6))
 
-    expected = np.hstack([0.5 * scaled(joints - rest), scaled(velocity), 0.4 * started])
+    expected = np.hstack([0.3 * scaled(joints - rest), scaled(velocity), 0.4 * started])
     np.testing.assert_allclose(track.moves(), expected, rtol=1e-4, atol=1e-5)
     np.testing.assert_array_equal(from_start(joints), started)
 
