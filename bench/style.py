@@ -32,12 +32,12 @@ EVERY: Final = 4  # of frames, that are compared
 STYLES: Final = 14
 
 
-def takes() -> dict[str, list[LabelledClip]]:
-    """Of every style its two walks."""
+def takes() -> dict[str, tuple[LabelledClip, LabelledClip]]:
+    """Of every style its two walks; twice the one there is in a small set."""
     found: dict[str, list[LabelledClip]] = {}
     for clip in read(LabelledSet("bandai1", "style", lambda row: row["label"] == "walk")):
         found.setdefault(clip.label, []).append(clip)
-    return found
+    return {style: (clips[0], clips[-1]) for style, clips in found.items()}
 
 
 def poses(positions: Float64Array, fps: float, size: float) -> Float64Array:
