@@ -8,6 +8,7 @@ import json
 import os
 import tomllib
 from contextlib import redirect_stderr, redirect_stdout
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +22,7 @@ from motionlake.lake.layout import Lake
 from motionlake.motion.clip import Hierarchy, SourceClip
 from motionlake.names import file_name, folded, kept, on_disk, printable, safe_name, told_apart, toml_text, typed
 from motionlake.pictures.html import document, page
-from motionlake.stages.synthesis_control import Request
+from motionlake.stages.synthesis_control import Keyframe, Request
 from motionlake.stages.synthesize import clip_path
 
 from tests.hostile import Tags, obeyed
@@ -158,6 +159,21 @@ def test_motions_of_other_classes_have_other_names(one: list[str], other: list[s
     assert (first == second) == (one == other)
     assert not obeyed(first) | set(first) & set("/#")
     assert len(first.encode()) < 255
+
+
+def test_motions_along_ways_have_names_of_their_own() -> None:
+    """Two edits of one class and seed are two clips: the second does not take the place of the first."""
+    key = Keyframe("a", 3, 0.0, (0.0, 1.0, 0.0), (1.0, 0.0, 0.0, 0.0) * 21)
+    plain = Request(("kick",), 8.0)
+    asked = [
+        plain, replace(plain, path="circle"), replace(plain, speed=1.0),
+        replace(plain, edited=(3, 9), keyframes=(key,)),
+        replace(plain, edited=(3, 8), keyframes=(key,)), replace(plain, keyframes=(replace(key, clip="b"),)),
+    ]  # fmt: skip
+    names = [clip_path(request, 1) for request in asked]
+    assert len(set(names)) == len(names)
+    assert names == [clip_path(request, 1) for request in asked]
+    assert all(name.endswith("-s0-0001") for name in names)
 
 
 def test_motions_of_usual_classes_are_called_by_them() -> None:

@@ -276,7 +276,7 @@ def _within(request: Request, rates: Sequence[float] | None) -> Request:
 
 def controls(request: Request) -> dict[str, Any]:
     """What a request says of time and way beside its seconds; what it does not ask for is left out."""
-    found = _added(request)
+    found = added(request)
     if request.style is not None:
         found["style"] = request.style.clip
     if request.keyframes:
@@ -284,7 +284,8 @@ def controls(request: Request) -> dict[str, Any]:
     return found
 
 
-def _added(request: Request) -> dict[str, Any]:
+def added(request: Request) -> dict[str, Any]:
+    """What a request asks for beside classes, length, seed, pace and temperature."""
     return {name: value for name, value in asdict(request).items() if name in ADDED and value != ADDED[name]}
 
 
@@ -292,4 +293,4 @@ def shaping(request: Request) -> dict[str, Any]:
     """What of a request its motions follow from, beside what they start from; without what it does not ask for, so that
     motions keep their keys."""
     of_old = {k: value for k, value in asdict(request).items() if k not in DRAWN and k not in ADDED}
-    return of_old | _added(request)
+    return of_old | added(request)

@@ -21,7 +21,7 @@ from motionlake.stages.reader import LakeReader
 from motionlake.stages.sources import check_apart
 from motionlake.stages.stage import Shard
 from motionlake.stages.synthesis import open_generator, served_generator
-from motionlake.stages.synthesis_control import Keyframe, Request, StyleClip, controls, settled, shaping
+from motionlake.stages.synthesis_control import Keyframe, Request, StyleClip, added, controls, settled, shaping
 from motionlake.stages.synthesis_diversity import diverse
 from motionlake.stages.synthesis_requests import (
     Motion,
@@ -218,11 +218,13 @@ def source_rows(at: LakeReader, request: Request, dataset: str, count: int) -> l
 
 
 def clip_path(request: Request, number: int) -> str:
-    """Name of a motion within its dataset."""
+    """Name of a motion within its dataset: what is asked for beside classes tells motions of one seed apart."""
     said = "+".join(request.classes)
     classes = file_name(said.replace("#", "-"))
     if classes != said or any("+" in name for name in request.classes):  # others may be spelled so too
         classes += f"-{config_hash(request.classes)[:8]}"
+    if more := added(request):
+        classes += f"-{config_hash(more)[:8]}"
     return f"{classes}-s{request.seed}-{number:04d}"
 
 
