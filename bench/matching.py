@@ -19,7 +19,6 @@ from typing import Any, Final
 import numpy as np
 from motionlake.arrays import Float64Array
 from motionlake.evaluation.synthesis.contact import Footing, footing
-from motionlake.evaluation.synthesis.errors import body_poses
 from motionlake.evaluation.synthesis.movement import bone_length_drift, energy, travel_speed
 from motionlake.matching.database import build_database
 from motionlake.matching.generator import MatchingGenerator
@@ -29,6 +28,7 @@ from motionlake.motion.generation import FPS, Control, GeneratedMotion, MotionRe
 from motionlake.motion.ground import Ground, ground_of
 from motionlake.motion.paths import GroundPath, shape_path
 from motionlake.motion.resampling import resample
+from motionlake.motion.skeleton import body_poses
 from motionlake.training import on_threads
 
 from bench.canonical_sets import LabelledClip, LabelledSet, Row, read

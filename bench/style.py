@@ -11,13 +11,12 @@ from typing import Any, Final
 
 import numpy as np
 from motionlake.arrays import Float64Array
-from motionlake.evaluation.synthesis.errors import body_poses
 from motionlake.matching.database import build_database
 from motionlake.matching.generator import MatchingGenerator
 from motionlake.matching.recordings import MatchingClip
 from motionlake.motion.generation import FPS, Control, GeneratedMotion, MotionRequest
 from motionlake.motion.resampling import resample
-from motionlake.motion.skeleton import body_length
+from motionlake.motion.skeleton import body_length, body_poses
 from motionlake.training import on_threads
 
 from bench.canonical_sets import LabelledClip, LabelledSet, read

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from motionlake.arrays import Float64Array
 from motionlake.evaluation.synthesis import UNITS, SynthesisEvaluation, SynthesisPlan, measure_generator
-from motionlake.evaluation.synthesis.errors import MILLISECONDS, body_poses, errors_at
+from motionlake.evaluation.synthesis.errors import MILLISECONDS, errors_at
 from motionlake.evaluation.synthesis.trials import RealMotion, following
 from motionlake.glogen.config import SynthesisConfig
 from motionlake.glogen.generator import EmbeddedMotions, TrainingMotion, embed_motions
@@ -22,7 +22,7 @@ from motionlake.lake.integrity import sums_of
 from motionlake.lake.layout import open_lake
 from motionlake.lake.models import add_model, next_file, save_model
 from motionlake.motion.generation import GeneratedMotion, MotionRequest
-from motionlake.motion.skeleton import INDEX, JOINTS, PARENTS
+from motionlake.motion.skeleton import INDEX, JOINTS, PARENTS, body_poses
 from motionlake.pictures.maps import beside_map, generator_map
 from motionlake.pictures.synthesis import recognised_figure, synthesis_pictures
 

@@ -12,7 +12,7 @@ from motionlake.arrays import Float64Array
 from motionlake.evaluation.synthesis.angles import angular_ranges, never_turned
 from motionlake.evaluation.synthesis.contact import FALLS, FLESH, NEAR, SLIDES, footing
 from motionlake.evaluation.synthesis.copying import Aligned, nearest_real_distances, rank_z
-from motionlake.evaluation.synthesis.errors import body_poses, errors_at, pose_errors, sparse_poses
+from motionlake.evaluation.synthesis.errors import errors_at, pose_errors, sparse_poses
 from motionlake.evaluation.synthesis.likeness import frechet_distance, recognise
 from motionlake.evaluation.synthesis.motions import Stretch, Usual
 from motionlake.evaluation.synthesis.movement import (
@@ -29,7 +29,7 @@ from motionlake.evaluation.synthesis.variety import neighbourhoods, pose_spread,
 from motionlake.motion.dtw import nearest_stretch
 from motionlake.motion.features import body_length
 from motionlake.motion.ground import KINDS, SIDES, Ground, ground_of
-from motionlake.motion.skeleton import INDEX, JOINTS, facing
+from motionlake.motion.skeleton import INDEX, JOINTS, body_poses, facing
 from scipy.linalg import sqrtm
 
 from tests.test_pictures import standing

@@ -276,8 +276,8 @@ def _source(con: Connection, name: str) -> str | Path:
 def _start(lake: Lake, name: str) -> tuple[str, bool]:
     """The clip of the lake, or the clip file, that a name means, and whether it is a file."""
     with reading(lake) as con:
-        found = named_source(con, name)
-    return (str(found.absolute()), True) if isinstance(found, Path) else (found, False)
+        found = _source(con, name)
+    return str(found), isinstance(found, Path)
 
 
 def _list_classes(lake: Lake, as_json: bool) -> None:

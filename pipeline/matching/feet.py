@@ -10,10 +10,9 @@ import numpy as np
 from motionlake.arrays import BoolArray, Float64Array
 from motionlake.matching.recordings import FEET
 from motionlake.motion.kinematics import forward_kinematics, local_rotations, world_rotations
-from motionlake.motion.rotations import multiply, swing
 from motionlake.motion.skeleton import INDEX
 from motionlake.motion.standing import SIDES, staying
-from motionlake.motion.two_bones import bent, level_ahead
+from motionlake.motion.two_bones import bent, level_ahead, turn_leg
 from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 
 SETTLE: Final = 4.0  # frames over which the body settles
@@ -104,12 +103,8 @@ def _planted(
         change[:, 1] = _upright(foot[..., 1] - soles.lowest[2 * i : 2 * i + 2] - floor[:, None], own)
         if soles.floor is not None:
             change = _from_given(change, standing)
-        to_knee, to_ankle = bent(joints[:, hip], joints[:, knee], joints[:, ankle], foot[:, 0] + change, ahead)
-        for joint, before, after in (
-            (hip, joints[:, knee] - joints[:, hip], to_knee - joints[:, hip]),
-            (knee, joints[:, ankle] - joints[:, knee], to_ankle - to_knee),
-        ):
-            world[:, joint] = multiply(swing(before, after), world[:, joint])
+        leg = (joints[:, hip], joints[:, knee], joints[:, ankle])
+        turn_leg(world, (hip, knee), leg, *bent(*leg, foot[:, 0] + change, ahead))
     return local_rotations(world)
 
 

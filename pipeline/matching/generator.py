@@ -17,13 +17,13 @@ from motionlake.matching.features import features
 from motionlake.matching.feet import Soles, heights_standing, on_ground, standing_above
 from motionlake.matching.keyed import keyed_motion
 from motionlake.matching.player import Player
-from motionlake.matching.recordings import FPS, RootedMotion, about_y, rooted, seen_from, sound_ranges
+from motionlake.matching.recordings import FPS, RootedMotion, about_y, rooted, seed_rotations, seen_from, sound_ranges
 from motionlake.matching.sources import course_sources
 from motionlake.matching.steering import Steering
 from motionlake.matching.style import style_costs
 from motionlake.motion.generation import SHORTEST, Control, GeneratedMotion, MotionRequest, SeedClip
-from motionlake.motion.ground import ground_of, levelled
-from motionlake.motion.kinematics import forward_kinematics, local_rotations, world_from_positions
+from motionlake.motion.ground import standing_level
+from motionlake.motion.kinematics import forward_kinematics
 from motionlake.motion.rotations import multiply, turn_on_ground
 from motionlake.motion.skeleton import JOINTS, body_length
 
@@ -156,9 +156,7 @@ def given_frames(seed: SeedClip, chance: int, from_end: bool) -> Given:
         raise ValueError(f"{seed.clip} is of another skeleton: {shape} numbers a frame, not {len(JOINTS)}x3")
     if body_length(seed.rest_offsets) < 1e-6:
         raise ValueError(f"{seed.clip} has a body without length")
-    rotations = seed.rotations
-    if rotations is None:
-        rotations = local_rotations(world_from_positions(np.ascontiguousarray(seed.positions, dtype=float)))
+    rotations = seed_rotations(seed)
     first, stop = _sound(seed, rotations)
     frames = round((stop - first - 1) / seed.fps * FPS) + 1
     if frames < SHORTEST:
@@ -170,9 +168,7 @@ def given_frames(seed: SeedClip, chance: int, from_end: bool) -> Given:
     begin = int(begins[np.random.default_rng(chance).integers(len(begins))])
     end = len(turned) if from_end else min(len(turned), begin + GIVEN)
     at = [round(first + frame / FPS * seed.fps) for frame in (end - GIVEN, end - 1)]
-    ground = ground_of(recorded[0])
-    flat = levelled(*recorded, ground, ground.below(seed.positions[at[1], 0]))
-    motion = rooted(*flat, seed.rest_offsets, seed.fps)
+    motion = rooted(*standing_level(*recorded, at[1] - first), seed.rest_offsets, seed.fps)
     size = body_length(seed.rest_offsets)
     lowest = heights_standing(motion.joints, 0.0) * size
     cut = motion.cut(end - GIVEN, end)

@@ -11,7 +11,7 @@ from typing import Final
 
 import numpy as np
 from motionlake.arrays import Float64Array
-from motionlake.motion.rotations import conjugate, from_vectors, multiply
+from motionlake.motion.rotations import conjugate, from_vectors, multiply, to_vectors
 
 HALF_LIFE: Final = 0.1  # seconds
 
@@ -21,14 +21,6 @@ def decayed(value: Float64Array, speed: Float64Array, seconds: Float64Array) -> 
     y = 2 * math.log(2) / HALF_LIFE
     after = seconds.reshape(-1, *[1] * np.ndim(value))
     return np.asarray(np.exp(-y * after) * (value + (speed + value * y) * after))
-
-
-def to_vector(rotations: Float64Array) -> Float64Array:
-    """Rotation vectors [..., 3], radians, of unit quaternions [..., 4]: the shorter way round."""
-    near = np.where(rotations[..., :1] < 0, -rotations, rotations)
-    sine = np.linalg.norm(near[..., 1:], axis=-1, keepdims=True)
-    angle = 2 * np.arctan2(sine, near[..., :1])
-    return np.asarray(near[..., 1:] * np.where(sine > 1e-9, angle / np.maximum(sine, 1e-9), 2.0))
 
 
 def joined_rotations(shown: Float64Array, run: Float64Array, before: Float64Array, fps: float) -> Float64Array:
@@ -43,8 +35,8 @@ def joined_rotations(shown: Float64Array, run: Float64Array, before: Float64Arra
     Returns:
         [T, J, 4].
     """
-    value = to_vector(multiply(shown[1], conjugate(before[0])))
-    moved, wanted = (to_vector(multiply(pair[1], conjugate(pair[0]))) * fps for pair in (shown, before))
+    value = to_vectors(multiply(shown[1], conjugate(before[0])))
+    moved, wanted = (to_vectors(multiply(pair[1], conjugate(pair[0]))) * fps for pair in (shown, before))
     seconds = np.arange(1, len(run) + 1) / fps
     return multiply(from_vectors(decayed(value, moved - wanted, seconds)), run)
 

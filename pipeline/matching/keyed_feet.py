@@ -7,10 +7,9 @@ from typing import Final
 import numpy as np
 from motionlake.arrays import BoolArray, Float64Array, Int64Array
 from motionlake.motion.kinematics import forward_kinematics, local_rotations, world_rotations
-from motionlake.motion.rotations import multiply, swing
 from motionlake.motion.skeleton import INDEX
 from motionlake.motion.standing import SIDES
-from motionlake.motion.two_bones import bent, level_ahead
+from motionlake.motion.two_bones import bent, level_ahead, turn_leg
 from scipy.ndimage import label
 
 FAR: Final = 0.3  # body lengths that a foot is held back while it stands, at most
@@ -38,12 +37,8 @@ def feet_held(
     for i, side in enumerate(SIDES):
         hip, knee, ankle, toe = (INDEX[f"{side}_{part}"] for part in ("hip", "knee", "ankle", "toe"))
         change = still(joints[:, [ankle, toe]], stands[:, i], keys, round(BLEND * fps), FAR * size)
-        to_knee, to_ankle = bent(joints[:, hip], joints[:, knee], joints[:, ankle], joints[:, ankle] + change, ahead)
-        for joint, before, after in (
-            (hip, joints[:, knee] - joints[:, hip], to_knee - joints[:, hip]),
-            (knee, joints[:, ankle] - joints[:, knee], to_ankle - to_knee),
-        ):
-            world[:, joint] = multiply(swing(before, after), world[:, joint])
+        leg = (joints[:, hip], joints[:, knee], joints[:, ankle])
+        turn_leg(world, (hip, knee), leg, *bent(*leg, leg[2] + change, ahead))
     held = local_rotations(world)
     held[keys] = rotations[keys]
     return held

@@ -34,9 +34,8 @@ WAIT: Final = 0.02  # tolerances that a frame of waiting for it costs
 FREE: Final = 0.2  # weight of the trajectory where no path says what is wanted
 RAMP: Final = 0.8  # seconds in which a new class gets to its speed
 ARRIVED: Final = 60  # frames in which a new class gets to its speed by other runs, where it does not at once
-FLIGHT: Final = (
-    0.5  # tolerances that a frame costs by which flights do not fit: joined, they would be of another length
-)
+# Tolerances that a frame costs by which flights do not fit: joined, they would be of another length.
+FLIGHT: Final = 0.5
 NEAR: Final = 32  # nearest rows that chance chooses from
 SETTLE: Final = 0.12  # seconds: half-life of a difference in the root's speed
 LOOP: Final = 24  # frames before the first that a loop ends with

@@ -14,6 +14,7 @@ import numpy as np
 from motionlake.arrays import BoolArray, Float64Array
 from motionlake.motion.calibration import recorded_range
 from motionlake.motion.generation import FPS as FPS
+from motionlake.motion.generation import SeedClip
 from motionlake.motion.kinematics import continuous_signs, local_rotations, world_from_positions
 from motionlake.motion.quality.ends import check_ends
 from motionlake.motion.quality.faults import Recording
@@ -90,6 +91,13 @@ class RootedMotion:
             self.rotations[own], self.hips[own], self.joints[own], self.place[own], self.heading[own],
             self.stands[own], self.aloft[own], self.ground,
         )  # fmt: skip
+
+
+def seed_rotations(seed: SeedClip) -> Float64Array:
+    """[F, 21, 4] local rotations of a seed clip; where it has none, those that its joints tell of."""
+    if seed.rotations is not None:
+        return seed.rotations
+    return local_rotations(world_from_positions(np.ascontiguousarray(seed.positions, dtype=float)))
 
 
 def sound_ranges(positions: Float64Array, rotations: Float64Array, fps: float) -> list[tuple[int, int]]:

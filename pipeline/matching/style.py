@@ -8,10 +8,9 @@ import numpy as np
 from motionlake.arrays import Float64Array
 from motionlake.matching.database import MotionDatabase
 from motionlake.matching.features import POSE, features
-from motionlake.matching.recordings import rooted, sound_ranges
+from motionlake.matching.recordings import rooted, seed_rotations, sound_ranges
 from motionlake.motion.generation import SeedClip
-from motionlake.motion.ground import ground_of, levelled
-from motionlake.motion.kinematics import local_rotations, world_from_positions
+from motionlake.motion.ground import standing_level
 from scipy.spatial import cKDTree
 
 WEIGHT: Final = 3.0  # of the distance from the style beside that from what is played
@@ -23,17 +22,13 @@ def style_costs(database: MotionDatabase, style: SeedClip) -> Float64Array:
     Raises:
         ValueError: the clip of the style is too short.
     """
-    rotations = style.rotations
     if len(style.positions) < 2:
         raise ValueError(f"{style.clip} has one frame; a style needs two at least")
-    if rotations is None:
-        rotations = local_rotations(world_from_positions(np.ascontiguousarray(style.positions, dtype=float)))
+    rotations = seed_rotations(style)
     start, stop = max(sound_ranges(style.positions, rotations, style.fps), key=lambda pair: pair[1] - pair[0])
     if stop - start < 2:
         start, stop = 0, len(style.positions)
-    recorded = style.positions[start:stop], rotations[start:stop]
-    ground = ground_of(recorded[0])
-    flat = levelled(*recorded, ground, ground.below(recorded[0][0, 0]))
+    flat = standing_level(style.positions[start:stop], rotations[start:stop], 0)
     motion = rooted(*flat, style.rest_offsets, style.fps)
     scales = database.scales[:POSE]
     tree = cKDTree(features(motion)[:, :POSE] * scales)

@@ -68,6 +68,12 @@ def ground_of(positions: FloatArray) -> Ground:
     return Ground(np.quantile(lower[..., 1] - lower[..., [0, 2]] @ slope, QUANTILE, axis=0), slope)
 
 
+def standing_level(positions: Float64Array, rotations: Float64Array, at: int) -> tuple[Float64Array, Float64Array]:
+    """A recording turned as a whole, so that the ground its feet tell of is level; feet stay in place in frame `at`."""
+    ground = ground_of(positions)
+    return levelled(positions, rotations, ground, ground.below(positions[at, 0]))
+
+
 def levelled(
     positions: Float64Array, rotations: Float64Array, ground: Ground, about: Float64Array
 ) -> tuple[Float64Array, Float64Array]:

@@ -7,6 +7,7 @@ from typing import Final
 
 import numpy as np
 from motionlake.arrays import Float64Array, FloatArray
+from motionlake.motion.rotations import turn_about_y
 
 JOINTS: Final[tuple[str, ...]] = (
     "hips", "spine", "chest", "neck", "head",
@@ -107,6 +108,12 @@ def facing(positions: FloatArray) -> Float64Array:
 
 LENGTH_JOINTS: Final = ("spine", "chest", "neck", "left_knee", "left_ankle", "right_knee", "right_ankle")
 LENGTH_SHARES: Final = np.array([1.0, 1.0, 1.0, 0.5, 0.5, 0.5, 0.5])
+
+
+def body_poses(positions: FloatArray) -> Float64Array:
+    """[F, 21, 3] joints seen from the body: hips at the origin, every frame turned to face +z."""
+    joints = positions.astype(np.float64) - positions[:, :1]
+    return turn_about_y(joints, -facing(positions))
 
 
 def body_length(rest_offsets: Float64Array) -> float:

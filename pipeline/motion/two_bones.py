@@ -6,6 +6,7 @@ from typing import Final
 
 import numpy as np
 from motionlake.arrays import Float64Array
+from motionlake.motion.rotations import multiply, swing
 
 REACH: Final = 0.999  # of a leg's length
 AHEAD: Final = 0.02  # of a thigh: a leg whose knee is less to a side is straight, and bends ahead
@@ -49,6 +50,27 @@ def bent(
     share = (thigh**2 - shin**2 + length**2) / (2 * np.maximum(length, 1e-9))
     height = np.sqrt(np.maximum(thigh**2 - share**2, 0))
     return hip + share[:, None] * along + height[:, None] * out, hip + length[:, None] * along
+
+
+def turn_leg(
+    world: Float64Array,
+    leg: tuple[int, int],
+    before: tuple[Float64Array, Float64Array, Float64Array],
+    knee: Float64Array,
+    ankle: Float64Array,
+) -> None:
+    """Turn hip and knee, in place, so that a leg goes where `bent` has it; the foot keeps how it is turned.
+
+    Args:
+        world: [T, 21, 4] rotations of joints in the world.
+        leg: numbers of hip and knee.
+        before: [T, 3] hip, knee and ankle as they are.
+        knee: [T, 3] where it comes to.
+        ankle: [T, 3] likewise.
+    """
+    hip, old_knee, old_ankle = before
+    for joint, old, new in ((leg[0], old_knee - hip, knee - hip), (leg[1], old_ankle - old_knee, ankle - knee)):
+        world[:, joint] = multiply(swing(old, new), np.ascontiguousarray(world[:, joint]))
 
 
 def _across(vectors: Float64Array, along: Float64Array) -> Float64Array:

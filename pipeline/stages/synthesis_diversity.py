@@ -14,8 +14,7 @@ from motionlake.lake.layout import Lake
 from motionlake.motion.calibration import recorded_range
 from motionlake.motion.generation import FPS
 from motionlake.motion.resampling import resample
-from motionlake.motion.rotations import turn_about_y
-from motionlake.motion.skeleton import body_length, facing
+from motionlake.motion.skeleton import body_length, body_poses
 from motionlake.stages.generator_model import classed_motions, long_enough
 from motionlake.stages.synthesis_control import Request
 from motionlake.stages.synthesis_requests import Motion, Start, make, motions_of
@@ -57,8 +56,7 @@ def poses(positions: Float64Array, fps: float, size: float) -> Float64Array:
     """
     start, stop = recorded_range(positions, fps)
     sampled = resample(positions[start:stop].astype(float), fps, FPS)[: round(SECONDS * FPS) : STEP]
-    seen = sampled - sampled[:, :1]
-    return np.asarray(turn_about_y(seen, -facing(sampled)) / size)
+    return np.asarray(body_poses(sampled) / size)
 
 
 def distance(one: Float64Array, other: Float64Array) -> float:

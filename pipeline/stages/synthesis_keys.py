@@ -114,13 +114,7 @@ def style_of(con: Connection, lake: Lake, source: str | Path) -> StyleClip:
 
 def style_frames(lake: Lake, style: StyleClip) -> SeedClip:
     """The frames of the clip of a style."""
-    if style.outside:
-        motion = first_body(lake, Path(style.clip))[1]
-        return SeedClip(style.clip, motion.positions, style.fps, motion.rest_offsets, motion.rotations)
-    (frames,) = frames_of_clips(lake, [asdict(style)])
-    offsets = np.array(style.rest_offsets, dtype=float).reshape(-1, 3)
-    positions, rotations = frames.positions.astype(float), frames.rotations.astype(float)
-    return SeedClip(style.clip, positions, style.fps, offsets, rotations)
+    return _of_file(lake, Path(style.clip)) if style.outside else _of_lake(lake, asdict(style))
 
 
 def key_poses(request: Request) -> KeyPoses:
@@ -154,13 +148,21 @@ def read_source(con: Connection, lake: Lake, source: str | Path) -> tuple[SeedCl
         UserError: the file cannot be read.
     """
     if isinstance(source, Path):
-        body, motion = first_body(lake, source)
-        return SeedClip(str(source), motion.positions, body.fps, motion.rest_offsets, motion.rotations), None
-    row: Mapping[str, Any] = fetch(con, "clip", {"clip": source})[0]
+        return _of_file(lake, source), None
+    row = fetch(con, "clip", {"clip": source})[0]
+    return _of_lake(lake, row), row["label"]
+
+
+def _of_file(lake: Lake, file: Path) -> SeedClip:
+    body, motion = first_body(lake, file)
+    return SeedClip(str(file), motion.positions, body.fps, motion.rest_offsets, motion.rotations)
+
+
+def _of_lake(lake: Lake, row: Mapping[str, Any]) -> SeedClip:
     (frames,) = frames_of_clips(lake, [row])
     offsets = np.array(row["rest_offsets"], dtype=float).reshape(-1, 3)
     positions, rotations = frames.positions.astype(float), frames.rotations.astype(float)
-    return SeedClip(source, positions, frames.fps, offsets, rotations), row["label"]
+    return SeedClip(row["clip"], positions, frames.fps, offsets, rotations)
 
 
 def _frame(one: Marked, clip: _Clip) -> int:

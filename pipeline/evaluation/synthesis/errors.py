@@ -16,18 +16,11 @@ from motionlake.evaluation.synthesis.trials import Trial, poses_at
 from motionlake.glogen.sparse import uniform_places
 from motionlake.glogen.trajectories import body_motion
 from motionlake.motion.resampling import TOLERANCE, interpolated
-from motionlake.motion.rotations import turn_about_y
-from motionlake.motion.skeleton import facing
+from motionlake.motion.skeleton import body_poses
 
 MILLISECONDS: Final = (80, 160, 240, 320, 400, 480, 560, 640)
 SPARSE: Final = 15  # poses that GloGen makes (section 4.3.5)
 MM: Final = 1000.0
-
-
-def body_poses(positions: FloatArray) -> Float64Array:
-    """[F, 21, 3] joints seen from the body: hips at the origin, every frame turned to face +z."""
-    joints = positions.astype(np.float64) - positions[:, :1]
-    return turn_about_y(joints, -facing(positions))
 
 
 def sparse_poses(positions: FloatArray, fps: float) -> Float64Array:

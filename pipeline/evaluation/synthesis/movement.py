@@ -10,8 +10,7 @@ from typing import Final
 
 import numpy as np
 from motionlake.arrays import Float64Array, FloatArray
-from motionlake.evaluation.synthesis.errors import body_poses
-from motionlake.motion.skeleton import INDEX, PARENTS
+from motionlake.motion.skeleton import INDEX, PARENTS, body_poses
 from scipy.ndimage import uniform_filter1d
 
 SPAN: Final = 0.1  # seconds over which speeds of joints are taken, so that jitter of sensors counts little

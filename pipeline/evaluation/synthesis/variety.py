@@ -12,10 +12,10 @@ from typing import Any, Final
 
 import numpy as np
 from motionlake.arrays import BoolArray, Float64Array, FloatArray, Int64Array
-from motionlake.evaluation.synthesis.errors import body_poses
 from motionlake.evaluation.synthesis.likeness import Describe, frechet_distance
 from motionlake.evaluation.synthesis.motions import Stretch
 from motionlake.motion.features import body_length
+from motionlake.motion.skeleton import body_poses
 from scipy.spatial.distance import cdist, pdist, squareform
 
 WINDOW: Final = 2.0  # seconds

@@ -11,11 +11,10 @@ from motionlake.arrays import BoolArray, Float64Array
 from motionlake.motion.kinematics import forward_kinematics, local_rotations, world_rotations
 from motionlake.motion.quality.faults import Fault, Recording
 from motionlake.motion.quality.feet import NEAR, RISING, SPAN, Ground
-from motionlake.motion.rotations import multiply, swing
 from motionlake.motion.runs import runs
 from motionlake.motion.skeleton import INDEX
 from motionlake.motion.standing import SIDES, staying
-from motionlake.motion.two_bones import bent, level_ahead
+from motionlake.motion.two_bones import bent, level_ahead, turn_leg
 
 STEADY: Final = 0.03  # seconds over which the way of a foot that slides is smoothed
 EDGE: Final = 0.1  # seconds over which a body is raised, and feet come to where they stand
@@ -111,12 +110,13 @@ def pinned(body: Body, fault: Fault) -> None:
         change = staying(places[:, [ankle, toe]], stands, FAR, max(1, round(EDGE * body.fps)))
         if not change.any():
             continue
-        thigh, shin = places[:, knee] - places[:, hip], places[:, ankle] - places[:, knee]
-        knees, ankles = bent(places[:, hip], places[:, knee], places[:, ankle], places[:, ankle] + change, ahead)
+        leg = (places[:, hip], places[:, knee], places[:, ankle])
+        knees, ankles = bent(*leg, leg[2] + change, ahead)
         moved = np.flatnonzero(np.abs(change).max(axis=1) > 0)
-        for joint, old, new in ((hip, thigh, knees - places[:, hip]), (knee, shin, ankles - knees)):
-            turned = swing(old[moved], new[moved])
-            world[moved, joint] = multiply(turned, np.ascontiguousarray(world[moved, joint]))
+        hips, old_knees, old_ankles = (joint[moved] for joint in leg)
+        turned = world[moved]
+        turn_leg(turned, (hip, knee), (hips, old_knees, old_ankles), knees[moved], ankles[moved])
+        world[moved] = turned
     body.rotations = local_rotations(world)
 
 
