@@ -18,6 +18,7 @@ from motionlake.stages.reader import lake_reader
 from motionlake.stages.registry import ALL, STAGES
 from motionlake.stages.sources import Root
 from motionlake.stages.stage import ShardStage, Stage
+from motionlake.stages.synthesis import Chosen
 from motionlake.stages.synthesis_control import Request
 from motionlake.stages.synthesize import SYNTHESIZE, planned, source_rows
 
@@ -119,7 +120,7 @@ class Synthesis:
     """What a request came to.
 
     Attributes:
-        model: the generator.
+        generator: what made them, by which recipe, and why this one.
         clips: of the request, in the order of their numbers.
         made: how many were made now; the others were there already, or failed.
         there: how many were there.
@@ -129,7 +130,7 @@ class Synthesis:
         floor: how far recorded clips are from one another, body lengths; None where it was not asked.
     """
 
-    model: str
+    generator: Chosen
     clips: list[str]
     made: int
     there: int
@@ -148,6 +149,7 @@ def synthesize(session: Session, request: Request, dataset: str, count: int) -> 
     started = time.perf_counter()
     with lake_reader(session.lake, session.config) as at:
         plan = planned(at, request, dataset, count)
+    session.notice(f"synthesize: {' and '.join(dict.fromkeys(request.classes))} {plan.generator.said}")
     # Shards of another request that was cut short are not planned any more.
     keys = [shard.key for shard in plan.shards]
     with reading(session.lake) as con:
@@ -161,7 +163,7 @@ def synthesize(session: Session, request: Request, dataset: str, count: int) -> 
     with reading(session.lake) as con:
         lengths = fetch(con, "seconds_of_clips", {"clips": plan.clips})
     return Synthesis(
-        plan.model.model,
+        plan.generator,
         [row["clip"] for row in lengths],
         outcome.clips,
         plan.there,

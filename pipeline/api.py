@@ -410,7 +410,8 @@ class Lake:
             temperature: how much chance varies the motion; 0 not at all.
             min_quality: draw it from clips with this verdict at worst.
             path: on the ground, from where the motion starts: "circle", "eight:2" (radius 2 m), a CSV file with columns
-                x and z, or points in metres. This and what follows need the recipe "matching".
+                x and z, or points in metres. This and what follows need recordings that are labelled with the classes,
+                which motion matching plays.
             speed: metres a second; by default as recorded.
             facing: degrees to the left of where it starts to head that the body keeps facing; by default along its way.
             loop: the end meets the beginning.
@@ -427,7 +428,7 @@ class Lake:
                 that no motion can have, or a path that the recipe cannot follow or that leaves no time.
         """
         from motionlake.lake.settings import served_config
-        from motionlake.stages.synthesis import open_generator, served_generator
+        from motionlake.stages.synthesis import chosen_generator, open_generator
         from motionlake.stages.synthesis_control import Request, settled
         from motionlake.stages.synthesis_edits import with_edit
         from motionlake.stages.synthesis_keys import marked, style_of, with_keyframes
@@ -453,10 +454,10 @@ class Lake:
             frames = [replace(frame, source=self._query(str(frame.source))) for frame in frames]
             asked = with_keyframes(self._con.own, self._lake, asked, frames)
         config = served_config(self._lake)
-        model = served_generator(self._con.own, self._lake, config)
+        model = chosen_generator(self._con.own, self._lake, config, asked.classes).model
         request = settled(asked, model, config.synthesis.recipe)
         starts = find_starts(self._con.own, self._lake, model, request)
-        generator = self._keep(("synthesize",), lambda: open_generator(self._lake, model))
+        generator = self._keep(("synthesize", model.model), lambda: open_generator(self._lake, model))
         return canonical_motion(make(generator, self._lake, request, motions_of(request, starts, [1]))[0])
 
     def inbetween(

@@ -65,7 +65,7 @@ COMMANDS: Final = {
     },
     "Make new motion": {
         "compose": "A new motion cut together from a dataset's clips, as BVH.",
-        "synthesize": "New motion of classes that you name, made by a trained generator.",
+        "synthesize": "New motion of classes that you name: recorded frames joined anew, or made by networks.",
         "inbetween": "Motion between your own poses: marked frames of a file become a dense BVH.",
     },
     "Train and measure": {
@@ -90,7 +90,8 @@ MODULES: Final = {
     "sort": ("classify", "segment", "cluster"),
     "suggest": ("suggest",),
     "make": ("compose",),
-    "synthesize": ("synthesize", "inbetween"),
+    "synthesize": ("synthesize",),
+    "inbetween": ("inbetween",),
     "train": ("train",),
     "evaluate": ("evaluate",),
 }

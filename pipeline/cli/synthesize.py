@@ -1,26 +1,22 @@
-"""motionlake synthesize and inbetween: new motion by a trained generator."""
+"""motionlake synthesize: new motion of known classes, as clips of the lake."""
 
 from __future__ import annotations
 
-import os
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Final
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
+from motionlake.cli._motion_files import make_folder, write_bvh_files
+from motionlake.cli._motion_requests import shown_poses, source_of, start_of
 from motionlake.cli.common import (
-    FrameOrSeconds,
     JsonOption,
     LakeOption,
     MinQualityOption,
     SchedulerOption,
     WorkersOption,
-    argument,
     check_folder_of,
     dataset_name,
-    frame_or_seconds,
-    named_source,
     notice,
     option,
     running,
@@ -28,13 +24,12 @@ from motionlake.cli.common import (
     write_csv,
 )
 from motionlake.errors import UserError
-from motionlake.lake.catalog import Connection, fetch, reading
+from motionlake.lake.catalog import reading
 from motionlake.lake.layout import Lake, open_lake
 from motionlake.lake.settings import served_config
-from motionlake.names import file_name, told_apart
 
 if TYPE_CHECKING:
-    from motionlake.jobs.session import Session
+    from motionlake.jobs.run import Synthesis
     from motionlake.stages.synthesis_control import Request
 
 SOURCE: Final = ("clip", "start", "stop", "source", "first", "last", "mirrored")  # columns of --lineage
@@ -101,12 +96,13 @@ def synthesize(
     scheduler: SchedulerOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """New motion of classes that you name, made by a trained generator.
+    """New motion of classes that you name: recorded frames joined anew, or made by networks.
 
-    The motions become clips of the lake, in a dataset of their own. A generator comes first: motionlake run synth. Each
-    motion goes on from the first poses of a recorded clip of the first class (of any clip, where the lake has no
-    labels), drawn by --seed. The same command makes the same clips; what is there already is left as it is. The table
-    "synthetic" says where every clip comes from.
+    The motions become clips of the lake, in a dataset of their own. First: motionlake run synth. Where recordings of
+    the lake are labelled with the classes, motion matching plays these; where not, networks make it. A line says which,
+    and why. Each motion goes on from the first poses of a recorded clip of the first class, drawn by --seed. The same
+    command makes the same clips; what is there already is left as it is. The table "synthetic" says where every clip
+    comes from.
 
     Example: motionlake synthesize --class walk --class kick --seconds 8 --count 100 --seed 7 --lake mylake
 
@@ -137,7 +133,7 @@ def synthesize(
         _list_classes(target, as_json)
         return
     first = begun(start if edit is None else None, continues)
-    name, outside = (None, False) if first is None else _start(target, first)
+    name, outside = (None, False) if first is None else start_of(target, first)
     names, shares = timed_classes(wanted or ())
     request = Request(
         names, seconds, seed, name, outside, split, pace, temperature, min_quality, shares,
@@ -147,10 +143,10 @@ def synthesize(
     check_request(request)
     if style is not None:
         with reading(target) as con:
-            request = replace(request, style=style_of(con, target, _source(con, style)))
+            request = replace(request, style=style_of(con, target, source_of(con, style)))
     if edit is not None or keyframes:
         with reading(target) as con:
-            request = _shown_poses(con, target, request, keyframes or [], edit, (start, stop))
+            request = shown_poses(con, target, request, keyframes or [], edit, (start, stop))
     elif stop is not None:
         raise UserError("--to says where the range ends that --edit makes anew: give --edit CLIP")
     if lineage is not None:
@@ -158,15 +154,25 @@ def synthesize(
     if count < 1:
         raise UserError(f"--count {count}: ask for one motion at least")
     if bvh is not None:
-        _make_folder(bvh)
+        make_folder(bvh)
     with running(target, "synthesize", workers, scheduler) as job:
         made = jobs.synthesize(job, request, dataset, count)
-        files = _write_bvh(job, made.clips, bvh) if bvh is not None else 0
+        files = write_bvh_files(job, made.clips, bvh) if bvh is not None else 0
         if lineage is not None:
             write_csv(lineage, list(SOURCE), jobs.synthetic_sources(job, request, dataset, count))
-    found = {
-        "model": made.model, "dataset": dataset, "clips": made.clips, "made": made.made, "there": made.there,
-        "seconds": round(made.seconds, 3), "wall_seconds": round(made.wall_seconds, 3), "files": files,
+    _tell_made(made, request, dataset, count, files, lake, as_json)
+    if len(made.clips) < count:
+        raise typer.Exit(1)
+
+
+def _tell_made(
+    made: Synthesis, request: Request, dataset: str, count: int, files: int, lake: Path, as_json: bool
+) -> None:
+    by = made.generator
+    found: dict[str, Any] = {
+        "model": by.model.model, "recipe": by.recipe, "why": by.why, "dataset": dataset, "clips": made.clips,
+        "made": made.made, "there": made.there, "seconds": round(made.seconds, 3),
+        "wall_seconds": round(made.wall_seconds, 3), "files": files,
     }  # fmt: skip
     if made.floor is not None:
         found |= {"floor": round(made.floor, 4), "alike": made.alike}
@@ -179,137 +185,18 @@ def synthesize(
     there = f" ({made.there} were there already)" if made.there else ""
     first = f", {made.clips[0]} the first" if made.clips else ""
     line = (
-        f"{made.made} of {count} motions made{there}: {made.seconds:.1f} s of motion by {made.model} in dataset "
+        f"{made.made} of {count} motions made{there}: {made.seconds:.1f} s of motion by {by.model.model} in dataset "
         f"{dataset}{first}, in {made.wall_seconds:.1f} s; make them searchable: motionlake run all --lake {lake}"
     )
     tell(found, line, as_json=as_json)
-    if len(made.clips) < count:
-        raise typer.Exit(1)
-
-
-def inbetween(
-    lake: LakeOption,
-    poses: Annotated[str, argument("Clip file (such as BVH) or clip of the lake that holds the poses.")],
-    out: Annotated[Path, option("--out", "-o", help="BVH file to write.")],
-    keys: Annotated[
-        str,
-        option("--keys", help="Its frames that are keys: 0,24,60, all, or a CSV file of frame and seconds."),
-    ] = "all",
-    spacing: Annotated[
-        float | None, option("--spacing", help="Seconds from key to key (default: as far as their frames are apart).")
-    ] = None,
-    wanted: Annotated[
-        list[str] | None, option("--class", "-c", help="Move as this class does; again for others (default: any).")
-    ] = None,
-    fps: Annotated[float | None, option("--fps", help="Frames a second of the motion (default: 30).")] = None,
-    seed: Annotated[int, typer.Option(help="Another seed, other motion between the poses.")] = 0,
-    temperature: Annotated[float, typer.Option(help="Variety: 0 for the likeliest motion.")] = 0.0,
-    as_json: JsonOption = False,
-) -> None:
-    """Motion between your own poses: marked frames of a file become a dense BVH.
-
-    It passes through them, and in between moves as the lake's generator does (motionlake run synth gets one). The BVH
-    has the canonical skeleton with the body's own bones; nothing is added to the lake.
-
-    Example: motionlake inbetween blocking.bvh --keys 0,24,60 --class walk --out dense.bvh --lake mylake
-
-    A file whose every frame is a pose, half a second apart: motionlake inbetween poses.bvh --keys all --spacing 0.5
-    --out dense.bvh --lake mylake
-
-    Keys and times from a table: motionlake inbetween blocking.bvh --keys keys.csv --out dense.bvh --lake mylake
-    """
-    from motionlake.formats.write.bvh import write_bvh
-    from motionlake.motion.canonicalise import to_source_clip
-    from motionlake.stages.synthesis_inbetween import inbetween as fill_in
-
-    target = open_lake(lake)
-    check_folder_of(out)
-    if out.suffix.lower() != ".bvh":
-        raise UserError(f"--out {out}: its name must end in .bvh")
-    with reading(target) as con:
-        made = fill_in(
-            con, target, _source(con, poses), keys, tuple(wanted or ()), spacing=spacing, fps=fps, seed=seed,
-            temperature=temperature,
-        )  # fmt: skip
-    write_bvh(to_source_clip(made.motion), out)
-    frames = len(made.motion.positions)
-    row = {"file": str(out), "frames": frames, "fps": made.motion.fps, "keys": made.frames, "model": made.model}
-    line = f"{out}: {frames} frames, {frames / made.motion.fps:.2f} s, through {len(made.frames)} poses by {made.model}"
-    tell(row, line, as_json=as_json)
-
-
-def _shown_poses(
-    con: Connection, lake: Lake, request: Request, keyframes: Sequence[str], edit: str | None,
-    edges: tuple[str | None, str | None],
-) -> Request:  # fmt: skip
-    """The request, with the poses of keyframes, or of the clip that is edited."""
-    from motionlake.stages.synthesis_edits import with_edit
-    from motionlake.stages.synthesis_keys import marked, with_keyframes
-
-    if edit is None:
-        frames = [marked(text) for text in keyframes]
-        sources = {name: _source(con, name) for name in dict.fromkeys(str(frame.source) for frame in frames)}
-        return with_keyframes(
-            con, lake, request, [replace(frame, source=sources[str(frame.source)]) for frame in frames]
-        )
-    if keyframes:
-        raise UserError("a range of a clip is made anew (--edit), or motion through --keyframes: leave one out")
-    places = [None if edge is None else _place(edge) for edge in edges]
-    numbers = [None if place is None else place.value for place in places]
-    first, stop = (place is not None and place.in_seconds for place in places)
-    return with_edit(con, lake, request, _source(con, edit), numbers[0], numbers[1], (first, stop))
-
-
-def _place(text: str) -> FrameOrSeconds:
-    try:
-        return frame_or_seconds(text)
-    except typer.BadParameter as error:
-        raise UserError(str(error)) from error
-
-
-def _source(con: Connection, name: str) -> str | Path:
-    """The clip of the lake, or the clip file, that a name means."""
-    found = named_source(con, name)
-    return found.absolute() if isinstance(found, Path) else found
-
-
-def _start(lake: Lake, name: str) -> tuple[str, bool]:
-    """The clip of the lake, or the clip file, that a name means, and whether it is a file."""
-    with reading(lake) as con:
-        found = _source(con, name)
-    return str(found), isinstance(found, Path)
 
 
 def _list_classes(lake: Lake, as_json: bool) -> None:
-    from motionlake.stages.synthesis import class_names, served_generator
+    from motionlake.stages.generator_model import recipe_of
+    from motionlake.stages.synthesis import makers, served_generator
 
     with reading(lake) as con:
-        model = served_generator(con, lake, served_config(lake))
-    names = class_names(model)
-    tell({"model": model.model, "classes": names}, [{"class": name} for name in names], as_json=as_json)
-
-
-def _make_folder(folder: Path) -> None:
-    """Make the folder; raises `UserError` where nothing can be written to it."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise UserError(f"--bvh {folder}: is no folder and cannot be made one ({error.strerror})") from error
-    if not os.access(folder, os.W_OK | os.X_OK):
-        raise UserError(f"--bvh {folder}: cannot be written to")
-
-
-def _write_bvh(job: Session, clips: Sequence[str], folder: Path) -> int:
-    """Write every clip on the canonical skeleton; returns how many files that are."""
-    from motionlake.formats.write.bvh import write_bvh
-    from motionlake.lake.raw import own_rig
-
-    job.progress("bvh", 0, len(clips))
-    with reading(job.lake) as con:
-        dataset = clips[0].partition("/")[0] if clips else ""
-        own = [row["clip"] for row in fetch(con, "clip_names") if row["clip"].startswith(f"{dataset}/")]
-        names = told_apart(own, lambda name: file_name(name.partition("/")[2]))
-        for done, clip in enumerate(clips, start=1):
-            write_bvh(own_rig(con, job.lake, clip), folder / f"{names[clip]}.bvh")
-            job.progress("bvh", done, len(clips))
-    return len(clips)
+        config = served_config(lake)
+        model, by = served_generator(con, lake, config), makers(con, lake, config)
+    rows = [{"class": name, "recipe": recipe_of(one), "model": one.model} for name, one in by.items()]
+    tell({"model": model.model, "classes": list(by), "by": rows} if as_json else rows, as_json=as_json)

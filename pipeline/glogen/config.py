@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Final, Literal
 
 from motionlake.weights import Pretrained
 
+AUTO: Final = "auto"
 MATCHING: Final = "matching"
-RECIPES: Final = ("default", "glogen", MATCHING)
+NETWORKS: Final = "networks"
+RECIPES: Final = (AUTO, MATCHING, NETWORKS, "glogen")
+EARLIER: Final = {"default": NETWORKS}  # names that recipes had
+_TRAINED: Final = {**EARLIER, AUTO: NETWORKS}  # by which networks are trained
 WEIGHTS: Final = ("auto", "pretrained", "own")
 
 
@@ -19,23 +23,26 @@ class SynthesisConfig:
     """Which generator makes new motion.
 
     Attributes:
-        recipe: "default", or "glogen", the thesis's (sections 4.2 and 4.3): networks; "matching": motion matching,
-            which plays recorded frames and trains nothing.
+        recipe: "matching": motion matching, which plays recorded frames and trains nothing; "networks", or "glogen",
+            the thesis's (sections 4.2 and 4.3); "auto": motion matching of classes that recordings of the lake are
+            labelled with, networks of others.
         seed: of training.
-        epochs: of training; 0 takes the recipe's.
-        weights: what a lake without a generator starts with: "own" trains one on clips of known class, "pretrained"
-            takes the pretrained one where it fits this configuration, "auto" does so where no clip's class is known.
+        epochs: of training of networks; 0 takes the recipe's.
+        weights: what a lake without a generator starts with: "own" makes one of clips of known class, "pretrained"
+            takes the pretrained networks where they fit this configuration, "auto" does so where no clip's class is
+            known.
 
     Raises:
         ValueError: an unknown name, or a value out of range.
     """
 
-    recipe: str = "default"
+    recipe: str = AUTO
     seed: int = 0
     epochs: int = 0
     weights: str = "auto"
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "recipe", EARLIER.get(self.recipe, self.recipe))
         if self.recipe not in RECIPES:
             raise ValueError(f"recipe is {self.recipe!r}, not one of {', '.join(RECIPES)}")
         if self.weights not in WEIGHTS:
@@ -43,9 +50,25 @@ class SynthesisConfig:
         if self.epochs < 0:
             raise ValueError(f"epochs = {self.epochs}: cannot be negative")
 
+    def resolved(self, labelled: bool) -> SynthesisConfig:
+        """The same with the recipe that "auto" stands for in a lake with labelled recordings, or without any."""
+        if self.recipe != AUTO:
+            return self
+        return replace(self, recipe=MATCHING if labelled and self.weights != "pretrained" else NETWORKS)
+
+    def networks(self) -> SynthesisConfig:
+        """The same for networks."""
+        return replace(self, recipe=NETWORKS)
+
+    def kept(self) -> dict[str, Any]:
+        """As lakes and files keep it: networks by the name that they had first."""
+        names = {now: then for then, now in EARLIER.items()}
+        return asdict(self) | {"recipe": names.get(self.recipe, self.recipe)}
+
 
 def _same_generator(about: Mapping[str, Any], config: SynthesisConfig) -> bool:
-    return config.weights != "own" and not config.epochs and about["recipe"] == config.recipe
+    recipe = EARLIER.get(about["recipe"], about["recipe"])
+    return config.weights != "own" and not config.epochs and config.recipe in (AUTO, recipe)
 
 
 PRETRAINED_GENERATOR: Final = Pretrained(Path(__file__).parent / "weights" / "generator.safetensors", _same_generator)
@@ -152,22 +175,24 @@ _THESIS: Final[dict[str, Any]] = {
     "learning_rate": 0.1, "weight_decay": 0.0, "batch": 64, "steps": 0,
 }  # fmt: skip
 _GLOGEN: Final = {
-    "default": GloGenRecipe(),
+    NETWORKS: GloGenRecipe(),
     "glogen": GloGenRecipe(
         **_THESIS, architecture="blocks", layers=1, cell="LSTM", latent=0, divergence=0.0, again=0, going_steps=0
     ),
 }
 _LOCGEN: Final = {
-    "default": LocGenRecipe(),
+    NETWORKS: LocGenRecipe(),
     "glogen": LocGenRecipe(**_THESIS, architecture="between", between=5, epochs=10),
 }
 
 
 def glogen_recipe(name: str, epochs: int = 0) -> GloGenRecipe:
     """The recipe of a name; `epochs` other than 0 replaces its own."""
-    return replace(_GLOGEN[name], epochs=epochs, steps=0, going_steps=0) if epochs else _GLOGEN[name]
+    found = _GLOGEN[_TRAINED.get(name, name)]
+    return replace(found, epochs=epochs, steps=0, going_steps=0) if epochs else found
 
 
 def locgen_recipe(name: str, epochs: int = 0) -> LocGenRecipe:
     """As `glogen_recipe`."""
-    return replace(_LOCGEN[name], epochs=epochs, steps=0) if epochs else _LOCGEN[name]
+    found = _LOCGEN[_TRAINED.get(name, name)]
+    return replace(found, epochs=epochs, steps=0) if epochs else found

@@ -48,6 +48,12 @@ def model_of(row: Mapping[str, Any]) -> Model:
     return Model(row["model"], row["kind"], row["key"], row["file"], json.loads(row["metrics"]))
 
 
+def keyed_model(con: Connection, kind: str, key: str) -> Model | None:
+    """The newest version of a kind, current or not, that has a key."""
+    rows = fetch(con, "keyed_model", {"kind": kind, "key": key})
+    return model_of(rows[0]) if rows else None
+
+
 def fitting_model(con: Connection, kind: str, key: str) -> Model | None:
     """The current version if it has the key that a configuration asks for."""
     model = current_model(con, kind)

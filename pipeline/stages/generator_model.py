@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING, Any, Final, TypeVar, cast
 import numpy as np
 from motionlake.arrays import Progress
 from motionlake.errors import UserError
-from motionlake.glogen.config import MATCHING, PRETRAINED_GENERATOR, SynthesisConfig
+from motionlake.glogen.config import MATCHING, NETWORKS, PRETRAINED_GENERATOR, SynthesisConfig
 from motionlake.lake.catalog import Connection, fetch
-from motionlake.lake.config import LakeConfig
+from motionlake.lake.config import LakeConfig, config_hash
 from motionlake.lake.layout import Lake
+from motionlake.lake.models import Model
 from motionlake.motion.generation import FPS, SHORTEST
 from motionlake.stages.frames import clips_key
 from motionlake.stages.model_kind import CHOSEN, ModelKind, Selection
@@ -71,7 +72,9 @@ def motion_set(
     if not long:
         raise UserError(f"{lake.root}: the {len(rows)} motions of known class are too short to train on")
     drawn = drawn_clips(long, [row["stop"] - row["start"] for row in long], config.seed, MOST_FRAMES)
+    recipe = config.resolved(labelled=True).recipe
     metrics = {
+        "recipe": recipe,
         "split": split,
         "dataset": dataset,
         **({} if min_quality is None else {"min_quality": min_quality}),
@@ -81,7 +84,7 @@ def motion_set(
         "motions_there": len(rows),
         "data_sha256": clips_key([(_name(row), row["content_hash"]) for row in drawn]),
     }
-    return MotionSet(_matching_clips(lake, drawn) if config.recipe == MATCHING else _motions(lake, drawn), metrics)
+    return MotionSet(_matching_clips(lake, drawn) if recipe == MATCHING else _motions(lake, drawn), metrics)
 
 
 def _refuse_unlabelled(con: Connection, lake: Lake, split: str | None, dataset: str | None) -> None:
@@ -136,6 +139,17 @@ def classed_motions(con: Connection, split: str | None = None, label: str | None
     return fetch(con, "classed_motions", {"dataset": None, "split": split, "label": label})
 
 
+def labelled_counts(con: Connection) -> dict[str, int]:
+    """How many recorded clips and ranges, long enough to start from and to learn from, are of each class."""
+    rows = fetch(con, "labelled_counts", {"fps": FPS, "shortest": SHORTEST})
+    return {row["label"]: row["motions"] for row in rows}
+
+
+def recipe_of(model: Model) -> str:
+    """The recipe that a generator was made by; models that do not say so are of earlier versions."""
+    return str(model.metrics.get("recipe") or (MATCHING if "speeds" in model.metrics else NETWORKS))
+
+
 def long_enough(row: Mapping[str, Any]) -> bool:
     """Whether frames [start, stop) of a clip are enough to start from, and to learn from."""
     return bool(round((row["stop"] - row["start"] - 1) / row["fps"] * FPS) + 1 >= SHORTEST)
@@ -153,8 +167,8 @@ class GeneratorModel(ModelKind[MotionSet]):
     help = """Train the generator that config.toml names; `motionlake synthesize` then makes motion with it.
 
     It learns from clips with a label, and from the labelled ranges of those without. [synthesis] in config.toml says by
-    which recipe and from which seed: "default" and "glogen" train networks, "matching" plays recorded frames and takes
-    seconds. Interrupted, the same command goes on where it stopped.
+    which recipe and from which seed: "auto" and "matching" play recorded frames, which takes seconds; "networks" and
+    "glogen" train networks, which takes minutes. Interrupted, the same command goes on where it stopped.
 
     Example: motionlake train synthesis --split train --lake mylake
     """
@@ -166,17 +180,28 @@ class GeneratorModel(ModelKind[MotionSet]):
     pretrained = PRETRAINED_GENERATOR
     kept = ("clips", "class_names", "datasets", "licences", "filled", "split", "dataset")
 
+    def key(self, at: LakeReader) -> str:
+        return self.keyed(at.config.synthesis.resolved(bool(self._counts(at))))
+
+    def keyed(self, config: SynthesisConfig) -> str:
+        """The key of a generator of a recipe."""
+        return config_hash(self.name, self.version, config.kept())
+
+    def _counts(self, at: LakeReader) -> dict[str, int]:
+        return at.once("labelled", self.name, lambda: labelled_counts(at.con))
+
     def takes_pretrained(self, at: LakeReader) -> bool:
         if not self.fits(at.config):
             return False
-        return at.config.synthesis.weights == "pretrained" or not classed_motions(at.con)
+        return at.config.synthesis.weights == "pretrained" or not self._counts(at)
 
     def announce(self, at: LakeReader) -> str:
-        config, motions = at.config.synthesis, classed_motions(at.con)
+        counts = self._counts(at)
+        config = at.config.synthesis.resolved(bool(counts))
         other = '; to take the pretrained one: [synthesis] weights = "pretrained" in config.toml'
-        why = f", since the lake has {len(motions)} labelled clips or ranges" + other * self._could_take(config)
-        takes = self._takes(config, len({row["label"] for row in motions}))
-        return f"will train a generator of motion ({config.recipe}){takes}{why if motions else ''}"
+        why = f", since the lake has {sum(counts.values())} labelled clips or ranges" + other * self._could_take(config)
+        takes = self._takes(config, len(counts))
+        return f"will train a generator of motion ({config.recipe}){takes}{why if counts else ''}"
 
     def _takes(self, config: SynthesisConfig, classes: int) -> str:
         """How long training takes, about."""
@@ -195,12 +220,15 @@ class GeneratorModel(ModelKind[MotionSet]):
     def fit(
         self, lake: Lake, config: LakeConfig, data: MotionSet, checkpoint: Path, progress: Progress
     ) -> TrainedGenerator | MatchingGenerator:
-        if config.synthesis.recipe == MATCHING:
+        if data.metrics["recipe"] == MATCHING:
             return self._matching(config.synthesis, cast("list[MatchingClip]", data.motions), data.metrics)
         from motionlake.glogen.generator_training import train_generator
 
         trained = train_generator(
-            cast("list[TrainingMotion]", data.motions), config.synthesis, checkpoint=checkpoint, progress=progress
+            cast("list[TrainingMotion]", data.motions),
+            config.synthesis.resolved(labelled=True),
+            checkpoint=checkpoint,
+            progress=progress,
         )
         return replace(trained, metrics={**data.metrics, **trained.metrics, "class_names": sorted(trained.classes)})
 

@@ -9,7 +9,8 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Final
 
 from motionlake.errors import UserError
-from motionlake.glogen.config import MATCHING
+from motionlake.glogen.config import AUTO, MATCHING
+from motionlake.stages.generator_model import recipe_of
 from motionlake.stages.synthesis import check_classes
 from motionlake.stages.synthesis_options import path_of
 
@@ -139,11 +140,17 @@ def check_request(request: Request) -> None:
         raise UserError("a motion starts from one clip (--from) or from those of a split (--split): leave one out")
 
 
-def check_recipe(request: Request, recipe: str) -> None:
-    """Raises `UserError` where a recipe cannot do what a request says of time and way."""
+def check_recipe(request: Request, recipe: str, asked: str) -> None:
+    """Raises `UserError` where a generator's recipe cannot do what a request says of time and way.
+
+    Args:
+        request: as it was asked.
+        recipe: of the generator.
+        asked: that config.toml says.
+    """
     if recipe == MATCHING:
         return
-    asked = {
+    wanted = {
         "follows no path": request.path is not None, "keeps no speed": request.speed is not None,
         "keeps facing nothing": request.facing is not None, "makes no loops": request.loop,
         "does not go on from the end of a clip": request.from_end,
@@ -151,22 +158,23 @@ def check_recipe(request: Request, recipe: str) -> None:
         "makes no range of a clip anew": request.edited is not None,
         "takes no style from a clip": request.style is not None,
     }  # fmt: skip
-    cannot = next((said for said, wanted in asked.items() if wanted), None)
-    if cannot is not None:
-        raise UserError(
-            f'recipe "{recipe}" {cannot}; "{MATCHING}" can: set [synthesis] recipe = "{MATCHING}" in config.toml, then '
-            "`motionlake run synth`"
-        )
+    cannot = next((said for said, given in wanted.items() if given), None)
+    if cannot is None:
+        return
+    how = f"label recordings of {', '.join(dict.fromkeys(request.classes))} in labels.csv (ranges in segments.csv), `motionlake ingest`"
+    if asked != AUTO:
+        how = f'set [synthesis] recipe = "{AUTO}" in config.toml'
+    raise UserError(f'recipe "{recipe}" {cannot}; "{MATCHING}" can: {how}, then `motionlake run synth`')
 
 
-def settled(request: Request, model: Model, recipe: str) -> Request:
+def settled(request: Request, model: Model, asked: str = AUTO) -> Request:
     """The request with its seconds and its speed.
 
     Args:
         request: as it was asked.
         model: the generator; its metric `speeds` has of each class the slowest, the usual and the fastest, metres a
             second.
-        recipe: of it.
+        asked: the recipe that config.toml says.
 
     Raises:
         UserError: no motion can have its numbers; the recipe or a class cannot do what it says, or this does not fit
@@ -174,7 +182,7 @@ def settled(request: Request, model: Model, recipe: str) -> Request:
     """
     check_request(request)
     check_classes(model, request.classes)
-    check_recipe(request, recipe)
+    check_recipe(request, recipe_of(model), asked)
     _check_together(request)
     speeds = model.metrics.get("speeds", {})
     if request.keyframes:
@@ -287,6 +295,16 @@ def controls(request: Request) -> dict[str, Any]:
 def added(request: Request) -> dict[str, Any]:
     """What a request asks for beside classes, length, seed, pace and temperature."""
     return {name: value for name, value in asdict(request).items() if name in ADDED and value != ADDED[name]}
+
+
+def marked(request: Request) -> dict[str, Any]:
+    """What tells a request from others of the same classes and seed: what is added, and what it starts from.
+
+    Keyframes, and a range of a clip, name what they start from themselves.
+    """
+    own = () if request.keyframes else DRAWN
+    drawn = {name: value for name in own if (value := getattr(request, name)) not in (None, False)}
+    return added(request) | drawn
 
 
 def shaping(request: Request) -> dict[str, Any]:

@@ -14,7 +14,7 @@ from motionlake.lake.catalog import Connection
 from motionlake.lake.layout import Lake
 from motionlake.lake.settings import served_config
 from motionlake.motion.generation import FPS
-from motionlake.stages.synthesis import class_names, open_generator, served_generator
+from motionlake.stages.synthesis import chosen_generator, class_names, open_generator
 from motionlake.stages.synthesis_control import Request, settled
 from motionlake.stages.synthesis_keys import Marked, read_source, with_keyframes
 from motionlake.stages.synthesis_requests import canonical_motion, find_starts, make, motions_of
@@ -62,7 +62,7 @@ def inbetween(
     if spacing is not None and not 0 < spacing < math.inf:
         raise UserError(f"spacing {spacing:g}: must be more than 0 seconds")
     marked = _marked(con, lake, source, keys, spacing)
-    model = served_generator(con, lake, config := served_config(lake))
+    model = chosen_generator(con, lake, config := served_config(lake), classes).model
     asked = Request(classes or tuple(class_names(model)), None, seed, temperature=temperature)
     request = settled(with_keyframes(con, lake, asked, marked, rate), model, config.synthesis.recipe)
     starts = find_starts(con, lake, model, request)

@@ -20,8 +20,8 @@ from motionlake.stages.clip_parts import BODY_ROWS, CLIP_ROWS, ClipParts, ClipSt
 from motionlake.stages.reader import LakeReader
 from motionlake.stages.sources import check_apart
 from motionlake.stages.stage import Shard
-from motionlake.stages.synthesis import open_generator, served_generator
-from motionlake.stages.synthesis_control import Keyframe, Request, StyleClip, added, controls, settled, shaping
+from motionlake.stages.synthesis import Chosen, chosen_generator, generator_hash, open_generator
+from motionlake.stages.synthesis_control import Keyframe, Request, StyleClip, controls, marked, settled, shaping
 from motionlake.stages.synthesis_diversity import diverse
 from motionlake.stages.synthesis_requests import (
     Motion,
@@ -121,7 +121,7 @@ class Plan:
     """What a request comes to.
 
     Attributes:
-        model: the generator.
+        generator: by which recipe, and why this one.
         clips: of the request, in the order of their numbers.
         shards: that make those which are not there yet.
         there: how many are.
@@ -129,7 +129,7 @@ class Plan:
         floor: how far recorded clips are from one another, body lengths; None where it was not asked.
     """
 
-    model: Model
+    generator: Chosen
     clips: list[str]
     shards: list[Shard]
     there: int
@@ -147,7 +147,8 @@ def planned(at: LakeReader, request: Request, dataset: str, count: int) -> Plan:
         UserError: there is no generator, it does not know a class, a number is no good, there is nothing to start from,
             or the dataset holds recorded clips.
     """
-    model = served_generator(at.con, at.lake, at.config)
+    chosen = chosen_generator(at.con, at.lake, at.config, request.classes)
+    model = chosen.model
     if fetch(at.con, "recorded_dataset", {"dataset": dataset}):
         raise UserError(f"{dataset}: holds recorded clips; give synthetic ones a dataset of their own (--dataset NAME)")
     check_apart(at.con, [dataset])
@@ -158,7 +159,7 @@ def planned(at: LakeReader, request: Request, dataset: str, count: int) -> Plan:
         found = diverse(at.con, at.lake, open_generator(at.lake, model), request, starts, count)
         motions, alike, floor = found.motions, found.alike, found.floor
     names = {m.number: f"{dataset}/{clip_path(request, m.number)}" for m in motions}
-    made_by = [SYNTHESIZE.name, SYNTHESIZE.version, model.model, at.file_hash(model.file), at.config.frames]
+    made_by = [SYNTHESIZE.name, SYNTHESIZE.version, model.model, generator_hash(at, model), at.config.frames]
     keys = {m.number: config_hash(*made_by, _identity(request, m)) for m in motions}
     there = {r["clip"]: r["key"] for r in fetch(at.con, "synthetic_keys", {"dataset": dataset})}
     lacking = [m for m in motions if there.get(names[m.number]) != keys[m.number]]
@@ -168,14 +169,14 @@ def planned(at: LakeReader, request: Request, dataset: str, count: int) -> Plan:
     shards = []
     for _, group in groupby(lacking, lambda m: (m.number - 1) // together):
         block = list(group)
-        chosen = list({m.start: None for m in block})
+        own = list({m.start: None for m in block})
         spec = {
             "generator": asdict(model),
-            "config": canonical_json(asdict(at.config.synthesis) | asked),
+            "config": canonical_json(asdict(at.config.synthesis) | {"recipe": chosen.recipe} | asked),
             "frames": asdict(at.config.frames),
             "request": asdict(request),
-            "starts": [asdict(start) for start in chosen],
-            "motions": [_motion(m, chosen.index(m.start), keys[m.number]) for m in block],
+            "starts": [asdict(start) for start in own],
+            "motions": [_motion(m, own.index(m.start), keys[m.number]) for m in block],
         }
         key = config_hash(SYNTHESIZE.name, dataset, [keys[m.number] for m in block])
         shards.append(Shard(SYNTHESIZE.name, key, key[:16], dataset, spec, len(block)))
@@ -184,7 +185,7 @@ def planned(at: LakeReader, request: Request, dataset: str, count: int) -> Plan:
         short = replace(request, seconds=min(request.lasts, TRIAL))
         make(open_generator(at.lake, model), at.lake, short, motions[:1])
     near = [names[number] for number in alike]
-    return Plan(model, list(names.values()), shards, len(motions) - len(lacking), near, floor)
+    return Plan(chosen, list(names.values()), shards, len(motions) - len(lacking), near, floor)
 
 
 def _motion(motion: Motion, start: int, key: str) -> dict[str, Any]:
@@ -204,7 +205,7 @@ def source_rows(at: LakeReader, request: Request, dataset: str, count: int) -> l
     Raises:
         UserError: as `planned`.
     """
-    model = served_generator(at.con, at.lake, at.config)
+    model = chosen_generator(at.con, at.lake, at.config, request.classes).model
     request = settled(request, model, at.config.synthesis.recipe)
     starts, generator, rows = find_starts(at.con, at.lake, model, request), open_generator(at.lake, model), []
     motions = motions_of(request, starts, range(1, count + 1))
@@ -218,12 +219,13 @@ def source_rows(at: LakeReader, request: Request, dataset: str, count: int) -> l
 
 
 def clip_path(request: Request, number: int) -> str:
-    """Name of a motion within its dataset: what is asked for beside classes tells motions of one seed apart."""
+    """Name of a motion within its dataset: what is asked for beside classes, and what it may start from, tell motions of
+    one seed apart."""
     said = "+".join(request.classes)
     classes = file_name(said.replace("#", "-"))
     if classes != said or any("+" in name for name in request.classes):  # others may be spelled so too
         classes += f"-{config_hash(request.classes)[:8]}"
-    if more := added(request):
+    if more := marked(request):
         classes += f"-{config_hash(more)[:8]}"
     return f"{classes}-s{request.seed}-{number:04d}"
 

@@ -8,6 +8,10 @@ FROM (SELECT coalesce(max(version), 0) + 1 AS v FROM models WHERE kind = $kind);
 -- name: current_model
 SELECT model, kind, version, key, config, metrics, file FROM models WHERE kind = $kind AND "current";
 
+-- name: keyed_model
+SELECT model, kind, version, key, config, metrics, file FROM models WHERE kind = $kind AND key = $key
+ORDER BY version DESC LIMIT 1;
+
 -- name: model_file
 SELECT file FROM models WHERE model = $model;
 

@@ -11,6 +11,19 @@ WHERE format <> 'synthetic' AND ($dataset::VARCHAR IS NULL OR dataset = $dataset
     AND ($split::VARCHAR IS NULL OR split = $split) AND ($label::VARCHAR IS NULL OR label = $label)
 ORDER BY clip, start, stop, label;
 
+-- name: labelled_counts
+-- Of every class, how many recorded clips, and labelled ranges of clips without a label, are of it and long enough: so
+-- many frames at so many a second.
+SELECT label, count(*)::BIGINT AS motions
+FROM (
+    SELECT label, fps, format, frames AS length FROM clips WHERE label IS NOT NULL
+    UNION ALL BY NAME
+    SELECT s.label, c.fps, c.format, s.stop - s.start AS length
+    FROM clips c JOIN segments s USING (clip) WHERE c.label IS NULL
+)
+WHERE format <> 'synthetic' AND round_even((length - 1) / fps * $fps, 0) + 1 >= $shortest
+GROUP BY label ORDER BY label;
+
 -- name: recorded_motions
 -- Recorded clips of any class or none, whole; of a split where one is given.
 SELECT clip, part, dataset, fps, frames, 0::BIGINT AS start, frames AS stop, content_hash, licence, rest_offsets

@@ -15,7 +15,6 @@ from motionlake.lake.settings import served_config
 from motionlake.retrieval.sql_functions import Names, Served, sql_function
 
 if TYPE_CHECKING:
-    from motionlake.lake.models import Model
     from motionlake.motion.generation import GeneratedMotion, MotionGenerator
     from motionlake.stages.synthesis_control import Request
 
@@ -29,12 +28,12 @@ FRAME = {
 } | dict.fromkeys(CHANNELS, pa.float32())
 
 
-def _generator(lake: Lake) -> tuple[Model, MotionGenerator]:
-    from motionlake.stages.synthesis import open_generator, served_generator
+def _opened(lake: Lake, name: str) -> MotionGenerator:
+    from motionlake.stages.synthesis import generators, open_generator
 
     with reading(lake) as con:
-        model = served_generator(con, lake, served_config(lake))
-    return model, open_generator(lake, model)
+        model = next(one for one in generators(con, lake, served_config(lake)) if one.model == name)
+    return open_generator(lake, model)
 
 
 @sql_function(FRAME)
@@ -70,13 +69,13 @@ def synthesize(
     `classes` may be [] then; `edit`: a clip of which frames [`first`, `last`) are made anew and the others kept;
     `style`: a clip; recorded frames that look like its frames are preferred.
     """
+    from motionlake.stages.synthesis import chosen_generator
     from motionlake.stages.synthesis_control import Request, settled
     from motionlake.stages.synthesis_edits import with_edit
     from motionlake.stages.synthesis_keys import marked, style_of, with_keyframes
     from motionlake.stages.synthesis_options import begun, path_text, timed_classes
     from motionlake.stages.synthesis_requests import find_starts, make, motions_of
 
-    model, generator = served.once(_generator)
     named = begun(start, continues)
     clip = None if named is None else str(served.query(named).source)
     names, shares = timed_classes(classes)
@@ -94,11 +93,13 @@ def synthesize(
             frames = [marked(text) for text in keyframes]
             named_by = [replace(frame, source=served.query(str(frame.source)).source) for frame in frames]
             asked = with_keyframes(con, served.lake, asked, named_by)
-        request = settled(asked, model, served_config(served.lake).synthesis.recipe)
+        config = served_config(served.lake)
+        model = chosen_generator(con, served.lake, config, asked.classes).model
+        request = settled(asked, model, config.synthesis.recipe)
         starts = find_starts(con, served.lake, model, request)
     motions = motions_of(request, starts, [1])
-    (made,) = make(generator, served.lake, request, motions)
-    return _rows(served_config(served.lake), request, made, motions[0].start.clip)
+    (made,) = make(served.once(_opened, model.model), served.lake, request, motions)
+    return _rows(config, request, made, motions[0].start.clip)
 
 
 def _rows(config: LakeConfig, request: Request, made: GeneratedMotion, seed_clip: str) -> pa.StructArray:
