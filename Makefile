@@ -12,11 +12,13 @@ STAGES := frames words embed motifs signatures mirrored postures symbols moves d
 # What `make demo` takes in: by default the DeepMimic motions, fetched first.
 DATA ?= demo/deepmimic
 DEMO_LAKE = demo/$(notdir $(abspath $(DATA)))-lake
-# New motion of the pretrained generator, in a lake that has no labels to train one on.
+# New motion: a walk, a run, a dance, and a walk that becomes a run and a walk again, of the labelled clips.
+MADE = $(BIN)/motionlake synthesize --seed 1 --lake "$(DEMO_LAKE)" --class
 DEMO_SYNTHESIS = $(if $(filter demo/deepmimic,$(DATA)),$(BIN)/motionlake run synth --lake "$(DEMO_LAKE)" && \
-	$(BIN)/motionlake synthesize --class walk --class salsa --from humanoid3d_walk --lake "$(DEMO_LAKE)" && \
+	$(MADE) walk && $(MADE) run && $(MADE) dance && $(MADE) walk --class run --class walk --seconds 9 && \
 	$(BIN)/motionlake run descriptors --lake "$(DEMO_LAKE)" && \
-	$(BIN)/motionlake view synthetic/walk+salsa-s0-0001 --out demo/made.html --lake "$(DEMO_LAKE)")
+	$(BIN)/motionlake view synthetic/walk+run+walk-s1-0001 --beside synthetic/walk-s1-0001 --beside synthetic/run-s1-0001 \
+		--beside synthetic/dance-s1-0001 --out demo/made.html --lake "$(DEMO_LAKE)")
 DEMO_QUERIES = $(if $(filter demo/deepmimic,$(DATA)),humanoid3d_walk humanoid3d_kick humanoid3d_dance_a,--sample 3)
 
 .DEFAULT_GOAL := help
@@ -35,7 +37,7 @@ setup: .venv/.ready ## Make .venv with the pinned packages
 	$(BIN)/python $(PIP) install --no-deps --no-build-isolation --editable .
 	touch $@
 
-demo: setup $(if $(filter demo/deepmimic,$(DATA)),demo/deepmimic/.ready) ## Real clips through every stage to answered queries (DATA=folder: your own)
+demo: setup $(if $(filter demo/deepmimic,$(DATA)),demo/deepmimic/labels.csv) ## Real clips through every stage to answered queries (DATA=folder: your own)
 	$(BIN)/motionlake ingest "$(DATA)" --lake "$(DEMO_LAKE)" || test $$? = 1
 	$(BIN)/motionlake run all --lake "$(DEMO_LAKE)" || test $$? = 1
 	$(BIN)/motionlake status --lake "$(DEMO_LAKE)"
@@ -43,6 +45,10 @@ demo: setup $(if $(filter demo/deepmimic,$(DATA)),demo/deepmimic/.ready) ## Real
 	$(BIN)/motionlake sql "SELECT clip, rig, frames, round(seconds, 1) AS seconds FROM clips ORDER BY frames DESC LIMIT 5" \
 		--lake "$(DEMO_LAKE)"
 	$(DEMO_SYNTHESIS)
+
+# What the motions show; none of them says so itself.
+demo/deepmimic/labels.csv: examples/deepmimic-labels.csv demo/deepmimic/.ready
+	cp $< $@
 
 demo/deepmimic/.ready: | setup
 	rm -rf demo/wheel demo/deepmimic && mkdir -p demo/wheel

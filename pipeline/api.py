@@ -428,12 +428,14 @@ class Lake:
                 that no motion can have, or a path that the recipe cannot follow or that leaves no time.
         """
         from motionlake.lake.settings import served_config
-        from motionlake.stages.synthesis import chosen_generator, open_generator
-        from motionlake.stages.synthesis_control import Request, settled
+        from motionlake.stages.synthesis import open_generator
+        from motionlake.stages.synthesis_control import Request
         from motionlake.stages.synthesis_edits import with_edit
         from motionlake.stages.synthesis_keys import marked, style_of, with_keyframes
         from motionlake.stages.synthesis_options import begun, path_text, timed_classes
-        from motionlake.stages.synthesis_requests import canonical_motion, find_starts, make, motions_of
+        from motionlake.stages.synthesis_requests import canonical_motion, make, motions_of
+        from motionlake.stages.synthesis_settling import settle
+        from motionlake.stages.synthesis_starts import find_starts
 
         names, shares = timed_classes((classes,) if isinstance(classes, str) else tuple(classes))
         named: Clip | None = begun(start, continues)
@@ -454,8 +456,8 @@ class Lake:
             frames = [replace(frame, source=self._query(str(frame.source))) for frame in frames]
             asked = with_keyframes(self._con.own, self._lake, asked, frames)
         config = served_config(self._lake)
-        model = chosen_generator(self._con.own, self._lake, config, asked.classes).model
-        request = settled(asked, model, config.synthesis.recipe)
+        chosen, request = settle(self._con.own, self._lake, config, asked)
+        model = chosen.model
         starts = find_starts(self._con.own, self._lake, model, request)
         generator = self._keep(("synthesize", model.model), lambda: open_generator(self._lake, model))
         return canonical_motion(make(generator, self._lake, request, motions_of(request, starts, [1]))[0])

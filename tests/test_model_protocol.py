@@ -27,7 +27,7 @@ SHORT: dict[str, Any] = {
     "network": NetworkConfig(architecture="conv", weights="own", steps=5, max_words=64),
     "descriptors": DescriptorsConfig(weights="own", epochs=3),
     "submotion": SubmotionConfig(weights="own", steps=5, batch=4, hidden=16),
-    "synthesis": SynthesisConfig(weights="own", epochs=3),
+    "synthesis": SynthesisConfig(recipe="networks", weights="own", epochs=3),
 }
 EVERY = 2
 TRAININGS = (

@@ -28,7 +28,7 @@ def bare(lake: Path) -> Path:
 def test_the_pretrained_generator_is_the_one_its_description_names() -> None:
     generator, about = load_generator(PRETRAINED_GENERATOR.file), PRETRAINED_GENERATOR.about()
     assert generator.classes == about["class_names"] == sorted(about["class_names"])
-    assert generator.config.recipe == about["recipe"] == "default"
+    assert generator.config.recipe == SynthesisConfig(recipe=about["recipe"]).recipe == "networks"
     assert generator.metrics["data_sha256"] == about["data_sha256"]
     assert set(about["sets"]) <= {"cmu_dance", "cmu_bvh", "cmu_exercises", "cmu_86"}
     assert set(about["filled"]) <= set(JOINTS)
@@ -61,6 +61,7 @@ def test_a_lake_without_labels_makes_motion_pretrained(bare: Path, scheduler: st
     assert motionlake("synthesize", "--classes", "--json", "--lake", bare).json == {
         "model": "synthesis-1",
         "classes": about["class_names"],
+        "by": [{"class": name, "recipe": "networks", "model": "synthesis-1"} for name in about["class_names"]],
     }
     run = motionlake("synthesize", "--class", "walk", "--seconds", "1", "--count", "3", "--json", *common)
     assert run.status == 0, run.err

@@ -7,6 +7,7 @@ import json
 import math
 import shutil
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,9 +17,10 @@ from motionlake.arrays import Float64Array
 from motionlake.errors import UserError
 from motionlake.lake.models import Model
 from motionlake.motion.skeleton import body_length
-from motionlake.stages.synthesis_control import Request, settled, shaping
+from motionlake.stages.synthesis_control import Request, shaping
 from motionlake.stages.synthesis_diversity import SHIFTS, distance, floor_of, poses
 from motionlake.stages.synthesis_options import facing_of, path_of, path_text, timed_classes
+from motionlake.stages.synthesis_settling import settled
 
 from tests.lakes import Changed, Run, query
 from tests.lakes import motionlake as command
@@ -34,7 +36,7 @@ MODEL = Model(
 
 
 def asked(*classes: str, seconds: float | None = None, **more: object) -> Request:
-    return settled(Request(classes or ("walk",), seconds, **more), MODEL, "matching")  # type: ignore[arg-type]
+    return settled(Request(classes or ("walk",), seconds, **more), MODEL)  # type: ignore[arg-type]
 
 
 def test_seconds_of_classes() -> None:
@@ -121,15 +123,19 @@ def test_seconds_and_speed_follow_from_one_another() -> None:
 def test_what_does_not_fit_together(wish: dict[str, object], said: str) -> None:
     whole = {"classes": ("walk",), "seconds": None} | wish
     with pytest.raises(UserError, match=said):
-        settled(Request(**whole), MODEL, "matching")  # type: ignore[arg-type]
+        settled(Request(**whole), MODEL)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(
     "wish", [{"path": "circle"}, {"speed": 1.0}, {"loop": True}, {"from_end": True}, {"shares": (1.0,)}]
 )
-def test_a_recipe_that_cannot_names_the_one_that_can(wish: dict[str, object]) -> None:
-    with pytest.raises(UserError, match=r'recipe "default" .*"matching" can'):
-        settled(Request(("walk",), None, **wish), MODEL, "default")  # type: ignore[arg-type]
+def test_networks_that_cannot_say_what_can(wish: dict[str, object]) -> None:
+    networks = replace(MODEL, metrics={"class_names": ["walk"], "recipe": "networks"})
+    request = Request(("walk",), None, **wish)  # type: ignore[arg-type]
+    with pytest.raises(UserError, match=r'recipe "networks" .*"matching" can: label recordings of walk in labels.csv'):
+        settled(request, networks)
+    with pytest.raises(UserError, match=r'"matching" can: set \[synthesis\] recipe = "auto" in config.toml'):
+        settled(request, networks, "networks")
 
 
 def test_what_is_not_asked_for_changes_no_key() -> None:
@@ -139,10 +145,8 @@ def test_what_is_not_asked_for_changes_no_key() -> None:
 
 @pytest.fixture(scope="module")
 def matching(tmp_path_factory: pytest.TempPathFactory, built_lake: Path) -> Path:
-    """The small lake with a generator that plays recorded frames."""
+    """The small lake, whose clips are labelled, with a generator that plays recorded frames."""
     lake = Path(shutil.copytree(built_lake, tmp_path_factory.mktemp("matching") / "lake"))
-    with (lake / "config.toml").open("a", encoding="utf-8") as handle:
-        handle.write('[synthesis]\nrecipe = "matching"\n')
     run = command("run", "synth", "--lake", lake)
     assert run.status == 0, run.err
     assert "(matching), which takes seconds" in run.err

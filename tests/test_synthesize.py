@@ -32,7 +32,7 @@ def trained(tmp_path_factory: pytest.TempPathFactory, built_lake: Path) -> Path:
     """The small lake with a generator that has seen its clips once."""
     lake = Path(shutil.copytree(built_lake, tmp_path_factory.mktemp("synthesis") / "lake"))
     with (lake / "config.toml").open("a", encoding="utf-8") as handle:
-        handle.write("[synthesis]\nepochs = 1\n")
+        handle.write('[synthesis]\nrecipe = "networks"\nepochs = 1\n')
     run = motionlake("train", "synthesis", "--json", "--lake", lake)
     assert run.status == 0, run.err
     return lake

@@ -139,6 +139,10 @@ class StartPoses(nn.Module):
         if reaches:
             self.reach.copy_(torch.stack(reaches).median().clamp(min=1e-6))
 
+    def distances(self, given: Tensor) -> Tensor:
+        """[B, C] of scaled given poses [B, 5, 65] from the nearest start poses of every class, in reaches."""
+        return torch.stack([_between(given, known).amin(dim=1) for known in self.poses], dim=1) / self.reach
+
     def forward(self, given: Tensor, targets: Tensor, anew: Tensor) -> Tensor:
         """[B, 5, 65] scaled given poses; foreign ones become the nearest start poses of the requested class.
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -30,6 +31,8 @@ MOST_FRAMES: Final = 200_000  # at 30 a second; of more, pieces are drawn
 APART: Final = 3  # frames: poses so near in time are joined and nobody sees it
 LEAST_SPEED: Final = 0.3  # body lengths a second: a class whose frames mostly go faster gets about
 QUANTILES: Final = (0.05, 0.5, 0.95)  # of the speeds of a class that metrics tell, metres a second
+# Of a class whose name says a side, the mirror image shows something else.
+SIDED: Final = re.compile(r"(?<![a-z])(left|right|((counter|anti)-?)?clockwise)(?![a-z])", re.IGNORECASE)
 _TENSORS: Final = ("rotations", "hips", "steps", "turns", "stands", "aloft", "features", "pieces", "fps")
 
 
@@ -90,10 +93,18 @@ class MotionDatabase:
 
     @cached_property
     def rows(self) -> list[Int64Array]:
-        """Of every class, its rows, mirrored ones too."""
+        """Of every class, its rows; mirrored ones too, unless its name says a side."""
         target = self.pieces[self.piece_of, 2]
         found = [np.flatnonzero(target == i) for i in range(len(self.classes))]
-        return [np.concatenate([own, own + len(self)]) for own in found]
+        return [
+            own if SIDED.search(name) else np.concatenate([own, own + len(self)])
+            for name, own in zip(self.classes, found, strict=True)
+        ]
+
+    def recorded(self, target: int) -> Int64Array:
+        """The rows of a class that are not mirrored."""
+        own = self.rows[target]
+        return own[own < len(self)]
 
     @cached_property
     def tolerance(self) -> float:
@@ -104,8 +115,7 @@ class MotionDatabase:
 
     def speeds(self, target: int) -> Float64Array:
         """Speeds of the root over the second that follows, of the frames of a class that has a second left."""
-        own = self.rows[target]
-        own = own[: len(own) // 2]
+        own = self.recorded(target)
         whole = own[self.left[own] >= AHEAD[-1]]
         chosen = whole if len(whole) else own
         ways: Float64Array = np.linalg.norm(self.features[chosen, PLACES][:, -2:].astype(float), axis=1)
@@ -113,8 +123,7 @@ class MotionDatabase:
 
     def aside(self, target: int) -> float:
         """Share of the frames of a class that go, and go elsewhere within a second than within 45 degrees of ahead."""
-        own = self.rows[target]
-        ways = self.features[own[: len(own) // 2], PLACES][:, -2:].astype(float)
+        ways = self.features[self.recorded(target), PLACES][:, -2:].astype(float)
         going = np.linalg.norm(ways, axis=1) > LEAST_SPEED * AHEAD[-1] / FPS
         return float((ways[going, 1] < np.abs(ways[going, 0])).mean()) if going.any() else 0.0
 

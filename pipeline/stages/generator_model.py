@@ -141,8 +141,12 @@ def classed_motions(con: Connection, split: str | None = None, label: str | None
 
 def labelled_counts(con: Connection) -> dict[str, int]:
     """How many recorded clips and ranges, long enough to start from and to learn from, are of each class."""
-    rows = fetch(con, "labelled_counts", {"fps": FPS, "shortest": SHORTEST})
-    return {row["label"]: row["motions"] for row in rows}
+    return {row["label"]: row["motions"] for row in labelled_rows(con)}
+
+
+def labelled_rows(con: Connection) -> list[dict[str, Any]]:
+    """The same with the usual seconds of each."""
+    return fetch(con, "labelled_counts", {"fps": FPS, "shortest": SHORTEST})
 
 
 def recipe_of(model: Model) -> str:

@@ -129,9 +129,8 @@ def _why(config: SynthesisConfig, recipe: str, classes: Sequence[str], counts: d
     if config.recipe != AUTO:
         return f'as config.toml says (recipe = "{config.recipe}")'
     if recipe == MATCHING:
-        return "since the lake has labelled recordings: " + ", ".join(
-            f"{counts.get(name, 0)} of {name}" for name in names
-        )
+        told = ", ".join(f"{counts.get(name, 0)} {name}" for name in names)
+        return f"since the lake has recordings that are labelled so ({told})"
     if config.weights == "pretrained":
         return 'as config.toml says (weights = "pretrained")'
     return f"since no recording of the lake is labelled {' or '.join(n for n in names if n not in counts)}"
@@ -191,7 +190,8 @@ def _refuse(models: Sequence[Model], classes: Sequence[str]) -> NoReturn:
         own = {model.model: [name for name in wanted if name in class_names(model)] for model in models}
         told = "; ".join(f"{model} knows {', '.join(names)}" for model, names in own.items() if names)
         raise UserError(
-            f"{', '.join(wanted)}: no generator knows them all ({told}): make them one by one, or label recordings of each"
+            f"{', '.join(wanted)}: no generator knows them all ({told}); make them one by one, or label recordings of "
+            "each, then `motionlake train synthesis`"
         )
     folded = {k.casefold(): k for k in reversed(known)}
     near = [folded[k] for k in get_close_matches(unknown.casefold(), sorted(folded), SHOWN, 0.5)]

@@ -17,7 +17,8 @@ from motionlake.motion.resampling import resample
 from motionlake.motion.skeleton import body_length, body_poses
 from motionlake.stages.generator_model import classed_motions, long_enough
 from motionlake.stages.synthesis_control import Request
-from motionlake.stages.synthesis_requests import Motion, Start, make, motions_of
+from motionlake.stages.synthesis_requests import Motion, make, motions_of
+from motionlake.stages.synthesis_starts import Start
 from motionlake.stages.training_clips import frames_of_clips
 
 if TYPE_CHECKING:

@@ -15,9 +15,11 @@ from motionlake.lake.layout import Lake
 from motionlake.lake.settings import served_config
 from motionlake.motion.generation import FPS
 from motionlake.stages.synthesis import chosen_generator, class_names, open_generator
-from motionlake.stages.synthesis_control import Request, settled
+from motionlake.stages.synthesis_control import Request
 from motionlake.stages.synthesis_keys import Marked, read_source, with_keyframes
-from motionlake.stages.synthesis_requests import canonical_motion, find_starts, make, motions_of
+from motionlake.stages.synthesis_requests import canonical_motion, make, motions_of
+from motionlake.stages.synthesis_settling import settle
+from motionlake.stages.synthesis_starts import find_starts
 
 if TYPE_CHECKING:
     from motionlake.motion.canonicalise import CanonicalMotion
@@ -64,7 +66,7 @@ def inbetween(
     marked = _marked(con, lake, source, keys, spacing)
     model = chosen_generator(con, lake, config := served_config(lake), classes).model
     asked = Request(classes or tuple(class_names(model)), None, seed, temperature=temperature)
-    request = settled(with_keyframes(con, lake, asked, marked, rate), model, config.synthesis.recipe)
+    _, request = settle(con, lake, config, with_keyframes(con, lake, asked, marked, rate))
     starts = find_starts(con, lake, model, request)
     (made,) = make(open_generator(lake, model), lake, request, motions_of(request, starts, [1]))
     frames = [round(key.seconds * rate) for key in request.keyframes]

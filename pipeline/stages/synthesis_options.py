@@ -15,25 +15,27 @@ if TYPE_CHECKING:
     from motionlake.motion.paths import GroundPath
 
 _TIMED: Final = re.compile(r"(.+):(\d+(?:\.\d+)?)")
+_COMMA: Final = re.compile(r",(?=\S)")
 _POINTS: Final = "x,z;x,z…"
 Clip = TypeVar("Clip", bound=str | Path)
 Points = str | Path | Sequence[Sequence[float]]
 
 
-def timed_classes(wanted: Sequence[str]) -> tuple[tuple[str, ...], tuple[float, ...] | None]:
-    """The classes, and where they are given ("walk:3") the seconds of each.
+def timed_classes(wanted: Sequence[str]) -> tuple[tuple[str, ...], tuple[float | None, ...] | None]:
+    """The classes, and the seconds of each where some are given ("walk:3"); None of those that are not.
+
+    A comma that no space follows parts classes too: "walk:3,turn_left:1,kick".
 
     Raises:
-        UserError: some have seconds and some have none, or no time.
+        UserError: a class has no time.
     """
-    found = [_TIMED.fullmatch(name) for name in wanted]
+    parts = [part for text in wanted for part in _COMMA.split(text)]
+    found = [_TIMED.fullmatch(name) for name in parts]
     if not any(found):
-        return tuple(wanted), None
-    if not all(found):
-        lone = next(name for name, match in zip(wanted, found, strict=True) if match is None)
-        raise UserError(f"{lone}: say how many seconds, {lone}:3, as of the other classes, or of none")
-    names, seconds = zip(*((m.group(1), float(m.group(2))) for m in found if m is not None), strict=True)
-    none = next((name for name, time in zip(names, seconds, strict=True) if not time > 0), None)
+        return tuple(parts), None
+    names = tuple(name if match is None else match.group(1) for name, match in zip(parts, found, strict=True))
+    seconds = tuple(None if match is None else float(match.group(2)) for match in found)
+    none = next((name for name, time in zip(names, seconds, strict=True) if time is not None and not time > 0), None)
     if none is not None:
         raise UserError(f"{none}: must last more than 0 seconds")
     return names, seconds

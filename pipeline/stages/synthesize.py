@@ -20,17 +20,12 @@ from motionlake.stages.clip_parts import BODY_ROWS, CLIP_ROWS, ClipParts, ClipSt
 from motionlake.stages.reader import LakeReader
 from motionlake.stages.sources import check_apart
 from motionlake.stages.stage import Shard
-from motionlake.stages.synthesis import Chosen, chosen_generator, generator_hash, open_generator
-from motionlake.stages.synthesis_control import Keyframe, Request, StyleClip, controls, marked, settled, shaping
+from motionlake.stages.synthesis import Chosen, generator_hash, open_generator
+from motionlake.stages.synthesis_control import Keyframe, Request, StyleClip, controls, marked, shaping
 from motionlake.stages.synthesis_diversity import diverse
-from motionlake.stages.synthesis_requests import (
-    Motion,
-    Start,
-    canonical_motion,
-    find_starts,
-    make,
-    motions_of,
-)
+from motionlake.stages.synthesis_requests import Motion, canonical_motion, make, motions_of
+from motionlake.stages.synthesis_settling import settle
+from motionlake.stages.synthesis_starts import Start, find_starts
 
 if TYPE_CHECKING:
     from motionlake.motion.generation import GeneratedMotion
@@ -147,12 +142,11 @@ def planned(at: LakeReader, request: Request, dataset: str, count: int) -> Plan:
         UserError: there is no generator, it does not know a class, a number is no good, there is nothing to start from,
             or the dataset holds recorded clips.
     """
-    chosen = chosen_generator(at.con, at.lake, at.config, request.classes)
-    model = chosen.model
     if fetch(at.con, "recorded_dataset", {"dataset": dataset}):
         raise UserError(f"{dataset}: holds recorded clips; give synthetic ones a dataset of their own (--dataset NAME)")
     check_apart(at.con, [dataset])
-    request = settled(request, model, at.config.synthesis.recipe)
+    chosen, request = settle(at.con, at.lake, at.config, request)
+    model = chosen.model
     starts = find_starts(at.con, at.lake, model, request)
     motions, alike, floor = motions_of(request, starts, range(1, count + 1)), [], None
     if request.diverse:
@@ -205,8 +199,8 @@ def source_rows(at: LakeReader, request: Request, dataset: str, count: int) -> l
     Raises:
         UserError: as `planned`.
     """
-    model = chosen_generator(at.con, at.lake, at.config, request.classes).model
-    request = settled(request, model, at.config.synthesis.recipe)
+    chosen, request = settle(at.con, at.lake, at.config, request)
+    model = chosen.model
     starts, generator, rows = find_starts(at.con, at.lake, model, request), open_generator(at.lake, model), []
     motions = motions_of(request, starts, range(1, count + 1))
     if request.diverse:
@@ -219,8 +213,8 @@ def source_rows(at: LakeReader, request: Request, dataset: str, count: int) -> l
 
 
 def clip_path(request: Request, number: int) -> str:
-    """Name of a motion within its dataset: what is asked for beside classes, and what it may start from, tell motions of
-    one seed apart."""
+    """Name of a motion within its dataset: what is asked for beside classes, and what it may start from, tell motions
+    of one seed apart."""
     said = "+".join(request.classes)
     classes = file_name(said.replace("#", "-"))
     if classes != said or any("+" in name for name in request.classes):  # others may be spelled so too

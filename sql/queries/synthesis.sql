@@ -13,8 +13,8 @@ ORDER BY clip, start, stop, label;
 
 -- name: labelled_counts
 -- Of every class, how many recorded clips, and labelled ranges of clips without a label, are of it and long enough: so
--- many frames at so many a second.
-SELECT label, count(*)::BIGINT AS motions
+-- many frames at so many a second; and how many seconds the median of them lasts.
+SELECT label, count(*)::BIGINT AS motions, median(length / fps) AS seconds
 FROM (
     SELECT label, fps, format, frames AS length FROM clips WHERE label IS NOT NULL
     UNION ALL BY NAME

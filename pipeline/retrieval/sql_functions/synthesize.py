@@ -69,12 +69,13 @@ def synthesize(
     `classes` may be [] then; `edit`: a clip of which frames [`first`, `last`) are made anew and the others kept;
     `style`: a clip; recorded frames that look like its frames are preferred.
     """
-    from motionlake.stages.synthesis import chosen_generator
-    from motionlake.stages.synthesis_control import Request, settled
+    from motionlake.stages.synthesis_control import Request
     from motionlake.stages.synthesis_edits import with_edit
     from motionlake.stages.synthesis_keys import marked, style_of, with_keyframes
     from motionlake.stages.synthesis_options import begun, path_text, timed_classes
-    from motionlake.stages.synthesis_requests import find_starts, make, motions_of
+    from motionlake.stages.synthesis_requests import make, motions_of
+    from motionlake.stages.synthesis_settling import settle
+    from motionlake.stages.synthesis_starts import find_starts
 
     named = begun(start, continues)
     clip = None if named is None else str(served.query(named).source)
@@ -94,8 +95,8 @@ def synthesize(
             named_by = [replace(frame, source=served.query(str(frame.source)).source) for frame in frames]
             asked = with_keyframes(con, served.lake, asked, named_by)
         config = served_config(served.lake)
-        model = chosen_generator(con, served.lake, config, asked.classes).model
-        request = settled(asked, model, config.synthesis.recipe)
+        chosen, request = settle(con, served.lake, config, asked)
+        model = chosen.model
         starts = find_starts(con, served.lake, model, request)
     motions = motions_of(request, starts, [1])
     (made,) = make(served.once(_opened, model.model), served.lake, request, motions)
