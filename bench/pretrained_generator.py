@@ -55,14 +55,14 @@ def _rows(name: str) -> list[tuple[Path, dict[str, str]]]:
 
 
 def train(labels: Mapping[Path, str], seed: int, epochs: int = 0, checkpoint: Path | None = None) -> TrainedGenerator:
-    """The default generator of clips of known class; 0 epochs are the recipe's."""
+    """The networks of clips of known class; 0 epochs are the recipe's."""
     rigs = load_rigs()
     read: dict[Path, CanonicalMotion] = {}
     for path in sorted(labels):
         clip = read_clips(path)[0]
         read[path] = canonicalise(clip, solve(clip), identify(clip.hierarchy.joints, rigs))
     motions = [TrainingMotion(one.positions.astype(float), one.fps, labels[path]) for path, one in read.items()]
-    config = SynthesisConfig(seed=seed, epochs=epochs)
+    config = SynthesisConfig(recipe="networks", seed=seed, epochs=epochs)
     made = train_generator(motions, config, examples=EXAMPLES, checkpoint=checkpoint, progress=_tell)
     metrics = {
         "clips": len(motions),

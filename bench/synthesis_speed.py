@@ -67,7 +67,7 @@ def _command(*words: str) -> list[str]:
 
 def _prepare(lake: Path, workers: int, epochs: int) -> None:
     create_catalog(Lake(lake))
-    Lake(lake).config_file.write_text(f"[synthesis]\nepochs = {epochs}\n", encoding="utf-8")
+    Lake(lake).config_file.write_text(f'[synthesis]\nrecipe = "networks"\nepochs = {epochs}\n', encoding="utf-8")
     for words in (
         ["ingest", str(recordings() / SET), "--dataset", SET, "--workers", str(workers)],
         ["train", "synthesis", "--split", "train"],
