@@ -10,6 +10,7 @@ import numpy as np
 from motionlake.arrays import BoolArray, Float64Array
 from motionlake.matching.recordings import FEET
 from motionlake.motion.kinematics import forward_kinematics, local_rotations, world_rotations
+from motionlake.motion.rotations import multiply, swing
 from motionlake.motion.skeleton import INDEX
 from motionlake.motion.standing import SIDES, staying
 from motionlake.motion.two_bones import bent, level_ahead, turn_leg
@@ -20,6 +21,7 @@ SMOOTH: Final = 1.5  # frames
 FAR: Final = 0.2  # body lengths that a foot is held back while it stands, at most
 LOWEST: Final = 0.015  # body lengths that this is below the ground, at most
 DEEP: Final = 0.005  # metres below the ground from which on the whole body is lifted
+STEEP: Final = 0.95  # of a foot's length, by which the toes of one on tiptoe are below the ankle at most
 LEAST: Final = 0.05  # weight of no standing foot
 FLOOR: Final = 15.0  # frames: half-life of what given feet stood on above the ground, or below it
 EASE: Final = 8  # frames after given ones in which the body begins to settle
@@ -104,8 +106,30 @@ def _planted(
         if soles.floor is not None:
             change = _from_given(change, standing)
         leg = (joints[:, hip], joints[:, knee], joints[:, ankle])
-        turn_leg(world, (hip, knee), leg, *bent(*leg, foot[:, 0] + change, ahead))
+        wanted = foot[:, 0] + change
+        bends = bent(*leg, wanted, ahead)
+        turn_leg(world, (hip, knee), leg, *bends)
+        _tiptoe(world, ankle, foot[:, 1] - foot[:, 0], bends[1][:, 1] - wanted[:, 1])
     return local_rotations(world)
+
+
+def _tiptoe(world: Float64Array, ankle: int, toe: Float64Array, lifted: Float64Array) -> None:
+    """Point feet down, in place, whose ankles are lifted since their legs are too short: toes stay where they stand.
+
+    Args:
+        world: [T, 21, 4] rotations of joints in the world.
+        ankle: its number.
+        toe: [T, 3] from the ankle, as the foot is turned.
+        lifted: [T] metres that the ankle is higher than wanted.
+    """
+    length = np.linalg.norm(toe, axis=1)
+    down = np.maximum(toe[:, 1] - np.maximum(lifted, 0.0), -STEEP * length)
+    level = np.linalg.norm(toe[:, [0, 2]], axis=1)
+    pointed = toe.copy()
+    pointed[:, 1] = np.minimum(down, toe[:, 1])
+    room = np.sqrt(np.maximum(length**2 - pointed[:, 1] ** 2, 0.0))
+    pointed[:, [0, 2]] *= (room / np.maximum(level, 1e-9))[:, None]
+    world[:, ankle] = multiply(swing(toe, pointed), np.ascontiguousarray(world[:, ankle]))
 
 
 def _from_given(change: Float64Array, standing: BoolArray) -> Float64Array:

@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 LOOKED_AT: Final = 200
 PIECE: Final = 4.0
 MOST_PIECES: Final = 10
+BESIDE: Final = 1.25  # where none begins like the class: how many times as far as the nearest one others may be
 
 
 @dataclass(frozen=True)
@@ -108,7 +109,7 @@ def _alike(con: Connection, lake: Lake, model: Model, request: Request) -> list[
 
 
 def _likely(lake: Lake, generator: MotionGenerator, starts: Sequence[Start], label: str) -> list[Start]:
-    """Those of some starts, cut to pieces, that begin like motion of a class; the nearest one where none does."""
+    """Those of some starts, cut to pieces, that begin like motion of a class; where none does, the nearest ones."""
     from motionlake.glogen.generator import TrainedGenerator
     from motionlake.glogen.likeness import start_distances
 
@@ -118,8 +119,8 @@ def _likely(lake: Lake, generator: MotionGenerator, starts: Sequence[Start], lab
     pieces = [piece for start in chosen for piece in _pieces(start)]
     seeds = seed_clips(lake, pieces)
     apart = start_distances(generator, [seeds[piece] for piece in pieces], label)
-    alike = [piece for piece, distance in zip(pieces, apart, strict=True) if distance <= 1]
-    return alike or [pieces[int(np.argmin(apart))]]
+    reach = max(1.0, BESIDE * min(apart))
+    return [piece for piece, distance in zip(pieces, apart, strict=True) if distance <= reach]
 
 
 def _pieces(start: Start) -> list[Start]:
