@@ -16,6 +16,7 @@ from motionlake.evaluation.synthesis.contact import footing
 from motionlake.evaluation.synthesis.movement import bone_length_drift, energy, travel_speed
 from motionlake.matching.database import MotionDatabase, build_database
 from motionlake.matching.features import features, mirrored_features
+from motionlake.matching.feet import Soles, heights_standing, on_ground
 from motionlake.matching.generator import MatchingGenerator, load_generator
 from motionlake.matching.inertia import decayed, joined_points, joined_rotations
 from motionlake.matching.recordings import MatchingClip, aloft, rooted, sound_ranges
@@ -25,7 +26,7 @@ from motionlake.motion.ground import Ground, ground_of, levelled
 from motionlake.motion.kinematics import forward_kinematics
 from motionlake.motion.paths import ground_path, shape_path
 from motionlake.motion.rotations import angle, from_vectors
-from motionlake.motion.skeleton import INDEX, mirrored_positions, mirrored_rotations
+from motionlake.motion.skeleton import INDEX, body_length, mirrored_positions, mirrored_rotations
 from motionlake.weights import save_tensors
 
 from bench.matching import clips_of, far_from, ground_under, offsets_of, recorded, seed_of, speeds, stands
@@ -72,6 +73,26 @@ def lively(made: GeneratedMotion, real: Float64Array) -> bool:
     }
     enough = energy(made.positions, FPS) > 0.5 * energy(real, FPS)
     return bool(enough and min(turns.values()) > 0.01)
+
+
+def test_a_foot_that_is_held_back_too_far_stands_on_its_toes(made_by: MatchingGenerator) -> None:
+    """Of a recorded body that stands, and is moved ahead as far as no leg is long."""
+    seed = seed_of(clips_of("walk")[left_out("walk", 1)])
+    assert seed.rotations is not None
+    body, size = seed.rest_offsets, body_length(seed.rest_offsets)
+    feet = seed.positions[:, [INDEX["left_toe"], INDEX["right_toe"]], 1].max(axis=1)
+    at = 30 + int(feet[30:].argmin())  # both stand
+    rotations = np.repeat(seed.rotations[at : at + 1], 31, axis=0)
+    hips = np.repeat(seed.positions[at : at + 1, 0], 31, axis=0)
+    hips[:, 0] += np.linspace(-0.19, 0.19, 31) * size
+    lowest = heights_standing(forward_kinematics(hips, rotations, body), 0.0)
+    stands_on = np.ones((31, 4), dtype=bool)
+    moved, planted = on_ground(hips, rotations, body, stands_on, Soles(lowest), size)
+    joints = forward_kinematics(moved, planted, body)
+    toes = joints[:, [INDEX["left_toe"], INDEX["right_toe"]], 1]
+    ankles = joints[:, [INDEX["left_ankle"], INDEX["right_ankle"]], 1]
+    assert ankles.max() - lowest[0] > 0.02  # some leg is too short
+    assert toes.max() - toes.min() < 0.01
 
 
 def test_the_search_is_a_naive_one(made_by: MatchingGenerator) -> None:

@@ -45,9 +45,12 @@ def test_seconds_of_classes() -> None:
     assert timed_classes(["a:b:2"]) == (("a:b",), (2.0,))
     assert timed_classes(["a:b"]) == (("a:b",), None)
     assert timed_classes([]) == ((), None)
-    for wanted, said in ((["walk:3", "run"], "run: say how many seconds"), (["walk:0"], "more than 0")):
-        with pytest.raises(UserError, match=said):
-            timed_classes(wanted)
+    assert timed_classes(["walk:3", "run"]) == (("walk", "run"), (3.0, None))
+    assert timed_classes(["walk:3,turn_left:1,kick"]) == (("walk", "turn_left", "kick"), (3.0, 1.0, None))
+    assert timed_classes(["walk,kick"]) == (("walk", "kick"), None)
+    assert timed_classes(["run, leap:3"]) == (("run, leap",), (3.0,))
+    with pytest.raises(UserError, match="walk: must last more than 0 seconds"):
+        timed_classes(["walk:0"])
 
 
 @pytest.mark.parametrize(
@@ -202,6 +205,19 @@ def test_command_sql_and_python_make_the_same_motion(
     )
     np.testing.assert_allclose([row[1:] for row in made], kept, atol=1e-3)
     np.testing.assert_allclose(motion.root[:, [0, 2]], kept, atol=1e-3)
+
+
+def test_a_class_without_seconds_lasts_as_its_recordings_do(matching: Path, label: str) -> None:
+    ((usual,),) = query(
+        matching,
+        "SELECT median(frames / fps) FROM clips WHERE label = $label AND format <> 'synthetic' AND seconds > 0.8",
+        label=label,
+    )
+    with Lake(matching) as lake:
+        assert len(lake.synthesize(f"{label}:1,{label}").positions) == pytest.approx(30 * (1 + usual), abs=1)
+        assert len(lake.synthesize(f"{label}:1,{label}", 2.5).positions) == 75
+        with pytest.raises(UserError, match="--seconds 1 leaves no time for"):
+            lake.synthesize(f"{label}:1,{label}", 1.0)
 
 
 def test_a_motion_goes_on_from_the_end_of_a_clip(matching: Path, label: str, scheduler: str) -> None:

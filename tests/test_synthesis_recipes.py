@@ -152,7 +152,7 @@ def test_configurations_that_say_default_mean_networks() -> None:
 
 def test_what_a_motion_starts_from_is_in_its_name() -> None:
     names = {
-        clip_path(Request(("walk",), 8.0, **more), 1)  # type: ignore[arg-type]
+        clip_path(Request(("walk",), 8.0, **more), 1)
         for more in (
             {}, {"start": "a"}, {"start": "b"}, {"start": "a", "outside": True}, {"start": "a", "from_end": True},
             {"start": "b", "from_end": True}, {"split": "test"}, {"min_quality": "ok"},

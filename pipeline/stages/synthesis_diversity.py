@@ -93,7 +93,7 @@ def diverse(
     if floor is None:
         raise UserError(
             f"--diverse: {lake.root} has fewer than three recorded clips of class {request.classes[0]}: nothing says "
-            "how far motions of it differ"
+            "how far motions of it differ; label more, then `motionlake train synthesis`"
         )
     kept: list[Float64Array] = []
     motions: list[Motion] = []
