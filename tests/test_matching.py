@@ -75,6 +75,15 @@ def lively(made: GeneratedMotion, real: Float64Array) -> bool:
     return bool(enough and min(turns.values()) > 0.01)
 
 
+@pytest.mark.parametrize("number", [0, 1, 2])
+def test_a_minute_s_walk_walks_at_once_and_goes_somewhere(made_by: MatchingGenerator, number: int) -> None:
+    (made,) = made_by.generate([request("walk", seconds=60.0, seed=number, number=number)])
+    places = made.positions[::15, 0][:, [0, 2]]
+    steps = np.linalg.norm(np.diff(places, axis=0), axis=1)
+    assert steps[:2].sum() > 0.5  # metres in the first second
+    assert np.linalg.norm(places[-1] - places[0]) > steps.sum() / 2  # a circle comes back
+
+
 def test_a_foot_that_is_held_back_too_far_stands_on_its_toes(made_by: MatchingGenerator) -> None:
     """Of a recorded body that stands, and is moved ahead as far as no leg is long."""
     seed = seed_of(clips_of("walk")[left_out("walk", 1)])

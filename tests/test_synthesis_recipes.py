@@ -87,6 +87,7 @@ def test_what_no_generator_can_is_one_line_that_says_how(auto: Path, label: str,
         ),
         ("--class", "moonwalk"): ("synthesis-1 and pretrained know no such class", "--classes"),
         ("--class", f"{label}:2,{label}", "--seconds", "1"): ("leaves no time",),
+        ("--class", label, "--path", "0,0;0,9999", "--seconds", "1"): (label,),
     }
     for words, parts in asked.items():
         run = synthesize(auto, scheduler, *words)
