@@ -80,6 +80,7 @@ steps = 3
 batch = 8
 hidden = 32
 [synthesis]
+recipe = "networks"
 weights = "own"
 epochs = 1
 """
