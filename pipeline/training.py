@@ -19,7 +19,7 @@ from motionlake.stopping import asked, held
 from motionlake.weights import STATE_KEY, checkpoint_fault, checkpoint_metadata, read_tensors, save_tensors
 from safetensors import safe_open
 from safetensors.torch import save_file
-from threadpoolctl import threadpool_limits
+from motionlake.threads import limited
 from torch import Tensor, nn
 
 STEEPEST: Final = 1.0  # norm that gradients are cut to
@@ -32,7 +32,7 @@ def on_threads(count: int) -> Iterator[None]:
     before = torch.get_num_threads()
     torch.set_num_threads(count)
     try:
-        with threadpool_limits(limits=count):
+        with limited(count):
             yield
     finally:
         torch.set_num_threads(before)

@@ -65,7 +65,7 @@ class Descriptors(VectorStage):
         from motionlake.deephums.network import load_descriptor
 
         network = load_descriptor(sound(lake, shard.spec["network"]))
-        clips = ((clip.clip, sequence_of(clip)) for clip in clips_of_shard(lake, shard))
+        clips = ((clip.clip, sequence_of(clip)) for clip in clips_of_shard(lake, shard, rotations=False))
         while some := list(islice(clips, AT_ONCE)):
             vectors = network.embed([sequence for _, sequence in some])
             lists = pa.FixedSizeListArray.from_arrays(pa.array(vectors.ravel()), DIMENSION)

@@ -44,7 +44,7 @@ class Postures(PartStage):
         from motionlake.pesta.dictionary import load_dictionary
 
         dictionary = load_dictionary(sound(lake, shard.spec["dictionary"]))
-        for clip in clips_of_shard(lake, shard):
+        for clip in clips_of_shard(lake, shard, rotations=dictionary.config.frames.reads_rotations):
             positions, rotations = clip.positions.astype(float), clip.rotations.astype(float)
             codes = dictionary.encode(word_features(positions, rotations, clip.fps, dictionary.config.frames))
             keys = part_keys(clip.clip, shard, len(codes))

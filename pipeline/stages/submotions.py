@@ -51,7 +51,7 @@ class Submotions(VectorStage):
 
     def rows(self, lake: Lake, shard: Shard) -> Iterator[pa.Table]:
         embed, cut = _reader(lake, shard.spec)
-        for clip in clips_of_shard(lake, shard):
+        for clip in clips_of_shard(lake, shard, rotations=False):
             ranges = cut(len(clip.positions), clip.fps)
             positions = clip.positions.astype(float)
             vectors = embed([clip_sequence(positions[start:stop], clip.fps) for start, stop in ranges])
