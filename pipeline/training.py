@@ -16,10 +16,10 @@ import numpy as np
 import torch
 from motionlake.arrays import Float32Array, Int64Array, Progress
 from motionlake.stopping import asked, held
+from motionlake.threads import limited
 from motionlake.weights import STATE_KEY, checkpoint_fault, checkpoint_metadata, read_tensors, save_tensors
 from safetensors import safe_open
 from safetensors.torch import save_file
-from motionlake.threads import limited
 from torch import Tensor, nn
 
 STEEPEST: Final = 1.0  # norm that gradients are cut to

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from itertools import groupby
 from operator import itemgetter
 from pathlib import Path
@@ -117,7 +117,7 @@ def to_table(frames: Frames, part: str, position_step: float, rotation_step: flo
 
 
 def from_table(clip: str, table: pa.Table) -> Frames:
-    """The arrays of one clip's rows (sorted by frame); rotations are normalised again, or left out with their columns."""
+    """The arrays of one clip's rows (sorted by frame), of the columns there are; rotations are normalised again."""
     positions = _matrix(table, PLACES).reshape(table.num_rows, -1, 3)
     fps = table.column("fps")[0].as_py()
     if ROTATION_CHANNELS[0] not in table.column_names:
@@ -163,7 +163,7 @@ class RigsFooter:
 
 
 def _said(joint: RigJoint) -> dict[str, Any]:
-    return {name: value for name, value in asdict(joint).items() if value not in (None, {})}
+    return {name: value for name, value in vars(joint).items() if value not in (None, {})}
 
 
 def _json(value: Any) -> str:

@@ -172,7 +172,7 @@ def stored_clips(lake: Lake, shard: Shard, *, rotations: bool = True) -> Iterato
 
 
 def clips_of_shard(lake: Lake, shard: Shard, *, rotations: bool = True) -> Iterator[frames.Frames]:
-    """The same without calibration poses at their ends (`Frames.recorded`), and without rotations where none are used."""
+    """The same without calibration poses at their ends (`Frames.recorded`); without rotations where none are used."""
     return (clip.recorded() for clip in stored_clips(lake, shard, rotations=rotations))
 
 

@@ -20,8 +20,8 @@ from motionlake.deep_motifs.words.lower_bounds import WordBounds, survivors
 from motionlake.deep_motifs.words.word_index import WordIndex, WordSet, WordSpace, nearest_centroids
 from motionlake.kernels import njit
 from motionlake.motion.dtw import Metric
-from motionlake.weights import read_tensors, save_tensors
 from motionlake.threads import limited
+from motionlake.weights import read_tensors, save_tensors
 
 Method = Literal["exact", "approximate"]
 
