@@ -15,7 +15,8 @@ def limited(count: int) -> AbstractContextManager[object]:
     To look for them takes milliseconds, more than the work of a clip, so it is done again only where modules were
     imported since.
     """
-    return _libraries(len(sys.modules)).limit(limits=count)
+    within: AbstractContextManager[object] = _libraries(len(sys.modules)).limit(limits=count)
+    return within
 
 
 @lru_cache(maxsize=1)
