@@ -132,6 +132,7 @@ SMOKES: Final[Sequence[Smoke]] = (
     Smoke("bench.rigs"),
     Smoke("bench.sorting", ("hdm05", "--seeds", "0"), {}),
     Smoke("bench.first_pages", ("OUT/pages",), {"bench.first_pages.DRAWN": {"cmu_exercises": 1}}),
+    Smoke("bench.stages_cost", ("--clips", "4", "8", "--workers", "1")),
     Smoke("bench.scale_search", ("--clips", "60", "--queries", "4", "--processes", "1"), {
           "bench.scale_search.COMMANDS": 1, "bench.large_lakes.PART": 40, "motionlake.stages.graph.MOST": 20,
           "motionlake.stages.shortlist.MOST": 20, "motionlake.retrieval.fused.MOST": 20}),

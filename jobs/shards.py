@@ -14,7 +14,7 @@ from motionlake.lake.integrity import damage, fault, frames_by_part, given, list
 from motionlake.lake.layout import Lake
 from motionlake.stages.file_watch import at_fault, replaceable
 from motionlake.stages.stage import Shard, ShardResult, ShardStage
-from threadpoolctl import threadpool_limits
+from motionlake.threads import limited
 
 if TYPE_CHECKING:
     from distributed import Client, Future
@@ -111,7 +111,7 @@ def _run_limited(run: Callable[[Path, Shard], ShardResult], root: Path, shard: S
         wrong = fault(lake, file)
         if wrong is not None:
             raise DamagedError(damage(lake, file.file, wrong))
-    with threadpool_limits(1), given(shard.inputs):
+    with limited(1), given(shard.inputs):
         result = run(root, shard)
     return replace(result, sums=tuple(sums_of(lake, file) for file in result.files))
 

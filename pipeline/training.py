@@ -16,10 +16,10 @@ import numpy as np
 import torch
 from motionlake.arrays import Float32Array, Int64Array, Progress
 from motionlake.stopping import asked, held
+from motionlake.threads import limited
 from motionlake.weights import STATE_KEY, checkpoint_fault, checkpoint_metadata, read_tensors, save_tensors
 from safetensors import safe_open
 from safetensors.torch import save_file
-from threadpoolctl import threadpool_limits
 from torch import Tensor, nn
 
 STEEPEST: Final = 1.0  # norm that gradients are cut to
@@ -32,7 +32,7 @@ def on_threads(count: int) -> Iterator[None]:
     before = torch.get_num_threads()
     torch.set_num_threads(count)
     try:
-        with threadpool_limits(limits=count):
+        with limited(count):
             yield
     finally:
         torch.set_num_threads(before)

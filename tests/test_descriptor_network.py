@@ -11,20 +11,27 @@ import pytest
 import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from motionlake.arrays import Float32Array, Float64Array
+from motionlake.arrays import BoolArray, Float32Array, Float64Array
 from motionlake.deephums.batches import NO_AUGMENTATION, Augmentation, at_speeds, resampled, windows
 from motionlake.deephums.config import DIMENSION, DescriptorsConfig
 from motionlake.deephums.encoders import MissingJoints
 from motionlake.deephums.network import load_descriptor
 from motionlake.deephums.recipes import PRETRAINED, THESIS, WITHOUT, DescriptorRecipe, read_recipe, recipe_of
 from motionlake.deephums.sequence import (
+    BONES,
+    MIN_HORIZONTAL,
+    ROOTS,
+    SIDES,
     clip_sequence,
+    frames_of,
     motion_distance,
     motion_field,
     similar_by_motion,
 )
 from motionlake.deephums.training import TrainingClip, class_contrast, contrastive_loss, train_descriptor
+from motionlake.motion.resampling import interpolated
 from motionlake.motion.skeleton import COMMON, INDEX, JOINTS
+from scipy.signal import savgol_filter
 
 TINY = replace(recipe_of(DescriptorsConfig()), hidden=16, epochs=6, batch=8)
 
@@ -95,6 +102,46 @@ class TestSequence:
             clip_sequence(swinging(5, 1.0), 30.0, np.ones(21, dtype=bool))
         with pytest.raises(ValueError, match="finite"):
             clip_sequence(np.full((5, 21, 3), np.nan), 30.0)
+
+
+def naive_sequence(positions: Float64Array, fps: float, missing: BoolArray) -> Float64Array:
+    """`clip_sequence` a step at a time, by scipy's filter."""
+    there = ~missing[[INDEX[name] for name in COMMON]]
+    joints = positions[:, [INDEX[name] for name in COMMON]]
+    joints = interpolated(joints, np.linspace(0, len(joints) - 1, frames_of(len(joints), fps)))
+    joints[:, ~there] = 0
+    if len(joints) >= 7:
+        joints = savgol_filter(joints, 7, 3, axis=0)
+    seen = {name: joints[:, at] for at, name in enumerate(COMMON) if there[at]}
+    names = next((some for some in ROOTS if all(name in seen for name in some)), tuple(seen))
+    root = np.mean([seen[name] for name in names], axis=0)
+    pairs = [(f"left_{side}", f"right_{side}") for side in SIDES]
+    across = [seen[left] - seen[right] for left, right in pairs if left in seen and right in seen][:2]
+    yaw = 0.0
+    if across:
+        mean = np.mean([side / np.linalg.norm(side, axis=-1, keepdims=True) for side in across], axis=0)
+        clear = mean[np.hypot(mean[:, 0], mean[:, 2]) > MIN_HORIZONTAL]
+        yaw = float(np.median(np.unwrap(np.arctan2(-clear[:, 2], clear[:, 0])))) if len(clear) else 0.0
+    bones = [(a, b) for a, b in BONES if a in seen and b in seen]
+    lengths = sum(float(np.median(np.linalg.norm(seen[a] - seen[b], axis=1))) for a, b in bones)
+    size = lengths / sum(BONES[bone] for bone in bones) if bones else 1.0
+    turn = np.array([[np.cos(yaw), 0, np.sin(yaw)], [0, 1, 0], [-np.sin(yaw), 0, np.cos(yaw)]])
+    found = (joints - root[:, None]) @ turn
+    found[:, 0] = (root - root[0]) @ turn
+    found[:, ~there] = 0
+    return np.asarray(found / size)
+
+
+@given(seed=st.integers(0, 10_000), frames=st.integers(1, 90), fps=st.sampled_from([24.0, 30.0, 59.94, 120.0]),
+       gone=st.sets(st.sampled_from(COMMON), max_size=9))  # fmt: skip
+def test_the_kernel_is_the_filter_and_the_view_a_step_at_a_time(
+    seed: int, frames: int, fps: float, gone: set[str]
+) -> None:
+    rng = np.random.default_rng(seed)
+    positions = rng.normal(0, 0.5, (1, 21, 3)) + rng.normal(0, 0.05, (frames, 21, 3)).cumsum(axis=0)
+    missing = np.array([joint in gone for joint in JOINTS])
+    wanted = naive_sequence(positions, fps, missing)
+    np.testing.assert_allclose(clip_sequence(positions, fps, missing), wanted, atol=1e-4 * max(1, abs(wanted).max()))
 
 
 class TestSimilarity:

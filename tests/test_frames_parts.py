@@ -119,6 +119,15 @@ def test_a_command_says_it_in_one_line(lake: Path) -> None:
     assert f"{part}.parquet: is a frames part of version 7, and version 1 is read here; update motionlake" in run.err
 
 
+def test_positions_are_the_same_without_rotations(built_lake: Path) -> None:
+    for part in built_lake.glob("frames/*/*.parquet"):
+        for whole, alone in zip(read_part(part), read_part(part, rotations=False), strict=True):
+            assert (alone.clip, alone.fps) == (whole.clip, whole.fps)
+            assert np.array_equal(alone.positions, whole.positions)
+            assert alone.rotations.shape == (len(whole.positions), 0, 4)
+            assert np.array_equal(alone.recorded().positions, whole.recorded().positions)
+
+
 def test_clips_of_a_part_are_read_one_and_all_alike(built_lake: Path) -> None:
     for part in built_lake.glob("frames/*/*.parquet"):
         whole = {clip.clip: clip for clip in read_part(part)}

@@ -17,6 +17,7 @@ from motionlake.lake.catalog import fetch, writing
 from motionlake.lake.catalog_file import read_sums
 from motionlake.lake.integrity import list_files, sound, sums_of
 from motionlake.lake.layout import open_lake
+from motionlake.lake.loaded import loaded
 
 from tests.lakes import Changed, assert_same, motionlake, query, tables
 
@@ -262,3 +263,22 @@ def test_a_hostile_backup_writes_nothing_outside(tmp_path: Path, name: str) -> N
     assert (run.status, run.err.count("\n")) == (2, 1), json.dumps(run.err)
     assert not (tmp_path / "outside.txt").exists()
     assert not Path("/outside.txt").exists()
+
+
+def test_a_model_is_read_once_and_again_when_it_changes(lake: Path) -> None:
+    held, path, read = open_lake(lake), next(lake.glob("models/*")), []
+    file = path.relative_to(lake).as_posix()
+
+    def load(path: Path) -> bytes:
+        read.append(path)
+        return path.read_bytes()
+
+    assert loaded(load, held, file) is loaded(load, held, file)
+    assert len(read) == 1
+    os.utime(path, ns=(1, 1))
+    assert loaded(load, held, file) == path.read_bytes()
+    assert len(read) == 2
+    flip(path)
+    os.utime(path, ns=(2, 2))
+    with pytest.raises(DamagedError):
+        loaded(load, held, file)

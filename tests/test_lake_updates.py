@@ -228,6 +228,25 @@ def test_a_removed_clip_comes_back_with_its_folder(own_lake: Path, source: Path,
     assert tables(own_lake)["signatures"] == before["signatures"]
 
 
+def test_clips_are_removed_by_a_condition(lake: Path) -> None:
+    condition = "frames = (SELECT max(frames) FROM clips)"
+    before = query(lake, "SELECT clip FROM clips ORDER BY clip")
+    meant = query(lake, f"SELECT clip FROM clips WHERE {condition} ORDER BY clip")
+    words = ("remove", "--where", condition, "--lake", lake)
+    assert motionlake(*words, "--dry-run", "--json").json == {"would_remove": [clip for (clip,) in meant]}
+    assert query(lake, "SELECT clip FROM clips ORDER BY clip") == before
+    assert motionlake(*words, "--json").json["clips"] == len(meant)
+    assert query(lake, "SELECT clip FROM clips ORDER BY clip") == sorted(set(before) - set(meant))
+    for said, condition in (
+        ("there is no clip of which that is true", "frames < 0"),
+        ("--where", "no such column"),
+        ("--where", "true; DROP TABLE clips"),
+    ):
+        run = motionlake("remove", "--where", condition, "--lake", lake)
+        assert (run.status, run.err.count("\n"), said in run.err) == (2, 1, True)
+    assert motionlake("remove", "--dataset", "clips", "--where", "false", "--lake", lake).status == 2
+
+
 def test_removing_a_dataset_leaves_no_file_behind(lake: Path) -> None:
     assert motionlake("remove", "--dataset", "clips", "--lake", lake).status == 0
     left = {f for f in files(lake) if f.endswith(".parquet") and not f.startswith("models/")}

@@ -30,7 +30,14 @@ from motionlake.motion.rigs import load_rigs
 from motionlake.names import kept
 from motionlake.stages.reader import lake_reader
 from motionlake.stages.registry import ALL, BY_NAME, dry_run
-from motionlake.stages.removal import Removal, gone_sources, remove_dataset, remove_sources, sources_of
+from motionlake.stages.removal import (
+    Removal,
+    clips_of_sources,
+    gone_sources,
+    remove_dataset,
+    remove_sources,
+    sources_of,
+)
 from motionlake.stages.sources import AUTO, IngestOptions, Root, check_options, known_roots, scan
 
 SHOWN = 5  # files that a notice names
@@ -227,8 +234,14 @@ def _nothing(lake: Lake) -> str:
 def remove(
     lake: LakeOption,
     clips: Annotated[list[str] | None, argument("Clips, by name.")] = None,
-    dataset: Annotated[str | None, option(help="Remove a whole dataset.", callback=dataset_name)] = None,
+    dataset: Annotated[
+        str | None, option(help="Remove a whole dataset, or of it what --where says.", callback=dataset_name)
+    ] = None,
     gone: Annotated[bool, typer.Option("--gone", help="Remove every clip whose source file is gone.")] = False,
+    where: Annotated[
+        str | None, option("--where", help="Clips of which this is true: a condition in SQL over the table clips.")
+    ] = None,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Say which clips would go, and remove none.")] = False,
     for_good: Annotated[
         bool, typer.Option("--for-good", help="Do not take these files in again (undo: ingest --take-back).")
     ] = False,
@@ -242,19 +255,40 @@ def remove(
     Example: motionlake remove walk_01 --lake mylake
 
     Example: motionlake remove --gone --lake mylake
+
+    Example: motionlake remove --where "frames / fps < 0.5" --dry-run --lake mylake
     """
-    if not clips and dataset is None and not gone:
-        raise UserError("remove: name clips, or give --dataset NAME or --gone")
+    if not clips and dataset is None and not gone and where is None:
+        raise UserError("remove: name clips, or give --where CONDITION, --dataset NAME or --gone")
     target = open_lake(lake)
+    clips = list(clips or [])
+    if where is not None or (dry_run and dataset is not None):
+        clips += _meant(target, where, dataset)
+        dataset = None
+    if dry_run:
+        with reading(target) as con:
+            going = clips_of_sources(con, sources_of(con, clips) + (gone_sources(con) if gone else []))
+        tell({"would_remove": going}, "\n".join([*going, f"{len(going)} clips would be removed"]), as_json=as_json)
+        return
     with running(target, "remove", damaged=True):
         removed = Removal(0, 0) if dataset is None else remove_dataset(target, dataset)
         with reading(target) as con:
-            sources = sources_of(con, clips or []) + (gone_sources(con) if gone else [])
+            sources = sources_of(con, clips) + (gone_sources(con) if gone else [])
         removed += remove_sources(target, sources, for_good=for_good)
     if removed.files and not for_good and dataset is None:
         notice("remove: the next `motionlake ingest` of their folder takes them in again; --for-good keeps them out")
     found = {"clips": removed.clips, "files": removed.files}
     tell(found, f"{removed.clips} clips removed ({removed.files} source files forgotten)", as_json=as_json)
+
+
+def _meant(lake: Lake, condition: str | None, dataset: str | None) -> list[str]:
+    """The clips of which a condition is true, of one dataset or all. Raises `UserError` where there is none."""
+    from motionlake.retrieval.selection import by_condition
+
+    found = [clip.clip for clip in by_condition(lake, condition, dataset)]
+    if not found:
+        raise UserError("remove: there is no clip of which that is true")
+    return found
 
 
 def _notice_first(lines: Sequence[str], rest: str) -> None:

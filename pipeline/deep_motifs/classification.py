@@ -19,7 +19,7 @@ from typing import Final
 import numpy as np
 from motionlake.arrays import Float64Array, Int64Array
 from motionlake.errors import UserError
-from threadpoolctl import threadpool_limits
+from motionlake.threads import limited
 
 # Cost of a margin violation: labels are taken to be right, so it is high.
 _C: Final = 100.0
@@ -125,7 +125,7 @@ def mds(distances: Float64Array, dimensions: int = DIMENSIONS) -> Float64Array:
     from sklearn.manifold import smacof
 
     start = _classical(distances, min(dimensions, len(distances) - 1))
-    with threadpool_limits(limits=1):
+    with limited(1):
         places, _ = smacof(
             distances, metric=True, n_components=start.shape[1], init=start, n_init=1, normalized_stress=False
         )
@@ -166,7 +166,7 @@ def _kmeans(places: Float64Array, k: int, seed: int) -> tuple[Int64Array, float]
     from sklearn.exceptions import ConvergenceWarning
     from sklearn.metrics import silhouette_score
 
-    with threadpool_limits(limits=1), warnings.catch_warnings():
+    with limited(1), warnings.catch_warnings():
         warnings.simplefilter("ignore", ConvergenceWarning)  # clips that coincide: fewer distinct places than clusters
         clusters = KMeans(n_clusters=k, n_init=10, random_state=seed).fit_predict(places)
         distinct = len(np.unique(clusters))
@@ -178,7 +178,7 @@ def _classical(distances: Float64Array, dimensions: int) -> Float64Array:
     """[n, dimensions] principal coordinates: exact where the distances are Euclidean."""
     squared = distances**2
     centred = -0.5 * (squared - squared.mean(0) - squared.mean(1)[:, None] + squared.mean())
-    with threadpool_limits(limits=1):
+    with limited(1):
         values, vectors = np.linalg.eigh(centred)
     chosen = np.argsort(-values, kind="stable")[:dimensions]
     vectors = vectors[:, chosen]

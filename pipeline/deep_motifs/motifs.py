@@ -12,7 +12,7 @@ from typing import Final
 
 import numpy as np
 from motionlake.arrays import Float32Array, Float64Array, Int32Array, IntArray
-from threadpoolctl import threadpool_limits
+from motionlake.threads import limited
 
 # Clustering a subsample of this many words costs about 1 % of inertia against clustering 300,000.
 MAX_WORDS: Final = 100_000
@@ -61,7 +61,7 @@ def fit_motifs(embeddings: Float32Array, k: int, seed: int) -> Motifs:
         chosen = np.random.default_rng(seed).choice(len(words), MAX_WORDS, replace=False)
         words = words[np.sort(chosen)]
     words = np.ascontiguousarray(words, dtype=np.float32)
-    with threadpool_limits(limits=1), warnings.catch_warnings():
+    with limited(1), warnings.catch_warnings():
         warnings.simplefilter("ignore", ConvergenceWarning)  # fewer distinct words than k: handled below
         kmeans = KMeans(n_clusters=min(k, len(words)), n_init=1, random_state=seed).fit(words)
     centroids = np.unique(np.asarray(kmeans.cluster_centers_, dtype=np.float32), axis=0)
@@ -78,7 +78,7 @@ def assign(embeddings: Float32Array, motifs: Motifs) -> Int32Array:
     centroids = motifs.centroids.astype(np.float64)
     half_norms = np.einsum("kd,kd->k", centroids, centroids) / 2
     labels = np.empty(len(embeddings), dtype=np.int32)
-    with threadpool_limits(limits=1):
+    with limited(1):
         for start in range(0, len(embeddings), ASSIGN_ROWS):
             rows = embeddings[start : start + ASSIGN_ROWS].astype(np.float64)
             labels[start : start + len(rows)] = np.argmin(half_norms - rows @ centroids.T, axis=1)

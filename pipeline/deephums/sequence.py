@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import Final
+from collections.abc import Mapping, Sequence
+from functools import cache
+from typing import Final, NamedTuple
 
 import numpy as np
-from motionlake.arrays import BoolArray, Float32Array, Float64Array
+from motionlake.arrays import BoolArray, Float32Array, Float64Array, Int64Array
 from motionlake.deephums.config import LONGEST, SHORT
-from motionlake.motion.resampling import interpolated
 from motionlake.motion.skeleton import COMMON, INDEX
 
 FPS: Final = 30.0
@@ -51,65 +51,60 @@ def clip_sequence(positions: Float64Array, fps: float, missing: BoolArray | None
     there = np.array([seen[INDEX[name]] for name in COMMON])
     if not len(positions) or not there.any():
         raise ValueError("a clip without frames or without joints has no descriptor")
-    joints = positions[:, [INDEX[name] for name in COMMON]].astype(np.float64)
-    joints = interpolated(joints, np.linspace(0, len(joints) - 1, frames_of(len(joints), fps)))
-    joints[:, ~there] = 0
-    if not np.isfinite(joints).all():
+    view = _view(tuple(there.tolist()))
+    from motionlake.deephums.body_view import seen_from_body  # numba takes a while to import
+
+    exact = np.ascontiguousarray(positions, dtype=np.float64)
+    count = frames_of(len(exact), fps)
+    body: Float32Array = seen_from_body(exact, count, _smoothing(), *view, MIN_HORIZONTAL)
+    if not np.isfinite(body).all():
         raise ValueError("joint positions are not all finite")
-    if len(joints) >= WINDOW:
-        from scipy.signal import savgol_filter
-
-        joints = savgol_filter(joints, WINDOW, ORDER, axis=0)
-    root = _root(joints, there)
-    yaw = _heading(joints, there)
-    turn = np.array([[np.cos(yaw), 0, np.sin(yaw)], [0, 1, 0], [-np.sin(yaw), 0, np.cos(yaw)]])
-    body = (joints - root[:, None]) @ turn
-    body[:, 0] = (root - root[0]) @ turn
-    body[:, ~there] = 0
-    return np.asarray(body / _size(joints, there), dtype=np.float32)
+    return body
 
 
-def _at(names: tuple[str, ...]) -> list[int]:
-    return [COMMON.index(name) for name in names]
+class _View(NamedTuple):
+    """What of the joints that were seen tells root, facing and size; joints by their places in `COMMON`.
+
+    Attributes:
+        joints: [15] canonical indices; -1: not seen.
+        root: the hips, or the next best points of the trunk, or all joints.
+        sides: [0 to 2, 2] the surest left and right joints.
+        bones: [B, 2] those of which both joints were seen.
+        share: what these are together in an average body.
+    """
+
+    joints: Int64Array
+    root: Int64Array
+    sides: Int64Array
+    bones: Int64Array
+    share: float
 
 
-def _root(joints: Float64Array, there: BoolArray) -> Float64Array:
-    """[T, 3] the hips, or the next best point of the trunk."""
-    for names in ROOTS:
-        at = _at(names)
-        if there[at].all():
-            return np.asarray(joints[:, at].mean(axis=1))
-    return np.asarray(joints[:, there].mean(axis=1))
+@cache
+def _view(there: tuple[bool, ...]) -> _View:
+    seen = {name: at for at, (name, is_there) in enumerate(zip(COMMON, there, strict=True)) if is_there}
+    joints = [INDEX[name] if name in seen else -1 for name in COMMON]
+    root = next((names for names in ROOTS if all(name in seen for name in names)), tuple(seen))
+    pairs = [(f"left_{side}", f"right_{side}") for side in SIDES]
+    bones = [bone for bone in BONES if all(name in seen for name in bone)]
+    return _View(
+        np.array(joints, dtype=np.int64),
+        np.array([seen[name] for name in root], dtype=np.int64),
+        _places([pair for pair in pairs if all(name in seen for name in pair)][:2], seen),
+        _places(bones, seen),
+        sum(BONES[bone] for bone in bones),
+    )
 
 
-def _heading(joints: Float64Array, there: BoolArray) -> float:
-    """Median facing of the clip in radians about +y from +z; 0 where no pair of joints tells."""
-    axes = []
-    for side in SIDES:
-        left, right = _at((f"left_{side}", f"right_{side}"))
-        if there[left] and there[right]:
-            across = joints[:, left] - joints[:, right]
-            axes.append(across / np.maximum(np.linalg.norm(across, axis=-1, keepdims=True), 1e-12))
-        if len(axes) == 2:
-            break
-    if not axes:
-        return 0.0
-    across = np.mean(axes, axis=0)
-    clear = np.hypot(across[:, 0], across[:, 2]) > MIN_HORIZONTAL
-    if not clear.any():
-        return 0.0
-    return float(np.median(np.unwrap(np.arctan2(-across[clear, 2], across[clear, 0]))))
+def _places(pairs: Sequence[tuple[str, str]], seen: Mapping[str, int]) -> Int64Array:
+    return np.array([[seen[name] for name in pair] for pair in pairs], dtype=np.int64).reshape(-1, 2)
 
 
-def _size(joints: Float64Array, there: BoolArray) -> float:
-    """Leg plus torso in metres, from the lengths of all bones that are there."""
-    length = share = 0.0
-    for (parent, child), part in BONES.items():
-        a, b = _at((parent, child))
-        if there[a] and there[b]:
-            length += float(np.median(np.linalg.norm(joints[:, a] - joints[:, b], axis=-1)))
-            share += part
-    return length / share if length > 0 else 1.0
+@cache
+def _smoothing() -> Float64Array:
+    """[7, 7] weights of a Savitzky-Golay filter: row i of the i-th of seven frames, by the cubic nearest to all."""
+    powers = np.vander(np.arange(WINDOW) - WINDOW // 2, ORDER + 1).astype(np.float64)
+    return np.asarray(powers @ np.linalg.pinv(powers))
 
 
 def frames_of(n_frames: int, fps: float) -> int:

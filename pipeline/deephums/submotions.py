@@ -31,6 +31,7 @@ CHECKPOINT_EVERY: Final = 100
 MINE_EVERY: Final = 25
 NEAR: Final = 3
 REPORT_EVERY: Final = 10
+TOGETHER: Final = 32  # windows that the network sees at once
 # Brings joints (body lengths) near the range where weights start.
 SCALE: Final = 4.0
 # Body and stance vary between the clips of a batch, so that people are told apart who were never seen.
@@ -221,11 +222,19 @@ class TrainedSubmotion:
     metrics: Mapping[str, Any]
 
     def embed(self, sequences: Sequence[Float32Array]) -> Float32Array:
-        """[n, 512] vectors, of length one, of n pieces or windows (`clip_sequence`), each independent of the others."""
+        """[n, 512] vectors, of length one, of n pieces or windows (`clip_sequence`).
+
+        Those of one length go through the network together, so that each is what it is alone but for rounding.
+        """
         found = np.empty((len(sequences), DIMENSION), dtype=np.float32)
+        places: dict[int, list[int]] = {}
+        for at, sequence in enumerate(sequences):
+            places.setdefault(len(sequence), []).append(at)
         with on_threads(1), torch.inference_mode():
-            for row, sequence in zip(found, sequences, strict=True):
-                row[:] = normalize(self.network(*padded([sequence])), dim=1)[0].numpy()
+            for alike in places.values():
+                for start in range(0, len(alike), TOGETHER):
+                    some = alike[start : start + TOGETHER]
+                    found[some] = normalize(self.network(*padded([sequences[at] for at in some])), dim=1).numpy()
         return found
 
     def save(self, path: Path) -> None:

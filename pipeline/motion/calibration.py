@@ -33,21 +33,21 @@ class Jump(NamedTuple):
 
 def tposes(positions: FloatArray, degrees: float = DEGREES) -> BoolArray:
     """[F] whether arms are stretched sideways and legs downwards, of joints [F, 21, 3]."""
-    near = np.cos(np.radians(degrees))
-    left, down = _direction(positions, "right_shoulder", "left_shoulder"), _direction(positions, "neck", "hips")
-    fits = np.ones(len(positions), dtype=np.bool_)
-    for side, sign in (("left", 1.0), ("right", -1.0)):
-        for bone in (("shoulder", "elbow"), ("elbow", "wrist")):
-            arm = _direction(positions, *(f"{side}_{part}" for part in bone))
-            fits &= (sign * arm * left).sum(axis=1) > near
-        fits &= (_direction(positions, f"{side}_hip", f"{side}_ankle") * down).sum(axis=1) > near
-    return fits
+    bones = positions[:, _ENDS].astype(np.float64) - positions[:, _STARTS]
+    bones /= np.maximum(np.linalg.norm(bones, axis=2, keepdims=True), 1e-9)
+    left, down, limbs = bones[:, :1], bones[:, 1:2], bones[:, 2:]
+    wanted = np.concatenate([left, left, -left, -left, down, down], axis=1)
+    return np.asarray(((limbs * wanted).sum(axis=2) > np.cos(np.radians(degrees))).all(axis=1))
 
 
-def _direction(positions: FloatArray, start: str, stop: str) -> Float64Array:
-    bone = positions[:, INDEX[stop]].astype(np.float64) - positions[:, INDEX[start]]
-    unit: Float64Array = bone / np.maximum(np.linalg.norm(bone, axis=1, keepdims=True), 1e-9)
-    return unit
+# To the left, downwards, the two bones of the left arm and of the right one, the left leg and the right one.
+_BONES: Final = (
+    ("right_shoulder", "left_shoulder"), ("neck", "hips"),
+    ("left_shoulder", "left_elbow"), ("left_elbow", "left_wrist"),
+    ("right_shoulder", "right_elbow"), ("right_elbow", "right_wrist"),
+    ("left_hip", "left_ankle"), ("right_hip", "right_ankle"),
+)  # fmt: skip
+_STARTS, _ENDS = ([INDEX[bone[end]] for bone in _BONES] for end in (0, 1))
 
 
 def jumps(positions: FloatArray, seam: float = SEAM) -> list[Jump]:
@@ -60,10 +60,13 @@ def jumps(positions: FloatArray, seam: float = SEAM) -> list[Jump]:
     if len(positions) < 2 * AROUND + 2:
         return []
     steps = np.linalg.norm(np.diff(positions.astype(np.float64), axis=0), axis=2)
+    mean = steps.mean(axis=1)
+    if not (mean > seam).any():
+        return []
     padded = np.pad(steps, ((AROUND, AROUND), (0, 0)), mode="reflect")
     shifted = [padded[AROUND + by : AROUND + by + len(steps)] for by in range(-AROUND, AROUND + 1) if by]
     usual = np.max(shifted, axis=0)
-    mean, around = steps.mean(axis=1), np.max([each.mean(axis=1) for each in shifted], axis=0)
+    around = np.max([each.mean(axis=1) for each in shifted], axis=0)
     jumped = (mean > STEPS * around) & (mean - around > seam) & ((steps > 2 * usual).mean(axis=1) > 0.5)
     return [Jump(start, stop, float(mean[start:stop].max())) for start, stop in runs(jumped, 1)]
 
@@ -88,15 +91,17 @@ def _beginning(positions: FloatArray, fps: float) -> int:
     """How many frames a calibration pose takes at the beginning."""
     edge, most = max(1, round(EDGE * fps)), round(LONGEST * fps)
     positions = positions[: most + 6 * edge + 4 * AROUND]  # no more of them are looked at
-    stretched = tposes(positions)
-    start = run_of(stretched & _still(positions, fps), most)
+    stretched = bool(tposes(positions[:1]).any())  # most recordings begin with no T-pose, and no more is looked at
+    start = run_of(tposes(positions) & _still(positions, fps), most) if stretched else 0
     near = jumps(positions[: start + edge + 2 * AROUND + 2])
     start = max([start, *(jump.stop for jump in near if jump.stop <= start + edge)])
+    if not start and not stretched:
+        return 0
     steps = np.linalg.norm(np.diff(positions[start : start + 4 * edge].astype(np.float64), axis=0), axis=2).mean(axis=1)
     if len(steps) <= edge:
         return start
     usual = max(float(steps[edge:].max()), STILL)
-    if not start and not (stretched[0] and steps[0] > STEPS * usual):
+    if not start and not steps[0] > STEPS * usual:
         return 0
     restless = np.flatnonzero(steps[:edge] > SETTLED * usual)
     return start + (int(restless[-1]) + 1 if len(restless) else 0)

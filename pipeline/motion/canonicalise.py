@@ -209,6 +209,8 @@ def _placed(binding: Binding, motion: SolvedMotion, up: str, scale: float) -> _P
 def _check_reach(positions: Float64Array, joints: tuple[str, ...], scale: float) -> None:
     """`ClipError` where one of the file's joints [F, J, 3], in units of `scale` metres, goes absurdly far."""
     with np.errstate(over="ignore", invalid="ignore"):
+        if 2 * np.sqrt(3) * max(positions.max(), -positions.min()) * scale <= FARTHEST:
+            return  # within the ball around the origin that holds all joints
         distance = np.linalg.norm(positions - positions[0, 0], axis=-1) * scale
     far = ~(distance <= FARTHEST)
     if far.any():

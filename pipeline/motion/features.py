@@ -79,6 +79,11 @@ class WordConfig:
         return tuple(INDEX[name] for name in JOINT_SETS[self.joints] if name != "hips")
 
     @property
+    def reads_rotations(self) -> bool:
+        """Whether features are made of rotations, and not of positions."""
+        return self.representation == "rotations"
+
+    @property
     def posture(self) -> int:
         """P: the first numbers of a frame, which say how the body stands; those after them say how it moves."""
         return len(self.joint_indices) * (4 if self.representation == "rotations" else 3)

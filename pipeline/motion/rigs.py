@@ -8,6 +8,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from enum import StrEnum
+from functools import cache
 from importlib import resources
 from importlib.resources.abc import Traversable
 from pathlib import Path
@@ -92,8 +93,14 @@ def load_rigs(folder: Path | None = None) -> dict[str, RigMap]:
     files = [(file.name, file) for file in shipped if file.name.endswith(".toml")]
     if folder is not None:
         files += [(str(file), file) for file in sorted(folder.glob("*.toml"))]
-    rigs = [parse_rig(_text(file, origin), origin) for origin, file in files]
+    rigs = [_parsed(_text(file, origin), origin) for origin, file in files]
     return {rig.name: rig for rig in rigs}
+
+
+@cache
+def _parsed(text: str, origin: str) -> RigMap:
+    """`parse_rig`, once a process: to read all maps takes as long as a clip."""
+    return parse_rig(text, origin)
 
 
 def _text(file: Traversable, origin: str) -> str:

@@ -51,9 +51,36 @@ def _from_vector(vector, identity, out):  # type: ignore[no-untyped-def]
         out[i + 1] = scale * vector[i]
 
 
+def _swing(u, v, limits, out):  # type: ignore[no-untyped-def]
+    """With the half-way vector h, (u . h, u x h) is the unit quaternion; h vanishes for opposite directions."""
+    shortest, opposite = limits[0], limits[1]
+    out[0], out[1], out[2], out[3] = 1.0, 0.0, 0.0, 0.0
+    length_u = math.sqrt(u[0] * u[0] + u[1] * u[1] + u[2] * u[2])
+    length_v = math.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
+    if not min(length_u, length_v) > shortest:
+        return
+    ux, uy, uz = u[0] / length_u, u[1] / length_u, u[2] / length_u
+    hx, hy, hz = ux + v[0] / length_v, uy + v[1] / length_v, uz + v[2] / length_v
+    length = math.sqrt(hx * hx + hy * hy + hz * hz)
+    if length >= opposite:
+        hx, hy, hz = hx / length, hy / length, hz / length
+        out[0] = ux * hx + uy * hy + uz * hz
+        out[1], out[2], out[3] = uy * hz - uz * hy, uz * hx - ux * hz, ux * hy - uy * hx
+        return
+    # Half a turn about u x e, of the axis e that u has least of.
+    if abs(ux) <= abs(uy) and abs(ux) <= abs(uz):
+        x, y, z = 0.0, uz, -uy
+    elif abs(uy) <= abs(uz):
+        x, y, z = -uz, 0.0, ux
+    else:
+        x, y, z = uy, -ux, 0.0
+    length = math.sqrt(x * x + y * y + z * z)
+    out[0], out[1], out[2], out[3] = 0.0, x / length, y / length, z / length
+
+
 _OVER_AXES: Final = {
     "multiply": (_multiply, "(n),(n)->(n)"), "rotate": (_rotate, "(n),(m)->(m)"),
-    "from_vector": (_from_vector, "(n),(m)->(m)"),
+    "from_vector": (_from_vector, "(n),(m)->(m)"), "swing": (_swing, "(m),(m),(n)->(n)"),
 }  # fmt: skip
 
 
@@ -62,6 +89,6 @@ def over_axes(name: str) -> Callable[..., object]:
     """A kernel over leading axes, by name; made ready at the first call, which takes longer than all imports do."""
     kernel, layout = _OVER_AXES[name]
     ready: Callable[..., object] = guvectorize(
-        ["float64[:], float64[:], float64[:]"], layout, cache=True, nopython=True
+        [", ".join(["float64[:]"] * layout.count("("))], layout, cache=True, nopython=True
     )(kernel)
     return ready

@@ -14,6 +14,7 @@ from motionlake.arrays import Float64Array, FloatArray
 IDENTITY: Final = np.array([1.0, 0.0, 0.0, 0.0])
 MIN_LENGTH: Final = 1e-9  # of a vector that has a direction
 OPPOSITE: Final = 1e-7  # length of the sum of two unit vectors that are taken for opposite
+_LIMITS: Final = np.array([MIN_LENGTH, OPPOSITE, 0.0, 0.0])
 
 
 def multiply(a: Float64Array, b: Float64Array) -> Float64Array:
@@ -122,20 +123,9 @@ def swing(u: Float64Array, v: Float64Array) -> Float64Array:
 
     For opposite directions the axis is one perpendicular to u, always the same for the same u.
     """
-    u, v = np.broadcast_arrays(np.asarray(u, float), np.asarray(v, float))
-    lengths = [np.linalg.norm(each, axis=-1, keepdims=True) for each in (u, v)]
-    pointing = np.minimum(*lengths) > MIN_LENGTH
-    u, v = (each / np.where(pointing, length, 1.0) for each, length in zip((u, v), lengths, strict=True))
-    # With the half-way vector h, (u . h, u x h) is the unit quaternion; h vanishes for opposite directions.
-    half = u + v
-    length = np.linalg.norm(half, axis=-1, keepdims=True)
-    opposite = length < OPPOSITE
-    side = np.cross(u, np.eye(3)[np.argmin(np.abs(u), -1)])
-    half = np.where(opposite, 0.0, half / np.where(opposite, 1.0, length))
-    cosine = np.sum(u * half, -1, keepdims=True)
-    across = np.linalg.norm(side, axis=-1, keepdims=True)
-    axis = np.where(opposite, side / np.where(pointing, across, 1.0), np.cross(u, half))
-    return np.where(pointing, np.concatenate([cosine, axis], -1), IDENTITY)
+    from motionlake.motion.rotation_kernels import over_axes
+
+    return np.asarray(over_axes("swing")(u, v, _LIMITS))
 
 
 def slerp(a: Float64Array, b: Float64Array, weight: Float64Array) -> Float64Array:

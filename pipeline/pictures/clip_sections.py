@@ -22,7 +22,7 @@ from motionlake.pictures.material import ALL, Material, View, count_of, discrimi
 from motionlake.pictures.motif_figures import MotifRow, WordStrip, contact_sheet, signature_bars
 from motionlake.pictures.stick_figures import spread
 from motionlake.pictures.style import UNLABELLED
-from threadpoolctl import threadpool_limits
+from motionlake.threads import limited
 
 T = TypeVar("T", bound=Hashable)
 
@@ -124,7 +124,7 @@ def _dtw_distances(material: Material, clips: list[int]) -> Float64Array | None:
     known = [material.corpus.clips[i] for i in clips]
     positions = material.poses.many([clip.clip for clip in known])
     features = [baseline_features(positions[clip.clip].astype(np.float64), clip.fps) for clip in known]
-    with threadpool_limits(limits=1):  # matrices too small for threads
+    with limited(1):  # matrices too small for threads
         return dtw_matrix(features)
 
 

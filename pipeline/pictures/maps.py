@@ -16,7 +16,7 @@ from motionlake.deep_motifs.classification import mds
 from motionlake.pictures.stick_figures import draw_bodies, postures_view
 from motionlake.pictures.style import LINE, TOP, ClassStyle, Sheet, class_styles, styled
 from motionlake.pictures.symbol_figures import chips
-from threadpoolctl import threadpool_limits
+from motionlake.threads import limited
 
 if TYPE_CHECKING:
     from motionlake.glogen.generator import EmbeddedMotions
@@ -58,7 +58,7 @@ def tsne(points: FloatArray, perplexity: float = PERPLEXITY) -> Float64Array:
 
     begun = "pca" if points.shape[1] > 1 else "random"
     place = TSNE(perplexity=min(perplexity, (len(points) - 1) / 3), init=begun, random_state=0)
-    with threadpool_limits(limits=1):  # sums of threads differ from run to run
+    with limited(1):  # sums of threads differ from run to run
         return np.asarray(place.fit_transform(np.asarray(points, dtype=np.float64)), dtype=np.float64)
 
 

@@ -12,8 +12,8 @@ from typing import Any, ClassVar, Final
 import pyarrow as pa
 from motionlake.deephums.config import DIMENSION
 from motionlake.lake.catalog import Connection, fetch
-from motionlake.lake.integrity import sound
 from motionlake.lake.layout import Lake
+from motionlake.lake.loaded import loaded
 from motionlake.lake.models import Model, model_of
 from motionlake.stages.descriptor_network import DESCRIPTOR_NETWORK, sequence_of
 from motionlake.stages.model_kind import ModelKind
@@ -64,8 +64,8 @@ class Descriptors(VectorStage):
     def rows(self, lake: Lake, shard: Shard) -> Iterator[pa.Table]:
         from motionlake.deephums.network import load_descriptor
 
-        network = load_descriptor(sound(lake, shard.spec["network"]))
-        clips = ((clip.clip, sequence_of(clip)) for clip in clips_of_shard(lake, shard))
+        network = loaded(load_descriptor, lake, shard.spec["network"])
+        clips = ((clip.clip, sequence_of(clip)) for clip in clips_of_shard(lake, shard, rotations=False))
         while some := list(islice(clips, AT_ONCE)):
             vectors = network.embed([sequence for _, sequence in some])
             lists = pa.FixedSizeListArray.from_arrays(pa.array(vectors.ravel()), DIMENSION)

@@ -14,6 +14,7 @@ from motionlake.arrays import Float32Array
 from motionlake.lake.frames import runs_of
 from motionlake.lake.integrity import sound
 from motionlake.lake.layout import Lake
+from motionlake.lake.loaded import loaded
 from motionlake.motion.features import WordConfig, word_windows
 from motionlake.stages.reader import LakeReader
 from motionlake.stages.stage import PART_KEYS, Part, PartStage, Shard, part_keys
@@ -42,7 +43,7 @@ class Embed(PartStage):
         from motionlake.deep_motifs.words.network import load_network
 
         config = WordConfig(**shard.spec["words"])
-        network = load_network(sound(lake, shard.spec["network"]))
+        network = loaded(load_network, lake, shard.spec["network"])
         for clip, features in read_features(sound(lake, shard.spec["features"])):
             vectors = network.embed(word_windows(features, config))
             count, width = vectors.shape

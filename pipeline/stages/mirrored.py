@@ -14,6 +14,7 @@ import pyarrow as pa
 from motionlake.deep_motifs.motifs import assign
 from motionlake.lake.integrity import sound
 from motionlake.lake.layout import Lake
+from motionlake.lake.loaded import loaded
 from motionlake.motion.features import WordConfig, mirrored_features, word_windows
 from motionlake.stages.motif_model import MOTIF_MODEL, read_motifs
 from motionlake.stages.reader import LakeReader
@@ -47,8 +48,8 @@ class Mirrored(PartStage):
         from motionlake.deep_motifs.words.network import load_network
 
         config = WordConfig(**shard.spec["words"])
-        network = load_network(sound(lake, shard.spec["network"]))
-        vocabulary = read_motifs(sound(lake, shard.spec["motifs"]))
+        network = loaded(load_network, lake, shard.spec["network"])
+        vocabulary = loaded(read_motifs, lake, shard.spec["motifs"])
         for clip, features in read_features(sound(lake, shard.spec["features"])):
             found = assign(network.embed(word_windows(mirrored_features(features, config), config)), vocabulary)
             clips, parts, _ = part_keys(clip, shard, len(found))

@@ -34,7 +34,7 @@ class Moves(PartStage):
         return {"clips": clips_of(at.con, part.part)}
 
     def rows(self, lake: Lake, shard: Shard) -> Iterator[pa.Table]:
-        for clip in clips_of_shard(lake, shard):
+        for clip in clips_of_shard(lake, shard, rotations=False):
             joints = joints_of(clip.positions.astype(float), clip.fps)
             columns = [*part_keys(clip.clip, shard, len(joints)), *frames.columns_of(joints)]
             yield pa.Table.from_arrays(columns, schema=ROWS)

@@ -17,6 +17,7 @@ from motionlake.lake.catalog import Connection, fetch
 from motionlake.lake.config import config_hash
 from motionlake.lake.integrity import is_listed, sound
 from motionlake.lake.layout import Lake
+from motionlake.lake.loaded import loaded
 from motionlake.lake.models import file_hash
 from motionlake.motion.features import word_features
 from motionlake.stages.posture_dictionary import POSTURE_DICTIONARY
@@ -43,8 +44,8 @@ class Postures(PartStage):
     def rows(self, lake: Lake, shard: Shard) -> Iterator[pa.Table]:
         from motionlake.pesta.dictionary import load_dictionary
 
-        dictionary = load_dictionary(sound(lake, shard.spec["dictionary"]))
-        for clip in clips_of_shard(lake, shard):
+        dictionary = loaded(load_dictionary, lake, shard.spec["dictionary"])
+        for clip in clips_of_shard(lake, shard, rotations=dictionary.config.frames.reads_rotations):
             positions, rotations = clip.positions.astype(float), clip.rotations.astype(float)
             codes = dictionary.encode(word_features(positions, rotations, clip.fps, dictionary.config.frames))
             keys = part_keys(clip.clip, shard, len(codes))

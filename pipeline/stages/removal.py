@@ -52,6 +52,12 @@ def gone_sources(con: Connection) -> list[Source]:
     return [row for row in fetch(con, "all_sources") if not Path(on_disk(row["root"]), on_disk(row["path"])).exists()]
 
 
+def clips_of_sources(con: Connection, sources: Sequence[Source]) -> list[str]:
+    """The clips that go with source files, by name."""
+    paths = {(source["dataset"], source["path"]) for source in sources}
+    return [row["clip"] for row in fetch(con, "clips_by_path") if (row["dataset"], row["path"]) in paths]
+
+
 def remove_dataset(lake: Lake, dataset: str) -> Removal:
     """Remove a dataset, recorded or synthetic, and forget its folders.
 

@@ -11,6 +11,7 @@ from motionlake.deep_motifs.motifs import assign
 from motionlake.lake.catalog import Connection, fetch, run_sql
 from motionlake.lake.integrity import sound
 from motionlake.lake.layout import Lake
+from motionlake.lake.loaded import loaded
 from motionlake.stages.embed import EMBED, read_embeddings
 from motionlake.stages.motif_model import MOTIF_MODEL, read_motifs
 from motionlake.stages.reader import LakeReader
@@ -31,7 +32,7 @@ class MotifsOfWords(PartStage):
 
     def rows(self, lake: Lake, shard: Shard) -> Iterator[pa.Table]:
         rows, vectors = read_embeddings(sound(lake, shard.spec["embeddings"]))
-        found = assign(vectors, read_motifs(sound(lake, shard.spec["motifs"])))
+        found = assign(vectors, loaded(read_motifs, lake, shard.spec["motifs"]))
         yield rows.append_column("motif", pa.array(found, pa.int32()))
 
 

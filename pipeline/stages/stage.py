@@ -165,14 +165,15 @@ def clips_of(con: Connection, part: str) -> list[str]:
     return [r["clip"] for r in fetch(con, "part_clips", {"part": part})]
 
 
-def stored_clips(lake: Lake, shard: Shard) -> Iterator[frames.Frames]:
+def stored_clips(lake: Lake, shard: Shard, *, rotations: bool = True) -> Iterator[frames.Frames]:
     """Those of the clips that its spec names, of the frames part that a shard is derived from."""
-    return frames.read_part(sound(lake, lake.frames_part(shard.dataset, shard.part)), shard.spec["clips"])
+    part = sound(lake, lake.frames_part(shard.dataset, shard.part))
+    return frames.read_part(part, shard.spec["clips"], rotations=rotations)
 
 
-def clips_of_shard(lake: Lake, shard: Shard) -> Iterator[frames.Frames]:
-    """The same without calibration poses at their ends (`Frames.recorded`)."""
-    return (clip.recorded() for clip in stored_clips(lake, shard))
+def clips_of_shard(lake: Lake, shard: Shard, *, rotations: bool = True) -> Iterator[frames.Frames]:
+    """The same without calibration poses at their ends (`Frames.recorded`); without rotations where none are used."""
+    return (clip.recorded() for clip in stored_clips(lake, shard, rotations=rotations))
 
 
 def part_keys(clip: str, shard: Shard, count: int) -> list[pa.Array]:

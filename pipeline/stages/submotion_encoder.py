@@ -11,8 +11,8 @@ from motionlake.deephums.config import PRETRAINED_SUBMOTION, DescriptorsConfig, 
 from motionlake.errors import UserError
 from motionlake.lake.catalog import Connection
 from motionlake.lake.config import LakeConfig
-from motionlake.lake.integrity import sound
 from motionlake.lake.layout import Lake
+from motionlake.lake.loaded import loaded
 from motionlake.lake.models import Model
 from motionlake.stages.descriptor_network import TrainingSet, training_set
 from motionlake.stages.descriptors import DESCRIPTORS
@@ -96,4 +96,4 @@ def _first(con: Connection, lake: Lake) -> Model:
 def _descriptors(lake: Lake, network: Model, sequences: list[Float32Array]) -> Float32Array:
     from motionlake.deephums.network import load_descriptor
 
-    return load_descriptor(sound(lake, network.file)).embed(sequences)
+    return loaded(load_descriptor, lake, network.file).embed(sequences)

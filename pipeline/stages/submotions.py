@@ -14,8 +14,8 @@ from motionlake.arrays import Float32Array
 from motionlake.deephums.config import DIMENSION
 from motionlake.deephums.sequence import clip_sequence, piece_windows
 from motionlake.lake.catalog import fetch
-from motionlake.lake.integrity import sound
 from motionlake.lake.layout import Lake
+from motionlake.lake.loaded import loaded
 from motionlake.stages.descriptors import VectorStage
 from motionlake.stages.reader import LakeReader
 from motionlake.stages.stage import Part, Shard, clips_of, clips_of_shard
@@ -51,7 +51,7 @@ class Submotions(VectorStage):
 
     def rows(self, lake: Lake, shard: Shard) -> Iterator[pa.Table]:
         embed, cut = _reader(lake, shard.spec)
-        for clip in clips_of_shard(lake, shard):
+        for clip in clips_of_shard(lake, shard, rotations=False):
             ranges = cut(len(clip.positions), clip.fps)
             positions = clip.positions.astype(float)
             vectors = embed([clip_sequence(positions[start:stop], clip.fps) for start, stop in ranges])
@@ -72,7 +72,7 @@ def _reader(lake: Lake, spec: Mapping[str, Any]) -> tuple[Embed, Callable[[int, 
     if spec["descriptors"] is None:
         from motionlake.deephums.submotions import load_submotion
 
-        return load_submotion(sound(lake, spec["network"])).embed, piece_windows
+        return loaded(load_submotion, lake, spec["network"]).embed, piece_windows
     from motionlake.deephums.network import load_descriptor
 
-    return load_descriptor(sound(lake, spec["descriptors"])).embed, lambda n_frames, _fps: [(0, n_frames)]
+    return loaded(load_descriptor, lake, spec["descriptors"]).embed, lambda n_frames, _fps: [(0, n_frames)]

@@ -54,7 +54,7 @@ class Words(PartStage):
     def rows(self, lake: Lake, shard: Shard) -> Iterator[pa.Table]:
         config = WordConfig(**shard.spec["config"])
         ranges: list[pa.Table] = []
-        for clip in clips_of_shard(lake, shard):
+        for clip in clips_of_shard(lake, shard, rotations=config.reads_rotations):
             features = word_features(clip.positions.astype(float), clip.rotations.astype(float), clip.fps, config)
             ranges.append(_ranges(clip.clip, shard.part, len(features), clip.fps, len(clip.positions), config))
             names = [*(name for name, _ in PART_KEYS), *(f"f{i}" for i in range(features.shape[1]))]

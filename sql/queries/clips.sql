@@ -36,6 +36,9 @@ SELECT * FROM skeletons WHERE skeleton = $skeleton;
 -- name: parts_of
 SELECT clip, dataset, part FROM clips WHERE clip IN (SELECT unnest($clips::VARCHAR[])) ORDER BY clip;
 
+-- name: clips_by_path
+SELECT clip, dataset, path FROM clips ORDER BY clip;
+
 -- name: clips_with_parts
 SELECT clip, dataset, label, subject, split, fps, frames, format = 'synthetic' AS synthetic, part FROM clips
 ORDER BY clip;

@@ -20,8 +20,8 @@ from motionlake.deep_motifs.words.lower_bounds import WordBounds, survivors
 from motionlake.deep_motifs.words.word_index import WordIndex, WordSet, WordSpace, nearest_centroids
 from motionlake.kernels import njit
 from motionlake.motion.dtw import Metric
+from motionlake.threads import limited
 from motionlake.weights import read_tensors, save_tensors
-from threadpoolctl import threadpool_limits
 
 Method = Literal["exact", "approximate"]
 
@@ -101,7 +101,7 @@ def search(
     indices = np.full((len(queries), k), -1, dtype=np.int64)
     distances = np.full((len(queries), k), np.inf, dtype=np.float32)
     done = 0
-    with threadpool_limits(limits=1), ThreadPoolExecutor(threads) as pool:
+    with limited(1), ThreadPoolExecutor(threads) as pool:
         for rows, answer in pool.map(found.answer, found.blocks()):
             indices[rows], distances[rows] = answer.indices, answer.distances
             done += len(rows)

@@ -17,7 +17,7 @@ import numpy as np
 from motionlake.arrays import Float32Array, Int64Array
 from motionlake.kernels import njit
 from motionlake.motion.features import WordConfig, padded, windows
-from threadpoolctl import threadpool_limits
+from motionlake.threads import limited
 
 POINTS: Final = 8  # of a path
 ROWS: Final = 20_000  # words described at a time
@@ -202,7 +202,7 @@ def fit_index(words: WordSet, groups: Int64Array | None = None, config: IndexCon
         raise ValueError("no words: nothing can be searched")
     if not all(np.isfinite(words.frames[rows]).all() for rows in _blocks(len(words.frames))):
         raise ValueError("words hold features that are not finite")
-    with threadpool_limits(limits=1):
+    with limited(1):
         space = _fit_space(words, config)
         embedded = space.embed_all(words)
         centroids = _cells(embedded, config)
