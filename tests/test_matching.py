@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from motionlake.arrays import Float64Array
 from motionlake.evaluation.synthesis.contact import footing
 from motionlake.evaluation.synthesis.movement import bone_length_drift, energy, travel_speed
+from motionlake.matching import played
 from motionlake.matching.database import MotionDatabase, build_database
 from motionlake.matching.features import features, mirrored_features
 from motionlake.matching.generator import MatchingGenerator, load_generator
@@ -256,6 +257,30 @@ def test_another_seed_is_another_motion_and_the_same_is_the_same(made_by: Matchi
 def test_what_was_played_lately_is_not_played_again(made_by: MatchingGenerator) -> None:
     made = made_by.generate([request("run", seconds=20.0, temperature=0.0)])[0]
     assert len({(source.clip, source.mirrored) for source in made.sources}) > 5  # 2 where it costs nothing
+
+
+def test_no_recording_is_played_for_long_alone(made_by: MatchingGenerator, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Most of a motion's frames of one recording, mean over motions: less than where that costs nothing."""
+    wishes = [request("salsa", seconds=15.0, seed=seed) for seed in range(6)]
+    even = np.mean([_most_of_one(made) for made in made_by.generate(wishes)])
+    monkeypatch.setattr(played, "UNEVEN", 0.0)
+    assert even < 0.9 * np.mean([_most_of_one(made) for made in made_by.generate(wishes)])
+
+
+def _most_of_one(made: GeneratedMotion) -> float:
+    frames: dict[str, int] = {}
+    for source in made.sources:
+        frames[source.clip] = frames.get(source.clip, 0) + source.stop - source.start
+    return max(frames.values()) / len(made.positions)
+
+
+def test_frames_to_the_next_landing_are_counted(made_by: MatchingGenerator) -> None:
+    data = made_by.database
+    assert data.longest_flight(data.classes.index("run")) > 2 + data.longest_flight(data.classes.index("walk"))
+    for start, stop, *_ in data.pieces:
+        for frame in range(start, stop):
+            naive = next((i for i in range(stop - frame) if data.aloft[frame + i] == 0), stop - frame)
+            assert data.landing[frame] == naive
 
 
 def test_no_half_second_is_played_again_at_once(made_by: MatchingGenerator) -> None:

@@ -96,6 +96,19 @@ class MotionDatabase:
         return [np.concatenate([own, own + len(self)]) for own in found]
 
     @cached_property
+    def landing(self) -> Int64Array:
+        """[N] frames until a foot is near the ground again, or the piece ends; 0 while one is."""
+        frames = np.arange(len(self))
+        down = np.where(self.aloft == 0, frames, len(self))
+        following = np.minimum.accumulate(down[::-1])[::-1]
+        return np.asarray(np.minimum(following, self.pieces[self.piece_of, 1]) - frames)
+
+    def longest_flight(self, target: int) -> float:
+        """Frames of the longest time off the ground that is recorded of a class."""
+        own = self.rows[target]
+        return float(self.aloft[own[: len(own) // 2]].max())
+
+    @cached_property
     def tolerance(self) -> float:
         """How far poses are from one another that a tenth of a second lies between: the median."""
         here = np.flatnonzero(self.left >= APART)[:: max(1, len(self) // 20_000)]

@@ -16,13 +16,11 @@ from motionlake.arrays import Float32Array, Float64Array, Int64Array
 from motionlake.matching.course import Course, Part, Start
 from motionlake.matching.database import MotionDatabase
 from motionlake.matching.features import AHEAD, HEADINGS, PLACES, POSE
+from motionlake.matching.played import BESIDE, Played
 from motionlake.matching.recordings import FPS
 from motionlake.matching.search import distances
 from motionlake.matching.steering import Steering
 
-AGAIN: Final = 150  # frames until what was played may be played again at no cost
-BESIDE: Final = 8  # frames about one that count as played with it
-PLAYED: Final = 4.0  # tolerances that a frame costs which was played just now
 REST: Final = 30  # frames that should follow where a run begins
 SHORT: Final = 3.0  # tolerances that a run costs of which nothing is left
 LEAST: Final = 4  # frames that must follow
@@ -35,7 +33,8 @@ FREE: Final = 0.2  # weight of the trajectory where no path says what is wanted
 RAMP: Final = 0.8  # seconds in which a new class gets to its speed
 ARRIVED: Final = 60  # frames in which a new class gets to its speed by other runs, where it does not at once
 # Tolerances that a frame costs by which flights do not fit: joined, they would be of another length.
-FLIGHT: Final = 0.5
+FLIGHT: Final = 1.0
+TOO_LONG: Final = 8.0  # tolerances that a frame costs from which a flight is longer than any that is recorded
 NEAR: Final = 32  # nearest rows that chance chooses from
 SETTLE: Final = 0.12  # seconds: half-life of a difference in the root's speed
 LOOP: Final = 24  # frames before the first that a loop ends with
@@ -62,8 +61,9 @@ class Player:
         self._scales = database.scales
         self._pose = self._scales.copy()
         self._pose[POSE:] *= FREE
-        self._played = np.full(len(database), -np.inf)
+        self._played = Played(database)
         self._frames_of = [rows % len(database) for rows in database.rows]
+        self._flights = [database.longest_flight(target) for target in range(len(database.rows))]
         self._short = [self._cost_of_short(rows) for rows in database.rows]
         if style is not None:
             self._short = [short + style[rows] for short, rows in zip(self._short, database.rows, strict=True)]
@@ -110,8 +110,7 @@ class Player:
                         self._jump(found, t)
                         jumps.append(t)
             at[t], mirrored[t], place[t], heading[t] = self._at, self._mirrored, here, yaw
-            low = int(self._at)
-            self._played[max(0, low - BESIDE) : low + BESIDE] = t
+            self._played.mark(int(self._at), t)
         return Course(at, mirrored, place, heading, jumps)
 
     def _begin(self, start: Start | None) -> None:
@@ -123,13 +122,13 @@ class Player:
             self._drift_speed[:] = 0
             self._go(row, 0)
             return
-        query = start.query.copy()
-        weights = self._pose
+        query, weights = start.query.copy(), self._scales.copy()
         if self._is_aimed(0):
             self._aim(query, start.place, start.heading, float(np.hypot(*start.step[:2])), 0)
-            weights = self._scales
-        row = self._choose(query, start.aloft, 0, weights, 1.0)
-        self._go(row, 0)
+        else:
+            weights[POSE:] = 0  # where given frames go is not known
+        # The nearest to the last given frame is found; the first frame of the motion is the one after it.
+        self._go(self._choose(query, start.aloft, 0, weights, 1.0) + 1, 0)
         self._drift_speed = start.step - self._rates()
 
     def _closing(self, first: tuple[float, bool]) -> int:
@@ -210,11 +209,12 @@ class Player:
         rows = self._data.rows[target]
         out = np.empty(len(rows), dtype=np.float32)
         distances(self._data.compared, rows, query, weights, out)
-        costs = out + self._short[target]
-        ago = t - self._played[self._frames_of[target]]
-        costs += PLAYED * self._data.tolerance * np.maximum(1 - ago / AGAIN, 0)
-        costs += FLIGHT * self._data.tolerance * np.abs(self._data.aloft[self._frames_of[target]] - aloft)
-        return np.asarray(costs)
+        frames = self._frames_of[target]
+        beside = self._played.costs(frames, target, t, even=not self._is_aimed(t))
+        beside += FLIGHT * np.abs(self._data.aloft[frames] - aloft)
+        landing = self._data.landing[frames]
+        beside += TOO_LONG * (aloft + landing > self._flights[target]) * (landing > 0)
+        return np.asarray(out + self._short[target] + self._data.tolerance * beside)
 
     def _choose(self, query: Float32Array, aloft: float, t: int, weights: Float32Array, spread: float) -> int:
         """A row among the nearest: the nearer the likelier, within `spread` tolerances of the nearest."""
