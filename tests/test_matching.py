@@ -14,11 +14,11 @@ from hypothesis import strategies as st
 from motionlake.arrays import Float64Array
 from motionlake.evaluation.synthesis.contact import footing
 from motionlake.evaluation.synthesis.movement import bone_length_drift, energy, travel_speed
-from motionlake.matching import played
 from motionlake.matching.database import MotionDatabase, build_database
 from motionlake.matching.features import features, mirrored_features
 from motionlake.matching.generator import MatchingGenerator, load_generator
 from motionlake.matching.inertia import decayed, joined_points, joined_rotations
+from motionlake.matching.played import AGAIN, UNEVEN, Played
 from motionlake.matching.recordings import MatchingClip, aloft, rooted, sound_ranges
 from motionlake.matching.search import distances
 from motionlake.motion.generation import FPS, Control, GeneratedMotion, MotionRequest
@@ -259,19 +259,23 @@ def test_what_was_played_lately_is_not_played_again(made_by: MatchingGenerator) 
     assert len({(source.clip, source.mirrored) for source in made.sources}) > 5  # 2 where it costs nothing
 
 
-def test_no_recording_is_played_for_long_alone(made_by: MatchingGenerator, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Most of a motion's frames of one recording, mean over motions: less than where that costs nothing."""
-    wishes = [request("salsa", seconds=15.0, seed=seed) for seed in range(6)]
-    even = np.mean([_most_of_one(made) for made in made_by.generate(wishes)])
-    monkeypatch.setattr(played, "UNEVEN", 0.0)
-    assert even < 0.9 * np.mean([_most_of_one(made) for made in made_by.generate(wishes)])
-
-
-def _most_of_one(made: GeneratedMotion) -> float:
-    frames: dict[str, int] = {}
-    for source in made.sources:
-        frames[source.clip] = frames.get(source.clip, 0) + source.stop - source.start
-    return max(frames.values()) / len(made.positions)
+def test_a_recording_that_is_played_for_long_costs_more_than_others(made_by: MatchingGenerator) -> None:
+    data = made_by.database
+    salsa = data.classes.index("salsa")
+    pieces = [i for i, piece in enumerate(data.pieces) if piece[2] == salsa]
+    first, other = (data.pieces[i, 0] for i in pieces[:2])
+    share = np.diff(data.pieces[pieces[0], :2])[0] / sum(np.diff(data.pieces[i, :2])[0] for i in pieces)
+    played = Played(data)
+    for t in range(AGAIN):
+        played.mark(int(first) + t % 20, t)
+    asked = np.array([first, other])
+    later = 10 * AGAIN  # so that it may be played again
+    np.testing.assert_array_equal(played.costs(asked, salsa, later, even=False), [0, 0])
+    np.testing.assert_allclose(played.costs(asked, salsa, later, even=True), [UNEVEN * (1 - share), 0])
+    for t in range(round(AGAIN / share)):  # until all have had their share
+        at = pieces[1 + t % (len(pieces) - 1)]
+        played.mark(int(data.pieces[at, 0]), t)
+    assert played.costs(asked, salsa, later, even=True)[0] == pytest.approx(0, abs=0.02)
 
 
 def test_frames_to_the_next_landing_are_counted(made_by: MatchingGenerator) -> None:
