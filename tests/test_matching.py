@@ -29,6 +29,8 @@ from motionlake.motion.rotations import angle, from_vectors
 from motionlake.motion.skeleton import INDEX, mirrored_positions, mirrored_rotations
 from motionlake.weights import save_tensors
 
+from bench.canonical_sets import read
+from bench.classes import action
 from bench.matching import clips_of, far_from, ground_under, offsets_of, recorded, seed_of, speeds, stands
 
 pytestmark = pytest.mark.recordings
@@ -276,6 +278,17 @@ def test_a_recording_that_is_played_for_long_costs_more_than_others(made_by: Mat
         at = pieces[1 + t % (len(pieces) - 1)]
         played.mark(int(data.pieces[at, 0]), t)
     assert played.costs(asked, salsa, later, even=True)[0] == pytest.approx(0, abs=0.02)
+
+
+def test_actions_of_one_side_are_not_mirrored(recordings: Path) -> None:
+    clips = [clip for name in ("clap", "throw") for clip in read(action(name))[::2]]
+    data = build_database(
+        [MatchingClip(c.name, 0, c.label, c.positions, c.rotations, offsets_of(c), c.fps) for c in clips]
+    )
+    both, right = (len(data.rows[i]) / len(data.frames[i]) for i in range(2))
+    assert (both, right) == (2, 1)
+    (made,) = MatchingGenerator(data).generate([MotionRequest(("throw",), 6.0, 0, seed_of(clips[-1]))])
+    assert not any(source.mirrored for source in made.sources)
 
 
 def test_frames_to_the_next_landing_are_counted(made_by: MatchingGenerator) -> None:

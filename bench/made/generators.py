@@ -62,15 +62,17 @@ def go_on(
     maker: MotionGenerator, clips: Sequence[LabelledClip], seed: int
 ) -> tuple[list[LabelledClip], list[GeneratedMotion]]:
     """The clips that a generator can go on from, and the motions: ten seconds, or as long as an action goes on."""
-    possible, requests = [], []
+    possible, made = [], []
     for i, clip in enumerate(clips):
         try:
-            (probe,) = maker.generate([MotionRequest((clip.label,), 1e-3, seed + i, seed_of(clip))])
+            (one,) = maker.generate([MotionRequest((clip.label,), SECONDS, seed + i, seed_of(clip))])
         except ValueError:  # too short
             continue
-        left = (len(clip.positions) - probe.seed_stop) / clip.fps
-        seconds = SECONDS if clip.label in GOING else left
-        if seconds > 0:
-            possible.append(clip)
-            requests.append(MotionRequest((clip.label,), seconds, seed + i, seed_of(clip)))
-    return possible, maker.generate(requests)
+        if clip.label not in GOING:
+            left = (len(clip.positions) - one.seed_stop) / clip.fps
+            if left * one.fps < 2:
+                continue
+            (one,) = maker.generate([MotionRequest((clip.label,), left, seed + i, seed_of(clip))])
+        possible.append(clip)
+        made.append(one)
+    return possible, made

@@ -10,7 +10,7 @@ from typing import Any, Final
 import numpy as np
 from motionlake.evaluation.synthesis.motions import Stretch, described
 from motionlake.motion.features import body_length
-from motionlake.motion.generation import GeneratedMotion
+from motionlake.motion.generation import GeneratedMotion, MotionGenerator
 from motionlake.motion.skeleton import body_poses
 
 from bench.canonical_sets import LabelledClip
@@ -74,7 +74,8 @@ def _of_seed(unit: Unit, seed: int) -> dict[str, Motions]:
             own.real += beside(clips, raw)
             learned = [real(clip) for clip in known if clip.label == label]
             own.known.append(measures(learned))
-            own.alike.append(alike([real(clip) for clip in ours], learned, made, maker, known, label, seed))
+            again = from_known(maker, known, label) if seed == unit.seeds[0] else None
+            own.alike.append(alike([real(clip) for clip in ours], learned, made, again))
     return found
 
 
@@ -83,16 +84,22 @@ def beside(clips: Sequence[LabelledClip], raw: Sequence[GeneratedMotion]) -> lis
     return [real(c, 0 if c.label in GOING else m.seed_stop) for c, m in zip(clips, raw, strict=True)]
 
 
+def from_known(maker: MotionGenerator, known: Sequence[LabelledClip], label: str) -> list[Stretch]:
+    """What goes on from the known clips: nothing of unseen ones is in it, not even the given frames."""
+    starts, raw = go_on(maker, [clip for clip in known if clip.label == label], 500)
+    return [made_from(one, clip) for one, clip in zip(raw, starts, strict=True)]
+
+
 def alike(
-    unseen: list[Stretch], learned: list[Stretch], made: list[Stretch], maker: Any, known: list[LabelledClip],
-    label: str, seed: int,
-) -> dict[str, Any]:  # fmt: skip
+    unseen: list[Stretch], learned: list[Stretch], made: list[Stretch], again: list[Stretch] | None
+) -> dict[str, Any]:
     """Likeness of what goes on from unseen clips and of what goes on from known ones, and copies."""
-    starts, raw = go_on(maker, [clip for clip in known if clip.label == label], 1000 * seed + 500)
-    again = [made_from(one, clip) for one, clip in zip(raw, starts, strict=True)]
+    starts = {"from_unseen": made, "from_known": again}
     return {
-        "from_unseen": {name: likeness(unseen, learned, made, space) for name, space in SPACES.items()},
-        "from_known": {name: likeness(unseen, learned, again, space) for name, space in SPACES.items()},
+        **{
+            start: {name: likeness(unseen, learned, some, space) if some else None for name, space in SPACES.items()}
+            for start, some in starts.items()
+        },
         "copies": copies(unseen, learned, made),
     }
 
