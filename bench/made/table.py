@@ -48,34 +48,30 @@ class Unit:
 class Motions:
     """Of a class and a seed: what was made of all folds, and what it stands beside."""
 
-    made: list[Stretch] = field(default_factory=list)
+    made: dict[int, list[Stretch]] = field(default_factory=dict)  # by fold
     real: list[Stretch] = field(default_factory=list)
     raw: list[GeneratedMotion] = field(default_factory=list)
-    alike: list[dict[str, Any]] = field(default_factory=list)
-    known: list[dict[str, float]] = field(default_factory=list)
+
+    @property
+    def all_made(self) -> list[Stretch]:
+        return [motion for fold in self.made.values() for motion in fold]
 
 
 def measure(unit: Unit) -> dict[str, Found]:
     """{class: numbers of the split}."""
     seeds = [_of_seed(unit, seed) for seed in unit.seeds]
-    return {label: _figures([each[label] for each in seeds]) for label in SPLITS[unit.split].classes}
+    return {label: _figures(unit, label, [each[label] for each in seeds]) for label in SPLITS[unit.split].classes}
 
 
 def _of_seed(unit: Unit, seed: int) -> dict[str, Motions]:
     found = {label: Motions() for label in SPLITS[unit.split].classes}
-    for fold, known, test in folds(unit.split, unit.folds):
+    for fold, _, test in folds(unit.split, unit.folds):
         maker = generator(unit.recipe, unit.split, fold, unit.epochs, unit.generators)
         for label, own in found.items():
-            ours = [clip for clip in test if clip.label == label]
-            clips, raw = go_on(maker, ours, 1000 * seed)
+            clips, raw = go_on(maker, [clip for clip in test if clip.label == label], 1000 * seed)
             own.raw += raw
-            made = [made_from(one, clip) for one, clip in zip(raw, clips, strict=True)]
-            own.made += made
+            own.made[fold] = [made_from(one, clip) for one, clip in zip(raw, clips, strict=True)]
             own.real += beside(clips, raw)
-            learned = [real(clip) for clip in known if clip.label == label]
-            own.known.append(measures(learned))
-            again = from_known(maker, known, label) if seed == unit.seeds[0] else None
-            own.alike.append(alike([real(clip) for clip in ours], learned, made, again))
     return found
 
 
@@ -90,14 +86,12 @@ def from_known(maker: MotionGenerator, known: Sequence[LabelledClip], label: str
     return [made_from(one, clip) for one, clip in zip(raw, starts, strict=True)]
 
 
-def alike(
-    unseen: list[Stretch], learned: list[Stretch], made: list[Stretch], again: list[Stretch] | None
-) -> dict[str, Any]:
+def alike(unseen: list[Stretch], learned: list[Stretch], made: list[Stretch], again: list[Stretch]) -> dict[str, Any]:
     """Likeness of what goes on from unseen clips and of what goes on from known ones, and copies."""
     starts = {"from_unseen": made, "from_known": again}
     return {
         **{
-            start: {name: likeness(unseen, learned, some, space) if some else None for name, space in SPACES.items()}
+            start: {name: likeness(unseen, learned, some, space) for name, space in SPACES.items()}
             for start, some in starts.items()
         },
         "copies": copies(unseen, learned, made),
@@ -131,17 +125,23 @@ def diversity(motions: Sequence[Stretch]) -> float:
     return float(apart[owner[:, None] != owner[None]].mean())
 
 
-def _figures(seeds: Sequence[Motions]) -> Found:
-    rows = [measures(each.made) for each in seeds]
-    beside_rows = [measures(each.real) for each in seeds]
-    made, other = (mean(some) for some in (rows, beside_rows))
-    known = mean([row for each in seeds for row in each.known])
+def _figures(unit: Unit, label: str, seeds: Sequence[Motions]) -> Found:
+    rows = [measures(each.all_made) for each in seeds]
+    made, other = mean(rows), mean([measures(each.real) for each in seeds])
+    likenesses, known_rows = [], []
+    for fold, known, test in folds(unit.split, unit.folds):
+        maker = generator(unit.recipe, unit.split, fold, unit.epochs, unit.generators)
+        learned, unseen = ([real(clip) for clip in some if clip.label == label] for some in (known, test))
+        known_rows.append(measures(learned))
+        of_all_seeds = [motion for each in seeds for motion in each.made[fold]]
+        likenesses.append(alike(unseen, learned, of_all_seeds, from_known(maker, known, label)))
+    known_mean = mean(known_rows)
     return {
-        "made": made, "real": other, "known": known, "by_seed": rows,
+        "made": made, "real": other, "known": known_mean, "by_seed": rows,
         "ratio": {name: made[name] / other[name] for name in RATIOS if other[name]},
-        "known_ratio": {name: known[name] / other[name] for name in RATIOS if other[name]},
-        "likeness": {start: shares([a[start] for s in seeds for a in s.alike]) for start in STARTS},
-        "copies": mean([a["copies"] for s in seeds for a in s.alike if a["copies"]]),
+        "known_ratio": {name: known_mean[name] / other[name] for name in RATIOS if other[name]},
+        "likeness": {start: shares([one[start] for one in likenesses]) for start in STARTS},
+        "copies": mean([one["copies"] for one in likenesses if one["copies"]]),
         "runs": runs([one for each in seeds for one in each.raw]),
     }  # fmt: skip
 
