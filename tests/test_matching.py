@@ -26,7 +26,7 @@ from motionlake.motion.ground import Ground, ground_of, levelled
 from motionlake.motion.kinematics import forward_kinematics
 from motionlake.motion.paths import ground_path, shape_path
 from motionlake.motion.rotations import angle, from_vectors
-from motionlake.motion.skeleton import INDEX, mirrored_positions, mirrored_rotations
+from motionlake.motion.skeleton import INDEX, body_poses, mirrored_positions, mirrored_rotations
 from motionlake.weights import save_tensors
 
 from bench.canonical_sets import read
@@ -289,6 +289,31 @@ def test_actions_of_one_side_are_not_mirrored(recordings: Path) -> None:
     assert (both, right) == (2, 1)
     (made,) = MatchingGenerator(data).generate([MotionRequest(("throw",), 6.0, 0, seed_of(clips[-1]))])
     assert not any(source.mirrored for source in made.sources)
+
+
+def test_an_action_is_done_once_and_ends_with_the_motion(recordings: Path, made_by: MatchingGenerator) -> None:
+    """It began again, or was not done: seen on a page of pairs. What goes on and on is no action."""
+    assert not any(made_by.database.is_action(target) for target in range(3))
+    clips = read(action("knock"))
+    data = build_database(
+        [
+            MatchingClip(c.name, 0, c.label, c.positions, c.rotations, offsets_of(c), c.fps)
+            for c in clips
+            if c.subject > "2"
+        ]
+    )
+    maker, runs, late, held = MatchingGenerator(data), [], [], []
+    for i, clip in enumerate(c for c in clips if c.subject < "3"):
+        whole = MotionRequest(("knock",), len(clip.positions) / clip.fps - 0.5, i, seed_of(clip))
+        (made,) = maker.generate([whole])
+        runs.append(len(made.sources))
+        resting = body_poses(clip.positions[-1:].astype(float))
+        late.append(np.linalg.norm(body_poses(made.positions[-1:]) - resting, axis=-1).mean())
+        held.append(np.linalg.norm(body_poses(made.positions[:1]) - resting, axis=-1).mean())
+    assert max(runs) == 1
+    assert np.mean(late) < 0.5 * np.mean(held)
+    (long,) = maker.generate([MotionRequest(("knock",), 12.0, 0, seed_of(clips[0]))])
+    assert len(long.sources) > 2
 
 
 def test_frames_to_the_next_landing_are_counted(made_by: MatchingGenerator) -> None:

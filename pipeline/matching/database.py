@@ -10,7 +10,7 @@ from typing import Any, Final
 
 import numpy as np
 from motionlake.arrays import BoolArray, Float32Array, Float64Array, Int64Array
-from motionlake.matching.features import AHEAD, PLACES, POSE, features, mirrored_features, scales
+from motionlake.matching.features import AHEAD, PLACES, POSE, VELOCITIES, features, mirrored_features, scales
 from motionlake.matching.recordings import (
     FPS,
     SHORTEST,
@@ -32,6 +32,9 @@ APART: Final = 3  # frames: poses so near in time are joined and nobody sees it
 LEAST_SPEED: Final = 0.3  # body lengths a second: a class whose frames mostly go faster gets about
 HANDED: Final = 2.0  # times as far as others that mirrored poses of a class are which is done with one side
 ASKED, AMONG = 300, 3000  # frames that this is asked of, and looked for among
+ACTION: Final = 150  # frames that half of the recordings of an action have at most
+RESTING: Final = 5  # last frames of a recording, in which its mean squared speed is less than this share of the class's
+RESTS: Final = 0.2
 QUANTILES: Final = (0.05, 0.5, 0.95)  # of the speeds of a class that metrics tell, metres a second
 _TENSORS: Final = ("rotations", "hips", "steps", "turns", "stands", "aloft", "features", "pieces", "fps")
 
@@ -121,6 +124,14 @@ class MotionDatabase:
             for rows in (asked, asked + len(self))
         )
         return bool(mirrored > HANDED * near)
+
+    def is_action(self, target: int) -> bool:
+        """Whether the recordings of a class are short and come to rest, so that it is done and not gone on with."""
+        pieces = self.pieces[self.pieces[:, 2] == target]
+        speeds = np.square(self.features[:, VELOCITIES]).mean(axis=1)
+        rest = np.median([speeds[stop - RESTING : stop].mean() for stop in pieces[:, 1]])
+        short = np.median(pieces[:, 1] - pieces[:, 0]) <= ACTION
+        return bool(short and rest < RESTS * speeds[self.frames[target]].mean())
 
     @cached_property
     def landing(self) -> Int64Array:

@@ -1,4 +1,4 @@
-"""What a motion has played already: not again at once, and of the recordings of a class not one for long alone."""
+"""What rows cost beside their distance: those that were played already, and those that end too soon or too late."""
 
 from __future__ import annotations
 
@@ -7,10 +7,16 @@ from typing import Final
 import numpy as np
 from motionlake.arrays import Float64Array, Int64Array
 from motionlake.matching.database import MotionDatabase
+from motionlake.matching.recordings import FPS
 
 AGAIN: Final = 150  # frames until what was played may be played again at no cost
 BESIDE: Final = 8  # frames about one that count as played with it
 PLAYED: Final = 4.0  # tolerances that a frame costs which was played just now
+REST: Final = 30  # frames that should follow where a run begins
+SHORT: Final = 3.0  # tolerances that a run costs of which nothing is left
+LEAST: Final = 4  # frames that must follow
+LATE: Final = 4.0  # tolerances that a run of an action costs which ends a second before the motion does, or after it
+IN_TIME: Final = 15  # frames about the end of a motion in which an action may end
 UNEVEN: Final = 2.0  # tolerances that a recording costs which was played for `AGAIN` frames more than its share
 
 
@@ -40,3 +46,16 @@ class Played:
             over = np.maximum(self._frames - share * self._frames[own].sum(), 0) / AGAIN
             costs += UNEVEN * over[self._data.piece_of[frames]]
         return np.asarray(costs)
+
+
+def costs_of_short(database: MotionDatabase, rows: Int64Array) -> Float64Array:
+    """[n] what rows cost after which little is left of the recording."""
+    left = database.left[rows % len(database)]
+    cost = SHORT * database.tolerance * np.clip(1 - left / REST, 0, None) ** 2
+    return np.where(left >= LEAST, cost, np.inf)
+
+
+def costs_of_late(database: MotionDatabase, rows: Int64Array, frames: int) -> Float64Array:
+    """[n] what rows of an action cost whose recordings do not come to rest when a motion is over."""
+    off = np.abs(database.left[rows % len(database)] - frames)
+    return np.asarray(LATE * database.tolerance * np.minimum(off / FPS, 1.0))

@@ -2,8 +2,7 @@
 
 A run of recorded frames is played until another one fits better: where a path is to be followed, by pose and by where
 the root goes within a second; else, from time to time and at the end of a run, one of those that are as near as poses
-are that a tenth of a second lies between. Where the class changes, the nearest frame of the wanted class is looked for
-from several of the next frames, so that the cheapest of these transitions is taken.
+are that a tenth of a second lies between. Where the class changes, the cheapest way from the next frames is taken.
 """
 
 from __future__ import annotations
@@ -12,18 +11,15 @@ import math
 from typing import Final
 
 import numpy as np
-from motionlake.arrays import Float32Array, Float64Array, Int64Array
+from motionlake.arrays import Float32Array, Float64Array
 from motionlake.matching.course import Course, Part, Start
 from motionlake.matching.database import MotionDatabase
 from motionlake.matching.features import AHEAD, HEADINGS, PLACES, POSE
-from motionlake.matching.played import BESIDE, Played
+from motionlake.matching.played import BESIDE, IN_TIME, REST, SHORT, Played, costs_of_late, costs_of_short
 from motionlake.matching.recordings import FPS
 from motionlake.matching.search import distances
 from motionlake.matching.steering import Steering
 
-REST: Final = 30  # frames that should follow where a run begins
-SHORT: Final = 3.0  # tolerances that a run costs of which nothing is left
-LEAST: Final = 4  # frames that must follow
 SEARCH: Final = 6  # frames between searches along a path
 BETTER: Final = 0.25  # tolerances by which another run along a path is nearer
 RUN: Final = (30, 105)  # frames of a run that no path asks to end
@@ -64,20 +60,13 @@ class Player:
         self._played = Played(database)
         self._frames_of = [rows % len(database) for rows in database.rows]
         self._flights = [database.longest_flight(target) for target in range(len(database.rows))]
-        self._short = [self._cost_of_short(rows) for rows in database.rows]
+        self._short = [costs_of_short(database, rows) for rows in database.rows]
+        self._actions = [database.is_action(target) for target in range(len(database.rows))]
         if style is not None:
             self._short = [short + style[rows] for short, rows in zip(self._short, database.rows, strict=True)]
         self._at, self._mirrored = 0.0, False
-        self._end = 0
-        self._drift = np.zeros(3)  # by which the root goes otherwise than the run that is played
-        self._drift_speed = np.zeros(3)
-        self._until = 0
-        self._part = 0
-
-    def _cost_of_short(self, rows: Int64Array) -> Float64Array:
-        left = self._data.left[rows % len(self._data)]
-        cost = SHORT * self._data.tolerance * np.clip(1 - left / REST, 0, None) ** 2
-        return np.where(left >= LEAST, cost, np.inf)
+        self._drift_speed = np.zeros(3)  # by which the root goes otherwise than the run that is played
+        self._end, self._until, self._part = 0, 0, 0
 
     def run(self, start: Start, *, drawn: bool = False) -> Course:
         """The whole course; where it is `drawn`, what it begins with is chosen by chance and not by what is given."""
@@ -127,8 +116,13 @@ class Player:
             self._aim(query, start.place, start.heading, float(np.hypot(*start.step[:2])), 0)
         else:
             weights[POSE:] = 0  # where given frames go is not known
+        short = self._short[target := self._parts[0].target]
+        if self._actions[target] and len(self._parts) == 1:
+            rows, frames = self._data.rows[target], round(self._frames * self._pace)
+            self._short[target] = short + costs_of_late(self._data, rows, frames)
         # The nearest to the last given frame is found; the first frame of the motion is the one after it.
         self._go(self._choose(query, start.aloft, 0, weights, 1.0) + 1, 0)
+        self._short[target] = short
         self._drift_speed = start.step - self._rates()
 
     def _closing(self, first: tuple[float, bool]) -> int:
@@ -241,7 +235,7 @@ class Player:
                 return self._choose(query, self._aloft(), t, weights, 0.3)
             found = self._choose(query, self._aloft(), t, weights, 0.15)
             return found if self._nearer(found, query, weights, t) else None
-        if not ends and (t < self._until or self._temperature == 0):
+        if (not ends and (t < self._until or self._temperature == 0)) or self._is_done(t):
             return None
         query = self._query(here, yaw, t)
         if ends:
@@ -250,6 +244,12 @@ class Player:
         found = self._choose(query, self._aloft(), t, self._pose, 1.0)
         apart = np.linalg.norm((self._data.compared[found] - query) * self._pose)
         return found if apart <= self._data.tolerance else None
+
+    def _is_done(self, t: int) -> bool:
+        """Whether an action that is played comes to its end about when the motion does."""
+        if self._part + 1 < len(self._parts) or not self._actions[self._parts[self._part].target]:
+            return False
+        return bool(abs(self._data.left[int(self._at)] / self._pace - (self._frames - 1 - t)) <= IN_TIME)
 
     def _nearer(self, row: int, query: Float32Array, weights: Float32Array, t: int) -> bool:
         """Whether a run from a row on is better than to go on."""
