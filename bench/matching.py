@@ -25,9 +25,10 @@ from motionlake.motion.resampling import resample
 from motionlake.training import on_threads
 
 from bench.canonical_sets import LabelledClip, read
-from bench.classes import GOING as SETS
+from bench.classes import GOING
 from bench.record import hash_files, record, recordings
 
+SETS: Final = GOING
 FOLDS: Final = 3
 CHANGES: Final = 100  # motions that walk, run and walk
 CHANGE_SECONDS: Final = 9.0

@@ -97,7 +97,7 @@ def likeness(
 
 def _some(rows: FloatArray, count: int) -> FloatArray:
     """So many at even distances."""
-    return rows[np.linspace(0, len(rows) - 1, count).round().astype(int)]
+    return np.asarray(rows[np.linspace(0, len(rows) - 1, count).round().astype(int)])
 
 
 def _poses(parts: Sequence[Float64Array]) -> Float64Array:
@@ -144,7 +144,7 @@ def copies(unseen: Sequence[Stretch], known: Sequence[Stretch], made: Sequence[S
 
 
 def _places(length: int, count: int) -> list[int]:
-    return np.linspace(0, length - 1, count).round().astype(int).tolist()
+    return [int(place) for place in np.linspace(0, length - 1, count).round()]
 
 
 def _nearest(asked: Float64Array, among: Float64Array, scale: float) -> Float64Array:
