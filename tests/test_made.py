@@ -24,7 +24,7 @@ from motionlake.motion.skeleton import body_poses, mirrored_positions
 from bench.classes import ACTIONS, CLASSES, GOING
 from bench.glogen import sets
 from bench.glogen.controls import held, shuffled
-from bench.glogen.dense import apart
+from bench.glogen.dense import HORIZON, apart
 from bench.glogen.material import frames_of
 from bench.made import blind, errors
 from bench.made.splits import FOLDS, SPLITS, clips_of, offsets_of, parted, real, seed_of
@@ -134,8 +134,8 @@ def test_all_methods_are_asked_at_the_same_moment(recordings: Path) -> None:
         whole = real(moment.clip).positions
         np.testing.assert_allclose(given.positions[-1], whole[moment.frame])
         assert len(given.positions) >= 24
-        truth = frames_of(moment.asked.piece.motion)[moment.asked.start + 1 :][: errors.HORIZON]
-        if len(truth) == errors.HORIZON:
+        truth = frames_of(moment.asked.piece.motion)[moment.asked.start + 1 :][:HORIZON]
+        if len(truth) == HORIZON:
             assert np.nanmax(np.abs(apart(truth, moment.asked, moment.asked.start))) < 1e-5
 
 
@@ -192,9 +192,9 @@ def test_a_blind_page_does_not_tell_and_guesses_are_judged(recordings: Path, tmp
     page, key = blind.write(found, tmp_path, clips=False)
     text = page.read_text()
     assert not any(word in text for word in ("real", "key", *(pair.clip for pair in found if len(pair.clip) > 3)))
-    truth = {row["pair"]: row["made"] for row in json.loads(key.read_text())}
+    told = {row["pair"]: row["made"] for row in json.loads(key.read_text())}
     for right in (6, 0):
-        rows = [f"{n},{side if right else 'AB'['BA'.index(side)]}" for n, side in truth.items()]
+        rows = [f"{n},{side if right else 'AB'['BA'.index(side)]}" for n, side in told.items()]
         (tmp_path / "guesses.csv").write_text("pair,made\n" + "\n".join(rows) + "\n")
         assert blind.judged(key, tmp_path / "guesses.csv")["right"] == right
     (tmp_path / "guesses.csv").write_text("pair,made\n1,A\n")
