@@ -64,7 +64,7 @@ class Player:
         self._actions = [database.is_action(target) for target in range(len(database.rows))]
         if style is not None:
             self._short = [short + style[rows] for short, rows in zip(self._short, database.rows, strict=True)]
-        self._at, self._mirrored = 0.0, False
+        self._at, self._mirrored, self._even = 0.0, False, style is None
         self._drift_speed = np.zeros(3)  # by which the root goes otherwise than the run that is played
         self._end, self._until, self._part = 0, 0, 0
 
@@ -204,7 +204,7 @@ class Player:
         out = np.empty(len(rows), dtype=np.float32)
         distances(self._data.compared, rows, query, weights, out)
         frames = self._frames_of[target]
-        beside = self._played.costs(frames, target, t, even=not self._is_aimed(t))
+        beside = self._played.costs(frames, target, t, even=self._even and not self._is_aimed(t))
         beside += FLIGHT * np.abs(self._data.aloft[frames] - aloft)
         landing = self._data.landing[frames]
         beside += TOO_LONG * (aloft + landing > self._flights[target]) * (landing > 0)
