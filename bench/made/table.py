@@ -9,8 +9,9 @@ from typing import Any, Final
 
 import numpy as np
 from motionlake.evaluation.synthesis.motions import Stretch, described
+from motionlake.matching.generator import GIVEN
 from motionlake.motion.features import body_length
-from motionlake.motion.generation import GeneratedMotion, MotionGenerator
+from motionlake.motion.generation import FPS, GeneratedMotion, MotionGenerator
 from motionlake.motion.skeleton import body_poses
 
 from bench.canonical_sets import LabelledClip
@@ -80,9 +81,14 @@ def beside(clips: Sequence[LabelledClip], raw: Sequence[GeneratedMotion]) -> lis
     return [real(c, 0 if c.label in GOING else m.seed_stop) for c, m in zip(clips, raw, strict=True)]
 
 
+def since(clip: LabelledClip) -> int:
+    """The frame of a clip after those that are given; 0 where it goes on and on, so that no window is like another."""
+    return 0 if clip.label in GOING else min(round(GIVEN / FPS * clip.fps), len(clip.positions) - 2)
+
+
 def from_known(maker: MotionGenerator, known: Sequence[LabelledClip], label: str) -> list[Stretch]:
     """What goes on from the known clips: nothing of unseen ones is in it, not even the given frames."""
-    starts, raw = go_on(maker, [clip for clip in known if clip.label == label], 500)
+    starts, raw = go_on(maker, [clip for clip in known if clip.label == label][:: 1 if label in GOING else 2], 500)
     return [made_from(one, clip) for one, clip in zip(raw, starts, strict=True)]
 
 
@@ -131,7 +137,7 @@ def _figures(unit: Unit, label: str, seeds: Sequence[Motions]) -> Found:
     likenesses, known_rows = [], []
     for fold, known, test in folds(unit.split, unit.folds):
         maker = generator(unit.recipe, unit.split, fold, unit.epochs, unit.generators)
-        learned, unseen = ([real(clip) for clip in some if clip.label == label] for some in (known, test))
+        learned, unseen = ([real(c, since(c)) for c in some if c.label == label] for some in (known, test))
         known_rows.append(measures(learned))
         of_all_seeds = [motion for each in seeds for motion in each.made[fold]]
         likenesses.append(alike(unseen, learned, of_all_seeds, from_known(maker, known, label)))

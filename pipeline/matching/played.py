@@ -55,7 +55,14 @@ def costs_of_short(database: MotionDatabase, rows: Int64Array) -> Float64Array:
     return np.where(left >= LEAST, cost, np.inf)
 
 
-def costs_of_late(database: MotionDatabase, rows: Int64Array, frames: int) -> Float64Array:
-    """[n] what rows of an action cost whose recordings do not come to rest when a motion is over."""
+def costs_of_late(database: MotionDatabase, target: int, frames: int) -> Float64Array:
+    """[n] what rows of an action cost whose recordings do not come to rest when a motion is over.
+
+    Nothing where the motion is too short for half of the action.
+    """
+    pieces = database.pieces[database.pieces[:, 2] == target]
+    rows = database.rows[target]
+    if frames < np.median(pieces[:, 1] - pieces[:, 0]) / 2:
+        return np.zeros(len(rows))
     off = np.abs(database.left[rows % len(database)] - frames)
     return np.asarray(LATE * database.tolerance * np.minimum(off / FPS, 1.0))

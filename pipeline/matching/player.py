@@ -118,8 +118,8 @@ class Player:
             weights[POSE:] = 0  # where given frames go is not known
         short = self._short[target := self._parts[0].target]
         if self._actions[target] and len(self._parts) == 1:
-            rows, frames = self._data.rows[target], round(self._frames * self._pace)
-            self._short[target] = short + costs_of_late(self._data, rows, frames)
+            frames = round(self._frames * self._pace)
+            self._short[target] = short + costs_of_late(self._data, target, frames)
         # The nearest to the last given frame is found; the first frame of the motion is the one after it.
         self._go(self._choose(query, start.aloft, 0, weights, 1.0) + 1, 0)
         self._short[target] = short
