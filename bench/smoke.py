@@ -174,13 +174,12 @@ SMOKES: Final[Sequence[Smoke]] = (
           "bench.synthesis_speed.SECONDS": 2.0}),
     Smoke("bench.matching", (), {"bench.matching.CHANGES": 3, "bench.matching.EIGHTS": 1,
           "bench.matching.EIGHT_SECONDS": 5.0}),
-    Smoke("bench.made", ("table", "--splits", "indian", "--seeds", "1", "--epochs", "1"), {
-          "bench.made.generators.SECONDS": 2.0}),
-    Smoke("bench.made", ("errors", "--splits", "indian", "--epochs", "1", "--methods", "zero_velocity", "matching",
-          "networks"), {}),
+    Smoke("bench.made", ("table", "--splits", "indian", "--seeds", "1", "--epochs", "1", "--folds", "0"), {
+          "bench.made.generators.SECONDS": 2.0, "bench.made.splits.FOLDS": 2}),
+    Smoke("bench.made", ("errors", "--splits", "indian", "--epochs", "1", "--folds", "0", "--methods", "zero_velocity",
+          "matching", "networks", "seq2seq, all channels"), {"bench.made.splits.FOLDS": 2}),
     Smoke("bench.made", ("blind", "OUT/blind", "--pairs", "2"), {"bench.made.blind.CLASSES": {"indian": None},
-          "bench.made.blind.LONGEST": 1.0}),
-    Smoke("bench.made", ("judge", "OUT/blind"), {}),
+          "bench.made.blind.LONGEST": 1.0, "bench.made.splits.FOLDS": 2}),
     Smoke("bench.style", (), {"bench.style.SEEDS": ONE_SEED, "bench.style.STYLES": 1, "bench.style.SECONDS": 3.0}),
     Smoke("bench.keyframes", ("run",), {"bench.keyframes.GAPS": (0.5,), "bench.keyframes.CLIPS": 1}),
     *_parts("bench.pesta", "whole ranges sub_queries robustness elasticity ablations recipes threshold gaps draws",
