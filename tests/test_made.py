@@ -159,7 +159,7 @@ def test_matching_that_knows_the_clip_goes_on_as_it_does(recordings: Path, monke
         after = body_poses(real(clip, made.seed_stop - 1).positions)
         made_poses = body_poses(made.positions[:6])
         off = [np.linalg.norm(made_poses - after[late : late + 6], axis=-1).mean() for late in (0, 1)]
-        assert off[1] < 0.4 * off[0]
+        assert off[1] < 0.6 * off[0]
 
 
 def _pose_errors(method: str) -> Float64Array:
