@@ -22,7 +22,7 @@ DEMO_SYNTHESIS = $(if $(filter demo/deepmimic,$(DATA)),$(BIN)/motionlake run syn
 DEMO_QUERIES = $(if $(filter demo/deepmimic,$(DATA)),humanoid3d_walk humanoid3d_kick humanoid3d_dance_a,--sample 3)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test lint docs ingest all $(STAGES) neighbours transitions synth quality status wheel bench-ingest bench-dtw bench-moves bench-emd bench-generalise bench-retrieval bench-scale bench-stages bench-representation bench-word-network bench-motif-weights bench-words bench-find bench-motion-graph bench-neighbours bench-segmentation bench-signatures bench-sorting bench-align bench-strings bench-pesta bench-quality bench-rigs bench-descriptor-search bench-deephums bench-glogen bench-synthesis bench-matching bench-keyframes bench-style bench-text bench-kills bench-many bench-comparators bench-mutation bench-smoke fuzz records
+.PHONY: help setup demo test lint docs ingest all $(STAGES) neighbours transitions synth quality status wheel bench-ingest bench-dtw bench-moves bench-emd bench-generalise bench-retrieval bench-scale bench-stages bench-representation bench-word-network bench-motif-weights bench-words bench-find bench-motion-graph bench-neighbours bench-segmentation bench-signatures bench-sorting bench-align bench-strings bench-pesta bench-quality bench-rigs bench-descriptor-search bench-deephums bench-glogen bench-synthesis bench-matching bench-made bench-blind bench-keyframes bench-style bench-text bench-kills bench-many bench-comparators bench-mutation bench-smoke fuzz records
 
 help: ## Show this help
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 24
@@ -211,8 +211,15 @@ bench-deephums: setup ## Measure descriptors as the thesis does, with baselines,
 bench-synthesis: setup ## Measure how fast motion is made: 1, 100 and 1,000 clips in a lake, the networks beside acLSTM
 	$(BIN)/python -m bench.synthesis_speed
 
-bench-matching: setup ## Measure motion matching: classes beside their recordings, changes of class, a figure of eight
+bench-matching: setup ## Measure motion matching: changes of class, a figure of eight, speed
 	$(BIN)/python -m bench.matching
+
+bench-made: setup ## Measure made motion beside real: classes, likeness, copies, errors (hours; KEEP=folder goes on from there)
+	$(BIN)/python -m bench.made table $(if $(KEEP),--keep "$(KEEP)")
+	$(BIN)/python -m bench.made errors $(if $(KEEP),--keep "$(KEEP)")
+
+bench-blind: setup ## Draw a page of pairs, real and made, into FOLDER=folder; the guesses are judged by python -m bench.made judge
+	$(BIN)/python -m bench.made blind "$(FOLDER)"
 
 bench-keyframes: setup ## Measure motion through keyframes of clips left out, beside interpolated poses
 	$(BIN)/python -m bench.keyframes

@@ -1,17 +1,13 @@
-"""Motion matching, measured on clips left out: `python -m bench.matching`.
+"""Changes of class, paths and cost of motion matching, on clips left out: `python -m bench.matching`.
 
 The clips of every class are dealt to three folds; a motion goes on from a clip of one fold, and the database holds the
-clips of the others. Real clips are measured without their calibration poses. Contacts are seen otherwise than by what
-plants feet: of all ankles and toes near the ground the slowest bears the body, and a body skates where even that one
-travels.
+clips of the others. Classes beside their recordings are measured by `bench.made`.
 """
 
 from __future__ import annotations
 
-import argparse
 import resource
 import time
-from collections.abc import Sequence
 from dataclasses import asdict
 from functools import cache
 from typing import Any, Final
@@ -19,51 +15,27 @@ from typing import Any, Final
 import numpy as np
 from motionlake.arrays import Float64Array
 from motionlake.evaluation.synthesis.contact import Footing, footing
-from motionlake.evaluation.synthesis.movement import bone_length_drift, energy, travel_speed
 from motionlake.matching.database import build_database
 from motionlake.matching.generator import MatchingGenerator
 from motionlake.matching.recordings import MatchingClip, sound_ranges
-from motionlake.motion.features import body_length
 from motionlake.motion.generation import FPS, Control, GeneratedMotion, MotionRequest, SeedClip
 from motionlake.motion.ground import Ground, ground_of
 from motionlake.motion.paths import GroundPath, shape_path
 from motionlake.motion.resampling import resample
-from motionlake.motion.skeleton import body_poses
 from motionlake.training import on_threads
 
-from bench.canonical_sets import LabelledClip, LabelledSet, Row, read
+from bench.canonical_sets import LabelledClip, read
+from bench.classes import GOING
 from bench.record import hash_files, record, recordings
 
+SETS: Final = GOING
 FOLDS: Final = 3
-SEEDS: Final = (0, 1, 2)
-SECONDS: Final = 10.0
 CHANGES: Final = 100  # motions that walk, run and walk
 CHANGE_SECONDS: Final = 9.0
 SOON: Final = 1.5  # seconds in which a class has its speed
 USUAL: Final = (0.1, 0.9)  # quantiles of the speeds of a class's recordings over half a second
 EIGHTS: Final = 6  # motions along a figure of eight
 EIGHT_SECONDS: Final = 60.0
-POSES: Final = 400  # of all motions, for diversity
-
-
-def described_as(*names: str) -> LabelledSet:
-    def chosen(row: Row) -> bool:
-        return row["description"].strip().lower() in names
-
-    return LabelledSet("cmu_bvh", "description", chosen)
-
-
-def dance(name: str) -> LabelledSet:
-    return LabelledSet("cmu_dance", "label", lambda row: row["label"] == name)
-
-
-SETS: Final = {
-    "walk": described_as("walk"),
-    "run": described_as("run", "run/jog"),
-    "salsa": dance("salsa"),
-    "indian": dance("indian"),
-    "martial": dance("martial"),
-}
 
 
 @cache
@@ -122,59 +94,6 @@ def ground_under(made: GeneratedMotion, clip: LabelledClip) -> Ground:
 def stands(made: GeneratedMotion, clip: LabelledClip) -> Footing:
     """How a motion that goes on from a clip stands."""
     return footing(made.positions, FPS, ground_under(made, clip))
-
-
-def diversity(motions: Sequence[Float64Array]) -> float:
-    """Mean distance of joints, body lengths, between poses of different motions, seen from the body."""
-    rng, poses, of = np.random.default_rng(0), [], []
-    for i, motion in enumerate(motions):
-        at = rng.integers(len(motion), size=max(1, POSES // len(motions)))
-        poses.append(body_poses(motion[at]) / body_length(motion))
-        of += [i] * len(at)
-    joints, owner = np.concatenate(poses), np.array(of)
-    apart = np.linalg.norm(joints[:, None] - joints[None], axis=-1).mean(axis=-1)
-    return float(apart[owner[:, None] != owner[None]].mean())
-
-
-def measures(motions: Sequence[Float64Array], grounds: Sequence[Ground]) -> dict[str, float]:
-    feet = [asdict(footing(motion, FPS, ground)) for motion, ground in zip(motions, grounds, strict=True)]
-    means = {name: float(np.mean([one[name] for one in feet])) for name in ("skates", "slide")}
-    most = {name: max(one[name] for one in feet) for name in ("depth", "height", "airborne")}
-    return {
-        "motions": len(motions),
-        "travel": float(np.mean([travel_speed(m, FPS) for m in motions])),
-        "energy": float(np.mean([energy(m, FPS) for m in motions])),
-        "diversity": diversity(motions),
-        **means,
-        **most,
-    }
-
-
-def of_class(label: str) -> dict[str, Any]:
-    """A class made from every clip left out, by every seed, beside its recordings."""
-    real = [recorded(clip) for clip in clips_of(label)]
-    found: dict[str, Any] = {"real": measures(real, [ground_of(one) for one in real])}
-    rows, drift = [], 0.0
-    for seed in SEEDS:
-        made: list[Float64Array] = []
-        grounds: list[Ground] = []
-        for fold in range(FOLDS):
-            test = parted(label, fold)[1]
-            requests = [MotionRequest((label,), SECONDS, 1000 * seed + i, seed_of(c)) for i, c in enumerate(test)]
-            motions = generator((label,), fold).generate(requests)
-            made += [motion.positions for motion in motions]
-            grounds += [ground_under(one, clip) for one, clip in zip(motions, test, strict=True)]
-            drift = max([drift, *(bone_length_drift(m.positions, m.rest_offsets) for m in motions)])
-        rows.append(measures(made, grounds))
-    found["made"] = {name: float(np.mean([row[name] for row in rows])) for name in rows[0]}
-    found["by_seed"] = rows
-    found["ratio"] = {
-        name: found["made"][name] / found["real"][name]
-        for name in ("travel", "energy", "diversity", "skates", "slide")
-        if found["real"][name]
-    }
-    found["bone_drift_percent"] = drift
-    return found
 
 
 def speeds(positions: Float64Array, span: int = 15) -> Float64Array:
@@ -270,18 +189,9 @@ def cost() -> dict[str, Any]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("classes", nargs="*", default=list(SETS), help=f"of {', '.join(SETS)} (default: all)")
-    chosen = parser.parse_args().classes
-    figures: dict[str, Any] = {"seeds": list(SEEDS), "seconds": SECONDS, "folds": FOLDS, "classes": {}}
+    figures: dict[str, Any] = {"folds": FOLDS}
     with on_threads(1):
-        figures["cost"] = cost()
-        for label in chosen:
-            figures["classes"][label] = found = of_class(label)
-            print(label, *(f"{name} {value:.3f}" for name, value in found["ratio"].items()), flush=True)
-            for row in ("made", "real"):
-                print(f"  {row}", *(f"{name} {value:.3f}" for name, value in found[row].items()), flush=True)
-        figures["changes"], figures["eights"] = changes(), eights()
+        figures["cost"], figures["changes"], figures["eights"] = cost(), changes(), eights()
     for name in ("changes", "eights", "cost"):
         print(name, figures[name])
     sets = [recordings() / name for name in ("cmu_bvh", "cmu_dance")]

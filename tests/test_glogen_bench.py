@@ -63,12 +63,12 @@ def test_what_follows_is_taken_from_the_frame_that_a_method_was_given_last() -> 
         np.testing.assert_array_equal(one.known[-1], whole_motion[one.start])
         assert one.start <= piece.sparse.places[4] < one.start + 1
         made = whole_motion[one.start + 1 : one.start + 1 + dense.HORIZON]
-        np.testing.assert_allclose(dense._apart(made, one, one.start), 0, atol=1e-6)
+        np.testing.assert_allclose(dense.apart(made, one, one.start), 0, atol=1e-6)
         # Sparse poses lie between frames: what goes on from them is compared with what lies between, too.
         place = float(piece.sparse.places[4])
         between = interpolated(whole_motion.astype(float), (place + np.arange(1, dense.HORIZON + 1)).astype(float))
-        np.testing.assert_allclose(dense._apart(between.astype(np.float32), one, place), 0, atol=1e-4)
-        assert np.abs(dense._apart(made[1:], one, one.start)[:-1]).max() > 1e-3  # a frame too late is an error
+        np.testing.assert_allclose(dense.apart(between.astype(np.float32), one, place), 0, atol=1e-4)
+        assert np.abs(dense.apart(made[1:], one, one.start)[:-1]).max() > 1e-3  # a frame too late is an error
 
 
 def test_beyond_the_end_of_a_clip_there_is_no_truth() -> None:

@@ -19,6 +19,7 @@ from motionlake.matching.features import features, mirrored_features
 from motionlake.matching.feet import Soles, heights_standing, on_ground
 from motionlake.matching.generator import MatchingGenerator, load_generator
 from motionlake.matching.inertia import decayed, joined_points, joined_rotations
+from motionlake.matching.played import AGAIN, UNEVEN, Played
 from motionlake.matching.recordings import MatchingClip, aloft, rooted, sound_ranges
 from motionlake.matching.search import distances
 from motionlake.motion.generation import FPS, Control, GeneratedMotion, MotionRequest
@@ -26,9 +27,11 @@ from motionlake.motion.ground import Ground, ground_of, levelled
 from motionlake.motion.kinematics import forward_kinematics
 from motionlake.motion.paths import ground_path, shape_path
 from motionlake.motion.rotations import angle, from_vectors
-from motionlake.motion.skeleton import INDEX, body_length, mirrored_positions, mirrored_rotations
+from motionlake.motion.skeleton import INDEX, body_length, body_poses, mirrored_positions, mirrored_rotations
 from motionlake.weights import save_tensors
 
+from bench.canonical_sets import read
+from bench.classes import action
 from bench.matching import clips_of, far_from, ground_under, offsets_of, recorded, seed_of, speeds, stands
 
 pytestmark = pytest.mark.recordings
@@ -286,6 +289,70 @@ def test_another_seed_is_another_motion_and_the_same_is_the_same(made_by: Matchi
 def test_what_was_played_lately_is_not_played_again(made_by: MatchingGenerator) -> None:
     made = made_by.generate([request("run", seconds=20.0, temperature=0.0)])[0]
     assert len({(source.clip, source.mirrored) for source in made.sources}) > 5  # 2 where it costs nothing
+
+
+def test_a_recording_that_is_played_for_long_costs_more_than_others(made_by: MatchingGenerator) -> None:
+    data = made_by.database
+    salsa = data.classes.index("salsa")
+    pieces = [i for i, piece in enumerate(data.pieces) if piece[2] == salsa]
+    first, other = (data.pieces[i, 0] for i in pieces[:2])
+    share = np.diff(data.pieces[pieces[0], :2])[0] / sum(np.diff(data.pieces[i, :2])[0] for i in pieces)
+    played = Played(data)
+    for t in range(AGAIN):
+        played.mark(int(first) + t % 20, t)
+    asked = np.array([first, other])
+    later = 10 * AGAIN  # so that it may be played again
+    np.testing.assert_array_equal(played.costs(asked, salsa, later, even=False), [0, 0])
+    np.testing.assert_allclose(played.costs(asked, salsa, later, even=True), [UNEVEN * (1 - share), 0])
+    for t in range(round(AGAIN / share)):  # until all have had their share
+        at = pieces[1 + t % (len(pieces) - 1)]
+        played.mark(int(data.pieces[at, 0]), t)
+    assert played.costs(asked, salsa, later, even=True)[0] == pytest.approx(0, abs=0.02)
+
+
+def test_actions_of_one_side_are_not_mirrored(recordings: Path) -> None:
+    clips = [clip for name in ("clap", "throw") for clip in read(action(name))[::2]]
+    data = build_database(
+        [MatchingClip(c.name, 0, c.label, c.positions, c.rotations, offsets_of(c), c.fps) for c in clips]
+    )
+    both, right = (len(data.rows[i]) / len(data.frames[i]) for i in range(2))
+    assert (both, right) == (2, 1)
+    (made,) = MatchingGenerator(data).generate([MotionRequest(("throw",), 6.0, 0, seed_of(clips[-1]))])
+    assert not any(source.mirrored for source in made.sources)
+
+
+def test_an_action_is_done_once_and_ends_with_the_motion(recordings: Path, made_by: MatchingGenerator) -> None:
+    """It began again, or was not done: seen on a page of pairs. What goes on and on is no action."""
+    assert not any(made_by.database.is_action(target) for target in range(3))
+    clips = read(action("knock"))
+    data = build_database(
+        [
+            MatchingClip(c.name, 0, c.label, c.positions, c.rotations, offsets_of(c), c.fps)
+            for c in clips
+            if c.subject > "2"
+        ]
+    )
+    maker, runs, late, held = MatchingGenerator(data), [], [], []
+    for i, clip in enumerate(c for c in clips if c.subject < "3"):
+        whole = MotionRequest(("knock",), len(clip.positions) / clip.fps - 0.5, i, seed_of(clip))
+        (made,) = maker.generate([whole])
+        runs.append(len(made.sources))
+        resting = body_poses(clip.positions[-1:].astype(float))
+        late.append(np.linalg.norm(body_poses(made.positions[-1:]) - resting, axis=-1).mean())
+        held.append(np.linalg.norm(body_poses(made.positions[:1]) - resting, axis=-1).mean())
+    assert max(runs) == 1
+    assert np.mean(late) < 0.5 * np.mean(held)
+    (long,) = maker.generate([MotionRequest(("knock",), 12.0, 0, seed_of(clips[0]))])
+    assert len(long.sources) > 2
+
+
+def test_frames_to_the_next_landing_are_counted(made_by: MatchingGenerator) -> None:
+    data = made_by.database
+    assert data.longest_flight(data.classes.index("run")) > 2 + data.longest_flight(data.classes.index("walk"))
+    for start, stop, *_ in data.pieces:
+        for frame in range(start, stop):
+            naive = next((i for i in range(stop - frame) if data.aloft[frame + i] == 0), stop - frame)
+            assert data.landing[frame] == naive
 
 
 def test_no_half_second_is_played_again_at_once(made_by: MatchingGenerator) -> None:

@@ -83,9 +83,9 @@ def measure(unit: Unit) -> dict[str, Errors]:
     """{method: errors of every piece of the clips left out}."""
     train, test = parted(unit.set_name, unit.fold)
     asked = [Asked.of(piece) for piece in asked_pieces(test)]
-    apart = _ours(unit, asked) if unit.method not in DENSE else _baseline(unit, train, asked)  # [pieces, 8, 20, 3]
-    joints = np.linalg.norm(apart, axis=3).mean(axis=2)
-    poses = np.linalg.norm(apart.reshape(*apart.shape[:2], -1), axis=2)
+    off = _ours(unit, asked) if unit.method not in DENSE else _baseline(unit, train, asked)  # [pieces, 8, 20, 3]
+    joints = np.linalg.norm(off, axis=3).mean(axis=2)
+    poses = np.linalg.norm(off.reshape(*off.shape[:2], -1), axis=2)
     return {unit.method: {"joint": joints.tolist(), "pose": poses.tolist(), "clips": len(test.clips)}}
 
 
@@ -109,7 +109,7 @@ def _baseline(unit: Unit, train: Material, asked: list[Asked]) -> NDArray[np.flo
     settings = settings_of(unit.epochs, CHOSEN[unit.set_name].get(unit.method, DEFAULTS))
     method = fitted(DENSE[unit.method](settings), training_motions(train), unit.seed)
     made = method.predict([one.known for one in asked], np.zeros(len(asked), dtype=np.int64))
-    return np.stack([_apart(frames, one, one.start) for frames, one in zip(made, asked, strict=True)])
+    return np.stack([apart(frames, one, one.start) for frames, one in zip(made, asked, strict=True)])
 
 
 def training_motions(train: Material) -> Motions:
@@ -129,7 +129,7 @@ def _ours(unit: Unit, asked: list[Asked]) -> NDArray[np.float64]:
     made = continued(generator, [one.piece for one in asked], [0] * len(asked), HORIZON, led=unit.method != UNLED)
     return np.stack(
         [
-            _apart(frames_of(motion), one, float(one.piece.sparse.places[SEEDS - 1]))
+            apart(frames_of(motion), one, float(one.piece.sparse.places[SEEDS - 1]))
             for motion, one in zip(made, asked, strict=True)
         ]
     )
@@ -154,15 +154,16 @@ def continued(
     made = dense_motions(generator.locgen, rows, times, frames)
     if not led:
         return made
-    return [with_onset(motion, _ahead(generator, p, t)) for motion, p, t in zip(made, pieces, targets, strict=True)]
+    return [with_onset(motion, ahead(generator, p, t)) for motion, p, t in zip(made, pieces, targets, strict=True)]
 
 
-def _ahead(generator: TrainedGenerator, piece: TrainingPiece, target: int) -> Float64Array | None:
+def ahead(generator: TrainedGenerator, piece: TrainingPiece, target: int) -> Float64Array | None:
+    """[45, 64] rows that recorded bodies tell of after the given poses of a piece; None where none stood so."""
     place = piece.sparse.places[SEEDS - 1 : SEEDS]
     return generator.lead.ahead(state_at(piece.motion, place)[0], target) if generator.cyclic[target] else None
 
 
-def _apart(made: Float32Array, one: Asked, place: float) -> NDArray[np.float64]:
+def apart(made: Float32Array, one: Asked, place: float) -> NDArray[np.float64]:
     """[8, 20, 3] differences of joints of `made` [20, 60], whose first frame is one after `place`."""
     at = np.array(MILLISECONDS) / 1000 * FPS - 1
     joints = interpolated(made.astype(float), at)

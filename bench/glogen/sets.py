@@ -9,24 +9,11 @@ from typing import Final
 from motionlake.motion.calibration import recorded_range
 
 from bench.canonical_sets import LabelledClip, LabelledSet, read
+from bench.classes import GOING
 
-WALK: Final = "walk"
-
-
-def _is_walk(row: dict[str, str]) -> bool:
-    return WALK in row["description"].lower()
-
-
-SETS: Final = {
-    "utd_mhad": LabelledSet("utd_mhad", "label"),
-    "indian": LabelledSet("cmu_dance", "label", lambda row: row["label"] == "indian"),
-    "martial": LabelledSet("cmu_dance", "label", lambda row: row["label"] == "martial"),
-    "walk": LabelledSet("cmu_bvh", "description", _is_walk),
-    "run": LabelledSet("cmu_bvh", "description", lambda row: row["description"] == "run/jog"),
-}
-"""utd_mhad has 27 classes and the split of its labels file; the others are one class each, without a split: "indian"
-and "martial" dances of cmu_dance, and the clips of cmu_bvh whose description holds the word walk (68 of 126, of 14
-subjects: slow, brisk and exaggerated ones too)."""
+SETS: Final = {"utd_mhad": LabelledSet("utd_mhad", "label"), **GOING}
+"""utd_mhad has 27 classes and the split of its labels file; the others are one class each, without a split, the same
+clips as motion matching is measured by (`bench.classes`)."""
 
 
 @cache
@@ -35,7 +22,7 @@ def clips_of(name: str) -> list[LabelledClip]:
 
     Calibration poses at their ends are left out.
 
-    The walks are labelled "walk", whatever their description says beside it, the runs "run".
+    Walks are labelled "walk", runs "run", in whatever words they are described.
     """
     clips = [_recorded(clip) for clip in read(SETS[name])]
     return [replace(clip, label=name) for clip in clips] if SETS[name].label == "description" else clips

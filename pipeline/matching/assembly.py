@@ -9,7 +9,7 @@ import numpy as np
 from motionlake.arrays import BoolArray, Float64Array
 from motionlake.matching.course import Course
 from motionlake.matching.database import MotionDatabase
-from motionlake.matching.inertia import joined_points, joined_rotations
+from motionlake.matching.inertia import GIVEN_HALF_LIFE, HALF_LIFE, joined_points, joined_rotations
 from motionlake.matching.recordings import FPS, about_y
 from motionlake.motion.rotations import multiply, normalise, turn_on_ground
 from motionlake.motion.skeleton import mirrored_rotations
@@ -72,8 +72,9 @@ def assembled(database: MotionDatabase, course: Course, shown: Poses | None) -> 
         if around[0] == around[1]:  # the first frame of a piece: its speed is that to the next
             pair = read_poses(database, np.array([first_row, min(high, first_row + 1.0)]), bool(course.mirrored[start]))
             before = pair
-        rotations[start:stop] = joined_rotations(last.rotations, run.rotations, before.rotations, FPS)
-        hips[start:stop] = joined_points(last.hips, run.hips, before.hips, FPS)
+        half_life = GIVEN_HALF_LIFE if start == 0 else HALF_LIFE
+        rotations[start:stop] = joined_rotations(last.rotations, run.rotations, before.rotations, FPS, half_life)
+        hips[start:stop] = joined_points(last.hips, run.hips, before.hips, FPS, half_life)
     return Poses(rotations, hips, stands)
 
 

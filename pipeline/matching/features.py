@@ -18,6 +18,7 @@ _OTHER: Final = (0, 1, 3, 2, 5, 4)  # of each point, that on the other side
 AHEAD: Final = (10, 20, 30)  # frames ahead, of the trajectory
 POSE: Final = 6 * len(POINTS)  # numbers of places and velocities
 WIDTH: Final = POSE + 4 * len(AHEAD)  # and of trajectory: places (left, ahead) and headings (sine, cosine)
+VELOCITIES: Final = slice(POSE // 2, POSE)
 PLACES: Final = slice(POSE, POSE + 2 * len(AHEAD))
 HEADINGS: Final = slice(POSE + 2 * len(AHEAD), WIDTH)
 # Weights of the groups, each normalised by its spread.

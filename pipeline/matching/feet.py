@@ -20,7 +20,8 @@ SETTLE: Final = 4.0  # frames over which the body settles
 SMOOTH: Final = 1.5  # frames
 FAR: Final = 0.2  # body lengths that a foot is held back while it stands, at most
 LOWEST: Final = 0.015  # body lengths that this is below the ground, at most
-DEEP: Final = 0.005  # metres below the ground from which on the whole body is lifted
+DEEP: Final = 0.005  # metres below the ground, or too high above it, from which on the whole body is moved
+HIGH: Final = 0.03  # body lengths above the ground of a foot that was near it as recorded, at most
 STEEP: Final = 0.95  # of a foot's length, by which the toes of one on tiptoe are below the ankle at most
 LEAST: Final = 0.05  # weight of no standing foot
 FLOOR: Final = 15.0  # frames: half-life of what given feet stood on above the ground, or below it
@@ -49,6 +50,7 @@ def on_ground(
     stands: BoolArray,
     soles: Soles,
     size: float,
+    near: BoolArray | None = None,
 ) -> tuple[Float64Array, Float64Array]:
     """A motion whose feet stand on the ground where they stand, neither sliding nor below it.
 
@@ -59,6 +61,7 @@ def on_ground(
         stands: [T, 4] of `FEET`.
         soles: how they stand.
         size: metres of a body length.
+        near: [T] whether a foot was near the ground as recorded: there a join lifts the body by no more than `HIGH`.
 
     Returns:
         Hips [T, 3] and local rotations [T, 21, 4].
@@ -69,16 +72,33 @@ def on_ground(
     # The floor of a recording is not even: what the given feet stand on passes into the ground.
     floor = max(soles.floor or 0.0, -LOWEST * size) * np.exp(-math.log(2) / FLOOR * frames)
     settled = _settled(above - floor[:, None], stands, SETTLE)
-    if soles.floor is not None:
-        settled *= 0.5 - 0.5 * np.cos(np.pi * np.clip(frames / EASE, 0, 1))
+    begun = np.ones(len(hips)) if soles.floor is None else 0.5 - 0.5 * np.cos(np.pi * np.clip(frames / EASE, 0, 1))
+    settled *= begun
     moved = hips.copy()
     moved[:, 1] -= settled
     planted = _planted(moved, rotations, rest_offsets, stands, soles, floor, size)
     sunk = _sunk(moved, planted, rest_offsets, soles.lowest + np.minimum(floor, 0.0)[:, None])
-    if sunk.max() < DEEP:
+    high = _floating(moved, planted, rest_offsets, soles.lowest + floor[:, None] + HIGH * size, near)
+    if max(sunk.max(), high.max()) < DEEP:
         return moved, planted
-    moved[:, 1] += gaussian_filter1d(maximum_filter1d(sunk, round(4 * SMOOTH) + 1), SMOOTH)
+    moved[:, 1] += _spread(sunk) - _spread(high) * begun
     return moved, _planted(moved, rotations, rest_offsets, stands, soles, floor, size)
+
+
+def _spread(metres: Float64Array) -> Float64Array:
+    """[T] a change that the whole body takes part in, over some frames more."""
+    return np.asarray(gaussian_filter1d(maximum_filter1d(metres, round(4 * SMOOTH) + 1), SMOOTH))
+
+
+def _floating(
+    hips: Float64Array, rotations: Float64Array, rest_offsets: Float64Array, highest: Float64Array,
+    near: BoolArray | None,
+) -> Float64Array:  # fmt: skip
+    """[T] metres by which all feet are higher than `highest` [T, 4] where one was near the ground as recorded."""
+    if near is None:
+        return np.zeros(len(hips))
+    feet = forward_kinematics(hips, rotations, rest_offsets)[:, [INDEX[name] for name in FEET], 1]
+    return np.where(near, np.maximum(0.0, (feet - highest).min(axis=1)), 0.0)
 
 
 def _sunk(

@@ -118,7 +118,8 @@ class MatchingGenerator:
         poses = assembled(self.database, course, shown)
         hips, rotations = in_world(poses, course, size)
         soles = Soles(given.lowest, None if shown is None else given.floor)
-        hips, rotations = on_ground(hips, rotations, body, poses.stands, soles, size)
+        near = self.database.aloft[course.at.astype(int)] == 0
+        hips, rotations = on_ground(hips, rotations, body, poses.stands, soles, size, near)
         hips[:, 1] += given.motion.ground
         positions = forward_kinematics(hips, rotations, body)
         starts = tuple(part.first for part in parts)

@@ -2,8 +2,7 @@
 
 A run of recorded frames is played until another one fits better: where a path is to be followed, by pose and by where
 the root goes within a second; else, from time to time and at the end of a run, one of those that are as near as poses
-are that a tenth of a second lies between. Where the class changes, the nearest frame of the wanted class is looked for
-from several of the next frames, so that the cheapest of these transitions is taken.
+are that a tenth of a second lies between. Where the class changes, the cheapest way from the next frames is taken.
 """
 
 from __future__ import annotations
@@ -12,20 +11,15 @@ import math
 from typing import Final
 
 import numpy as np
-from motionlake.arrays import Float32Array, Float64Array, Int64Array
+from motionlake.arrays import Float32Array, Float64Array
 from motionlake.matching.course import Course, Part, Start
 from motionlake.matching.database import MotionDatabase
 from motionlake.matching.features import AHEAD, HEADINGS, PLACES, POSE
+from motionlake.matching.played import BESIDE, IN_TIME, REST, SHORT, Played, costs_of_late, costs_of_short
 from motionlake.matching.recordings import FPS
 from motionlake.matching.search import distances
 from motionlake.matching.steering import Steering
 
-AGAIN: Final = 150  # frames until what was played may be played again at no cost
-BESIDE: Final = 8  # frames about one that count as played with it
-PLAYED: Final = 4.0  # tolerances that a frame costs which was played just now
-REST: Final = 30  # frames that should follow where a run begins
-SHORT: Final = 3.0  # tolerances that a run costs of which nothing is left
-LEAST: Final = 4  # frames that must follow
 SEARCH: Final = 6  # frames between searches along a path
 BETTER: Final = 0.25  # tolerances by which another run along a path is nearer
 RUN: Final = (30, 105)  # frames of a run that no path asks to end
@@ -35,7 +29,8 @@ FREE: Final = 0.2  # weight of the trajectory where no path says what is wanted
 RAMP: Final = 0.8  # seconds in which a new class gets to its speed
 ARRIVED: Final = 60  # frames in which a new class gets to its speed by other runs, where it does not at once
 # Tolerances that a frame costs by which flights do not fit: joined, they would be of another length.
-FLIGHT: Final = 0.5
+FLIGHT: Final = 1.0
+TOO_LONG: Final = 8.0  # tolerances that a frame costs from which a flight is longer than any that is recorded
 NEAR: Final = 32  # nearest rows that chance chooses from
 SETTLE: Final = 0.12  # seconds: half-life of a difference in the root's speed
 LOOP: Final = 24  # frames before the first that a loop ends with
@@ -62,22 +57,16 @@ class Player:
         self._scales = database.scales
         self._pose = self._scales.copy()
         self._pose[POSE:] *= FREE
-        self._played = np.full(len(database), -np.inf)
+        self._played = Played(database)
         self._frames_of = [rows % len(database) for rows in database.rows]
-        self._short = [self._cost_of_short(rows) for rows in database.rows]
+        self._flights = [database.longest_flight(target) for target in range(len(database.rows))]
+        self._short = [costs_of_short(database, rows) for rows in database.rows]
+        self._actions = [database.is_action(target) for target in range(len(database.rows))]
         if style is not None:
             self._short = [short + style[rows] for short, rows in zip(self._short, database.rows, strict=True)]
-        self._at, self._mirrored = 0.0, False
-        self._end = 0
-        self._drift = np.zeros(3)  # by which the root goes otherwise than the run that is played
-        self._drift_speed = np.zeros(3)
-        self._until = 0
-        self._part = 0
-
-    def _cost_of_short(self, rows: Int64Array) -> Float64Array:
-        left = self._data.left[rows % len(self._data)]
-        cost = SHORT * self._data.tolerance * np.clip(1 - left / REST, 0, None) ** 2
-        return np.where(left >= LEAST, cost, np.inf)
+        self._at, self._mirrored, self._even = 0.0, False, style is None
+        self._drift_speed = np.zeros(3)  # by which the root goes otherwise than the run that is played
+        self._end, self._until, self._part = 0, 0, 0
 
     def run(self, start: Start, *, drawn: bool = False) -> Course:
         """The whole course; where it is `drawn`, what it begins with is chosen by chance and not by what is given."""
@@ -110,8 +99,7 @@ class Player:
                         self._jump(found, t)
                         jumps.append(t)
             at[t], mirrored[t], place[t], heading[t] = self._at, self._mirrored, here, yaw
-            low = int(self._at)
-            self._played[max(0, low - BESIDE) : low + BESIDE] = t
+            self._played.mark(int(self._at), t)
         return Course(at, mirrored, place, heading, jumps)
 
     def _begin(self, start: Start | None) -> None:
@@ -123,13 +111,18 @@ class Player:
             self._drift_speed[:] = 0
             self._go(row, 0)
             return
-        query = start.query.copy()
-        weights = self._pose
+        query, weights = start.query.copy(), self._scales.copy()
         if self._is_aimed(0):
             self._aim(query, start.place, start.heading, float(np.hypot(*start.step[:2])), 0)
-            weights = self._scales
-        row = self._choose(query, start.aloft, 0, weights, 1.0)
-        self._go(row, 0)
+        else:
+            weights[POSE:] = 0  # where given frames go is not known
+        short = self._short[target := self._parts[0].target]
+        if self._actions[target] and len(self._parts) == 1:
+            frames = round(self._frames * self._pace)
+            self._short[target] = short + costs_of_late(self._data, target, frames)
+        # The nearest to the last given frame is found; the first frame of the motion is the one after it.
+        self._go(self._choose(query, start.aloft, 0, weights, 1.0) + 1, 0)
+        self._short[target] = short
         self._drift_speed = start.step - self._rates()
 
     def _closing(self, first: tuple[float, bool]) -> int:
@@ -210,11 +203,12 @@ class Player:
         rows = self._data.rows[target]
         out = np.empty(len(rows), dtype=np.float32)
         distances(self._data.compared, rows, query, weights, out)
-        costs = out + self._short[target]
-        ago = t - self._played[self._frames_of[target]]
-        costs += PLAYED * self._data.tolerance * np.maximum(1 - ago / AGAIN, 0)
-        costs += FLIGHT * self._data.tolerance * np.abs(self._data.aloft[self._frames_of[target]] - aloft)
-        return np.asarray(costs)
+        frames = self._frames_of[target]
+        beside = self._played.costs(frames, target, t, even=self._even and not self._is_aimed(t))
+        beside += FLIGHT * np.abs(self._data.aloft[frames] - aloft)
+        landing = self._data.landing[frames]
+        beside += TOO_LONG * (aloft + landing > self._flights[target]) * (landing > 0)
+        return np.asarray(out + self._short[target] + self._data.tolerance * beside)
 
     def _choose(self, query: Float32Array, aloft: float, t: int, weights: Float32Array, spread: float) -> int:
         """A row among the nearest: the nearer the likelier, within `spread` tolerances of the nearest."""
@@ -241,7 +235,7 @@ class Player:
                 return self._choose(query, self._aloft(), t, weights, 0.3)
             found = self._choose(query, self._aloft(), t, weights, 0.15)
             return found if self._nearer(found, query, weights, t) else None
-        if not ends and (t < self._until or self._temperature == 0):
+        if (not ends and (t < self._until or self._temperature == 0)) or self._is_done(t):
             return None
         query = self._query(here, yaw, t)
         if ends:
@@ -250,6 +244,12 @@ class Player:
         found = self._choose(query, self._aloft(), t, self._pose, 1.0)
         apart = np.linalg.norm((self._data.compared[found] - query) * self._pose)
         return found if apart <= self._data.tolerance else None
+
+    def _is_done(self, t: int) -> bool:
+        """Whether an action that is played comes to its end about when the motion does."""
+        if self._part + 1 < len(self._parts) or not self._actions[self._parts[self._part].target]:
+            return False
+        return bool(abs(self._data.left[int(self._at)] / self._pace - (self._frames - 1 - t)) <= IN_TIME)
 
     def _nearer(self, row: int, query: Float32Array, weights: Float32Array, t: int) -> bool:
         """Whether a run from a row on is better than to go on."""

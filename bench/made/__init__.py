@@ -1,0 +1,1 @@
+"""Motion made by motion matching and by networks beside real motion."""

@@ -1,0 +1,103 @@
+"""The recordings that motion is made from and measured by: in three folds, dealt by clip or by who moves."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+from typing import Final, Literal
+
+from motionlake.arrays import Float64Array
+from motionlake.evaluation.synthesis.motions import Stretch
+from motionlake.matching.recordings import sound_ranges
+from motionlake.motion.generation import FPS, GeneratedMotion, SeedClip
+from motionlake.motion.ground import Ground, ground_of
+from motionlake.motion.resampling import resample
+
+from bench.canonical_sets import LabelledClip, read
+from bench.classes import ACTIONS, CLASSES, GOING
+
+FOLDS: Final = 3
+
+
+@dataclass(frozen=True)
+class Split:
+    """Classes that one generator makes, and what is never in two folds: a clip (partners of a dance), or a subject."""
+
+    classes: tuple[str, ...]
+    by: Literal["name", "subject"] = "name"
+
+
+SPLITS: Final = {
+    **{name: Split((name,)) for name in GOING},
+    "walk, other subjects": Split(("walk",), "subject"),
+    "actions, other subjects": Split(ACTIONS, "subject"),
+}
+
+
+@cache
+def clips_of(label: str) -> list[LabelledClip]:
+    """The clips of a class, without calibration poses and beyond no jump: each the longest stretch that is left."""
+    return [_recorded(replace(clip, label=label)) for clip in read(CLASSES[label])]
+
+
+def _recorded(clip: LabelledClip) -> LabelledClip:
+    ranges = sound_ranges(clip.positions, clip.rotations, clip.fps)
+    start, stop = max(ranges, key=lambda pair: pair[1] - pair[0])
+    return replace(clip, positions=clip.positions[start:stop], rotations=clip.rotations[start:stop])
+
+
+def parted(split: str, fold: int) -> tuple[list[LabelledClip], list[LabelledClip]]:
+    """The clips of the other folds, and of this one."""
+    chosen = SPLITS[split]
+    clips = [clip for label in chosen.classes for clip in clips_of(label)]
+    own = set(sorted({_key(clip, chosen) for clip in clips})[fold::FOLDS])
+    return [c for c in clips if _key(c, chosen) not in own], [c for c in clips if _key(c, chosen) in own]
+
+
+def _key(clip: LabelledClip, split: Split) -> str:
+    return clip.subject if split.by == "subject" else clip.name
+
+
+def folds(
+    split: str, chosen: Sequence[int] = range(FOLDS)
+) -> Iterator[tuple[int, list[LabelledClip], list[LabelledClip]]]:
+    """Of folds their numbers, the clips that are known, and those that are left out."""
+    for fold in chosen:
+        yield fold, *parted(split, fold)
+
+
+def offsets_of(clip: LabelledClip) -> Float64Array:
+    assert clip.rest_offsets is not None
+    return clip.rest_offsets
+
+
+def seed_of(clip: LabelledClip) -> SeedClip:
+    return SeedClip(clip.name, clip.positions.astype(float), clip.fps, offsets_of(clip), clip.rotations.astype(float))
+
+
+_GROUNDS: Final[dict[tuple[str, str, str], Ground]] = {}
+
+
+def ground(clip: LabelledClip) -> Ground:
+    """That of a whole clip."""
+    key = (clip.label, clip.name, clip.subject)
+    if key not in _GROUNDS:
+        _GROUNDS[key] = ground_of(clip.positions)
+    return _GROUNDS[key]
+
+
+def real(clip: LabelledClip, start: int = 0) -> Stretch:
+    """A clip from a frame on, 30 frames a second."""
+    return Stretch(
+        frozenset({clip.name}), clip.label, resample(clip.positions[start:].astype(float), clip.fps, FPS), FPS,
+        offsets_of(clip), ground(clip), clip.rotations[start:],
+    )  # fmt: skip
+
+
+def made_from(made: GeneratedMotion, clip: LabelledClip) -> Stretch:
+    """A motion that goes on from a clip, on a level ground as high as where the given frames end."""
+    under = ground(clip).level_at(clip.positions[made.seed_stop - 1, 0])
+    return Stretch(
+        frozenset({clip.name}), clip.label, made.positions, made.fps, made.rest_offsets, under, made.rotations
+    )

@@ -1,0 +1,68 @@
+"""What rows cost beside their distance: those that were played already, and those that end too soon or too late."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from motionlake.arrays import Float64Array, Int64Array
+from motionlake.matching.database import MotionDatabase
+from motionlake.matching.recordings import FPS
+
+AGAIN: Final = 150  # frames until what was played may be played again at no cost
+BESIDE: Final = 8  # frames about one that count as played with it
+PLAYED: Final = 4.0  # tolerances that a frame costs which was played just now
+REST: Final = 30  # frames that should follow where a run begins
+SHORT: Final = 3.0  # tolerances that a run costs of which nothing is left
+LEAST: Final = 4  # frames that must follow
+LATE: Final = 4.0  # tolerances that a run of an action costs which ends a second before the motion does, or after it
+IN_TIME: Final = 15  # frames about the end of a motion in which an action may end
+UNEVEN: Final = 2.0  # tolerances that a recording costs which was played for `AGAIN` frames more than its share
+
+
+class Played:
+    """The frames of a database that a motion has played, and when."""
+
+    def __init__(self, database: MotionDatabase) -> None:
+        self._data = database
+        self._last = np.full(len(database), -np.inf)
+        self._frames = np.zeros(len(database.pieces))  # played of each piece
+        self._lengths = (database.pieces[:, 1] - database.pieces[:, 0]).astype(float)
+
+    def mark(self, frame: int, t: int) -> None:
+        """A frame is played at a time."""
+        self._last[max(0, frame - BESIDE) : frame + BESIDE] = t
+        self._frames[self._data.piece_of[frame]] += 1
+
+    def costs(self, frames: Int64Array, target: int, t: int, *, even: bool) -> Float64Array:
+        """[n] tolerances that frames of a class cost; where `even`, more of recordings that had more than their share.
+
+        A motion that goes on where poses are nearest stays in the recordings that are like the one that it began in.
+        """
+        costs = PLAYED * np.maximum(1 - (t - self._last[frames]) / AGAIN, 0)
+        if even:
+            own = self._data.pieces[:, 2] == target
+            share = np.where(own, self._lengths, 0) / self._lengths[own].sum()
+            over = np.maximum(self._frames - share * self._frames[own].sum(), 0) / AGAIN
+            costs += UNEVEN * over[self._data.piece_of[frames]]
+        return np.asarray(costs)
+
+
+def costs_of_short(database: MotionDatabase, rows: Int64Array) -> Float64Array:
+    """[n] what rows cost after which little is left of the recording."""
+    left = database.left[rows % len(database)]
+    cost = SHORT * database.tolerance * np.clip(1 - left / REST, 0, None) ** 2
+    return np.where(left >= LEAST, cost, np.inf)
+
+
+def costs_of_late(database: MotionDatabase, target: int, frames: int) -> Float64Array:
+    """[n] what rows of an action cost whose recordings do not come to rest when a motion is over.
+
+    Nothing where the motion is too short for half of the action.
+    """
+    pieces = database.pieces[database.pieces[:, 2] == target]
+    rows = database.rows[target]
+    if frames < np.median(pieces[:, 1] - pieces[:, 0]) / 2:
+        return np.zeros(len(rows))
+    off = np.abs(database.left[rows % len(database)] - frames)
+    return np.asarray(LATE * database.tolerance * np.minimum(off / FPS, 1.0))
