@@ -47,7 +47,7 @@ demo: setup $(if $(filter demo/deepmimic,$(DATA)),demo/deepmimic/labels.csv) ## 
 	$(DEMO_SYNTHESIS)
 
 # What the motions show; none of them says so itself.
-demo/deepmimic/labels.csv: examples/deepmimic-labels.csv demo/deepmimic/.ready
+demo/deepmimic/labels.csv: docs/demo/labels.csv demo/deepmimic/.ready
 	cp $< $@
 
 demo/deepmimic/.ready: | setup

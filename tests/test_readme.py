@@ -44,7 +44,7 @@ def motions(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder.mkdir(parents=True)
     for i, name in enumerate(("walk", "kick", "run", "dance_a", "jump", "spin")):
         (folder / f"humanoid3d_{name}.txt").write_text(deepmimic_text(deepmimic_frames(60 + 10 * i)))
-    shutil.copy(ROOT / "examples" / "deepmimic-labels.csv", folder / "labels.csv")
+    shutil.copy(ROOT / "docs" / "demo" / "labels.csv", folder / "labels.csv")
     return folder
 
 

@@ -180,7 +180,7 @@ def test_motions_from_two_clips_do_not_replace_one_another(auto: Path, label: st
 
 
 def test_the_demo_s_labels_name_every_motion_once() -> None:
-    with (ROOT / "examples" / "deepmimic-labels.csv").open(encoding="utf-8", newline="") as handle:
+    with (ROOT / "docs" / "demo" / "labels.csv").open(encoding="utf-8", newline="") as handle:
         rows = list(csv.DictReader(handle))
     assert len({row["file"] for row in rows}) == len(rows) == 20
     assert {"walk", "run", "dance", "kick", "turn_left"} <= {row["label"] for row in rows}
@@ -209,7 +209,7 @@ def test_what_is_of_one_side_is_not_mirrored(recordings: Path) -> None:
     )
     for target, name in enumerate(data.classes):
         mirrored = data.rows[target][data.rows[target] >= len(data)]
-        assert len(mirrored) == (len(data.recorded(target)) if name == "walk" else 0)
+        assert len(mirrored) == (len(data.frames[target]) if name == "walk" else 0)
         assert np.isfinite(data.speeds(target)).all()
 
 
