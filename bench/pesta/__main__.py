@@ -1,4 +1,4 @@
-"""`python -m bench.pesta [--seeds N] [--processes N] [--keep DIR] [--without TEXT] [--all] [PART ...]`, by part:
+"""`python -m bench.pesta [PART ...] [--seeds N] [--processes N] [--keep DIR] [--without TEXT ...] [--all]`, by part:
 
 whole: Table 5 (hdm05, bandai1; --all: salsa and utd_mhad too). ranges: Table 3. sub_queries: Table 4. robustness:
 Fig. 8. elasticity: Table 6. ablations: of the dictionaries, the features and the alignment. recipes: k-means and the
@@ -37,7 +37,7 @@ def _gathered(
     timed: bool = False,
 ) -> dict[str, Rows]:
     """{set: {row: {seed: found}}}, rows in the order of the units; what is timed has the machine for itself."""
-    chosen = [unit for unit in units if not given.without or given.without not in str(unit)]
+    chosen = [unit for unit in units if not any(text in str(unit) for text in given.without)]
     done = dict(in_processes(measure, chosen, 1 if timed else given.processes, str, given.kept))
     gathered: dict[str, Rows] = {}
     for unit in chosen:
@@ -193,7 +193,9 @@ def main() -> None:
     unit_options(parser, processes=2)
     parser.add_argument("--hidden", type=int, help="units and steps of the autoencoders: few, to try the bench itself")
     parser.add_argument("--pictures", type=Path, help="robustness: draw figure 8 into this folder")
-    parser.add_argument("--without", metavar="TEXT", help="leave out units with this in their names: information, ...")
+    parser.add_argument(
+        "--without", nargs="+", default=[], metavar="TEXT", help="leave out what has this in its name: information"
+    )
     parser.add_argument("--all", action="store_true", help="whole: salsa and utd_mhad as well")
     given = parser.parse_args()
     if unknown := sorted(set(given.parts) - set(PARTS)):
