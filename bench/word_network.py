@@ -1,5 +1,5 @@
 """The paper's word network beside others: `python -m bench.word_network [--seeds N] [--rows ROW,...] [--keep FOLDER]
-[SET ...]`.
+[--from RECORD] [--minutes N] [SET ...]`.
 
 The network of Deep Motifs (section 3.3) is trained by the recipe of section 3.4 on the words of a set, without labels,
 until its loss on held-out words stops falling (`[network] recipe = "deep_motifs"`); with random negatives, which are
@@ -8,11 +8,16 @@ the paper's, and with semi-hard ones. Beside it stand raw words, their principal
 Distance, leave one out over whole clips. Each row has `--seeds` seeds on every set.
 
 Last comes the choice of a default: each set is left out in turn, and the row is taken that is best on the others.
+
+It takes hours on two cores: after `--minutes` nothing more is begun, and the record names what is left. `--from` a
+record of the same recordings goes on: what it holds is taken from it, and not measured anew.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
+import sys
 import time
 from collections.abc import Mapping
 from functools import partial
@@ -32,6 +37,7 @@ from bench.record import hash_files, record, recordings
 from bench.representation import SEEDS, Embedding, K, learned, raw, score, shallow
 from bench.units import Found, in_processes, unit_options
 
+NAME: Final = "word-network"
 STEPS: Final = 2_000  # at most
 PLAIN: Final[Mapping[str, Embedding]] = {
     "raw words": raw,
@@ -95,31 +101,71 @@ def _said(unit: Unit) -> str:
     return "{}, {}, seed {}".format(*unit)
 
 
+Runs = dict[str, dict[str, dict[int, Found]]]
+
+
+def earlier_runs(path: Path | None, data: str) -> Runs:
+    """{row: {set: {seed: found}}} of a record.
+
+    Raises:
+        SystemExit: it is not of this bench, or of other recordings.
+    """
+    if path is None:
+        return {}
+    known = json.loads(path.read_text(encoding="utf-8"))
+    if known["name"] != NAME or known["data_sha256"] != data:
+        sys.exit(f"{path} is no record of this bench of the same recordings")
+    return {
+        row: {name: {int(seed): found for seed, found in seeds.items()} for name, seeds in by_set.items()}
+        for row, by_set in known["figures"]["runs"].items()
+    }
+
+
+def mean_maps(runs: Runs) -> dict[str, dict[str, float]]:
+    """{row: {set: mean average precision over seeds}}."""
+    return {
+        row: {name: float(np.mean([run["map"] for run in seeds.values()])) for name, seeds in found.items()}
+        for row, found in runs.items()
+    }
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description="The paper's word network beside others.")
     parser.add_argument("sets", nargs="*", default=list(SETS), metavar="SET", help=f"of {', '.join(SETS)}")
     unit_options(parser)
     parser.add_argument("--rows", type=lambda text: text.split(","), default=[*PLAIN, *PAPER], help="these alone")
+    parser.add_argument("--from", dest="earlier", type=Path, metavar="RECORD", help="go on from a record")
+    parser.add_argument("--minutes", type=float, default=float("inf"), help="after which nothing more is begun")
     given = parser.parse_args()
-    runs: dict[str, dict[str, dict[int, Found]]] = {row: {} for row in given.rows}
-    chosen = units(given.sets, given.rows, given.seeds)
-    for (name, row, seed), found in in_processes(
-        partial(measure, given.keep), chosen, given.processes, _said, given.keep
-    ):
-        runs[row].setdefault(name, {})[seed] = found[row]
-    means = {
-        row: {name: float(np.mean([run["map"] for run in seeds.values()])) for name, seeds in found.items()}
-        for row, found in runs.items()
-    }
+    paths = [p for name in given.sets for p in (recordings() / SETS[name].folder).rglob("*") if p.is_file()]
+    data, until = hash_files(paths, recordings()), time.monotonic() + 60 * given.minutes
+    runs = earlier_runs(given.earlier, data)
+    chosen = [
+        (name, row, seed)
+        for name, row, seed in units(given.sets, given.rows, given.seeds)
+        if seed not in runs.get(row, {}).get(name, {})
+    ]
+    left = list(chosen)
+    for unit, found in in_processes(partial(measure, given.keep), chosen, given.processes, _said, given.keep):
+        name, row, seed = unit
+        runs.setdefault(row, {}).setdefault(name, {})[seed] = found[row]
+        left.remove(unit)
+        if time.monotonic() > until:
+            break
+    means = mean_maps(runs)
     print("MAP".ljust(28) + "".join(name.rjust(12) for name in given.sets))
     for row, of_sets in means.items():
-        print(row.ljust(28) + "".join(f"{of_sets[name]:.3f}".rjust(12) for name in given.sets if name in of_sets))
+        cells = (f"{of_sets[name]:.3f}" if name in of_sets else "" for name in given.sets)
+        print(row.ljust(28) + "".join(cell.rjust(12) for cell in cells))
     others = default_by_others(means, given.sets)
     for name, one in others.items():
         print(f"without {name}: {one['row']}, here {one['map']:.3f} (moves {one['today']:.3f})")
-    paths = [p for name in given.sets for p in (recordings() / SETS[name].folder).rglob("*") if p.is_file()]
-    result = {"map": means, "runs": runs, "default_by_others": others, "steps_at_most": STEPS, "k": K}
-    print(record("word-network", result, hash_files(paths, recordings())))
+    print(*(f"left: {_said(unit)}" for unit in left), sep="\n")
+    result = {
+        "map": means, "runs": runs, "default_by_others": others, "steps_at_most": STEPS, "k": K,
+        "from": given.earlier and given.earlier.stem, "left": [_said(unit) for unit in left],
+    }  # fmt: skip
+    print(record(NAME, result, data))
 
 
 if __name__ == "__main__":

@@ -48,7 +48,7 @@ from motionlake.stages.model_kind import Selection
 from motionlake.stages.posture_dictionary import POSTURE_DICTIONARY
 from motionlake.stages.reader import LakeReader
 
-from tests.lakes import motionlake, query
+from tests.lakes import motionlake, query, quick_lake
 from tests.test_evaluate import taught_lake
 
 KEYS = ("map", "p_at_2", "p_at_5", "p_at_10", "p_at_15", "p_at_20", "n")
@@ -268,6 +268,31 @@ def test_sub_queries_of_a_lake_are_measured(lake: Path, clips_folder: Path, sche
     unlabelled = motionlake("evaluate", "pesta", "--label-column", "split", "--lake", lake)  # segments are enough
     assert unlabelled.status == 0, unlabelled.err
     assert "pesta_lq" in unlabelled.out
+
+
+def test_a_lake_with_strings_and_no_signatures_is_measured(
+    tmp_path: Path, built_lake: Path, clips_folder: Path, scheduler: str
+) -> None:
+    """What is measured by strings is as in a lake that has signatures too; nothing is compared by those."""
+    lake = tmp_path / "strings"
+    quick_lake(lake)
+    for words in (["ingest", clips_folder], ["run", "frames"], ["run", "postures"], ["run", "symbols"]):
+        run = motionlake(*words, "--lake", lake, "--scheduler", scheduler)
+        assert run.status == 0, run.err
+    assert query(lake, "SELECT count(*) FROM signatures") == [(0,)]
+    ask = ("evaluate", "pesta", "--protocol", "whole", "--baseline", "none", "--json")
+    run = motionlake(*ask, "--lake", lake)
+    assert run.status == 0, run.err
+    assert "signatures: left out" in run.err
+    both = motionlake(*ask, "--lake", built_lake).json
+    assert run.json == both | {"signatures": None}
+    clips = query(
+        lake, "SELECT path, frames FROM symbol_strings JOIN clips USING (clip) WHERE len(symbols) > 3 LIMIT 2"
+    )
+    taught_lake(lake, clips_folder, [(path, 0, frames, "move") for path, frames in clips])
+    parts = motionlake("evaluate", "pesta", "--protocol", "holistic", "--lake", lake, "--json")
+    assert parts.status == 0, parts.err
+    assert parts.json["holistic"]["sta"]["n"] == 2
 
 
 @pytest.mark.parametrize(

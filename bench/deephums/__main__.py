@@ -1,4 +1,4 @@
-"""`python -m bench.deephums [--seeds N] [--processes N] [--epochs N] [--methods NAME ...] [PART ...]`.
+"""`python -m bench.deephums [--seeds N] [--processes N] [--keep DIR] [--epochs N] [--methods NAME ...] [PART ...]`.
 
 retrieval: test clips of utd_mhad and hdm05 query their training clips, by every method, with the rows of robustness.
 curves: learning curves with one training subject held out. choices: what the thesis leaves open, by cross-validation
@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, Final
 
 from bench import canonical_sets
@@ -24,7 +25,7 @@ DRAWN_ROWS: Final = frozenset(retrieval.METHODS)
 def measure_retrieval(given: argparse.Namespace) -> dict[str, Any]:
     units = retrieval.units(given.sets, given.methods or retrieval.METHODS, given.chosen, given.epochs)
     runs: dict[str, dict[str, dict[int, Found]]] = {name: {} for name in given.sets}
-    for unit, found in in_processes(retrieval.measure, units, given.processes, str):
+    for unit, found in in_processes(retrieval.measure, units, given.processes, str, given.kept):
         for row, values in found.items():
             runs[unit.set_name].setdefault(row, {})[unit.seed] = values
     order = {name: i for i, name in enumerate(retrieval.METHODS)}
@@ -37,11 +38,11 @@ def measure_retrieval(given: argparse.Namespace) -> dict[str, Any]:
 
 
 def measure_curves(given: argparse.Namespace) -> dict[str, Any]:
-    return curves.measure(given.sets[0], given.epochs)
+    return curves.measure(given.sets[0], given.epochs, given.processes, given.kept)
 
 
 def measure_choices(given: argparse.Namespace) -> dict[str, Any]:
-    return choices.measure(given.epochs, given.processes)
+    return choices.measure(given.epochs, given.processes, given.kept)
 
 
 def measure_unlabelled(given: argparse.Namespace) -> dict[str, Any]:
@@ -73,12 +74,14 @@ def main() -> None:
     parser.add_argument("--methods", nargs="+", choices=retrieval.METHODS)
     parser.add_argument("--seeds", type=int, default=len(SEEDS))
     parser.add_argument("--processes", type=int, default=1)
+    parser.add_argument("--keep", type=Path, help="retrieval, curves, choices go on from this folder")
     parser.add_argument("--epochs", type=int, default=0)
     parser.add_argument("--steps", type=int, default=0, help="submotion: of the sub-motion encoder's training")
     parser.add_argument("--without-thesis", action="store_true", help="submotion: leave out the thesis's recipe")
     given = parser.parse_args()
     given.chosen = tuple(range(given.seeds))
     for part in given.parts or PARTS:
+        given.kept = given.keep and given.keep / part  # units of two parts may be called alike
         figures = PARTS[part](given)
         every = [chosen.folder for chosen in canonical_sets.SETS.values()]
         sets = {"retrieval": given.sets, "unlabelled": every, "performances": [*performances.SETS]}.get(

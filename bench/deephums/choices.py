@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, replace
+from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
@@ -75,12 +76,12 @@ def left_out(split: Split, subject: str) -> tuple[Split, Split]:
     return of(np.flatnonzero(his)), of(np.flatnonzero(~his))
 
 
-def measure(epochs: int, processes: int) -> dict[str, Any]:
-    """Mean over the subjects of each choice; "seeds" of the record are subjects."""
+def measure(epochs: int, processes: int, keep: Path | None = None) -> dict[str, Any]:
+    """Mean over the subjects of each choice; "seeds" of the record are subjects; a folder keeps what is done."""
     subjects = sorted(set(split_of(SET, "train").subjects))
     units = [Unit(choice, subject, epochs) for choice in CHOICES for subject in subjects]
     runs: dict[str, dict[int, Found]] = {}
-    for unit, found in in_processes(measure_unit, units, processes, str):
+    for unit, found in in_processes(measure_unit, units, processes, str, keep):
         runs.setdefault(unit.choice, {})[int(unit.subject)] = found[unit.choice]
     rows = with_seeds({choice: runs[choice] for choice in CHOICES}, lambda name: False)
     print(f"\n{table(SET, rows, ('top1', 'top10', 'map', 'pr_area', 'n'))}")

@@ -1,4 +1,4 @@
-"""What each part measures: `python -m bench.pesta [--seeds N] [--processes N] [--keep DIR] [--all] [PART ...]`.
+"""`python -m bench.pesta [PART ...] [--seeds N] [--processes N] [--keep DIR] [--without TEXT ...] [--all]`, by part:
 
 whole: Table 5 (hdm05, bandai1; --all: salsa and utd_mhad too). ranges: Table 3. sub_queries: Table 4. robustness:
 Fig. 8. elasticity: Table 6. ablations: of the dictionaries, the features and the alignment. recipes: k-means and the
@@ -32,14 +32,15 @@ Measured = tuple[dict[str, Any], Sequence[str]]  # figures, and the sets they ar
 def _gathered(
     measure: Callable[[Any], dict[str, Found]],
     units: Sequence[Any],
-    processes: int,
+    given: argparse.Namespace,
     order: Callable[[Any], str],
-    keep: Path | None,
+    timed: bool = False,
 ) -> dict[str, Rows]:
-    """{set: {row: {seed: found}}}, rows in the order of the units."""
-    done = dict(in_processes(measure, units, processes, str, keep))
+    """{set: {row: {seed: found}}}, rows in the order of the units; what is timed has the machine for itself."""
+    chosen = [unit for unit in units if not any(text in str(unit) for text in given.without)]
+    done = dict(in_processes(measure, chosen, 1 if timed else given.processes, str, given.kept))
     gathered: dict[str, Rows] = {}
-    for unit in units:
+    for unit in chosen:
         for name, found in done[unit].items():
             gathered.setdefault(order(unit), {}).setdefault(name, {})[getattr(unit, "seed", 0)] = found
     return gathered
@@ -47,9 +48,7 @@ def _gathered(
 
 def measure_whole(given: argparse.Namespace, recipe: Recipe) -> Measured:
     sets = whole.MORE_SETS if given.all else whole.SETS
-    runs = _gathered(
-        whole.measure, whole.units(sets, given.chosen, recipe), given.processes, lambda u: u.set_name, given.kept
-    )
+    runs = _gathered(whole.measure, whole.units(sets, given.chosen, recipe), given, lambda u: u.set_name)
     result = {name: with_seeds(rows) for name, rows in runs.items()}
     for name, rows in result.items():
         print(f"\n{table(name, rows, (*whole.SCORES, 'n', 'symbols'))}")
@@ -58,9 +57,7 @@ def measure_whole(given: argparse.Namespace, recipe: Recipe) -> Measured:
 
 
 def measure_ranges(given: argparse.Namespace, recipe: Recipe) -> Measured:
-    runs = _gathered(
-        ranges.measure, ranges.units(given.chosen, recipe), given.processes, lambda unit: ranges.SET, given.kept
-    )
+    runs = _gathered(ranges.measure, ranges.units(given.chosen, recipe), given, lambda unit: ranges.SET)
     rows = with_seeds(runs[ranges.SET])
     print(f"\n{table(ranges.SET, rows, ('map', 'mean_of_classes', 'p_at_5', 'nn', 'n'))}")
     _show_classes(ranges.SET, rows)
@@ -70,7 +67,7 @@ def measure_ranges(given: argparse.Namespace, recipe: Recipe) -> Measured:
 def measure_sub_queries(given: argparse.Namespace, recipe: Recipe) -> Measured:
     units = sub_queries.units(given.chosen, recipe)
     rows = with_seeds(
-        _gathered(sub_queries.measure, units, 1, lambda unit: sub_queries.SET, given.kept)[sub_queries.SET]
+        _gathered(sub_queries.measure, units, given, lambda unit: sub_queries.SET, timed=True)[sub_queries.SET]
     )
     print(f"\n{table(sub_queries.SET, rows, (*sub_queries.SCORES, 'seconds', 'share_of_time', 'points_lost'))}")
     print(sub_queries.verdict(rows))
@@ -79,7 +76,7 @@ def measure_sub_queries(given: argparse.Namespace, recipe: Recipe) -> Measured:
 
 def measure_robustness(given: argparse.Namespace, recipe: Recipe) -> Measured:
     units = robustness.units(given.chosen, recipe)
-    runs = _gathered(robustness.measure, units, given.processes, lambda unit: robustness.SET, given.kept)
+    runs = _gathered(robustness.measure, units, given, lambda unit: robustness.SET)
     rows = with_seeds(runs[robustness.SET])
     curves = robustness.fall(rows)
     print(f"\nMAP by rate, and its share of that at rate 0, {robustness.SET}")
@@ -110,14 +107,16 @@ def _draw(folder: Path, rows: Mapping[str, Found]) -> None:
 
 def measure_elasticity(given: argparse.Namespace, recipe: Recipe) -> Measured:
     units = elasticity.units(given.chosen, recipe)
-    rows = with_seeds(_gathered(elasticity.measure, units, 1, lambda unit: elasticity.SET, given.kept)[elasticity.SET])
+    rows = with_seeds(
+        _gathered(elasticity.measure, units, given, lambda unit: elasticity.SET, timed=True)[elasticity.SET]
+    )
     print(f"\n{table(elasticity.SET, rows, elasticity.SCORES)}")
     return rows, [elasticity.SET]
 
 
 def measure_ablations(given: argparse.Namespace, recipe: Recipe) -> Measured:
     units = ablations.units(ablations.SETS, recipe)
-    runs = _gathered(ablations.measure, units, given.processes, lambda unit: unit.set_name, given.kept)
+    runs = _gathered(ablations.measure, units, given, lambda unit: unit.set_name)
     result = {name: with_seeds(rows) for name, rows in runs.items()}
     for name, rows in result.items():
         print(f"\n{table(name, rows, ('map', 'p_at_5', 'nn', 'symbols', 'occupied'))}")
@@ -125,7 +124,7 @@ def measure_ablations(given: argparse.Namespace, recipe: Recipe) -> Measured:
 
 
 def measure_recipes(given: argparse.Namespace, recipe: Recipe) -> Measured:
-    runs = _gathered(recipes.measure, recipes.units(recipe), given.processes, lambda unit: unit.set_name, given.kept)
+    runs = _gathered(recipes.measure, recipes.units(recipe), given, lambda unit: unit.set_name)
     result = {name: with_seeds(rows) for name, rows in runs.items()}
     for name, rows in result.items():
         print(f"\n{table(name, rows, recipes.SCORES)}")
@@ -140,13 +139,13 @@ def measure_recipes(given: argparse.Namespace, recipe: Recipe) -> Measured:
 
 def measure_threshold(given: argparse.Namespace, recipe: Recipe) -> Measured:
     units = threshold.units(given.chosen)
-    rows = with_seeds(_gathered(threshold.measure, units, given.processes, lambda unit: "lakes", given.kept)["lakes"])
+    rows = with_seeds(_gathered(threshold.measure, units, given, lambda unit: "lakes")["lakes"])
     print(threshold.verdict(rows))
     return rows, (*threshold.SETS, threshold.TAKES)
 
 
 def measure_gaps(given: argparse.Namespace, recipe: Recipe) -> Measured:
-    runs = _gathered(gaps.measure, gaps.units(given.chosen), given.processes, lambda u: u.set_name, given.kept)
+    runs = _gathered(gaps.measure, gaps.units(given.chosen), given, lambda u: u.set_name)
     result = {name: with_seeds(rows) for name, rows in runs.items()}
     for name, rows in result.items():
         print(f"\n{table(name, rows, ('map', 'p_at_5', 'nn', 'n'))}")
@@ -155,7 +154,7 @@ def measure_gaps(given: argparse.Namespace, recipe: Recipe) -> Measured:
 
 
 def measure_draws(given: argparse.Namespace, recipe: Recipe) -> Measured:
-    runs = _gathered(draws.measure, draws.units(given.chosen), given.processes, lambda u: u.set_name, given.kept)
+    runs = _gathered(draws.measure, draws.units(given.chosen), given, lambda u: u.set_name)
     result = {name: with_seeds(rows) for name, rows in runs.items()}
     for name, rows in result.items():
         print(f"\n{table(name, rows, draws.SCORES if name == draws.TAKES else ('map', 'p_at_5', 'nn'))}")
@@ -194,6 +193,9 @@ def main() -> None:
     unit_options(parser, processes=2)
     parser.add_argument("--hidden", type=int, help="units and steps of the autoencoders: few, to try the bench itself")
     parser.add_argument("--pictures", type=Path, help="robustness: draw figure 8 into this folder")
+    parser.add_argument(
+        "--without", nargs="+", default=[], metavar="TEXT", help="leave out what has this in its name: information"
+    )
     parser.add_argument("--all", action="store_true", help="whole: salsa and utd_mhad as well")
     given = parser.parse_args()
     if unknown := sorted(set(given.parts) - set(PARTS)):
@@ -208,6 +210,7 @@ def main() -> None:
             "postures": asdict(OWN),
             "recipe": asdict(recipe or AutoencoderRecipe()),
             "seeds": list(given.chosen),
+            "without": given.without,
         }
         print(record(f"pesta-{part.replace('_', '-')}", {**settings, "figures": figures}, hash_sets(sets)))
 

@@ -15,7 +15,14 @@ from motionlake.lake.catalog import Connection
 from motionlake.lake.integrity import sound
 from motionlake.lake.layout import Lake
 from motionlake.lake.models import Model
-from motionlake.retrieval.labelled_clips import DescribedClip, FramedClip, SignedClips, signed_clips
+from motionlake.retrieval.labelled_clips import (
+    CodedClips,
+    DescribedClip,
+    FramedClip,
+    SignedClips,
+    coded_clips,
+    signed_clips,
+)
 from motionlake.retrieval.protocol import ClipFilter
 
 LEAVE_ONE_OUT: Final = "leave one out"
@@ -44,8 +51,15 @@ class LabelledOptions:
 
     def signed(self, con: Connection) -> SignedClips:
         """The recorded clips that have a signature. Raises `UserError` where there is no such column."""
-        chosen = ClipFilter(self.dataset, recorded_only=True, min_quality=self.min_quality)
-        return signed_clips(con, chosen, self.column, self.only)
+        return signed_clips(con, self._recorded, self.column, self.only)
+
+    def coded(self, con: Connection) -> CodedClips:
+        """The recorded clips that have a symbol string. Raises `UserError` where there is no such column."""
+        return coded_clips(con, self._recorded, self.column, self.only)
+
+    @property
+    def _recorded(self) -> ClipFilter:
+        return ClipFilter(self.dataset, recorded_only=True, min_quality=self.min_quality)
 
 
 @dataclass(frozen=True)

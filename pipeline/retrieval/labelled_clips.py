@@ -1,10 +1,11 @@
-"""Clips of a lake that have a signature, or a descriptor, with the labels that a column gives them."""
+"""Clips of a lake that have a signature, a string or a descriptor, with the labels that a column gives them."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import compress
+from typing import Any
 
 import numpy as np
 from motionlake.arrays import Float32Array, Float64Array
@@ -69,18 +70,25 @@ def signed_clips(
     Raises:
         UserError: no such column, or no signed clip.
     """
+    rows = _chosen(con, "labelled_clips", "a signature", scope, column, only)
+    signatures = np.array([row.pop("signature") for row in rows], dtype=np.float32)
+    return SignedClips([SignedClip(**row) for row in rows], signatures)
+
+
+def _chosen(
+    con: Connection, statement: str, what: str, scope: ClipFilter, column: str, only: tuple[str, str] | None
+) -> list[dict[str, Any]]:
     check_column(con, column)
     if only is not None:
         check_column(con, only[0])
     chosen = {"column": column, "only_column": only and only[0], "only_value": only and only[1]}
-    rows = fetch(con, "labelled_clips", scope.as_parameters(con) | chosen)
+    rows = fetch(con, statement, scope.as_parameters(con) | chosen)
     if not rows:
         where = f" of dataset {scope.dataset}" if scope.dataset else ""
         where += f" of split {scope.split}" if scope.split else ""
         where += f" with {only[0]} = {only[1]}" if only else ""
-        raise UserError(f"no clip{where} has a signature; `motionlake status` shows what there is")
-    signatures = np.array([row.pop("signature") for row in rows], dtype=np.float32)
-    return SignedClips([SignedClip(**row) for row in rows], signatures)
+        raise UserError(f"no clip{where} has {what}; `motionlake status` shows what there is")
+    return rows
 
 
 def check_column(con: Connection, column: str) -> None:
@@ -96,6 +104,40 @@ def lake_ground(con: Connection) -> Float64Array:
     if not rows:
         raise UserError("the lake has no motifs yet; make them with `motionlake run all`")
     return ground_distances(np.array([r["centroid"] for r in rows], dtype=np.float32))
+
+
+@dataclass(frozen=True, kw_only=True)
+class CodedClip(FramedClip):
+    """One clip that has a symbol string."""
+
+    label: str | None
+
+
+@dataclass(frozen=True)
+class CodedClips:
+    """n clips, and the signature [K] of each that has one."""
+
+    clips: list[CodedClip]
+    signatures: list[list[float] | None]
+
+    def labelled(self) -> CodedClips:
+        """Those with a label."""
+        wanted = [clip.label is not None for clip in self.clips]
+        return CodedClips(list(compress(self.clips, wanted)), list(compress(self.signatures, wanted)))
+
+    @property
+    def labels(self) -> list[str]:
+        """[n] labels; "" where there is none."""
+        return [clip.label or "" for clip in self.clips]
+
+
+def coded_clips(
+    con: Connection, scope: ClipFilter = EVERYTHING, column: str = "label", only: tuple[str, str] | None = None
+) -> CodedClips:
+    """The lake's clips that have a symbol string, by name; arguments and errors as of `signed_clips`."""
+    rows = _chosen(con, "labelled_strings", "a symbol string", scope, column, only)
+    signatures = [row.pop("signature") for row in rows]
+    return CodedClips([CodedClip(**row) for row in rows], signatures)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -55,6 +55,16 @@ WHERE NOT ($recorded_only AND format = 'synthetic') AND ($split::VARCHAR IS NULL
     AND ($only_column::VARCHAR IS NULL OR says[$only_column::VARCHAR] = $only_value)
 ORDER BY clip;
 
+-- name: labelled_strings
+-- Clips with a symbol string, or the recorded ones of them, as labelled_clips has them; the signature where there is one.
+SELECT clip, dataset, c.part, fps, signature, says[$column] AS label
+FROM (SELECT *, map_concat(attributes, MAP {'label': label, 'subject': subject, 'split': split, 'dataset': dataset}) AS says FROM clips) c
+JOIN symbol_strings USING (clip) LEFT JOIN signatures USING (clip)
+WHERE NOT ($recorded_only AND format = 'synthetic') AND ($split::VARCHAR IS NULL OR split = $split)
+    AND ($dataset::VARCHAR IS NULL OR dataset = $dataset) AND good_enough(clip, $min_quality::VARCHAR)
+    AND ($only_column::VARCHAR IS NULL OR says[$only_column::VARCHAR] = $only_value)
+ORDER BY clip;
+
 -- name: described_clips
 -- Recorded clips with a descriptor, one column of what labels.csv says of them as label, and the signature where there is one.
 SELECT clip, dataset, c.part, fps, split, descriptor, signature, says[$column] AS label

@@ -18,7 +18,7 @@ from motionlake.lake.strings import LakeStrings
 from motionlake.pesta.config import AlignmentConfig, Method
 from motionlake.pesta.symbols import SymbolString
 from motionlake.retrieval.alignment import AlignmentRangeSearcher
-from motionlake.retrieval.labelled_clips import SignedClips
+from motionlake.retrieval.labelled_clips import CodedClips
 from motionlake.retrieval.protocol import Query, about
 from motionlake.retrieval.symbol_strings import OnePostureError, StringQuery
 
@@ -37,7 +37,7 @@ class Measuring:
     Attributes:
         con, lake: the lake.
         strings: of all its clips.
-        signed: the chosen clips that have a string.
+        chosen: those that are measured.
         options: how they were chosen.
         stride: w of "sta"; None: the paper's.
         gaps: of "sta"; None: as config.toml says.
@@ -47,7 +47,7 @@ class Measuring:
     con: Connection
     lake: Lake
     strings: LakeStrings
-    signed: SignedClips
+    chosen: CodedClips
     options: LabelledOptions
     stride: int | None = None
     gaps: bool | None = None
@@ -68,10 +68,11 @@ class Measuring:
     def segments(self) -> Mapping[str, Segments]:
         """What the frames [start, stop) of each clip that has segments show."""
         found: dict[str, list[tuple[int, int, str]]] = {}
-        asked = {"datasets": None, "clips": [clip.clip for clip in self.signed.clips]}
-        for row in fetch(self.con, "taught_segments", asked):
-            found.setdefault(row["clip"], []).append((row["start"], row["stop"], row["label"]))
-        return dict(sorted(found.items()))
+        measured = {clip.clip for clip in self.chosen.clips}
+        for row in fetch(self.con, "segments_of", {"dataset": None}):
+            if row["clip"] in measured:
+                found.setdefault(row["clip"], []).append((row["start"], row["stop"], row["label"]))
+        return found
 
     @cached_property
     def takes(self) -> Mapping[str, Take]:

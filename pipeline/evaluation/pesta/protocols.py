@@ -61,14 +61,13 @@ def evaluate_pesta(
     """
     if unknown := sorted(set(protocols) - set(PROTOCOLS)):
         raise UserError(f"no protocol {', '.join(unknown)}; there are {', '.join(PROTOCOLS)}")
-    check_served(con, lake, "signature", "alignment")
-    strings, signed = read_strings(con), options.signed(con)
-    signed = signed.chosen([clip.clip in strings.positions for clip in signed.clips])
-    measuring = Measuring(con, lake, strings, signed, options, stride, gaps, progress)
+    check_served(con, lake, "alignment")
+    strings, chosen = read_strings(con), options.coded(con)
+    measuring = Measuring(con, lake, strings, chosen, options, stride, gaps, progress)
     found = {name: measure(measuring) for name, measure in PROTOCOLS.items() if name in protocols}
     if not any(found.values()):
         raise UserError(
-            f"no two of the {len(signed.labelled().labels)} clips with a {options.column} share one, and no two clips "
+            f"no two of the {len(chosen.labelled().labels)} clips with a {options.column} share one, and no two clips "
             "have segments of one class: there is nothing to measure; --label-column names another column of labels.csv"
         )
     whole = found.pop(WHOLE, None) or {}

@@ -37,11 +37,11 @@ def measure_robustness(measuring: Measuring) -> dict[str, Any] | None:
     Raises:
         UserError: no clip of another class is as long as a piece.
     """
-    signed, strings, lake = measuring.signed.labelled(), measuring.strings, measuring.lake
-    labels = signed.labels
+    chosen, strings, lake = measuring.chosen.labelled(), measuring.strings, measuring.lake
+    labels = chosen.labels
     if len(set(labels)) in (1, len(labels)):
         return None
-    known = read_framed(lake, signed.clips)
+    known = read_framed(lake, chosen.clips)
     dictionary, reduced = served_dictionary(lake, strings.model), served_config(lake).symbols
     found: dict[Method, dict[str, Any]] = {method: {} for method in METHODS}
     for rate in RATES:

@@ -28,7 +28,7 @@ def measure_several_labels(measuring: Measuring) -> dict[str, Any]:
         UserError: no class is shown by two clips.
     """
     asked, strings = measuring.asked, measuring.strings
-    clips = [clip.clip for clip in measuring.signed.clips]
+    clips = [clip.clip for clip in measuring.chosen.clips]
     own = [strings.repository.string(strings.positions[clip]) for clip in clips]
     carried = [{label for _, _, label in measuring.segments.get(clip, ())} for clip in clips]
     labels = [each.label for each, _ in asked.queries]

@@ -36,8 +36,8 @@ def measure_sizes(measuring: Measuring) -> dict[str, Any] | None:
     Raises:
         UserError: the lake has fewer than `ENOUGH` postures for each symbol of the least dictionary.
     """
-    signed, lake = measuring.signed.labelled(), measuring.lake
-    labels, settings = signed.labels, served_config(lake)
+    chosen, lake = measuring.chosen.labelled(), measuring.lake
+    labels, settings = chosen.labels, served_config(lake)
     if len(set(labels)) == len(labels):
         return None
     postures = POSTURE_DICTIONARY.data(LakeReader(measuring.con, lake, settings), Selection()) or []
@@ -47,7 +47,7 @@ def measure_sizes(measuring: Measuring) -> dict[str, Any] | None:
         raise UserError(f"the lake holds {held} postures: {ENOUGH * SIZES[0]} are needed for {SIZES[0]} symbols")
     if left_out := SIZES[len(sizes) :]:
         measuring.options.notice(f"m = {', '.join(map(str, left_out))}: left out, as the lake holds {held} postures")
-    clips, coding = read_framed(lake, signed.clips), settings.postures
+    clips, coding = read_framed(lake, chosen.clips), settings.postures
     features = [clip.postures(coding.frames) for clip in clips]
     config, found = measuring.alignment("sta", WHOLE_STRIDE), {}
     for done, m in enumerate(sizes):
