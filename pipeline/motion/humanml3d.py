@@ -19,6 +19,7 @@ given to `features` that turn is in, and every other number is the same.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 from typing import Final
 
 import numpy as np
@@ -156,16 +157,18 @@ def smallest_turns(positions: Float64Array) -> Float64Array:
 
 def bones_of_joints(world: Float64Array) -> Float64Array:
     """[F, 22, 4] the turns of bones of a body whose joints have global rotations [F, 22, 4] from the T-pose."""
-    return multiply(world[:, [max(parent, 0) for parent in PARENTS[:BODY_JOINTS]]], _TO_T_POSE)
+    return multiply(world[:, [max(parent, 0) for parent in PARENTS[:BODY_JOINTS]]], _to_t_pose())
 
 
 def joints_of_bones(bones: Float64Array) -> Float64Array:
     """[F, 22, 4] the global rotation of each bone's upper joint from the T-pose: the inverse of `bones_of_joints`."""
-    return multiply(bones, conjugate(_TO_T_POSE))
+    return multiply(bones, conjugate(_to_t_pose()))
 
 
-# [22, 4] turns that bring the rest body's bones to those of SMPL's T-pose.
-_TO_T_POSE: Final[Float64Array] = swing(REST_BONES, OFFSETS[:BODY_JOINTS])
+@cache
+def _to_t_pose() -> Float64Array:
+    """[22, 4] turns that bring the rest body's bones to those of SMPL's T-pose."""
+    return swing(REST_BONES, OFFSETS[:BODY_JOINTS])
 
 
 def _turn_onto(bones: Float64Array, positions: Float64Array) -> Float64Array:
