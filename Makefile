@@ -101,7 +101,7 @@ neighbours: setup ## Stage of its own: the nearest words of every word in other 
 	$(BIN)/motionlake run neighbours --lake "$(LAKE)"
 transitions: setup ## Stage of its own: where clips of DATASET=name (all datasets) can be joined into motion graphs
 	$(BIN)/motionlake run transitions $(if $(DATASET),--dataset "$(DATASET)") --lake "$(LAKE)"
-synth: setup ## Stage of its own: a generator of motion, trained on labelled clips or pretrained (then motionlake synthesize)
+synth: setup ## Stage of its own: a generator of motion, made of labelled clips or pretrained (then motionlake synthesize)
 	$(BIN)/motionlake run synth --lake "$(LAKE)"
 quality: setup ## Stage of its own: what of every clip no body did, by range, with a verdict
 	$(BIN)/motionlake run quality --lake "$(LAKE)"

@@ -194,7 +194,7 @@ def agreement(network: TrainedNetwork, seed: int) -> float:
 
 @pytest.mark.parametrize("negatives", ["random", "semi-hard"])
 def test_the_paper_s_network_learns(negatives: str) -> None:
-    config, recipe = replace(PAPER, negatives=negatives, steps=40), DeepMotifs(batch=12, probes=24, every=10)
+    config, recipe = replace(PAPER, negatives=negatives, steps=80), DeepMotifs(batch=24, probes=48, every=10)
     made, _ = kinds(0)
     start, trained = (
         train_words(made, CONFIG, each, deep_motifs=recipe) for each in (replace(config, steps=0), config)
