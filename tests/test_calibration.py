@@ -6,11 +6,27 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from motionlake.arrays import Float64Array
+from hypothesis import given
+from hypothesis import strategies as st
+from motionlake.arrays import BoolArray, Float64Array
 from motionlake.glogen.config import SynthesisConfig
 from motionlake.glogen.generator import TrainingMotion, start_state
 from motionlake.glogen.generator_training import train_generator
-from motionlake.motion.calibration import LONGEST, recorded, recorded_range, tposes
+from motionlake.motion.calibration import (
+    AROUND,
+    DEGREES,
+    EDGE,
+    LONGEST,
+    SETTLED,
+    SLOW,
+    STEPS,
+    STILL,
+    jumps,
+    recorded,
+    recorded_range,
+    run_of,
+    tposes,
+)
 from motionlake.motion.generation import MotionRequest, SeedClip
 from motionlake.motion.skeleton import INDEX, PARENTS
 
@@ -66,6 +82,63 @@ def test_other_poses_are_found_where_the_joints_jump_from_them() -> None:
     spread = walking(240) - lowered(240) + stretched(240)  # who walks with arms spread calibrates nothing
     assert tposes(spread).all()
     assert recorded_range(np.concatenate([spread, walking(240) + spread[-1, 0] - walking(1)[0, 0]]), FPS)[0] == 0
+
+
+def unit(positions: Float64Array, start: str, stop: str) -> Float64Array:
+    bone = positions[:, INDEX[stop]] - positions[:, INDEX[start]]
+    return np.asarray(bone / np.maximum(np.linalg.norm(bone, axis=1, keepdims=True), 1e-9))
+
+
+def naive_tposes(positions: Float64Array) -> BoolArray:
+    """Bone by bone."""
+    left, down = unit(positions, "right_shoulder", "left_shoulder"), unit(positions, "neck", "hips")
+    fits = np.ones(len(positions), dtype=np.bool_)
+    for side, sign in (("left", 1.0), ("right", -1.0)):
+        for start, stop in (("shoulder", "elbow"), ("elbow", "wrist")):
+            arm = unit(positions, f"{side}_{start}", f"{side}_{stop}")
+            fits &= (sign * arm * left).sum(axis=1) > np.cos(np.radians(DEGREES))
+        fits &= (unit(positions, f"{side}_hip", f"{side}_ankle") * down).sum(axis=1) > np.cos(np.radians(DEGREES))
+    return fits
+
+
+def naive_beginning(body: Float64Array) -> int:
+    """As `recorded_range` has it, with every frame looked at."""
+    edge, most = round(EDGE * FPS), round(LONGEST * FPS)
+    body = body[: most + 6 * edge + 4 * AROUND]
+    steps = np.linalg.norm(np.diff(body, axis=0), axis=2).mean(axis=1)
+    still = np.minimum(np.r_[np.inf, steps], np.r_[steps, np.inf])[: len(body)] * FPS < SLOW
+    stretched = naive_tposes(body)
+    start = run_of(stretched & still, most)
+    near = jumps(body[: start + edge + 2 * AROUND + 2])
+    start = max([start, *(jump.stop for jump in near if jump.stop <= start + edge)])
+    after = steps[start : start + 4 * edge - 1]
+    if len(after) <= edge:
+        return start
+    usual = max(after[edge:].max(), STILL)
+    if not start and not (stretched[0] and after[0] > STEPS * usual):
+        return 0
+    restless = np.flatnonzero(after[:edge] > SETTLED * usual)
+    return start + (int(restless[-1]) + 1 if len(restless) else 0)
+
+
+@given(
+    before=st.integers(0, 40), frames=st.integers(30, 200), turned=st.floats(0, 60),
+    leap=st.sampled_from([0.0, 0.02, 0.3]), seed=st.integers(0, 1000),
+)  # fmt: skip
+def test_what_is_looked_at_first_decides_as_all_frames_would(
+    before: int, frames: int, turned: float, leap: float, seed: int
+) -> None:
+    rng = np.random.default_rng(seed)
+    arms = np.radians(turned)
+    body = np.concatenate([stretched(before), walking(frames) + np.array([leap, 0, 0])])
+    for side, sign in (("left", 1), ("right", -1)):
+        arm = np.array([sign * np.cos(arms), -np.sin(arms), 0])
+        for joint, far in (("elbow", 0.28), ("wrist", 0.53)):
+            body[:before, INDEX[f"{side}_{joint}"]] = body[:before, INDEX[f"{side}_shoulder"]] + far * arm
+    body += rng.normal(0, 1e-4, body.shape)
+    assert tposes(body).tolist() == naive_tposes(body).tolist()
+    start, stop = naive_beginning(body), len(body) - naive_beginning(body[::-1])
+    assert recorded_range(body, FPS) == ((start, stop) if stop - start >= 2 else (0, len(body)))
 
 
 def test_a_recording_that_is_nothing_else_is_left_whole() -> None:

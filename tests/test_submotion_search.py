@@ -8,11 +8,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+import torch
 from hypothesis import given
 from hypothesis import strategies as st
 from motionlake.deephums.config import LONGEST, PRETRAINED_DESCRIPTORS, PRETRAINED_SUBMOTION, SHORT, SubmotionConfig
 from motionlake.deephums.sequence import clip_sequence, frames_of, piece_windows
-from motionlake.deephums.submotions import TrainedSubmotion, load_submotion, train_submotion
+from motionlake.deephums.submotions import TOGETHER, TrainedSubmotion, load_submotion, train_submotion
+from motionlake.deephums.submotions import network_of as own_network
 from motionlake.lake.catalog import writing
 from motionlake.lake.config import load_config
 from motionlake.lake.frames import Frames, read_part
@@ -90,6 +92,20 @@ def test_long_and_short_windows_cover_a_clip_and_overlap_by_half(frames: int, fp
     assert frames_of(min(widths), fps) <= SHORT
     whole = frames_of(frames, fps) <= LONGEST or frames <= max(widths)
     assert (max(widths) == frames) == whole
+
+
+@pytest.mark.parametrize("recipe", ["default", "deephums"])
+def test_windows_are_what_they_are_one_by_one(recipe: str) -> None:
+    """Those of one length go through the network together, more of them than go at a time, among others."""
+    rng = np.random.default_rng(1)
+    torch.manual_seed(0)
+    config = SubmotionConfig(recipe=recipe, hidden=16)
+    made = TrainedSubmotion(config, own_network(config).eval(), {})
+    counts = rng.permutation([24] * (TOGETHER + 3) + [150] * 3 + [9, 77])
+    windows = [rng.standard_normal((count, 15, 3)).astype(np.float32) for count in counts.tolist()]
+    alone = np.concatenate([made.embed([window]) for window in windows])
+    np.testing.assert_allclose(made.embed(windows), alone, atol=2e-6)
+    assert made.embed([]).shape == (0, 512)
 
 
 @pytest.mark.parametrize("recipe", ["default", "deephums"])

@@ -42,8 +42,7 @@ def replacing(path: Path) -> Iterator[Path]:
 class PartWriter:
     """One Parquet part written row group by row group, so that memory holds one group.
 
-    Floats are byte-stream-split, everything is zstd at its fastest: level 6 makes frames 3 % smaller and takes twice as
-    long. Rows must come sorted.
+    Floats are byte-stream-split, everything is zstd at its fastest. Rows must come sorted.
     """
 
     def __init__(self, path: Path, schema: pa.Schema, metadata: Mapping[str, str]) -> None:

@@ -74,12 +74,17 @@ def find_starts(con: Connection, lake: Lake, model: Model, request: Request) -> 
     rows = classed_motions(con, request.split, wanted)
     if not rows:
         return _alike(con, lake, model, request)
-    rows = good_rows(con, rows, request.min_quality, "clips to start from")
-    long = [_start(row) for row in rows if long_enough(row)]
+    return _long(con, lake, rows, request, f" of class {wanted}")
+
+
+def _long(con: Connection, lake: Lake, rows: Sequence[Mapping[str, Any]], request: Request, which: str) -> list[Start]:
+    """Those of recorded motions that are good and long enough to start from. Raises `UserError` where there is none."""
+    good = good_rows(con, rows, request.min_quality, "clips to start from")
+    long = [_start(row) for row in good if long_enough(row)]
     if not long:
         raise UserError(
-            f"{lake.root}: the {len(rows)} recorded motions of class {wanted} are too short to start from; name "
-            "another clip with --from CLIP"
+            f"{lake.root}: the {len(good)} recorded motions{which} are too short to start from; name another clip with "
+            "--from CLIP"
         )
     return long
 
@@ -98,14 +103,7 @@ def _alike(con: Connection, lake: Lake, model: Model, request: Request) -> list[
         raise UserError(
             f"{lake.root}: has no recorded clip{where} of class {wanted} to start from; name another with --from CLIP"
         )
-    rows = good_rows(con, rows, request.min_quality, "clips to start from")
-    long = [_start(row) for row in rows if long_enough(row)]
-    if not long:
-        raise UserError(
-            f"{lake.root}: the {len(rows)} recorded motions are too short to start from; name another clip with --from "
-            "CLIP"
-        )
-    return _likely(lake, open_generator(lake, model), long, wanted)
+    return _likely(lake, open_generator(lake, model), _long(con, lake, rows, request, ""), wanted)
 
 
 def _likely(lake: Lake, generator: MotionGenerator, starts: Sequence[Start], label: str) -> list[Start]:
