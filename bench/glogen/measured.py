@@ -82,13 +82,13 @@ def pretrained() -> dict[str, Any]:
 
 
 @cache
-def _descriptor() -> TrainedDescriptor:
+def package_descriptor() -> TrainedDescriptor:
     return load_descriptor(PRETRAINED_DESCRIPTORS.file)
 
 
 def describer() -> Describe:
     """Descriptors of the network of the package."""
-    return lambda motions: _descriptor().embed([clip_sequence(*motion) for motion in motions])
+    return lambda motions: package_descriptor().embed([clip_sequence(*motion) for motion in motions])
 
 
 def _quiet(what: str, done: int, total: int) -> None: ...

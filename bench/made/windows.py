@@ -7,13 +7,11 @@ world (Onuma et al. 2008), which say nothing of poses.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import cache, partial
+from functools import partial
 from typing import Any, Final
 
 import numpy as np
 from motionlake.arrays import Float64Array, FloatArray
-from motionlake.deephums.config import PRETRAINED_DESCRIPTORS
-from motionlake.deephums.network import TrainedDescriptor, load_descriptor
 from motionlake.deephums.sequence import clip_sequence
 from motionlake.evaluation.synthesis.copying import rank_z
 from motionlake.evaluation.synthesis.motions import Stretch
@@ -21,6 +19,8 @@ from motionlake.evaluation.synthesis.variety import WINDOW, neighbourhoods
 from motionlake.motion.features import body_length
 from motionlake.motion.skeleton import body_poses
 from scipy.spatial.distance import cdist
+
+from bench.glogen.measured import package_descriptor
 
 SPAN: Final = 0.1  # seconds over which speeds are taken
 EVERY: Final = 3  # frames at 30 a second, of windows that are compared pose by pose
@@ -48,14 +48,9 @@ def windows(motions: Sequence[Stretch], seconds: float) -> list[Float64Array]:
     return found
 
 
-@cache
-def _descriptor() -> TrainedDescriptor:
-    return load_descriptor(PRETRAINED_DESCRIPTORS.file)
-
-
 def descriptors(parts: Sequence[Float64Array], fps: float) -> FloatArray:
     """[n, 512] of the network of the package."""
-    return _descriptor().embed([clip_sequence(part, fps) for part in parts])
+    return package_descriptor().embed([clip_sequence(part, fps) for part in parts])
 
 
 def paces(parts: Sequence[Float64Array], fps: float) -> Float64Array:
