@@ -16,7 +16,7 @@ from tests.samples import KINECT_1, KINECT_1_PARENTS, npz_bytes, swinging_body
 TABLES = (
     "clips", "rejects", "segments", "manifest", "models", "runs", "roots", "sources", "layouts", "skeletons", "words",
     "motifs", "word_motifs", "signatures", "mirrored_signatures", "transitions", "frames", "embeddings",
-    "rig_joints", "postures", "symbol_strings", "posture_distances", "descriptors", "submotions",
+    "rig_joints", "postures", "symbol_strings", "posture_distances", "descriptors", "submotion_parts", "submotions",
     "clip_neighbours", "synthetic", "schema_version", "files", "settings",
 )  # fmt: skip
 

@@ -40,7 +40,7 @@ def two_sets(tmp_path_factory: pytest.TempPathFactory, built_lake: Path) -> Lake
     root = Path(shutil.copytree(built_lake, tmp_path_factory.mktemp("searchers") / "lake"))
     twins = ("clips", "signatures", "mirrored_signatures", "words", "word_motifs", "symbol_strings", "descriptors")
     with Changed(root) as con:
-        for table in (*twins, "submotions"):
+        for table in twins:
             rows = con.table(table).to_arrow_table()  # noqa: F841
             changed = f"REPLACE ('{OTHER}' || substr(clip, strpos(clip, '/')) AS clip"
             changed += f", '{OTHER}' AS dataset)" if table == "clips" else ")"
@@ -51,9 +51,8 @@ def two_sets(tmp_path_factory: pytest.TempPathFactory, built_lake: Path) -> Lake
         con.execute(f"CREATE OR REPLACE MACRO quality_verdict(name) AS {VERDICT}")
     lake = open_lake(root)
     # Those of words place the answers of "submotion", those of postures the answers of "alignment".
-    for part in sorted(
-        part for kind in ("features", "embeddings", "moves", "postures") for part in root.glob(f"{kind}/**/*.parquet")
-    ):
+    kinds = ("features", "embeddings", "moves", "postures", "submotions")
+    for part in sorted(part for kind in kinds for part in root.glob(f"{kind}/**/*.parquet")):
         _copy_clips(part)
     for part in sorted(root.glob("frames/**/*.parquet")):
         target = root / "frames" / f"dataset={OTHER}" / part.name

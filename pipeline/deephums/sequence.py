@@ -121,6 +121,15 @@ def piece_windows(n_frames: int, fps: float) -> list[tuple[int, int]]:
     return sorted({*_covering(n_frames, fps, LONGEST), *_covering(n_frames, fps, SHORT)})
 
 
+def in_sequence(windows: Sequence[tuple[int, int]], n_frames: int, fps: float) -> Int64Array:
+    """[n, 2] the same windows of a clip of so many frames at its own rate, in the frames that `clip_sequence` makes."""
+    bounds = np.array(windows, dtype=np.int64).reshape(-1, 2)
+    last = frames_of(n_frames, fps) - 1
+    ends = np.rint(np.stack([bounds[:, 0], bounds[:, 1] - 1], axis=1) / fps * FPS).astype(np.int64)
+    inside: Int64Array = np.minimum(ends, last) + np.array([0, 1])
+    return inside
+
+
 def _covering(n_frames: int, fps: float, longest: int) -> list[tuple[int, int]]:
     width = int((longest - 1) / FPS * fps) + 1
     if frames_of(n_frames, fps) <= longest or n_frames <= width:

@@ -53,10 +53,13 @@ class FramePooling(nn.Module):
     def forward(self, clips: Tensor, lengths: Tensor) -> Tensor:
         """[B, 512] of clips [B, T, 15, 3], of which the first `lengths` [B] frames count."""
         counts = torch.arange(clips.shape[1], device=clips.device)[None] < lengths[:, None]
-        seen = frame_by_frame(clips) * counts[..., None]
-        frames = gelu(self.first(self.around(seen.transpose(1, 2)).transpose(1, 2)))
-        frames = gelu(self.second(self.widen(frames)))
+        frames = self.frames(frame_by_frame(clips) * counts[..., None])
         return self.project(frames.masked_fill(~counts[..., None], -torch.inf).amax(dim=1))  # type: ignore[no-any-return]
+
+    def frames(self, seen: Tensor) -> Tensor:
+        """[B, T, 2 hidden] what is seen around each frame of `frame_by_frame`."""
+        frames = gelu(self.first(self.around(seen.transpose(1, 2)).transpose(1, 2)))
+        return gelu(self.second(self.widen(frames)))
 
 
 def frame_by_frame(clips: Tensor) -> Tensor:
@@ -237,10 +240,28 @@ class TrainedSubmotion:
                     found[some] = normalize(self.network(*padded([sequences[at] for at in some])), dim=1).numpy()
         return found
 
+    def embed_windows(self, sequence: Float32Array, windows: Int64Array) -> Float32Array:
+        """[n, 512] vectors, of length one, of the windows [n, 2] of one clip (`clip_sequence`), each [first, last).
+
+        Recipe "default" sees every frame once, however many windows hold it: at its ends a window sees two frames of
+        the clip beyond them, which a piece cut from it does not have.
+        """
+        if not isinstance(self.network, FramePooling):
+            return self.embed([sequence[first:last] for first, last in windows.tolist()])
+        with on_threads(1), torch.inference_mode():
+            frames = self.network.frames(frame_by_frame(torch.from_numpy(sequence)[None]))[0].numpy()
+            return normalize(self.network.project(torch.from_numpy(greatest(frames, windows))), dim=1).numpy()
+
     def save(self, path: Path) -> None:
         """Write it as one safetensors file."""
         kept = {"config": asdict(self.config), "figures": dict(self.metrics)}
         save_network(path, self.network, METADATA_KEY, kept)
+
+
+def greatest(frames: Float32Array, windows: Int64Array) -> Float32Array:
+    """[n, D] maximum over the frames [T, D] of each of the windows [n, 2], [first, last); none is empty."""
+    ended = np.concatenate([frames, frames[-1:]])  # so that the frame after the last can be named
+    return np.maximum.reduceat(ended, windows.ravel(), axis=0)[::2]
 
 
 def load_submotion(path: Path) -> TrainedSubmotion:

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 # DuckDB is imported where a connection is used: workers import this module and never open the catalog.
 Connection: TypeAlias = "duckdb.DuckDBPyConnection"
-SCHEMA_VERSION: Final = 3  # of the catalog's tables, and of the macros and views over them that this program calls
+SCHEMA_VERSION: Final = 4  # of the catalog's tables, and of the macros and views over them that this program calls
 # What mends an error of DuckDB with such words.
 _TO_DO: Final = {
     "set lock": "close the program that has it open for writing",

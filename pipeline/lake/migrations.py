@@ -219,4 +219,10 @@ STEPS: Final[Mapping[int, Step]] = {
         lambda con, path: None,
         _enter_files,
     ),
+    3: Step(
+        "vectors of windows of clips leave the catalog for parts, which the next `motionlake run all` makes",
+        lambda lake: [],
+        lambda con, path: None,
+        lambda lake, con: run_sql(con, "migrations/3_to_4.sql"),
+    ),
 }

@@ -15,7 +15,7 @@ import numpy as np
 from motionlake.arrays import Float32Array, Float64Array
 from motionlake.deep_motifs.signatures import CorpusClip
 from motionlake.deephums.config import SHORTEST
-from motionlake.deephums.sequence import FPS, clip_sequence, frames_of, piece_windows
+from motionlake.deephums.sequence import FPS, clip_sequence, frames_of, in_sequence, piece_windows
 from motionlake.errors import UserError
 from motionlake.lake.catalog import fetch, reading
 from motionlake.lake.integrity import sound
@@ -26,7 +26,7 @@ from motionlake.motion.features import WordConfig, word_features
 from motionlake.retrieval.encode import features_of_clips, query_motion
 from motionlake.retrieval.hits import Hit, range_hit
 from motionlake.retrieval.protocol import LakeSearcher, Query, Scope, about
-from motionlake.stages.submotions import SUBMOTIONS
+from motionlake.stages.submotions import KEPT, SUBMOTIONS
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
@@ -105,11 +105,12 @@ class SubmotionSearcher(LakeSearcher):
         return piece_of(query.name, *motion.cut(), motion.fps, self._words, barred)
 
     def _windows(self, query: Query) -> Float32Array:
-        """[w, 512] of the windows of a clip, file or range, cut as those of the lake's clips are."""
+        """[w, 512] of the windows of a clip, file or range, as the stage makes those of the lake's clips."""
         motion = query_motion(self.lake, query)
         positions, _ = motion.cut()
-        ranges = piece_windows(len(positions), motion.fps)
-        return self._network.embed([clip_sequence(positions[start:stop], motion.fps) for start, stop in ranges])
+        windows = in_sequence(piece_windows(len(positions), motion.fps), len(positions), motion.fps)
+        vectors = self._network.embed_windows(clip_sequence(positions, motion.fps), windows)
+        return vectors.astype(KEPT).astype(np.float32)
 
     @cached_property
     def _network(self) -> TrainedSubmotion:

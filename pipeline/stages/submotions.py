@@ -1,46 +1,49 @@
 """Stage "submotions": the sub-motion encoder, pretrained or trained, makes a vector of every window of every clip.
 
-DeepHuMS, section 3.3.5. Vectors of two encoders do not compare, so a lake serves those of one.
+DeepHuMS, section 3.3.5. Vectors of two encoders do not compare, so a lake serves those of one. They are by far the most
+numbers that a lake has of its clips, so they stay in Parquet parts, in half precision; the catalog lists the parts.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any, Final
 
 import numpy as np
 import pyarrow as pa
-from motionlake.arrays import Float32Array
+from motionlake.arrays import Float32Array, Int64Array
 from motionlake.deephums.config import DIMENSION
-from motionlake.deephums.sequence import clip_sequence, piece_windows
+from motionlake.deephums.sequence import clip_sequence, in_sequence, piece_windows
 from motionlake.lake.catalog import fetch
 from motionlake.lake.layout import Lake
 from motionlake.lake.loaded import loaded
 from motionlake.stages.descriptors import VectorStage
 from motionlake.stages.reader import LakeReader
-from motionlake.stages.stage import Part, Shard, clips_of, clips_of_shard
+from motionlake.stages.stage import PART_KEYS, Part, Shard, clips_of, clips_of_shard, part_keys
 from motionlake.stages.submotion_encoder import SUBMOTION_ENCODER
 
-ROWS = pa.schema(
+KEPT: Final = np.float16  # vectors in a lake
+ROWS: Final = pa.schema(
     [
-        ("clip", pa.string()), ("start", pa.int64()), ("stop", pa.int64()),
-        ("descriptor", pa.list_(pa.float32(), DIMENSION)), ("part", pa.string()),
+        *PART_KEYS, ("start", pa.int64()), ("stop", pa.int64()),
+        ("descriptor", pa.list_(pa.float16(), DIMENSION)),
     ]
 )  # fmt: skip
 Window = tuple[int, int]
-Embed = Callable[[Sequence[Float32Array]], Float32Array]
+Embed = Callable[[Float32Array, Int64Array], Float32Array]
 
 
 class Submotions(VectorStage):
-    """A vector a window."""
+    """A vector a window, served from its Parquet parts."""
 
     name = "submotions"
     about = "train the sub-motion encoder if there is none, vectors of the windows of clips"
     model = SUBMOTION_ENCODER
-    tables = ("submotions",)
+    folder = "submotions"
+    tables = ("submotion_parts",)
     schema = ROWS
-    statement = "load_submotions"
-    version = 2  # without calibration poses
+    statement = "load_submotion_parts"
+    version = 3  # all windows of a clip are read at once
 
     def spec(self, at: LakeReader, part: Part) -> Mapping[str, Any]:
         encoder = SUBMOTION_ENCODER.serving(at)
@@ -52,13 +55,13 @@ class Submotions(VectorStage):
     def rows(self, lake: Lake, shard: Shard) -> Iterator[pa.Table]:
         embed, cut = _reader(lake, shard.spec)
         for clip in clips_of_shard(lake, shard, rotations=False):
-            ranges = cut(len(clip.positions), clip.fps)
-            positions = clip.positions.astype(float)
-            vectors = embed([clip_sequence(positions[start:stop], clip.fps) for start, stop in ranges])
-            bounds = np.array(ranges, dtype=np.int64).reshape(-1, 2)
+            windows = cut(len(clip.positions), clip.fps)
+            sequence = clip_sequence(clip.positions.astype(float), clip.fps)
+            vectors = embed(sequence, in_sequence(windows, len(clip.positions), clip.fps)).astype(KEPT)
+            bounds = np.array(windows, dtype=np.int64)
             lists = pa.FixedSizeListArray.from_arrays(pa.array(vectors.ravel()), DIMENSION)
-            columns = [pa.repeat(clip.clip, len(ranges)), pa.array(bounds[:, 0]), pa.array(bounds[:, 1]), lists]
-            yield pa.Table.from_arrays([*columns, pa.repeat(shard.part, len(ranges))], schema=ROWS)
+            keys = part_keys(clip.clip, shard, len(windows))
+            yield pa.Table.from_arrays([*keys, pa.array(bounds[:, 0]), pa.array(bounds[:, 1]), lists], schema=ROWS)
 
 
 SUBMOTIONS: Final = Submotions()
@@ -72,7 +75,8 @@ def _reader(lake: Lake, spec: Mapping[str, Any]) -> tuple[Embed, Callable[[int, 
     if spec["descriptors"] is None:
         from motionlake.deephums.submotions import load_submotion
 
-        return loaded(load_submotion, lake, spec["network"]).embed, piece_windows
+        return loaded(load_submotion, lake, spec["network"]).embed_windows, piece_windows
     from motionlake.deephums.network import load_descriptor
 
-    return loaded(load_descriptor, lake, spec["descriptors"]).embed, lambda n_frames, _fps: [(0, n_frames)]
+    network = loaded(load_descriptor, lake, spec["descriptors"])
+    return lambda sequence, _: network.embed([sequence]), lambda n_frames, _fps: [(0, n_frames)]

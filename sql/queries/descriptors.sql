@@ -5,12 +5,9 @@ SELECT s.clip, s.descriptor::FLOAT[512] AS descriptor, $model AS model, s.part
 FROM read_parquet($files) s SEMI JOIN clips c ON c.clip = s.clip AND c.part = s.part
 ORDER BY clip;
 
--- name: load_submotions
-DELETE FROM submotions WHERE model <> $model OR part IN (SELECT unnest($parts::VARCHAR[]));
-INSERT INTO submotions BY NAME
-SELECT s.clip, s.start, s.stop, s.descriptor::FLOAT[512] AS descriptor, $model AS model, s.part
-FROM read_parquet($files) s SEMI JOIN clips c ON c.clip = s.clip AND c.part = s.part
-ORDER BY clip, start;
+-- name: load_submotion_parts
+DELETE FROM submotion_parts WHERE model <> $model OR part IN (SELECT unnest($parts::VARCHAR[]));
+INSERT INTO submotion_parts SELECT part, $model FROM (SELECT unnest($parts::VARCHAR[]) AS part);
 
 -- name: clips_holding
 SELECT h.distance, h.clip, c.dataset, c.label, c.subject, c.split, c.fps, c.frames, c.format = 'synthetic' AS synthetic
@@ -29,5 +26,5 @@ ORDER BY clip;
 -- name: forget_orphans_of_descriptors
 DELETE FROM descriptors WHERE NOT EXISTS (FROM clips c WHERE c.clip = descriptors.clip AND c.part = descriptors.part);
 
--- name: forget_orphans_of_submotions
-DELETE FROM submotions WHERE NOT EXISTS (FROM clips c WHERE c.clip = submotions.clip AND c.part = submotions.part);
+-- name: forget_orphans_of_submotion_parts
+DELETE FROM submotion_parts WHERE part NOT IN (SELECT part FROM clips);

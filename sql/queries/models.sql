@@ -25,7 +25,7 @@ WITH served AS (
     (SELECT 'signature' AS method, 'motifs' AS kind, model FROM motifs LIMIT 1) UNION ALL
     (SELECT 'alignment', 'postures', model FROM postures LIMIT 1) UNION ALL
     (SELECT 'descriptor', 'descriptors', model FROM descriptors LIMIT 1) UNION ALL
-    (SELECT 'submotion', 'submotion', model FROM submotions LIMIT 1)
+    (SELECT 'submotion', 'submotion', model FROM submotion_parts LIMIT 1)
 ), current AS (SELECT kind, model, created FROM models WHERE "current")
 SELECT method, current.model, served.model AS served FROM current JOIN served USING (kind)
 WHERE current.model <> served.model
@@ -49,7 +49,7 @@ SELECT DISTINCT 'signature' AS method, model FROM motifs UNION ALL SELECT DISTIN
 SELECT model, kind, key, file, metrics FROM models WHERE model = (SELECT model FROM descriptors LIMIT 1);
 
 -- name: served_submotions
-SELECT model, kind, key, file, metrics FROM models WHERE model = (SELECT model FROM submotions LIMIT 1);
+SELECT model, kind, key, file, metrics FROM models WHERE model = (SELECT model FROM submotion_parts LIMIT 1);
 
 -- name: training_clips
 -- Recorded clips to train on: of one dataset, of one split; all where these are NULL.

@@ -21,7 +21,7 @@ SELECT model, kind, key, config, metrics, file, "current" FROM models WHERE file
 SELECT EXISTS (
     FROM (
         SELECT model FROM motifs UNION SELECT model FROM postures UNION SELECT model FROM descriptors
-        UNION SELECT model FROM submotions UNION SELECT model FROM synthetic
+        UNION SELECT model FROM submotion_parts UNION SELECT model FROM synthetic
     ) WHERE model = $model
 ) OR EXISTS (FROM manifest WHERE state = 'ok' AND contains(spec, $file)) AS used;
 

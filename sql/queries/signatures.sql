@@ -78,5 +78,5 @@ DELETE FROM mirrored_signatures WHERE clip NOT IN (SELECT clip FROM words w SEMI
 -- name: searchable
 -- Which ways to search have what they compare.
 SELECT exists(FROM signatures) AS signature, exists(FROM postures) AS alignment, exists(FROM descriptors) AS descriptor,
-    exists(FROM signatures) AS words, exists(FROM submotions) AS submotion,
+    exists(FROM signatures) AS words, exists(FROM submotion_parts) AS submotion,
     exists(FROM manifest WHERE stage = 'moves' AND state = 'ok') AS moves;

@@ -1,3 +1,12 @@
+-- Windows of clips as the sub-motion encoder sees them; frames are the clip's own. A part may outlive its use for a
+-- moment: only parts the manifest names, of clips that the lake holds, count.
+CREATE OR REPLACE VIEW submotions AS
+SELECT s.clip, s.start, s.stop, s.descriptor::FLOAT[512] AS descriptor, p.model, s.part
+FROM read_parquet(live_files('submotions', 'submotions/*.parquet')) s
+JOIN submotion_parts p ON p.part = s.part
+SEMI JOIN manifest m ON m.stage = 'submotions' AND m.state = 'ok' AND m.key = s.key
+SEMI JOIN clips c ON c.clip = s.clip AND c.part = s.part;
+
 -- Works in plain DuckDB: the clips of which a window is nearest to a piece of motion, as the sub-motion encoder sees it
 -- (DeepHuMS, section 3.3.5), and that window. `without`: windows of this clip that overlap its frames [first, last) are
 -- left out; `dataset`, `split`, `recorded_only`, `min_quality`: as in `clips_near`.
