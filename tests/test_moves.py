@@ -77,6 +77,17 @@ def test_the_nearest_are_those_of_a_scan(query: Float32Array, others: list[Float
     assert found.distances.tolist() == every[order].tolist()
 
 
+@given(clips, st.lists(clips, min_size=1, max_size=11), st.integers(0, 14), st.data())
+def test_the_nearest_among_some_are_those_of_an_index_of_these(
+    query: Float32Array, others: list[Float32Array], k: int, data: st.DataObject
+) -> None:
+    some = np.array(sorted(data.draw(st.sets(st.integers(0, len(others) - 1)))), dtype=np.int64)
+    found = MovesIndex(others).nearest(query, k, some)
+    alone = MovesIndex([others[row] for row in some.tolist()]).nearest(query, k) if len(some) else None
+    assert found.indices.tolist() == (some[alone.indices].tolist() if alone else [])
+    assert found.distances.tolist() == (alone.distances.tolist() if alone else [])
+
+
 def test_most_clips_of_a_set_need_no_alignment(recordings: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from motionlake.motion import moves_index
 

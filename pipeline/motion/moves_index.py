@@ -58,25 +58,34 @@ class MovesIndex:
         frames = frames[:: max(1, len(frames) // _SAMPLE)].astype(np.float64)
         _, directions = np.linalg.eigh(frames.T @ frames)
         self._directions = np.ascontiguousarray(directions[:, ::-1][:, :DIRECTIONS], dtype=np.float32)
-        self._bounds = Stack.of([self._projected(clip) for clip in self._clips])
+        self._inside = [self._projected(clip) for clip in self._clips]
+        self._bounds = Stack.of(self._inside)
 
-    def nearest(self, query: Float32Array, k: int) -> Nearest:
-        """The k clips nearest to a query [n, 135]; of equal ones the first."""
-        bounds = self._bounds_from(query)
+    def nearest(self, query: Float32Array, k: int, among: Int64Array | None = None) -> Nearest:
+        """The k clips nearest to a query [n, 135]; of equal ones the first.
+
+        Args:
+            query: [n, 135].
+            k: how many.
+            among: [m] the clips to choose from, ascending; all by default.
+        """
+        bounds = self._bounds_from(query, among)
         rows: list[int] = []
         found: list[float] = []
         for row in np.argsort(bounds, kind="stable").tolist() if k else ():
             if len(found) >= k and bounds[row] > found[k - 1]:
                 break
-            distance = moves_distance(query, self._clips[row])
+            distance = moves_distance(query, self._clips[row if among is None else int(among[row])])
             at = bisect(found, distance)
             rows.insert(at, row)
             found.insert(at, distance)
         best = np.lexsort((rows, found))[:k] if k else np.zeros(0, dtype=np.int64)
-        return Nearest(np.array(rows, dtype=np.int64)[best], np.array(found)[best])
+        nearest = np.array(rows, dtype=np.int64)[best]
+        return Nearest(nearest if among is None else among[nearest], np.array(found)[best])
 
-    def _bounds_from(self, query: Float32Array) -> Float64Array:
-        found = self._bounds.spread(aligned(self._projected(query), self._bounds))
+    def _bounds_from(self, query: Float32Array, among: Int64Array | None = None) -> Float64Array:
+        stack = self._bounds if among is None else Stack.of([self._inside[row] for row in among.tolist()])
+        found = stack.spread(aligned(self._projected(query), stack))
         return np.asarray(found * (1 - _SLACK))
 
     def _projected(self, clip: Float32Array) -> Float32Array:

@@ -1,7 +1,8 @@
 """Stage "graph": the clips nearest to every clip by each method, which the default search goes along.
 
-All clips are compared with all: a shard lists the neighbours of some, and depends on every part of the lake. What the
-graph of the lake as it was still tells is taken from it, so that a few new clips cost a few comparisons.
+All clips are compared with all, in lakes of more than `ALL` clips with those that short vectors find near: a shard
+lists the neighbours of some, and depends on every part of the lake. What the graph of the lake as it was still tells is
+taken from it, so that a few new clips cost a few comparisons.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from motionlake.lake.parts import write_part
 from motionlake.motion.moves import KIND
 from motionlake.stages.descriptors import DESCRIPTORS
 from motionlake.stages.graph_before import NO_GRAPH, Before, Listed, footer_of, merged
+from motionlake.stages.graph_chosen import Chosen, Vectors, chosen_of
 from motionlake.stages.graph_methods import COMPARE, Compared
 from motionlake.stages.moves import MOVES, made_parts
 from motionlake.stages.reader import LakeReader, lake_reader
@@ -30,6 +32,7 @@ from motionlake.stages.symbols import SYMBOLS
 
 KEPT: Final = 32  # neighbours of a clip that are kept
 CLIPS: Final = 2048  # of a shard, at least, but for the last of a dataset
+ALL: Final = 1000  # clips of a lake up to which each is compared with every other
 STAYED: Final = 0.5  # share of the clips that must be as they were for their lists to be looked at
 SOURCES: Final[Mapping[str, PartStage]] = {
     "signature": SIGNATURES, "alignment": SYMBOLS, "moves": MOVES, "descriptor": DESCRIPTORS
@@ -37,7 +40,7 @@ SOURCES: Final[Mapping[str, PartStage]] = {
 ROWS: Final = pa.schema(
     [
         ("clip", pa.string()), ("key", pa.string()), ("method", pa.string()), ("node", pa.int32()),
-        ("neighbours", pa.list_(pa.int32())), ("distances", pa.list_(pa.float64())),
+        ("neighbours", pa.list_(pa.int32())), ("distances", pa.list_(pa.float64())), ("radius", pa.float64()),
     ]
 )  # fmt: skip
 
@@ -46,7 +49,7 @@ class Graph(ShardStage):
     """Lists of neighbours; those of a new lake replace the old together."""
 
     name = "graph"
-    version = 3  # distances to the last bit
+    version = 4  # large lakes: those that are near by short vectors
     about = "the clips nearest to each clip, along which search goes"
     upstream = tuple(stage.name for stage in SOURCES.values())
     folders = ("graph",)
@@ -58,9 +61,7 @@ class Graph(ShardStage):
         return len(self.plan(at))
 
     def plan(self, at: LakeReader) -> list[Shard]:
-        """Nothing where no method has what it compares, or the lake holds more than `MOST` clips: the work grows with
-        their square.
-        """
+        """Nothing where no method has what it compares, or the lake holds more than `MOST` clips."""
         every = at.once("every", self.name, lambda: self._every(at))
         return [shard for shard in every if shard.key not in at.done(self.name)]
 
@@ -80,7 +81,7 @@ class Graph(ShardStage):
             "methods": methods,
             "alignment": alignment,
             "moves": [MOVES.file(part.key) for part in made_parts(at)],
-            "settings": config_hash(self.name, self.version, KIND, methods, alignment),
+            "settings": config_hash(self.name, self.version, KIND, methods, alignment, len(clips) > ALL),
             "made": _made_of(at, live),
             "before": _files_of(at, self.name) if before else [],
         }
@@ -99,9 +100,13 @@ class Graph(ShardStage):
             before = Before.read(lake, shard.spec["before"], *said, parts)
             if len(before.clips) < STAYED * len(nodes):
                 before = NO_GRAPH
+            compared = {method: COMPARE[method](at, shard) for method in shard.spec["methods"]}
+            chosen = None if len(nodes) <= ALL else _chosen(compared, nodes, own)
+            if chosen is not None:
+                before = before.among(chosen, nodes)
             tables = [
-                _rows(shard, method, nodes, own, lists_of(COMPARE[method](at, shard), method, nodes, own, before))
-                for method in shard.spec["methods"]
+                _rows(shard, method, nodes, own, lists_of(each, method, nodes, own, before, chosen), chosen)
+                for method, each in compared.items()
             ]
         table = pa.concat_tables(tables)
         file = f"{self.folders[0]}/{shard.key[:16]}.parquet"
@@ -157,9 +162,14 @@ def _made_of(at: LakeReader, live: Sequence[Part]) -> dict[str, str]:
 
 
 def lists_of(
-    compared: Compared, method: str, nodes: Mapping[str, int], own: Sequence[str], before: Before
+    compared: Compared,
+    method: str,
+    nodes: Mapping[str, int],
+    own: Sequence[str],
+    before: Before,
+    chosen: Mapping[str, Chosen] | None = None,
 ) -> list[Listed]:
-    """The nearest of every clip of `own`, as far as the method compares it."""
+    """The nearest of every clip of `own`, as far as the method compares it; `chosen`: among those chosen for it."""
     places = {clip: place for place, clip in enumerate(compared.clips)}
     as_nodes = np.array([nodes[clip] for clip in compared.clips], dtype=np.int64)
     every = np.arange(len(as_nodes))
@@ -171,22 +181,40 @@ def lists_of(
         if place is None:
             found.append(_NONE)
             continue
-        known = before.still(method, clip, nodes, KEPT) if clip in before.clips else None
-        if known is None:
+        known = before.still(method, clip, nodes, KEPT) if clip in before.held else None
+        if chosen is not None:
+            rows = np.flatnonzero(np.isin(as_nodes, chosen[clip].nodes, assume_unique=True))
+            near, apart = compared.nearest_of(place, rows if known is None else np.intersect1d(rows, came), KEPT)
+        elif known is None:
             with_all = with_all or compared.nearest(every)
             near, apart = with_all(place, KEPT)
-            found.append((as_nodes[near], apart))
         else:
             with_new = with_new or compared.nearest(came)
             near, apart = with_new(place, KEPT)
-            found.append(merged([known, (as_nodes[near], apart)], KEPT))
+        new = as_nodes[near], apart
+        found.append(new if known is None else merged([known, new], KEPT))
     return found
+
+
+def _chosen(compared: Mapping[str, Compared], nodes: Mapping[str, int], own: Sequence[str]) -> dict[str, Chosen]:
+    vectors = {
+        method: Vectors(np.array([nodes[clip] for clip in each.clips], dtype=np.int64), each.vectors())
+        for method, each in compared.items()
+    }
+    return dict(zip(own, chosen_of(vectors, [nodes[clip] for clip in own]), strict=True))
 
 
 _NONE: Final[Listed] = (np.zeros(0, dtype=np.int64), np.zeros(0))
 
 
-def _rows(shard: Shard, method: str, nodes: Mapping[str, int], own: Sequence[str], lists: Sequence[Listed]) -> pa.Table:
+def _rows(
+    shard: Shard,
+    method: str,
+    nodes: Mapping[str, int],
+    own: Sequence[str],
+    lists: Sequence[Listed],
+    chosen: Mapping[str, Chosen] | None,
+) -> pa.Table:
     columns: list[Any] = [
         own,
         [shard.key] * len(own),
@@ -194,5 +222,6 @@ def _rows(shard: Shard, method: str, nodes: Mapping[str, int], own: Sequence[str
         [nodes[clip] for clip in own],
         [others for others, _ in lists],
         [apart for _, apart in lists],
+        [None if chosen is None else chosen[clip].radii[method] for clip in own],
     ]
     return pa.Table.from_arrays([pa.array(c, t) for c, t in zip(columns, ROWS.types, strict=True)], schema=ROWS)

@@ -4,16 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import Final, Protocol
 
 import numpy as np
-from motionlake.arrays import Float64Array, Int64Array
+from motionlake.arrays import Float32Array, Float64Array, Int64Array
+from motionlake.deephums.exact import ExactScan
 from motionlake.deephums.scans import scan_of
 from motionlake.lake.catalog import fetch
 from motionlake.lake.corpus import read_descriptors, read_signatures
+from motionlake.motion.sketches import instants
 from motionlake.pesta.config import AlignmentConfig
 from motionlake.stages.moves import tracks_in
 from motionlake.stages.reader import LakeReader
+from motionlake.stages.shortlist_files import INSTANTS, string_sketch
 from motionlake.stages.stage import Shard
 from numpy.typing import ArrayLike
 
@@ -33,24 +37,31 @@ class Compared:
     """Clips that a method compares.
 
     Attributes:
-        clips: by name.
-        among: the search among the clips at some places [m], ascending.
+        clips: by name, in order.
+        among: the search among the clips at some places [m], ascending, for many searches.
+        few: the k nearest to the clip at a place among those at some others [m], ascending, as `among` finds them.
+        vectors: makes [n, D], whose distances follow those of the method, all of them finite.
     """
 
     clips: Sequence[str]
     among: Callable[[Int64Array], Search]
+    few: Callable[[int, Int64Array, int], Found]
+    vectors: Callable[[], Float32Array]
 
     def nearest(self, rows: Int64Array) -> Callable[[int, int], tuple[Int64Array, Float64Array]]:
         """Of a place and k: the places of the k nearest among those at `rows`, without itself, and their distances."""
         search = self.among(rows) if len(rows) else None
+        return lambda place, k: _others(place, k, rows, search(place, k + 1) if search else ((), ()))
 
-        def nearest(place: int, k: int) -> tuple[Int64Array, Float64Array]:
-            near, distances = search(place, k + 1) if search else ((), ())
-            found, apart = rows[np.array(near, dtype=np.int64)], np.array(distances, dtype=np.float64)
-            others = np.flatnonzero(found != place)[:k]
-            return found[others], apart[others]
+    def nearest_of(self, place: int, rows: Int64Array, k: int) -> tuple[Int64Array, Float64Array]:
+        """The same for one search."""
+        return _others(place, k, rows, self.few(place, rows, k + 1) if len(rows) else ((), ()))
 
-        return nearest
+
+def _others(place: int, k: int, rows: Int64Array, found: Found) -> tuple[Int64Array, Float64Array]:
+    near, apart = rows[np.array(found[0], dtype=np.int64)], np.array(found[1], dtype=np.float64)
+    others = np.flatnonzero(near != place)[:k]
+    return near[others], apart[others]
 
 
 def _by_signature(at: LakeReader, _: Shard) -> Compared:
@@ -60,14 +71,14 @@ def _by_signature(at: LakeReader, _: Shard) -> Compared:
     motifs, clips, signatures = read_signatures(at.con)
     index = SignatureIndex.build(signatures, ground_distances(np.array([m["centroid"] for m in motifs], np.float32)))
 
+    def few(place: int, rows: Int64Array, k: int) -> Found:
+        found = index.nearest(signatures[place], k, rows)
+        return np.searchsorted(rows, found.indices), found.distances
+
     def among(rows: Int64Array) -> Search:
-        def nearest(place: int, k: int) -> Found:
-            found = index.nearest(signatures[place], k, rows)
-            return np.searchsorted(rows, found.indices), found.distances
+        return lambda place, k: few(place, rows, k)
 
-        return nearest
-
-    return Compared([clip.clip for clip in clips], among)
+    return Compared([clip.clip for clip in clips], among, few, lambda: index.projected)
 
 
 def _by_alignment(at: LakeReader, shard: Shard) -> Compared:
@@ -93,7 +104,11 @@ def _by_alignment(at: LakeReader, shard: Shard) -> Compared:
 
         return nearest
 
-    return Compared([clip.clip for clip in strings.clips], among)
+    def vectors() -> Float32Array:
+        codes = np.array([row["code"] for row in fetch(at.con, "posture_codes")], dtype=np.float64)
+        return np.stack([string_sketch(every.string(row), codes) for row in range(len(every))])
+
+    return Compared([clip.clip for clip in strings.clips], among, lambda place, rows, k: among(rows)(place, k), vectors)
 
 
 def _by_moves(at: LakeReader, shard: Shard) -> Compared:
@@ -108,7 +123,13 @@ def _by_moves(at: LakeReader, shard: Shard) -> Compared:
         index = MovesIndex([moves[row] for row in rows.tolist()])
         return lambda place, k: index.nearest(moves[place], k)
 
-    return Compared(clips, among)
+    every = cache(lambda: MovesIndex(moves))
+
+    def few(place: int, rows: Int64Array, k: int) -> Found:
+        found = every().nearest(moves[place], k, rows)
+        return np.searchsorted(rows, found.indices), found.distances
+
+    return Compared(clips, among, few, lambda: np.stack([instants(each, INSTANTS).ravel() for each in moves]))
 
 
 def _by_descriptor(at: LakeReader, _: Shard) -> Compared:
@@ -123,7 +144,11 @@ def _by_descriptor(at: LakeReader, _: Shard) -> Compared:
 
         return nearest
 
-    return Compared([clip.clip for clip in clips], among)
+    def few(place: int, rows: Int64Array, k: int) -> Found:
+        found = ExactScan(descriptors[rows]).nearest(descriptors[place], k)
+        return found.indices[0], found.distances[0]
+
+    return Compared([clip.clip for clip in clips], among, few, lambda: descriptors)
 
 
 COMPARE: Final[Mapping[str, Callable[[LakeReader, Shard], Compared]]] = {
