@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-from motionlake.arrays import Float64Array
+from motionlake.arrays import Float64Array, FloatArray
 from motionlake.errors import ClipError
 from motionlake.formats.limits_config import FARTHEST, limits
 from motionlake.formats.parse.npz_members import MAGIC, described, npy_array, npy_header
@@ -51,11 +51,15 @@ class HumanML3DReader:
         """
         numbers = read_numbers(data)
         rate = FPS if fps is None else fps
-        return [_of_joints(numbers, rate) if numbers.ndim == 3 else _of_features(numbers, rate)]
+        exact = numbers.astype(np.float64)
+        return [_of_joints(exact, rate) if exact.ndim == 3 else _of_features(exact, rate)]
 
 
-def read_numbers(data: bytes) -> Float64Array:
-    """[F, 22, 3] joints or [F, 263] features of a file, checked. Raises `ClipError` as `read` does."""
+def read_numbers(data: bytes) -> FloatArray:
+    """[F, 22, 3] joints or [F, 263] features of a file, as precise as it has them, checked.
+
+    Raises `ClipError` as `read` does.
+    """
     array = npy_array(data, _NAME, _check_room)
     if array.dtype.kind not in "fiu":
         raise ClipError(f"is {described(array)}, not numbers")
@@ -65,8 +69,9 @@ def read_numbers(data: bytes) -> Float64Array:
         raise ClipError(f"is {described(array)}, not [frames, 22, 3] or [frames, 263]")
     if not len(array):
         raise ClipError("has no frame")
+    single = array.dtype.kind == "f" and array.dtype.itemsize == 4
     with np.errstate(invalid="ignore", over="ignore"):
-        numbers = array.astype(np.float64)
+        numbers: FloatArray = array.astype(np.float32 if single else np.float64, copy=False)
     if not (numbers.min() >= -FARTHEST and numbers.max() <= FARTHEST):  # false for NaN too
         raise ClipError("has a number that is not finite or absurdly large")
     return numbers

@@ -23,7 +23,7 @@ from functools import cache
 from typing import Final
 
 import numpy as np
-from motionlake.arrays import Float64Array
+from motionlake.arrays import Float64Array, FloatArray
 from motionlake.motion.rotations import (
     MIN_LENGTH,
     conjugate,
@@ -122,23 +122,25 @@ def recovered(rows: Float64Array) -> Recovered:
     return Recovered(positions, multiply(_turn_onto(bones, positions[:-1]), bones))
 
 
-def recovered_joints(rows: Float64Array) -> tuple[Float64Array, Float64Array]:
+def recovered_joints(rows: FloatArray) -> tuple[Float64Array, Float64Array]:
     """Joints [F + 1, 22, 3] of features [F, 263], as `Recovered` has them, and the heading [F + 1, 4] of each frame."""
-    half_angles = np.concatenate([[0.0], np.cumsum(rows[:, 0])])
+    first = rows[:, : PLACES.start].astype(np.float64)
+    half_angles = np.concatenate([[0.0], np.cumsum(first[:, 0])])
     nothing = np.zeros(len(half_angles))
     heading = np.stack([np.cos(half_angles), nothing, np.sin(half_angles), nothing], axis=-1)
     back = conjugate(heading)
-    ways = np.stack([rows[:, 1], nothing[1:], rows[:, 2]], axis=-1)
+    ways = np.stack([first[:, 1], nothing[1:], first[:, 2]], axis=-1)
     root = np.concatenate([np.zeros((1, 3)), np.cumsum(rotate(back[1:], ways), axis=0)])
+    places = rows[:, PLACES].astype(np.float64)
     positions = np.zeros((len(rows) + 1, BODY_JOINTS, 3))
-    positions[:-1, 1:] = rotate(back[:-1, None], rows[:, PLACES].reshape(len(rows), BODY_JOINTS - 1, 3))
+    positions[:-1, 1:] = rotate(back[:-1, None], places.reshape(len(rows), BODY_JOINTS - 1, 3))
     positions[:-1] += root[:-1, None]
-    positions[:-1, 0, 1] = rows[:, 3]
-    positions[-1] = positions[-2] + rotate(back[-2], rows[-1, WAYS].reshape(BODY_JOINTS, 3))
+    positions[:-1, 0, 1] = first[:, 3]
+    positions[-1] = positions[-2] + rotate(back[-2], rows[-1, WAYS].astype(np.float64).reshape(BODY_JOINTS, 3))
     return positions, heading
 
 
-def are_turns(rows: Float64Array) -> bool:
+def are_turns(rows: FloatArray) -> bool:
     """Whether the numbers of turns in features [F, 263] are some: columns of matrices, of length 1."""
     squares = rows[:, TURNS] ** 2
     lengths = np.sqrt(squares[:, 0::3] + squares[:, 1::3] + squares[:, 2::3])
