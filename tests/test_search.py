@@ -191,3 +191,16 @@ def test_a_lake_without_mirrored_signatures_says_what_to_do(lake: Path, schedule
     assert "no mirrored signature yet; make it with `motionlake run all`" in run.err
     assert motionlake("run", "mirrored", "--lake", lake, "--scheduler", scheduler).status == 0
     assert motionlake("search", clip, "--mirrored", "--lake", lake).status == 0
+
+
+def test_what_could_not_be_compared_is_said(lake: Path) -> None:
+    """A clip that a stage has not reached yet is ranked by the other methods, and a line says so."""
+    ((clip,),) = query(lake, "SELECT min(clip) FROM symbol_strings WHERE len(symbols) > 1")
+    whole = motionlake("search", clip, "-k", 3, "--lake", lake)
+    assert "by the other methods alone" not in whole.err
+    with Changed(lake) as con:
+        con.execute("DELETE FROM signatures WHERE clip = ?", [clip])
+    found = motionlake("search", clip, "-k", 3, "--lake", lake, "--json")
+    assert (found.status, len(found.json)) == (0, 3)
+    assert found.err.count("\n") == 1
+    assert f"by the other methods alone: {clip}: has no signature yet" in found.err

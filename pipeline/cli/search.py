@@ -29,6 +29,7 @@ from motionlake.cli.common import (
     StartOption,
     StopOption,
     named_query,
+    notice,
     option,
     tell,
 )
@@ -137,6 +138,8 @@ def search(
             found = ExampleAndText(alike, _text(target, encoder), text, explain=explain)
         queries = [named_query(con, target, name, start, stop) for name in names]
         answers = [[hit.as_row() for hit in hits] for hits in found.search(queries, k, scope)]
+        for line in _left_out(alike, queries):
+            notice(line)
         _save_picture(con, target, picture, method, zip(names, queries, answers, strict=True))
     if as_json:
         tell([{"query": name, **row} for name, rows in zip(names, answers, strict=True) for row in rows], as_json=True)
@@ -199,6 +202,15 @@ def find(
         rows = [hit.as_row() for hit in hits]
         _save_picture(con, target, picture, method, [(query, piece, rows)])
     tell_hits(rows, mirrored=mirrored, as_json=as_json)
+
+
+def _left_out(searcher: Searcher, queries: Iterable[Query]) -> list[str]:
+    """A line for each method that could not compare a query: its answers are by the others."""
+    from motionlake.retrieval.fused import FusedSearcher
+
+    if not isinstance(searcher, FusedSearcher):
+        return []
+    return [f"by the other methods alone: {reason}" for query in queries for reason in searcher.left_out[query.name]]
 
 
 def _given(options: Mapping[str, object]) -> list[str]:

@@ -72,6 +72,9 @@ class FusedSearcher(LakeSearcher):
     less n, or less (a + b + .3 n) / 2.3. A clip that a method does not name is to it as far as the last that it does; a
     method that cannot compare the query is left out.
 
+    Attributes:
+        left_out: by the name of a query, why methods could not compare it.
+
     Args:
         lake: which holds the graph.
         searchers: by name; by default those of `WEIGHTS` that the lake is ready for, or else any that it is ready for.
@@ -101,6 +104,7 @@ class FusedSearcher(LakeSearcher):
         if self._cascade is None and not self._searchers:
             raise UserError(f"{lake.root}: is not ready for search; make it so with `motionlake run all`")
         self._along, self._explain = graph, explain
+        self.left_out: dict[str, list[str]] = {}
 
     def distances(self, queries: Sequence[Query], gallery: Sequence[Query]) -> Float64Array:
         """As `Searcher.distances`, without the graph; u is the distance of the tenth nearest of the gallery."""
@@ -147,10 +151,11 @@ class FusedSearcher(LakeSearcher):
         Raises:
             UserError: none can.
         """
+        failed: list[UserError] = []
         if self._cascade is not None:
-            yield from self._cascade.nearest(query, k, replace(scope, own=True), mirrored=mirrored)
+            yield from self._cascade.nearest(query, k, replace(scope, own=True), mirrored=mirrored, failed=failed)
+            self.left_out[query.name] = [str(error) for error in failed]
             return
-        failed: UserError | None = None
         count = 0
         for name, each in self._searchers.items():
             try:
@@ -158,12 +163,13 @@ class FusedSearcher(LakeSearcher):
             except DamagedError:
                 raise
             except UserError as error:
-                failed = failed or error
+                failed.append(error)
             else:
                 count += 1
                 yield name, hits
-        if failed is not None and not count:
-            raise failed
+        if failed and not count:
+            raise failed[0]
+        self.left_out[query.name] = [str(error) for error in failed]
 
     def _view(
         self, name: str, hits: Sequence[Hit], own: str | None, same: Container[str], *, graph: bool = True

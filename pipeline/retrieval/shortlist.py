@@ -70,23 +70,24 @@ class Cascade:
         made = {name: self.files.models.get(name) for name in self.files.methods} | dict(self.files.models)
         return any(served.get(name) != model for name, model in made.items())
 
-    def nearest(self, query: Query, k: int, scope: Scope, *, mirrored: bool) -> Iterator[tuple[str, list[Hit]]]:
-        """The k nearest by each method that can compare the query.
+    def nearest(
+        self, query: Query, k: int, scope: Scope, *, mirrored: bool, failed: list[UserError]
+    ) -> Iterator[tuple[str, list[Hit]]]:
+        """The k nearest by each method that can compare the query; `failed` gets why others cannot.
 
         Raises:
             UserError: none can.
         """
         values: dict[str, Value] = {}
-        failed: UserError | None = None
         for name, method in self._methods.items():
             try:
                 values[name] = self._value(method, query, mirrored=mirrored)
             except DamagedError:
                 raise
             except UserError as error:
-                failed = failed or error
-        if failed is not None and not values:
-            raise failed
+                failed.append(error)
+        if failed and not values:
+            raise failed[0]
         admitted = self._admits(scope.clips)
         count = min(max(k, NEAR), int(np.isfinite(admitted).sum()))
         chosen = [self._methods[name].choose(value, count, admitted) for name, value in values.items()]
