@@ -73,7 +73,7 @@ class FusedSearcher(LakeSearcher):
     method that cannot compare the query is left out.
 
     Attributes:
-        left_out: by the name of a query, why methods could not compare it.
+        left_out: by the name of a query of the last search, why methods could not compare it.
 
     Args:
         lake: which holds the graph.
@@ -112,6 +112,7 @@ class FusedSearcher(LakeSearcher):
         return fused_distances(of_each)
 
     def nearest(self, queries: Sequence[Query], k: int, scope: Scope, *, mirrored: bool) -> list[list[Hit]]:
+        self.left_out = {}
         return [self._answers(query, k, scope, mirrored=mirrored) for query in queries]
 
     def _answers(self, query: Query, k: int, scope: Scope, *, mirrored: bool) -> list[Hit]:

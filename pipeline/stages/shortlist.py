@@ -72,12 +72,12 @@ class Shortlist(ShardStage):
         methods = [method for method, keys in made.items() if keys]
         if not methods or sum(part.clips for part in live) <= MOST:
             return None
-        clips = [row["clip"] for row in fetch(at.con, "clips_with_parts")]
-        key = config_hash(self.name, self.version, KIND, made, clips)
+        (clips,) = fetch(at.con, "digest_of_clips")
+        key = config_hash(self.name, self.version, KIND, made, clips["digest"])
         files = [MOVES.file(part.key) for part in made_parts(at)]
         # Named by its datasets: it serves on where a part of them leaves the lake.
         datasets = "+".join(sorted({part.dataset for part in live}))
-        return Shard(self.name, key, datasets, datasets, {"methods": methods, "moves": files}, len(clips))
+        return Shard(self.name, key, datasets, datasets, {"methods": methods, "moves": files}, clips["clips"])
 
     def run(self, root: Path, shard: Shard, /) -> ShardResult:
         started = time.perf_counter()

@@ -10,6 +10,12 @@ SELECT clip FROM clips ORDER BY clip;
 -- name: count_clips
 SELECT count(*)::BIGINT AS clips FROM clips;
 
+-- name: digest_of_clips
+-- How many clips there are, and a hash of all their names.
+SELECT count(*)::BIGINT AS clips,
+    sha256(coalesce(string_agg(strlen(clip) || ':' || clip, '' ORDER BY clip), '')) AS digest
+FROM clips;
+
 -- name: clip_lengths
 SELECT clip, part, dataset, fps, frames FROM clips WHERE format <> 'synthetic' ORDER BY clip;
 
