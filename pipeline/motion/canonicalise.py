@@ -12,7 +12,7 @@ from motionlake.motion.clip import POSITION_CHANNELS, ChannelKind, Hierarchy, So
 from motionlake.motion.kinematics import (
     bone_vectors,
     continuous_signs,
-    forward_kinematics,
+    joints_of_bones,
     local_rotations,
     world_from_positions,
 )
@@ -154,12 +154,14 @@ def canonicalise(
     notes = [*_orientation_notes(positions, up), *placed.notes, *notes]
     if goes_on_all_fours(positions):
         notes.append("goes on all fours: an animal by a person's names of joints, or a person who does so")
-    place_offsets(binding, positions, world, height)
+    bones = placed.bones
+    if place_offsets(binding, positions, world, height):
+        bones = bone_vectors(positions, world)
     made_up = [joint for joint, at in binding.source.items() if clip.hierarchy.joints[at] in clip.filled]
-    rest_offsets = bone_vectors(positions, world).mean(axis=0)
+    rest_offsets = bones.mean(axis=0)
     rotations = continuous_signs(normalise(local_rotations(world)))
     root = np.array(positions[:, 0])
-    errors = np.linalg.norm(forward_kinematics(root, rotations, rest_offsets) - positions, axis=-1)
+    errors = np.linalg.norm(joints_of_bones(root, world, rest_offsets) - positions, axis=-1)
     return CanonicalMotion(
         fps=clip.fps,
         root=root,
@@ -183,6 +185,7 @@ class _Placed:
 
     positions: Float64Array
     world: Float64Array
+    bones: Float64Array
     in_rest: Float64Array | None
     height: float
     notes: tuple[str, ...]
@@ -202,8 +205,8 @@ def _placed(binding: Binding, motion: SolvedMotion, up: str, scale: float) -> _P
         world = world_from_positions(positions)
     else:
         world = _world_rotations(binding, source_world, in_rest)
-    height = body_height(bone_vectors(positions, world).mean(axis=0))
-    return _Placed(positions, world, in_rest, height, tuple(notes))
+    bones = bone_vectors(positions, world)
+    return _Placed(positions, world, bones, in_rest, body_height(bones.mean(axis=0)), tuple(notes))
 
 
 def _check_reach(positions: Float64Array, joints: tuple[str, ...], scale: float) -> None:

@@ -198,7 +198,12 @@ def forward_kinematics(root: Float64Array, rotations: Float64Array, rest_offsets
         rotations: [F, 21, 4] local rotations (w, x, y, z).
         rest_offsets: [21, 3] offset of every joint from its parent in the canonical rest pose.
     """
-    bones = rotate(world_rotations(rotations)[:, list(PARENTS)], rest_offsets)
+    return joints_of_bones(root, world_rotations(rotations), rest_offsets)
+
+
+def joints_of_bones(root: Float64Array, world: Float64Array, rest_offsets: Float64Array) -> Float64Array:
+    """The same by global rotations [F, 21, 4]."""
+    bones = rotate(world[:, list(PARENTS)], rest_offsets)
     bones[:, 0] = root
     return chained(bones)
 

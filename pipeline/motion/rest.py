@@ -111,13 +111,19 @@ def place(binding: Binding, positions: Float64Array, world: Float64Array | None,
     return placed
 
 
-def place_offsets(binding: Binding, placed: Float64Array, world: Float64Array, height: float) -> None:
-    """Move joints of the rule `offset` in place: `placed` [F, 21, 3], turned by `world` [F, 21, 4], `height` metres."""
+def place_offsets(binding: Binding, placed: Float64Array, world: Float64Array, height: float) -> bool:
+    """Move joints of the rule `offset` in place: `placed` [F, 21, 3], turned by `world` [F, 21, 4], `height` metres.
+
+    Returns whether there are any.
+    """
+    moved = False
     for joint, rule in binding.rules.items():
         if rule.offset is not None:
             parent = PARENTS[joint]
             offset = np.array(rule.offset) * height
             placed[:, joint] = placed[:, parent] + rotate(np.ascontiguousarray(world[:, parent]), offset)
+            moved = True
+    return moved
 
 
 def to_canonical_rest(binding: Binding, motion: SolvedMotion, scale: float) -> Float64Array | None:
