@@ -20,7 +20,8 @@ class Lake:
 
     Layout: `catalog.duckdb`, `config.toml`, `frames/dataset=…/<part>.parquet`,
     `raw/layout=…/<part>.parquet`, `features/<part>.parquet`, `embeddings/<part>.parquet`, `postures/<part>.parquet`,
-    `models/`, `staging/` (rows on their way into the catalog), `annotations.jsonl`; for repairs `catalog.sums`, `records.zip` and `kept/`.
+    `models/`, `staging/` (rows on their way into the catalog), `annotations.jsonl`; for repairs `catalog.sums`,
+    `records.zip` and `kept/`.
     """
 
     root: Path

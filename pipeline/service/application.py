@@ -11,14 +11,17 @@ from fastapi import FastAPI
 from fastapi.middleware.gzip import GZipMiddleware
 from motionlake.lake.annotations import Annotations
 from motionlake.lake.layout import Lake
-from motionlake.service import clips, motion, pages, search, timeline
+from motionlake.service import annotating, clip_map, clips, events, making, motion, pages, review, search, timeline
 from motionlake.service.errors import handle_errors
 from motionlake.service.options import Options
 from motionlake.service.security import Guard
 from motionlake.service.served import Serving, threads
 from starlette.types import ASGIApp
 
-_ROUTERS: Final = (clips.router, motion.router, timeline.router, search.router, pages.router)
+_ROUTERS: Final = (
+    clips.router, motion.router, timeline.router, search.router, annotating.router, clip_map.router, review.router,
+    making.router, events.router, pages.router,
+)  # fmt: skip
 _WORTH: Final = 1000  # bytes that are worth being compressed
 
 
@@ -52,7 +55,7 @@ def application(lake: Lake, options: Options) -> ASGIApp:
     app.state.annotations = Annotations(lake)
     app.state.bundle = pages.Bundle(options.bundle)
     app.state.thumbnails = motion.Thumbnails()
-    app.state.exports = []
+    app.state.made, app.state.exports, app.state.listeners = making.Made(), making.formats(), 0
     for router in _ROUTERS:
         app.include_router(router)
     handle_errors(app)

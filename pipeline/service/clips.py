@@ -122,6 +122,8 @@ def clip(
     near: Annotated[int, Query(ge=0, le=50, description="How many of the nearest clips; none without.")] = 0,
 ) -> dict[str, Any]:
     """A clip and what is known of it."""
+    from motionlake.service.annotating import shown
+
     served, annotations = serving_of(request).now(), annotations_of(request)
     row = served.library.of([clip])[0]
     del row["part"]
@@ -145,7 +147,7 @@ def clip(
         "segments": segments,
         "file": {name: plain(known[name]) for name in ("path", "format", "rig", "notes", "repaired", "filled")},
         "faults": faults,
-        "annotations": [vars(each) for each in annotations.current(clip)],
+        "annotations": [shown(each) for each in annotations.current(clip)],
         "near": nearest(served, clip, near) if near else [],
     }
 

@@ -32,8 +32,10 @@ def refused(status: int, reason: str) -> JSONResponse:
 def handle_errors(app: FastAPI) -> None:
     """Let an application answer errors in one line."""
 
-    def answer(_: Request, error: Exception) -> JSONResponse:
-        return refused(*told(error))
+    def answer(request: Request, error: Exception) -> JSONResponse:
+        status, reason = told(error)
+        root = request.app.state.serving.lake.root
+        return refused(status, reason.replace(str(root), root.name))  # where it lies is nobody's business
 
     for kind in (ServiceError, UserError, ClipError, RequestValidationError, HTTPException, Exception):
         app.add_exception_handler(kind, answer)

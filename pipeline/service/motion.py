@@ -1,8 +1,8 @@
 """Motion as a browser draws it: positions of joints in sixteen bits each, and which feet stand.
 
 A block is little-endian: "MLM1", uint32 joints J, uint32 frames F, float32 frames a second, float32 scale (metres),
-float32 origin[3]; int16 [F, J, 3], of which a position is origin + scale x value; uint8 [F], bit 0 the left foot stands,
-bit 1 the right one. At 30 frames a second that is 3.8 kB a second.
+float32 origin[3]; int16 [F, J, 3], of which a position is origin + scale x value; uint8 [F], of which bit 0 says that
+the left foot stands, bit 1 the right one. At 30 frames a second that is 3.8 kB a second.
 """
 
 from __future__ import annotations

@@ -10,11 +10,12 @@ import logging
 import os
 from collections import OrderedDict
 from collections.abc import Callable, Iterator
+from concurrent.futures import Future
 from contextlib import contextmanager
 from threading import Lock, Thread
 from typing import Any, Final, TypeVar
 
-from motionlake import sql
+from motionlake import api, sql
 from motionlake.errors import UserError, told_by_sql
 from motionlake.lake.catalog import Connection, fetch, fetch_table, reading
 from motionlake.lake.layout import Lake
@@ -26,6 +27,7 @@ from motionlake.service.options import Options
 
 T = TypeVar("T")
 KEPT: Final = 64  # answers to conditions in SQL
+PATIENCE: Final = 4.0  # seconds that a request waits for what takes long
 LONGEST: Final = 4000  # characters of a condition
 _LOG: Final = logging.getLogger("motionlake.service")
 
@@ -45,18 +47,46 @@ class Served:
                 verdicts = {row["clip"]: row["verdict"] for row in fetch(con, "shelf_verdicts")}
             self.library = Library(fetch_table(con, "shelf"), verdicts)
         self._kept: dict[object, Any] = {}
-        self._making = Lock()
+        self._making: dict[object, Lock] = {}
+        self._started: dict[object, Future[Any]] = {}
+        self._lock = Lock()
         self._conditions: OrderedDict[str, frozenset[str]] = OrderedDict()
         self.turn = Lock()  # one search at a time: searchers share kernels and what they remember
 
     def keep(self, key: object, make: Callable[[], T]) -> T:
         """What was made for a key, made when first asked for and once."""
         if key not in self._kept:
-            with self._making:
+            with self._lock:
+                making = self._making.setdefault(key, Lock())
+            with making:
                 if key not in self._kept:
                     self._kept[key] = make()
         kept: T = self._kept[key]
         return kept
+
+    def later(self, key: object, make: Callable[[], T]) -> T | None:
+        """The same for what takes long: None while it is being made, which goes on meanwhile."""
+        with self._lock:
+            if key not in self._started:
+                future: Future[Any] = Future()
+                self._started[key] = future
+                Thread(target=_made, args=(future, make), daemon=True).start()
+            future = self._started[key]
+        try:
+            made: T = future.result(timeout=PATIENCE)
+        except TimeoutError:
+            if future.done():
+                raise
+            return None
+        except Exception:
+            with self._lock:
+                self._started.pop(key, None)  # the next request tries again
+            raise
+        return made
+
+    def api(self) -> api.Lake:
+        """The lake as programs have it; whoever uses it takes a turn (`searching`)."""
+        return self.keep("api", lambda: api.Lake(self.lake.root))
 
     def searcher(self, finds: Finds, name: str, /, **how: Any) -> Searcher:
         """A way to search, which all requests share."""
@@ -118,6 +148,13 @@ class Served:
         """Let go of the catalog."""
         self._kept.clear()
         self.con.close()
+
+
+def _made(future: Future[Any], make: Callable[[], Any]) -> None:
+    try:
+        future.set_result(make())
+    except BaseException as error:
+        future.set_exception(error)
 
 
 class Serving:

@@ -50,7 +50,7 @@ def hosts_of(sock: socket.socket, named: str) -> frozenset[str]:
     port = sock.getsockname()[1]
     names = {*_LOOPBACK, named} if is_loopback(named) else {named, socket.gethostname().lower(), sock.getsockname()[0]}
     found = {f"{f'[{name}]' if ':' in name else name}:{port}" for name in names if name not in ("0.0.0.0", "::")}
-    return frozenset(found | ({name for name in names} if port == 80 else set()))
+    return frozenset(found | (names if port == 80 else set()))
 
 
 def address(sock: socket.socket, host: str, token: str = "") -> str:

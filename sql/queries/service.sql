@@ -18,3 +18,7 @@ FROM clip_symbols($clip);
 
 -- name: faults_of_clip
 SELECT fault, joint, start, stop, severity FROM quality_ranges WHERE clip = $clip ORDER BY start, stop, fault;
+
+-- name: worst_faults
+SELECT clip, fault, joint, start, stop, severity FROM quality_unusual
+ORDER BY severity DESC NULLS LAST, clip, start, fault, joint LIMIT $k;
