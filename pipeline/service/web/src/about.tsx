@@ -22,7 +22,7 @@ export function AnnotationList({ annotations }: { annotations: readonly Annotati
     <ul className="decisions">
       {annotations.map((one) => (
         <li key={one.id} className={one.undone_at ? "undone" : ""}>
-          <span><b>{one.kind}</b> {one.value}{one.start !== null && ` (frames ${one.start} to ${one.stop})`}</span>
+          <span><b>{one.kind}</b> {one.value}{one.from != null && ` (frames ${one.from} to ${one.to})`}</span>
           <small>{one.who || "someone"}, {one.made_at.slice(0, 16).replace("T", " ")}{one.undone_at && ", undone"}</small>
           {!one.undone_at && !fixed && <button type="button" className="plain" onClick={() => void undo([one.id])}>Undo</button>}
         </li>

@@ -24,7 +24,7 @@ export interface Hit {
 export interface Answer { hits: Hit[]; ms: number }
 export interface Fault { clip?: string; start: number; stop: number; fault: string; joint?: string | null; [more: string]: unknown }
 export interface Annotation {
-  id: string; clip: string; kind: string; value: string; start: number | null; stop: number | null; who: string;
+  id: string; clip: string; kind: string; value: string; from: number | null; to: number | null; who: string;
   made_at: string; undone_at: string | null;
 }
 export interface ClipAbout extends Omit<ClipRow, "licence"> {
@@ -36,14 +36,15 @@ export interface Band { name: string; spans: Span[] }
 export interface Timeline { frames: number; fps: number; bands: Band[] }
 export interface Skeleton { joints: string[]; parents: number[]; radii: number[] }
 export interface MapAnswer {
-  points: [number, number][]; clips: string[]; values: (string | number | null)[];
+  ready?: boolean; points: [number, number][]; clips: string[]; values: (string | number | boolean | null)[];
   clusters: { x: number; y: number; text: string; clips: number }[];
 }
 export interface Suggestion { clip: string; column: string; value: string; confidence: number; near: string[] }
 export interface Pair {
-  a: string; a_from: number | null; a_to: number | null; b: string; b_from: number | null; b_to: number | null;
-  distance: number;
+  clip: string; other: string; distance: number; mirrored: boolean; offset_seconds: number; overlap_seconds: number;
+  decided: string | null;
 }
+export interface WorstFault extends Fault { clip: string; severity: number | null; decided: string | null }
 
 export class ServiceError extends Error {
   constructor(message: string, readonly status: number) {

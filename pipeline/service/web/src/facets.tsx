@@ -59,7 +59,8 @@ function Lengths({ spans, at }: { spans: FacetSpan[]; at: URLSearchParams }): Re
     change({ seconds_from: same ? null : span.from, seconds_to: same ? null : span.to });
   };
   return (
-    <div className="histogram" role="group" aria-label="Lengths">
+    <div role="group" aria-label="Lengths">
+      <div className="histogram">
       {spans.map((span) => {
         const text = `${shortly(span.from)} to ${shortly(span.to)} s: ${counted(span.clips)} clips (Shift+click: up to there)`;
         return (
@@ -68,8 +69,8 @@ function Lengths({ spans, at }: { spans: FacetSpan[]; at: URLSearchParams }): Re
           </button>
         );
       })}
-      <small>{spans.length ? `${shortly(spans[0]!.from)} s` : ""}</small>
-      <small>{spans.length ? `${shortly(spans.at(-1)!.to)} s` : ""}</small>
+      </div>
+      <div className="ends"><small>{shortly(spans[0]!.from)} s</small><small>{shortly(spans.at(-1)!.to)} s</small></div>
     </div>
   );
 }

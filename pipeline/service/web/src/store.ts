@@ -116,6 +116,19 @@ export async function start(): Promise<void> {
 }
 
 /** What the service tells of itself: a run's progress, and that something landed. */
+/** What the service makes once and gives out when it is ready: asked for again until then. */
+export function useReady<T extends { ready?: boolean }>(key: string, load: (signal: AbortSignal) => Promise<T>): Loaded<T> & { waiting: boolean } {
+  const [turn, setTurn] = useState(0);
+  const loaded = useLoaded(`${key} ${turn}`, load);
+  const waiting = loaded.value?.ready === false;
+  useEffect(() => {
+    if (!waiting || loaded.loading) return;
+    const timer = setTimeout(() => setTurn((n) => n + 1), 1500);
+    return () => clearTimeout(timer);
+  }, [waiting, loaded.loading]);
+  return { ...loaded, waiting };
+}
+
 function listen(): void {
   const events = new EventSource("/api/events");
   const heard = (event: MessageEvent<string>): void => {
