@@ -2,7 +2,7 @@
 import { Button, Checkbox, NativeSelect } from "@mantine/core";
 import { useCallback, useEffect, useMemo, useRef, useState } from "react";
 import { About } from "./about";
-import { change, follow, link, numberAt, useAddress } from "./address";
+import { change, numberAt, useAddress } from "./address";
 import { get, type ClipAbout, type Hit, type Span, type Timeline as TimelineAnswer } from "./api";
 import { Clock, SPEEDS } from "./clock";
 import { PALETTE } from "./colours";
@@ -14,7 +14,7 @@ import { useColours } from "./look";
 import { useMotions, type Source } from "./motions";
 import { Players, type Pane } from "./players";
 import type { Shows, Stage } from "./scene";
-import { decide, decided, generation, lake, skeleton, undo, useLoaded, useStore } from "./store";
+import { complain, decide, decided, generation, lake, skeleton, undo, useLoaded, useStore } from "./store";
 import { saidAt, Timeline, type Range } from "./timeline";
 
 type Path = [number, number][];
@@ -85,7 +85,8 @@ export default function ClipPage(): React.JSX.Element {
   const clip = at.get("clip") ?? "";
   const version = useStore(generation) + useStore(decided);
   const readOnly = useStore(lake)?.read_only ?? false;
-  const about = useLoaded<ClipAbout>(`${version} ${clip}`, (signal) => get("clip", { clip, near: 8 }, signal));
+  const about = useLoaded<ClipAbout>(`${version} ${clip}`, (signal) => get("clip", { clip }, signal));
+  const near = useLoaded<ClipAbout>(`${version} ${clip}`, (signal) => get("clip", { clip, near: 8 }, signal));
   const timeline = useLoaded<TimelineAnswer>(`${version} ${clip}`, (signal) => get("clip/timeline", { clip }, signal));
   const others = useMemo(() => othersOf(at), [at]);
   const otherKey = JSON.stringify(others);
@@ -108,7 +109,7 @@ export default function ClipPage(): React.JSX.Element {
   // The marked range lies in the address once it is whole.
   const [draft, setDraft] = useState<Range | null>(null);
   const from = numberAt(at, "from"), to = numberAt(at, "to");
-  const marked = useMemo<Range | null>(() => (from !== null && to !== null && from < to ? { from, to: Math.min(to, frames) } : null), [from, to, frames]);
+  const marked = useMemo<Range | null>(() => (from !== null && to !== null && from < to ? { from, to: first ? Math.min(to, frames) : to } : null), [from, to, first, frames]);
   const range = draft ?? marked;
   const onRange = useCallback((next: Range | null, done: boolean) => {
     setDraft(done ? null : next);
@@ -132,6 +133,7 @@ export default function ClipPage(): React.JSX.Element {
   const aligned = at.has("aligned");
   const paths = useLoaded<(Path | null)[]>(aligned && others.length ? `${clip} ${otherKey} ${from} ${to}` : null, (signal) =>
     Promise.all(others.map((other) => (other.clip ? get<{ path: Path }>("align", { clip, other: other.clip, from: marked?.from, to: marked?.to, other_from: other.from, other_to: other.to }, signal).then((a) => (a.path.length ? a.path : null)) : null))));
+  useEffect(() => { if (paths.error) complain(paths.error); }, [paths.error]);
   const times = useMemo(() => {
     const start = marked ? marked.from / fps : 0;
     return [(now: number) => now, ...others.map((other, i) => {
@@ -247,7 +249,6 @@ export default function ClipPage(): React.JSX.Element {
           <Checkbox size="xs" label="Trails" checked={shows.trails} onChange={flip("trails")} />
           <Checkbox size="xs" label="Ground" checked={shows.ground} onChange={flip("ground")} />
           <Checkbox size="xs" label="Align in time" checked={aligned} disabled={!others.some((o) => o.clip)} onChange={() => change({ aligned: !aligned }, true)} />
-          {paths.error && <span className="note">{paths.error}</span>}
           <span className="spring" />
           <Button size="compact-xs" variant="default" disabled={!range || readOnly} onClick={() => setOpen("segment")}>Name range</Button>
           <Button size="compact-xs" variant={editing ? "light" : "default"} disabled={readOnly || !segments} aria-pressed={Boolean(editing)} onClick={() => setEditing(editing ? null : segments)}>Correct segments</Button>
@@ -265,9 +266,8 @@ export default function ClipPage(): React.JSX.Element {
           {(["find", "about"] as const).map((name) => (
             <button key={name} type="button" role="tab" aria-selected={tab === name} onClick={() => setTab(name)}>{name === "find" ? "Find" : "About"}</button>
           ))}
-          <a href={link({})} onClick={follow}>Library</a>
         </div>
-        <div className="side" hidden={tab !== "find"}><Find clip={clip} range={range} fps={fps} onBeside={beside} first={first?.near} asked={asked} /></div>
+        <div className="side" hidden={tab !== "find"}><Find clip={clip} range={range} fps={fps} onBeside={beside} first={near.value?.clip === clip ? near.value.near : undefined} asked={asked} /></div>
         <div className="side" hidden={tab !== "about"}>{first && <About about={first} onSeek={(frame) => clock.seek(frame / fps)} />}</div>
       </aside>
       {(open === "tag" || open === "label") && <LabelDialog kind={open} clips={[clip]} onClose={() => setOpen(null)} />}

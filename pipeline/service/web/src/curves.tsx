@@ -30,7 +30,7 @@ export function Curve({ motions, times, joint, measure, clock, colours, length }
       if (!width) return;
       const ctx = sized(element, width, height);
       ctx.clearRect(0, 0, width, height);
-      const values = curves.flatMap((curve) => (curve ? [Math.min(...sampled(curve)), Math.max(...sampled(curve))] : []));
+      const values = curves.flatMap((curve) => (curve ? within(curve) : []));
       const low = measure === "speed" ? 0 : Math.min(0, ...values), high = Math.max(0.1, ...values);
       const up = (v: number): number => height - 4 - ((v - low) / (high - low)) * (height - 8);
       ctx.strokeStyle = colours.edge;
@@ -80,7 +80,8 @@ export function Curve({ motions, times, joint, measure, clock, colours, length }
   return <canvas ref={canvas} className="curve" role="img" aria-label={`${measure === "speed" ? "Speed" : "Height"} of the joint over time`} onPointerDown={seek} onPointerMove={seek} />;
 }
 
-function sampled(curve: Float32Array): number[] {
-  const step = Math.max(1, Math.floor(curve.length / 4000));
-  return Array.from({ length: Math.ceil(curve.length / step) }, (_, i) => curve[i * step]!);
+/** From where to where nearly all of a curve goes: a jump of one frame would flatten the rest. */
+function within(curve: Float32Array): [number, number] {
+  const sorted = Float32Array.from(curve).sort();
+  return [sorted[0]!, 1.05 * sorted[Math.floor(0.985 * (sorted.length - 1))]!];
 }

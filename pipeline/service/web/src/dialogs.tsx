@@ -80,7 +80,7 @@ export function ExportDialog({ clips, onClose }: { clips: Cut[]; onClose: () => 
       <form onSubmit={(event) => void send(event)}>
         <NativeSelect label="Format" data={formats} value={format} onChange={(e) => setFormat(e.currentTarget.value)} />
         {clips.some((cut) => cut.from != null) && <p className="note">Only the marked range is cut out.</p>}
-        <footer><Button size="xs" variant="default" onClick={onClose}>Cancel</Button><Button size="xs" type="submit" loading={busy} disabled={!format}>Export</Button></footer>
+        <footer><Button size="xs" variant="default" onClick={onClose}>Cancel</Button><Button size="xs" type="submit" disabled={busy || !format}>{busy ? "Exporting…" : "Export"}</Button></footer>
       </form>
     </Dialog>
   );
@@ -115,7 +115,7 @@ export function MakeDialog({ like, onClose }: { like: string[]; onClose: () => v
           <NumberInput label="How many" value={count} onChange={setCount} min={1} max={3} />
           <NumberInput label="Seed" value={seed} onChange={setSeed} min={0} />
         </div>
-        <footer><Button size="xs" variant="default" onClick={onClose}>Cancel</Button><Button size="xs" type="submit" loading={busy}>Make</Button></footer>
+        <footer><Button size="xs" variant="default" onClick={onClose}>Cancel</Button><Button size="xs" type="submit" disabled={busy}>{busy ? "Making…" : "Make"}</Button></footer>
       </form>
     </Dialog>
   );

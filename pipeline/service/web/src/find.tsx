@@ -50,11 +50,11 @@ export function Find({ clip, upload, range, fps, onBeside, first, asked = 0 }: F
           data={[{ value: "clip", label: "Whole clips" }, { value: "range", label: "Ranges inside clips" }]} />
         <NativeSelect size="xs" label="By" value={known} onChange={(e) => setMethod(e.currentTarget.value)}
           data={[{ value: "default", label: "Default" }, ...all.filter((one) => one.name !== "default").map((one) => ({ value: one.name, label: one.title + (one.ready ? "" : " (not ready)"), disabled: !one.ready }))]} />
-        <NativeSelect size="xs" label="How many" value={k} onChange={(e) => setK(e.currentTarget.value)} data={["6", "12", "24", "50"]} />
+        <NativeSelect size="xs" label="Answers" value={k} onChange={(e) => setK(e.currentTarget.value)} data={["6", "12", "24", "50"]} />
       </div>
       <div className="find-go">
         <Checkbox size="xs" label="Mirrored too" checked={turned} onChange={(e) => setTurned(e.currentTarget.checked)} />
-        <Button size="xs" loading={busy} onClick={() => void send()}>{range ? "Find the marked range" : upload ? "Find" : "Find clips like this"}</Button>
+        <Button size="xs" className="go" aria-busy={busy} onClick={() => void send()}>{busy ? "Searching…" : range ? "Find the marked range" : upload ? "Find" : "Find clips like this"}</Button>
       </div>
       <p className="note" aria-live="polite">{answer ? answer.text : range ? `Marked: ${(range.from / fps).toFixed(2)} to ${(range.to / fps).toFixed(2)} s` : clip ? "Mark a range on the timeline to find it inside all clips." : ""}</p>
       {answer ? answer.hits.length ? <Hits hits={answer.hits} onBeside={onBeside} /> : <p className="note">Nothing was found.</p>

@@ -36,7 +36,7 @@ const Card = memo(function Card({ row, index, width, chosen, current, colours, o
       <a href={link({ view: "clip", clip: row.clip })} onClick={follow} tabIndex={-1} draggable={false}>
         <Thumb clip={row.clip} width={width - 2} height={PICTURE} colours={colours} playing={pointed || current} />
         <span className="label">{row.label || <i>no label</i>}</span>
-        <span className="clip-name">{row.clip}</span>
+        <span className="clip-name"><bdi>{row.clip}</bdi></span>
         <span className="facts">
           {seconds(row.seconds)}{row.quality && ` · ${row.quality}`}
           {row.synthetic && " · made"}{row.tags.length > 0 && ` · ${row.tags.join(", ")}`}

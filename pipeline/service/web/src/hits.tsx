@@ -59,7 +59,7 @@ function HitRow({ hit, index, onBeside, judged }: HitProps): React.JSX.Element {
       <a href={hitLink(hit)} onClick={follow} className="hit-picture"><Thumb clip={hit.clip} width={84} height={76} colours={colours} playing={pointed} motion={own ? motion ?? null : undefined} /></a>
       <div className="hit-text">
         <a href={hitLink(hit)} onClick={follow} title={hit.clip}><b>{index + 1}.</b> {hit.label || "no label"}</a>
-        <small className="clip-name" title={hit.clip}>{hit.clip}</small>
+        <small className="clip-name" title={hit.clip}><bdi>{hit.clip}</bdi></small>
         <small>{hit.from !== null ? `frames ${hit.from} to ${hit.to}` : "whole clip"}{hit.seconds ? ` · ${hit.seconds.toFixed(1)} s` : ""} · {hit.distance.toPrecision(3)}{hit.mirrored ? " · mirrored" : ""}</small>
         <div className="hit-buttons">
           {onBeside && <Button size="compact-xs" variant="default" onClick={() => onBeside(hit)}>Beside</Button>}

@@ -260,7 +260,7 @@ export default function MapPage(): React.JSX.Element {
             select(event.shiftKey ? [...chosen, ...found] : found);
           }}
           onPointerLeave={() => setTip(null)} />
-        {map.error ? <p className="message" role="alert">{map.error}</p> : map.waiting && <p className="message" role="status">The map is being made; it appears here by itself.</p>}
+        {map.error ? <p className="message" role="alert">{map.error}</p> : !answer && <p className="message" role="status">The map is being made; it appears here by itself.</p>}
         {about && !about.numeric && (
           <div className="legend"><ul>{about.looks.map((look) => (
             <li key={look.name}>

@@ -123,6 +123,7 @@ class Body {
 
   pose(seconds: number, shows: Shows): void {
     const { motion, about } = this;
+    const head = about.joints.indexOf("head");
     const frame = Math.min(motion.frames - 1, Math.max(0, Math.floor(seconds * motion.fps + 1e-6)));
     const a = new Vector3(), b = new Vector3(), along = new Vector3(), turn = new Quaternion(), matrix = new Matrix4(), scale = new Vector3();
     for (const [i, [p, j]] of this.links.entries()) {
@@ -132,13 +133,12 @@ class Body {
       const length = along.length();
       if (length < 1e-5) { this.bones.setMatrixAt(i, NOWHERE); continue; }
       turn.setFromUnitVectors(UP, along.divideScalar(length));
-      const radius = about.radii[j]!;
+      const radius = about.radii[j]! * (j === head ? 0.5 : 1);
       this.bones.setMatrixAt(i, matrix.compose(a.add(b).multiplyScalar(0.5), turn, scale.set(radius, length, radius)));
     }
     turn.identity();
-    const head = about.joints.indexOf("head");
     for (let j = 0; j < motion.joints; j++) {
-      const radius = about.radii[j]! * (j === head ? 1.55 : 1);
+      const radius = about.radii[j]! * (j === head ? 1.12 : 1);
       this.joints.setMatrixAt(j, matrix.compose(this.place(frame, j, a), turn, scale.setScalar(radius)));
     }
     this.bones.instanceMatrix.needsUpdate = true;

@@ -14,7 +14,9 @@ export function ordered(bands: readonly Band[]): Band[] {
 }
 
 /** Spans that overlap are drawn in lanes of their own. */
-function lanes(spans: readonly Span[]): { span: Span; lane: number }[] {
+function lanes(band: Band): { span: Span; lane: number }[] {
+  const spans = band.spans;
+  if (band.name === "contacts") return spans.map((span) => ({ span, lane: String(span.value).startsWith("right") ? 1 : 0 }));
   const ends: number[] = [];
   return [...spans].sort((a, b) => a.start - b.start || a.stop - b.stop).map((span) => {
     let lane = ends.findIndex((end) => end <= span.start);
@@ -36,9 +38,10 @@ export interface Range { from: number; to: number }
 
 function Lane({ band, frames, colours, clock, fps }: { band: Band; frames: number; colours: Colours; clock: Clock; fps: number }): React.JSX.Element {
   const canvas = useRef<HTMLCanvasElement>(null);
-  const placed = useMemo(() => lanes(band.spans), [band]);
+  const placed = useMemo(() => lanes(band), [band]);
   const count = Math.max(1, ...placed.map((one) => one.lane + 1));
   const height = count * BAND;
+  const short = ["motifs", "symbols", "contacts"].includes(band.name); // the title says what the numbers are
   useEffect(() => {
     const element = canvas.current!;
     const draw = (): void => {
@@ -52,8 +55,8 @@ function Lane({ band, frames, colours, clock, fps }: { band: Band; frames: numbe
         const fill = colourOf(span.colour_index);
         ctx.fillStyle = fill;
         ctx.fillRect(x, lane * BAND, w - (w > 4 ? 1 : 0), BAND - 1);
-        const text = String(span.text || (span.value ?? ""));
-        if (w > 26) {
+        const text = String(short ? span.value ?? "" : span.text || (span.value ?? ""));
+        if (w > (short ? 14 : 26)) {
           ctx.save();
           ctx.beginPath();
           ctx.rect(x, lane * BAND, w - 3, BAND);
@@ -67,7 +70,7 @@ function Lane({ band, frames, colours, clock, fps }: { band: Band; frames: numbe
     const watch = new ResizeObserver(draw);
     watch.observe(element);
     return () => watch.disconnect();
-  }, [placed, frames, colours, height]);
+  }, [placed, frames, colours, height, short]);
   const at = (event: React.MouseEvent): Span | undefined => {
     const box = canvas.current!.getBoundingClientRect();
     const frame = ((event.clientX - box.left) / box.width) * frames, lane = Math.floor((event.clientY - box.top) / BAND);
@@ -138,7 +141,7 @@ export function Timeline({ timeline, frames, fps, clock, colours, range, onRange
     <div className="timeline">
       <div className="band-titles" aria-hidden="true">
         <span style={{ height: RULER }}>Mark</span>
-        {bands.map((band) => <span key={band.name} style={{ height: Math.max(1, ...lanes(band.spans).map((o) => o.lane + 1)) * BAND + 3 }}>{TITLES[band.name] ?? band.name}</span>)}
+        {bands.map((band) => <span key={band.name} style={{ height: Math.max(1, ...lanes(band).map((o) => o.lane + 1)) * BAND + 3 }}>{TITLES[band.name] ?? band.name}</span>)}
       </div>
       <div className="bands">
         <div ref={ruler} className="ruler" style={{ height: RULER }} title="Drag to mark a range; [ and ] mark its ends at the moment shown"
