@@ -77,7 +77,8 @@ def _page(schema: dict[str, Any]) -> str:
         '<!doctype html><html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width">'
         "<title>motionlake: endpoints</title><style>body{font:16px/1.5 system-ui,sans-serif;max-width:60rem;margin:"
         "2rem auto;padding:0 1rem}h2{font-size:1rem;margin-top:2rem}table{border-collapse:collapse}td{padding:.1rem "
-        "1rem .1rem 0;vertical-align:top}@media(prefers-color-scheme:dark){body{background:#111;color:#ddd}a{color:#8cf}}"
+        "1rem .1rem 0;vertical-align:top}"
+        "@media(prefers-color-scheme:dark){body{background:#111;color:#ddd}a{color:#8cf}}"
         '</style></head><body><h1>Endpoints</h1><p>As a schema: <a href="/api/openapi.json">openapi.json</a></p>'
         f"{''.join(parts)}</body></html>"
     )
