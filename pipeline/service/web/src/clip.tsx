@@ -63,7 +63,7 @@ function Now({ clock, timeline, frames, fps }: { clock: Clock; timeline: Timelin
   useEffect(() => {
     const draw = (): void => {
       const frame = Math.min(frames - 1, Math.floor(clock.now * fps + 1e-6));
-      const said = timeline ? saidAt(timeline.bands.filter((band) => !["motifs", "symbols"].includes(band.name)), frame) : "";
+      const said = timeline ? saidAt(timeline.bands.filter((band) => !["motifs", "symbols", "contacts"].includes(band.name)), frame) : "";
       if (box.current) box.current.textContent = `${clock.now.toFixed(2)} s, frame ${frame} of ${frames}${said ? ` · ${said}` : ""}`;
       if (scrub.current) scrub.current.value = String(frame);
     };
@@ -257,8 +257,8 @@ export default function ClipPage(): React.JSX.Element {
         <Timeline timeline={timeline.value} frames={frames} fps={fps} clock={clock} colours={colours} range={range} onRange={onRange} editing={editing} onEdges={onEdges} />
         <div className="curves">
           <NativeSelect size="xs" aria-label="Joint" value={String(joint)} onChange={(e) => setJoint(Number(e.currentTarget.value))} data={joints.map((name, j) => ({ value: String(j), label: name.replace("_", " ") }))} />
-          <div className="curve-box"><span>Height</span><Curve motions={panes.map((p) => p.motion)} times={times} joint={joint} measure="height" clock={clock} colours={colours} length={length} /></div>
-          <div className="curve-box"><span>Speed</span><Curve motions={panes.map((p) => p.motion)} times={times} joint={joint} measure="speed" clock={clock} colours={colours} length={length} /></div>
+          <div className="curve-box"><Curve motions={panes.map((p) => p.motion)} times={times} joint={joint} measure="height" clock={clock} colours={colours} length={length} /></div>
+          <div className="curve-box"><Curve motions={panes.map((p) => p.motion)} times={times} joint={joint} measure="speed" clock={clock} colours={colours} length={length} /></div>
         </div>
       </section>
       <aside>

@@ -36,7 +36,7 @@ export class Clock {
 
   step(frames: number): void {
     this.playing.set(false);
-    this.seek((Math.round(this.now * this.fps) + frames) / this.fps);
+    this.seek((this.frame + frames) / this.fps);
   }
 
   get frame(): number {

@@ -23,6 +23,11 @@ interface CurveProps { motions: readonly (Motion | null)[]; times: readonly ((no
 export function Curve({ motions, times, joint, measure, clock, colours, length }: CurveProps): React.JSX.Element {
   const canvas = useRef<HTMLCanvasElement>(null);
   const curves = useMemo(() => motions.map((motion) => motion && curveOf(motion, joint, measure)), [motions, joint, measure]);
+  const [low, high] = useMemo(() => {
+    const values = curves.flatMap((curve) => (curve ? within(curve) : []));
+    const least = measure === "speed" || !values.length ? 0 : Math.min(...values), most = Math.max(least + 0.1, ...values);
+    return [least, most];
+  }, [curves, measure]);
   useEffect(() => {
     const element = canvas.current!;
     const draw = (): void => {
@@ -30,8 +35,6 @@ export function Curve({ motions, times, joint, measure, clock, colours, length }
       if (!width) return;
       const ctx = sized(element, width, height);
       ctx.clearRect(0, 0, width, height);
-      const values = curves.flatMap((curve) => (curve ? within(curve) : []));
-      const low = measure === "speed" ? 0 : Math.min(0, ...values), high = Math.max(0.1, ...values);
       const up = (v: number): number => height - 4 - ((v - low) / (high - low)) * (height - 8);
       ctx.strokeStyle = colours.edge;
       ctx.lineWidth = 1;
@@ -53,11 +56,6 @@ export function Curve({ motions, times, joint, measure, clock, colours, length }
         ctx.stroke();
       });
       ctx.setLineDash([]);
-      ctx.fillStyle = colours.faint;
-      ctx.font = "11px system-ui, 'DejaVu Sans', sans-serif";
-      const unit = measure === "speed" ? "m/s" : "m";
-      ctx.fillText(`${high.toFixed(2)} ${unit}`, 3, up(high) + 11);
-      ctx.fillText(`${low.toFixed(2)} ${unit}`, 3, up(low) - 3);
       const x = (clock.now / length) * width;
       ctx.strokeStyle = colours.accent;
       ctx.lineWidth = 1.5;
@@ -71,17 +69,25 @@ export function Curve({ motions, times, joint, measure, clock, colours, length }
     watch.observe(element);
     const release = clock.subscribe(draw);
     return () => { release(); watch.disconnect(); };
-  }, [curves, motions, times, measure, clock, colours, length]);
+  }, [curves, low, high, motions, times, clock, colours, length]);
   const seek = (event: React.PointerEvent): void => {
     if (!event.buttons) return;
     const box = event.currentTarget.getBoundingClientRect();
     clock.seek(((event.clientX - box.left) / box.width) * length);
   };
-  return <canvas ref={canvas} className="curve" role="img" aria-label={`${measure === "speed" ? "Speed" : "Height"} of the joint over time`} onPointerDown={seek} onPointerMove={seek} />;
+  const unit = measure === "speed" ? "m/s" : "m", title = measure === "speed" ? "Speed" : "Height";
+  return (
+    <>
+      <div className="curve-scale" aria-hidden="true"><span>{high.toFixed(2)} {unit}</span><b>{title}</b><span>{low.toFixed(2)} {unit}</span></div>
+      <canvas ref={canvas} className="curve" role="img" aria-label={`${title} of the joint over time, from ${low.toFixed(2)} to ${high.toFixed(2)} ${unit}`} onPointerDown={seek} onPointerMove={seek} />
+    </>
+  );
 }
 
 /** From where to where nearly all of a curve goes: a jump of one frame would flatten the rest. */
 function within(curve: Float32Array): [number, number] {
   const sorted = Float32Array.from(curve).sort();
-  return [sorted[0]!, 1.05 * sorted[Math.floor(0.985 * (sorted.length - 1))]!];
+  const at = (share: number): number => sorted[Math.floor(share * (sorted.length - 1))] ?? 0;
+  const margin = 0.05 * (at(0.985) - at(0.015));
+  return [at(0.015) - margin, at(0.985) + margin];
 }

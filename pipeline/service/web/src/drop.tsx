@@ -5,13 +5,14 @@ import { postFile } from "./api";
 import { complain, say } from "./store";
 
 export async function sendFile(file: File): Promise<void> {
-  say(`Reading ${file.name}.`);
+  const slow = setTimeout(() => say(`Reading ${file.name}.`), 700);
   try {
     const made = await postFile<{ id: string; frames: number; fps: number; rig: string }>("uploads", { name: file.name }, file);
     go({ view: "upload", upload: made.id, name: file.name });
   } catch (error) {
     complain(error);
   }
+  clearTimeout(slow);
 }
 
 export function DropFile(): React.JSX.Element | null {

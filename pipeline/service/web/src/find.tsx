@@ -47,7 +47,7 @@ export function Find({ clip, upload, range, fps, onBeside, first, asked = 0 }: F
     <div className="find">
       <div className="find-fields">
         <NativeSelect size="xs" label="Look for" value={finds} onChange={(e) => setFinds(e.currentTarget.value as "clip" | "range")}
-          data={[{ value: "clip", label: "Whole clips" }, { value: "range", label: "Ranges inside clips" }]} />
+          data={[{ value: "clip", label: "Clips" }, { value: "range", label: "Ranges" }]} />
         <NativeSelect size="xs" label="By" value={known} onChange={(e) => setMethod(e.currentTarget.value)}
           data={[{ value: "default", label: "Default" }, ...all.filter((one) => one.name !== "default").map((one) => ({ value: one.name, label: one.title + (one.ready ? "" : " (not ready)"), disabled: !one.ready }))]} />
         <NativeSelect size="xs" label="Answers" value={k} onChange={(e) => setK(e.currentTarget.value)} data={["6", "12", "24", "50"]} />

@@ -111,7 +111,7 @@ class Body {
     this.flat.color.set(new Color(colours.panel).lerp(new Color(colours.dark ? "#000000" : colours.ink), colours.dark ? 0.55 : 0.22));
     if (this.grid) { this.scene.remove(this.grid); this.grid.dispose(); }
     const size = 2 * Math.ceil(Math.min(40, this.reach + 4));
-    this.grid = new GridHelper(size, size, colours.faint, colours.edge);
+    this.grid = new GridHelper(size, size, colours.edge, colours.edge);
     this.grid.position.set(Math.round(this.middle.x), this.floor, Math.round(this.middle.z));
     this.scene.add(this.grid);
   }

@@ -30,7 +30,7 @@ export default function UploadPage(): React.JSX.Element {
         <p className="note">Kept while the service runs, outside the lake. Drop another file to search by that one.</p>
         <div className="stage-box">
           <Players panes={panes} clock={clock} shows={SHOWS} follow colours={colours} label={`Motion of ${name}`} />
-          {motions[0]?.error && <p className="message">{motions[0].error}</p>}
+          {motions[0]?.error && <p className="message">The file itself cannot be shown; what is like it stands beside.</p>}
         </div>
       </section>
       <aside><div className="side"><Find upload={upload} range={null} fps={motion?.fps ?? 30} asked={1} /></div></aside>
