@@ -216,7 +216,8 @@ def test_searches_are_those_of_the_library(client: TestClient, built_lake: Path,
 def test_what_cannot_be_searched_is_told_in_a_line(client: TestClient, rows: list[dict[str, Any]]) -> None:
     clip = rows[0]["clip"]
     for asked, status in (
-        ({"clip": clip, "method": "none"}, 400), ({"clip": "no such clip"}, 404), ({}, 400), ({"clip": clip, "k": 0}, 422),
+        ({"clip": clip, "method": "none"}, 400), ({"clip": "no such clip"}, 404), ({}, 400),
+        ({"clip": clip, "k": 0}, 422),
         ({"clip": clip, "from": 0, "to": 10**9}, 400), ({"clip": clip, "other": 1}, 422), ({"upload": "../x"}, 404),
         ({"clip": clip, "where": "nonsense("}, 400),
     ):  # fmt: skip

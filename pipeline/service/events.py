@@ -15,8 +15,8 @@ from motionlake.service.errors import ServiceError
 from motionlake.service.served import Serving
 
 router = APIRouter(prefix="/api", tags=["events"])
-_EVERY: Final = 1.0  # seconds between two looks
-_ALIVE: Final = 15  # looks after which an empty line says that it is still there
+_EVERY: Final = 0.5  # seconds between two looks
+_ALIVE: Final = 30  # looks after which an empty line says that it is still there
 MOST: Final = 50  # pages that listen
 
 
@@ -35,7 +35,7 @@ async def _told(request: Request, serving: Serving) -> AsyncIterator[str]:
     try:
         said: dict[str, Any] = {}
         quiet = 0
-        while not await request.is_disconnected():
+        while not serving.options.ending.is_set() and not await request.is_disconnected():
             now = {"generation": serving.now().generation, "run": progress_now(serving.lake)}
             new = {name: value for name, value in now.items() if name not in said or said[name] != value}
             if not said and now["run"] is None:

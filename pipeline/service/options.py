@@ -5,6 +5,7 @@ from __future__ import annotations
 import secrets
 from dataclasses import dataclass, field
 from pathlib import Path
+from threading import Event
 from typing import Final
 
 MEBIBYTE: Final = 1 << 20
@@ -26,6 +27,7 @@ class Options:
         memory: that conditions in SQL may use together.
         body_seconds: in which the body of a request must have come.
         search_seconds: that a request waits for its turn to search.
+        ending: set when the service ends: what would go on for ever ends then.
     """
 
     token: str = field(default_factory=lambda: secrets.token_urlsafe(24), repr=False)
@@ -39,3 +41,4 @@ class Options:
     memory: str = "1GB"
     body_seconds: float = 30.0
     search_seconds: float = 30.0
+    ending: Event = field(default_factory=Event, compare=False)

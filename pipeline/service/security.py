@@ -71,10 +71,14 @@ class Guard:
             await answer(scope, receive, with_headers)
             return
         body = _Body(receive, self._most(scope["path"]), self._options.body_seconds)
-        try:
-            await self._app(scope, body.receive, with_headers)
-        except ServiceError as error:  # of a body, before anything was answered
-            await refused(error.status, str(error))(scope, receive, with_headers)
+
+        async def or_refused(message: Message) -> None:
+            if body.refused is None:
+                await with_headers(message)
+            elif message["type"] == "http.response.start":  # what reads a body has errors of its own for this
+                await refused(body.refused.status, str(body.refused))(scope, receive, with_headers)
+
+        await self._app(scope, body.receive, or_refused)
 
     def _refusal(self, scope: Scope) -> Response | None:
         """The answer to a request that goes no further; None where it may."""
@@ -125,6 +129,7 @@ class _Body:
     def __init__(self, receive: Receive, most: int, seconds: float) -> None:
         self._receive, self._most, self._seconds = receive, most, seconds
         self._read, self._ended = 0, False
+        self.refused: ServiceError | None = None
 
     async def receive(self) -> Message:
         if self._ended:  # now the end of the connection alone is waited for
@@ -132,13 +137,15 @@ class _Body:
         try:
             async with asyncio.timeout(self._seconds):
                 message = await self._receive()
-        except TimeoutError as error:
-            raise ServiceError(408, f"the request took longer than {self._seconds:g} s to come") from error
+        except TimeoutError:
+            self.refused = ServiceError(408, f"the request took longer than {self._seconds:g} s to come")
+            raise self.refused from None
         if message["type"] == "http.request":
             self._read += len(message.get("body", b""))
             self._ended = not message.get("more_body", False)
             if self._read > self._most:
-                raise ServiceError(413, _too_long(self._most))
+                self.refused = ServiceError(413, _too_long(self._most))
+                raise self.refused
         return message
 
 

@@ -8,6 +8,7 @@ import socket
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from types import FrameType
 from typing import Any, Final
 from urllib.parse import quote
 
@@ -68,17 +69,21 @@ def serve(lake: Lake, sock: socket.socket, host: str, options: Options, started:
     """
     own = replace(options, hosts=options.hosts | hosts_of(sock, host))
     config = uvicorn.Config(
-        application(lake, own), http=_Http, ws="none", log_level="warning", access_log=False, server_header=False,
+        application(lake, own), http=_Http, ws="none", log_level="critical", access_log=False, server_header=False,
         proxy_headers=False, limit_concurrency=_CONNECTIONS, timeout_keep_alive=15, timeout_graceful_shutdown=3,
         h11_max_incomplete_event_size=64 << 10,
     )  # fmt: skip
-    _Server(config, started).run(sockets=[sock])
+    _Server(config, own, started).run(sockets=[sock])
 
 
 class _Server(uvicorn.Server):
-    def __init__(self, config: uvicorn.Config, started: Callable[[], None]) -> None:
+    def __init__(self, config: uvicorn.Config, options: Options, started: Callable[[], None]) -> None:
         super().__init__(config)
-        self._when_started = started
+        self._options, self._when_started = options, started
+
+    def handle_exit(self, sig: int, frame: FrameType | None) -> None:
+        self._options.ending.set()
+        super().handle_exit(sig, frame)
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
         await super().startup(sockets)
