@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from tests.browser.test_clip import clip, mark, opened
+from tests.browser.test_clip import clip, colours_of, mark, opened
 from tests.browser.test_library import CARDS
 
 __all__ = ["clip"]
@@ -109,6 +109,7 @@ def test_suggested_labels_are_accepted_and_rejected(open_page: Open, shot: Shot,
     page = open_page("view=work")
     page.wait_for_selector(".queue", timeout=180_000)
     page.wait_for_timeout(900)
+    assert colours_of(page) > 200
     shot(page, "suggestions")
     waiting = page.locator(".queue li").count()
     page.keyboard.press("y")
@@ -125,6 +126,7 @@ def test_near_duplicates_pair_by_pair(open_page: Open, shot: Shot, service: str)
     page = open_page("view=work&tab=duplicates")
     page.wait_for_selector(".queue", timeout=180_000)
     page.wait_for_timeout(1200)
+    assert colours_of(page) > 200
     shot(page, "duplicates")
     page.keyboard.press("y")
     page.wait_for_selector(f"{SAID} >> text=One recording")
@@ -139,6 +141,7 @@ def test_faults_one_by_one(open_page: Open, shot: Shot, service: str) -> None:
     if not page.locator(".queue").count():
         pytest.skip("no fault in these clips")
     page.wait_for_timeout(1200)
+    assert colours_of(page) > 200
     shot(page, "faults")
     page.keyboard.press("x")
     page.wait_for_selector(f"{SAID} >> text=No fault")
@@ -185,7 +188,7 @@ def test_new_motion_is_made_and_seen_beside_its_source(open_page: Open, shot: Sh
     page.wait_for_selector("dialog[open]")
     shot(page, "make")
     page.locator("dialog").get_by_role("button", name="Make").last.click()
-    page.wait_for_selector(".pane-name >> text=made motion, .sayings .error", timeout=240_000)
+    page.wait_for_selector(".pane-name:has-text('made motion'), .sayings .error", timeout=240_000)
     page.wait_for_timeout(1500)
     shot(page, "made")
     if page.locator(".sayings .error").count():

@@ -46,7 +46,7 @@ export function About({ about, onSeek }: { about: ClipAbout; onSeek: (frame: num
           <h3>Faults</h3>
           <ul className="decisions">
             {about.faults.slice(0, 50).map((fault, i) => (
-              <li key={i}><button type="button" className="plain" onClick={() => onSeek(fault.start)}>{fault.fault}{fault.joint ? `, ${String(fault.joint).replace("_", " ")}` : ""}, frames {fault.start} to {fault.stop}</button></li>
+              <li key={i}><button type="button" className="plain" onClick={() => onSeek(fault.start)}>{`${fault.fault}${fault.joint ? `, ${fault.joint}` : ""}`.replaceAll("_", " ")}, frames {fault.start} to {fault.stop}</button></li>
             ))}
           </ul>
         </>

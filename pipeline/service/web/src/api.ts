@@ -31,7 +31,11 @@ export interface ClipAbout extends Omit<ClipRow, "licence"> {
   lineage: Record<string, unknown>; licence: { licences: string[]; dataset: string }; labels: Record<string, unknown>;
   file?: Record<string, unknown>; faults: Fault[]; annotations: Annotation[]; near: Hit[];
 }
-export interface Span { start: number; stop: number; value: string | number | null; colour_index: number; text: string }
+export interface Span {
+  start: number; stop: number; value: string | number | null; colour_index: number; text: string;
+  /** Of what a person decided. */
+  id?: string; kind?: string;
+}
 export interface Band { name: string; spans: Span[] }
 export interface Timeline { frames: number; fps: number; bands: Band[] }
 export interface Skeleton { joints: string[]; parents: number[]; radii: number[] }

@@ -1,6 +1,6 @@
 /** The frame around all views: where they are opened, what runs, what was said. */
 import { useComputedColorScheme, useMantineColorScheme } from "@mantine/core";
-import { lazy, Suspense, useEffect, useState } from "react";
+import { lazy, Suspense, useEffect, useRef, useState } from "react";
 import { follow, go, link, useAddress } from "./address";
 import { KeysDialog } from "./dialogs";
 import { DropFile } from "./drop";
@@ -58,8 +58,14 @@ function Header({ view, onKeys }: { view: string; onKeys: () => void }): React.J
 
 function Sayings(): React.JSX.Element {
   const all = useStore(said);
+  const box = useRef<HTMLDivElement>(null);
+  useEffect(() => { // above a dialog that is open
+    const element = box.current!;
+    if (element.matches(":popover-open")) element.hidePopover();
+    if (all.length) element.showPopover();
+  }, [all]);
   return (
-    <div className="sayings" role="status" aria-live="polite">
+    <div ref={box} popover="manual" className="sayings" role="status" aria-live="polite">
       {all.map((one) => (
         <p key={one.id} className={one.kind}>
           {one.text}

@@ -54,7 +54,17 @@ function othersAs(others: Other[]): Record<string, string[]> {
 }
 
 function useSegments(timeline: TimelineAnswer | null): Span[] | null {
-  return useMemo(() => timeline?.bands.find((band) => band.name === "segments")?.spans ?? null, [timeline]);
+  return useMemo(() => {
+    const found = [...(timeline?.bands.find((band) => band.name === "segments")?.spans ?? [])];
+    // What people decided is put in the place of the segment of the same label that it overlaps most.
+    for (const span of timeline?.bands.find((band) => band.name === "annotations")?.spans ?? []) {
+      if (span.kind !== "segment") continue;
+      const shared = (one: Span): number => (one.value === span.value ? Math.min(one.stop, span.stop) - Math.max(one.start, span.start) : 0);
+      const place = found.reduce((best, one, i) => (shared(one) > (best < 0 ? 0 : shared(found[best]!)) ? i : best), -1);
+      if (place < 0) found.push(span); else found[place] = span;
+    }
+    return found.length ? found.sort((a, b) => a.start - b.start) : null;
+  }, [timeline]);
 }
 
 function Now({ clock, timeline, frames, fps }: { clock: Clock; timeline: TimelineAnswer | null; frames: number; fps: number }): React.JSX.Element {
@@ -163,7 +173,7 @@ export default function ClipPage(): React.JSX.Element {
       const span = next[i]!, old = segments?.[i];
       if (old && old.start === span.start && old.stop === span.stop) continue;
       const value = String(span.value ?? span.text);
-      void decide({ clips: [clip], kind: "segment", value, from: span.start, to: span.stop }, `Segment ${value}: frames ${span.start} to ${span.stop}.`);
+      void decide({ clips: [clip], kind: "segment", value, from: span.start, to: span.stop }, `Segment ${value}: frames ${span.start} to ${span.stop}.`, old?.id ? [old.id] : []);
     }
   };
 

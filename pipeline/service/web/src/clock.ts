@@ -52,6 +52,7 @@ export class Clock {
 
   stop(): void {
     cancelAnimationFrame(this.asked);
+    this.asked = 0;
     this.playing.set(false);
   }
 

@@ -80,10 +80,11 @@ export function who(): string {
 export interface Decision { clips: string[]; kind: string; value: string; from?: number | null; to?: number | null }
 const done: (string | number)[][] = [];
 
-/** Keep what a person decided; false if it could not be kept, which is said. */
-export async function decide(decision: Decision, text: string): Promise<boolean> {
+/** Keep what a person decided, in the place of earlier decisions; false if it could not be kept, which is said. */
+export async function decide(decision: Decision, text: string, instead: string[] = []): Promise<boolean> {
   try {
     const { ids } = await post<{ ids: (string | number)[] }>("annotations", { ...decision, who: who() });
+    if (instead.length) await remove("annotations", { id: instead });
     done.push(ids);
     decided.set(decided.get() + 1);
     say(text, "done", ids);

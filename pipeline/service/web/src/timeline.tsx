@@ -119,22 +119,18 @@ export function Timeline({ timeline, frames, fps, clock, colours, range, onRange
     return [{ name: "segments", spans: editing }, ...found.filter((band) => band.name !== "segments")];
   }, [timeline, editing]);
 
+  // Which segments end where the next one starts, as they came: such an edge is moved in both.
+  const count = editing?.length ?? 0;
+  const joined = useMemo(() => (editing ?? []).map((span, i) => editing![i + 1]?.start === span.stop), [count, timeline]); // eslint-disable-line
   const move = (i: number, side: "start" | "stop", frame: number, done: boolean): void => {
     const segments = editing!.map((span) => ({ ...span }));
     const span = segments[i]!;
-    const before = segments[i - 1], after = segments[i + 1];
-    const changed = [i];
-    const old = span[side];
+    const before = side === "start" && joined[i - 1] ? segments[i - 1] : undefined; // it ends where this one starts
     if (side === "start") {
-      const joined = before && before.stop === old;
-      span.start = Math.max(joined ? before.start + 1 : before?.stop ?? 0, Math.min(span.stop - 1, frame));
-      if (joined) { before.stop = span.start; changed.push(i - 1); }
-    } else {
-      const joined = after && after.start === old;
-      span.stop = Math.min(joined ? after.stop - 1 : after?.start ?? frames, Math.max(span.start + 1, frame));
-      if (joined) { after.start = span.stop; changed.push(i + 1); }
-    }
-    onEdges(segments, changed, done);
+      span.start = Math.max(before ? before.start + 1 : 0, Math.min(span.stop - 1, frame));
+      if (before) before.stop = span.start;
+    } else span.stop = Math.min(frames, Math.max(span.start + 1, frame));
+    onEdges(segments, before ? [i, i - 1] : [i], done);
   };
 
   return (
@@ -169,7 +165,7 @@ export function Timeline({ timeline, frames, fps, clock, colours, range, onRange
           <div key={band.name} className="lane-box">
             <Lane band={band} frames={frames} colours={colours} clock={clock} fps={fps} />
             {editing && band.name === "segments" && editing.flatMap((span, i) => (["start", "stop"] as const).map((side) => {
-              if (side === "stop" && editing[i + 1]?.start === span.stop) return null;
+              if (side === "stop" && joined[i]) return null;
               return (
                 <button type="button" key={`${i}${side}`} className="edge" style={{ left: `${(100 * span[side]) / frames}%` }}
                   aria-label={`${side === "start" ? "Start" : "End"} of ${span.text || span.value}: frame ${span[side]}`} title="Drag, or use the arrow keys"

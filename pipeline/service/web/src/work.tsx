@@ -42,15 +42,15 @@ function Couple({ sources, starts, names }: { sources: Source[]; starts: number[
 }
 
 interface QueueProps<T> {
-  items: T[]; empty: string; name: (item: T) => string; line: (item: T) => string; note: (item: T) => string;
+  items: T[]; empty: string; name: (item: T) => string; line: (item: T) => string; sub: (item: T) => string; note: (item: T) => string;
   children: (item: T, next: () => void) => React.ReactNode;
 }
 
-function Queue<T>({ items, empty, name, line, note, children }: QueueProps<T>): React.JSX.Element {
+function Queue<T>({ items, empty, name, line, sub, note, children }: QueueProps<T>): React.JSX.Element {
   const [current, setCurrent] = useState(0);
   const place = Math.min(current, Math.max(0, items.length - 1));
   const item = items[place];
-  useEffect(() => document.getElementById(`queue-${place}`)?.scrollIntoView({ block: "nearest" }), [place]);
+  useEffect(() => { document.getElementById(`queue-${place}`)?.scrollIntoView({ block: "nearest" }); }, [place]);
   useKeys([
     { keys: "j / ArrowDown", does: "The next one", act: () => setCurrent(Math.min(items.length - 1, place + 1)) },
     { keys: "k / ArrowUp", does: "The one before", act: () => setCurrent(Math.max(0, place - 1)) },
@@ -62,7 +62,7 @@ function Queue<T>({ items, empty, name, line, note, children }: QueueProps<T>): 
       <ol className="queue">
         {items.map((one, i) => (
           <li key={name(one)} id={`queue-${i}`}>
-            <button type="button" aria-current={i === place} onClick={() => setCurrent(i)}><span>{line(one)}</span><small>{note(one)}</small><small title={name(one)}>{name(one)}</small></button>
+            <button type="button" aria-current={i === place} onClick={() => setCurrent(i)}><span>{line(one)}</span><small>{note(one)}</small><small title={name(one)} className="sub">{sub(one)}</small></button>
           </li>
         ))}
       </ol>
@@ -78,7 +78,7 @@ function Suggestions(): React.JSX.Element {
   if (found.error) return <p className="message" role="alert">{found.error}</p>;
   if (found.waiting || !found.value) return <p className="message" role="status">Looking for the clips whose label would teach most. This takes a moment the first time.</p>;
   return (
-    <Queue items={found.value.items} empty="No clip waits for a label." name={(one) => one.clip} line={(one) => `${one.value}?`} note={(one) => `${Math.round(100 * one.confidence)}% sure`}>
+    <Queue items={found.value.items} empty="No clip waits for a label." name={(one) => one.clip} line={(one) => `${one.value}?`} sub={(one) => one.clip} note={(one) => `${Math.round(100 * one.confidence)}% sure`}>
       {(one) => <Suggested key={one.clip} one={one} fixed={fixed} />}
     </Queue>
   );
@@ -119,7 +119,7 @@ function Duplicates(): React.JSX.Element {
   if (found.error) return <p className="message" role="alert">{found.error}</p>;
   if (found.waiting || !found.value) return <p className="message" role="status">Comparing clips. This takes a moment the first time.</p>;
   return (
-    <Queue items={found.value.pairs} empty="No two clips are one recording." name={(one) => `${one.clip} and ${one.other}`} line={(one) => one.clip}
+    <Queue items={found.value.pairs} empty="No two clips are one recording." name={(one) => `${one.clip} and ${one.other}`} line={(one) => tail(one.clip)} sub={(one) => `and ${tail(one.other)}`}
       note={(one) => one.decided ?? `${(100 * one.distance).toFixed(1)}% differs`}>
       {(one, next) => <Duplicated key={`${one.clip} ${one.other}`} one={one} next={next} />}
     </Queue>
@@ -152,6 +152,14 @@ function Duplicated({ one, next }: { one: Pair; next: () => void }): React.JSX.E
   );
 }
 
+function plainly(one: WorstFault): string {
+  return `${one.fault}${one.joint ? `, ${one.joint}` : ""}`.replaceAll("_", " ");
+}
+
+function tail(clip: string): string {
+  return clip.split("/").slice(-2).join("/");
+}
+
 function Faults(): React.JSX.Element {
   const version = useStore(generation) + useStore(decided);
   const found = useLoaded<{ ready?: boolean; faults: WorstFault[] }>(`${version}`, (signal) => get("faults", { k: 200 }, signal));
@@ -160,7 +168,7 @@ function Faults(): React.JSX.Element {
   if (found.value.ready === false) return <p className="message">The stage quality has not run. It looks for what no body did: motionlake run quality.</p>;
   return (
     <Queue items={found.value.faults} empty="Nothing unusual was found in any clip." name={(one) => `${one.clip}, frames ${one.start} to ${one.stop}, ${one.joint ?? ""}`}
-      line={(one) => `${one.fault}${one.joint ? `, ${one.joint.replace("_", " ")}` : ""}`} note={(one) => one.decided ?? (one.severity != null ? one.severity.toFixed(1) : "")}>
+      line={plainly} sub={(one) => `frames ${one.start} to ${one.stop} of ${tail(one.clip)}`} note={(one) => one.decided ?? (one.severity != null ? one.severity.toFixed(1) : "")}>
       {(one, next) => <Faulty key={`${one.clip} ${one.start} ${one.fault} ${one.joint}`} one={one} next={next} />}
     </Queue>
   );
@@ -182,7 +190,7 @@ function Faulty({ one, next }: { one: WorstFault; next: () => void }): React.JSX
   ]);
   return (
     <>
-      <h2>Is this a fault: {one.fault}{one.joint ? `, ${one.joint.replace("_", " ")}` : ""}?</h2>
+      <h2>Is this a fault: {plainly(one)}?</h2>
       {about.value && <Couple sources={source} starts={[0]} names={[`${one.clip}, frames ${one.start} to ${one.stop} and a second around`]} />}
       <div className="judge-buttons">
         <Button onClick={() => void say("true")()} disabled={fixed}>A fault (y)</Button>
