@@ -135,7 +135,7 @@ def test_sql_has_the_decisions_that_hold(lake: Path) -> None:
     ids = annotated(lake, clip)
     Annotations(open_lake(lake)).undo([ids[0]])
     run = motionlake(
-        "sql", "SELECT kind, value, start, stop, who FROM annotations() ORDER BY kind", "--json", "--lake", lake
+        "sql", "SELECT kind, value, start, stop, who FROM clip_annotations() ORDER BY kind", "--json", "--lake", lake
     )
     assert json.loads(run.out) == [
         {"kind": "label", "value": "my own label", "start": None, "stop": None, "who": "anna"},

@@ -36,7 +36,7 @@ class AnnotationRequest(BaseModel):
 
 
 @router.get("/annotations")
-def annotations(
+def decided(
     request: Request,
     clip: Annotated[str | None, Query(max_length=2000)] = None,
     kind: Annotated[str | None, Query(max_length=20)] = None,

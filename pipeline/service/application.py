@@ -11,7 +11,19 @@ from fastapi import FastAPI
 from fastapi.middleware.gzip import GZipMiddleware
 from motionlake.lake.annotations import Annotations
 from motionlake.lake.layout import Lake
-from motionlake.service import annotating, clip_map, clips, events, making, motion, pages, review, search, timeline
+from motionlake.service import (
+    annotating,
+    calls,
+    clip_map,
+    clips,
+    events,
+    making,
+    motion,
+    pages,
+    review,
+    search,
+    timeline,
+)
 from motionlake.service.errors import handle_errors
 from motionlake.service.options import Options
 from motionlake.service.security import Guard
@@ -20,7 +32,7 @@ from starlette.types import ASGIApp
 
 _ROUTERS: Final = (
     clips.router, motion.router, timeline.router, search.router, annotating.router, clip_map.router, review.router,
-    making.router, events.router, pages.router,
+    making.router, events.router, calls.router, pages.router,
 )  # fmt: skip
 _WORTH: Final = 1000  # bytes that are worth being compressed
 

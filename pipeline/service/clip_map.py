@@ -52,8 +52,7 @@ def _places(served: Served) -> tuple[list[str], Float64Array]:
 
 def _vectors(served: Served) -> tuple[list[str], Float32Array]:
     """The descriptors of clips, or their signatures where there are none."""
-    from motionlake.retrieval.descriptor import read_descriptors
-    from motionlake.retrieval.signature import read_signatures
+    from motionlake.lake.corpus import read_descriptors, read_signatures
 
     with reading(served.lake) as con:
         clips, vectors = read_descriptors(con)

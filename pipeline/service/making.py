@@ -92,11 +92,12 @@ def export(request: Request, asked: ExportRequest) -> FileResponse:
 
 
 def _archive(served: Served, chosen: list[ClipRange], form: str, folder: Path) -> Path:
-    from motionlake.formats.write.registry import SetWriter, set_writers, writers
+    from motionlake.formats.write.registry import SetWriter, Writer, set_writers, writers
     from motionlake.retrieval.export import ClipExporter, Treatment, target_of
     from motionlake.retrieval.export_files import export_files, export_set
 
-    writer = {**writers(), **set_writers()}[form]
+    known: dict[str, Writer | SetWriter] = {**writers(), **set_writers()}
+    writer = known[form]
     rate = getattr(writer, "fps", None)
     treatment = Treatment(target_of(served.lake, writer.rig or "own"), rate, False, as_is=writer.rig)
     with reading(served.lake) as con:

@@ -53,7 +53,7 @@ def packed(positions: FloatArray, fps: float, stands: np.ndarray[Any, Any]) -> b
     values = np.round((places - origin.astype(np.float64)) / float(scale)).astype("<i2")
     head = _HEAD.pack(MAGIC, places.shape[1], len(places), fps, scale, *origin.tolist())
     feet = (stands[:, 0] | stands[:, 1] << 1).astype(np.uint8)
-    return head + values.tobytes() + feet.tobytes()
+    return b"".join((head, values.tobytes(), feet.tobytes()))
 
 
 def unpacked(block: bytes) -> tuple[Float64Array, float, np.ndarray[Any, Any]]:

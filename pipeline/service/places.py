@@ -72,13 +72,13 @@ def clusters(points: Float64Array, values: Sequence[str | None], fallback: Seque
     group = MiniBatchKMeans(count, random_state=0, n_init=3).fit_predict(points)
     found = []
     for number in range(count):
-        members = np.flatnonzero(group == number)
+        members = np.flatnonzero(group == number).tolist()
         if len(members):
             middle = np.median(points[members], axis=0)
             text = _named([values[i] for i in members], [fallback[i] for i in members])
             found.append({"x": round(float(middle[0]), 4), "y": round(float(middle[1]), 4), "text": text,
                           "clips": len(members)})  # fmt: skip
-    return sorted(found, key=lambda each: -each["clips"])
+    return sorted(found, key=lambda each: -int(each["clips"]))
 
 
 def _named(values: Sequence[str | None], fallback: Sequence[str]) -> str:
