@@ -241,7 +241,7 @@ export default function ClipPage(): React.JSX.Element {
             <div className="pane-names" style={{ gridTemplateColumns: `repeat(${columns}, 1fr)` }}>
               {sources.map((source, i) => (
                 <div key={i}>
-                  <span className="pane-name"><i style={{ background: i ? PALETTE[i] : "var(--ink)" }} />{i ? others_about.value?.[i - 1]?.label || (source.made ? "made motion" : "no label") : first?.label || "no label"}{source.mirrored ? ", mirrored" : ""} <small>{source.clip ?? source.made}</small></span>
+                  <span className="pane-name"><i style={{ background: i ? PALETTE[i] : "var(--ink)" }} />{i ? others_about.value?.[i - 1]?.label || (source.made ? "made motion" : "no label") : first?.label || "no label"}{source.mirrored ? ", mirrored" : ""} <small>{source.clip}</small></span>
                   {i > 0 && <button type="button" className="plain" aria-label={`Remove ${source.clip ?? source.made}`} onClick={() => change(othersAs(others.filter((_, n) => n !== i - 1)))}>✕</button>}
                 </div>
               ))}

@@ -28,10 +28,8 @@ function lanes(band: Band): { span: Span; lane: number }[] {
 
 /** What the bands say of a frame. */
 export function saidAt(bands: readonly Band[], frame: number): string {
-  return ordered(bands).map((band) => {
-    const texts = band.spans.filter((s) => s.start <= frame && frame < s.stop).map((s) => s.text || String(s.value ?? ""));
-    return texts.length ? [...new Set(texts)].join(", ") : null;
-  }).filter(Boolean).join(" · ");
+  const texts = ordered(bands).flatMap((band) => band.spans.filter((s) => s.start <= frame && frame < s.stop).map((s) => s.text || String(s.value ?? "")));
+  return [...new Set(texts)].join(" · ");
 }
 
 export interface Range { from: number; to: number }
@@ -122,6 +120,7 @@ export function Timeline({ timeline, frames, fps, clock, colours, range, onRange
   // Which segments end where the next one starts, as they came: such an edge is moved in both.
   const count = editing?.length ?? 0;
   const joined = useMemo(() => (editing ?? []).map((span, i) => editing![i + 1]?.start === span.stop), [count, timeline]); // eslint-disable-line
+  const laneOf = useMemo(() => new Map(editing ? lanes({ name: "segments", spans: editing }).map((one) => [one.span, one.lane]) : []), [editing]);
   const move = (i: number, side: "start" | "stop", frame: number, done: boolean): void => {
     const segments = editing!.map((span) => ({ ...span }));
     const span = segments[i]!;
@@ -167,7 +166,7 @@ export function Timeline({ timeline, frames, fps, clock, colours, range, onRange
             {editing && band.name === "segments" && editing.flatMap((span, i) => (["start", "stop"] as const).map((side) => {
               if (side === "stop" && joined[i]) return null;
               return (
-                <button type="button" key={`${i}${side}`} className="edge" style={{ left: `${(100 * span[side]) / frames}%` }}
+                <button type="button" key={`${i}${side}`} className="edge" style={{ left: `${(100 * span[side]) / frames}%`, top: BAND * (laneOf.get(span) ?? 0) - 2, height: BAND + 3 }}
                   aria-label={`${side === "start" ? "Start" : "End"} of ${span.text || span.value}: frame ${span[side]}`} title="Drag, or use the arrow keys"
                   onPointerDown={(event) => { event.currentTarget.setPointerCapture(event.pointerId); event.stopPropagation(); }}
                   onPointerMove={(event) => { if (event.currentTarget.hasPointerCapture(event.pointerId)) { const f = frameAt(event.clientX); clock.seek(f / fps); move(i, side, f, false); } }}
