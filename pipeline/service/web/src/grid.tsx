@@ -69,6 +69,7 @@ export function Grid({ rows, query, colours }: GridProps): React.JSX.Element {
 
   const virtual = useVirtualizer({ count: lines, getScrollElement: () => box.current, estimateSize: () => ROW, overscan: 2 });
   const items = virtual.getVirtualItems();
+  const pool = 8 * (2 + Math.ceil(items.length / 8)); // rows that leave the screen are used again for those that come
   const first = (items[0]?.index ?? 0) * columns, last = Math.min(total - 1, ((items.at(-1)?.index ?? 5) + 1) * columns - 1);
   useEffect(() => { if (width) rows.show(first, Math.max(first, last)); }, [rows, first, last, width]);
   useEffect(() => {
@@ -120,7 +121,7 @@ export function Grid({ rows, query, colours }: GridProps): React.JSX.Element {
       onFocus={() => { setFocused(true); if (current < 0) setCurrent(first); }} onBlur={() => setFocused(false)}>
       <div className="grid-inner" style={{ height: virtual.getTotalSize() }} role="presentation">
         {width > 0 && items.map((item) => (
-          <div key={item.key} role="row" aria-rowindex={item.index + 1} className="grid-row" style={{ transform: `translateY(${item.start}px)`, gap: GAP }}>
+          <div key={item.index % pool} role="row" aria-rowindex={item.index + 1} className="grid-row" style={{ transform: `translateY(${item.start}px)`, gap: GAP }}>
             {Array.from({ length: Math.min(columns, total - item.index * columns) }, (_, i) => {
               const index = item.index * columns + i;
               const row = rows.at(index);

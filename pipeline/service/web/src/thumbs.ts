@@ -2,7 +2,7 @@
 import { getBytes } from "./api";
 import { unframed, type Motion } from "./stream";
 
-const AT_ONCE = 48, KEPT = 1500, WAIT = 70, REQUESTS = 2;
+const AT_ONCE = 48, KEPT = 1500, WAIT = 110, REQUESTS = 2;
 const kept = new Map<string, Motion | null>();
 const wanted = new Map<string, Set<() => void>>();
 const asked = new Set<string>();
@@ -33,6 +33,18 @@ function later(): void {
   timer = setTimeout(fetchSome, WAIT);
 }
 
+const A_FRAME = 8;
+const undrawn: (() => void)[] = [];
+
+/** Pictures that come together are drawn some a frame, so that scrolling goes on smoothly. */
+function drawSoon(ready: () => void): void {
+  if (undrawn.push(ready) === 1) requestAnimationFrame(drawSome);
+}
+function drawSome(): void {
+  for (const ready of undrawn.splice(0, A_FRAME)) ready();
+  if (undrawn.length) requestAnimationFrame(drawSome);
+}
+
 async function fetchSome(): Promise<void> {
   if (asked.size >= REQUESTS * AT_ONCE) return;
   const clips = [...wanted.keys()].filter((clip) => !asked.has(clip)).slice(-AT_ONCE);
@@ -50,7 +62,7 @@ async function fetchSome(): Promise<void> {
     wanted.delete(clip);
     if (found[i] === undefined) return;
     kept.set(clip, found[i]!);
-    those?.forEach((ready) => ready());
+    those?.forEach(drawSoon);
   });
   for (const clip of kept.keys()) {
     if (kept.size <= KEPT) break;
