@@ -51,9 +51,7 @@ class RemoteLake(Lake):
         facts = json.loads(table.schema.metadata[b"motion"])
         return motion_of(from_table(facts["clip"], table), facts)
 
-    def search(  # type: ignore[override]
-        self, query: Clip | None = None, k: int = 10, **how: Any
-    ) -> Rows:
+    def search(self, query: Clip | None = None, k: int = 10, **how: Any) -> Rows:
         """As `Lake.search`, without an encoder."""
         return self._call("search", query, {"k": k, **how})
 
@@ -70,9 +68,7 @@ class RemoteLake(Lake):
         """As `Lake.find`."""
         return self._call("find", query, {"start": start, "stop": stop, "k": k, "method": method, **scope})
 
-    def align(  # type: ignore[override]
-        self, query: Clip, start: int | None = None, stop: int | None = None, k: int = 10, **how: Any
-    ) -> Rows:
+    def align(self, query: Clip, start: int | None = None, stop: int | None = None, k: int = 10, **how: Any) -> Rows:
         """As `Lake.align`."""
         return self._call("align", query, {"start": start, "stop": stop, "k": k, **how})
 
@@ -98,7 +94,7 @@ class RemoteLake(Lake):
         raise UserError(f"{self._base}: a service does not answer this; open the folder of the lake")
 
     @property
-    def _lake(self) -> Any:
+    def _lake(self) -> Any:  # type: ignore[override]
         return self._con
 
     def _call(self, method: str, query: Clip | None, arguments: Mapping[str, Any]) -> Rows:

@@ -32,6 +32,7 @@ def where(built_lake: Path) -> Iterator[str]:
         assert ready.wait(60)
         yield address(sock, "127.0.0.1", TOKEN)
         options.ending.set()
+        thread.join(30)
 
 
 @pytest.fixture

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Annotated
 
 import typer
-from motionlake.cli.common import LakeOption, notice, option
+from motionlake.cli.common import JsonOption, LakeOption, notice, option, tell
 from motionlake.errors import UserError
 from motionlake.lake.layout import open_lake
 
@@ -33,6 +33,7 @@ def browse(
         bool, typer.Option("--read-only", help="Let nobody change anything: no tags, no labels.")
     ] = False,
     no_open: Annotated[bool, typer.Option("--no-open", help="Serve without opening a browser.")] = False,
+    as_json: JsonOption = False,
 ) -> None:
     """Look at a lake in the browser, and work on it; or serve it to programs.
 
@@ -63,7 +64,7 @@ def browse(
 
     def started() -> None:
         shown = address(sock, host, options.token)
-        print(shown)
+        tell({"address": shown, "token": options.token}, shown, as_json=as_json)
         sys.stdout.flush()
         notice("serves until Ctrl-C")
         if not no_open:

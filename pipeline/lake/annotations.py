@@ -51,6 +51,12 @@ class Annotation:
     made_at: str
     undone_at: str | None = None
 
+    def as_row(self) -> dict[str, Any]:
+        """For JSON: its range is called from and to, as everywhere over HTTP."""
+        row = asdict(self)
+        row["from"], row["to"] = row.pop("start"), row.pop("stop")
+        return row
+
 
 def new_annotation(
     clip: str, kind: str, value: str, start: int | None = None, stop: int | None = None, who: str = ""

@@ -5,16 +5,14 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Sequence
-from dataclasses import asdict
 from typing import Annotated, Any, Final, Literal
 
 from fastapi import APIRouter, Query, Request, Response
 from motionlake.lake.annotations import LONGEST, Annotation, new_annotation
 from motionlake.lake.catalog import fetch
 from motionlake.lake.frames import frame_range
-from motionlake.service.clips import annotations_of, serving_of
 from motionlake.service.errors import ServiceError
-from motionlake.service.served import Served
+from motionlake.service.served import Served, annotations_of, serving_of
 from pydantic import BaseModel, ConfigDict, Field
 
 router = APIRouter(prefix="/api", tags=["annotations"])
@@ -49,7 +47,7 @@ def decided(
         for each in annotations_of(request).all()
         if clip in (None, each.clip) and kind in (None, each.kind) and (undone or each.undone_at is None)
     ]
-    return {"total": len(found), "annotations": [shown(each) for each in reversed(found[-limit:])]}
+    return {"total": len(found), "annotations": [each.as_row() for each in reversed(found[-limit:])]}
 
 
 @router.post("/annotations")
@@ -89,13 +87,6 @@ def export(
     text = _labels(wanted, files) if kind == "labels" else _segments(wanted, files)
     named = {"Content-Disposition": f'attachment; filename="{kind}.csv"'}
     return Response(text, media_type="text/csv; charset=utf-8", headers=named)
-
-
-def shown(annotation: Annotation) -> dict[str, Any]:
-    """An annotation as JSON has it."""
-    row = asdict(annotation)
-    row["from"], row["to"] = row.pop("start"), row.pop("stop")
-    return row
 
 
 def writable(request: Request) -> Served:

@@ -15,10 +15,10 @@ from motionlake.lake.frames import CHANNELS, read_rows
 from motionlake.lake.integrity import sound
 from motionlake.lake.resolve import resolve_clip
 from motionlake.lake.safe import LakeConnection, time_limit
-from motionlake.service.clips import plain, serving_of
+from motionlake.service.clips import plain
 from motionlake.service.errors import ServiceError
 from motionlake.service.motion import Clip
-from motionlake.service.served import Served
+from motionlake.service.served import Served, serving_of
 from pydantic import BaseModel, ConfigDict, Field
 
 router = APIRouter(prefix="/api", tags=["library"])

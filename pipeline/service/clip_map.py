@@ -8,11 +8,10 @@ import numpy as np
 from fastapi import APIRouter, Query, Request
 from motionlake.arrays import Float32Array, Float64Array
 from motionlake.lake.catalog import reading
-from motionlake.service.clips import annotations_of, serving_of
 from motionlake.service.errors import ServiceError
 from motionlake.service.library import SHOWN
 from motionlake.service.places import clusters, places
-from motionlake.service.served import Served
+from motionlake.service.served import Served, annotations_of, serving_of
 
 router = APIRouter(prefix="/api", tags=["map"])
 _COLOURS: Final = (*SHOWN[1:], "tags")

@@ -8,13 +8,13 @@ from importlib.metadata import PackageNotFoundError, version
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Depends, Query, Request
-from motionlake.lake.annotations import Annotations
 from motionlake.lake.catalog import fetch
 from motionlake.retrieval.registry import SEARCHERS, ready
 from motionlake.service.errors import ServiceError
 from motionlake.service.library import FACETS, Filter
 from motionlake.service.motion import Clip
-from motionlake.service.served import Served, Serving
+from motionlake.service.search import nearest
+from motionlake.service.served import Served, annotations_of, serving_of
 
 router = APIRouter(prefix="/api", tags=["clips"])
 Values = Annotated[list[str], Query(max_length=200)]
@@ -43,18 +43,6 @@ def filtered(
 
 
 Chosen = Annotated[Filter, Depends(filtered)]
-
-
-def serving_of(request: Request) -> Serving:
-    """What all requests share."""
-    serving: Serving = request.app.state.serving
-    return serving
-
-
-def annotations_of(request: Request) -> Annotations:
-    """What people decided."""
-    annotations: Annotations = request.app.state.annotations
-    return annotations
 
 
 @router.get("/lake")
@@ -122,8 +110,6 @@ def clip(
     near: Annotated[int, Query(ge=0, le=50, description="How many of the nearest clips; none without.")] = 0,
 ) -> dict[str, Any]:
     """A clip and what is known of it."""
-    from motionlake.service.annotating import shown
-
     served, annotations = serving_of(request).now(), annotations_of(request)
     row = served.library.of([clip])[0]
     del row["part"]
@@ -147,16 +133,9 @@ def clip(
         "segments": segments,
         "file": {name: plain(known[name]) for name in ("path", "format", "rig", "notes", "repaired", "filled")},
         "faults": faults,
-        "annotations": [shown(each) for each in annotations.current(clip)],
+        "annotations": [each.as_row() for each in annotations.current(clip)],
         "near": nearest(served, clip, near) if near else [],
     }
-
-
-def nearest(served: Served, clip: str, k: int) -> list[dict[str, Any]]:
-    """The clips nearest to one by the default search."""
-    from motionlake.service.search import near
-
-    return near(served, clip, k)
 
 
 def faults_of(con: Any, clip: str) -> list[dict[str, Any]]:

@@ -10,9 +10,8 @@ from typing import Any, Final
 from fastapi import APIRouter, Request
 from fastapi.responses import StreamingResponse
 from motionlake.lake.run_progress import progress_now
-from motionlake.service.clips import serving_of
 from motionlake.service.errors import ServiceError
-from motionlake.service.served import Serving
+from motionlake.service.served import Serving, serving_of
 
 router = APIRouter(prefix="/api", tags=["events"])
 _EVERY: Final = 0.5  # seconds between two looks

@@ -18,9 +18,8 @@ from motionlake.arrays import FloatArray
 from motionlake.lake.catalog import reading
 from motionlake.lake.frames import frame_range
 from motionlake.retrieval.selection import ClipRange, once
-from motionlake.service.clips import annotations_of, serving_of
 from motionlake.service.errors import ServiceError
-from motionlake.service.served import Served
+from motionlake.service.served import Served, annotations_of, serving_of
 from pydantic import BaseModel, ConfigDict, Field
 from starlette.background import BackgroundTask
 

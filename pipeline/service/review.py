@@ -15,8 +15,8 @@ from motionlake.retrieval.hits import Hit
 from motionlake.retrieval.protocol import EVERYTHING, Finds, Scope, Searcher
 from motionlake.retrieval.protocol import Query as Asked
 from motionlake.retrieval.suggestions import LabelSuggester
-from motionlake.service.clips import annotations_of, plain, serving_of
-from motionlake.service.served import Served
+from motionlake.service.clips import plain
+from motionlake.service.served import Served, annotations_of, serving_of
 
 router = APIRouter(prefix="/api", tags=["review"])
 ASKED: Final = 200  # clips without a label that are looked at together

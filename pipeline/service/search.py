@@ -22,10 +22,9 @@ from motionlake.names import safe_name
 from motionlake.retrieval.hits import Hit
 from motionlake.retrieval.protocol import Finds, Scope
 from motionlake.retrieval.protocol import Query as Asked
-from motionlake.service.clips import serving_of
 from motionlake.service.errors import ServiceError
 from motionlake.service.motion import Clip, Frame, positions_of
-from motionlake.service.served import Served
+from motionlake.service.served import Served, serving_of
 from pydantic import BaseModel, ConfigDict, Field
 
 router = APIRouter(prefix="/api", tags=["search"])
@@ -200,7 +199,7 @@ def _poses(
     return poses.astype(np.float32), frames
 
 
-def near(served: Served, clip: str, k: int) -> list[dict[str, Any]]:
+def nearest(served: Served, clip: str, k: int) -> list[dict[str, Any]]:
     """The clips nearest to one by the default search; none where the lake is not ready for it."""
     from motionlake.errors import UserError
 

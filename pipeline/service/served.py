@@ -15,8 +15,10 @@ from contextlib import contextmanager
 from threading import Lock, Thread
 from typing import Any, Final, TypeVar
 
+from fastapi import Request
 from motionlake import api, sql
 from motionlake.errors import UserError, told_by_sql
+from motionlake.lake.annotations import Annotations
 from motionlake.lake.catalog import Connection, fetch, fetch_table, reading
 from motionlake.lake.layout import Lake
 from motionlake.lake.safe import LakeConnection, time_limit
@@ -189,6 +191,18 @@ class Serving:
     def close(self) -> None:
         """Let go of the catalog."""
         self._now.close()
+
+
+def serving_of(request: Request) -> Serving:
+    """What all requests share."""
+    serving: Serving = request.app.state.serving
+    return serving
+
+
+def annotations_of(request: Request) -> Annotations:
+    """What people decided."""
+    annotations: Annotations = request.app.state.annotations
+    return annotations
 
 
 def threads() -> int:

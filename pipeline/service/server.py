@@ -8,6 +8,7 @@ import socket
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from threading import current_thread, main_thread
 from types import FrameType
 from typing import Any, Final
 from urllib.parse import quote
@@ -89,9 +90,15 @@ class _Server(uvicorn.Server):
         await super().startup(sockets)
         self._when_started()
 
+    async def on_tick(self, counter: int) -> bool:
+        return await super().on_tick(counter) or self._options.ending.is_set()
+
     @contextmanager
     def capture_signals(self) -> Iterator[None]:
         """A signal is how people end a service: no failure."""
+        if current_thread() is not main_thread():
+            yield
+            return
         before = {number: signal.signal(number, self.handle_exit) for number in (signal.SIGINT, signal.SIGTERM)}
         try:
             yield

@@ -9,8 +9,9 @@ import numpy as np
 from fastapi import APIRouter, Request
 from motionlake.lake.catalog import Connection, fetch
 from motionlake.names import printable
-from motionlake.service.clips import annotations_of, faults_of, serving_of
+from motionlake.service.clips import faults_of
 from motionlake.service.motion import Clip, height_of, positions_of
+from motionlake.service.served import annotations_of, serving_of
 
 router = APIRouter(prefix="/api", tags=["clips"])
 COLOURS: Final = 12  # that spans are drawn in
