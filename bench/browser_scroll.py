@@ -1,4 +1,4 @@
-"""The grid of the browser application in a lake of 150,000 clips: `python -m bench.browser_scroll [paint scroll pictures]`.
+"""The browser application's grid of 150,000 clips: `python -m bench.browser_scroll [paint scroll pictures]`.
 
 A service of made clips answers (`bench.made_service`), so that the application alone is measured: in headless Chromium
 without a graphics card. "paint": from the call for the page until something is drawn, until the first clips are there

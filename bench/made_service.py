@@ -45,7 +45,8 @@ class MadeLake:
         return {
             "clip": f"{DATASETS[i % 3]}/take{i:06d}", "dataset": DATASETS[i % 3], "label": LABELS[(i // 7) % 10],
             "subject": f"s{i % 40:02d}", "rig": ("bvh", "amc", "npz")[i % 3], "frames": frames, "fps": 30.0,
-            "seconds": frames / 30, "quality": ("good", "doubtful", "bad")[i * 31 % 3], "licence": "CC BY 4.0", "synthetic": i % 50 == 0,
+            "seconds": frames / 30, "licence": "CC BY 4.0",
+            "synthetic": i % 50 == 0, "quality": ("ok", "doubtful", "bad")[i * 31 % 3],
             "tags": ["checked"] if i % 11 == 0 else [],
         }  # fmt: skip
 
@@ -56,7 +57,11 @@ class MadeLake:
         sort = query.get("sort", ["clip"])[0]
         key = json.dumps([wanted, text, sort, query.get("descending")])
         if key not in self.order:
-            rows = [(i, r) for i, r in enumerate(self.rows) if text in r["clip"] and all(r[n] in v for n, v in wanted.items())]
+            rows = [
+                (i, r)
+                for i, r in enumerate(self.rows)
+                if text in r["clip"] and all(r[n] in v for n, v in wanted.items())
+            ]
             rows.sort(key=lambda pair: pair[1].get(sort) or 0, reverse="descending" in query)
             self.order[key] = [i for i, _ in rows]
         return self.order[key]
@@ -155,8 +160,8 @@ class Handler(BaseHTTPRequestHandler):
         if path == "clip/timeline":
             frames = self.lake.row(number_of(clip))["frames"]
             spans = [
-                {"start": a, "stop": min(frames, a + 30), "value": str(a // 30 % 7), "colour_index": a // 30 % 7, "text": ""}
-                for a in range(0, frames, 30)
+                {"start": a, "stop": min(frames, a + 30), "value": str(n % 7), "colour_index": n % 7, "text": ""}
+                for n, a in enumerate(range(0, frames, 30))
             ]  # fmt: skip
             return {"frames": frames, "fps": 30.0, "bands": [{"name": "segments", "spans": spans}]}
         if path == "clip":

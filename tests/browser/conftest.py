@@ -59,8 +59,8 @@ def browsed_lake(shared: Path, browsed_clips: Path, browser: Browser, request: p
 def service(browsed_lake: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     """The address of a service of a copy of that lake, whose decisions the tests write."""
     lake = shutil.copytree(browsed_lake, tmp_path_factory.mktemp("served") / "lake")
-    words = ["browse", "--lake", lake, "--token", TOKEN, "--port", "0", "--no-open"]
-    command = [Path(sys.executable).parent / "motionlake", *words]
+    words = ["browse", "--lake", str(lake), "--token", TOKEN, "--port", "0", "--no-open"]
+    command = [str(Path(sys.executable).parent / "motionlake"), *words]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
     try:
         assert process.stdout is not None

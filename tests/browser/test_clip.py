@@ -144,7 +144,7 @@ def test_every_method_answers(open_page: Open, shot: Shot, clip: str) -> None:
     for method in methods:
         by.select_option(method)
         page.get_by_role("button", name="Find clips like this").click()
-        page.wait_for_function("() => / clips like the clip, in /.test(document.querySelector('.find')?.textContent)", timeout=90_000)
+        page.wait_for_selector(".find .note >> text=clips like the clip, in", timeout=90_000)
         page.wait_for_selector(".hit")
         page.wait_for_function("() => document.querySelector('.go').getAttribute('aria-busy') === 'false'")
     page.locator(".hit").first.get_by_role("button", name="Why").click()
@@ -198,7 +198,8 @@ def test_a_dropped_file_is_a_query(open_page: Open, shot: Shot, browsed_clips: P
     page.wait_for_selector(".drop")
     shot(page, "drop")
     page.evaluate(
-        "() => window.dispatchEvent(new DragEvent('drop', { dataTransfer: window.dropped, bubbles: true, cancelable: true }))"
+        """() => window.dispatchEvent(
+          new DragEvent("drop", { dataTransfer: window.dropped, bubbles: true, cancelable: true }))"""
     )
     page.wait_for_selector(".hit", timeout=90_000)
     page.wait_for_timeout(800)

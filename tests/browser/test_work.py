@@ -40,14 +40,18 @@ def test_tag_a_selection_see_it_and_undo_it(open_page: Open, shot: Shot, service
     page.keyboard.press("Enter")
     page.wait_for_selector(SAID)
     page.wait_for_selector(".facets section:has-text('Tags') li")
-    page.wait_for_function("() => [...document.querySelectorAll('.facts')].some(f => f.textContent.includes('<b>looked at</b>'))")
+    page.wait_for_function(
+        "() => [...document.querySelectorAll('.facts')].some(f => f.textContent.includes('<b>looked at</b>'))"
+    )
     shot(page, "tagged")
     made = [each for each in decisions(page, service) if each["value"] == "<b>looked at</b>"]
     assert len(made) == 3
     assert {each["who"] for each in made} == {"Ada"}
     page.keyboard.press("Escape")
     page.keyboard.press("u")
-    page.wait_for_function("() => ![...document.querySelectorAll('.facts')].some(f => f.textContent.includes('looked at'))")
+    page.wait_for_function(
+        "() => ![...document.querySelectorAll('.facts')].some(f => f.textContent.includes('looked at'))"
+    )
     made = [each for each in decisions(page, service) if each["value"] == "<b>looked at</b>"]
     assert all(each["undone_at"] for each in made)
 
@@ -119,7 +123,7 @@ def test_suggested_labels_are_accepted_and_rejected(open_page: Open, shot: Shot,
     waiting = page.locator(".queue li").count()
     page.keyboard.press("y")
     page.wait_for_selector(f"{SAID} >> text=accepted")
-    page.wait_for_function("n => document.querySelectorAll('.queue li').length < n || document.querySelector('.message')", arg=waiting)
+    wait(lambda: page.locator(".queue li").count() < waiting)
     if waiting > 1:
         page.keyboard.press("x")
         page.wait_for_selector(f"{SAID} >> text=rejected")
@@ -159,7 +163,9 @@ def test_decisions_are_listed_exported_and_undone(open_page: Open, shot: Shot, s
     name = page.request.get(f"{service}api/clips?limit=1").json()["clips"][0]["clip"]
     origin = service.rstrip("/")
     page.request.post(
-        f"{service}api/annotations", data={"clips": [name], "kind": "label", "value": "kept"}, headers={"Origin": origin}
+        f"{service}api/annotations",
+        data={"clips": [name], "kind": "label", "value": "kept"},
+        headers={"Origin": origin},
     )
     page.reload()
     page.wait_for_selector(".log >> text=kept")
