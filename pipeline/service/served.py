@@ -22,6 +22,7 @@ from motionlake.lake.annotations import Annotations
 from motionlake.lake.catalog import Connection, fetch, fetch_table, reading
 from motionlake.lake.layout import Lake
 from motionlake.lake.safe import LakeConnection, time_limit
+from motionlake.retrieval.hits import Hit
 from motionlake.retrieval.protocol import Finds, Searcher
 from motionlake.service.errors import ServiceError
 from motionlake.service.library import Library
@@ -29,6 +30,7 @@ from motionlake.service.options import Options
 
 T = TypeVar("T")
 KEPT: Final = 64  # answers to conditions in SQL
+ANSWERS: Final = 500  # to searches
 PATIENCE: Final = 4.0  # seconds that a request waits for what takes long
 LONGEST: Final = 4000  # characters of a condition
 _LOG: Final = logging.getLogger("motionlake.service")
@@ -53,6 +55,7 @@ class Served:
         self._started: dict[object, Future[Any]] = {}
         self._lock = Lock()
         self._conditions: OrderedDict[str, frozenset[str]] = OrderedDict()
+        self._answers: OrderedDict[str, list[Hit]] = OrderedDict()
         self.turn = Lock()  # one search at a time: searchers share kernels and what they remember
 
     def keep(self, key: object, make: Callable[[], T]) -> T:
@@ -65,6 +68,16 @@ class Served:
                     self._kept[key] = make()
         kept: T = self._kept[key]
         return kept
+
+    def answered(self, key: str, ask: Callable[[], list[Hit]]) -> list[Hit]:
+        """The answers to a question; the last ones are kept, for people go back and forth."""
+        found = self._answers.get(key)
+        if found is None:
+            found = self._answers[key] = ask()
+            with self._lock:
+                while len(self._answers) > ANSWERS:
+                    self._answers.popitem(last=False)
+        return found
 
     def later(self, key: object, make: Callable[[], T]) -> T | None:
         """The same for what takes long: None while it is being made, which goes on meanwhile."""
@@ -120,11 +133,13 @@ class Served:
         """
         if len(condition) > LONGEST:
             raise ServiceError(413, f"where: is longer than {LONGEST} characters")
-        if condition not in self._conditions:
-            self._conditions[condition] = self._asked(condition)
-            while len(self._conditions) > KEPT:
-                self._conditions.popitem(last=False)
-        return self._conditions[condition]
+        found = self._conditions.get(condition)
+        if found is None:
+            found = self._conditions[condition] = self._asked(condition)
+            with self._lock:
+                while len(self._conditions) > KEPT:
+                    self._conditions.popitem(last=False)
+        return found
 
     def _asked(self, condition: str) -> frozenset[str]:
         import duckdb
