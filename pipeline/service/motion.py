@@ -10,6 +10,7 @@ from __future__ import annotations
 import struct
 from collections import OrderedDict, defaultdict
 from collections.abc import Sequence
+from pathlib import Path
 from threading import Lock
 from typing import Annotated, Any, Final
 
@@ -115,14 +116,18 @@ def motion(
     request: Request,
     clip: Clip = "",
     made: Annotated[str, Query(max_length=100, description="In place of a clip: id of a made motion.")] = "",
+    upload: Annotated[str, Query(max_length=64, description="In place of a clip: id of a file searched by.")] = "",
     first: Annotated[int | None, Query(alias="from", ge=0, le=2**40, description="First frame.")] = None,
     last: Annotated[int | None, Query(alias="to", ge=0, le=2**40, description="Frame after the last.")] = None,
     fps: Annotated[float, Query(gt=0, le=240, description="Frames a second at most.")] = 30.0,
 ) -> Response:
     """The motion of a clip, or of its frames [from, to), as a binary block."""
     serving: Serving = request.app.state.serving
-    positions, rate = request.app.state.made.motion(made) if made else _whole(serving.now(), clip)
-    start, stop = frame_range(made or clip, first, last, len(positions))
+    if upload:
+        positions, rate = _of_file(serving, request.app.state.uploads.path(upload))
+    else:
+        positions, rate = request.app.state.made.motion(made) if made else _whole(serving.now(), clip)
+    start, stop = frame_range(upload or made or clip, first, last, len(positions))
     if (stop - start) / rate > MOST_SECONDS:
         raise ServiceError(413, f"{clip or made}: ask for {MOST_SECONDS:g} s at most, by from and to")
     return Response(block_of(positions[start:stop], rate, fps), media_type=BINARY)
@@ -130,6 +135,13 @@ def motion(
 
 def _whole(served: Served, clip: str) -> tuple[FloatArray, float]:
     return positions_of(served, [clip])[clip]
+
+
+def _of_file(serving: Serving, path: Path) -> tuple[FloatArray, float]:
+    from motionlake.stages.frames import first_body
+
+    body, motion = first_body(serving.lake, path)
+    return motion.positions, body.fps
 
 
 class Thumbnails:
