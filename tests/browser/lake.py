@@ -44,6 +44,6 @@ def browser_clips(recordings: Path, folder: Path) -> None:
 def browser_lake(clips: Path, lake: Path, scheduler: str) -> None:
     """A lake of those clips."""
     quick_lake(lake, QUICK)
-    for words in (["ingest", clips], ["run", "all"], ["run", "quality"]):
+    for words in (["ingest", clips], ["run", "all"], ["run", "quality"], ["run", "synth"]):
         run = motionlake(*words, "--lake", lake, "--scheduler", scheduler)
         assert run.status in (0, 1), run.err

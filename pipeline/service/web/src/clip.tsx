@@ -164,17 +164,35 @@ export default function ClipPage(): React.JSX.Element {
 
   const segments = useSegments(timeline.value);
   const [editing, setEditing] = useState<Span[] | null>(null);
-  useEffect(() => setEditing((now) => (now ? segments ?? [] : null)), [segments]);
+  // Edges that were moved are kept when they rest; each correction takes the place of the one before.
+  const moved = useRef(new Map<number, Span>()), kept = useRef(new Map<number, string>());
+  const saving = useRef(Promise.resolve()), timer = useRef<ReturnType<typeof setTimeout>>(undefined), busy = useRef(0);
+  useEffect(() => {
+    if (moved.current.size || busy.current) return;
+    kept.current.clear();
+    setEditing((now) => (now ? segments ?? [] : null));
+  }, [segments]);
   useEffect(() => setEditing(null), [clip]);
+  const keep = (): void => {
+    for (const [i, span] of moved.current) {
+      const old = segments?.[i], value = String(span.value ?? span.text);
+      busy.current++;
+      saving.current = saving.current.then(async () => {
+        const before = kept.current.get(i) ?? old?.id;
+        const text = `Segment ${value}: frames ${span.start} to ${span.stop}.`;
+        const ids = await decide({ clips: [clip], kind: "segment", value, from: span.start, to: span.stop }, text, before ? [before] : []);
+        if (ids) kept.current.set(i, ids[0]!);
+        busy.current--;
+      });
+    }
+    moved.current.clear();
+  };
   const onEdges = (next: Span[], changed: number[], done: boolean): void => {
     setEditing(next);
     if (!done) return;
-    for (const i of changed) {
-      const span = next[i]!, old = segments?.[i];
-      if (old && old.start === span.start && old.stop === span.stop) continue;
-      const value = String(span.value ?? span.text);
-      void decide({ clips: [clip], kind: "segment", value, from: span.start, to: span.stop }, `Segment ${value}: frames ${span.start} to ${span.stop}.`, old?.id ? [old.id] : []);
-    }
+    for (const i of changed) moved.current.set(i, next[i]!);
+    clearTimeout(timer.current);
+    timer.current = setTimeout(keep, 400);
   };
 
   const edges = useMemo(() => [...new Set((segments ?? []).flatMap((span) => [span.start, span.stop]))].sort((a, b) => a - b), [segments]);

@@ -65,7 +65,7 @@ export function useLoaded<T>(key: string | null, load: (signal: AbortSignal) => 
     latest.current(stop.signal).then(
       (value) => { of.current = key; setState({ value, error: null, loading: false }); },
       (error: Error) => {
-        if (error.name !== "AbortError") setState({ value: null, error: error.message, loading: false });
+        if (error.name !== "AbortError") setState((before) => ({ value: before.value, error: error.message, loading: false }));
       },
     );
     return () => stop.abort();
@@ -80,18 +80,18 @@ export function who(): string {
 export interface Decision { clips: string[]; kind: string; value: string; from?: number | null; to?: number | null }
 const done: (string | number)[][] = [];
 
-/** Keep what a person decided, in the place of earlier decisions; false if it could not be kept, which is said. */
-export async function decide(decision: Decision, text: string, instead: string[] = []): Promise<boolean> {
+/** Keep what a person decided, in the place of earlier decisions; null if it could not be kept, which is said. */
+export async function decide(decision: Decision, text: string, instead: string[] = []): Promise<string[] | null> {
   try {
-    const { ids } = await post<{ ids: (string | number)[] }>("annotations", { ...decision, who: who() });
+    const { ids } = await post<{ ids: string[] }>("annotations", { ...decision, who: who() });
     if (instead.length) await remove("annotations", { id: instead });
     done.push(ids);
     decided.set(decided.get() + 1);
     say(text, "done", ids);
-    return true;
+    return ids;
   } catch (error) {
     complain(error);
-    return false;
+    return null;
   }
 }
 
