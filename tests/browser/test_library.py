@@ -152,3 +152,31 @@ def test_nothing_jumps_once_it_is_shown(open_page: Open, query: str) -> None:
     page.goto(page.url.partition("?")[0] + (f"?{query}" if query else ""))
     page.wait_for_timeout(2500)
     assert page.evaluate("window.jumped") < 0.02
+
+
+def test_progress_of_a_run_is_shown(open_page: Open, shot: Shot) -> None:
+    page = open_page()
+    told = '{"run": {"stage": "motifs", "done": 1200, "total": 4000, "seconds_left": 75}}'
+    page.route("**/api/events", lambda route: route.fulfill(content_type="text/event-stream", body=f"data: {told}\n\n"))
+    page.reload()
+    said = page.wait_for_selector(".run progress")
+    assert said.get_attribute("value") == "1200"
+    assert page.inner_text(".run span") == "Run: motifs, 1,200 of 4,000, 75 s left"
+    shot(page, "run")
+
+
+def test_a_lake_for_reading_alone_offers_no_decisions(open_page: Open) -> None:
+    page = open_page()
+
+    def alone(route: Any) -> None:
+        answer = route.fetch()
+        route.fulfill(response=answer, json=answer.json() | {"read_only": True})
+
+    page.route("**/api/lake", alone)
+    page.reload()
+    page.wait_for_selector(CARDS)
+    page.locator(f"{CARDS} .pick").first.click()
+    assert page.get_by_role("button", name="Tag").is_disabled()
+    assert page.get_by_role("button", name="Export").is_enabled()
+    page.keyboard.press("t")
+    assert page.locator("dialog").count() == 0
