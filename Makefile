@@ -45,6 +45,7 @@ demo: setup $(if $(filter demo/deepmimic,$(DATA)),demo/deepmimic/labels.csv) ## 
 	$(BIN)/motionlake sql "SELECT clip, rig, frames, round(seconds, 1) AS seconds FROM clips ORDER BY frames DESC LIMIT 5" \
 		--lake "$(DEMO_LAKE)"
 	$(DEMO_SYNTHESIS)
+	@echo "look at it: $(BIN)/motionlake browse --lake \"$(DEMO_LAKE)\""
 
 # What the motions show; none of them says so itself.
 demo/deepmimic/labels.csv: docs/demo/labels.csv demo/deepmimic/.ready

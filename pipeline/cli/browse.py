@@ -59,7 +59,7 @@ def browse(
     sock = listening(host, port)
     options = Options(
         token=token or secrets.token_urlsafe(24), hosts=frozenset(name.lower() for name in named or ()),
-        read_only=read_only,
+        read_only=read_only, warm=True,
     )  # fmt: skip
 
     def started() -> None:

@@ -27,6 +27,7 @@ class Options:
         memory: that conditions in SQL may use together.
         body_seconds: in which the body of a request must have come.
         search_seconds: that a request waits for its turn to search.
+        warm: get ready for the first search before anybody asks.
         ending: set when the service ends: what would go on for ever ends then.
     """
 
@@ -41,4 +42,5 @@ class Options:
     memory: str = "1GB"
     body_seconds: float = 30.0
     search_seconds: float = 30.0
+    warm: bool = False
     ending: Event = field(default_factory=Event, compare=False)

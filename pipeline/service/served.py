@@ -11,7 +11,7 @@ import os
 from collections import OrderedDict
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from threading import Lock, Thread
 from typing import Any, Final, TypeVar
 
@@ -23,7 +23,7 @@ from motionlake.lake.catalog import Connection, fetch, fetch_table, reading
 from motionlake.lake.layout import Lake
 from motionlake.lake.safe import LakeConnection, time_limit
 from motionlake.retrieval.hits import Hit
-from motionlake.retrieval.protocol import Finds, Searcher
+from motionlake.retrieval.protocol import Finds, Query, Searcher
 from motionlake.service.errors import ServiceError
 from motionlake.service.library import Library
 from motionlake.service.options import Options
@@ -40,11 +40,8 @@ class Served:
     """One catalog of a lake, read once."""
 
     def __init__(self, lake: Lake, options: Options) -> None:
-        from motionlake.retrieval.sql_functions import connect
-
         self.lake, self._options, self.served = lake, options, lake.served()
         self.generation = f"{self.served[0]:x}-{self.served[1]:x}"
-        self.con: LakeConnection = connect(lake.root, memory=options.memory)
         with reading(lake) as con:
             verdicts = {}
             if fetch(con, "view_is_there", {"view": "quality"})[0]["there"]:
@@ -57,6 +54,22 @@ class Served:
         self._conditions: OrderedDict[str, frozenset[str]] = OrderedDict()
         self._answers: OrderedDict[str, list[Hit]] = OrderedDict()
         self.turn = Lock()  # one search at a time: searchers share kernels and what they remember
+
+    @property
+    def con(self) -> LakeConnection:
+        """The connection whose cursors requests use; its functions in SQL take a second to import."""
+        from motionlake.retrieval.sql_functions import connect
+
+        return self.keep("con", lambda: connect(self.lake.root, memory=self._options.memory))
+
+    def warm_up(self) -> None:
+        """Read what the first condition and the first default search need."""
+        with suppress(Exception):  # a lake that is not ready for search says so to who searches
+            self.con  # noqa: B018 - opens it
+            if self.library.names:
+                searcher = self.searcher("clip", "fused", explain=True, matched=False)
+                with self.searching():
+                    searcher.search([Query(self.library.names[0])], 1)
 
     def keep(self, key: object, make: Callable[[], T]) -> T:
         """What was made for a key, made when first asked for and once."""
@@ -163,8 +176,10 @@ class Served:
 
     def close(self) -> None:
         """Let go of the catalog."""
+        con = self._kept.pop("con", None)
         self._kept.clear()
-        self.con.close()
+        if con is not None:
+            con.close()
 
 
 def _made(future: Future[Any], make: Callable[[], Any]) -> None:
@@ -181,6 +196,8 @@ class Serving:
         self.lake, self.options = lake, options
         self._now = Served(lake, options)
         self._refreshing = Lock()
+        if options.warm:
+            Thread(target=self._now.warm_up, daemon=True).start()
 
     def now(self) -> Served:
         """What was read of the catalog; where there is a newer one, that is read meanwhile."""
@@ -197,7 +214,10 @@ class Serving:
 
     def _refresh(self) -> None:
         try:
-            self._now = Served(self.lake, self.options)  # the one before goes with the last request that uses it
+            new = Served(self.lake, self.options)
+            if self.options.warm:
+                new.warm_up()
+            self._now = new  # the one before goes with the last request that uses it
         except Exception as error:
             _LOG.error("the new catalog cannot be read: %s", error)
         finally:
