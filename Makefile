@@ -22,7 +22,7 @@ DEMO_SYNTHESIS = $(if $(filter demo/deepmimic,$(DATA)),$(BIN)/motionlake run syn
 DEMO_QUERIES = $(if $(filter demo/deepmimic,$(DATA)),humanoid3d_walk humanoid3d_kick humanoid3d_dance_a,--sample 3)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test lint docs ingest all $(STAGES) neighbours transitions synth quality status wheel bench-ingest bench-dtw bench-moves bench-emd bench-generalise bench-retrieval bench-scale bench-stages bench-representation bench-word-network bench-motif-weights bench-words bench-find bench-motion-graph bench-neighbours bench-segmentation bench-signatures bench-sorting bench-align bench-strings bench-pesta bench-quality bench-rigs bench-descriptor-search bench-deephums bench-glogen bench-synthesis bench-matching bench-made bench-blind bench-keyframes bench-style bench-text bench-kills bench-many bench-comparators bench-mutation bench-smoke fuzz records
+.PHONY: help setup demo test test-browser web lint docs ingest all $(STAGES) neighbours transitions synth quality status wheel bench-ingest bench-dtw bench-moves bench-emd bench-generalise bench-retrieval bench-scale bench-browser bench-stages bench-representation bench-word-network bench-motif-weights bench-words bench-find bench-motion-graph bench-neighbours bench-segmentation bench-signatures bench-sorting bench-align bench-strings bench-pesta bench-quality bench-rigs bench-descriptor-search bench-deephums bench-glogen bench-synthesis bench-matching bench-made bench-blind bench-keyframes bench-style bench-text bench-kills bench-many bench-comparators bench-mutation bench-smoke fuzz records
 
 help: ## Show this help
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 24
@@ -45,6 +45,7 @@ demo: setup $(if $(filter demo/deepmimic,$(DATA)),demo/deepmimic/labels.csv) ## 
 	$(BIN)/motionlake sql "SELECT clip, rig, frames, round(seconds, 1) AS seconds FROM clips ORDER BY frames DESC LIMIT 5" \
 		--lake "$(DEMO_LAKE)"
 	$(DEMO_SYNTHESIS)
+	@echo "look at it: $(BIN)/motionlake browse --lake \"$(DEMO_LAKE)\""
 
 # What the motions show; none of them says so itself.
 demo/deepmimic/labels.csv: docs/demo/labels.csv demo/deepmimic/.ready
@@ -61,8 +62,14 @@ demo/deepmimic/.ready: | setup
 # The checks run beside the tests, which wait now and then; either may fail.
 test: setup ## Run the checks and all tests (MOTIONLAKE_DATA: folder of real recordings)
 	@$(MAKE) --no-print-directory lint & lint=$$!; \
-	$(BIN)/python -m pytest -n logical --maxprocesses 4 --dist loadfile --no-loadscope-reorder; tests=$$?; \
+	$(BIN)/python -m pytest -n logical --maxprocesses 4 --dist loadfile --no-loadscope-reorder --ignore tests/browser; tests=$$?; \
 	wait $$lint && exit $$tests
+
+test-browser: setup ## Test the browser application in a headless Chromium (apt-get install chromium), and rebuild its bundle
+	$(BIN)/python -m pytest tests/browser
+
+web: ## Build the browser application anew (needs Node 20 and npm)
+	cd pipeline/service/web && npm ci --no-audit --no-fund && npm run build
 
 lint: setup ## Run ruff, mypy and the import contracts
 	$(BIN)/ruff check .
@@ -134,6 +141,9 @@ bench-dtw: .venv-bench/.ready ## Measure word DTW against peers
 
 bench-scale: setup ## Measure the default search of 150,000 clips (twenty minutes to make them, FOLDER=folder keeps them)
 	$(BIN)/python -m bench.scale_search $(if $(FOLDER),--folder "$(FOLDER)")
+
+bench-browser: setup ## Measure the grid of the browser application in a lake of 150,000 clips: first paint, frames while scrolling
+	$(BIN)/python -m bench.browser_scroll
 
 bench-stages: setup ## Measure what every stage costs a frame, by lakes of more and more clips as long as BONES-SEED's
 	$(BIN)/python -m bench.stages_cost

@@ -133,6 +133,8 @@ SMOKES: Final[Sequence[Smoke]] = (
     Smoke("bench.sorting", ("hdm05", "--seeds", "0"), {}),
     Smoke("bench.first_pages", ("OUT/pages",), {"bench.first_pages.DRAWN": {"cmu_exercises": 1}}),
     Smoke("bench.stages_cost", ("--clips", "4", "8", "--workers", "1")),
+    Smoke("bench.browser_scroll", (), {"bench.browser_scroll.CLIPS": 300, "bench.browser_scroll.SECONDS": 0.3,
+          "bench.browser_scroll.LOADS": 1, "bench.browser_scroll.ROUNDS": 3}, recordings=False, peers=("playwright",)),
     Smoke("bench.scale_search", ("--clips", "60", "--queries", "4", "--processes", "1"), {
           "bench.scale_search.COMMANDS": 1, "bench.large_lakes.PART": 40, "motionlake.stages.graph.MOST": 20,
           "motionlake.stages.shortlist.MOST": 20, "motionlake.retrieval.fused.MOST": 20}),

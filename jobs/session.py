@@ -23,6 +23,7 @@ from motionlake.lake.integrity import check_files, list_files
 from motionlake.lake.layout import Lake
 from motionlake.lake.lock import locked
 from motionlake.lake.records import write_records
+from motionlake.lake.run_progress import SharedProgress
 from motionlake.lake.settings import changed_settings, keep_settings
 from motionlake.names import typed
 from motionlake.stages.stage import Shard, ShardResult, ShardStage
@@ -220,7 +221,9 @@ def session(
             bring_macros(lake)
         try:
             with ExitStack() as stack:
-                yield Session(lake, config, progress, notice, workers, scheduler, _stack=stack)
+                shared = SharedProgress(lake, progress)
+                stack.callback(shared.end)
+                yield Session(lake, config, shared, notice, workers, scheduler, _stack=stack)
         except BaseException:
             with suppress(Exception):  # what has gone wrong is told, not what came of it
                 collect_garbage(lake, FOLDERS)

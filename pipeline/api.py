@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, replace
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias, TypedDict, TypeVar, Unpack, cast
 
@@ -50,11 +51,15 @@ def open_lake(path: str | Path) -> Lake:
         <motionlake.Lake mylake>
 
     Args:
-        path: its folder.
+        path: its folder, or the address that `motionlake browse` prints ("http://127.0.0.1:8765/?token=…"): then the
+            service answers (docs/browse.md).
 
     Raises:
-        UserError: there is no lake, or it is of another version.
+        UserError: there is no lake, or it is of another version; nobody answers at the address.
     """
+    if str(path).startswith(("http://", "https://")):
+        remote: Lake = import_module("motionlake.client").RemoteLake(str(path))
+        return remote
     return Lake(path)
 
 

@@ -14,7 +14,7 @@ from motionlake.pictures.player import player_page
 from motionlake.pictures.player_material import PlayerClip
 from numpy.typing import NDArray
 
-from tests.browser import NoBrowserError, Page, browsing, wait
+from tests.browser_cdp import NoBrowserError, Page, browsing, wait
 from tests.test_pictures import standing
 
 HOSTILE = "<!--<script </script x </script><script>document.title = 1</script><!--\"'&<img src=x onerror=alert(1)>動き"

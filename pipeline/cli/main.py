@@ -50,6 +50,7 @@ COMMANDS: Final = {
         "sql": "Run SQL on a lake, with the lake's functions and macros. It reads the lake alone, and changes nothing.",
     },
     "Look at it": {
+        "browse": "Look at a lake in the browser, and work on it; or serve it to programs.",
         "check": "What is wrong with recordings, worst first; exit status 1 where a clip is bad, else 0.",
         "clean": "Write mended copies of clips as BVH, and beside each what was mended where.",
         "view": "Play a clip beside the recorded one most like it: an HTML page, a GIF or a PNG.",
@@ -84,6 +85,7 @@ MODULES: Final = {
     "align": ("align",),
     "duplicates": ("duplicates",),
     "sql": ("sql",),
+    "browse": ("browse",),
     "look": ("view", "report"),
     "check": ("check", "clean"),
     "export": ("export",),

@@ -1,4 +1,5 @@
-"""What of a lake cannot be made again, in one archive: its tables, settings, trained models, clips without a source."""
+"""What of a lake cannot be made again, in one archive: its tables, settings, trained models, clips without a source,
+and what people decided."""
 
 from __future__ import annotations
 
@@ -41,7 +42,8 @@ def write_backup(lake: Lake, out: Path, *, clips: bool) -> Written:
         parts = {row["part"] for row in fetch(con, "source_parts") if clips or not _is_there(row)}
         parts |= {row["part"] for row in fetch(con, "synthetic_parts")}
     motion = [f for f in listed if f.startswith(("frames/", "raw/")) and Path(f).stem in parts]
-    files = [*sorted(settings_now(lake)), *sorted(f for f in {*trained, *motion} if f in listed)]
+    own = [lake.relative(lake.annotations)] if lake.annotations.is_file() else []
+    files = [*sorted(settings_now(lake)), *own, *sorted(f for f in {*trained, *motion} if f in listed)]
     with replacing(out.absolute()) as temporary:
         with zipfile.ZipFile(temporary, "w") as archive:
             archive.comment = _COMMENT
@@ -74,7 +76,7 @@ def read_backup(archive: Path, lake: Lake) -> None:
 
 
 def _unpack(packed: zipfile.ZipFile, entry: zipfile.ZipInfo, lake: Lake) -> None:
-    known = (lake.records.name, lake.config_file.name)
+    known = (lake.records.name, lake.config_file.name, lake.annotations.name)
     if entry.filename not in known and not entry.filename.startswith(("frames/", "raw/", "models/", "rigs/")):
         raise UserError(f"{packed.filename}: holds {entry.filename!r}, which is no file of a lake")
     with replacing(lake.path(entry.filename)) as temporary, temporary.open("wb") as target:

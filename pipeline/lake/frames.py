@@ -268,10 +268,14 @@ def read_clip(path: Path, clip: str) -> Frames:
 
 def canonical_motion(con: Connection, lake: Lake, clip: str) -> CanonicalMotion:
     """The motion of a clip on the canonical skeleton, from its stored frames."""
+    row = fetch(con, "clip", {"clip": clip})[0]
+    return motion_of(read_clip(sound(lake, lake.frames_part(row["dataset"], row["part"])), clip), row)
+
+
+def motion_of(stored: Frames, row: Mapping[str, Any]) -> CanonicalMotion:
+    """The motion of stored frames, and of what the table `clips` says of the clip."""
     from motionlake.motion.canonicalise import CanonicalMotion
 
-    row = fetch(con, "clip", {"clip": clip})[0]
-    stored = read_clip(sound(lake, lake.frames_part(row["dataset"], row["part"])), clip)
     positions = stored.positions.astype(float)
     return CanonicalMotion(
         fps=stored.fps, root=positions[:, 0], rotations=stored.rotations.astype(float), positions=positions,

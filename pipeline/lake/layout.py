@@ -20,7 +20,8 @@ class Lake:
 
     Layout: `catalog.duckdb`, `config.toml`, `frames/dataset=…/<part>.parquet`,
     `raw/layout=…/<part>.parquet`, `features/<part>.parquet`, `embeddings/<part>.parquet`, `postures/<part>.parquet`,
-    `models/`, `staging/` (rows on their way into the catalog); for repairs `catalog.sums`, `records.zip` and `kept/`.
+    `models/`, `staging/` (rows on their way into the catalog), `annotations.jsonl`; for repairs `catalog.sums`,
+    `records.zip` and `kept/`.
     """
 
     root: Path
@@ -54,6 +55,11 @@ class Lake:
     def records(self) -> Path:
         """The tables of the catalog as Parquet, in one archive."""
         return self.root / "records.zip"
+
+    @property
+    def annotations(self) -> Path:
+        """What people decided about clips (`motionlake.lake.annotations`)."""
+        return self.root / "annotations.jsonl"
 
     @property
     def config_file(self) -> Path:

@@ -80,6 +80,7 @@ class FusedSearcher(LakeSearcher):
         searchers: by name; by default those of `WEIGHTS` that the lake is ready for, or else any that it is ready for.
         graph: go along the neighbour graph.
         explain: give every answer its `shares`.
+        matched: and in these what of both is alike, which takes as long as the search.
 
     Raises:
         UserError: the lake is not ready for any method.
@@ -95,6 +96,7 @@ class FusedSearcher(LakeSearcher):
         searchers: Mapping[str, LakeSearcher] | None = None,
         graph: bool = True,
         explain: bool = False,
+        matched: bool = True,
     ) -> None:
         super().__init__(lake)
         self._cascade = _cascade(lake) if searchers is None else None
@@ -103,7 +105,7 @@ class FusedSearcher(LakeSearcher):
             self._searchers = {name: searchers[name] for name in dict.fromkeys(order) if name in searchers}
         if self._cascade is None and not self._searchers:
             raise UserError(f"{lake.root}: is not ready for search; make it so with `motionlake run all`")
-        self._along, self._explain = graph, explain
+        self._along, self._explain, self._match = graph, explain, explain and matched
         self.left_out: dict[str, list[str]] = {}
 
     def distances(self, queries: Sequence[Query], gallery: Sequence[Query]) -> Float64Array:
@@ -132,7 +134,7 @@ class FusedSearcher(LakeSearcher):
             farthest = max((hit.distance for hit in best), default=0.0)
             behind = self._ranked(plain, {}, others, query, scope, own, k)
             best += [replace(hit, distance=max(farthest, hit.distance)) for hit in behind]
-        return self._matched(query, best[:k], mirrored=mirrored) if self._explain else best[:k]
+        return self._matched(query, best[:k], mirrored=mirrored) if self._match else best[:k]
 
     def _matched(self, query: Query, hits: Sequence[Hit], *, mirrored: bool) -> list[Hit]:
         """The same answers; each method that compared the query and can tell says what of both is alike."""

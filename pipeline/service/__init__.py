@@ -1,0 +1,1 @@
+"""A lake as a service: the browser application, and what it asks, over HTTP (docs/browse.md)."""
