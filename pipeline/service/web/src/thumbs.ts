@@ -2,7 +2,7 @@
 import { getBytes } from "./api";
 import { unframed, type Motion } from "./stream";
 
-const AT_ONCE = 48, KEPT = 1500, WAIT = 110, REQUESTS = 2;
+const AT_ONCE = 48, KEPT = 1500, AT_REST = 15, WAIT = 200, REQUESTS = 2;
 const kept = new Map<string, Motion | null>();
 const wanted = new Map<string, Set<() => void>>();
 const asked = new Set<string>();
@@ -29,9 +29,13 @@ export function want(clip: string, ready: () => void): () => void {
 
 /** Not before scrolling rests: what has left the screen by then is not fetched. */
 function later(): void {
+  const now = performance.now();
+  if (now - latest > 2 * WAIT) begun = now; // the first wishes after a rest are met at once
+  latest = now;
   clearTimeout(timer);
-  timer = setTimeout(fetchSome, WAIT);
+  timer = setTimeout(fetchSome, now - begun < 50 ? AT_REST : WAIT);
 }
+let latest = -Infinity, begun = 0;
 
 const A_FRAME = 8;
 const undrawn: (() => void)[] = [];
