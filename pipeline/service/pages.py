@@ -16,6 +16,7 @@ _NO_BUNDLE: Final = (
     '<!doctype html><html lang="en"><meta charset="utf-8"><title>motionlake</title><p>This copy of motionlake has no '
     'browser application. The service runs: <a href="/api/docs">its endpoints</a>.</p></html>'
 )
+_STYLED: Final = "default-src 'none'; style-src 'unsafe-inline'; base-uri 'none'; frame-ancestors 'none'"
 _FOREVER: Final = "public, max-age=31536000, immutable"
 # Not what the machine's own table says: that of some makes scripts plain text, which no browser runs.
 _TYPES: Final = {
@@ -56,7 +57,7 @@ def index(request: Request) -> Response:
 @router.get("/api/docs")
 def docs(request: Request) -> Response:
     """The endpoints as a page, without a script."""
-    return HTMLResponse(_page(request.app.openapi()))
+    return HTMLResponse(_page(request.app.openapi()), headers={"Content-Security-Policy": _STYLED})
 
 
 @router.get("/{name:path}")
