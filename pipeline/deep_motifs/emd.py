@@ -118,7 +118,12 @@ def transport(p: Float64Array, q: Float64Array, ground: Float64Array, *, partial
         taken, costs = np.append(taken, unmoved), np.pad(costs, ((0, 0), (0, 1)))
     elif unmoved < 0:
         given, costs = np.append(given, -unmoved), np.pad(costs, ((0, 1), (0, 0)))
-    found = _simplex()(given, taken * given.sum() / taken.sum(), np.ascontiguousarray(costs), MOST_STEPS, 1)
+    return work(given, taken, np.ascontiguousarray(costs))
+
+
+def work(given: Float64Array, taken: Float64Array, costs: Float64Array) -> float:
+    """Work of the cheapest flow from masses [s] to masses [t] of the same sum, at `costs` [s, t], C-contiguous."""
+    found = _simplex()(given, taken * given.sum() / taken.sum(), costs, MOST_STEPS, 1)
     return float(found[1])
 
 

@@ -25,6 +25,30 @@ def largest_differences(query, projected, candidates):  # type: ignore[no-untype
 
 
 @njit(cache=True)
+def exchanged(query, motifs, masses, ground):  # type: ignore[no-untyped-def]
+    """What `transport` solves for a query [K] of mass 1 and a sparse signature: masses to move, and costs [s, t]."""
+    surplus, deficit = query.copy(), np.zeros(len(query))
+    for t in range(len(motifs)):
+        j = motifs[t]
+        shared = min(query[j], masses[t])
+        surplus[j] = query[j] - shared
+        deficit[j] = masses[t] - shared
+    sources, sinks = np.flatnonzero(surplus), np.flatnonzero(deficit)
+    swapped = len(sources) > len(sinks)  # as tuples compare
+    for t in range(min(len(sources), len(sinks))):
+        if sources[t] != sinks[t]:
+            swapped = sources[t] > sinks[t]
+            break
+    if swapped:
+        surplus, deficit, sources, sinks = deficit, surplus, sinks, sources
+    costs = np.empty((len(sources), len(sinks)))
+    for a in range(len(sources)):
+        for b in range(len(sinks)):
+            costs[a, b] = ground[sources[a], sinks[b]]
+    return surplus[sources], deficit[sinks], costs
+
+
+@njit(cache=True)
 def transfer_bounds(query, offsets, motifs, masses, ground, neighbours, candidates, enough):  # type: ignore[no-untyped-def]
     """[c] bounds of a query [K] of mass 1; the sparse signatures and `neighbours` as in `SignatureIndex`."""
     k = len(query)

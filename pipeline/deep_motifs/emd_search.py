@@ -8,13 +8,14 @@ exceeds the k-th smallest distance. Answers are those of solving them all, to th
 from __future__ import annotations
 
 from bisect import insort
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from itertools import count
 from typing import Final, NamedTuple
 
 import numpy as np
 from motionlake.arrays import Float32Array, Float64Array, FloatArray, Int32Array, Int64Array, IntArray
-from motionlake.deep_motifs.emd import Signature, transport, unit_mass, unit_masses
+from motionlake.deep_motifs.emd import Signature, transport, unit_mass, unit_masses, work
 
 # The threshold comes from the k tightest among so many times k signatures that the cheap bound puts first.
 PROBES: Final = 8
@@ -89,6 +90,18 @@ class SignatureIndex:
         dense[self.motifs[span]] = self.masses[span]
         return dense
 
+    def _plain(self, mass: Float64Array, i: int) -> float:
+        """Distance of a query of mass 1 [K] from signature i."""
+        return transport(mass, self.mass(i), self.ground)
+
+    def _quick(self, mass: Float64Array, i: int) -> float:
+        """The same to the last bit, by a kernel."""
+        from motionlake.deep_motifs.emd_bounds import exchanged
+
+        span = slice(self.offsets[i], self.offsets[i + 1])
+        given, taken, costs = exchanged(mass, self.motifs[span], self.masses[span], self.ground)
+        return work(given, taken, costs) if len(given) and len(taken) else 0.0
+
     def nearest(self, query: Signature, k: int, among: IntArray | None = None) -> Nearest:
         """The k signatures nearest to a query by `emd`; all where there are fewer.
 
@@ -104,8 +117,9 @@ class SignatureIndex:
             raise ValueError(f"k = {k}: ask for at least 1 nearest signature")
         p = unit_mass(query, self.ground)
         chosen = np.arange(len(self)) if among is None else np.asarray(among, dtype=np.int64)
-        answers = _Answers(self, p, k)
-        if len(chosen) <= FEW and next(_queries) <= WITHOUT_KERNELS:
+        without = len(chosen) <= FEW and next(_queries) <= WITHOUT_KERNELS
+        answers = _Answers(p, k, self._plain if without else self._quick)
+        if without:
             answers.solve(chosen, self._slackened(np.abs(self._means(p) - self.projected[chosen]).max(1, initial=0)))
         elif len(chosen):
             cheap = self.cheap_bounds(p, chosen)
@@ -147,9 +161,9 @@ class SignatureIndex:
 class _Answers:
     """Solved transports of one query, and the k-th smallest distance among them."""
 
-    index: SignatureIndex
     mass: Float64Array
     k: int
+    distance: Callable[[Float64Array, int], float]
     found: dict[int, float] = field(default_factory=dict)
     ranked: list[float] = field(default_factory=list)
 
@@ -165,7 +179,7 @@ class _Answers:
                 break
             candidate = int(candidates[at])
             if candidate not in self.found:
-                self.found[candidate] = transport(self.mass, self.index.mass(candidate), self.index.ground)
+                self.found[candidate] = self.distance(self.mass, candidate)
                 insort(self.ranked, self.found[candidate])
 
     def best(self) -> Nearest:

@@ -9,6 +9,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from bisect import bisect_left
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import fields
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Final
 
@@ -39,6 +40,7 @@ if TYPE_CHECKING:
 Value = Any
 LOOKED_AT: Final = 5000  # clips whose outlines of moves are aligned
 NEAR: Final = 500  # clips that a method chooses, at least
+_FACTS: Final = [each.name for each in fields(CorpusClip)]
 Answers = tuple[Int64Array, Float64Array]  # rows and distances, nearest first
 
 
@@ -121,8 +123,9 @@ class Cascade:
     def _hits(self, rows: Int64Array) -> dict[int, CorpusClip]:
         # Not `pa.array`, which imports pandas.
         entries = pa.Array.from_buffers(pa.int64(), len(rows), [None, pa.py_buffer(self._entries[rows])])
-        found = self._catalog.take(entries).drop_columns(["part"]).to_pylist()
-        return {row: CorpusClip(**each) for row, each in zip(rows.tolist(), found, strict=True)}
+        found = self._catalog.select(_FACTS).take(entries)
+        facts = zip(*(column.to_pylist() for column in found.columns), strict=True)  # rows as dictionaries take longer
+        return {row: CorpusClip(*each) for row, each in zip(rows.tolist(), facts, strict=True)}
 
     def _row(self, clip: str) -> int:
         """Raises `UserError` for a clip that it does not hold, or that was another one when it was made."""
