@@ -114,6 +114,7 @@ def test_headers_let_a_page_run_nothing_but_its_own(built_lake: Path) -> None:
             policy = dict(part.strip().split(" ", 1) for part in headers["content-security-policy"].split(";"))
             assert policy["default-src"] == policy["frame-ancestors"] == policy["base-uri"] == "'none'"
             assert policy["script-src"] == "'self'"
+            assert policy["style-src"] == ("'unsafe-inline'" if path == "/api/docs" else "'self'")
             assert headers["x-content-type-options"] == "nosniff"
             assert headers["referrer-policy"] == "no-referrer"
             assert "access-control-allow-origin" not in headers

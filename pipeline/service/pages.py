@@ -10,13 +10,14 @@ from typing import Any, Final
 from fastapi import APIRouter, Request, Response
 from fastapi.responses import HTMLResponse
 from motionlake.service.errors import ServiceError
+from motionlake.service.security import POLICY
 
 router = APIRouter(include_in_schema=False)
 _NO_BUNDLE: Final = (
     '<!doctype html><html lang="en"><meta charset="utf-8"><title>motionlake</title><p>This copy of motionlake has no '
     'browser application. The service runs: <a href="/api/docs">its endpoints</a>.</p></html>'
 )
-_STYLED: Final = "default-src 'none'; style-src 'unsafe-inline'; base-uri 'none'; frame-ancestors 'none'"
+_STYLED: Final = POLICY.replace("style-src 'self'", "style-src 'unsafe-inline'")
 _FOREVER: Final = "public, max-age=31536000, immutable"
 # Not what the machine's own table says: that of some makes scripts plain text, which no browser runs.
 _TYPES: Final = {
