@@ -31,7 +31,7 @@ function RunProgress(): React.JSX.Element {
 function Header({ view, onKeys }: { view: string; onKeys: () => void }): React.JSX.Element {
   const about = useStore(lake);
   const scheme = useComputedColorScheme("light");
-  const { setColorScheme } = useMantineColorScheme();
+  const { setColorScheme } = useMantineColorScheme({ keepTransitions: true });
   const flip = (): void => setColorScheme(scheme === "dark" ? "light" : "dark");
   useKeys([
     { keys: "1", does: "Open the library", act: () => go({}) },
