@@ -9,12 +9,15 @@ import struct
 import time
 import zipfile
 from collections.abc import Iterator
+from itertools import count
 from pathlib import Path
+from threading import Event, Lock
 from typing import Any
 
 import motionlake as library
 import numpy as np
 import pytest
+from motionlake.service import served as served_module
 from motionlake.service.motion import block_of, unpacked
 from starlette.testclient import TestClient
 
@@ -319,3 +322,26 @@ def test_another_catalog_is_served_when_it_lands(lake: Path) -> None:
                 break
             time.sleep(0.1)
         assert after["clips"] == before["clips"] - 1
+
+
+def test_what_takes_long_is_asked_for_again_where_it_failed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A failure is told once and tried again, a `TimeoutError` of its own too; what is not done yet is no failure."""
+    served, ending, tries = object.__new__(served_module.Served), Event(), count(1)
+    served._lock, served._started = Lock(), {}
+
+    def fails_once() -> int:
+        tried = next(tries)
+        if tried == 1:
+            raise TimeoutError("of its own")
+        return tried
+
+    monkeypatch.setattr(served_module, "PATIENCE", 5.0)
+    with pytest.raises(TimeoutError, match="of its own"):
+        served.later("fails", fails_once)
+    assert served.later("fails", fails_once) == 2
+    assert served.later("fails", fails_once) == 2, "made once"
+    monkeypatch.setattr(served_module, "PATIENCE", 0.05)
+    assert served.later("long", lambda: ending.wait(10)) is None
+    ending.set()
+    monkeypatch.setattr(served_module, "PATIENCE", 5.0)
+    assert served.later("long", lambda: False) is True

@@ -10,7 +10,7 @@ import logging
 import os
 from collections import OrderedDict
 from collections.abc import Callable, Iterator
-from concurrent.futures import Future
+from concurrent.futures import Future, wait
 from contextlib import contextmanager, suppress
 from threading import Lock, Thread
 from typing import Any, Final, TypeVar
@@ -100,16 +100,14 @@ class Served:
                 self._started[key] = future
                 Thread(target=_made, args=(future, make), daemon=True).start()
             future = self._started[key]
-        try:
-            made: T = future.result(timeout=PATIENCE)
-        except TimeoutError:
-            if future.done():
-                raise
+        if not wait((future,), PATIENCE).done:
             return None
-        except Exception:
+        failed = future.exception()
+        if failed is not None:
             with self._lock:
                 self._started.pop(key, None)  # the next request tries again
-            raise
+            raise failed
+        made: T = future.result()
         return made
 
     def api(self) -> api.Lake:
