@@ -24,8 +24,9 @@ from motionlake.arrays import Float64Array
 from motionlake.evaluation.ranking import SearchScores
 from motionlake.motion import diffusion
 from motionlake.motion.diffusion import NeighbourGraph, diffused, scale
-from motionlake.retrieval.fused import DIRECT, REACH, WEIGHTS
+from motionlake.retrieval.fused import REACH
 from motionlake.retrieval.views import View, near_again
+from motionlake.retrieval.weighing import DIRECT, WEIGHTS
 from motionlake.stages.graph import KEPT
 
 from bench.record import hash_files, record, recordings

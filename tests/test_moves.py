@@ -51,21 +51,27 @@ def test_many_are_aligned_as_one_by_one(query: Float32Array, others: list[Float3
     np.testing.assert_allclose(found, [moves_distance(query, other) for other in others], rtol=1e-4, atol=2e-3)
 
 
-@given(st.integers(0, 99), st.integers(1, 20), st.integers(1, 12), st.integers(1, 9))
-def test_clips_that_are_equally_long_are_stacked_alike(seed: int, count: int, length: int, width: int) -> None:
-    many = np.random.default_rng(seed).normal(size=(count, length, width)).astype(np.float16)
-    stack, other = Stack.even(many), Stack.of(list(many))
-    for name in ("frames", "starts", "lengths", "clips"):
-        ours, theirs = getattr(stack, name), getattr(other, name)
-        if name == "frames":  # rows that only fill up
-            assert ours.shape == theirs.shape
-            used = np.repeat(stack.clips, length, axis=0).ravel() >= 0
-            ours, theirs = ours[used], theirs[used]
-        np.testing.assert_array_equal(ours, theirs)
-    query = many[0].astype(np.float32)
-    np.testing.assert_allclose(
-        stack.spread(aligned(query, stack)), [naive(query, other) for other in many], rtol=1e-4, atol=2e-3
-    )
+halves = st.floats(-1000, 1000, width=16)
+
+
+@given(st.lists(st.lists(halves, min_size=3, max_size=3), min_size=1, max_size=40), st.data())
+def test_clips_in_half_precision_are_stacked_alike(rows: list[list[float]], data: st.DataObject) -> None:
+    """Wherever they lie; the smallest numbers and zeros below zero, too."""
+    frames = np.array(rows, dtype=np.float16)
+    place = st.integers(0, len(frames) - 1).flatmap(lambda at: st.tuples(st.just(at), st.integers(1, len(frames) - at)))
+    places = np.array(data.draw(st.lists(place, max_size=20)), dtype=np.int64).reshape(-1, 2)
+    stack = Stack.of_halves(frames, places[:, 0], places[:, 1])
+    other = Stack.of([frames[start : start + count] for start, count in places]) if len(places) else stack
+    for name in ("starts", "lengths", "clips"):
+        np.testing.assert_array_equal(getattr(stack, name), getattr(other, name))
+    np.testing.assert_array_equal(stack.frames[:, :-1], other.frames[:, :-1])
+    np.testing.assert_array_equal(np.signbit(stack.frames[:, :-1]), np.signbit(other.frames[:, :-1]))
+    np.testing.assert_allclose(stack.frames[:, -1], other.frames[:, -1], rtol=1e-5)
+
+
+def test_a_clip_without_frames_is_not_stacked() -> None:
+    with pytest.raises(ValueError, match="without frames"):
+        Stack.of_halves(np.zeros((3, 2), dtype=np.float16), np.array([0, 1]), np.array([1, 0]))
 
 
 @given(clips, st.lists(clips, max_size=30), st.integers(0, 12))

@@ -27,12 +27,13 @@ from motionlake.motion.diffusion import (
     diffused,
     diffused_again,
 )
-from motionlake.retrieval.fused import DIRECT, WEIGHTS, FusedSearcher
+from motionlake.retrieval.fused import FusedSearcher
 from motionlake.retrieval.hits import TOGETHER
 from motionlake.retrieval.lake_neighbours import read_neighbours
 from motionlake.retrieval.protocol import Query, Scope
 from motionlake.retrieval.registry import searcher
 from motionlake.retrieval.views import View, near_again
+from motionlake.retrieval.weighing import DIRECT, WEIGHTS
 from motionlake.stages.graph import GRAPH, KEPT
 from motionlake.stages.reader import lake_reader
 

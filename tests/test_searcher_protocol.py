@@ -15,10 +15,11 @@ from motionlake.arrays import Float64Array
 from motionlake.errors import UserError
 from motionlake.lake.layout import Lake, open_lake
 from motionlake.retrieval import registry
-from motionlake.retrieval.fused import WEIGHTS, FusedSearcher
+from motionlake.retrieval.fused import FusedSearcher
 from motionlake.retrieval.hits import Hit, nearer_of_both
 from motionlake.retrieval.protocol import Finds, LakeSearcher, Query, Scope
 from motionlake.retrieval.registry import SEARCHERS, methods, ready, searcher
+from motionlake.retrieval.weighing import WEIGHTS
 
 from tests.lakes import Changed, list_anew, motionlake, query, tables
 

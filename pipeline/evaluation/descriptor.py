@@ -22,9 +22,9 @@ from motionlake.lake.strings import read_strings
 from motionlake.motion.features import body_length
 from motionlake.pesta.scan import pairwise
 from motionlake.pesta.strings import Repository
-from motionlake.retrieval.fused import fused_distances
 from motionlake.retrieval.labelled_clips import DescribedClip, DescribedClips, described_clips, lake_ground
 from motionlake.retrieval.registry import methods as searchers
+from motionlake.retrieval.weighing import fused_distances
 from motionlake.stages.descriptors import DESCRIPTORS
 from scipy.spatial.distance import cdist
 

@@ -17,10 +17,10 @@ from motionlake.arrays import Float32Array, Float64Array, FloatArray, Int64Array
 from motionlake.kernels import njit
 from motionlake.motion.dtw import clip_dtw
 from motionlake.motion.moves import WIDTH
+from numpy.typing import NDArray
 
 LANES: Final = 8  # clips that are aligned side by side
 _CELLS: Final = 1 << 20  # frame distances that are worked out at a time
-_FAR: Final = np.float32(1e12)  # squared distance of frames that only fill up
 DIRECTIONS: Final = 32  # of frames, in which bounds compare them
 _SAMPLE: Final = 20_000  # frames that directions are fitted to
 _ROUNDING: Final = 1e-3  # what single precision makes of the distance of a clip from itself
@@ -116,40 +116,37 @@ class Stack:
         if not all(len(clip) for clip in clips):
             raise ValueError("a clip without frames cannot be aligned")
         sizes = np.array([len(clip) for clip in clips], dtype=np.int64)
-        count = -(-len(clips) // LANES)
-        padded = np.full(count * LANES, -1, dtype=np.int64)
-        padded[: len(clips)] = np.argsort(sizes, kind="stable")
-        order = padded.reshape(count, LANES)
-        lengths = np.where(order < 0, 0, sizes[order])
-        starts = np.concatenate([[0], np.cumsum(lengths.max(axis=1, initial=0) * LANES)])
         width = clips[0].shape[1] if clips else 0
-        frames = np.zeros((starts[-1], width + 2), dtype=np.float32)
-        frames[:, -2] = 1
+        stack, first = Stack._empty(sizes, width)
         if clips:
-            every = np.concatenate(clips)
-            place = np.argsort(padded[: len(clips)])  # of each clip in the order
-            first = starts[place // LANES] + place % LANES
-            within = np.arange(len(every)) - np.repeat(np.cumsum(sizes) - sizes, sizes)
+            within = np.arange(sizes.sum()) - np.repeat(np.cumsum(sizes) - sizes, sizes)
             rows = np.repeat(first, sizes) + within * LANES
-            frames[rows, :-2] = every
-            _squared(frames)
-        return Stack(frames, starts, lengths, order)
+            stack.frames[rows, :-2] = np.concatenate(clips)
+            _squared(stack.frames)
+        return stack
 
     @staticmethod
-    def even(clips: FloatArray) -> Stack:
-        """Of n clips [n, m, D] that are equally long."""
-        count, length, width = clips.shape
-        groups = -(-count // LANES)
-        order = np.full(groups * LANES, -1, dtype=np.int64)
-        order[:count] = np.arange(count)
-        padded = np.pad(clips, ((0, len(order) - count), (0, 0), (0, 0)))
-        frames = np.ones((groups, length, LANES, width + 2), dtype=np.float32)
-        frames[..., :-2] = padded.reshape(groups, LANES, length, width).swapaxes(1, 2)
-        flat = frames.reshape(-1, width + 2)
-        _squared(flat)
-        order = order.reshape(groups, LANES)
-        starts = np.arange(groups + 1, dtype=np.int64) * (length * LANES)
-        return Stack(flat, starts, np.where(order < 0, 0, length), order)
+    def of_halves(frames: NDArray[np.float16], starts: Int64Array, counts: Int64Array) -> Stack:
+        """The same of n clips that lie in rows [starts, starts + counts) of frames [N, D] in half precision."""
+        if not counts.all():
+            raise ValueError("a clip without frames cannot be aligned")
+        stack, first = Stack._empty(counts, frames.shape[1])
+        _widen(frames.view(np.uint16), starts, counts, first, stack.frames)
+        return stack
+
+    @staticmethod
+    def _empty(sizes: Int64Array, width: int) -> tuple[Stack, Int64Array]:
+        """For n clips of so many frames, none of them written yet; and the row of the first frame of each clip."""
+        count = -(-len(sizes) // LANES)
+        padded = np.full(count * LANES, -1, dtype=np.int64)
+        padded[: len(sizes)] = np.argsort(sizes, kind="stable")
+        order = padded.reshape(count, LANES)
+        lengths = np.where(order < 0, 0, sizes[order] if len(sizes) else 0)
+        starts = np.concatenate([[0], np.cumsum(lengths.max(axis=1, initial=0) * LANES)])
+        frames = np.zeros((starts[-1], width + 2), dtype=np.float32)
+        frames[:, -2] = 1
+        place = np.argsort(padded[: len(sizes)])  # of each clip in the order
+        return Stack(frames, starts, lengths, order), starts[place // LANES] + place % LANES
 
     def spread(self, found: Float64Array) -> Float64Array:
         """[n] what was found [G, 8] for each clip, in the order in which they were given."""
@@ -157,6 +154,33 @@ class Stack:
         by_clip = np.empty(int(there.sum()))
         by_clip[self.clips[there]] = found[there]
         return by_clip
+
+
+@njit(cache=True, nogil=True, fastmath={"contract", "reassoc"})  # type: ignore[untyped-decorator]
+def _widen(
+    halves: NDArray[np.uint16], starts: Int64Array, counts: Int64Array, first: Int64Array, frames: Float32Array
+) -> None:
+    """Kernel: frames of clips in half precision (their bits, [N, D]) into the rows of a stack, with squared lengths.
+
+    The exponent of half precision is 112 less than that of single precision, to which its bits are moved.
+    """
+    width = halves.shape[1]
+    bits = np.empty(width, dtype=np.uint32)
+    values = bits.view(np.float32)
+    scale = np.float32(2.0**112)
+    for clip in range(len(starts)):
+        for t in range(counts[clip]):
+            source = halves[starts[clip] + t]
+            for d in range(width):
+                half = np.uint32(source[d])
+                bits[d] = (half & np.uint32(0x8000)) << np.uint32(16) | (half & np.uint32(0x7FFF)) << np.uint32(13)
+            row = frames[first[clip] + t * 8]
+            square = np.float32(0)
+            for d in range(width):
+                value = values[d] * scale
+                row[d] = value
+                square += value * value
+            row[width + 1] = square
 
 
 def _squared(frames: Float32Array) -> None:

@@ -18,7 +18,7 @@ import numpy as np
 from motionlake.arrays import Float32Array, Int32Array, Int64Array
 from motionlake.pesta.config import DEFAULT_ALIGNMENT, AlignmentConfig
 from motionlake.pesta.kernels import query_profile, scanner
-from motionlake.pesta.strings import Boundaries, Distances, Repository, SymbolDistances, checked, query_string
+from motionlake.pesta.strings import Boundaries, Distances, Repository, SymbolDistances, checked
 from motionlake.pesta.vectors import LANES
 from numpy.typing import ArrayLike
 
@@ -110,7 +110,15 @@ def pairwise(
     """
     ground = SymbolDistances.of(distances)
     strings = [checked(query, repository, ground)[0] for query in queries]
-    costs = np.full((len(queries), len(repository)), np.inf, dtype=np.float32)
+    return _pairwise(strings, repository, ground, config, threads)
+
+
+def _pairwise(
+    strings: Sequence[Int32Array], repository: Repository, ground: SymbolDistances, config: AlignmentConfig,
+    threads: int,
+) -> Float32Array:  # fmt: skip
+    """The same, all checked before."""
+    costs = np.full((len(strings), len(repository)), np.inf, dtype=np.float32)
     pieces = _whole(repository)
     kernel, how = scanner(config.reach, config.gaps), (config.local, *ground.scores(config), repository.symbols)
 
@@ -122,7 +130,7 @@ def pairwise(
             )  # fmt: skip
 
     threads = useful_threads(threads, sum(map(len, strings)) * len(repository.symbols))
-    bounds = np.linspace(0, len(queries), threads + 1).astype(int).tolist()
+    bounds = np.linspace(0, len(strings), threads + 1).astype(int).tolist()
     _share(work, [slice(a, b) for a, b in itertools.pairwise(bounds)])
     return costs
 
@@ -184,8 +192,8 @@ def nearest_strings(
     if k < 0:
         raise ValueError(f"k is {k}: it is at least 0")
     _check(both)
-    symbols = query_string(query)
-    costs = best_per_clip(symbols, repository, distances, config, threads=threads) / np.float32(len(symbols))
+    symbols, ground = checked(query, repository, distances)
+    costs = best_per_clip(symbols, repository, ground, config, threads=threads) / np.float32(len(symbols))
     if without is not None:
         costs[without] = np.inf
     order = np.argsort(costs, kind="stable")[: int(np.isfinite(costs).sum())]
@@ -199,7 +207,7 @@ def nearest_strings(
         if len(found) >= k and bound > found[k - 1][0] and not config.local:
             break
         own = [repository.string(clip) for clip in clips]
-        back = pairwise(own, inside, distances, config, threads=threads)[:, 0]
+        back = _pairwise(own, inside, ground, config, threads)[:, 0]
         back /= repository.lengths[clips].astype(np.float32)
         cost = _both_ways(costs[clips], back, both)
         found = sorted([*found, *zip(cost.tolist(), clips, strict=True)])[: max(k, 1)]

@@ -22,10 +22,10 @@ from motionlake.lake.layout import Lake
 from motionlake.lake.models import check_served
 from motionlake.lake.settings import served_config
 from motionlake.motion.diffusion import way_between
-from motionlake.retrieval.fused import WEIGHTS
 from motionlake.retrieval.labelled_clips import SignedClip, SignedClips, lake_ground, signed_clips
 from motionlake.retrieval.protocol import EVERYTHING, ClipFilter, Query
 from motionlake.retrieval.registry import ready
+from motionlake.retrieval.weighing import WEIGHTS
 from motionlake.stages.moves import read_tracks
 from motionlake.stages.reader import LakeReader
 

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from bisect import bisect_left
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 import numpy as np
 import pyarrow as pa
@@ -27,19 +27,23 @@ from motionlake.lake.settings import served_config
 from motionlake.motion.moves import KIND
 from motionlake.motion.moves_index import Stack, aligned, floored
 from motionlake.motion.sketches import instants, nearness
-from motionlake.pesta.scan import nearest_strings
+from motionlake.pesta.scan import in_threads, nearest_strings
 from motionlake.pesta.strings import Repository, SymbolDistances
+from motionlake.retrieval.asked import Asked, Ranking
 from motionlake.retrieval.hits import Hit, Match, clip_hit
 from motionlake.retrieval.protocol import ClipFilter, Query, Scope, not_ready
 from motionlake.retrieval.symbol_strings import encoded, query_of_symbols, served_dictionary
 from motionlake.stages.shortlist_files import INSTANTS, ShortlistFiles, string_sketch
+from motionlake.threads import limited
 
 if TYPE_CHECKING:
     from motionlake.pesta.dictionary import PostureDictionary
 
 Value = Any
+Part = TypeVar("Part")
 LOOKED_AT: Final = 5000  # clips whose outlines of moves are aligned
 NEAR: Final = 500  # clips that a method chooses, at least
+THREADS: Final = 2  # methods at once
 _FACTS: Final = [each.name for each in fields(CorpusClip)]
 Answers = tuple[Int64Array, Float64Array]  # rows and distances, nearest first
 
@@ -72,10 +76,8 @@ class Cascade:
         made = {name: self.files.models.get(name) for name in self.files.methods} | dict(self.files.models)
         return any(served.get(name) != model for name, model in made.items())
 
-    def nearest(
-        self, query: Query, k: int, scope: Scope, *, mirrored: bool, failed: list[UserError]
-    ) -> Iterator[tuple[str, list[Hit]]]:
-        """The k nearest by each method that can compare the query; `failed` gets why others cannot.
+    def nearest(self, query: Query, k: int, scope: Scope, *, mirrored: bool, failed: list[UserError]) -> Asked[int]:
+        """The k nearest by each method that can compare the query, in rows; `failed` gets why others cannot.
 
         Raises:
             UserError: none can.
@@ -92,14 +94,22 @@ class Cascade:
             raise failed[0]
         admitted = self._admits(scope.clips)
         count = min(max(k, NEAR), int(np.isfinite(admitted).sum()))
-        chosen = [self._methods[name].choose(value, count, admitted) for name, value in values.items()]
-        rows = np.unique(np.concatenate(chosen))
-        hits = self._hits(rows)
-        for name, value in values.items():
-            found, distances = self._methods[name].among(value, rows, k)
-            pairs = zip(found.tolist(), distances.tolist(), strict=True)
-            kept = [clip_hit(hits[at], distance) for at, distance in pairs]
-            yield name, [hit for hit in kept if scope.own or hit.clip != query.clip]
+        # Threads of linear algebra would wait for one another: the products are small.
+        with limited(1):
+            chosen = self._at_once(values, lambda method, value: method.choose(value, count, admitted))
+            rows = np.unique(np.concatenate(list(chosen.values())))
+            among = self._at_once(values, lambda method, value: method.among(value, rows, k))
+        by = {name: Ranking(found.tolist(), distances) for name, (found, distances) in among.items()}
+        return Asked(by, None if query.clip is None else self._place(query.clip), self._as_hits)
+
+    def _at_once(self, values: Mapping[str, Value], work: Callable[[Method, Value], Part]) -> dict[str, Part]:
+        """What some work finds by each method, moves first: they take longest."""
+        names = list(values)
+        found = in_threads(lambda name: work(self._methods[name], values[name]), names[::-1], THREADS)
+        return dict(zip(names, found[::-1], strict=True))
+
+    def _as_hits(self, rows: Sequence[int], distances: Sequence[float]) -> list[Hit]:
+        return [clip_hit(self._facts(row), distance) for row, distance in zip(rows, distances, strict=True)]
 
     def matches(self, query: Query, hits: Sequence[Hit], *, mirrored: bool) -> dict[str, Match]:
         """As `LakeSearcher.matches`, by moves."""
@@ -111,29 +121,30 @@ class Cascade:
         value, asked = self._value(method, query, mirrored=mirrored), asked_frames(self.lake, query)
         rows = np.array([self._row(hit.clip) for hit in hits], dtype=np.int64)
         known = rows[self.files.numbers("frames")[rows] > 0]
-        clips = self._hits(known)
-        return {clips[row].clip: matched_moves(value, moves.astype(np.float32), asked, clips[row].frames)
-                for row, moves in zip(known.tolist(), self.files.moves(known), strict=True)}  # fmt: skip
+        pairs = zip(map(self._facts, known.tolist()), self.files.moves(known), strict=True)
+        return {clip.clip: matched_moves(value, moves.astype(np.float32), asked, clip.frames) for clip, moves in pairs}
 
     def _value(self, method: Method, query: Query, *, mirrored: bool) -> Value:
         if query.clip is not None and query.whole and not mirrored:
             return method.of_row(self._row(query.clip))
         return method.of_query(query, mirrored=mirrored)
 
-    def _hits(self, rows: Int64Array) -> dict[int, CorpusClip]:
-        # Not `pa.array`, which imports pandas.
-        entries = pa.Array.from_buffers(pa.int64(), len(rows), [None, pa.py_buffer(self._entries[rows])])
-        found = self._catalog.select(_FACTS).take(entries)
-        facts = zip(*(column.to_pylist() for column in found.columns), strict=True)  # rows as dictionaries take longer
-        return {row: CorpusClip(*each) for row, each in zip(rows.tolist(), facts, strict=True)}
+    def _facts(self, row: int) -> CorpusClip:
+        entry = int(self._entries[row])
+        return CorpusClip(*(self._catalog[name][entry].as_py() for name in _FACTS))
 
     def _row(self, clip: str) -> int:
         """Raises `UserError` for a clip that it does not hold, or that was another one when it was made."""
-        names = self.files.table["clip"]
-        row = bisect_left(range(len(names)), clip, key=lambda at: names[at].as_py())
-        if row == len(names) or names[row].as_py() != clip or self._entries[row] < 0:
+        row = self._place(clip)
+        if row is None:
             raise not_ready(self.lake, clip, "place in the shortlist")
         return row
+
+    def _place(self, clip: str) -> int | None:
+        names = self.files.table["clip"]
+        row = bisect_left(range(len(names)), clip, key=lambda at: names[at].as_py())
+        known = row < len(names) and names[row].as_py() == clip and self._entries[row] >= 0
+        return row if known else None
 
     @cached_property
     def _entries(self) -> Int64Array:
@@ -237,9 +248,8 @@ class BySignature(Method):
 
     def _dense(self, rows: Int64Array) -> Float32Array:
         dense = np.zeros((len(rows), len(self._ground)), dtype=np.float32)
-        held, weights = self.files.lists("motifs", rows), self.files.lists("weights", rows)
-        for own, at, weight in zip(dense, held, weights, strict=True):
-            own[at] = weight
+        (held, lengths), (weights, _) = self.files.joined("motifs", rows), self.files.joined("weights", rows)
+        dense[np.repeat(np.arange(len(rows)), lengths), held] = weights
         return dense
 
 
@@ -273,7 +283,8 @@ class ByAlignment(Method):
         return string_sketch(value, self._codes)
 
     def among(self, value: Value, rows: Int64Array, k: int) -> Answers:
-        strings = Repository.of(self.files.lists("symbols", rows))
+        symbols, lengths = self.files.joined("symbols", rows)
+        strings = Repository(symbols, np.concatenate([[0], np.cumsum(lengths)]))
         found = nearest_strings(value, strings, self._distances, k, self._config)  # of so few, in one thread
         return rows[[at for at, _ in found]], np.array([cost for _, cost in found])
 
@@ -285,7 +296,8 @@ class ByMoves(Method):
 
     def __init__(self, lake: Lake, files: ShortlistFiles, con: Connection) -> None:
         super().__init__(lake, files, con)
-        self._outlines, self._frames = files.arrays["moves-outlines"], files.directions("outlines")
+        outlines, self._frames = files.arrays["moves-outlines"], files.directions("outlines")
+        self._looked = np.asarray(outlines).reshape(-1, outlines.shape[-1])  # [n * INSTANTS, w]
 
     def of_row(self, row: int) -> Value:
         if self.files.numbers("frames")[row] == 0:
@@ -306,13 +318,14 @@ class ByMoves(Method):
             return rows
         rows.sort()
         outline = self._frames.project(instants(value, INSTANTS))
-        stack = Stack.even(self._outlines[rows])
+        stack = Stack.of_halves(self._looked, rows * INSTANTS, np.full(len(rows), INSTANTS))
         apart = stack.spread(aligned(outline, stack))
         return rows[np.argpartition(apart, count - 1)[:count]]
 
     def among(self, value: Value, rows: Int64Array, k: int) -> Answers:
         known = rows[self.files.numbers("frames")[rows] > 0]
-        stack = Stack.of(self.files.moves(known))
+        frames, starts, counts = self.files.moves_at(known)
+        stack = Stack.of_halves(frames, starts, counts)
         distances = floored(stack.spread(aligned(value, stack)))
         order = np.lexsort((known, distances))[:k]
         return known[order], distances[order]

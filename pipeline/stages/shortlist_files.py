@@ -159,24 +159,33 @@ class ShortlistFiles:
         values, offsets = self._flat(name)
         return [values[offsets[row] : offsets[row + 1]] for row in rows.tolist()]
 
+    def joined(self, name: str, rows: Int64Array) -> tuple[NDArray[Any], Int64Array]:
+        """The same one after another, and how long each is."""
+        values, offsets = self._flat(name)
+        lengths = np.asarray(offsets[rows + 1] - offsets[rows], dtype=np.int64)
+        first = np.repeat(offsets[rows] - np.cumsum(lengths) + lengths, lengths)
+        return values[first + np.arange(len(first))], lengths
+
     def _flat(self, name: str) -> tuple[NDArray[Any], NDArray[Any]]:
         (chunk,) = self.table[name].chunks
         return np.from_dlpack(chunk.values), np.from_dlpack(chunk.offsets)
 
     def moves(self, rows: Int64Array) -> list[NDArray[np.float16]]:
-        """The moves [m, D] of the clips of some rows, which have some.
+        """The moves [m, D] of the clips of some rows, which have some. Raises `DamagedError` as `moves_at` does."""
+        frames, starts, counts = self.moves_at(rows)
+        return [frames[start : start + count] for start, count in zip(starts.tolist(), counts.tolist(), strict=True)]
+
+    def moves_at(self, rows: Int64Array) -> tuple[NDArray[np.float16], Int64Array, Int64Array]:
+        """The moves [N, D] of all clips, and where in them those of some rows lie: from which frame, how many.
 
         Raises:
-            DamagedError: they are not as they were written.
+            DamagedError: those of these rows are not as they were written.
         """
         starts, counts, sums = (self.numbers(name)[rows] for name in ("start", "frames", "crc32"))
-        found = []
         for start, count, wanted in zip(starts.tolist(), counts.tolist(), sums.tolist(), strict=True):
-            own = self._frames[start : start + count]
-            if zlib.crc32(own.data) != wanted:
+            if zlib.crc32(self._frames[start : start + count].data) != wanted:
                 raise DamagedError(damage(self.lake, self._file, "holds other bytes than were written"))
-            found.append(own)
-        return found
+        return self._frames, starts, counts.astype(np.int64)
 
     @property
     def _file(self) -> str:
