@@ -20,6 +20,7 @@ from motionlake.retrieval.registry import ready, searcher
 from motionlake.retrieval.views import View, near_again
 from motionlake.retrieval.weighing import WEIGHTS, Found, Weighed, as_near, fused_distances, same_clips, weights_of
 from motionlake.stages.shortlist_files import MOST
+from motionlake.threads import limited
 
 if TYPE_CHECKING:
     from motionlake.retrieval.lake_neighbours import LakeNeighbours
@@ -84,7 +85,8 @@ class FusedSearcher(LakeSearcher):
 
     def nearest(self, queries: Sequence[Query], k: int, scope: Scope, *, mirrored: bool) -> list[list[Hit]]:
         self.left_out = {}
-        return [self._answers(query, k, scope, mirrored=mirrored) for query in queries]
+        with limited(1):  # threads of linear algebra would wait for one another: the products are small
+            return [self._answers(query, k, scope, mirrored=mirrored) for query in queries]
 
     def _answers(self, query: Query, k: int, scope: Scope, *, mirrored: bool) -> list[Hit]:
         if self._cascade is None:

@@ -34,7 +34,6 @@ from motionlake.retrieval.hits import Hit, Match, clip_hit
 from motionlake.retrieval.protocol import ClipFilter, Query, Scope, not_ready
 from motionlake.retrieval.symbol_strings import encoded, query_of_symbols, served_dictionary
 from motionlake.stages.shortlist_files import INSTANTS, ShortlistFiles, string_sketch
-from motionlake.threads import limited
 
 if TYPE_CHECKING:
     from motionlake.pesta.dictionary import PostureDictionary
@@ -94,11 +93,9 @@ class Cascade:
             raise failed[0]
         admitted = self._admits(scope.clips)
         count = min(max(k, NEAR), int(np.isfinite(admitted).sum()))
-        # Threads of linear algebra would wait for one another: the products are small.
-        with limited(1):
-            chosen = self._at_once(values, lambda method, value: method.choose(value, count, admitted))
-            rows = np.unique(np.concatenate(list(chosen.values())))
-            among = self._at_once(values, lambda method, value: method.among(value, rows, k))
+        chosen = self._at_once(values, lambda method, value: method.choose(value, count, admitted))
+        rows = np.unique(np.concatenate(list(chosen.values())))
+        among = self._at_once(values, lambda method, value: method.among(value, rows, k))
         by = {name: Ranking(found.tolist(), distances) for name, (found, distances) in among.items()}
         return Asked(by, None if query.clip is None else self._place(query.clip), self._as_hits)
 
