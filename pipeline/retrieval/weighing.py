@@ -14,7 +14,7 @@ from motionlake.retrieval.hits import TOGETHER, Share
 from motionlake.retrieval.views import View
 
 # How much each counts: looked at on all sets (docs/search.md says what choices with one set left out make of it).
-WEIGHTS: Final = {"signature": 2.0, "alignment": 1.0, "moves": 4.0, "descriptor": 1.5}
+WEIGHTS: Final = {"signature": 2.0, "alignment": 1.0, "moves": 4.0, "descriptor": 1.0}
 DIRECT: Final = 0.3  # what the distance itself counts beside a way along the graph
 _SAME: Final = 5e-3  # of moves, whose root mean square is one, as far as rounding takes a clip from itself
 
