@@ -198,7 +198,7 @@ def test_the_command_says_why(built_lake: Path, lake: Path) -> None:
     rows = motionlake(*words, "--explain", "--json").json
     assert all({share["method"] for share in row["shares"]} <= {*WEIGHTS, TOGETHER} for row in rows)
     said = motionlake(*words, "--explain").out
-    assert "moves (27%)" in said
+    assert "moves (28%)" in said
     assert "graph 0." in said
     assert "together (43%)" in said
     without = motionlake(*words, "--no-graph", "--json").json
