@@ -62,7 +62,7 @@ def main() -> None:
     if given.warm:
         print(json.dumps(warm(Lake(given.warm), drawn(Lake(given.warm), given.queries, given.seed))))
         return
-    with _folder(given.folder) as folder:
+    with kept_folder(given.folder) as folder:
         lake, figures = Lake(folder / "lake"), {"clips": given.clips, "queries": given.queries, "bars": BARS}
         if not lake.catalog.is_file():
             started = time.perf_counter()
@@ -75,7 +75,8 @@ def main() -> None:
 
 
 @contextmanager
-def _folder(kept: Path | None) -> Iterator[Path]:
+def kept_folder(kept: Path | None) -> Iterator[Path]:
+    """A folder for a lake: one that stays, or none that was named, which goes at the end of the block."""
     if kept is not None:
         kept.mkdir(parents=True, exist_ok=True)
         yield kept
@@ -86,7 +87,7 @@ def _folder(kept: Path | None) -> Iterator[Path]:
 
 def measure(lake: Lake, queries: int, seed: int) -> dict[str, Any]:
     """All figures."""
-    figures: dict[str, Any] = {"shortlist_seconds": _shortlist(lake)}
+    figures: dict[str, Any] = {"shortlist_seconds": shortlist(lake)}
     files = list(lake.root.glob("shortlist/*"))
     figures["shortlist_bytes"] = sum(len(path.read_bytes()) for path in files)  # which lie in the page cache from now
     figures |= _child(lake, queries, seed)
@@ -112,7 +113,8 @@ def drawn(lake: Lake, count: int, seed: int) -> list[str]:
     return [names[at] for at in chosen.tolist()]
 
 
-def _shortlist(lake: Lake) -> float:
+def shortlist(lake: Lake) -> float:
+    """Make the shortlist where it is due; seconds."""
     started = time.perf_counter()
     with session(lake, "bench", lambda stage, done, total: None, lambda line: None) as job:
         run(job, ["shortlist"])

@@ -138,6 +138,8 @@ SMOKES: Final[Sequence[Smoke]] = (
     Smoke("bench.scale_search", ("--clips", "60", "--queries", "4", "--processes", "1"), {
           "bench.scale_search.COMMANDS": 1, "bench.large_lakes.PART": 40, "motionlake.stages.graph.MOST": 20,
           "motionlake.stages.shortlist.MOST": 20, "motionlake.retrieval.fused.MOST": 20}),
+    Smoke("bench.service_load", ("--clips", "60", "--processes", "1", "--users", "2", "--looks", "0.1", "--seconds",
+          "1"), {"bench.large_lakes.PART": 40}),
     Smoke("bench.retrieval", ("hdm05",), {"bench.retrieval.SEEDS": ONE_SEED, **_FEW_K}),
     Smoke("bench.retrieval", ("cross-rig",), {"bench.retrieval.SEEDS": ONE_SEED, **_FEW_K}),
     Smoke("bench.representation", ("hdm05", "--processes", "1", "--seeds", "1", "--rows",
