@@ -226,6 +226,7 @@ def _load(small: Lake, lake: Lake, parts: Sequence[str]) -> None:
         run_sql(con, "load_symbols", {**own, "files": _files(lake, parts, "strings")})
         _list(con, lake)
     with writing(lake) as con:
+        con.execute("DETACH base")  # all connections of a process share what is attached
         at = LakeReader(con, lake, served_config(lake))
         for stage in (MOVES, SIGNATURES, SYMBOLS):
             _enter(con, SHARDS, _made_by(stage, at, lake))
