@@ -9,6 +9,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from bisect import bisect_left
 from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import fields
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Final, TypeVar
@@ -27,7 +28,7 @@ from motionlake.lake.settings import served_config
 from motionlake.motion.moves import KIND
 from motionlake.motion.moves_index import Stack, aligned, floored
 from motionlake.motion.sketches import instants, nearness
-from motionlake.pesta.scan import in_threads, nearest_strings
+from motionlake.pesta.scan import nearest_strings
 from motionlake.pesta.strings import Repository, SymbolDistances
 from motionlake.retrieval.asked import Asked, Ranking
 from motionlake.retrieval.hits import Hit, Match, clip_hit
@@ -102,8 +103,13 @@ class Cascade:
     def _at_once(self, values: Mapping[str, Value], work: Callable[[Method, Value], Part]) -> dict[str, Part]:
         """What some work finds by each method, moves first: they take longest."""
         names = list(values)
-        found = in_threads(lambda name: work(self._methods[name], values[name]), names[::-1], THREADS)
+        found = list(self._threads.map(lambda name: work(self._methods[name], values[name]), names[::-1]))
         return dict(zip(names, found[::-1], strict=True))
+
+    @cached_property
+    def _threads(self) -> ThreadPoolExecutor:
+        """Which stay: to start some takes as long as a part of the work."""
+        return ThreadPoolExecutor(THREADS, "search")
 
     def _as_hits(self, rows: Sequence[int], distances: Sequence[float]) -> list[Hit]:
         return [clip_hit(self._facts(row), distance) for row, distance in zip(rows, distances, strict=True)]
