@@ -22,7 +22,7 @@ DEMO_SYNTHESIS = $(if $(filter demo/deepmimic,$(DATA)),$(BIN)/motionlake run syn
 DEMO_QUERIES = $(if $(filter demo/deepmimic,$(DATA)),humanoid3d_walk humanoid3d_kick humanoid3d_dance_a,--sample 3)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test test-browser web lint docs ingest all $(STAGES) neighbours transitions synth quality status wheel bench-ingest bench-dtw bench-moves bench-emd bench-generalise bench-retrieval bench-scale bench-service bench-browser bench-stages bench-representation bench-word-network bench-motif-weights bench-words bench-find bench-motion-graph bench-neighbours bench-segmentation bench-signatures bench-sorting bench-align bench-strings bench-pesta bench-quality bench-rigs bench-descriptor-search bench-deephums bench-glogen bench-synthesis bench-matching bench-made bench-blind bench-keyframes bench-style bench-text bench-kills bench-many bench-comparators bench-mutation bench-smoke fuzz records
+.PHONY: help setup demo test test-browser web lint docs ingest all $(STAGES) neighbours transitions synth quality map status wheel bench-ingest bench-dtw bench-moves bench-emd bench-generalise bench-retrieval bench-scale bench-service bench-browser bench-stages bench-representation bench-word-network bench-motif-weights bench-words bench-find bench-motion-graph bench-neighbours bench-segmentation bench-signatures bench-sorting bench-align bench-strings bench-pesta bench-quality bench-rigs bench-descriptor-search bench-deephums bench-glogen bench-synthesis bench-matching bench-made bench-blind bench-keyframes bench-style bench-text bench-kills bench-many bench-comparators bench-mutation bench-smoke fuzz records
 
 help: ## Show this help
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 24
@@ -112,6 +112,8 @@ synth: setup ## Stage of its own: a generator of motion, made of labelled clips 
 	$(BIN)/motionlake run synth --lake "$(LAKE)"
 quality: setup ## Stage of its own: what of every clip no body did, by range, with a verdict
 	$(BIN)/motionlake run quality --lake "$(LAKE)"
+map: setup ## Stage of its own: where every clip lies on a map of all, near those that move like it
+	$(BIN)/motionlake run map --lake "$(LAKE)"
 
 $(STAGES):
 	$(BIN)/motionlake run $@ --lake "$(LAKE)"

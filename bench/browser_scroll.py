@@ -3,8 +3,8 @@
 A service of made clips answers (`bench.made_service`), so that the application alone is measured: in headless Chromium
 without a graphics card. "paint": from the call for the page until something is drawn, until the first clips are there
 and until their pictures are. "scroll": milliseconds from frame to frame while the grid is scrolled by so many pixels a
-frame; 60 frames a second are 16.7 ms. "pictures": stick figures on canvases of their own, as they are drawn, beside
-WebGL on one canvas with a part for each.
+frame; 60 frames a second are 16.7 ms. "pictures": stick figures on canvases of their own, beside WebGL on one canvas
+with a part for each.
 """
 
 from __future__ import annotations
@@ -50,9 +50,7 @@ _SCROLL: Final = """
 })
 """
 _DRAWN: Final = """
-() => { const c = document.querySelector(".card:not(.empty) canvas");
-  return c && c.getContext("2d").getImageData(0, 0, c.width, c.height).data.some((v, i) => i % 4 === 3 && v)
-    ? performance.now() : 0 }
+() => document.querySelector(".card:not(.empty) .thumb[data-frame]") ? performance.now() : 0
 """
 
 

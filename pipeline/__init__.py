@@ -16,14 +16,16 @@ if TYPE_CHECKING:
     from motionlake.lake.clip_dataset import ClipDataset, collate
     from motionlake.lake.rows import Rows
     from motionlake.motion.canonicalise import CanonicalMotion
+    from motionlake.pictures.answers import Hits
     from motionlake.retrieval.sql_functions import connect
 
-__all__ = ["CanonicalMotion", "ClipDataset", "Lake", "Rows", "UserError", "collate", "connect", "open_lake"]
+__all__ = ["CanonicalMotion", "ClipDataset", "Hits", "Lake", "Rows", "UserError", "collate", "connect", "open_lake"]
 
 # Imported where first used: readers and kernels must not pay for what a connection or a network needs.
 _HOMES: Final = {
     "CanonicalMotion": "motion.canonicalise",
     "ClipDataset": "lake.clip_dataset",
+    "Hits": "pictures.answers",
     "Lake": "api",
     "Rows": "lake.rows",
     "UserError": "errors",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, replace
 from importlib import import_module
 from pathlib import Path
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from motionlake.lake.clip_dataset import ClipDataset
     from motionlake.lake.safe import LakeConnection
     from motionlake.motion.canonicalise import CanonicalMotion
+    from motionlake.pictures.answers import Asked, Hits
     from motionlake.retrieval.alignment import AlignmentRangeSearcher
     from motionlake.retrieval.protocol import Finds, Searcher
     from motionlake.retrieval.text import Encoder
@@ -179,7 +180,7 @@ class Lake:
         text: str | None = None,
         encoder: str | Encoder | None = None,
         **scope: Unpack[ScopeOptions],
-    ) -> Rows:
+    ) -> Hits:
         """The clips most like one, or those that say what is asked for, nearest first.
 
         Examples:
@@ -227,7 +228,7 @@ class Lake:
         *,
         method: str = "fused",
         **scope: Unpack[ScopeOptions],
-    ) -> Rows:
+    ) -> Hits:
         """Where a motion occurs inside the clips: ranges of frames, nearest first.
 
         Examples:
@@ -289,7 +290,7 @@ class Lake:
         ways: str | None = None,
         window: int | None = None,
         **scope: Unpack[ScopeOptions],
-    ) -> Rows:
+    ) -> Hits:
         """Where a motion occurs inside the clips, by alignment of postures: ranges, cheapest first (PESTA, section 6).
 
         Of motion that repeats every cycle is an answer, or as many in a row as the query has; "cycles" counts them, and
@@ -521,6 +522,12 @@ class Lake:
     def __repr__(self) -> str:
         return f"<motionlake.Lake {self.path}>"
 
+    def _repr_html_(self) -> str:
+        """How many clips there are, the datasets and what stages have made, for notebooks."""
+        from motionlake.pictures.notebook import lake_html
+
+        return lake_html(self.path, self.sql)
+
     @property
     def _con(self) -> LakeConnection:
         """A connection to the catalog that is served now: every run of a command puts another in its place."""
@@ -564,19 +571,21 @@ class Lake:
             found = found.filter(column.isnull() if value is None else column == duckdb.ConstantExpression(value))
         return found if where is None else found.filter(where)
 
-    def _search(self, finds: Finds, method: str, part: ClipRange, k: int, scope: ScopeOptions, /, **how: Any) -> Rows:
+    def _search(self, finds: Finds, method: str, part: ClipRange, k: int, scope: ScopeOptions, /, **how: Any) -> Hits:
         from motionlake.retrieval.protocol import Query, Scope
 
         query = Query(self._query(part[0]), *part[1:])
         found = self._searcher(finds, method, **how).search([query], k, Scope(**scope))[0]
-        return Rows.of(hit.as_row() for hit in found)
+        return self._hits((hit.as_row() for hit in found), (query.source, *part[1:]))
 
-    def _windows(self, part: ClipRange, window: int, k: int, scope: ScopeOptions, /, **how: Any) -> Rows:
+    def _windows(self, part: ClipRange, window: int, k: int, scope: ScopeOptions, /, **how: Any) -> Hits:
         from motionlake.retrieval.protocol import Query, Scope
 
         aligner = cast("AlignmentRangeSearcher", self._searcher("range", "alignment", **how))
-        long = aligner.long_query(Query(self._query(part[0]), *part[1:]), Scope(**scope), window)
-        return Rows.of(hit.as_row() for hit in long.windows(window, k, paths=how["paths"]))
+        query = Query(self._query(part[0]), *part[1:])
+        long = aligner.long_query(query, Scope(**scope), window)
+        found = long.windows(window, k, paths=how["paths"])
+        return self._hits((hit.as_row() for hit in found), (query.source, *part[1:]))
 
     def _search_text(
         self,
@@ -586,7 +595,7 @@ class Lake:
         k: int,
         method: str,
         scope: ScopeOptions,
-    ) -> Rows:
+    ) -> Hits:
         from motionlake.retrieval.protocol import Query, Scope
         from motionlake.retrieval.text import LakeText, encoder_named
         from motionlake.retrieval.text_example import ExampleAndText
@@ -594,10 +603,18 @@ class Lake:
         encode = encoder_named(encoder) if isinstance(encoder, str) else encoder
         says = self._keep(("text", encode), lambda: LakeText(self._lake, encode))
         if part is None:
-            return Rows.of(hit.as_row() for hit in says.search(text, k, Scope(**scope)))
+            told = says.search(text, k, Scope(**scope))
+            return self._hits((hit.as_row() for hit in told), (None, None, None))
         query = Query(self._query(part[0]), *part[1:])
         both = ExampleAndText(self._searcher("clip", method), says, text)
-        return Rows.of(hit.as_row() for hit in both.search([query], k, Scope(**scope))[0])
+        found = both.search([query], k, Scope(**scope))[0]
+        return self._hits((hit.as_row() for hit in found), (query.source, *part[1:]))
+
+    def _hits(self, rows: Iterable[Mapping[str, object]], asked: Asked) -> Hits:
+        """Answers as rows that can be drawn; `asked`: of the lake or a file, by its full name."""
+        from motionlake.pictures.answers import Hits
+
+        return Hits(Rows.of(rows).arrow(), self.motion, asked)
 
     def _searcher(self, finds: Finds, method: str, /, **how: Any) -> Searcher:
         from motionlake.retrieval.registry import searcher

@@ -18,6 +18,7 @@ from motionlake.lake.rows import Rows
 
 if TYPE_CHECKING:
     from motionlake.motion.canonicalise import CanonicalMotion
+    from motionlake.pictures.answers import Hits
 
 SECONDS: Final = 120.0  # that an answer is waited for
 
@@ -51,9 +52,9 @@ class RemoteLake(Lake):
         facts = json.loads(table.schema.metadata[b"motion"])
         return motion_of(from_table(facts["clip"], table), facts)
 
-    def search(self, query: Clip | None = None, k: int = 10, **how: Any) -> Rows:
+    def search(self, query: Clip | None = None, k: int = 10, **how: Any) -> Hits:
         """As `Lake.search`, without an encoder."""
-        return self._call("search", query, {"k": k, **how})
+        return self._found("search", query, {"k": k, **how})
 
     def find(
         self,
@@ -64,13 +65,13 @@ class RemoteLake(Lake):
         *,
         method: str = "fused",
         **scope: Unpack[ScopeOptions],
-    ) -> Rows:
+    ) -> Hits:
         """As `Lake.find`."""
-        return self._call("find", query, {"start": start, "stop": stop, "k": k, "method": method, **scope})
+        return self._found("find", query, {"start": start, "stop": stop, "k": k, "method": method, **scope})
 
-    def align(self, query: Clip, start: int | None = None, stop: int | None = None, k: int = 10, **how: Any) -> Rows:
+    def align(self, query: Clip, start: int | None = None, stop: int | None = None, k: int = 10, **how: Any) -> Hits:
         """As `Lake.align`."""
-        return self._call("align", query, {"start": start, "stop": stop, "k": k, **how})
+        return self._found("align", query, {"start": start, "stop": stop, "k": k, **how})
 
     def suggest_labels(self, dataset: str | None = None, column: str = "label", min_quality: str | None = None) -> Rows:
         """As `Lake.suggest_labels`."""
@@ -96,6 +97,12 @@ class RemoteLake(Lake):
     @property
     def _lake(self) -> Any:  # type: ignore[override]
         return self._con
+
+    def _found(self, method: str, query: Clip | None, arguments: Mapping[str, Any]) -> Hits:
+        from motionlake.pictures.answers import Hits
+
+        rows, part = self._call(method, query, arguments), (arguments.get("start"), arguments.get("stop"))
+        return Hits(rows.arrow(), self.motion, (query, *part))
 
     def _call(self, method: str, query: Clip | None, arguments: Mapping[str, Any]) -> Rows:
         asked: dict[str, Any] = {"method": method, "arguments": dict(arguments)}

@@ -27,6 +27,8 @@ DOCUMENTED = (
     "motionlake.lake.rows",
     "motionlake.lake.clip_dataset",
     "motionlake.motion.canonicalise",
+    "motionlake.motion.shown",
+    "motionlake.pictures.answers",
 )
 
 

@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from motionlake.deep_motifs.clip_map import tsne
 from motionlake.evaluation.dtw import baseline_features, joint_error
 from motionlake.evaluation.ranking import leave_one_out
 from motionlake.lake.frames import read_part
 from motionlake.motion.dtw import clip_dtw
 from motionlake.motion.features import body_length
 from motionlake.pictures.evaluation import loss_figure
-from motionlake.pictures.maps import tsne
 
 from tests.lakes import Changed, motionlake, query
 from tests.test_pictures import NASTY, assert_readable

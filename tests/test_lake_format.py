@@ -55,7 +55,8 @@ def real(lake: Path) -> dict[str, dict[str, str]]:
 
 def test_the_page_has_every_table_and_column(built_lake: Path) -> None:
     page, there = described(), real(built_lake)
-    made_when_asked_for = ("word_neighbours", "quality", "quality_ranges", "quality_usual", "quality_unusual")
+    of_quality = ("quality", "quality_ranges", "quality_usual", "quality_unusual")
+    made_when_asked_for = ("word_neighbours", "clip_map", *of_quality)
     assert all(page.pop(name) for name in made_when_asked_for)
     frames = there.pop("frames")
     assert page.pop("frames") == {}

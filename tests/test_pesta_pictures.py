@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
+from motionlake.deep_motifs.clip_map import tsne
 from motionlake.lake.catalog import reading
 from motionlake.lake.layout import open_lake
 from motionlake.motion.features import body_length, word_features
@@ -18,7 +19,7 @@ from motionlake.motion.rotations import from_axis_angle, rotate
 from motionlake.motion.skeleton import COMMON, INDEX
 from motionlake.pesta.config import PosturesConfig
 from motionlake.pictures.evaluation import confusion_figure, precision_recall_figure, robustness_figure
-from motionlake.pictures.maps import posture_map, tsne
+from motionlake.pictures.maps import posture_map
 from motionlake.pictures.stick_figures import postures_view
 from motionlake.pictures.style import motif_colours
 from motionlake.pictures.symbol_columns import path_indices

@@ -76,6 +76,17 @@ def test_searches_are_the_same(both: tuple[library.Lake, library.Lake], clips_fo
     assert [hit["clip"] for hit in far.search(file, 3)] == [hit["clip"] for hit in near.search(file, 3)]
 
 
+def test_a_notebook_shows_the_same(both: tuple[library.Lake, library.Lake]) -> None:
+    near, far = both
+    assert far._repr_html_().partition("</b>")[2] == near._repr_html_().partition("</b>")[2]
+    assert TOKEN not in far._repr_html_()
+    clip = near.clips("seconds >= 1")[0]["clip"]
+    one, other = near.find(clip, 0, 40, k=2), far.find(clip, 0, 40, k=2)
+    assert other._repr_html_() == one._repr_html_()
+    assert other.plot()._repr_png_() == one.plot()._repr_png_()
+    assert far.motion(clip)._repr_html_() == near.motion(clip)._repr_html_()
+
+
 def test_mistakes_are_user_errors(both: tuple[library.Lake, library.Lake], where: str, tmp_path: Path) -> None:
     far = both[1]
     with pytest.raises(UserError, match="none such"):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import ExitStack, closing
 from typing import Annotated
 
 import typer
@@ -38,7 +39,7 @@ def browse(
     """Look at a lake in the browser, and work on it; or serve it to programs.
 
     It prints the address with its token and runs until Ctrl-C. Only this machine can ask it, unless --host says
-    otherwise.
+    otherwise. While it runs, `motionlake search` and `find` of the same user ask it and answer sooner.
 
     Example: motionlake browse --lake mylake
 
@@ -49,6 +50,7 @@ def browse(
     import secrets
     import sys
 
+    from motionlake.lake.announced import Announcement, announcing
     from motionlake.service.options import Options
     from motionlake.service.server import address, is_loopback, listening, serve
 
@@ -62,18 +64,19 @@ def browse(
         read_only=read_only, warm=True,
     )  # fmt: skip
 
+    running = ExitStack()
+
     def started() -> None:
         shown = address(sock, host, options.token)
+        running.enter_context(announcing(target, Announcement.of(address(sock, host), options.token)))
         tell({"address": shown, "token": options.token}, shown, as_json=as_json)
         sys.stdout.flush()
         notice("serves until Ctrl-C")
         if not no_open:
             _open(shown)
 
-    try:
+    with closing(sock), running:
         serve(target, sock, host, options, started)
-    finally:
-        sock.close()
 
 
 def _open(shown: str) -> None:

@@ -99,7 +99,9 @@ class FrameOrSeconds:
 
     def frame(self, fps: float) -> int:
         """The frame it names in a clip of `fps` frames a second: the nearest one to a time."""
-        return round(self.value * fps) if self.in_seconds else int(self.value)
+        from motionlake.retrieval.named_ranges import frame_at
+
+        return frame_at(self.value, fps, in_seconds=self.in_seconds)
 
 
 def frame_or_seconds(text: str) -> FrameOrSeconds:

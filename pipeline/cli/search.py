@@ -17,6 +17,7 @@ from motionlake.cli._answers import (
     count_of,
 )
 from motionlake.cli._hits import tell_hits, what_is_alike
+from motionlake.cli._service import NoServiceOption, ask_service
 from motionlake.cli.common import (
     ClipArgument,
     ClipsArgument,
@@ -34,11 +35,11 @@ from motionlake.cli.common import (
     tell,
 )
 from motionlake.errors import UserError
-from motionlake.lake.catalog import Connection, fetch, reading
 from motionlake.lake.layout import Lake, open_lake
 from motionlake.names import printable
 
 if TYPE_CHECKING:
+    from motionlake.lake.catalog import Connection
     from motionlake.retrieval.protocol import Query, Searcher
     from motionlake.retrieval.text import LakeText
     from motionlake.retrieval.text_example import ExampleAndText
@@ -82,9 +83,12 @@ def search(
         str | None, option("--encoder", help="--text: compare meanings too, by this encoder of an installed package.")
     ] = None,
     picture: PictureOption = None,
+    no_service: NoServiceOption = False,
     as_json: JsonOption = False,
 ) -> None:
     """The clips most like one, nearest first.
+
+    Where `motionlake browse` serves the lake, that answers, and sooner.
 
     Example: motionlake search walk_01 -k 5 --lake mylake
 
@@ -99,33 +103,38 @@ def search(
     In words: motionlake search --text "walks and turns left" --lake mylake
 
     Like a clip, and in words: motionlake search walk_01 --text angry --lake mylake
+
+    Not by a service that runs: motionlake search walk_01 --no-service --lake mylake
     """
+    target, k, names = open_lake(lake), count_of(k, below), clips or []
+    if encoder is not None and text is None:
+        raise UserError("--encoder: is for --text")
+    asked: dict[str, Any] = {"k": k, "method": method, "explain": explain, "text": text}
+    among = _scope(dataset, split, recorded_only, min_quality, mirrored, own, below)
+    of_clip = {"--from": start, "--to": stop, "--explain": explain, "--mirrored": mirrored, "--below": below}
+    of_clip |= {"--method": method != "fused", "--own": own}
+    # What a service does not answer, and what is wrong, is told below.
+    plain = graph and not (no_service or encoder or picture or sample)
+    if plain and (names or (text is not None and not _given(of_clip))):
+        served = ask_service(target, "clip", names, start, stop, among, **asked)
+        if served is not None:
+            _tell_all(names, served.rows, served.notices, mirrored=mirrored, explain=explain, as_json=as_json)
+            return
+    from motionlake.lake.catalog import fetch, reading
     from motionlake.retrieval.protocol import Scope
     from motionlake.retrieval.registry import check_method, searcher
 
-    target, k = open_lake(lake), count_of(k, below)
-    if encoder is not None and text is None:
-        raise UserError("--encoder: is for --text")
     check_method("clip", method)
     if method != "fused" and (explain or not graph):
         raise UserError(f"--{'explain' if explain else 'no-graph'}: is for --method fused")
     how = {"graph": graph, "explain": explain} if method == "fused" else {}
-    scope = Scope(dataset, split, recorded_only, mirrored, own, min_quality=min_quality, below=below)
+    scope = Scope(**among)
     with reading(target) as con:
-        names = [*(clips or []), *(row["clip"] for row in fetch(con, "sample_clips", {"count": sample}))]
+        names = [*names, *(row["clip"] for row in fetch(con, "sample_clips", {"count": sample}))]
         if text is not None and not names:
-            needless = {
-                "--from": start,
-                "--to": stop,
-                "--picture": picture,
-                "--explain": explain,
-                "--mirrored": mirrored,
-                "--below": below,
-            }
-            _check_clip_named({**needless, "--method": method != "fused", "--no-graph": not graph, "--own": own})
-            tell_hits(
-                [hit.as_row() for hit in _text(target, encoder).search(text, k, scope)], mirrored=False, as_json=as_json
-            )
+            _check_clip_named({**of_clip, "--picture": picture, "--no-graph": not graph})
+            said = [hit.as_row() for hit in _text(target, encoder).search(text, k, scope)]
+            _tell_all([], [said], [], mirrored=False, explain=False, as_json=as_json)
             return
         if not names:
             raise UserError("search: name a clip or a clip file, give --text WORDS, or --sample N")
@@ -138,9 +147,31 @@ def search(
             found = ExampleAndText(alike, _text(target, encoder), text, explain=explain)
         queries = [named_query(con, target, name, start, stop) for name in names]
         answers = [[hit.as_row() for hit in hits] for hits in found.search(queries, k, scope)]
-        for line in _left_out(alike, queries):
-            notice(line)
         _save_picture(con, target, picture, method, zip(names, queries, answers, strict=True))
+    _tell_all(names, answers, _left_out(alike, queries), mirrored=mirrored, explain=explain, as_json=as_json)
+
+
+def _scope(
+    dataset: str | None, split: str | None, recorded_only: bool, min_quality: str | None, mirrored: bool, own: bool,
+    below: float | None,
+) -> dict[str, Any]:  # fmt: skip
+    """The arguments of `Scope`."""
+    return {
+        "dataset": dataset, "split": split, "recorded_only": recorded_only, "mirrored": mirrored, "own": own,
+        "min_quality": min_quality, "below": below,
+    }  # fmt: skip
+
+
+def _tell_all(
+    names: Sequence[str], answers: Sequence[Sequence[Mapping[str, Any]]], left_out: Iterable[str], *, mirrored: bool,
+    explain: bool, as_json: bool,
+) -> None:  # fmt: skip
+    """The answers to each clip, or those to a text alone."""
+    for line in left_out:
+        notice(f"by the other methods alone: {line}")
+    if not names:
+        tell_hits(answers[0], mirrored=False, as_json=as_json)
+        return
     if as_json:
         tell([{"query": name, **row} for name, rows in zip(names, answers, strict=True) for row in rows], as_json=True)
         return
@@ -174,6 +205,7 @@ def find(
     mirrored: MirroredOption = False,
     own: OwnOption = False,
     picture: PictureOption = None,
+    no_service: NoServiceOption = False,
     as_json: JsonOption = False,
 ) -> None:
     """Where a piece of motion occurs inside other clips, nearest first.
@@ -186,31 +218,38 @@ def find(
     Of a file that is not in the lake: motionlake find shots/new_take.bvh --from 0 --to 120 --lake mylake
 
     By the network: motionlake find 13_29 --from 480 --to 540 --method submotion --lake mylake
+
+    Not by a service that runs: motionlake find 13_29 --from 4s --to 6s --no-service --lake mylake
     """
+    target, k = open_lake(lake), count_of(k, below)
+    among = _scope(dataset, split, recorded_only, min_quality, mirrored, own, below)
+    if not (no_service or picture):
+        served = ask_service(target, "range", [query], start, stop, among, k=k, method=method)
+        if served is not None:
+            tell_hits(served.rows[0], mirrored=mirrored, as_json=as_json)
+            return
+    from motionlake.lake.catalog import reading
     from motionlake.retrieval.protocol import Scope
     from motionlake.retrieval.registry import check_method, searcher
 
-    target, k = open_lake(lake), count_of(k, below)
     check_method("range", method)
     check_picture(picture, 1)
     with reading(target) as con:
         found = searcher("range", method, target)
         piece = named_query(con, target, query, start, stop)
-        (hits,) = found.search(
-            [piece], k, Scope(dataset, split, recorded_only, mirrored, own, min_quality=min_quality, below=below)
-        )
+        (hits,) = found.search([piece], k, Scope(**among))
         rows = [hit.as_row() for hit in hits]
         _save_picture(con, target, picture, method, [(query, piece, rows)])
     tell_hits(rows, mirrored=mirrored, as_json=as_json)
 
 
 def _left_out(searcher: Searcher, queries: Iterable[Query]) -> list[str]:
-    """A line for each method that could not compare a query: its answers are by the others."""
+    """Why a method could not compare a query, whose answers are by the others."""
     from motionlake.retrieval.fused import FusedSearcher
 
     if not isinstance(searcher, FusedSearcher):
         return []
-    return [f"by the other methods alone: {reason}" for query in queries for reason in searcher.left_out[query.name]]
+    return [reason for query in queries for reason in searcher.left_out[query.name]]
 
 
 def _given(options: Mapping[str, object]) -> list[str]:

@@ -62,6 +62,11 @@ class Lake:
         return self.root / "annotations.jsonl"
 
     @property
+    def service(self) -> Path:
+        """Where a service that runs is asked (`motionlake.lake.announced`)."""
+        return self.root / "service.json"
+
+    @property
     def config_file(self) -> Path:
         return self.root / "config.toml"
 

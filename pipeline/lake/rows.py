@@ -4,14 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any, overload
+from typing import TYPE_CHECKING, Any, Final, overload
 
 import pyarrow as pa
 from motionlake.errors import UserError
+from motionlake.names import html
 
 if TYPE_CHECKING:
     import pandas as pd
     import polars as pl
+
+
+SHOWN: Final = 50  # rows that a notebook shows
+LONGEST: Final = 80  # characters of a value there
+NESTED: Final = 30  # of a list or the like
 
 
 class Rows(Sequence[dict[str, Any]]):
@@ -88,10 +94,44 @@ class Rows(Sequence[dict[str, Any]]):
     def __repr__(self) -> str:
         return f"<{len(self)} row{'s' * (len(self) != 1)}: {', '.join(self.columns)}>"
 
+    def _repr_html_(self) -> str:
+        """A table of the first rows, for notebooks."""
+        return rows_html(self._table)
+
     def _dictionaries(self) -> list[dict[str, Any]]:
         if self._rows is None:
             self._rows = self._table.to_pylist(maps_as_pydicts="strict")
         return self._rows
+
+
+def rows_html(table: pa.Table, added: Sequence[tuple[str, Sequence[str]]] = (), caption: str = "") -> str:
+    """The first 50 rows as a table of HTML.
+
+    Args:
+        table: names of columns and values may hold anything; they are escaped.
+        added: columns before those of the table, their names and their cells of HTML, a cell a row.
+        caption: HTML above it.
+    """
+    shown = table.slice(0, SHOWN).to_pylist(maps_as_pydicts="strict")
+    head = "".join(f"<th>{html(name)}</th>" for name in [*(name for name, _ in added), *table.column_names])
+    body = [
+        "".join(f"<td>{cells[at]}</td>" for _, cells in added)
+        + "".join(f"<td>{html(_said(value))}</td>" for value in row.values())
+        for at, row in enumerate(shown)
+    ]
+    more = f"<p>{SHOWN} of {table.num_rows} rows</p>" if table.num_rows > SHOWN else ""
+    lines = "".join(f"<tr>{line}</tr>" for line in body)
+    above = f'<caption style="text-align:left">{caption}</caption>' if caption else ""
+    found = f"<table>{above}<thead><tr>{head}</tr></thead><tbody>{lines}</tbody></table>{more}"
+    return f'<div style="overflow-x:auto">{found}</div>'
+
+
+def _said(value: object) -> str:
+    if value is None:
+        return ""
+    text = f"{value:.4g}" if isinstance(value, float) else str(value)
+    most = NESTED if isinstance(value, list | dict) else LONGEST
+    return text if len(text) <= most else f"{text[: most - 1]}…"
 
 
 def _with_whole_numbers(table: pa.Table) -> pa.Table:

@@ -19,6 +19,7 @@ from motionlake.motion.kinematics import (
 from motionlake.motion.rest import Binding, bind, place, place_offsets, to_canonical_rest
 from motionlake.motion.rigs import Rest, RigMap
 from motionlake.motion.rotations import IDENTITY, conjugate, from_axis_angle, multiply, normalise, rotate, to_euler
+from motionlake.motion.shown import ShownMotion
 from motionlake.motion.skeleton import INDEX, JOINTS, PARENTS, chained
 from motionlake.motion.units import UNITS, is_height, is_persons_height, unit_of_height
 from motionlake.motion.upright import goes_on_all_fours, up_of_file
@@ -37,10 +38,10 @@ _TURNS: Final[dict[str, tuple[tuple[float, float, float], float]]] = {
 
 
 @dataclass(frozen=True, repr=False)
-class CanonicalMotion:
+class CanonicalMotion(ShownMotion):
     """A motion of the canonical skeleton.
 
-    `motion[start:stop]` is a part of it; `len(motion)` counts its F frames.
+    `motion[start:stop]` is a part of it; `len(motion)` counts its F frames. A notebook plays it.
 
     Attributes:
         fps: frames a second.

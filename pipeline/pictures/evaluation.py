@@ -10,10 +10,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from motionlake.arrays import Float64Array
+from motionlake.deep_motifs.clip_map import LEAST, PERPLEXITY, tsne
 from motionlake.evaluation.descriptor import DescriptorEvaluation
 from motionlake.evaluation.pesta.whole import ONE_WAY
 from motionlake.pictures.html import Picture, picture
-from motionlake.pictures.maps import LEAST, PERPLEXITY, clip_map, tsne
+from motionlake.pictures.maps import clip_map
 from motionlake.pictures.style import (
     FAINT,
     INK,

@@ -40,11 +40,13 @@ class HitStrip:
 
 
 @styled
-def draw_hits(query: HitStrip, hits: Sequence[HitStrip], title: str, note: str = "") -> Figure:
-    """The query, shaded, and below it the hits in the order given."""
-    sheet = Sheet(LEFT + STRIP + 0.3, TOP + ROW * (1 + len(hits)) + 0.2, title, note)
-    sheet.box(0, TOP - 0.04, sheet.width, ROW, "#eef3f8")
-    for i, row in enumerate([query, *hits]):
+def draw_hits(query: HitStrip | None, hits: Sequence[HitStrip], title: str, note: str = "") -> Figure:
+    """The query, shaded, where it is a motion, and below it the hits in the order given."""
+    rows = [*([] if query is None else [query]), *hits]
+    sheet = Sheet(LEFT + STRIP + 0.3, TOP + ROW * len(rows) + 0.2, title, note)
+    if query is not None:
+        sheet.box(0, TOP - 0.04, sheet.width, ROW, "#eef3f8")
+    for i, row in enumerate(rows):
         top = TOP + ROW * i + (0.08 if i else 0)
         sheet.text(0.12, top + 0.36, row.head, size=10, weight="bold", room=0.6)
         for j, line in enumerate(row.lines):

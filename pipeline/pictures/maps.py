@@ -13,16 +13,14 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from motionlake.arrays import BoolArray, Float64Array, FloatArray, Int64Array, IntArray
 from motionlake.deep_motifs.classification import mds
+from motionlake.deep_motifs.clip_map import tsne
 from motionlake.pictures.stick_figures import draw_bodies, postures_view
 from motionlake.pictures.style import LINE, TOP, ClassStyle, Sheet, class_styles, styled
 from motionlake.pictures.symbol_figures import chips
-from motionlake.threads import limited
 
 if TYPE_CHECKING:
     from motionlake.glogen.generator import EmbeddedMotions
 
-PERPLEXITY: Final = 20.0
-LEAST: Final = 4  # points that t-SNE places
 LEFT: Final = 0.15
 WIDE: Final = 6.7
 TALL: Final = 5.5
@@ -44,22 +42,6 @@ def plane_of(distances: Float64Array) -> tuple[Float64Array, float]:
     points = mds(distances, 2)
     apart = np.linalg.norm(points[:, None] - points[None], axis=-1)
     return points, float(np.sqrt(np.square(apart - distances).sum() / np.square(distances).sum()))
-
-
-def tsne(points: FloatArray, perplexity: float = PERPLEXITY) -> Float64Array:
-    """[n, 2] places of n points [n, d], begun from their principal components; the same for the same points.
-
-    Raises:
-        ValueError: fewer than four points.
-    """
-    if len(points) < LEAST:
-        raise ValueError(f"a map needs at least {LEAST} points, not {len(points)}")
-    from sklearn.manifold import TSNE
-
-    begun = "pca" if points.shape[1] > 1 else "random"
-    place = TSNE(perplexity=min(perplexity, (len(points) - 1) / 3), init=begun, random_state=0)
-    with limited(1):  # sums of threads differ from run to run
-        return np.asarray(place.fit_transform(np.asarray(points, dtype=np.float64)), dtype=np.float64)
 
 
 @styled

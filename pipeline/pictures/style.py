@@ -85,6 +85,16 @@ def png(figure: Figure) -> bytes:
     return buffer.getvalue()
 
 
+@styled
+def written(figure: Figure, kind: str) -> bytes:
+    """A figure as a file, "png", "svg" or "pdf", without the time at which it was made."""
+    if kind == "png":
+        return png(figure)
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format=kind, metadata={"Date" if kind == "svg" else "CreationDate": None})
+    return buffer.getvalue()
+
+
 class Sheet:
     """A figure on which all is placed in inches from the top left, so that texts keep their room."""
 

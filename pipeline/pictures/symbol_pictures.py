@@ -11,6 +11,7 @@ from typing import Any, Final
 
 import numpy as np
 from motionlake.arrays import Float32Array, Int32Array, IntArray
+from motionlake.deep_motifs.clip_map import LEAST, tsne
 from motionlake.lake.catalog import fetch
 from motionlake.lake.frames import read_clips
 from motionlake.lake.integrity import sound
@@ -23,7 +24,7 @@ from motionlake.pesta.strings import Repository
 from motionlake.pesta.tandem import reduce_runs
 from motionlake.pictures.hits_page import hits_page
 from motionlake.pictures.html import Picture, picture, write_hits
-from motionlake.pictures.maps import LEAST, posture_map, tsne
+from motionlake.pictures.maps import posture_map
 from motionlake.pictures.material import sampled
 from motionlake.pictures.symbol_columns import Columns, of_string, path_indices, shown
 from motionlake.pictures.symbol_figures import (

@@ -7,10 +7,11 @@ from typing import Any, Final
 
 import numpy as np
 from matplotlib.figure import Figure
+from motionlake.deep_motifs.clip_map import LEAST, PERPLEXITY
 from motionlake.evaluation.synthesis import SynthesisEvaluation
 from motionlake.evaluation.synthesis.trials import Trial
 from motionlake.pictures.html import Picture, picture
-from motionlake.pictures.maps import LEAST, PERPLEXITY, beside_map, generator_map
+from motionlake.pictures.maps import beside_map, generator_map
 from motionlake.pictures.stick_figures import draw_strip, spread
 from motionlake.pictures.style import FAINT, TOP, Line, Sheet, styled
 

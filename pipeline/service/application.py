@@ -16,6 +16,7 @@ from motionlake.service import (
     calls,
     clip_map,
     clips,
+    commands,
     events,
     making,
     motion,
@@ -32,7 +33,7 @@ from starlette.types import ASGIApp
 
 _ROUTERS: Final = (
     clips.router, motion.router, timeline.router, search.router, annotating.router, clip_map.router, review.router,
-    making.router, events.router, calls.router, pages.router,
+    making.router, events.router, calls.router, commands.router, pages.router,
 )  # fmt: skip
 _WORTH: Final = 1000  # bytes that are worth being compressed
 

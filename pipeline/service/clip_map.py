@@ -1,4 +1,4 @@
-"""The map of all clips, made once of each catalog."""
+"""The map of all clips, read from the lake or made once of each catalog."""
 
 from __future__ import annotations
 
@@ -6,12 +6,16 @@ from typing import Annotated, Any, Final
 
 import numpy as np
 from fastapi import APIRouter, Query, Request
-from motionlake.arrays import Float32Array, Float64Array
-from motionlake.lake.catalog import reading
+from motionlake.arrays import Float64Array
+from motionlake.deep_motifs.clip_map import places
+from motionlake.lake.catalog import fetch_table
+from motionlake.lake.config import load_config
 from motionlake.service.errors import ServiceError
 from motionlake.service.library import SHOWN
-from motionlake.service.places import clusters, places
+from motionlake.service.places import clusters
 from motionlake.service.served import Served, annotations_of, serving_of
+from motionlake.stages.clip_map import CLIP_MAP, clip_vectors
+from motionlake.stages.reader import lake_reader
 
 router = APIRouter(prefix="/api", tags=["map"])
 _COLOURS: Final = (*SHOWN[1:], "tags")
@@ -45,24 +49,22 @@ def clip_map(request: Request, colour: Annotated[str, Query(max_length=40)] = "l
 
 
 def _places(served: Served) -> tuple[list[str], Float64Array]:
-    names, vectors = _vectors(served)
-    return names, places(vectors, names)
-
-
-def _vectors(served: Served) -> tuple[list[str], Float32Array]:
-    """The descriptors of clips, or their signatures where there are none."""
-    from motionlake.lake.corpus import read_descriptors, read_signatures
-
-    with reading(served.lake) as con:
-        clips, vectors = read_descriptors(con)
-        if not clips:
-            _, clips, vectors = read_signatures(con)
-    known = [i for i, clip in enumerate(clips) if clip.clip in served.library.places]
-    if not known:
-        raise ServiceError(
-            409, "the lake has neither descriptors nor signatures yet; make them with `motionlake run all`"
-        )
-    return [clips[i].clip for i in known], np.asarray(vectors, np.float32)[known]
+    """That of the lake where stage "map" has made it of the lake as it stands, else one made now."""
+    config = load_config(served.lake.config_file)
+    with lake_reader(served.lake, config) as at:
+        shard = CLIP_MAP.whole(at)
+        if shard is None:
+            raise ServiceError(
+                409, "the lake has neither descriptors nor signatures yet; make them with `motionlake run all`"
+            )
+        if CLIP_MAP.due(at) == 0:
+            rows = fetch_table(at.con, "map_of_clips")
+            names, points = rows["clip"].to_pylist(), np.column_stack([rows[axis].to_numpy() for axis in ("x", "y")])
+        else:
+            names, vectors = clip_vectors(at.con, shard.spec["source"])
+            points = places(vectors, names)
+    known = [i for i, name in enumerate(names) if name in served.library.places]
+    return [names[i] for i in known], points[known]
 
 
 def _clusters(served: Served, names: list[str], points: Float64Array) -> list[dict[str, Any]]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, Final
 
+from motionlake.stages.clip_map import CLIP_MAP
 from motionlake.stages.descriptors import DESCRIPTORS
 from motionlake.stages.embed import EMBED
 from motionlake.stages.frames import FRAMES
@@ -48,6 +49,7 @@ EVERY: Final[tuple[Stage, ...]] = (
     TRANSITIONS,
     SYNTH,
     QUALITY,
+    CLIP_MAP,
 )
 ON_REQUEST: Final[Stage] = SYNTHESIZE  # planned for what `motionlake synthesize` is asked for, never due
 

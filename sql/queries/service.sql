@@ -22,3 +22,6 @@ SELECT fault, joint, start, stop, severity FROM quality_ranges WHERE clip = $cli
 -- name: worst_faults
 SELECT clip, fault, joint, start, stop, severity FROM quality_unusual
 ORDER BY severity DESC NULLS LAST, clip, start, fault, joint LIMIT $k;
+
+-- name: map_of_clips
+SELECT clip, x, y FROM clip_map ORDER BY clip;

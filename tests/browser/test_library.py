@@ -11,6 +11,7 @@ import pytest
 Open = Callable[..., Any]
 Shot = Callable[[Any, str], None]
 CARDS = ".card:not(.empty)"
+SHOWN = "picture => picture.toDataURL?.() ?? picture.innerHTML"  # what moves is a canvas, what stands still SVG
 
 
 def total(page: Any) -> int:
@@ -19,9 +20,14 @@ def total(page: Any) -> int:
 
 
 def drawn(page: Any, selector: str) -> bool:
-    """Whether something is drawn on a canvas."""
+    """Whether a stick figure is drawn: limbs of both sides within the picture."""
     found: bool = page.eval_on_selector(
-        selector, "c => c.getContext('2d').getImageData(0, 0, c.width, c.height).data.some((v, i) => i % 4 === 3 && v)"
+        selector,
+        """picture => [...picture.querySelectorAll("path")].every((path) => {
+          const limbs = path.getBBox(), style = getComputedStyle(path);
+          return limbs.height > 5 && limbs.x > 0 && limbs.x + limbs.width < picture.clientWidth
+            && style.display !== "none" && style.stroke !== "none";
+        })""",
     )
     return found
 
@@ -31,7 +37,7 @@ def test_all_clips_are_there_with_pictures(open_page: Open, shot: Shot) -> None:
     page.wait_for_selector(CARDS)
     page.wait_for_timeout(800)
     assert total(page) == 38 or total(page) == 27
-    assert drawn(page, f"{CARDS} canvas")
+    assert drawn(page, f"{CARDS} .thumb")
     shot(page, "library")
 
 
@@ -39,16 +45,40 @@ def test_a_picture_plays_when_pointed_at(open_page: Open) -> None:
     page = open_page()
     page.wait_for_selector(CARDS)
     page.wait_for_timeout(800)
-    canvas = f"{CARDS} canvas"
-    still = page.eval_on_selector(canvas, "c => c.toDataURL()")
+    picture = f"{CARDS} .thumb"
+    still = page.eval_on_selector(picture, SHOWN)
     page.wait_for_timeout(400)
-    assert page.eval_on_selector(canvas, "c => c.toDataURL()") == still
+    assert page.eval_on_selector(picture, SHOWN) == still
     page.hover(CARDS)
     seen = set()
     for _ in range(8):
         page.wait_for_timeout(90)
-        seen.add(page.eval_on_selector(canvas, "c => c.toDataURL()"))
+        seen.add(page.eval_on_selector(picture, SHOWN))
     assert len(seen) > 2
+
+
+def test_rows_that_leave_the_screen_are_used_again(open_page: Open) -> None:
+    """New elements for each row that comes would make scrolling stumble."""
+    page = open_page()
+    page.set_viewport_size({"width": 760, "height": 520})
+    page.wait_for_selector(CARDS)
+    page.wait_for_timeout(800)
+    names = "() => [...document.querySelectorAll('.card .clip-name')].map((name) => name.textContent)"
+    first = page.evaluate(names)
+    page.evaluate("document.querySelectorAll('.grid-row, .card').forEach((part) => { part.dataset.seen = 1; })")
+    assert total(page) > len(first)
+    for _ in range(40):
+        page.evaluate("document.querySelector('.grid').scrollTop += 110")
+        page.wait_for_timeout(20)
+    page.wait_for_function(f"() => document.getElementById('card-{total(page) - 1}')")
+    assert page.evaluate("document.querySelectorAll('.card:not([data-seen])').length") == 0
+    rows = page.evaluate("[...document.querySelectorAll('.grid-row')].map((row) => row.ariaRowIndex)")
+    assert len(set(rows)) == len(rows)
+    last = page.evaluate(names)
+    assert sorted(last) == last
+    assert last[-1] > first[-1]
+    page.wait_for_timeout(500)
+    assert drawn(page, f"#card-{total(page) - 1} .thumb")
 
 
 def test_facets_narrow_down_and_lie_in_the_address(open_page: Open, shot: Shot) -> None:

@@ -1,4 +1,4 @@
-/** Stick figures on a 2-D canvas: of clips in the grid and in lists, where a few lines a body are enough. */
+/** Stick figures of a few lines, of clips in the grid and in lists; and canvases of the size that they are shown. */
 import type { Colours } from "./colours";
 import type { Motion } from "./stream";
 
@@ -35,13 +35,20 @@ export function bonesOf(names: readonly string[], parents: readonly number[]): B
   return { parents, sides: sides as Bones["sides"], head: names.indexOf("head") };
 }
 
-const SIDES = ["right", "body", "left"] as const;
+export const SIDES = ["right", "body", "left"] as const;
 
-/** Draw one frame into a canvas context of `width` x `height` pixels, which is cleared first. */
-export function drawFigure(
-  ctx: CanvasRenderingContext2D, motion: Motion, frame: number, bones: Bones, colours: Colours, width: number, height: number,
-): void {
-  ctx.clearRect(0, 0, width, height);
+/** One frame as the parts of a drawing: the steps of a path of each side, the ground below the hips, the head. */
+export interface Figure {
+  limbs: Record<(typeof SIDES)[number], string>;
+  thick: number;
+  ground: { y: number; rx: number; ry: number };
+  head: { x: number; y: number; r: number } | null;
+}
+
+const short = (value: number): string => value.toFixed(1);
+
+/** A frame of a motion in a picture of `width` x `height` pixels. */
+export function figureOf(motion: Motion, frame: number, bones: Bones, width: number, height: number): Figure {
   const { scale, low, high, floor } = fitted(motion);
   const size = scale * Math.min(height, width * 1.1);
   const from = 3 * motion.joints * Math.min(motion.frames - 1, Math.max(0, frame));
@@ -53,29 +60,37 @@ export function drawFigure(
     across.push(width / 2 + (x * CT - z * ST) * size);
     up.push(height / 2 - (y * CP - (x * ST + z * CT) * SP - middle) * size);
   }
-  ctx.lineCap = "round";
-  ctx.fillStyle = colours.edge; // the ground, below the hips
+  const limbs = { right: "", body: "", left: "" };
+  for (let j = 1; j < motion.joints; j++) {
+    const p = bones.parents[j]!;
+    if (p >= 0) limbs[bones.sides[j]!] += `M${short(across[p]!)} ${short(up[p]!)}L${short(across[j]!)} ${short(up[j]!)}`;
+  }
+  const head = bones.head < 0 ? null : { x: across[bones.head]!, y: up[bones.head]!, r: 0.075 * size };
+  const ground = { y: height / 2 - (floor * CP - middle) * size, rx: 0.34 * size, ry: 0.07 * size };
+  return { limbs, thick: Math.max(1.5, 0.045 * size), ground, head };
+}
+
+/** Draw one frame into a canvas context of `width` x `height` pixels, which is cleared first. */
+export function drawFigure(
+  ctx: CanvasRenderingContext2D, motion: Motion, frame: number, bones: Bones, colours: Colours, width: number, height: number,
+): void {
+  const { limbs, thick, ground, head } = figureOf(motion, frame, bones, width, height);
+  ctx.clearRect(0, 0, width, height);
+  ctx.fillStyle = colours.edge;
   ctx.beginPath();
-  ctx.ellipse(width / 2, height / 2 - (floor * CP - middle) * size, 0.34 * size, 0.07 * size, 0, 0, 7);
+  ctx.ellipse(width / 2, ground.y, ground.rx, ground.ry, 0, 0, 7);
   ctx.fill();
-  ctx.lineWidth = Math.max(1.5, 0.045 * size);
+  ctx.lineCap = "round";
+  ctx.lineWidth = thick;
   for (const side of SIDES) {
     ctx.strokeStyle = colours[side];
-    ctx.beginPath();
-    for (let j = 1; j < motion.joints; j++) {
-      const p = bones.parents[j]!;
-      if (bones.sides[j] !== side || p < 0) continue;
-      ctx.moveTo(across[p]!, up[p]!);
-      ctx.lineTo(across[j]!, up[j]!);
-    }
-    ctx.stroke();
+    ctx.stroke(new Path2D(limbs[side]));
   }
-  if (bones.head >= 0) {
-    ctx.fillStyle = colours.body;
-    ctx.beginPath();
-    ctx.arc(across[bones.head]!, up[bones.head]!, 0.075 * size, 0, 7);
-    ctx.fill();
-  }
+  if (!head) return;
+  ctx.fillStyle = colours.body;
+  ctx.beginPath();
+  ctx.arc(head.x, head.y, head.r, 0, 7);
+  ctx.fill();
 }
 
 /** The context of a canvas of its size on the page, in pixels of the page. */

@@ -10,7 +10,7 @@ import type { Rows } from "./rows";
 import { complain, select, selection, toggle, useStore } from "./store";
 import { Thumb } from "./thumb";
 
-const LEAST = 172, GAP = 10, PICTURE = 132, TEXT = 54;
+const LEAST = 172, GAP = 10, PICTURE = 132, TEXT = 54, BEYOND = 2;
 export const ROW = PICTURE + TEXT + GAP;
 
 interface CardProps {
@@ -51,7 +51,7 @@ interface GridProps { rows: Rows; query: string; colours: Colours }
 
 export function Grid({ rows, query, colours }: GridProps): React.JSX.Element {
   const box = useRef<HTMLDivElement>(null);
-  const [width, setWidth] = useState(0);
+  const [{ width, height }, setSize] = useState({ width: 0, height: 0 });
   const [current, setCurrent] = useState(-1);
   const [focused, setFocused] = useState(false);
   const anchor = useRef(0);
@@ -62,14 +62,22 @@ export function Grid({ rows, query, colours }: GridProps): React.JSX.Element {
   const lines = Math.ceil(total / columns);
 
   useEffect(() => {
-    const watch = new ResizeObserver(([entry]) => setWidth(Math.floor(entry!.contentRect.width)));
+    const watch = new ResizeObserver(([entry]) => {
+      const { width, height } = entry!.contentRect;
+      setSize({ width: Math.floor(width), height: Math.floor(height) });
+    });
     watch.observe(box.current!);
     return () => watch.disconnect();
   }, []);
 
-  const virtual = useVirtualizer({ count: lines, getScrollElement: () => box.current, estimateSize: () => ROW, overscan: 2 });
+  // As many rows at every moment: the elements of one that leaves the screen are used again for the one that comes.
+  const slots = Math.ceil(height / ROW) + 1 + 2 * BEYOND;
+  const rangeExtractor = useCallback(({ startIndex, count }: { startIndex: number; count: number }): number[] => {
+    const first = Math.max(0, Math.min(startIndex - BEYOND, count - slots));
+    return Array.from({ length: Math.min(slots, count) }, (_, i) => first + i);
+  }, [slots]);
+  const virtual = useVirtualizer({ count: lines, getScrollElement: () => box.current, estimateSize: () => ROW, rangeExtractor });
   const items = virtual.getVirtualItems();
-  const pool = 8 * (2 + Math.ceil(items.length / 8)); // rows that leave the screen are used again for those that come
   const first = (items[0]?.index ?? 0) * columns, last = Math.min(total - 1, ((items.at(-1)?.index ?? 5) + 1) * columns - 1);
   useEffect(() => { if (width) rows.show(first, Math.max(first, last)); }, [rows, first, last, width]);
   useEffect(() => {
@@ -121,7 +129,7 @@ export function Grid({ rows, query, colours }: GridProps): React.JSX.Element {
       onFocus={() => { setFocused(true); if (current < 0) setCurrent(first); }} onBlur={() => setFocused(false)}>
       <div className="grid-inner" style={{ height: virtual.getTotalSize() }} role="presentation">
         {width > 0 && items.map((item) => (
-          <div key={item.index % pool} role="row" aria-rowindex={item.index + 1} className="grid-row" style={{ transform: `translateY(${item.start}px)`, gap: GAP }}>
+          <div key={item.index % slots} role="row" aria-rowindex={item.index + 1} className="grid-row" style={{ transform: `translateY(${item.start}px)`, gap: GAP }}>
             {Array.from({ length: Math.min(columns, total - item.index * columns) }, (_, i) => {
               const index = item.index * columns + i;
               const row = rows.at(index);
