@@ -62,14 +62,15 @@ class Graph(ShardStage):
 
     def plan(self, at: LakeReader) -> list[Shard]:
         """Nothing where no method has what it compares, or the lake holds more than `MOST` clips."""
-        every = at.once("every", self.name, lambda: self._every(at))
+        every = at.once("every", self.name, lambda: self.every(at))
         return [shard for shard in every if shard.key not in at.done(self.name)]
 
     def again(self, at: LakeReader, key: str) -> Shard | None:
         """What was made before is at fault where it is made again: nothing is taken from it."""
-        return next((shard for shard in self._every(at, before=False) if shard.key == key), None)
+        return next((shard for shard in self.every(at, before=False) if shard.key == key), None)
 
-    def _every(self, at: LakeReader, *, before: bool = True) -> list[Shard]:
+    def every(self, at: LakeReader, *, before: bool = True) -> list[Shard]:
+        """All shards that the lake as it stands needs, done or not; `before`: they take from those of before."""
         live = frames_parts(at.con)
         made = {method: made_keys(at, stage) for method, stage in SOURCES.items()}
         methods = [method for method, keys in made.items() if keys]
@@ -82,7 +83,7 @@ class Graph(ShardStage):
             "alignment": alignment,
             "moves": [MOVES.file(part.key) for part in made_parts(at)],
             "settings": config_hash(self.name, self.version, KIND, methods, alignment, clips["clips"] > ALL),
-            "made": _made_of(at, live),
+            "made": made_of(at, live),
             "before": _files_of(at, self.name) if before else [],
         }
         of = config_hash(self.name, self.version, KIND, made, clips["digest"], alignment)
@@ -150,7 +151,7 @@ def _files_of(at: LakeReader, stage: str) -> list[str]:
     return [file for row in fetch(at.con, "shards", {"stage": stage}) if row["state"] == "ok" for file in row["files"]]
 
 
-def _made_of(at: LakeReader, live: Sequence[Part]) -> dict[str, str]:
+def made_of(at: LakeReader, live: Sequence[Part]) -> dict[str, str]:
     """By frames part, what each method compares of its clips."""
     keys: dict[str, list[tuple[str, str]]] = {part.part: [] for part in live}
     for method, stage in SOURCES.items():

@@ -233,8 +233,12 @@ class PartStage(ShardStage):
         shaping = None if above is None else self.shaping(at)
         if above is None or shaping is None:
             return None
-        keys = (config_hash(self.name, self.version, p.key, *shaping) for p in above)
+        keys = (self.key_of(p.key, shaping) for p in above)
         return [replace(p, upstream=p.key, key=key) for p, key in zip(above, keys, strict=True)]
+
+    def key_of(self, upstream: str, shaping: Sequence[Any]) -> str:
+        """The key of what the stage makes, given the key of what it reads, and what `shaping` tells."""
+        return config_hash(self.name, self.version, upstream, *shaping)
 
     def plan(self, at: LakeReader) -> list[Shard]:
         done = at.done(self.name)
