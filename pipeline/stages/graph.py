@@ -14,6 +14,7 @@ from typing import Any, Final
 
 import numpy as np
 import pyarrow as pa
+from motionlake.arrays import Int64Array
 from motionlake.lake.catalog import Connection, fetch, run_sql
 from motionlake.lake.config import config_hash, load_config
 from motionlake.lake.layout import Lake
@@ -174,7 +175,8 @@ def lists_of(
     places = {clip: place for place, clip in enumerate(compared.clips)}
     as_nodes = np.array([nodes[clip] for clip in compared.clips], dtype=np.int64)
     every = np.arange(len(as_nodes))
-    came = np.array([place for clip, place in places.items() if clip not in before.clips], dtype=np.int64)
+    new_here = np.array([clip not in before.clips for clip in compared.clips], dtype=np.bool_)
+    came = np.flatnonzero(new_here)
     with_all = with_new = None
     found: list[Listed] = []
     for clip in own:
@@ -184,8 +186,8 @@ def lists_of(
             continue
         known = before.still(method, clip, nodes, KEPT) if clip in before.held else None
         if chosen is not None:
-            rows = np.flatnonzero(np.isin(as_nodes, chosen[clip].nodes, assume_unique=True))
-            near, apart = compared.nearest_of(place, rows if known is None else np.intersect1d(rows, came), KEPT)
+            rows = _places_of(as_nodes, chosen[clip].nodes)
+            near, apart = compared.nearest_of(place, rows if known is None else rows[new_here[rows]], KEPT)
         elif known is None:
             with_all = with_all or compared.nearest(every)
             near, apart = with_all(place, KEPT)
@@ -194,6 +196,13 @@ def lists_of(
             near, apart = with_new(place, KEPT)
         new = as_nodes[near], apart
         found.append(new if known is None else merged([known, new], KEPT))
+    return found
+
+
+def _places_of(every: Int64Array, some: Int64Array) -> Int64Array:
+    """Where some nodes stand among all, those that do; both ascending."""
+    at = np.searchsorted(every, some)
+    found: Int64Array = at[np.append(every, -1)[at] == some]
     return found
 
 

@@ -23,7 +23,7 @@ from motionlake.stages.merge_graph import follow_graph
 from motionlake.stages.merge_shortlist import follow_shortlist
 from motionlake.stages.reader import LakeReader
 from motionlake.stages.registry import STAGES
-from motionlake.stages.stage import Shard, ShardResult, ShardStage
+from motionlake.stages.stage import PartStage, Shard, ShardResult, ShardStage
 
 MERGED_ROWS: Final = pa.schema(
     [
@@ -59,8 +59,9 @@ class Merge(ShardStage):
         made: dict[str, int] = {}
         for file, (stage, parts) in sorted(spec["files"].items()):
             paths = {part: sound(lake, source) for part, source in parts.items()}
-            schema = getattr(STAGES[stage], "schema", None)
-            merge_parts(paths, order, lake.path(file), shard.part, spec["keys"][stage], schema)
+            maker = STAGES[stage]
+            merge = maker.merge if isinstance(maker, PartStage) else merge_parts
+            merge(paths, order, lake.path(file), shard.part, spec["keys"][stage])
             made[file] = lake.path(file).stat().st_size
         return ShardResult(shard, len(order), sum(made.values()), tuple(made), time.perf_counter() - started)
 
