@@ -133,6 +133,8 @@ SMOKES: Final[Sequence[Smoke]] = (
     Smoke("bench.sorting", ("hdm05", "--seeds", "0"), {}),
     Smoke("bench.first_pages", ("OUT/pages",), {"bench.first_pages.DRAWN": {"cmu_exercises": 1}}),
     Smoke("bench.nights", ("--first", "6", "--nights", "2", "--clips", "2", "--seconds", "1", "--every", "1")),
+    Smoke("bench.window_search", ("--clips", "6", "--queries", "2", "--rounds", "1"),
+          {"motionlake.stages.windows.MOST": 1}),
     Smoke("bench.stages_cost", ("--clips", "4", "8", "--workers", "1")),
     Smoke("bench.browser_scroll", (), {"bench.browser_scroll.CLIPS": 300, "bench.browser_scroll.SECONDS": 0.3,
           "bench.browser_scroll.LOADS": 1, "bench.browser_scroll.ROUNDS": 3}, recordings=False, peers=("playwright",)),
