@@ -8,7 +8,7 @@ SITE ?= site
 # The folders of the repository under the names they are imported by, for tools that read the files.
 LINKS = rm -rf .venv/src && mkdir -p .venv/src/motionlake && \
 	ln -s $(CURDIR)/pipeline/* $(CURDIR)/jobs $(CURDIR)/sql .venv/src/motionlake/
-STAGES := frames words embed motifs signatures mirrored postures symbols moves descriptors submotions graph shortlist
+STAGES := frames words embed motifs signatures mirrored postures symbols moves descriptors submotions graph shortlist windows
 # What `make demo` takes in: by default the DeepMimic motions, fetched first.
 DATA ?= demo/deepmimic
 DEMO_LAKE = demo/$(notdir $(abspath $(DATA)))-lake
@@ -22,7 +22,7 @@ DEMO_SYNTHESIS = $(if $(filter demo/deepmimic,$(DATA)),$(BIN)/motionlake run syn
 DEMO_QUERIES = $(if $(filter demo/deepmimic,$(DATA)),humanoid3d_walk humanoid3d_kick humanoid3d_dance_a,--sample 3)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test test-browser web lint docs ingest all $(STAGES) neighbours transitions synth quality map status wheel bench-ingest bench-dtw bench-moves bench-emd bench-generalise bench-retrieval bench-scale bench-service bench-browser bench-stages bench-representation bench-word-network bench-motif-weights bench-words bench-find bench-motion-graph bench-neighbours bench-segmentation bench-signatures bench-sorting bench-align bench-strings bench-pesta bench-quality bench-rigs bench-descriptor-search bench-deephums bench-glogen bench-synthesis bench-matching bench-made bench-blind bench-keyframes bench-style bench-text bench-kills bench-many bench-comparators bench-mutation bench-smoke fuzz records
+.PHONY: help setup demo test test-browser web lint docs ingest all $(STAGES) neighbours transitions synth quality map status wheel bench-ingest bench-dtw bench-moves bench-emd bench-generalise bench-retrieval bench-scale bench-service bench-browser bench-stages bench-nights bench-windows bench-representation bench-word-network bench-motif-weights bench-words bench-find bench-motion-graph bench-neighbours bench-segmentation bench-signatures bench-sorting bench-align bench-strings bench-pesta bench-quality bench-rigs bench-descriptor-search bench-deephums bench-glogen bench-synthesis bench-matching bench-made bench-blind bench-keyframes bench-style bench-text bench-kills bench-many bench-comparators bench-mutation bench-smoke fuzz records
 
 help: ## Show this help
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 24
@@ -104,6 +104,7 @@ descriptors: setup ## Stage: train the descriptor network if there is none, one 
 submotions: setup ## Stage: train the sub-motion encoder if there is none, vectors of the windows of clips
 graph: setup ## Stage: the clips nearest to each clip, along which search goes
 shortlist: setup ## Stage: short vectors by which the search of a large lake chooses the clips that it compares
+windows: setup ## Stage: codes of the windows of clips, by which pieces are looked for in a large lake
 neighbours: setup ## Stage of its own: the nearest words of every word in other clips
 	$(BIN)/motionlake run neighbours --lake "$(LAKE)"
 transitions: setup ## Stage of its own: where clips of DATASET=name (all datasets) can be joined into motion graphs
@@ -152,6 +153,12 @@ bench-browser: setup ## Measure the grid of the browser application in a lake of
 
 bench-stages: setup ## Measure what every stage costs a frame, by lakes of more and more clips as long as BONES-SEED's
 	$(BIN)/python -m bench.stages_cost
+
+bench-nights: setup ## Measure NIGHTS=n (30) runs of 50 new clips into one lake: time, files, catalog, and what grows
+	$(BIN)/python -m bench.nights $(if $(NIGHTS),--nights $(NIGHTS))
+
+bench-windows: setup ## Measure the search of pieces in a large lake by codes beside a scan of all vectors: recall, time
+	$(BIN)/python -m bench.window_search
 
 bench-quality: setup ## Measure how many faults planted in recordings are found
 	$(BIN)/python -m bench.quality

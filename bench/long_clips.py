@@ -50,8 +50,10 @@ def places(recorded: int, frames: int, rng: np.random.Generator) -> Int64Array:
     return np.minimum(turned, 2 * recorded - 2 - turned) if recorded > 1 else np.zeros(frames, dtype=np.int64)
 
 
-def write_long_clips(recordings: Sequence[Recording], first: int, stop: int, folder: Path) -> int:
+def write_long_clips(recordings: Sequence[Recording], first: int, stop: int, folder: Path, mean: float = MEAN) -> int:
     """Write the clips numbered [first, stop) below a folder, a folder a thousand; returns how many frames they have.
+
+    `mean`: seconds that a clip lasts in the mean.
 
     A clip depends on its number alone, so any cut into shards writes the same files.
     """
@@ -59,7 +61,7 @@ def write_long_clips(recordings: Sequence[Recording], first: int, stop: int, fol
     for number in range(first, stop):
         rng = np.random.default_rng([7, number])
         recording = recordings[int(rng.integers(len(recordings)))]
-        frames = round(max(SHORTEST, rng.gamma(SHAPE, MEAN / SHAPE)) * FPS)
+        frames = round(max(SHORTEST, rng.gamma(SHAPE, mean / SHAPE)) * FPS)
         lines = [recording.frames[at] for at in places(len(recording.frames), frames, rng).tolist()]
         target = folder / f"{number // 1000:03}" / f"{recording.name}_{number:06}.bvh"
         target.parent.mkdir(parents=True, exist_ok=True)

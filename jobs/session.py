@@ -40,6 +40,8 @@ FINISH_ROWS = pa.schema(
     }
 )  # fmt: skip
 FEW = 4  # shards that are made again sooner in this process than a cluster starts
+FEW_CLIPS = 64  # of which the same holds, where what their shards read of parts is no more than `FEW_BYTES`
+FEW_BYTES = 16 << 20
 NO_FAULT_OF_SHARDS = (*FULL, errno.EROFS)  # all of them would fail
 LOAD_EVERY = 5.0  # seconds; what a killed run has done since it last loaded is done again
 
@@ -90,13 +92,14 @@ class Session:
     _stack: ExitStack = field(default_factory=ExitStack)
     _client: Client | None = None
 
-    def client(self, shards: int) -> Client:
+    def client(self, shards: int, clips: int | None = None) -> Client:
         """The cluster: one of its own has a worker for each shard, up to `workers` (default: one a core, if there is
-        memory for so many)."""
+        memory for so many, and one for every `FEW_CLIPS` clips where it is known how many there are)."""
         from motionlake.jobs.cluster import cluster, grow  # Dask takes half a second to import
 
         cores = os.cpu_count() or 1
-        wanted = min(self.workers or memory.workers_that_fit(cores), shards)
+        worth = cores if clips is None else max(1, -(-clips // FEW_CLIPS))
+        wanted = min(self.workers or min(memory.workers_that_fit(cores), worth), shards)
         if (
             self._client is None
             and self.scheduler is None
@@ -116,21 +119,20 @@ class Session:
     ) -> Outcome:
         """Run shards, load results every few seconds in one transaction, or `at_once`; record failures and reasons.
 
-        They run on the cluster, which starts if there are any; or `here`, in this process, one after the other: a few
-        seconds less for work that is soon done.
+        They run on the cluster, which starts if there are any; or `here`, in this process, one after the other. So do
+        few clips where nobody asked for workers: the workers of a cluster take longer to start and to import what they
+        need. Source files are left to workers, which one of them may end.
         """
         outcome = Outcome()
         if not shards:
             return outcome
-        client = None if here else self.client(len(shards))
-        # The cut into shards, before any runs: a resumed run must make the same parts.
-        plan = [
-            {"stage": s.stage, "key": s.key, "part": s.part, "dataset": s.dataset, "spec": json.dumps(s.spec)}
-            for s in shards
-        ]
-        with writing(self.lake) as con:
-            load_rows(con, "plan_shards", table_of(plan, PLAN_ROWS))
-        shards = with_inputs(self.lake, shards)
+        planned, shards = shards, with_inputs(self.lake, shards)
+        client = (
+            None if here or self._soon_done(stage, shards) else self.client(len(shards), sum(s.items for s in shards))
+        )
+        if stage.cut_is_kept:
+            with writing(self.lake) as con:
+                load_rows(con, "plan_shards", _planned(planned))
         total = sum(s.items for s in shards)
         self.progress(stage.name, 0, total)
         waiting: list[ShardResult] = []
@@ -162,6 +164,16 @@ class Session:
         outcome += _load(self.lake, stage, waiting, failures)
         return outcome
 
+    def _soon_done(self, stage: ShardStage, shards: Sequence[Shard]) -> bool:
+        """Whether shards are done sooner in this process than a cluster has started, which does not run yet."""
+        if stage.cut_is_kept or (self.workers, self.scheduler, self._client) != (None, None, None):
+            return False
+        read = {
+            file.file: file.size for shard in shards for file in shard.inputs if not file.file.startswith("models/")
+        }
+        few = sum(shard.items for shard in shards) <= FEW_CLIPS and sum(read.values()) <= FEW_BYTES
+        return few or len(shards) == 1
+
     def remade(self, stage: ShardStage, shards: Sequence[Shard]) -> Iterator[tuple[Shard, ShardResult | BaseException]]:
         """Run shards for the files that they write, and load nothing: their rows are in the catalog."""
         total, done = sum(s.items for s in shards), 0
@@ -169,7 +181,7 @@ class Session:
             return
         root = self.lake.root
         few = len(shards) <= FEW
-        run = run_here(root, stage, shards) if few else run_on(root, stage, shards, self.client(len(shards)))
+        run = run_here(root, stage, shards) if few else run_on(root, stage, shards, self.client(len(shards), total))
         for shard, found in run:
             done += shard.items
             self.progress(stage.name, done, total)
@@ -241,6 +253,8 @@ def _load(
     rows = [_row(r.shard, "ok", rows=r.rows, bytes=r.size, files=list(r.files), seconds=r.seconds) for r in ordered]
     rows += [_row(shard, "failed", reason=reason) for shard, reason in failures]
     with writing(lake) as con:
+        if not stage.cut_is_kept:
+            load_rows(con, "plan_shards", _planned([*(r.shard for r in ordered), *(shard for shard, _ in failures)]))
         if ordered:
             stage.load(con, lake.root, ordered)
         load_rows(con, "finish_shards", table_of(rows, FINISH_ROWS))
@@ -250,6 +264,15 @@ def _load(
         rejected=sum(r.rejected for r in ordered), rows=sum(r.rows for r in ordered),
         bytes=sum(r.size for r in ordered), reason=failures[-1][1] if failures else "",
     )  # fmt: skip
+
+
+def _planned(shards: Sequence[Shard]) -> pa.Table:
+    """Rows of the manifest before shards have run."""
+    rows = [
+        {"stage": s.stage, "key": s.key, "part": s.part, "dataset": s.dataset, "spec": json.dumps(s.spec)}
+        for s in shards
+    ]
+    return table_of(rows, PLAN_ROWS)
 
 
 def _row(shard: Shard, state: str, **result: object) -> dict[str, object]:

@@ -15,6 +15,7 @@ from pathlib import Path
 import pytest
 from motionlake.errors import UserError
 from motionlake.jobs import cluster
+from motionlake.jobs.run import run
 from motionlake.jobs.session import session
 from motionlake.lake.layout import open_lake
 
@@ -99,6 +100,26 @@ def test_there_are_no_more_workers_than_shards(tmp_path: Path) -> None:
     lake = open_lake(quick_lake(tmp_path / "lake"))
     with session(lake, "test", lambda *_: None, lambda _: None, workers=2) as job:
         assert [len(job.client(shards).nthreads()) for shards in (1, 3, 1)] == [1, 2, 2]
+
+
+def test_few_clips_need_no_cluster(tmp_path: Path, clips_folder: Path) -> None:
+    """Stages after frames run in this process, and change the catalog once each."""
+    serve_forks()
+    root = quick_lake(tmp_path / "lake")
+    assert motionlake("ingest", clips_folder, "--lake", root, "--workers", "1").status == 0
+
+    def transactions() -> int:
+        return max(int(path.name.partition("-")[0]) for path in root.glob("kept/*"))
+
+    with session(open_lake(root), "test", lambda *_: None, lambda _: None) as job:
+        before = transactions()
+        run(job, ["words", "moves"])
+        assert job._client is None
+        assert transactions() == before + 2
+    assert {row[0] for row in query(root, "SELECT DISTINCT state FROM manifest WHERE stage = 'words'")} == {"ok"}
+    with session(open_lake(root), "test", lambda *_: None, lambda _: None, workers=1) as job:
+        run(job, ["postures"])
+        assert job._client is not None
 
 
 def test_a_worker_that_cannot_see_the_lake_is_a_clear_error(

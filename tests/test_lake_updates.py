@@ -97,6 +97,7 @@ def test_one_new_clip_costs_one_clip(own_lake: Path, source: Path, scheduler: st
         "submotions": 1,
         "graph": 1,
         "shortlist": 0,
+        "windows": 0,
     }
     after = tables(own_lake)
     assert len(after["clips"]) == len(before["clips"]) + 1

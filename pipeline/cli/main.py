@@ -39,6 +39,7 @@ COMMANDS: Final = {
     "Keep it": {
         "verify": "Compare a lake with what was written: one row a fault; exit status 1 where there is one, else 0.",
         "repair": "Make damaged or missing files of a lake again, as they were.",
+        "compact": "Merge the small files that many runs have left into few; nothing is computed anew.",
         "backup": "Copy into one archive what could not be made again.",
         "restore": "Make a lake from a backup; what that does not hold is made again from the sources.",
     },
@@ -80,6 +81,7 @@ MODULES: Final = {
     "fetch": ("fetch", "cite"),
     "lake": ("init", "migrate", "status"),
     "rig": ("rig",),
+    "compact": ("compact",),
     "mend": ("verify", "repair", "backup", "restore"),
     "search": ("search", "find"),
     "align": ("align",),

@@ -159,7 +159,12 @@ class RigsFooter:
     def metadata(self) -> dict[str, str]:
         """The footer's key and text."""
         found = [{"rig": rig, "clips": clips, "joints": json.loads(said)} for (rig, said), clips in self._clips.items()]
-        return {RIGS: _json(found)}
+        return rigs_footer(found)
+
+
+def rigs_footer(maps: Sequence[Mapping[str, Any]]) -> dict[str, str]:
+    """The footer's key and text for rig maps: `rig`, `clips` and `joints` of each."""
+    return {RIGS: _json(maps)}
 
 
 def _said(joint: RigJoint) -> dict[str, Any]:

@@ -17,7 +17,7 @@ from motionlake.deep_motifs.signatures import CorpusClip
 from motionlake.deephums.config import SHORTEST
 from motionlake.deephums.sequence import FPS, clip_sequence, frames_of, in_sequence, piece_windows
 from motionlake.errors import UserError
-from motionlake.lake.catalog import fetch, reading
+from motionlake.lake.catalog import Connection, fetch, reading
 from motionlake.lake.integrity import sound
 from motionlake.lake.layout import Lake
 from motionlake.lake.settings import served_config
@@ -27,10 +27,12 @@ from motionlake.retrieval.encode import features_of_clips, query_motion
 from motionlake.retrieval.hits import Hit, range_hit
 from motionlake.retrieval.protocol import LakeSearcher, Query, Scope, about
 from motionlake.stages.submotions import KEPT, SUBMOTIONS
+from motionlake.stages.windows import WINDOWS
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
     from motionlake.deephums.submotions import TrainedSubmotion
+    from motionlake.retrieval.window_scan import WindowScan
 
 
 # Frames of words at the ends of a piece that smoothing and differences make unlike those of the uncut motion.
@@ -73,6 +75,7 @@ class SubmotionSearcher(LakeSearcher):
         if served is None:
             raise UserError(f"{lake.root}: has no windows to find pieces in yet; make them with `motionlake run all`")
         self._file, self._words = served.file, served_config(lake).words
+        self._scan = _opened(lake)
 
     def distances(self, queries: Sequence[Query], gallery: Sequence[Query]) -> Float64Array:
         known = [self._windows(query) for query in gallery]
@@ -87,10 +90,10 @@ class SubmotionSearcher(LakeSearcher):
 
     def _answers(self, query: Query, k: int, scope: Scope, mirrored: bool) -> list[Hit]:
         piece = self._piece(query, own=scope.own, mirrored=mirrored)
-        descriptor = self._network.embed([piece.sequence])[0].tolist()
+        descriptor = self._network.embed([piece.sequence])[0]
         without = dict(zip(("clip", "first", "last"), piece.own or (None, 0, 0), strict=True))
         with reading(self.lake) as con:
-            rows = fetch(con, "clips_holding", scope.as_parameters(con) | without | {"descriptor": descriptor, "k": k})
+            rows = self.holding(con, descriptor, k, scope, without)
             features = features_of_clips(con, self.lake, self._words, [row["clip"] for row in rows])
         hits = []
         for row, held in zip(rows, features, strict=True):
@@ -98,6 +101,18 @@ class SubmotionSearcher(LakeSearcher):
             start, stop, cost = place(piece, row, held, self._words)
             hits.append(range_hit(clip, start, stop, distance, cost=cost))
         return hits
+
+    def holding(
+        self, con: Connection, descriptor: Float32Array, k: int, scope: Scope, without: Mapping[str, Any]
+    ) -> list[dict[str, Any]]:
+        """The k clips that hold the windows nearest to a descriptor [512], with their distances.
+
+        `without`: as `WindowScan.holding`.
+        """
+        if self._scan is not None:
+            return self._scan.holding(con, descriptor, k, scope, without)
+        asked = {**scope.as_parameters(con), **without, "descriptor": descriptor.tolist(), "k": k}
+        return fetch(con, "clips_holding", asked)
 
     def _piece(self, query: Query, *, own: bool = True, mirrored: bool = False) -> Piece:
         motion = query_motion(self.lake, query, mirrored=mirrored)
@@ -117,6 +132,16 @@ class SubmotionSearcher(LakeSearcher):
         from motionlake.deephums.submotions import load_submotion
 
         return load_submotion(sound(self.lake, self._file))
+
+
+def _opened(lake: Lake) -> WindowScan | None:
+    """The codes of windows, which large lakes have."""
+    with reading(lake) as con:
+        if not fetch(con, "stage_has_made", {"stage": WINDOWS.name})[0]["made"]:
+            return None
+        from motionlake.retrieval.window_scan import WindowScan  # kernels take a moment to import
+
+        return WindowScan.open(lake, con)
 
 
 def piece_of(

@@ -125,6 +125,7 @@ class ClipStage(ShardStage):
     schemas: ClassVar[Mapping[str, pa.Schema]]
     replaces: ClassVar[str]
     folders = ("frames", "raw")
+    cut_is_kept = True
 
     @abstractmethod
     def make(self, lake: Lake, shard: Shard, parts: ClipParts) -> None:

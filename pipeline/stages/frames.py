@@ -195,7 +195,7 @@ def shard_of(root: Root, files: Sequence[SourceFile], config: LakeConfig, allowe
 
     Limits are no part of its key, for they shape no frame.
     """
-    key = config_hash(FRAMES.name, root.dataset, shaping_hash, [[f.path, f.content_hash] for f in files])
+    key = frames_key(root.dataset, shaping_hash, [(f.path, f.content_hash) for f in files])
     spec = {
         "base": root.kept_base,
         "files": [asdict(f) for f in files],
@@ -206,6 +206,11 @@ def shard_of(root: Root, files: Sequence[SourceFile], config: LakeConfig, allowe
         "shaping_hash": shaping_hash,
     }
     return Shard(FRAMES.name, key, key[:16], root.dataset, spec, len(files))
+
+
+def frames_key(dataset: str, shaping_hash: str, files: Sequence[tuple[str, str]]) -> str:
+    """The key of the part that is read from files, (path, sha256 of the content) by path."""
+    return config_hash(FRAMES.name, dataset, shaping_hash, [list(file) for file in files])
 
 
 def canonical_motions(

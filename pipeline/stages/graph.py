@@ -14,6 +14,7 @@ from typing import Any, Final
 
 import numpy as np
 import pyarrow as pa
+from motionlake.arrays import Int64Array
 from motionlake.lake.catalog import Connection, fetch, run_sql
 from motionlake.lake.config import config_hash, load_config
 from motionlake.lake.layout import Lake
@@ -62,14 +63,15 @@ class Graph(ShardStage):
 
     def plan(self, at: LakeReader) -> list[Shard]:
         """Nothing where no method has what it compares, or the lake holds more than `MOST` clips."""
-        every = at.once("every", self.name, lambda: self._every(at))
+        every = at.once("every", self.name, lambda: self.every(at))
         return [shard for shard in every if shard.key not in at.done(self.name)]
 
     def again(self, at: LakeReader, key: str) -> Shard | None:
         """What was made before is at fault where it is made again: nothing is taken from it."""
-        return next((shard for shard in self._every(at, before=False) if shard.key == key), None)
+        return next((shard for shard in self.every(at, before=False) if shard.key == key), None)
 
-    def _every(self, at: LakeReader, *, before: bool = True) -> list[Shard]:
+    def every(self, at: LakeReader, *, before: bool = True) -> list[Shard]:
+        """All shards that the lake as it stands needs, done or not; `before`: they take from those of before."""
         live = frames_parts(at.con)
         made = {method: made_keys(at, stage) for method, stage in SOURCES.items()}
         methods = [method for method, keys in made.items() if keys]
@@ -82,7 +84,7 @@ class Graph(ShardStage):
             "alignment": alignment,
             "moves": [MOVES.file(part.key) for part in made_parts(at)],
             "settings": config_hash(self.name, self.version, KIND, methods, alignment, clips["clips"] > ALL),
-            "made": _made_of(at, live),
+            "made": made_of(at, live),
             "before": _files_of(at, self.name) if before else [],
         }
         of = config_hash(self.name, self.version, KIND, made, clips["digest"], alignment)
@@ -150,7 +152,7 @@ def _files_of(at: LakeReader, stage: str) -> list[str]:
     return [file for row in fetch(at.con, "shards", {"stage": stage}) if row["state"] == "ok" for file in row["files"]]
 
 
-def _made_of(at: LakeReader, live: Sequence[Part]) -> dict[str, str]:
+def made_of(at: LakeReader, live: Sequence[Part]) -> dict[str, str]:
     """By frames part, what each method compares of its clips."""
     keys: dict[str, list[tuple[str, str]]] = {part.part: [] for part in live}
     for method, stage in SOURCES.items():
@@ -173,7 +175,8 @@ def lists_of(
     places = {clip: place for place, clip in enumerate(compared.clips)}
     as_nodes = np.array([nodes[clip] for clip in compared.clips], dtype=np.int64)
     every = np.arange(len(as_nodes))
-    came = np.array([place for clip, place in places.items() if clip not in before.clips], dtype=np.int64)
+    new_here = np.array([clip not in before.clips for clip in compared.clips], dtype=np.bool_)
+    came = np.flatnonzero(new_here)
     with_all = with_new = None
     found: list[Listed] = []
     for clip in own:
@@ -183,8 +186,8 @@ def lists_of(
             continue
         known = before.still(method, clip, nodes, KEPT) if clip in before.held else None
         if chosen is not None:
-            rows = np.flatnonzero(np.isin(as_nodes, chosen[clip].nodes, assume_unique=True))
-            near, apart = compared.nearest_of(place, rows if known is None else np.intersect1d(rows, came), KEPT)
+            rows = _places_of(as_nodes, chosen[clip].nodes)
+            near, apart = compared.nearest_of(place, rows if known is None else rows[new_here[rows]], KEPT)
         elif known is None:
             with_all = with_all or compared.nearest(every)
             near, apart = with_all(place, KEPT)
@@ -193,6 +196,13 @@ def lists_of(
             near, apart = with_new(place, KEPT)
         new = as_nodes[near], apart
         found.append(new if known is None else merged([known, new], KEPT))
+    return found
+
+
+def _places_of(every: Int64Array, some: Int64Array) -> Int64Array:
+    """Where some nodes stand among all, those that do; both ascending."""
+    at = np.searchsorted(every, some)
+    found: Int64Array = at[np.append(every, -1)[at] == some]
     return found
 
 

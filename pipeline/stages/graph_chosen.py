@@ -78,8 +78,9 @@ def _chosen(nodes: Int64Array, apart: Mapping[str, Float32Array], count: int) ->
     taken = np.zeros(len(nodes), dtype=np.bool_)
     radii: dict[str, float] = {}
     for method, row in apart.items():
-        there = np.sort(row[np.isfinite(row)])[:count]
-        radius = float(there[-1]) if len(there) else -1.0
+        there = row[np.isfinite(row)]
+        last = min(count, len(there)) - 1
+        radius = float(np.partition(there, last)[last]) if len(there) else -1.0
         near = np.flatnonzero(row <= _reach(radius))
         if len(near) > ALIKE * count:
             near, radius = near[np.argsort(row[near], kind="stable")[: ALIKE * count]], -1.0

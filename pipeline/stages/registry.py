@@ -29,6 +29,7 @@ from motionlake.stages.symbols import SYMBOLS
 from motionlake.stages.synthesis import SYNTH
 from motionlake.stages.synthesize import SYNTHESIZE
 from motionlake.stages.transitions import TRANSITIONS
+from motionlake.stages.windows import WINDOWS
 from motionlake.stages.words import WORDS
 
 EVERY: Final[tuple[Stage, ...]] = (
@@ -45,6 +46,7 @@ EVERY: Final[tuple[Stage, ...]] = (
     SUBMOTIONS,
     GRAPH,
     SHORTLIST,
+    WINDOWS,
     NEIGHBOURS,
     TRANSITIONS,
     SYNTH,

@@ -59,14 +59,15 @@ class Shortlist(ShardStage):
 
     def plan(self, at: LakeReader) -> list[Shard]:
         """Nothing where no method has what it compares, or the lake holds no more than `MOST` clips."""
-        shard = at.once("every", self.name, lambda: self._whole(at))
+        shard = at.once("every", self.name, lambda: self.whole(at))
         return [] if shard is None or shard.key in at.done(self.name) else [shard]
 
     def again(self, at: LakeReader, key: str) -> Shard | None:
-        shard = self._whole(at)
+        shard = self.whole(at)
         return shard if shard is not None and shard.key == key else None
 
-    def _whole(self, at: LakeReader) -> Shard | None:
+    def whole(self, at: LakeReader) -> Shard | None:
+        """The shard that the lake as it stands needs, done or not; None where it needs none."""
         live = frames_parts(at.con)
         made = {method: made_keys(at, stage) for method, stage in COMPARED.items()}
         methods = [method for method, keys in made.items() if keys]

@@ -19,6 +19,7 @@ from motionlake.lake.catalog import Connection, fetch, run_sql
 from motionlake.lake.config import config_hash
 from motionlake.lake.integrity import FileSums, sound
 from motionlake.lake.layout import Lake
+from motionlake.lake.merging import Order, merge_parts
 from motionlake.lake.parts import PartWriter, check_part, replacing
 from motionlake.stages.model_kind import ModelKind
 from motionlake.stages.reader import LakeReader
@@ -109,7 +110,14 @@ class Stage(ABC):
 
 
 class ShardStage(Stage):
-    """A stage whose work is done in shards."""
+    """A stage whose work is done in shards.
+
+    Attributes:
+        cut_is_kept: shards are entered before any runs, in a transaction more: what is cut into shards changes, and a
+            run that goes on must make the same parts.
+    """
+
+    cut_is_kept: ClassVar[bool] = False
 
     @abstractmethod
     def plan(self, at: LakeReader) -> list[Shard]:
@@ -233,8 +241,12 @@ class PartStage(ShardStage):
         shaping = None if above is None else self.shaping(at)
         if above is None or shaping is None:
             return None
-        keys = (config_hash(self.name, self.version, p.key, *shaping) for p in above)
+        keys = (self.key_of(p.key, shaping) for p in above)
         return [replace(p, upstream=p.key, key=key) for p, key in zip(above, keys, strict=True)]
+
+    def key_of(self, upstream: str, shaping: Sequence[Any]) -> str:
+        """The key of what the stage makes, given the key of what it reads, and what `shaping` tells."""
+        return config_hash(self.name, self.version, upstream, *shaping)
 
     def plan(self, at: LakeReader) -> list[Shard]:
         done = at.done(self.name)
@@ -259,6 +271,10 @@ class PartStage(ShardStage):
         """The part that a shard writes, relative to the lake."""
         name = f"{self.name}-{key[:16]}" if self.folder == STAGING else key[:16]
         return f"{self.folder}/{name}.parquet"
+
+    def merge(self, parts: Mapping[str, Path], order: Order, target: Path, part: str, key: str) -> None:
+        """Write the rows of clips that several of its parts hold as one (`merge_parts`)."""
+        merge_parts(parts, order, target, part, key, self.schema)
 
     def entered(self, key: str) -> str:
         """The part whose rows enter the catalog."""

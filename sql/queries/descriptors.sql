@@ -28,3 +28,24 @@ DELETE FROM descriptors WHERE NOT EXISTS (FROM clips c WHERE c.clip = descriptor
 
 -- name: forget_orphans_of_submotion_parts
 DELETE FROM submotion_parts WHERE part NOT IN (SELECT part FROM clips);
+
+-- name: window_files
+-- Of every part with windows, the files of their vectors and of their codes, with the keys; NULL where there are none.
+SELECT p.part, v.key, v.files[1] AS vectors, w.key AS codes_key, w.files[1] AS codes
+FROM submotion_parts p
+JOIN manifest v ON v.stage = 'submotions' AND v.state = 'ok' AND v.part = p.part
+LEFT JOIN manifest w ON w.stage = 'windows' AND w.state = 'ok' AND w.part = p.part
+ORDER BY p.part;
+
+-- name: clips_holding_among
+-- As `clips_holding`, of some clips, given the files that hold their windows.
+SELECT n.distance, n.clip, c.dataset, c.label, c.subject, c.split, c.fps, c.frames, c.format = 'synthetic' AS synthetic
+FROM (
+    SELECT s.clip, min(array_distance(s.descriptor::FLOAT[512], $descriptor::FLOAT[512])) AS distance
+    FROM read_parquet($files) s
+    SEMI JOIN (SELECT unnest($clips::VARCHAR[]) AS clip) a ON a.clip = s.clip
+    SEMI JOIN clips c ON c.clip = s.clip AND c.part = s.part
+    WHERE NOT coalesce(s.clip = $clip AND s.start < $last AND s.stop > $first, false)
+    GROUP BY s.clip
+) n JOIN clips c ON c.clip = n.clip
+ORDER BY n.distance, n.clip LIMIT $k;

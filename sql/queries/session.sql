@@ -41,3 +41,9 @@ INSERT INTO schema_version VALUES ($version);
 -- name: has_function
 -- Connections of a process to one catalog share the functions that the first of them made.
 SELECT 1 FROM duckdb_functions() WHERE function_name = $name LIMIT 1;
+
+-- name: attach_before
+ATTACH $catalog AS before (READ_ONLY);
+
+-- name: detach_before
+DETACH before;

@@ -58,3 +58,6 @@ UNION SELECT file FROM models;
 -- name: add_run
 INSERT INTO runs
 SELECT coalesce(max(run), 0) + 1, $command, $ok, $failed, $rejected, $started, $finished FROM runs;
+
+-- name: stage_has_made
+SELECT EXISTS (FROM manifest WHERE stage = $stage AND state = 'ok') AS made;

@@ -1,0 +1,133 @@
+"""Which clips of a large lake hold a piece: their windows' codes are scanned, and the nearest clips compared exactly.
+
+The codes (stage "windows") differ from the vectors by rounding alone, so the clips that are nearest by codes hold those
+that are nearest: some more than are asked for are compared by the vectors themselves, which few parts then give.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from motionlake.arrays import Float32Array, Float64Array
+from motionlake.kernels import njit
+from motionlake.lake.catalog import Connection, fetch, fetch_table
+from motionlake.lake.integrity import sound_files
+from motionlake.lake.layout import Lake
+from motionlake.retrieval.protocol import Scope
+from motionlake.stages.windows import WINDOWS, WindowFile
+from numpy.typing import NDArray
+
+SPARE: Final = 16  # clips that are compared exactly beyond those that are asked for
+_QUERY_CODE: Final = 8191  # a sum of 512 products stays below 2^31
+_THREADS: Final = 2
+
+
+@dataclass(frozen=True)
+class WindowScan:
+    """The codes of all windows of a lake.
+
+    Attributes:
+        parts: codes by frames part.
+        vectors: by frames part, the file of the vectors themselves, relative to the lake.
+        clips: the clips of the lake, by frames part.
+    """
+
+    lake: Lake
+    parts: Mapping[str, WindowFile]
+    vectors: Mapping[str, str]
+    clips: Mapping[str, frozenset[str]]
+
+    @staticmethod
+    def open(lake: Lake, con: Connection) -> WindowScan | None:
+        """None where there are windows of which the stage has made no codes yet, or none at all.
+
+        Raises:
+            DamagedError: a file is not as it was written.
+        """
+        rows = fetch(con, "window_files")
+        if not rows or any(row["codes_key"] != WINDOWS.key_of(row["key"], ()) for row in rows):
+            return None
+        paths = sound_files(lake, [row["codes"] for row in rows])
+        held: dict[str, set[str]] = {row["part"]: set() for row in rows}
+        clips = fetch_table(con, "clips_with_parts")
+        for clip, part in zip(clips["clip"].to_pylist(), clips["part"].to_pylist(), strict=True):
+            if part in held:
+                held[part].add(clip)
+        return WindowScan(
+            lake,
+            {row["part"]: WindowFile.open(path) for row, path in zip(rows, paths, strict=True)},
+            {row["part"]: row["vectors"] for row in rows},
+            {part: frozenset(own) for part, own in held.items()},
+        )
+
+    def holding(
+        self, con: Connection, descriptor: Float32Array, k: int, scope: Scope, without: Mapping[str, Any]
+    ) -> list[dict[str, Any]]:
+        """The k clips nearest to a descriptor [512], as the macro `clips_holding` gives them.
+
+        Args:
+            con: to the catalog.
+            without: `clip`, `first`, `last`: windows of this clip that overlap these frames are no answer.
+        """
+        admitted = None
+        if scope.as_parameters(con) != Scope().as_parameters(con):
+            admitted = {row["clip"] for row in fetch(con, "clips_admitted", scope.as_parameters(con))}
+        near = self._nearest(descriptor, k + SPARE, admitted, without)
+        files = sound_files(self.lake, sorted({self.vectors[part] for part, _ in near}))
+        asked = {"descriptor": descriptor.tolist(), "k": k, **without}
+        return fetch(con, "clips_holding_among", asked | {
+            "files": [str(file) for file in files], "clips": [clip for _, clip in near]}) if near else []  # fmt: skip
+
+    def _nearest(
+        self, descriptor: Float32Array, count: int, admitted: set[str] | None, without: Mapping[str, Any]
+    ) -> list[tuple[str, str]]:
+        """(part, clip) of the clips nearest by codes."""
+        query, scale = coded_query(descriptor)
+        length = float(np.square(descriptor.astype(np.float64)).sum())
+
+        def of(part: str) -> tuple[list[str], Float64Array]:
+            file = self.parts[part]
+            squares = nearness(file.codes, file.scales, file.squares, query, scale) + length
+            if (own := file.runs.get(without["clip"])) is not None:
+                starts, stops = file.bounds()
+                squares[own][(starts[own] < without["last"]) & (stops[own] > without["first"])] = np.inf
+            if not file.runs:
+                return [], np.zeros(0)
+            return list(file.runs), np.minimum.reduceat(squares, [run.start for run in file.runs.values()])
+
+        with ThreadPoolExecutor(_THREADS) as pool:
+            found = list(pool.map(of, self.parts))
+        distances = np.concatenate([near for _, near in found]) if found else np.zeros(0)
+        names = [(part, clip) for part, (clips, _) in zip(self.parts, found, strict=True) for clip in clips]
+        chosen: list[tuple[str, str]] = []
+        for at in np.argsort(distances, kind="stable").tolist():
+            part, clip = names[at]
+            if len(chosen) == count or not np.isfinite(distances[at]):
+                break
+            if clip in self.clips[part] and (admitted is None or clip in admitted):
+                chosen.append((part, clip))
+        return chosen
+
+
+def coded_query(descriptor: Float32Array) -> tuple[NDArray[np.int16], float]:
+    """Integers [512] and the scale that turns them into the descriptor, but for rounding."""
+    scale = float(np.abs(descriptor).max(initial=0.0)) / _QUERY_CODE or 1.0
+    return np.rint(descriptor / scale).astype(np.int16), scale
+
+
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def nearness(
+    codes: NDArray[np.int8], scales: Float32Array, squares: Float32Array, query: NDArray[np.int16], scale: float
+) -> Float64Array:
+    """[n] squared distances of vectors from a query, as their codes [n, d] tell, less its squared length."""
+    found = np.empty(len(codes))
+    for row in range(len(codes)):
+        total = np.int32(0)
+        for i in range(len(query)):
+            total = np.int32(total + np.int32(np.int32(codes[row, i]) * np.int32(query[i])))
+        found[row] = squares[row] - 2.0 * scale * scales[row] * total
+    return found
