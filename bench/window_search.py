@@ -2,9 +2,9 @@
 
 A lake of clips as long as those of BONES-SEED (`bench.long_clips`) goes through the stages `frames`, `words`,
 `submotions` and `windows`. Pieces of two seconds out of some of its clips are looked for in the others, by the codes of
-windows and by DuckDB's scan of all their vectors, one after the other in this process. Told are the share of the ten clips by the scan
-that are among those by the codes, whether all distances are the same, and the seconds of either, with their ratio: of
-the whole search, and of the choice of the ten clips, without the alignment of the piece with each of them.
+windows and by DuckDB's scan of all their vectors, one after the other in this process. Told are the share of the ten
+clips by the scan that are among those by the codes, whether all distances are the same, and the seconds of either, with
+their ratio: of the whole search, and of the choice of the ten clips, without the alignment of the piece with each.
 """
 
 from __future__ import annotations
