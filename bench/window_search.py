@@ -1,10 +1,10 @@
 """Pieces in a large lake, by codes and by every vector: `python -m bench.window_search [--clips N] [--queries N]`.
 
-A lake of clips as long as those of BONES-SEED (`bench.long_clips`) goes through the stages `frames`, `submotions` and
-`windows`. Pieces of two seconds out of some of its clips are looked for in the others, by the codes of windows and by
-DuckDB's scan of all their vectors, one after the other in this process. Told are the share of the ten clips by the scan
-that are among those by the codes, whether all distances are the same, and the seconds of either, with their ratio: of
-the whole search, and of the choice of the ten clips, without the alignment of the piece with each of them.
+A lake of clips as long as those of BONES-SEED (`bench.long_clips`) goes through the stages `frames`, `words`,
+`submotions` and `windows`. Pieces of two seconds out of some of its clips are looked for in the others, by the codes of
+windows and by DuckDB's scan of all their vectors, one after the other in this process. Told are the share of the ten
+clips by the scan that are among those by the codes, whether all distances are the same, and the seconds of either, with
+their ratio: of the whole search, and of the choice of the ten clips, without the alignment of the piece with each.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from bench.record import record, recordings, rounds_of
 
 K: Final = 10
 PIECE: Final = 2.0  # seconds
-STAGES: Final = ("submotions", "windows")
+STAGES: Final = ("words", "submotions", "windows")
 Row = dict[str, Any]
 
 
