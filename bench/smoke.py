@@ -132,7 +132,7 @@ SMOKES: Final[Sequence[Smoke]] = (
     Smoke("bench.rigs"),
     Smoke("bench.sorting", ("hdm05", "--seeds", "0"), {}),
     Smoke("bench.first_pages", ("OUT/pages",), {"bench.first_pages.DRAWN": {"cmu_exercises": 1}}),
-    Smoke("bench.nights", ("--first", "6", "--nights", "2", "--clips", "2", "--seconds", "1", "--every", "1")),
+    Smoke("bench.nights", ("--first", "6", "--nights", "2", "--clips", "2", "--seconds", "4", "--every", "1")),
     Smoke("bench.window_search", ("--clips", "6", "--queries", "2", "--rounds", "1"),
           {"motionlake.stages.windows.MOST": 1}),
     Smoke("bench.stages_cost", ("--clips", "4", "8", "--workers", "1")),
