@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Iterator
+from contextlib import nullcontext
 from pathlib import Path
 
 import motionlake as library
@@ -12,7 +13,11 @@ import numpy as np
 import pytest
 from motionlake.errors import UserError
 from motionlake.lake.layout import open_lake
+from motionlake.retrieval.fused import FusedSearcher
+from motionlake.retrieval.protocol import Query
+from motionlake.service.errors import ServiceError
 from motionlake.service.options import Options
+from motionlake.service.search import SearchRequest, found
 from motionlake.service.served import Serving
 from motionlake.service.server import address, listening, serve
 
@@ -124,14 +129,24 @@ def test_no_file_of_the_service_is_a_query(built_lake: Path, tmp_path: Path, cli
             assert client.post("/api/call", json={"method": method}).status_code == 400
 
 
+@pytest.mark.parametrize("large", [False, True])
+def test_searches_of_a_large_lake_run_beside_one_another(
+    built_lake: Path, monkeypatch: pytest.MonkeyPatch, large: bool
+) -> None:
+    monkeypatch.setattr(FusedSearcher, "beside_others", lambda self, query, scope: large)
+    serving_now = Serving(open_lake(built_lake), Options(search_seconds=0.1)).now()
+    (clip,) = query(built_lake, "SELECT min(clip) FROM clips")[0]
+    asked = SearchRequest(clip=clip, k=3)  # type: ignore[call-arg]
+    assert found(serving_now, Query(clip), asked)
+    with serving_now.searching(alone=False), nullcontext() if large else pytest.raises(ServiceError, match="others"):
+        assert found(serving_now, Query(clip), asked)
+
+
 def test_a_refused_turn_says_so(built_lake: Path) -> None:
     (clip,) = query(built_lake, "SELECT min(clip) FROM clips")[0]
     serving_now = Serving(open_lake(built_lake), Options(search_seconds=0.1)).now()
     started = time.monotonic()
-    with serving_now.searching():
-        from motionlake.service.errors import ServiceError
-
-        with pytest.raises(ServiceError, match="others are searching"), serving_now.searching():
-            pass
+    with serving_now.searching(), pytest.raises(ServiceError, match="others are searching"), serving_now.searching():
+        pass
     assert time.monotonic() - started < 5
     assert clip

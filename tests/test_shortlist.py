@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import shutil
 from collections.abc import Collection, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -128,6 +129,22 @@ def test_few_chosen_clips_hold_the_nearest(large: Path, monkeypatch: pytest.Monk
     assert len(hits) > 12, "who asks for more gets more"
 
 
+def test_searches_at_once_answer_as_one_after_another(large: Path) -> None:
+    """By one searcher, from its first search on."""
+    asked = [Query(clip) for clip in some(large, 8)] * 3
+    with few():
+        (one, alone, together), scope = (FusedSearcher(open_lake(large)) for _ in range(3)), Scope()
+        assert all(one.beside_others(query, scope) for query in asked)
+        expected = [alone.search([query], 5)[0] for query in asked]
+        with ThreadPoolExecutor(4) as pool:
+            found = list(pool.map(lambda query: together.search([query], 5)[0], asked))
+    assert found == expected
+    for other in (Query(large / "a.bvh"), replace(asked[0], start=3)):
+        assert not one.beside_others(other, scope)
+    assert not one.beside_others(asked[0], Scope(mirrored=True))
+    assert not FusedSearcher(open_lake(large)).beside_others(asked[0], scope), "searchers of small lakes remember"
+
+
 def test_what_is_alike_is_told(large: Path) -> None:
     clip = some(large, 1)[0]
     ours, exact = both(large, Query(clip), 3, Scope(), explain=True)
@@ -192,8 +209,8 @@ def test_a_shortlist_of_moves_of_another_kind_is_refused_and_made_again(
             return SHORTLIST.due(at)
 
     assert due() == 0
-    for module in ("stages", "retrieval"):
-        monkeypatch.setattr(f"motionlake.{module}.shortlist.KIND", "another")
+    for module in ("stages.shortlist", "retrieval.lake_shortlist"):
+        monkeypatch.setattr(f"motionlake.{module}.KIND", "another")
     assert due() == 1
     with few(), pytest.raises(UserError, match="run shortlist"):
         FusedSearcher(lake)

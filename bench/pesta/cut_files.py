@@ -36,7 +36,7 @@ from motionlake.retrieval.alignment import AlignmentRangeSearcher
 from motionlake.retrieval.encode import query_motion
 from motionlake.retrieval.hits import Hit
 from motionlake.retrieval.protocol import Query, Scope
-from motionlake.retrieval.symbol_strings import StringQuery
+from motionlake.retrieval.string_queries import StringQuery
 
 from bench.lakes import make_lake
 from bench.pesta.sets import hash_sets

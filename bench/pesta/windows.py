@@ -18,7 +18,7 @@ from motionlake.pesta.dictionary import PostureDictionary
 from motionlake.pesta.matches import best_matches
 from motionlake.pesta.strings import Repository
 from motionlake.pesta.symbols import SymbolString, UnfoldedString, unfolded
-from motionlake.retrieval.symbol_strings import SHORTEST
+from motionlake.retrieval.string_queries import SHORTEST
 from numpy.typing import NDArray
 
 from bench.pesta.sets import clips_of, segments_of

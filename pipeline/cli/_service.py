@@ -7,7 +7,6 @@ import os
 from collections.abc import Mapping, Sequence
 from contextlib import closing
 from dataclasses import asdict, dataclass
-from http.client import HTTPConnection, HTTPException
 from typing import Annotated, Any, Final
 
 import typer
@@ -52,6 +51,8 @@ def ask_service(
     service = announced(lake)
     if service is None or any(name.startswith(("/", "./", "../")) for name in names):
         return None
+    from http.client import HTTPConnection, HTTPException
+
     places = {name: place and asdict(place) for name, place in (("start", start), ("stop", stop))}
     try:
         catalog = lake.served()

@@ -10,7 +10,7 @@ import numpy as np
 from motionlake.arrays import Int64Array, IntArray
 from motionlake.lake.strings import LakeStrings
 from motionlake.retrieval.hits import Hit
-from motionlake.retrieval.symbol_strings import StringQuery
+from motionlake.retrieval.string_queries import StringQuery
 
 CONTEXT: Final = 3  # symbols before and after a match
 MOST_WHOLE: Final = 30  # symbols of a clip that is shown whole

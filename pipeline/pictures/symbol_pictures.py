@@ -38,7 +38,8 @@ from motionlake.pictures.symbol_figures import (
 )
 from motionlake.pictures.symbol_material import SymbolMaterial
 from motionlake.retrieval.hits import Hit, clip_hit, ranked
-from motionlake.retrieval.symbol_strings import ClipStrings, StringQuery, clip_query
+from motionlake.retrieval.string_queries import StringQuery, clip_query
+from motionlake.retrieval.symbol_strings import ClipStrings
 
 MOST_MATRICES: Final = 10
 STRIPS: Final = 3

@@ -23,14 +23,8 @@ from motionlake.retrieval.hits import Hit, PathStep, clip_hit
 from motionlake.retrieval.long_alignment import LongAlignment, step_of
 from motionlake.retrieval.matched_frames import MatchedFrames
 from motionlake.retrieval.protocol import EVERYTHING, LakeSearcher, Query, Scope, about, not_ready, one_of
-from motionlake.retrieval.symbol_strings import (
-    ClipStrings,
-    StringQuery,
-    barred_symbols,
-    clip_query,
-    encoded,
-    query_of_symbols,
-)
+from motionlake.retrieval.string_queries import StringQuery, clip_query, query_of_symbols
+from motionlake.retrieval.symbol_strings import ClipStrings, barred_symbols, encoded
 from numpy.typing import ArrayLike
 
 

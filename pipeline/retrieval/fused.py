@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Container, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, Final, cast
@@ -77,6 +78,10 @@ class FusedSearcher(LakeSearcher):
         self._along = graph and self._cascade is None  # a large lake has none
         self._explain, self._match = explain, explain and matched
         self.left_out: dict[str, list[str]] = {}
+
+    def beside_others(self, query: Query, scope: Scope) -> bool:
+        """Whether this search may run in several threads at once: it computes nothing that others would wait for."""
+        return self._cascade is not None and query.clip is not None and query.whole and not scope.mirrored
 
     def distances(self, queries: Sequence[Query], gallery: Sequence[Query]) -> Float64Array:
         """As `Searcher.distances`, without the graph; u is the distance of the tenth nearest of the gallery."""
@@ -196,9 +201,15 @@ def _cascade(lake: Lake) -> Cascade | None:
         (count,), files = fetch(con, "count_clips"), [row["file"] for row in fetch(con, "shortlist_files")]
     if count["clips"] <= MOST or not files:
         return None
-    from motionlake.retrieval.shortlist import Cascade
+    from motionlake.retrieval.lake_shortlist import LakeShortlist
 
-    return Cascade(lake, files)
+    with ThreadPoolExecutor(1) as pool:
+        clips = pool.submit(LakeShortlist, lake, files)
+        from motionlake.retrieval.shortlist import (
+            Cascade,  # kernels, while the files are compared with what was written
+        )
+
+        return Cascade(clips.result())
 
 
 def _ready(lake: Lake) -> dict[str, LakeSearcher]:

@@ -15,7 +15,8 @@ from motionlake.pesta.strings import Boundaries
 from motionlake.retrieval.hits import Hit
 from motionlake.retrieval.matched_frames import MatchedFrames
 from motionlake.retrieval.protocol import EVERYTHING, Scope
-from motionlake.retrieval.symbol_strings import ClipStrings, StringQuery, barred_symbols, string_query
+from motionlake.retrieval.string_queries import StringQuery, string_query
+from motionlake.retrieval.symbol_strings import ClipStrings, barred_symbols
 
 
 @dataclass(frozen=True, kw_only=True)

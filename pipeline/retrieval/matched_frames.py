@@ -11,7 +11,8 @@ from motionlake.lake.strings import LakeStrings
 from motionlake.pesta.cycles import Occurrence, occurrences, whole
 from motionlake.pesta.matches import Match
 from motionlake.retrieval.hits import Hit, PathStep, range_hit
-from motionlake.retrieval.symbol_strings import ClipStrings, StringQuery
+from motionlake.retrieval.string_queries import StringQuery
+from motionlake.retrieval.symbol_strings import ClipStrings
 
 Best = Callable[[int], list[Match]]  # so many matches, cheapest first
 Taken = dict[int, list[tuple[int, int]]]  # frames of answers by the index of their clip

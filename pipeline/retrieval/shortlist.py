@@ -7,33 +7,28 @@ all. The answers by a method are then its nearest among these.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from bisect import bisect_left
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import fields
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 import numpy as np
-import pyarrow as pa
 from motionlake.arrays import Float32Array, Float64Array, Int64Array
 from motionlake.deep_motifs.emd import ground_distances
 from motionlake.deep_motifs.emd_search import SignatureIndex
-from motionlake.deep_motifs.signatures import CorpusClip
 from motionlake.errors import DamagedError, UserError
-from motionlake.lake.catalog import Connection, fetch, fetch_table, reading
+from motionlake.lake.catalog import Connection, fetch, reading
 from motionlake.lake.layout import Lake
-from motionlake.lake.models import check_served
 from motionlake.lake.settings import served_config
-from motionlake.motion.moves import KIND
 from motionlake.motion.moves_index import Stack, aligned, floored
 from motionlake.motion.sketches import instants, nearness
 from motionlake.pesta.scan import nearest_strings
 from motionlake.pesta.strings import Repository, SymbolDistances
 from motionlake.retrieval.asked import Asked, Ranking
 from motionlake.retrieval.hits import Hit, Match, clip_hit
-from motionlake.retrieval.protocol import ClipFilter, Query, Scope, not_ready
-from motionlake.retrieval.symbol_strings import encoded, query_of_symbols, served_dictionary
+from motionlake.retrieval.lake_shortlist import LakeShortlist
+from motionlake.retrieval.protocol import Query, Scope
+from motionlake.retrieval.string_queries import query_of_symbols
 from motionlake.stages.shortlist_files import INSTANTS, ShortlistFiles, string_sketch
 
 if TYPE_CHECKING:
@@ -44,37 +39,18 @@ Part = TypeVar("Part")
 LOOKED_AT: Final = 5000  # clips whose outlines of moves are aligned
 NEAR: Final = 500  # clips that a method chooses, at least
 THREADS: Final = 2  # methods at once
-_FACTS: Final = [each.name for each in fields(CorpusClip)]
 Answers = tuple[Int64Array, Float64Array]  # rows and distances, nearest first
 
 
 class Cascade:
-    """The nearest clips of a large lake by each method that its shortlist has vectors for.
+    """The nearest clips of a large lake by each method that its shortlist has vectors for."""
 
-    Raises:
-        UserError: the shortlist is of other motifs, postures or moves than the lake serves, or there is a newer model.
-        DamagedError: a file of it is not as it was written.
-    """
-
-    def __init__(self, lake: Lake, files: Sequence[str]) -> None:
-        self.lake, self.files = lake, ShortlistFiles.open(lake, files)
-        with reading(lake) as con:
-            served = {row["method"]: row["model"] for row in fetch(con, "models_compared")} | {"moves": KIND}
-            self._catalog = fetch_table(con, "clips_with_parts")
-            if self._stale(served):
-                raise UserError(
-                    f"{lake.root}: its shortlist of clips is of other models than it serves now; make it anew with "
-                    "`motionlake run shortlist`"
-                )
-            check_served(con, lake, *self.files.methods)
+    def __init__(self, clips: LakeShortlist) -> None:
+        self.lake, self.files, self._clips = clips.lake, clips.files, clips
+        with reading(self.lake) as con:
             self._methods = {
-                name: METHODS[name](lake, self.files, con) for name in METHODS if name in self.files.methods
+                name: METHODS[name](self.lake, self.files, con) for name in METHODS if name in self.files.methods
             }
-        self._admitted: dict[ClipFilter, Float32Array] = {}
-
-    def _stale(self, served: Mapping[str, str]) -> bool:
-        made = {name: self.files.models.get(name) for name in self.files.methods} | dict(self.files.models)
-        return any(served.get(name) != model for name, model in made.items())
 
     def nearest(self, query: Query, k: int, scope: Scope, *, mirrored: bool, failed: list[UserError]) -> Asked[int]:
         """The k nearest by each method that can compare the query, in rows; `failed` gets why others cannot.
@@ -92,13 +68,13 @@ class Cascade:
                 failed.append(error)
         if failed and not values:
             raise failed[0]
-        admitted = self._admits(scope.clips)
+        admitted = self._clips.admits(scope.clips)
         count = min(max(k, NEAR), int(np.isfinite(admitted).sum()))
         chosen = self._at_once(values, lambda method, value: method.choose(value, count, admitted))
         rows = np.unique(np.concatenate(list(chosen.values())))
         among = self._at_once(values, lambda method, value: method.among(value, rows, k))
         by = {name: Ranking(found.tolist(), distances) for name, (found, distances) in among.items()}
-        return Asked(by, None if query.clip is None else self._place(query.clip), self._as_hits)
+        return Asked(by, None if query.clip is None else self._clips.place(query.clip), self._as_hits)
 
     def _at_once(self, values: Mapping[str, Value], work: Callable[[Method, Value], Part]) -> dict[str, Part]:
         """What some work finds by each method, moves first: they take longest."""
@@ -112,7 +88,7 @@ class Cascade:
         return ThreadPoolExecutor(THREADS, "search")
 
     def _as_hits(self, rows: Sequence[int], distances: Sequence[float]) -> list[Hit]:
-        return [clip_hit(self._facts(row), distance) for row, distance in zip(rows, distances, strict=True)]
+        return [clip_hit(self._clips.facts(row), distance) for row, distance in zip(rows, distances, strict=True)]
 
     def matches(self, query: Query, hits: Sequence[Hit], *, mirrored: bool) -> dict[str, Match]:
         """As `LakeSearcher.matches`, by moves."""
@@ -122,56 +98,15 @@ class Cascade:
         from motionlake.retrieval.matched import asked_frames, matched_moves
 
         value, asked = self._value(method, query, mirrored=mirrored), asked_frames(self.lake, query)
-        rows = np.array([self._row(hit.clip) for hit in hits], dtype=np.int64)
+        rows = np.array([self._clips.row(hit.clip) for hit in hits], dtype=np.int64)
         known = rows[self.files.numbers("frames")[rows] > 0]
-        pairs = zip(map(self._facts, known.tolist()), self.files.moves(known), strict=True)
+        pairs = zip(map(self._clips.facts, known.tolist()), self.files.moves(known), strict=True)
         return {clip.clip: matched_moves(value, moves.astype(np.float32), asked, clip.frames) for clip, moves in pairs}
 
     def _value(self, method: Method, query: Query, *, mirrored: bool) -> Value:
         if query.clip is not None and query.whole and not mirrored:
-            return method.of_row(self._row(query.clip))
+            return method.of_row(self._clips.row(query.clip))
         return method.of_query(query, mirrored=mirrored)
-
-    def _facts(self, row: int) -> CorpusClip:
-        entry = int(self._entries[row])
-        return CorpusClip(*(self._catalog[name][entry].as_py() for name in _FACTS))
-
-    def _row(self, clip: str) -> int:
-        """Raises `UserError` for a clip that it does not hold, or that was another one when it was made."""
-        row = self._place(clip)
-        if row is None:
-            raise not_ready(self.lake, clip, "place in the shortlist")
-        return row
-
-    def _place(self, clip: str) -> int | None:
-        names = self.files.table["clip"]
-        row = bisect_left(range(len(names)), clip, key=lambda at: names[at].as_py())
-        known = row < len(names) and names[row].as_py() == clip and self._entries[row] >= 0
-        return row if known else None
-
-    @cached_property
-    def _entries(self) -> Int64Array:
-        """[n] the row in the catalog of each clip; -1 where it left the lake, or is another one since."""
-        made, known = self.files.table, self._catalog
-        if made["clip"].equals(known["clip"]) and made["part"].equals(known["part"]):
-            return np.arange(len(made))
-        rows = {pair: row for row, pair in enumerate(zip(*_names(known), strict=True))}
-        return np.array([rows.get(pair, -1) for pair in zip(*_names(made), strict=True)], dtype=np.int64)
-
-    def _admits(self, kept: ClipFilter) -> Float32Array:
-        """[n] 0 for the clips that may be answers, minus infinity for all others."""
-        if kept not in self._admitted:
-            there = self._entries >= 0
-            if kept != ClipFilter():
-                with reading(self.lake) as con:
-                    admitted = {row["clip"] for row in fetch(con, "clips_admitted", kept.as_parameters(con))}
-                there &= [name in admitted for name in self.files.table["clip"].to_pylist()]
-            self._admitted[kept] = np.where(there, np.float32(0), np.float32(-np.inf))
-        return self._admitted[kept]
-
-
-def _names(table: pa.Table) -> tuple[list[str], list[str]]:
-    return table["clip"].to_pylist(), table["part"].to_pylist()
 
 
 class Method(ABC):
@@ -276,10 +211,14 @@ class ByAlignment(Method):
         return query_of_symbols(symbols, self.files.table["clip"][row].as_py()).symbols
 
     def of_query(self, query: Query, *, mirrored: bool) -> Value:
+        from motionlake.retrieval.symbol_strings import encoded
+
         return encoded(self.lake, query, self._dictionary, mirrored=mirrored).symbols
 
     @cached_property
     def _dictionary(self) -> PostureDictionary:
+        from motionlake.retrieval.symbol_strings import served_dictionary
+
         return served_dictionary(self.lake, self._model)
 
     def sketch(self, value: Value) -> Float32Array:

@@ -19,6 +19,7 @@ from motionlake.arrays import Float32Array, FloatArray
 from motionlake.lake.frames import frame_range
 from motionlake.motion.skeleton import body_poses
 from motionlake.names import safe_name
+from motionlake.retrieval.fused import FusedSearcher
 from motionlake.retrieval.hits import Hit
 from motionlake.retrieval.protocol import Finds, Scope
 from motionlake.retrieval.protocol import Query as Asked
@@ -122,8 +123,8 @@ def found(served: Served, query: Asked, asked: SearchRequest) -> list[Hit]:
     among = served.clips_of_condition(asked.where) if asked.where and asked.where.strip() else None
     scope = Scope(asked.dataset, recorded_only=asked.recorded_only, mirrored=asked.mirrored)
     how = {"explain": True, "matched": asked.joints} if (finds, method) == ("clip", "fused") else {}
-    with served.searching():
-        searcher = served.searcher(finds, method, **how)
+    searcher = served.searcher(finds, method, **how)
+    with served.searching(alone=not (isinstance(searcher, FusedSearcher) and searcher.beside_others(query, scope))):
         (hits,) = searcher.search([query], asked.k if among is None else max(AMONG, asked.k), scope)
     kept = [hit for hit in hits if among is None or hit.clip in among]
     return kept[: asked.k]

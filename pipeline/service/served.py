@@ -11,7 +11,7 @@ import os
 from collections import OrderedDict
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, wait
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, suppress
 from threading import Lock, Thread
 from typing import Any, Final, TypeVar
 
@@ -27,6 +27,7 @@ from motionlake.retrieval.protocol import Finds, Query, Searcher
 from motionlake.service.errors import ServiceError
 from motionlake.service.library import Library
 from motionlake.service.options import Options
+from motionlake.service.turns import Turns
 
 T = TypeVar("T")
 KEPT: Final = 64  # answers to conditions in SQL
@@ -53,7 +54,7 @@ class Served:
         self._lock = Lock()
         self._conditions: OrderedDict[str, frozenset[str]] = OrderedDict()
         self._answers: OrderedDict[str, list[Hit]] = OrderedDict()
-        self.turn = Lock()  # one search at a time: searchers share kernels and what they remember
+        self._turns = Turns(options.search_seconds)  # searchers share kernels and what they remember
 
     @property
     def con(self) -> LakeConnection:
@@ -120,15 +121,9 @@ class Served:
 
         return self.keep((finds, name, *sorted(how.items())), lambda: searcher(finds, name, self.lake, **how))
 
-    @contextmanager
-    def searching(self) -> Iterator[None]:
+    def searching(self, *, alone: bool = True) -> AbstractContextManager[None]:
         """A turn to search. Raises `ServiceError` where others search for too long."""
-        if not self.turn.acquire(timeout=self._options.search_seconds):
-            raise ServiceError(503, "others are searching; try again in a moment")
-        try:
-            yield
-        finally:
-            self.turn.release()
+        return self._turns.turn(alone=alone)
 
     @contextmanager
     def cursor(self) -> Iterator[Connection]:

@@ -18,6 +18,7 @@ from motionlake.errors import UserError
 from motionlake.lake.layout import Lake
 from motionlake.service.application import application
 from motionlake.service.options import Options
+from motionlake.threads import limited
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
 PORT: Final = 8765
@@ -74,7 +75,8 @@ def serve(lake: Lake, sock: socket.socket, host: str, options: Options, started:
         proxy_headers=False, limit_concurrency=_CONNECTIONS, timeout_keep_alive=15, timeout_graceful_shutdown=3,
         h11_max_incomplete_event_size=64 << 10,
     )  # fmt: skip
-    _Server(config, own, started).run(sockets=[sock])
+    with limited(1):  # for all requests: where many are answered at once, threads of one are in the way of others
+        _Server(config, own, started).run(sockets=[sock])
 
 
 class _Server(uvicorn.Server):

@@ -20,7 +20,7 @@ from motionlake.pesta.symbols import SymbolString
 from motionlake.retrieval.alignment import AlignmentRangeSearcher
 from motionlake.retrieval.labelled_clips import CodedClips
 from motionlake.retrieval.protocol import Query, about
-from motionlake.retrieval.symbol_strings import OnePostureError, StringQuery
+from motionlake.retrieval.string_queries import OnePostureError, StringQuery
 
 # The paper's strides: whole clips, parts of clips.
 WHOLE_STRIDE: Final = 3

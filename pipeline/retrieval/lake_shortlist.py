@@ -1,0 +1,96 @@
+"""The clips of the shortlist of a large lake, beside those of its catalog; nothing here needs a kernel."""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+from collections.abc import Mapping, Sequence
+from dataclasses import fields
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+import pyarrow as pa
+from motionlake.arrays import Float32Array, Int64Array
+from motionlake.deep_motifs.signatures import CorpusClip
+from motionlake.errors import UserError
+from motionlake.lake.catalog import fetch, fetch_table, reading
+from motionlake.lake.layout import Lake
+from motionlake.lake.models import check_served
+from motionlake.motion.moves import KIND
+from motionlake.retrieval.protocol import ClipFilter, not_ready
+from motionlake.stages.shortlist_files import ShortlistFiles
+
+_FACTS: Final = [each.name for each in fields(CorpusClip)]
+
+
+class LakeShortlist:
+    """The files of a shortlist, and the catalog of now.
+
+    Attributes:
+        lake: which holds it.
+        files: that stage "shortlist" made.
+
+    Raises:
+        UserError: the shortlist is of other motifs, postures or moves than the lake serves, or there is a newer model.
+        DamagedError: a file of it is not as it was written.
+    """
+
+    def __init__(self, lake: Lake, files: Sequence[str]) -> None:
+        self.lake, self.files = lake, ShortlistFiles.open(lake, files)
+        with reading(lake) as con:
+            served = {row["method"]: row["model"] for row in fetch(con, "models_compared")} | {"moves": KIND}
+            self._catalog = fetch_table(con, "clips_with_parts")
+            if self._stale(served):
+                raise UserError(
+                    f"{lake.root}: its shortlist of clips is of other models than it serves now; make it anew with "
+                    "`motionlake run shortlist`"
+                )
+            check_served(con, lake, *self.files.methods)
+        self._admitted: dict[ClipFilter, Float32Array] = {}
+
+    def facts(self, row: int) -> CorpusClip:
+        """What the catalog says of the clip of a row."""
+        entry = int(self._entries[row])
+        return CorpusClip(*(self._catalog[name][entry].as_py() for name in _FACTS))
+
+    def row(self, clip: str) -> int:
+        """Raises `UserError` for a clip that it does not hold, or that was another one when it was made."""
+        row = self.place(clip)
+        if row is None:
+            raise not_ready(self.lake, clip, "place in the shortlist")
+        return row
+
+    def place(self, clip: str) -> int | None:
+        """The row of a clip; None where `row` raises."""
+        names = self.files.table["clip"]
+        row = bisect_left(range(len(names)), clip, key=lambda at: names[at].as_py())
+        known = row < len(names) and names[row].as_py() == clip and self._entries[row] >= 0
+        return row if known else None
+
+    def admits(self, kept: ClipFilter) -> Float32Array:
+        """[n] 0 for the clips that may be answers, minus infinity for all others."""
+        if kept not in self._admitted:
+            there = self._entries >= 0
+            if kept != ClipFilter():
+                with reading(self.lake) as con:
+                    admitted = {row["clip"] for row in fetch(con, "clips_admitted", kept.as_parameters(con))}
+                there &= [name in admitted for name in self.files.table["clip"].to_pylist()]
+            self._admitted[kept] = np.where(there, np.float32(0), np.float32(-np.inf))
+        return self._admitted[kept]
+
+    def _stale(self, served: Mapping[str, str]) -> bool:
+        made = {name: self.files.models.get(name) for name in self.files.methods} | dict(self.files.models)
+        return any(served.get(name) != model for name, model in made.items())
+
+    @cached_property
+    def _entries(self) -> Int64Array:
+        """[n] the row in the catalog of each clip; -1 where it left the lake, or is another one since."""
+        made, known = self.files.table, self._catalog
+        if made["clip"].equals(known["clip"]) and made["part"].equals(known["part"]):
+            return np.arange(len(made))
+        rows = {pair: row for row, pair in enumerate(zip(*_names(known), strict=True))}
+        return np.array([rows.get(pair, -1) for pair in zip(*_names(made), strict=True)], dtype=np.int64)
+
+
+def _names(table: pa.Table) -> tuple[list[str], list[str]]:
+    return table["clip"].to_pylist(), table["part"].to_pylist()
