@@ -28,7 +28,7 @@ KIND: Final = f"{WIDTH} numbers, displacement {DISPLACEMENT_COUNT}, joints {JOIN
 HIPS: Final = slice(3 * COMMON.index("hips"), 3 * COMMON.index("hips") + 3)  # columns; they hold the path
 SILENT: Final = 1e-6  # body lengths; a root mean square below it is of what does not move
 # Columns of the joints whose left and right tell where a body faces.
-_SIDES: Final = tuple(
+SIDES: Final = tuple(
     tuple(
         slice(3 * COMMON.index(f"{side}_{joint}"), 3 * COMMON.index(f"{side}_{joint}") + 3)
         for side in ("left", "right")
@@ -105,7 +105,7 @@ def from_start(joints: Float64Array) -> Float64Array:
 
 
 def _facing(joints: Float64Array) -> Float64Array:
-    across = np.sum([_unit(joints[:, left] - joints[:, right]) for left, right in _SIDES], axis=0)
+    across = np.sum([_unit(joints[:, left] - joints[:, right]) for left, right in SIDES], axis=0)
     return np.asarray(_unit(np.column_stack([across[:, 0], -across[:, 2]])))
 
 

@@ -14,19 +14,22 @@ from typing import Any, Final
 
 import numpy as np
 import pyarrow as pa
-from motionlake.arrays import Float32Array
+from motionlake.arrays import Float32Array, Int64Array
 from motionlake.lake.catalog import Connection, fetch, fetch_table, run_sql
 from motionlake.lake.config import config_hash, load_config
+from motionlake.lake.integrity import sound
 from motionlake.lake.layout import Lake
-from motionlake.motion.moves import KIND
+from motionlake.motion.moves import KIND, WIDTH
 from motionlake.motion.sketches import Directions, instants, searchable
 from motionlake.stages.graph import SOURCES, made_keys
 from motionlake.stages.moves import MOVES, made_parts, tracks_in
 from motionlake.stages.reader import LakeReader, lake_reader
 from motionlake.stages.shortlist_files import (
     CLIPS,
+    CODES,
     FOLDER,
     FRAMES,
+    HALF,
     INSTANTS,
     MOST,
     FramesWriter,
@@ -37,6 +40,7 @@ from motionlake.stages.shortlist_files import (
     write_clips,
 )
 from motionlake.stages.stage import PartStage, Shard, ShardResult, ShardStage, frames_parts
+from motionlake.stages.words import read_features
 
 WIDTHS: Final[Mapping[str, int]] = {"signature": 32, "alignment": 64, "moves": 64}  # of sketches
 COMPARED: Final[Mapping[str, PartStage]] = {method: SOURCES[method] for method in WIDTHS}
@@ -50,6 +54,7 @@ class Shortlist(ShardStage):
     """One shard for the whole lake."""
 
     name = "shortlist"
+    version = 2
     about = "short vectors by which the search of a large lake chooses the clips that it compares"
     upstream = tuple(stage.name for stage in COMPARED.values())
     folders = (FOLDER,)
@@ -154,21 +159,34 @@ def _by_signature(at: LakeReader, shard: Shard, places: Places) -> Made:
 
 
 def _by_alignment(at: LakeReader, shard: Shard, places: Places) -> Made:
-    table = fetch_table(at.con, "symbol_strings")
-    names, strings = table["clip"].to_pylist(), table["symbols"].to_pylist()
+    from motionlake.motion.moves_of_clips import instants_of_clips
+
+    table = fetch_table(at.con, "symbol_strings").combine_chunks()
+    names, strings = table["clip"].to_pylist(), table["symbols"].chunk(0)
+    symbols, starts = strings.flatten().to_numpy(), np.asarray(strings.offsets.to_numpy(), dtype=np.int64)
+    starts -= starts[0]
     codes = np.array([row["code"] for row in fetch(at.con, "posture_codes")], dtype=np.float64)
-    some = np.stack([string_sketch(each, codes) for each in strings[:: max(1, len(strings) // SAMPLE)]])
+    chosen = range(0, len(names), max(1, len(names) // SAMPLE))
+    some = np.stack([string_sketch(symbols[starts[row] : starts[row + 1]], codes) for row in chosen])
+
+    def blocks() -> Iterator[Float32Array]:
+        for first in range(0, len(names), BLOCK):
+            own = starts[first : first + BLOCK + 1]
+            looked = instants_of_clips(codes[symbols[own[0] : own[-1]]], own - own[0], CODES)
+            yield looked.reshape(len(looked), -1)
+
     directions = Directions.of(some, WIDTHS["alignment"])
-    rows = (np.stack([string_sketch(each, codes) for each in strings[b : b + BLOCK]])
-            for b in range(0, len(strings), BLOCK))  # fmt: skip
-    files = _sketches(at.lake, shard, "alignment", places, names, rows, directions)
-    by_row: list[Sequence[int]] = [()] * len(places)
-    for place, string in zip(places.of(names).tolist(), strings, strict=True):
-        by_row[place] = string
-    return {"symbols": pa.array(by_row, pa.list_(pa.int32()))}, files
+    files = _sketches(at.lake, shard, "alignment", places, names, blocks(), directions)
+    rows = places.of(names)
+    counts = np.zeros(len(places), dtype=np.int64)
+    counts[rows] = np.diff(starts)
+    order = np.argsort(np.repeat(rows, np.diff(starts)), kind="stable")
+    return {"symbols": _lists(counts, symbols[order])}, files
 
 
 def _by_moves(at: LakeReader, shard: Shard, places: Places) -> Made:
+    from motionlake.motion.moves_of_clips import instants_of_clips
+
     lake, files = at.lake, shard.spec["moves"]
     some = list(_some_moves(at, files, places))
     directions = Directions.of(np.stack([instants(moves, INSTANTS).ravel() for moves in some]), WIDTHS["moves"])
@@ -178,14 +196,15 @@ def _by_moves(at: LakeReader, shard: Shard, places: Places) -> Made:
 
     def blocks(writer: FramesWriter) -> Iterator[Float32Array]:
         for file in files:
-            known = [(clip, track.moves()) for clip, track in tracks_in(lake, file) if clip in places]
-            if not known:
+            clips, moves, starts = _moves_in(lake, file, places)
+            if not clips:
                 continue
-            looked = np.stack([instants(moves, INSTANTS) for _, moves in known])
-            names.extend(clip for clip, _ in known)
-            outlines[places.of([clip for clip, _ in known])] = frames.project(looked)
-            for clip, moves in known:
-                writer.add(places[clip], moves)
+            looked, rows = instants_of_clips(moves, starts, INSTANTS), places.of(clips)
+            names.extend(clips)
+            outlines[rows] = frames.project(looked)
+            halves = moves.astype(HALF)
+            for row, start, stop in zip(rows.tolist(), starts[:-1].tolist(), starts[1:].tolist(), strict=True):
+                writer.add(row, halves[start:stop])
             yield looked.reshape(len(looked), -1)
 
     with FramesWriter(lake, file_of(shard.key, FRAMES), len(places)) as writer:
@@ -193,6 +212,17 @@ def _by_moves(at: LakeReader, shard: Shard, places: Places) -> Made:
     written += _directions(lake, shard, "outlines", frames)
     written += [_array(lake, shard, "moves-outlines", outlines), writer.file]
     return writer.columns(), written
+
+
+def _moves_in(lake: Lake, file: str, places: Places) -> tuple[list[str], Float32Array, Int64Array]:
+    """The clips of a part that have a row; their moves [M, D], and where those of each begin [n + 1]."""
+    from motionlake.motion.moves_of_clips import moves_of_clips
+
+    known = [(clip, joints) for clip, joints in read_features(sound(lake, file)) if clip in places]
+    starts = np.cumsum([0, *(len(joints) for _, joints in known)], dtype=np.int64)
+    if not known:
+        return [], np.zeros((0, WIDTH), dtype=np.float32), starts
+    return [clip for clip, _ in known], *moves_of_clips(np.concatenate([joints for _, joints in known]), starts)
 
 
 def _some_moves(at: LakeReader, files: Sequence[str], places: Places) -> Iterator[Float32Array]:

@@ -101,9 +101,9 @@ class FramesWriter:
     def __exit__(self, *error: object) -> None:
         self._stack.__exit__(*error)  # type: ignore[arg-type]
 
-    def add(self, row: int, frames: Float32Array) -> None:
+    def add(self, row: int, frames: NDArray[np.float16]) -> None:
         """The frames [m, D] of the clip of a row."""
-        data = frames.astype(HALF).tobytes()
+        data = frames.tobytes()
         self._handle.write(data)
         self._starts[row], self._counts[row], self._sums[row] = self._written, len(frames), zlib.crc32(data)
         self._written += len(frames)
