@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import argparse
 import itertools
-import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -30,7 +29,7 @@ from motionlake.retrieval.weighing import DIRECT, WEIGHTS
 from motionlake.stages.graph import KEPT
 
 from bench.record import hash_files, record, recordings
-from bench.search_lakes import DISPLACEMENTS, METHODS, SEEDED, TASKS, WINDOWS, Measured, counting, measured
+from bench.search_lakes import DISPLACEMENTS, METHODS, SEEDED, TASKS, WINDOWS, Measured, counting, kept
 
 SEEDS: Final = (0, 1, 2)
 # How much each of them counts.
@@ -143,12 +142,12 @@ class Scores:
         return [what for what in self._runs if isinstance(what, kind)]
 
 
-def measure(names: Sequence[str], seeds: Sequence[int]) -> dict[str, object]:
-    """Scores of every choice of constants, of each method alone and of every combination of methods."""
+def measure(names: Sequence[str], seeds: Sequence[int], keep: Path | None) -> dict[str, object]:
+    """Scores of every choice of constants, of each method alone and of every combination of methods; a folder keeps the
+    distances, which take longest."""
     found = Scores()
     for name in names:
-        with tempfile.TemporaryDirectory(prefix="bench-generalise-") as folder:
-            lakes = list(measured(Path(folder), name, seeds))
+        lakes = kept(keep, name, seeds)
         for reciprocal in sorted({*RECIPROCALS, NOW.reciprocal}):
             _of_set(found, name, lakes, reciprocal)
         print(f"{name}: {found.means(NOW, name)}", flush=True)
@@ -234,8 +233,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("sets", nargs="*", default=list(TASKS), help="which to measure (default: all)")
     parser.add_argument("--seeds", type=int, nargs="+", default=list(SEEDS))
+    parser.add_argument("--keep", type=Path, help="goes on from the distances in this folder")
     given = parser.parse_args()
-    figures = measure(given.sets, given.seeds)
+    figures = measure(given.sets, given.seeds, given.keep)
     for part in ("left out", "displacement left out", "on all", "now", "methods"):
         print(part, figures[part])
     folders = [recordings() / TASKS[name].folder for name in given.sets]

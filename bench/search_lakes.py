@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import csv
+import json
+import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 from unittest import mock
 
 import numpy as np
@@ -30,7 +32,7 @@ from motionlake.stages.registry import ALL
 
 from bench.canonical_sets import SETS, LabelledSet
 from bench.lakes import make_lake
-from bench.record import recordings
+from bench.record import recordings, revision
 
 METHODS: Final = ("signature", "alignment", "moves", "descriptor")
 SEEDED: Final = "signature"  # the one that another seed of motifs changes
@@ -57,11 +59,37 @@ class Measured:
     def clips(self) -> int:
         return len(self.distances["moves"])
 
+    def write(self, path: Path) -> None:
+        """Keep it in a file (`read`)."""
+        said = json.dumps({"methods": list(self.distances), "labels": self.labels, "subjects": self.subjects})
+        arrays: dict[str, Any] = {f"of_{number}": far for number, far in enumerate(self.distances.values())}
+        path.parent.mkdir(parents=True, exist_ok=True)
+        np.savez(path, rows=self.rows, said=np.array(said), **arrays)
+
+    @staticmethod
+    def read(path: Path) -> Measured:
+        with np.load(path, allow_pickle=False) as arrays:
+            said = json.loads(str(arrays["said"]))
+            distances = {name: arrays[f"of_{number}"] for number, name in enumerate(said["methods"])}
+            return Measured(distances, arrays["rows"], said["labels"], said["subjects"])
+
     def scores(self, near: Float64Array) -> SearchScores:
         """Of how near [n, n] clips are."""
         same = ~np.eye(len(self.rows), dtype=np.bool_)
         questions = Questions.of(self.labels, self.labels, same)
         return score_search(-near[np.ix_(self.rows, self.rows)], questions, self.subjects, self.subjects)
+
+
+def kept(keep: Path | None, name: str, seeds: Sequence[int]) -> list[Measured]:
+    """A set as a lake for each seed of its motifs (`measured`); what this very code has left in a folder is taken."""
+    files = [] if keep is None else [keep / f"{name}-{seed}-{revision()}.npz" for seed in seeds]
+    if files and all(path.is_file() for path in files):
+        return [Measured.read(path) for path in files]
+    with tempfile.TemporaryDirectory(prefix="bench-lakes-") as folder:
+        lakes = list(measured(Path(folder), name, seeds))
+    for path, one in zip(files, lakes, strict=False):
+        one.write(path)
+    return lakes
 
 
 def measured(folder: Path, name: str, seeds: Sequence[int]) -> Iterator[Measured]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -19,6 +20,7 @@ from motionlake.motion.rig_evidence import KINDS
 from motionlake.motion.rig_joints import joints_of, rig_joints
 from motionlake.motion.rigs import identify, load_rigs, parse_rig
 from motionlake.motion.skeleton import INDEX, JOINTS
+from motionlake.motion.starter import guess_joints
 from motionlake.pictures.skeleton import DrawnSkeleton, _spaced, seen_from, skeleton_figure
 
 from tests.hidden_maps import numbered
@@ -145,6 +147,17 @@ def test_a_printed_map_is_always_of_its_own_file(names: list[str], random: objec
         assert bind(starter, read.hierarchy).source == {INDEX[joint]: at for joint, at in match.joints.items()}
         told = joints_of(read.hierarchy.joints, match.joints, match)
         assert len({joint.joint for joint in told if joint.joint}) == len(joints)
+
+
+def test_a_leg_that_the_other_hangs_from_is_the_hips() -> None:
+    """By names alone: a joint stands for one joint of the skeleton."""
+    clip = walker("unity")
+    joints = ["x" if "left" in name.lower() and "leg" in name.lower() else name for name in clip.hierarchy.joints]
+    assert joints != list(clip.hierarchy.joints)
+    guesses = guess_joints(replace(clip.hierarchy, joints=("L_Leg", *joints[1:])))
+    assert guesses["hips"] == 0
+    assert "right_hip" in guesses
+    assert len(set(guesses.values())) == len(guesses)
 
 
 def _tree(clip: SourceClip, names: list[str], joint: int) -> list[str]:

@@ -87,7 +87,9 @@ def guess_joints(hierarchy: Hierarchy) -> dict[str, int]:
             if sides[index] == side and re.search(LIMB_WORDS[limb], name) and not re.search(_FINGER, name)
         ]
         guesses.update({f"{side}_{part}": index for part, index in _limb(hierarchy, joints, parts).items()})
-    return guesses | _trunk(hierarchy, guesses, sides)
+    trunk = _trunk(hierarchy, guesses, sides)
+    # What both legs hang from may be called like a leg.
+    return {joint: place for joint, place in guesses.items() if place != trunk["hips"]} | trunk
 
 
 def name_sides(joints: Sequence[str]) -> list[str | None]:
