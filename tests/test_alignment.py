@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, get_args
 
 import librosa
 import numpy as np
@@ -323,6 +323,31 @@ def test_costs_between_whole_strings() -> None:
     mean = symmetric_costs(strings, distances, config, both="mean", threads=2)
     assert np.allclose(mean, (one_way + one_way.T) / 2)
     assert np.all(np.diag(one_way) == 0)
+
+
+@given(
+    cases(clips=40), st.sampled_from(get_args(Method)), st.booleans(), st.sampled_from(get_args(scan.Both)),
+    st.integers(0, 45), st.sampled_from([1, 3, 64]),
+)  # fmt: skip
+@settings(max_examples=60)
+def test_nearest_strings_are_a_row_of_all_costs(
+    case: tuple[Int32Array, Repository, NDArray[np.float32], int], method: Method, gaps: bool, both: scan.Both, k: int,
+    together: int,
+) -> None:  # fmt: skip
+    """To the last bit, whichever clips are compared side by side, on any number of threads."""
+    query, repository, distances, stride = case
+    config = AlignmentConfig(method=method, stride=stride, gaps=gaps and method == "sta")
+    held = [repository.string(clip) for clip in np.flatnonzero(repository.lengths)]
+    costs = symmetric_costs([query, *held], distances, config, both=both)[0]
+    expected = sorted((float(cost), clip) for clip, cost in enumerate(costs[1:], start=1))[:k]
+    strings = Repository.of([query, *held])
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(scan, "BATCH", together)
+        patch.setattr(scan, "ALIKE", together)
+        found = scan.nearest_strings(query, strings, distances, k, config, both=both, without=0, threads=together)
+    assert [(cost, clip) for clip, cost in found] == expected
+    with pytest.raises(ValueError, match="at least 0"):
+        scan.nearest_strings(query, strings, distances, -1)
 
 
 @pytest.mark.parametrize(

@@ -54,6 +54,23 @@ def query_profile(query: Int32Array, distances: Float32Array) -> Float32Array:
     return profile
 
 
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def query_profiles(queries: Int32Array, text: Int32Array, distances: Float32Array) -> Float32Array:
+    """[c * n * width] flat: `query_profile` of each of c queries [c, length], of the n symbols of a text alone.
+
+    The place of a symbol in the text stands for it, counted on from query to query.
+    """
+    count, length = queries.shape
+    width = -(-length // ROWS) * ROWS
+    profiles = np.zeros(count * len(text) * width, dtype=np.float32)
+    for c in range(count):
+        for t in range(len(text)):
+            first = (c * len(text) + t) * width
+            for x in range(length):
+                profiles[first + x] = distances[queries[c, x], text[t]]
+    return profiles
+
+
 @njit(nogil=True)  # type: ignore[untyped-decorator]
 def _wide_window(ring: Float32Array, columns: Int64Array, row: int, above: Any, distance: Any, stride: int) -> Any:
     """`vectors.window` for any stride."""

@@ -17,7 +17,7 @@ from typing import Final, Literal, TypeVar, get_args
 import numpy as np
 from motionlake.arrays import Float32Array, Int32Array, Int64Array
 from motionlake.pesta.config import DEFAULT_ALIGNMENT, AlignmentConfig
-from motionlake.pesta.kernels import query_profile, scanner
+from motionlake.pesta.kernels import query_profile, query_profiles, scanner
 from motionlake.pesta.strings import Boundaries, Distances, Repository, SymbolDistances, checked
 from motionlake.pesta.vectors import LANES
 from numpy.typing import ArrayLike
@@ -30,6 +30,7 @@ MOST_COLUMNS: Final = 4096
 # Cells of weight matrices, some milliseconds of work: a thread that has less to do takes longer to start.
 THREAD_CELLS: Final = 10_000_000
 BATCH: Final = 64  # clips that `nearest_strings` searches for in the query at once
+ALIKE: Final = 16 * LANES  # queries of one length whose distances from a string are in memory at once
 Part = TypeVar("Part")
 Found = TypeVar("Found")
 _NO_COSTS: Final = np.zeros(0, dtype=np.float32)
@@ -135,6 +136,31 @@ def _pairwise(
     return costs
 
 
+def _in_one(
+    queries: Sequence[Int32Array], text: Int32Array, ground: SymbolDistances, config: AlignmentConfig, threads: int
+) -> Float32Array:
+    """[q] the least end cost of each of q queries in one string, as `pairwise`: queries of one length side by side."""
+    lengths = np.array([len(query) for query in queries])
+    costs = np.full(len(queries), np.inf, dtype=np.float32)
+    kernel, how = scanner(config.reach, config.gaps), (config.local, *ground.scores(config))
+
+    def work(chosen: Int64Array) -> None:
+        length, starts = int(lengths[chosen[0]]), np.arange(len(chosen), dtype=np.int64) * len(text)
+        profiles = query_profiles(np.stack([queries[at] for at in chosen]), text, ground.matrix)
+        best = np.full(len(chosen), np.inf, dtype=np.float32)
+        kernel(
+            profiles, length, *how, np.arange(len(chosen) * len(text), dtype=np.int32),
+            np.column_stack([starts, starts, starts + len(text), np.arange(len(chosen))]), 0, 0, _NO_STATES, _NO_STATES,
+            _NO_STATES, _NO_COSTS, best,
+        )  # fmt: skip
+        costs[chosen] = best
+
+    equal = [np.flatnonzero(lengths == length) for length in np.unique(lengths)]
+    parts = [group[at : at + ALIKE] for group in equal for at in range(0, len(group), ALIKE)]
+    in_threads(work, parts, useful_threads(threads, int(lengths.sum()) * len(text)))
+    return costs
+
+
 def symmetric_costs(
     strings: Sequence[ArrayLike] | Repository,
     distances: Distances,
@@ -199,15 +225,15 @@ def nearest_strings(
     order = np.argsort(costs, kind="stable")[: int(np.isfinite(costs).sum())]
     if both == "query":
         return [(int(clip), float(costs[clip])) for clip in order[:k]]
-    inside = Repository.of([symbols])
     found: list[tuple[float, int]] = []
-    for start in range(0, len(order), BATCH):
-        clips = order[start : start + BATCH].tolist()
+    batch = max(BATCH, min(k, len(order)))
+    for start in range(0, len(order) if k else 0, batch):
+        clips = order[start : start + batch].tolist()
         bound = float(costs[clips[0]]) * (1.0 if both == "max" else 0.5)
         if len(found) >= k and bound > found[k - 1][0] and not config.local:
             break
         own = [repository.string(clip) for clip in clips]
-        back = _pairwise(own, inside, ground, config, threads)[:, 0]
+        back = _in_one(own, symbols, ground, config, threads)
         back /= repository.lengths[clips].astype(np.float32)
         cost = _both_ways(costs[clips], back, both)
         found = sorted([*found, *zip(cost.tolist(), clips, strict=True)])[: max(k, 1)]
