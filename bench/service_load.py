@@ -38,6 +38,7 @@ USERS: Final = 20
 LOOKS: Final = (2.0, 1.0)  # mean seconds that a user looks at an answer
 SECONDS: Final = 60.0
 ANSWERS: Final = 20
+READY: Final = 10.0  # seconds in which a service of such a lake has read and checked what searches need
 WARMING: Final = 10
 BARS: Final = {"p95_ms": 150.0, "mib": 3072.0}
 PATIENCE: Final = 120.0  # seconds until the service answers at all
@@ -119,6 +120,7 @@ def measure(lake: Lake, users: int, looks: Sequence[float], seconds: float) -> d
     clips = drawn(lake, most, 0)
     figures: dict[str, Any] = {"bars": BARS, "load": round(os.getloadavg()[0], 1)}
     with served(lake.root) as service:
+        time.sleep(READY)
         alone = [service.search(clip) for clip in clips[:WARMING]]
         figures["alone_ms"] = round(float(np.median(alone[WARMING // 2 :])), 1)
         shares = np.array_split(np.array(clips[WARMING:], dtype=object), len(looks))

@@ -337,7 +337,7 @@ def test_nearest_strings_are_a_row_of_all_costs(
     """To the last bit, whichever clips are compared side by side, on any number of threads."""
     query, repository, distances, stride = case
     config = AlignmentConfig(method=method, stride=stride, gaps=gaps and method == "sta")
-    held = [repository.string(clip) for clip in np.flatnonzero(repository.lengths)]
+    held = [repository.string(clip) for clip in np.flatnonzero(repository.lengths).tolist()]
     costs = symmetric_costs([query, *held], distances, config, both=both)[0]
     expected = sorted((float(cost), clip) for clip, cost in enumerate(costs[1:], start=1))[:k]
     strings = Repository.of([query, *held])

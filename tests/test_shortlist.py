@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from motionlake.errors import UserError
+from motionlake.errors import DamagedError, UserError
 from motionlake.lake.config import load_config
 from motionlake.lake.layout import Lake, open_lake
 from motionlake.motion.dtw import clip_dtw, clip_path
@@ -29,6 +29,7 @@ from motionlake.retrieval.protocol import LakeSearcher, Query, Scope
 from motionlake.retrieval.registry import searcher
 from motionlake.stages.reader import lake_reader
 from motionlake.stages.shortlist import COMPARED, SHORTLIST
+from motionlake.threads import limited
 
 from tests.lakes import Changed, files, motionlake, query
 from tests.test_newer_models import newer
@@ -130,13 +131,13 @@ def test_few_chosen_clips_hold_the_nearest(large: Path, monkeypatch: pytest.Monk
 
 
 def test_searches_at_once_answer_as_one_after_another(large: Path) -> None:
-    """By one searcher, from its first search on."""
+    """By one searcher, from its first search on; to the last bit with linear algebra of one thread, as in a service."""
     asked = [Query(clip) for clip in some(large, 8)] * 3
     with few():
         (one, alone, together), scope = (FusedSearcher(open_lake(large)) for _ in range(3)), Scope()
         assert all(one.beside_others(query, scope) for query in asked)
         expected = [alone.search([query], 5)[0] for query in asked]
-        with ThreadPoolExecutor(4) as pool:
+        with limited(1), ThreadPoolExecutor(4) as pool:
             found = list(pool.map(lambda query: together.search([query], 5)[0], asked))
     assert found == expected
     for other in (Query(large / "a.bvh"), replace(asked[0], start=3)):
@@ -245,6 +246,21 @@ def test_a_damaged_shortlist_is_found_and_made_again(large: Path, tmp_path: Path
         assert motionlake("verify", "--deep", "--lake", root).status == 0
         file.unlink()
         assert motionlake("search", clip, "--lake", root).status == 2
+
+
+def test_a_service_reads_and_checks_all_moves_before_searches_do(large: Path, tmp_path: Path) -> None:
+    """One byte of the last clip is found, which a search for another would not read."""
+    root = Path(shutil.copytree(large, tmp_path / "lake"))
+    with few():
+        FusedSearcher(open_lake(root)).warm_up()
+        (file,) = root.glob("shortlist/*-moves.f16")
+        before = bytearray(file.read_bytes())
+        before[-1] ^= 1
+        file.write_bytes(before)
+        searcher = FusedSearcher(open_lake(root))
+        with pytest.raises(DamagedError, match=r"moves\.f16"):
+            searcher.warm_up()
+    FusedSearcher(open_lake(root)).warm_up()
 
 
 def test_a_small_lake_has_no_shortlist(built_lake: Path) -> None:

@@ -79,6 +79,15 @@ class FusedSearcher(LakeSearcher):
         self._explain, self._match = explain, explain and matched
         self.left_out: dict[str, list[str]] = {}
 
+    def warm_up(self) -> None:
+        """Read and check all that searches of a large lake may need: for a process that answers many.
+
+        Raises:
+            DamagedError: a file of the shortlist is not as it was written.
+        """
+        if self._cascade is not None:
+            self._cascade.files.check_moves()
+
     def beside_others(self, query: Query, scope: Scope) -> bool:
         """Whether this search may run in several threads at once: it computes nothing that others would wait for."""
         return self._cascade is not None and query.clip is not None and query.whole and not scope.mirrored

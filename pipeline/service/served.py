@@ -22,6 +22,7 @@ from motionlake.lake.annotations import Annotations
 from motionlake.lake.catalog import Connection, fetch, fetch_table, reading
 from motionlake.lake.layout import Lake
 from motionlake.lake.safe import LakeConnection, time_limit
+from motionlake.retrieval.fused import FusedSearcher
 from motionlake.retrieval.hits import Hit
 from motionlake.retrieval.protocol import Finds, Query, Searcher
 from motionlake.service.errors import ServiceError
@@ -71,6 +72,8 @@ class Served:
                 searcher = self.searcher("clip", "fused", explain=True, matched=False)
                 with self.searching():
                     searcher.search([Query(self.library.names[0])], 1)
+                if isinstance(searcher, FusedSearcher):
+                    searcher.warm_up()
 
     def keep(self, key: object, make: Callable[[], T]) -> T:
         """What was made for a key, made when first asked for and once."""

@@ -31,6 +31,7 @@ FRAMES: Final = "moves.f16"
 HALF: Final = np.dtype("<f2")
 INSTANTS: Final = 12  # of the moves of a clip, for its sketch and for its outline
 CODES: Final = 16  # of its postures
+CHECKED: Final = 1000  # clips whose moves are compared at a time
 
 
 def file_of(key: str, name: str) -> str:
@@ -189,6 +190,15 @@ class ShortlistFiles:
                 raise DamagedError(damage(self.lake, self._file, "holds other bytes than were written"))
         self._sound[rows] = True
         return self._frames, starts, counts.astype(np.int64)
+
+    def check_moves(self) -> None:
+        """Compare the moves of all clips with what was written, which maps them into memory: searches find that done.
+
+        Raises:
+            DamagedError: as `moves_at`.
+        """
+        for first in range(0, len(self.table), CHECKED):
+            self.moves_at(np.arange(first, min(first + CHECKED, len(self.table))))
 
     @cached_property
     def _sound(self) -> NDArray[np.bool_]:
