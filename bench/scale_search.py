@@ -133,9 +133,11 @@ def _child(lake: Lake, queries: int, seed: int) -> dict[str, Any]:
 
 
 def warm(lake: Lake, asked: Sequence[str]) -> dict[str, Any]:
-    """Times of single queries, their first ten answers, and the most memory that the process held."""
+    """Times of single queries in a process that is ready for many, as `motionlake browse` is, their first ten answers,
+    and the most memory that the process held."""
     started = time.perf_counter()
     search = FusedSearcher(lake)
+    search.warm_up()
     ready = time.perf_counter() - started
     answers, spent = [], []
     with threadpool_limits(limits=THREADS):
