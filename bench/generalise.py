@@ -33,8 +33,10 @@ from bench.search_lakes import DISPLACEMENTS, METHODS, SEEDED, TASKS, WINDOWS, M
 
 SEEDS: Final = (0, 1, 2)
 # How much each of them counts.
-SHARES: Final = ((2, 1, 4, 1.5), (2, 1, 4, 1), (2, 1, 4, 0.5))
-RECIPROCALS: Final = (16, 24)
+SHARES: Final = (
+    (2, 1, 4, 1.5), (2, 1, 4, 1), (2.5, 1, 4, 1), (3, 1, 4, 1), (3, 1, 4, 1.5), (3, 1, 4, 2), (2, 1, 3, 1),
+)  # fmt: skip
+RECIPROCALS: Final = (24,)
 DIRECTS: Final = (0.1, 0.3, 1.0)
 WINDOW_SHARES: Final = (1.0,)
 
