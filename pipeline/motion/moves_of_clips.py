@@ -1,6 +1,7 @@
 """The moves of many clips at once, and sequences at a few instants: what large lakes make of every clip.
 
-The same as `Track.moves` and `sketches.instants` of one clip after the other, to rounding.
+The same as `Track.moves` and `sketches.instants` of one clip after the other, to rounding. Kernels are given the
+constants of other modules: numba would keep a kernel with those of before.
 """
 
 from __future__ import annotations
@@ -24,8 +25,9 @@ from motionlake.motion.resampling import STILL
 from motionlake.motion.sketches import BY_PATH
 
 _REACH: Final = int(4 * SMOOTHED + 0.5)  # frames on either side that a filter of scipy sees
-_HIPS: Final = HIPS.start
 _SIDES: Final = np.array([[left.start, right.start] for left, right in SIDES])
+# What displacement and joints count, the first column of the hips, the least root mean square.
+Constants = tuple[float, float, int, float]
 
 
 def moves_of_clips(joints: Float32Array, starts: Int64Array) -> tuple[Float32Array, Int64Array]:
@@ -39,7 +41,8 @@ def moves_of_clips(joints: Float32Array, starts: Int64Array) -> tuple[Float32Arr
     first = np.concatenate([[0], np.cumsum(counts)])
     moves = np.empty((first[-1], WIDTH), dtype=np.float32)
     taps = np.exp(-0.5 * (np.arange(-_REACH, _REACH + 1) / SMOOTHED) ** 2)
-    _moves(joints, starts, taps / taps.sum(), first, moves)
+    constants = (DISPLACEMENT_COUNT, JOINTS_COUNT, HIPS.start, SILENT)
+    _moves(joints, starts, taps / taps.sum(), _SIDES, constants, first, moves)
     return moves, first
 
 
@@ -52,13 +55,16 @@ def instants_of_clips(frames: FloatArray, starts: Int64Array, count: int) -> Flo
         count: of instants.
     """
     found = np.empty((len(starts) - 1, count, frames.shape[1]), dtype=np.float32)
-    _instants(frames, starts, found)
+    _instants(frames, starts, BY_PATH, STILL, found)
     return found
 
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
-def _moves(joints: Float32Array, starts: Int64Array, taps: Float64Array, first: Int64Array, out: Float32Array) -> None:
-    """Kernel of `moves_of_clips`; `taps` [2 r + 1] of the filter."""
+def _moves(
+    joints: Float32Array, starts: Int64Array, taps: Float64Array, sides: Int64Array, constants: Constants,
+    first: Int64Array, out: Float32Array,
+) -> None:  # fmt: skip
+    """Kernel of `moves_of_clips`; `taps` [2 r + 1] of the filter, `sides` [s, 2] first columns of left and right."""
     longest = 0
     for clip in range(len(starts) - 1):
         longest = max(longest, starts[clip + 1] - starts[clip])
@@ -72,7 +78,7 @@ def _moves(joints: Float32Array, starts: Int64Array, taps: Float64Array, first: 
             before, after = max(t - 1, 0), min(t + 1, count - 1)
             for d in range(width):
                 velocity[t, d] = (smooth[after, d] - smooth[before, d]) / max(after - before, 1)
-        cosine, sine = _heading(own)
+        cosine, sine = _heading(own, sides, constants[3])
         for t in range(count):
             for j in range(0, width, 3):
                 x, z = np.float64(own[t, j]), np.float64(own[t, j + 2])
@@ -80,7 +86,7 @@ def _moves(joints: Float32Array, starts: Int64Array, taps: Float64Array, first: 
                 turned[t, j + 1] = own[t, j + 1]
                 x, z = velocity[t, j], velocity[t, j + 2]
                 velocity[t, j], velocity[t, j + 2] = x * cosine - z * sine, x * sine + z * cosine
-        _parts(turned, velocity, count, out[first[clip] : first[clip + 1]])
+        _parts(turned, velocity, count, constants, out[first[clip] : first[clip + 1]])
 
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
@@ -97,29 +103,30 @@ def _smoothed(own: Float32Array, taps: Float64Array, smooth: Float64Array) -> No
 
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
-def _heading(own: Float32Array) -> tuple[float, float]:
+def _heading(own: Float32Array, sides: Int64Array, silent: float) -> tuple[float, float]:
     """Cosine and sine of the angle about y by which a clip [n, D] faces away from +z in the mean."""
     ahead, aside = 0.0, 0.0
     across = np.empty(3)
     for t in range(len(own)):
         x = z = 0.0
-        for side in range(len(_SIDES)):
+        for side in range(len(sides)):
             for d in range(3):
-                across[d] = np.float64(own[t, _SIDES[side, 0] + d]) - np.float64(own[t, _SIDES[side, 1] + d])
-            length = max(np.sqrt(across[0] ** 2 + across[1] ** 2 + across[2] ** 2), SILENT)
+                across[d] = np.float64(own[t, sides[side, 0] + d]) - np.float64(own[t, sides[side, 1] + d])
+            length = max(np.sqrt(across[0] ** 2 + across[1] ** 2 + across[2] ** 2), silent)
             x += across[0] / length
             z += across[2] / length
-        length = max(np.sqrt(x**2 + z**2), SILENT)
+        length = max(np.sqrt(x**2 + z**2), silent)
         ahead += x / length
         aside -= z / length
     length = np.sqrt(ahead**2 + aside**2)
-    return (ahead / length, aside / length) if length > SILENT else (1.0, 0.0)
+    return (ahead / length, aside / length) if length > silent else (1.0, 0.0)
 
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
-def _parts(joints: Float64Array, velocity: Float64Array, frames: int, out: Float32Array) -> None:
+def _parts(joints: Float64Array, velocity: Float64Array, frames: int, constants: Constants, out: Float32Array) -> None:
     """Displacement, velocity and joints of a clip of so many frames into `out` [m, 3 D]."""
     count, width = len(out), joints.shape[1]
+    of_displacement, of_joints, hips, silent = constants
     chosen = np.arange(count)
     if frames > count:
         for t in range(count):
@@ -133,19 +140,19 @@ def _parts(joints: Float64Array, velocity: Float64Array, frames: int, out: Float
         for d in range(width):
             gone += (joints[frame, d] - middle[d]) ** 2
             moved += velocity[frame, d] ** 2
-    gone = DISPLACEMENT_COUNT / max(np.sqrt(gone / count), SILENT)
-    moved = 1 / max(np.sqrt(moved / count), SILENT)
+    gone = of_displacement / max(np.sqrt(gone / count), silent)
+    moved = 1 / max(np.sqrt(moved / count), silent)
     for i in range(count):
         t = chosen[i]
         for d in range(width):
-            start = joints[chosen[0], d] if _HIPS <= d < _HIPS + 3 else 0.0
+            start = joints[chosen[0], d] if hips <= d < hips + 3 else 0.0
             out[i, d] = gone * (joints[t, d] - middle[d])
             out[i, width + d] = moved * velocity[t, d]
-            out[i, 2 * width + d] = JOINTS_COUNT * (joints[t, d] - start)
+            out[i, 2 * width + d] = of_joints * (joints[t, d] - start)
 
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
-def _instants(frames: FloatArray, starts: Int64Array, out: Float32Array) -> None:
+def _instants(frames: FloatArray, starts: Int64Array, by_path: float, still: float, out: Float32Array) -> None:
     """Kernel of `instants_of_clips`."""
     count, width = out.shape[1:]
     for clip in range(len(starts) - 1):
@@ -160,7 +167,7 @@ def _instants(frames: FloatArray, starts: Int64Array, out: Float32Array) -> None
         way = done[last]
         for t in range(last + 1):
             time = t / max(last, 1)
-            done[t] = time if way < STILL else BY_PATH * done[t] / way + (1 - BY_PATH) * time
+            done[t] = time if way < still else by_path * done[t] / way + (1 - by_path) * time
         before = 0
         for at in range(count):
             place = at / max(count - 1, 1)

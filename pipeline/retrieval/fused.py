@@ -214,9 +214,8 @@ def _cascade(lake: Lake) -> Cascade | None:
 
     with ThreadPoolExecutor(1) as pool:
         clips = pool.submit(LakeShortlist, lake, files)
-        from motionlake.retrieval.shortlist import (
-            Cascade,  # kernels, while the files are compared with what was written
-        )
+        # Its kernels are imported while the files are compared with what was written.
+        from motionlake.retrieval.shortlist import Cascade
 
         return Cascade(clips.result())
 
