@@ -7,7 +7,7 @@ import zipfile
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from motionlake.errors import ClipError
 from motionlake.formats.parse.npz_members import NpzArchive, npy_array, npy_header
@@ -31,6 +31,7 @@ def test_a_header_says_what_numpy_reads(kind: str, shape: tuple[int, ...], fortr
 
 
 @given(st.integers(10, 127), st.integers(0, 255))
+@example(23, ord("0"))  # '<f0', which is no type
 def test_a_header_with_a_changed_byte_is_read_as_by_numpy_or_rejected(at: int, byte: int) -> None:
     stream = io.BytesIO()
     np.save(stream, np.arange(6.0).reshape(2, 3))

@@ -176,11 +176,11 @@ def _header_length(head: bytes) -> int:
 def _header(head: bytes, name: str) -> tuple[tuple[int, ...], bool, np.dtype[Any], int]:
     """Shape, whether the first axis runs fastest, type, and where the numbers start."""
     plain = _PLAIN.match(head)
-    if plain and plain.end() == _header_length(head):
-        shape = tuple(int(count) for count in plain[3].strip(b"(),").split(b", ") if count)
-        return shape, plain[2] == b"True", np.dtype(plain[1].decode()), plain.end()
     stream = io.BytesIO(head)
     try:
+        if plain and plain.end() == _header_length(head):
+            shape = tuple(int(count) for count in plain[3].strip(b"(),").split(b", ") if count)
+            return shape, plain[2] == b"True", np.dtype(plain[1].decode()), plain.end()
         shape, fortran, dtype = _HEADERS[np.lib.format.read_magic(stream)](stream)
     except (KeyError, ValueError, SyntaxError, TypeError, tokenize.TokenError) as error:
         raise ClipError(f"array {name!r} has a damaged header") from error
