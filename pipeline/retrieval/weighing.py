@@ -14,7 +14,7 @@ from motionlake.retrieval.hits import TOGETHER, Share
 from motionlake.retrieval.views import View
 
 # How much each counts: looked at on all sets (docs/search.md says what choices with one set left out make of it).
-WEIGHTS: Final = {"signature": 2.0, "alignment": 1.0, "moves": 4.0, "descriptor": 1.0}
+WEIGHTS: Final = {"signature": 1.5, "alignment": 0.5, "moves": 4.0, "descriptor": 1.5}
 # A method counts more in a lake by whose neighbours more are mutual by it: by this power of their share over the mean.
 AGREEMENT: Final = 4.0
 DIRECT: Final = 0.3  # what the distance itself counts beside a way along the graph
