@@ -23,9 +23,10 @@ from motionlake.arrays import Float64Array
 from motionlake.evaluation.ranking import SearchScores
 from motionlake.motion import diffusion
 from motionlake.motion.diffusion import NeighbourGraph, diffused, scale
+from motionlake.retrieval import weighing
 from motionlake.retrieval.fused import REACH
 from motionlake.retrieval.views import View, near_again
-from motionlake.retrieval.weighing import DIRECT, WEIGHTS
+from motionlake.retrieval.weighing import AGREEMENT, DIRECT, WEIGHTS, weights_of
 from motionlake.stages.graph import KEPT
 
 from bench.record import hash_files, record, recordings
@@ -33,11 +34,10 @@ from bench.search_lakes import DISPLACEMENTS, METHODS, SEEDED, TASKS, WINDOWS, M
 
 SEEDS: Final = (0, 1, 2)
 # How much each of them counts.
-SHARES: Final = (
-    (2, 1, 4, 1.5), (2, 1, 4, 1), (2.5, 1, 4, 1), (3, 1, 4, 1), (3, 1, 4, 1.5), (3, 1, 4, 2), (2, 1, 3, 1),
-)  # fmt: skip
+SHARES: Final = ((2, 1, 4, 1), (2, 1, 4, 1.5), (1.5, 1, 4, 1), (1.5, 0.5, 4, 1.5))
 RECIPROCALS: Final = (24,)
-DIRECTS: Final = (0.1, 0.3, 1.0)
+DIRECTS: Final = (0.3, 1.0)
+AGREEMENTS: Final = (0.0, 2.0, 4.0)
 WINDOW_SHARES: Final = (1.0,)
 
 
@@ -49,18 +49,20 @@ class Constants:
         reciprocal: `diffusion.RECIPROCAL`.
         direct: `fused.DIRECT`.
         shares: what each method counts.
+        agreement: `weighing.AGREEMENT`.
     """
 
     reciprocal: int
     direct: float
     shares: tuple[float, ...]
+    agreement: float
 
 
-NOW: Final = Constants(diffusion.RECIPROCAL, DIRECT, tuple(WEIGHTS.get(method, 0.0) for method in METHODS))
+NOW: Final = Constants(diffusion.RECIPROCAL, DIRECT, tuple(WEIGHTS.get(method, 0.0) for method in METHODS), AGREEMENT)
 
 
 def every_constants() -> Iterator[Constants]:
-    return itertools.starmap(Constants, itertools.product(RECIPROCALS, DIRECTS, SHARES))
+    return itertools.starmap(Constants, itertools.product(RECIPROCALS, DIRECTS, SHARES, AGREEMENTS))
 
 
 How = TypeVar("How")
@@ -74,7 +76,8 @@ class Near:
     along: Float64Array
 
 
-def _views(distances: Float64Array) -> list[View[int]]:
+def _views(distances: Float64Array) -> tuple[list[View[int]], float]:
+    """What every clip as a query makes of the others, and how many neighbours are mutual."""
     count = len(distances)
     others = [np.flatnonzero(np.arange(count) != row) for row in range(count)]
     order = [clips[np.argsort(distances[row, clips], kind="stable")] for row, clips in enumerate(others)]
@@ -88,7 +91,7 @@ def _views(distances: Float64Array) -> list[View[int]]:
         nodes = there[:REACH]
         ways = diffused(graph, nodes, distances[row, nodes], row) if len(nodes) else None
         found.append(View(there.tolist(), distances[row, there], near, ways))
-    return found
+    return found, graph.mutual()
 
 
 def near_of(
@@ -187,19 +190,21 @@ def _of_set(found: Scores, name: str, lakes: Sequence[Measured], reciprocal: int
         fixed = {method: _views(far) for method, far in lakes[0].distances.items() if method != SEEDED}
         for one in lakes:
             of_each = {SEEDED: _views(one.distances[SEEDED]), **fixed}
-            rows = [{method: views[row] for method, views in of_each.items()} for row in range(one.clips)]
-            for shares in {how.shares for how in (NOW, *every_constants())}:
-                near = near_of(one, rows, _counted(shares), together=True)
+            mutual = {method: share for method, (_, share) in of_each.items()}
+            rows = [{method: views[row] for method, (views, _) in of_each.items()} for row in range(one.clips)]
+            for shares, agreement in {(how.shares, how.agreement) for how in (NOW, *every_constants())}:
+                near = near_of(one, rows, _counted(shares, mutual, agreement), together=True)
                 for direct in sorted({*DIRECTS, NOW.direct}):
-                    how = Constants(reciprocal, direct, shares)
+                    how = Constants(reciprocal, direct, shares, agreement)
                     found.add(how, name, one.scores(near.along + direct * near.direct))
             if reciprocal == NOW.reciprocal:
+                counted = _counted(NOW.shares, mutual, NOW.agreement)
                 for count in DISPLACEMENTS:
                     other = [{**each, "moves": each[counting(count)]} for each in rows]
-                    near = near_of(one, other, _counted(NOW.shares), together=True)
+                    near = near_of(one, other, counted, together=True)
                     found.add(_with(count), name, one.scores(near.along + NOW.direct * near.direct))
-                for what, counted in _combinations(first=one is lakes[0]):
-                    near = near_of(one, rows, counted, together=len(counted) > 1)
+                for what, some in _combinations(counted, first=one is lakes[0]):
+                    near = near_of(one, rows, some, together=len(some) > 1)
                     found.add(f"{what}, no graph", name, one.scores(near.direct))
                     found.add(what, name, one.scores(near.along + NOW.direct * near.direct))
 
@@ -208,14 +213,16 @@ def _with(displacement: float) -> str:
     return f"all, {counting(displacement)}"
 
 
-def _counted(shares: Sequence[float]) -> dict[str, float]:
-    return {method: share for method, share in zip(METHODS, shares, strict=True) if share}
+def _counted(shares: Sequence[float], mutual: Mapping[str, float], agreement: float) -> dict[str, float]:
+    """What methods count in a lake in which so many neighbours are mutual by each."""
+    base = {method: share for method, share in zip(METHODS, shares, strict=True) if share}
+    with mock.patch.multiple(weighing, WEIGHTS=base, AGREEMENT=agreement):
+        return weights_of(base, {method: mutual[method] for method in METHODS})
 
 
-def _combinations(*, first: bool) -> Iterator[tuple[str, dict[str, float]]]:
+def _combinations(now: Mapping[str, float], *, first: bool) -> Iterator[tuple[str, dict[str, float]]]:
     """Every combination of methods, as each counts now, and what stands beside them; all of them for the first seed,
     then those that its motifs change."""
-    now = _counted(NOW.shares)
     chosen = [dict(some) for size in range(1, len(now) + 1) for some in itertools.combinations(now.items(), size)]
     chosen += [{"dtw": 1.0}, {WINDOWS: 1.0}, *({counting(count): 1.0} for count in DISPLACEMENTS)]
     chosen += [*({**now, WINDOWS: share} for share in WINDOW_SHARES)]

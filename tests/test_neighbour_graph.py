@@ -33,7 +33,7 @@ from motionlake.retrieval.lake_neighbours import read_neighbours
 from motionlake.retrieval.protocol import Query, Scope
 from motionlake.retrieval.registry import searcher
 from motionlake.retrieval.views import View, near_again
-from motionlake.retrieval.weighing import DIRECT, WEIGHTS
+from motionlake.retrieval.weighing import AGREEMENT, DIRECT, WEIGHTS, weights_of
 from motionlake.stages.graph import GRAPH, KEPT
 from motionlake.stages.reader import lake_reader
 
@@ -96,6 +96,27 @@ def test_a_further_way_against_a_naive_one(count: int, seed: int) -> None:
     np.fill_diagonal(distances, 0)
     for clip in (0, count - 1):
         np.testing.assert_allclose(found[clip], naive(distances, clip, AGAIN, 1.0), atol=1e-6)
+
+
+@given(st.integers(2, 60), st.integers(0, 1000), st.integers(1, 30))
+def test_how_many_neighbours_are_mutual(count: int, seed: int, kept: int) -> None:
+    distances = apart(np.random.default_rng(seed).normal(size=(count, 2)))
+    graph = graph_of(distances, min(kept, count - 1))
+    most = max(1, min(UNIT, count // FEWEST))
+    near = [set(row[:most].tolist()) for row in graph.neighbours]
+    pairs = [(clip, other) for clip in range(count) for other in near[clip]]
+    assert graph.mutual() == pytest.approx(np.mean([clip in near[other] for clip, other in pairs]))
+
+
+def test_a_lake_counts_what_tells_its_clips_apart() -> None:
+    """The weights of methods without a graph stay as they are beside the others."""
+    assert weights_of(["moves", "other"], {}) == {"moves": WEIGHTS["moves"], "other": 1.0}
+    found = weights_of(["moves", "signature", "other"], {"moves": 0.4, "signature": 0.8})
+    assert found["moves"] == pytest.approx(WEIGHTS["moves"] * (0.4 / 0.6) ** AGREEMENT)
+    assert found["signature"] == pytest.approx(WEIGHTS["signature"] * (0.8 / 0.6) ** AGREEMENT)
+    assert found["other"] == 1.0
+    assert weights_of(["moves"], {"moves": 0.0}) == {"moves": WEIGHTS["moves"]}
+    assert NeighbourGraph(np.full((3, 1), NOWHERE), np.full((3, 1), np.inf), 3).mutual() == 1.0
 
 
 def test_a_clip_is_joined_only_to_those_that_it_is_near_to() -> None:
@@ -198,7 +219,8 @@ def test_the_command_says_why(built_lake: Path, lake: Path) -> None:
     rows = motionlake(*words, "--explain", "--json").json
     assert all({share["method"] for share in row["shares"]} <= {*WEIGHTS, TOGETHER} for row in rows)
     said = motionlake(*words, "--explain").out
-    assert "moves (28%)" in said
+    (moves,) = (share["weight"] for share in rows[0]["shares"] if share["method"] == "moves")
+    assert f"moves ({moves:.0%})" in said
     assert "graph 0." in said
     assert "together (43%)" in said
     without = motionlake(*words, "--no-graph", "--json").json

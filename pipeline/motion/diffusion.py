@@ -54,6 +54,17 @@ class NeighbourGraph:
         """[k] the same of the last neighbour that it may be joined to (`RECIPROCAL`)."""
         return self._of_neighbour(nodes, joined_of(self.clips, RECIPROCAL))
 
+    def mutual(self) -> float:
+        """The share of the nearest neighbours of all clips (`UNIT`) of which the clip is such a neighbour itself.
+
+        Where distances tell clips apart, neighbours are mutual; where they do not, some clips are near to all others
+        (hubs: Radovanović et al., JMLR 2010). 1 without neighbours.
+        """
+        near = self.neighbours[:, : joined_of(self.clips, UNIT)]
+        clips, places = np.nonzero(near >= 0)
+        others, count = near[clips, places], len(near)
+        return float(np.isin(others * count + clips, clips * count + others).mean()) if len(clips) else 1.0
+
     def _of_neighbour(self, nodes: Int64Array, k: int) -> Float64Array:
         if not len(self.distances):
             return np.zeros(len(nodes))

@@ -119,8 +119,9 @@ class FusedSearcher(LakeSearcher):
         refused = None if scope.own else asked.clip
         same = same_clips(asked.by)
         views = {name: self._view(name, found, own, same) for name, found in asked.by.items()}
-        again = near_again(views, weights_of(views), len(self._graph.nodes)) if self._along else {}
-        weighed = Weighed({name: Found.of(view) for name, view in views.items()}, again, own)
+        weights = weights_of(views, self._graph.mutual if self._along else {})
+        again = near_again(views, weights, len(self._graph.nodes)) if self._along else {}
+        weighed = Weighed({name: Found.of(view) for name, view in views.items()}, again, own, weights)
         distances = weighed.nearest(clip for clip in asked.known if clip != refused)[:k]
         best: list[Hit] = self._hits(asked, weighed, distances)
         if len(best) == k or max(len(found.clips) for found in asked.by.values()) <= REACH:
@@ -129,7 +130,7 @@ class FusedSearcher(LakeSearcher):
         rest, known = ask(every), asked.known.keys() | {refused}
         plain = {name: Found.of(self._view(name, found, own, same, graph=False)) for name, found in rest.by.items()}
         farthest: float = max((hit.distance for hit in best), default=0.0)
-        weighed = Weighed(plain, {}, own)
+        weighed = Weighed(plain, {}, own, weights)
         distances = weighed.nearest(clip for clip in rest.known if clip not in known)[: k - len(best)]
         behind: list[Hit] = self._hits(rest, weighed, distances)
         return [*best, *(replace(hit, distance=max(farthest, hit.distance)) for hit in behind)]

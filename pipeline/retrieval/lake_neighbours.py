@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import pyarrow as pa
@@ -22,6 +23,11 @@ class LakeNeighbours:
 
     nodes: Mapping[str, int]
     methods: Mapping[str, NeighbourGraph]
+
+    @cached_property
+    def mutual(self) -> dict[str, float]:
+        """How many neighbours are mutual, by method (`NeighbourGraph.mutual`)."""
+        return {name: graph.mutual() for name, graph in self.methods.items()}
 
     def of(self, clips: list[str]) -> Int64Array:
         """[m] nodes of clips; `NOWHERE` for those that are not in the graph."""

@@ -14,7 +14,9 @@ from motionlake.retrieval.hits import TOGETHER, Share
 from motionlake.retrieval.views import View
 
 # How much each counts: looked at on all sets (docs/search.md says what choices with one set left out make of it).
-WEIGHTS: Final = {"signature": 2.0, "alignment": 1.0, "moves": 4.0, "descriptor": 1.0}
+WEIGHTS: Final = {"signature": 1.5, "alignment": 0.5, "moves": 4.0, "descriptor": 1.5}
+# A method counts more in a lake by whose neighbours more are mutual by it: by this power of their share over the mean.
+AGREEMENT: Final = 4.0
 DIRECT: Final = 0.3  # what the distance itself counts beside a way along the graph
 _SAME: Final = 5e-3  # of moves, whose root mean square is one, as far as rounding takes a clip from itself
 
@@ -60,31 +62,32 @@ class Weighed(Generic[Clip]):
         views: by each method.
         again: how near clips are along the graph of all; empty without one.
         own: the clip that the query is.
+        weights: how much each method counts.
     """
 
     views: Mapping[str, Found[Clip]]
     again: Mapping[Clip, float]
     own: Clip | None
+    weights: Mapping[str, float]
 
     def nearest(self, clips: Iterable[Clip]) -> list[tuple[float, Clip]]:
         """Distances of some clips, the nearest first, of equal ones that with the first name."""
         known = list(clips)
         if not known:
             return []
-        weights, own = weights_of(self.views), np.array([clip == self.own for clip in known])
-        scores = [weights[name] * np.where(own, 1.0, view.scores(known)) for name, view in self.views.items()]
-        near = sum(scores) / sum(weights.values())
+        own = np.array([clip == self.own for clip in known])
+        scores = [self.weights[name] * np.where(own, 1.0, view.scores(known)) for name, view in self.views.items()]
+        near = sum(scores) / sum(self.weights.values())
         if self.again:
             again = np.where(own, 1.0, [self.again.get(clip, 0.0) for clip in known])
             near = ((1 + DIRECT) * near + again) / (2 + DIRECT)
         return sorted(zip(np.maximum(0.0, 1 - near).tolist(), known, strict=True))
 
     def shares(self, clip: Clip) -> tuple[Share, ...]:
-        weights = weights_of(self.views)
-        each = ((1 + DIRECT) / (2 + DIRECT) if self.again else 1.0) / sum(weights.values())
+        each = ((1 + DIRECT) / (2 + DIRECT) if self.again else 1.0) / sum(self.weights.values())
         shares = [
             Share(
-                name, weights[name] * each, view.distances.get(clip), view.near.get(clip, view.far),
+                name, self.weights[name] * each, view.distances.get(clip), view.near.get(clip, view.far),
                 view.along.get(clip, 0.0) if view.along else None,
             )
             for name, view in self.views.items()
@@ -110,8 +113,16 @@ def _within(found: Ranking[Clip], most: float) -> set[Clip]:
     return {clip for clip, distance in zip(found.clips, found.distances.tolist(), strict=True) if distance <= most}
 
 
-def weights_of(methods: Iterable[str]) -> dict[str, float]:
-    return {name: WEIGHTS.get(name, 1.0) for name in methods}
+def weights_of(methods: Iterable[str], mutual: Mapping[str, float]) -> dict[str, float]:
+    """How much each of some methods counts in a lake.
+
+    Args:
+        methods: by name.
+        mutual: how many neighbours are mutual by each that has a graph; empty without graphs.
+    """
+    usual = float(np.mean(list(mutual.values()))) if any(mutual.values()) else 1.0
+    known = mutual if any(mutual.values()) else {}
+    return {name: WEIGHTS.get(name, 1.0) * (known.get(name, usual) / usual) ** AGREEMENT for name in methods}
 
 
 def fused_distances(of_each: Mapping[str, Float64Array]) -> Float64Array:
