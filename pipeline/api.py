@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias, TypedDict, TypeVar, Unpack, cast
 
 from motionlake.errors import UserError, told_by_sql
-from motionlake.lake import layout
+from motionlake.lake import bucket, layout
 from motionlake.lake.rows import Rows
 
 if TYPE_CHECKING:
@@ -52,8 +52,9 @@ def open_lake(path: str | Path) -> Lake:
         <motionlake.Lake mylake>
 
     Args:
-        path: its folder, or the address that `motionlake browse` prints ("http://127.0.0.1:8765/?token=…"): then the
-            service answers (docs/browse.md).
+        path: its folder; the address that `motionlake browse` prints ("http://127.0.0.1:8765/?token=…"): then the
+            service answers (docs/browse.md); or its address in a bucket ("s3://bucket/lake"): then a copy in the user's
+            cache, which is brought up to date now (docs/buckets.md).
 
     Raises:
         UserError: there is no lake, or it is of another version; nobody answers at the address.
@@ -61,6 +62,10 @@ def open_lake(path: str | Path) -> Lake:
     if str(path).startswith(("http://", "https://")):
         remote: Lake = import_module("motionlake.client").RemoteLake(str(path))
         return remote
+    if isinstance(path, str) and bucket.is_address(path):
+        return Lake(
+            import_module("motionlake.lake.cached").copy_of(bucket.Bucket(path), lambda what, done, total: None)
+        )
     return Lake(path)
 
 

@@ -19,6 +19,7 @@ from motionlake.names import json_text, printable, typed
 
 if TYPE_CHECKING:
     from motionlake.jobs.session import Session
+    from motionlake.lake.bucket import Bucket
     from motionlake.lake.catalog import Connection
     from motionlake.lake.layout import Lake
     from motionlake.retrieval.protocol import Query
@@ -59,12 +60,57 @@ def positive(param: typer.CallbackParam, value: float | None) -> float | None:
     return value
 
 
+_copies: Final[list[tuple[Path, Bucket]]] = []  # of lakes in buckets, that this process works on
+
+
+def lake_folder_of(value: Path) -> Path:
+    """Callback of `--lake`: its folder, or the user's copy of the lake in a bucket, up to date.
+
+    Raises:
+        UserError: the bucket cannot be read, or the copy cannot be brought up to date.
+    """
+    if ":" not in str(value):
+        return value
+    from motionlake.lake.bucket import Bucket, is_address
+
+    if not is_address(value):
+        return value
+    from motionlake.lake.cached import copy_of
+
+    bucket = Bucket(value)
+    with stage_progress() as progress:
+        folder = copy_of(bucket, progress)
+    _copies.append((folder, bucket))
+    return folder
+
+
+def publish_copies() -> None:
+    """Publish what the command has changed of lakes in buckets.
+
+    Raises:
+        UserError: somebody else has published meanwhile, or the bucket cannot be written.
+    """
+    while _copies:
+        from motionlake.lake.copies import push_changes
+        from motionlake.lake.layout import Lake
+
+        folder, bucket = _copies.pop()
+        with stage_progress() as progress:
+            moved = push_changes(Lake(folder), bucket, progress)
+        if moved is not None:
+            notice(f"{moved.address}: version {moved.version}, {moved.files} files sent, {moved.bytes / 1e6:.1f} MB")
+
+
 # How a name that is both is told apart, in every help.
 PATHS: Final = "where there are both, ./NAME means the file"
 # What may not be read is told of with its owner, not by typer.
 LakeOption = Annotated[
-    Path, option("--lake", "-l", envvar="MOTIONLAKE_LAKE", help="Folder of the lake.", readable=False)
-]
+    Path,
+    option(
+        "--lake", "-l", envvar="MOTIONLAKE_LAKE", readable=False, callback=lake_folder_of,
+        help="Folder of the lake, or its address in a bucket, such as s3://bucket/lake.",
+    ),
+]  # fmt: skip
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON, for machines.")]
 ClipArgument = Annotated[str, argument(f"A clip of the lake, or a clip file; {PATHS}.")]
 ClipsArgument = Annotated[list[str] | None, argument(f"Clips of the lake, or clip files; {PATHS}.")]

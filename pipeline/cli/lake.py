@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Annotated, Any, Final
 
 import typer
-from motionlake.cli.common import JsonOption, LakeOption, argument, notice, option, stage_progress, tell
+from motionlake.cli.common import JsonOption, LakeOption, argument, lake_folder_of, notice, option, stage_progress, tell
 from motionlake.errors import UserError
 from motionlake.lake import layout
 from motionlake.lake.catalog import SCHEMA_VERSION, check_no_lake, create_catalog, fetch, has_macros
@@ -154,7 +154,7 @@ def _named_folder(context: typer.Context, folder: Path | None, lake: Path | None
         raise UserError(
             f"{context.info_name}: name the folder of the lake, as in `motionlake {context.info_name} mylake`"
         )
-    return chosen
+    return lake_folder_of(chosen)
 
 
 def _brief(metrics: Mapping[str, Any]) -> str:

@@ -18,7 +18,7 @@ from typing import Annotated, Any, Final, NoReturn
 
 import typer
 from motionlake.cli._event_log import ending, event, log_to
-from motionlake.cli.common import SETTINGS, notice
+from motionlake.cli.common import SETTINGS, notice, publish_copies
 from motionlake.errors import UserError, denied, explained
 from motionlake.names import printable
 from motionlake.stopping import obeying, signal_asked
@@ -42,6 +42,8 @@ COMMANDS: Final = {
         "compact": "Merge the small files that many runs have left into few; nothing is computed anew.",
         "backup": "Copy into one archive what could not be made again.",
         "restore": "Make a lake from a backup; what that does not hold is made again from the sources.",
+        "push": "Publish a lake in a bucket, as its next version; only what is not there yet is sent.",
+        "pull": "Make a folder a copy of the lake in a bucket, or bring it up to date; only what is new is fetched.",
     },
     "Search it": {
         "search": "The clips most like one, nearest first.",
@@ -83,6 +85,7 @@ MODULES: Final = {
     "rig": ("rig",),
     "compact": ("compact",),
     "mend": ("verify", "repair", "backup", "restore"),
+    "bucket": ("push", "pull"),
     "search": ("search", "find"),
     "align": ("align",),
     "duplicates": ("duplicates",),
@@ -257,11 +260,21 @@ def main() -> None:
     with _streams(), ending():
         try:
             with obeying():
-                app(standalone_mode=True)
+                _run()
         except (UnreadError, BrokenPipeError):
             raise
         except (KeyboardInterrupt, Exception) as error:
             _end(error)
+
+
+def _run() -> None:
+    """Run the command; what it has changed of a lake in a bucket is published there, unless it failed."""
+    try:
+        app(standalone_mode=True)
+    except SystemExit as end:
+        if end.code in (None, 0, 1):
+            publish_copies()
+        raise
 
 
 def _end(error: BaseException) -> NoReturn:

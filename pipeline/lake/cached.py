@@ -1,0 +1,40 @@
+"""Copies of lakes in buckets that commands and programs work on without being told where: in the user's cache."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+from pathlib import Path
+
+from motionlake.arrays import StepProgress
+from motionlake.errors import UserError
+from motionlake.lake.bucket import Bucket
+from motionlake.lake.copies import bring_up_to_date
+from motionlake.lake.layout import Lake
+
+
+def copy_of(bucket: Bucket, progress: StepProgress) -> Path:
+    """The user's copy of the lake in a bucket, up to date; an empty folder where none was published.
+
+    Raises:
+        UserError: the bucket cannot be read, or the copy cannot be brought up to date.
+    """
+    folder = copies_folder() / _folder_name(bucket.address)
+    folder.mkdir(parents=True, exist_ok=True)
+    bring_up_to_date(Lake(folder), bucket, progress)
+    return folder
+
+
+def copies_folder() -> Path:
+    """Where copies lie."""
+    base = Path(os.environ.get("XDG_CACHE_HOME") or "~/.cache").expanduser()
+    if not base.is_absolute():
+        raise UserError(f"XDG_CACHE_HOME {base}: name a folder from the root, in which copies of lakes may lie")
+    return base / "motionlake" / "lakes"
+
+
+def _folder_name(address: str) -> str:
+    """A name that tells a person which lake it is, and is of this address alone."""
+    said = re.sub(r"[^A-Za-z0-9.-]+", "-", address.partition("://")[2]).strip("-.")[-60:]
+    return f"{said}-{hashlib.sha256(address.encode()).hexdigest()[:12]}"

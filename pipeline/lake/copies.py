@@ -1,0 +1,309 @@
+"""A lake that is shared through a bucket: what changed goes there as a new version (push), and comes from there (pull).
+
+Everybody works on a copy in a folder of their own, and `bucket.json` in it says which version that is. A push that is
+killed leaves the version before; a pull leaves the copy as it was, with some files more that the next one need not get.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import socket
+import uuid
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any, Final
+
+from motionlake.arrays import StepProgress
+from motionlake.errors import UserError, user_name
+from motionlake.lake.bucket import Bucket, ConflictError, Stored, Version
+from motionlake.lake.catalog import collect_garbage, reading
+from motionlake.lake.catalog_file import announce_anew, announce_catalog, catalog_written, known_sums, sums_of_file
+from motionlake.lake.integrity import FileSums, fault, listed_in, sound
+from motionlake.lake.layout import Lake
+from motionlake.lake.lock import locked
+from motionlake.lake.parts import replacing
+
+AT_ONCE: Final = 8  # files on their way
+_OWN: Final = ("catalog.duckdb", "annotations.jsonl", "config.toml")  # beside what the catalog lists
+
+
+@dataclass(frozen=True)
+class Moved:
+    """What a push or a pull has done.
+
+    Attributes:
+        address: of the bucket.
+        version: that the copy now is.
+        files, bytes: that went or came; the others were there.
+    """
+
+    address: str
+    version: int
+    files: int
+    bytes: int
+
+
+@dataclass(frozen=True)
+class Origin:
+    """Which version a copy was when it was last pushed or pulled.
+
+    Attributes:
+        address: of the bucket.
+        number: of the version; 0 of a copy of nothing.
+        own: sha256 of the catalog, settings and annotations of the version, by name.
+        taking: whether another version is being taken: what lies there is neither, until the next pull.
+    """
+
+    address: str
+    number: int
+    own: Mapping[str, str]
+    taking: bool = False
+
+    @classmethod
+    def of(cls, lake: Lake) -> Origin | None:
+        """What `bucket.json` says; None where there is none, or nothing that was written there."""
+        try:
+            found: Any = json.loads(_file(lake).read_bytes())
+            return cls(str(found["address"]), int(found["number"]), dict(found["own"]), bool(found["taking"]))
+        except (OSError, ValueError, KeyError, TypeError):
+            return None
+
+    def keep(self, lake: Lake) -> None:
+        with replacing(_file(lake)) as temporary:
+            temporary.write_text(json.dumps(vars(self), sort_keys=True) + "\n", encoding="utf-8")
+
+
+def changed(lake: Lake, origin: Origin) -> bool:
+    """Whether a copy holds what its version does not."""
+    return not origin.taking and {each.file: each.sha256 for each in _own_files(lake)} != dict(origin.own)
+
+
+def push(lake: Lake, bucket: Bucket, progress: StepProgress, *, instead: bool = False) -> Moved:
+    """Publish a lake as the next version; the caller holds its lock.
+
+    Args:
+        lake: whose files are all sound.
+        bucket: where to.
+        progress: told of files.
+        instead: even where the latest version is not the one that this copy was made of.
+
+    Raises:
+        ConflictError: the latest version is not that one, or becomes another meanwhile.
+        DamagedError: a file is not as it was written.
+    """
+    latest = bucket.latest()
+    origin = Origin.of(lake)
+    known = origin.number if origin and origin.address == bucket.address else 0
+    if latest is not None and latest.number != known and not instead:
+        raise ConflictError(
+            f"{bucket.address}: {latest.by} has published version {latest.number}, which {lake.root} does not hold; "
+            + _choices(lake, bucket)
+        )
+    files = _files(lake)
+    if latest is not None and known == latest.number and _same(latest.files, files):
+        return Moved(bucket.address, known, 0, 0)
+    there = {each.sha256 for each in latest.files} if latest else set()
+    lacking = list({each.sha256: each for each in files if each.sha256 not in there}.values())
+
+    def bring(stored: Stored) -> int:
+        if bucket.has(stored):
+            return 0
+        bucket.put(lake.path(stored.file) if _is_own(stored.file) else sound(lake, stored.file), stored)
+        return stored.size
+
+    sent = _all(bring, lacking, progress)
+    version = Version(
+        (latest.number if latest else 0) + 1, f"{user_name(os.geteuid())} on {socket.gethostname()}",
+        datetime.now(UTC).isoformat(timespec="seconds"), tuple(files), uuid.uuid4().hex,
+    )  # fmt: skip
+    try:
+        bucket.publish(version)
+    except ConflictError as error:
+        raise ConflictError(f"{error}; {_choices(lake, bucket)}") from error
+    _origin(bucket, version).keep(lake)
+    return Moved(bucket.address, version.number, sum(size > 0 for size in sent), sum(sent))
+
+
+def pull(lake: Lake, bucket: Bucket, progress: StepProgress, *, discard: bool = False) -> Moved | None:
+    """Make a folder the latest version of a lake; the caller holds its lock. None where none was published.
+
+    Args:
+        lake: a copy, or a folder without a lake.
+        bucket: where from.
+        progress: told of files.
+        discard: even where the copy holds what no version does.
+
+    Raises:
+        UserError: the folder holds another lake, or what was not pushed.
+    """
+    latest = bucket.latest()
+    if latest is None:
+        return None
+    origin = Origin.of(lake)
+    if lake.catalog.is_file() and not discard:
+        if origin is None or origin.address != bucket.address:
+            raise UserError(f"{lake.root}: holds another lake than {bucket.address}; name a folder without one")
+        if origin.number == latest.number and not origin.taking:
+            return Moved(bucket.address, origin.number, 0, 0)
+        if changed(lake, origin):
+            raise UserError(
+                f"{lake.root}: has changed since version {origin.number}, and {latest.by} has published version "
+                f"{latest.number}; {_choices(lake, bucket)}"
+            )
+    _check_names(lake, latest, bucket)
+    before = _listed(lake)
+    own = {each.file: each for each in latest.files if _is_own(each.file)}
+    lacking = [each for each in latest.files if each.file not in own and not _is_here(lake, each, before)]
+
+    def bring(stored: Stored) -> int:
+        with replacing(lake.path(stored.file)) as temporary:
+            bucket.get(stored, temporary)
+            os.utime(temporary, ns=(stored.mtime_ns, stored.mtime_ns))
+        return stored.size
+
+    came = _all(bring, lacking, progress)
+    replace(origin or Origin(bucket.address, 0, {}), taking=True).keep(lake)
+    for path in lake.rigs.glob("*.toml"):
+        path.unlink()
+    for name in _OWN[1:]:
+        lake.path(name).unlink(missing_ok=True)
+    came += [bring(each) for name, each in own.items() if name != lake.catalog.name]
+    _take_catalog(lake, bucket, own[lake.catalog.name])
+    _origin(bucket, latest).keep(lake)
+    collect_garbage(
+        lake, {name.partition("/")[0] for name in {*before, *(each.file for each in latest.files)} if not _is_own(name)}
+    )
+    return Moved(bucket.address, latest.number, len(came) + 1, sum(came) + own[lake.catalog.name].size)
+
+
+def bring_up_to_date(lake: Lake, bucket: Bucket, progress: StepProgress) -> Moved | None:
+    """`pull` where there is something to pull; no lock is taken where there is nothing, as while another command runs.
+
+    Raises:
+        UserError: as `pull`; another command writes to the copy.
+    """
+    latest, origin = bucket.latest(), Origin.of(lake)
+    if latest is None or (lake.catalog.is_file() and origin and not origin.taking and origin.number == latest.number):
+        return None
+    with locked(lake, "pull"):
+        return pull(lake, bucket, progress)
+
+
+def push_changes(lake: Lake, bucket: Bucket, progress: StepProgress) -> Moved | None:
+    """`push` where a copy holds what no version does; None where there is nothing.
+
+    Raises:
+        ConflictError, DamagedError: as `push`.
+        UserError: another command writes to the copy.
+    """
+    origin = Origin.of(lake)
+    if not lake.catalog.is_file() or (origin and not changed(lake, origin)):
+        return None
+    with locked(lake, "push"):
+        return push(lake, bucket, progress)
+
+
+def _take_catalog(lake: Lake, bucket: Bucket, stored: Stored) -> None:
+    """Last of all: from then on the copy is the version."""
+    first = not lake.catalog.is_file()
+    with replacing(lake.catalog) as temporary:
+        bucket.get(stored, temporary)
+        if not first:
+            announce_catalog(lake, temporary)
+    if first:
+        announce_anew(lake)
+    catalog_written(lake)
+
+
+def _choices(lake: Lake, bucket: Bucket) -> str:
+    where = f"{bucket.address} --lake {lake.root}"
+    return (
+        f"`motionlake pull {where} --discard` takes that and loses what changed here, "
+        f"`motionlake push {where} --replace` puts this in its place"
+    )
+
+
+def _check_names(lake: Lake, version: Version, bucket: Bucket) -> None:
+    """Nothing that is read from a bucket leads out of the lake, or to what only this copy knows."""
+    names = [each.file for each in version.files]
+    if "catalog.duckdb" not in names or len(set(names)) != len(names):
+        raise UserError(f"{bucket.address}: version {version.number} is no lake")
+    for name, path in zip(names, lake.paths(names), strict=True):
+        hidden = any(part.startswith(".") for part in Path(name).parts)
+        if hidden or lake.relative(path) != name or name in ("bucket.json", "catalog.sums", "service.json"):
+            raise UserError(f"{bucket.address}: version {version.number} holds {name!r}, which is no file of a lake")
+
+
+def _files(lake: Lake) -> list[Stored]:
+    """Everything that a version of the lake holds, in the order of names."""
+    with reading(lake) as con:
+        listed = listed_in(con)
+    found = [Stored(each.file, each.size, each.sha256, each.mtime_ns) for each in listed.values()]
+    return sorted([*found, *_own_files(lake)], key=lambda each: each.file)
+
+
+def _own_files(lake: Lake) -> list[Stored]:
+    paths = [lake.root / name for name in _OWN] + sorted(lake.rigs.glob("*.toml"))
+    return [_stored(lake, path) for path in paths if path.is_file()]
+
+
+def _stored(lake: Lake, path: Path) -> Stored:
+    found = path.stat()
+    known = (
+        [each for each in known_sums(lake)[path.name] if each["size"] == found.st_size] if path == lake.catalog else []
+    )
+    sums = known[0] if len(known) == 1 else sums_of_file(path)
+    return Stored(lake.relative(path), sums["size"], sums["sha256"], found.st_mtime_ns)
+
+
+def _listed(lake: Lake) -> Mapping[str, FileSums]:
+    if not lake.catalog.is_file():
+        return {}
+    with reading(lake) as con:
+        return listed_in(con)
+
+
+def _is_here(lake: Lake, stored: Stored, listed: Mapping[str, FileSums]) -> bool:
+    """Whether a folder holds a file: as its catalog lists it, or as a killed pull has left it."""
+    path = lake.path(stored.file)
+    if not path.is_file() or path.stat().st_size != stored.size:
+        return False
+    if stored.file in listed:
+        return listed[stored.file].sha256 == stored.sha256 and fault(lake, listed[stored.file]) is None
+    return bool(sums_of_file(path)["sha256"] == stored.sha256)
+
+
+def _is_own(file: str) -> bool:
+    return file in _OWN or file.startswith("rigs/")
+
+
+def _same(before: Sequence[Stored], now: Sequence[Stored]) -> bool:
+    return {(each.file, each.sha256) for each in before} == {(each.file, each.sha256) for each in now}
+
+
+def _origin(bucket: Bucket, version: Version) -> Origin:
+    own = {each.file: each.sha256 for each in version.files if _is_own(each.file)}
+    return Origin(bucket.address, version.number, own)
+
+
+def _file(lake: Lake) -> Path:
+    return lake.root / "bucket.json"
+
+
+def _all(move: Callable[[Stored], int], files: Iterable[Stored], progress: StepProgress) -> list[int]:
+    """Move files, several at once; the first that fails ends it."""
+    wanted = list(files)
+    with ThreadPoolExecutor(AT_ONCE) as pool:
+        running = [pool.submit(move, each) for each in wanted]
+        try:
+            for done, each in enumerate(as_completed(running), start=1):
+                each.result()
+                progress("files", done, len(wanted))
+        except BaseException:
+            pool.shutdown(cancel_futures=True)
+            raise
+    return [each.result() for each in running]
