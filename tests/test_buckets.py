@@ -176,7 +176,7 @@ def test_answers_that_are_lost_and_requests_that_are_refused(lake: Path, store: 
     assert "every byte" in said("verify", "--deep", "--lake", tmp_path / "copy")
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(2))
 def test_killed_pushes_and_pulls_lose_nothing(lake: Path, address: str, tmp_path: Path, seed: int) -> None:
     drawn, copy = random.Random(seed), tmp_path / "copy"
     before = tables(lake)
@@ -211,6 +211,37 @@ def test_a_pull_that_ends_between_settings_and_catalog_is_finished(
     said("pull", "--lake", copy)
     assert tags(copy) == {"new"}
     assert_same(tables(lake), tables(copy))
+
+
+def test_a_push_that_does_not_hear_that_it_published(
+    lake: Path, address: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    said("push", address, "--lake", lake)
+    tagged(lake, "mine")
+    with monkeypatch.context() as patched:
+        publish = Bucket.publish
+
+        def cut(bucket: Bucket, version: Version) -> None:
+            publish(bucket, version)
+            raise UserError("power cut")
+
+        patched.setattr(Bucket, "publish", cut)
+        assert "power cut" in refused("push", "--lake", lake)
+    assert "version 2, 0 files sent" in said("push", "--lake", lake), "it is its own"
+    tagged(lake, "more")
+    assert "version 3" in said("push", "--lake", lake)
+    assert Bucket(address).latest().number == 3  # type: ignore[union-attr]
+
+
+def test_a_bucket_that_was_emptied(lake: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    address = f"file://{tmp_path}/bucket"
+    said("push", address, "--lake", lake)
+    said("status", "--lake", address)
+    shutil.rmtree(tmp_path / "bucket")
+    assert "no lake there any more" in refused("status", "--lake", address)
+    assert "publish one with" in refused("pull", address, "--lake", tmp_path / "copy")
+    assert "version 1" in said("push", "--lake", lake), "who has it can publish it again"
 
 
 def test_an_address_in_the_place_of_a_folder(clips_folder: Path, address: str, scheduler: str) -> None:

@@ -14,6 +14,7 @@ import hashlib
 import json
 import os
 import re
+import shutil
 import uuid
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -22,6 +23,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from motionlake.errors import UserError
+from motionlake.lake.parts import replacing
 from motionlake.names import printable
 
 FORMAT: Final = 1
@@ -162,7 +164,8 @@ class Bucket:
                         f"{self.address}: {found.by if found else 'somebody'} has published version {version.number} "
                         "meanwhile"
                     ) from None
-            self._files.pipe_file(self._path("latest.json"), json.dumps({"number": version.number}).encode())
+            with suppress(Exception):  # it is published, and found by the number before
+                self._files.pipe_file(self._path("latest.json"), json.dumps({"number": version.number}).encode())
 
     def has(self, stored: Stored) -> bool:
         """Whether the bytes of a file are there."""
@@ -176,10 +179,8 @@ class Bucket:
         """Bring a file there."""
         with self._told():
             if self._local:  # a kill must not leave half an object under its name
-                whole = self._object(stored)
-                half = f"{whole}.{uuid.uuid4().hex[:12]}.tmp"
-                self._files.put_file(str(path), half)
-                Path(half).replace(whole)
+                with replacing(Path(self._object(stored))) as temporary:
+                    shutil.copyfile(path, temporary)
             else:
                 self._files.put_file(str(path), self._object(stored))
 

@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any, Final
 
 from motionlake.arrays import StepProgress
@@ -56,19 +56,22 @@ class Origin:
         number: of the version; 0 of a copy of nothing.
         own: sha256 of the catalog, settings and annotations of the version, by name.
         taking: whether another version is being taken: what lies there is neither, until the next pull.
+        token: of the version that was being published last: a push that is killed may not hear that it was.
     """
 
     address: str
     number: int
     own: Mapping[str, str]
     taking: bool = False
+    token: str = ""
 
     @classmethod
     def of(cls, lake: Lake) -> Origin | None:
         """What `bucket.json` says; None where there is none, or nothing that was written there."""
         try:
             found: Any = json.loads(_file(lake).read_bytes())
-            return cls(str(found["address"]), int(found["number"]), dict(found["own"]), bool(found["taking"]))
+            parts = str(found["address"]), int(found["number"]), dict(found["own"])
+            return cls(*parts, bool(found["taking"]), str(found["token"]))
         except (OSError, ValueError, KeyError, TypeError):
             return None
 
@@ -96,7 +99,7 @@ def push(lake: Lake, bucket: Bucket, progress: StepProgress, *, instead: bool = 
         DamagedError: a file is not as it was written.
     """
     latest = bucket.latest()
-    origin = Origin.of(lake)
+    origin = _origin_of(lake, bucket, latest)
     known = origin.number if origin and origin.address == bucket.address else 0
     if latest is not None and latest.number != known and not instead:
         raise ConflictError(
@@ -105,6 +108,7 @@ def push(lake: Lake, bucket: Bucket, progress: StepProgress, *, instead: bool = 
         )
     files = _files(lake)
     if latest is not None and known == latest.number and _same(latest.files, files):
+        _origin(bucket, latest).keep(lake)
         return Moved(bucket.address, known, 0, 0)
     there = {each.sha256 for each in latest.files} if latest else set()
     lacking = list({each.sha256: each for each in files if each.sha256 not in there}.values())
@@ -120,6 +124,7 @@ def push(lake: Lake, bucket: Bucket, progress: StepProgress, *, instead: bool = 
         (latest.number if latest else 0) + 1, f"{user_name(os.geteuid())} on {socket.gethostname()}",
         datetime.now(UTC).isoformat(timespec="seconds"), tuple(files), uuid.uuid4().hex,
     )  # fmt: skip
+    replace(origin or Origin(bucket.address, 0, {}), token=version.token).keep(lake)
     try:
         bucket.publish(version)
     except ConflictError as error:
@@ -143,7 +148,7 @@ def pull(lake: Lake, bucket: Bucket, progress: StepProgress, *, discard: bool = 
     latest = bucket.latest()
     if latest is None:
         return None
-    origin = Origin.of(lake)
+    origin = _origin_of(lake, bucket, latest)
     if lake.catalog.is_file() and not discard:
         if origin is None or origin.address != bucket.address:
             raise UserError(f"{lake.root}: holds another lake than {bucket.address}; name a folder without one")
@@ -166,7 +171,7 @@ def pull(lake: Lake, bucket: Bucket, progress: StepProgress, *, discard: bool = 
         return stored.size
 
     came = _all(bring, lacking, progress)
-    replace(origin or Origin(bucket.address, 0, {}), taking=True).keep(lake)
+    replace(origin or Origin(bucket.address, 0, {}), taking=True, token="").keep(lake)
     for path in lake.rigs.glob("*.toml"):
         path.unlink()
     for name in _OWN[1:]:
@@ -186,7 +191,10 @@ def bring_up_to_date(lake: Lake, bucket: Bucket, progress: StepProgress) -> Move
     Raises:
         UserError: as `pull`; another command writes to the copy.
     """
-    latest, origin = bucket.latest(), Origin.of(lake)
+    latest = bucket.latest()
+    origin = _origin_of(lake, bucket, latest)
+    if latest is None and origin and origin.number:
+        raise UserError(f"{bucket.address}: no lake there any more; {lake.root} is a copy of version {origin.number}")
     if latest is None or (lake.catalog.is_file() and origin and not origin.taking and origin.number == latest.number):
         return None
     with locked(lake, "pull"):
@@ -230,12 +238,14 @@ def _choices(lake: Lake, bucket: Bucket) -> str:
 def _check_names(lake: Lake, version: Version, bucket: Bucket) -> None:
     """Nothing that is read from a bucket leads out of the lake, or to what only this copy knows."""
     names = [each.file for each in version.files]
-    if "catalog.duckdb" not in names or len(set(names)) != len(names):
+    if lake.catalog.name not in names or len(set(names)) != len(names):
         raise UserError(f"{bucket.address}: version {version.number} is no lake")
-    for name, path in zip(names, lake.paths(names), strict=True):
-        hidden = any(part.startswith(".") for part in Path(name).parts)
-        if hidden or lake.relative(path) != name or name in ("bucket.json", "catalog.sums", "service.json"):
+    for name in names:
+        parts = PurePosixPath(name).parts
+        plain = "/".join(parts) == name and not any(part.startswith((".", "/")) for part in parts)
+        if not plain or name in (_file(lake).name, lake.sums.name, lake.service.name):
             raise UserError(f"{bucket.address}: version {version.number} holds {name!r}, which is no file of a lake")
+    lake.paths(names)
 
 
 def _files(lake: Lake) -> list[Stored]:
@@ -281,13 +291,21 @@ def _is_own(file: str) -> bool:
     return file in _OWN or file.startswith("rigs/")
 
 
+def _origin_of(lake: Lake, bucket: Bucket, latest: Version | None) -> Origin | None:
+    """What a copy was made of; the latest version where that is one that it published without hearing of it."""
+    origin = Origin.of(lake)
+    if origin and latest and origin.address == bucket.address and origin.token == latest.token:
+        return _origin(bucket, latest)
+    return origin
+
+
 def _same(before: Sequence[Stored], now: Sequence[Stored]) -> bool:
     return {(each.file, each.sha256) for each in before} == {(each.file, each.sha256) for each in now}
 
 
 def _origin(bucket: Bucket, version: Version) -> Origin:
     own = {each.file: each.sha256 for each in version.files if _is_own(each.file)}
-    return Origin(bucket.address, version.number, own)
+    return Origin(bucket.address, version.number, own, token=version.token)
 
 
 def _file(lake: Lake) -> Path:
