@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias, TypedDict, TypeVar, Unpack, cast
 
 from motionlake.errors import UserError, told_by_sql
-from motionlake.lake import bucket, layout
+from motionlake.lake import layout, stores
 from motionlake.lake.rows import Rows
 
 if TYPE_CHECKING:
@@ -62,10 +62,9 @@ def open_lake(path: str | Path) -> Lake:
     if str(path).startswith(("http://", "https://")):
         remote: Lake = import_module("motionlake.client").RemoteLake(str(path))
         return remote
-    if isinstance(path, str) and bucket.is_address(path):
-        return Lake(
-            import_module("motionlake.lake.cached").copy_of(bucket.Bucket(path), lambda what, done, total: None)
-        )
+    if isinstance(path, str) and stores.is_address(path):
+        found = import_module("motionlake.lake.bucket").Bucket(path)
+        return Lake(import_module("motionlake.lake.cached").copy_of(found, lambda what, done, total: None))
     return Lake(path)
 
 

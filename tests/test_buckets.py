@@ -17,9 +17,10 @@ import pytest
 from motionlake.errors import UserError
 from motionlake.lake import bucket as buckets
 from motionlake.lake.annotations import Annotations, new_annotation
-from motionlake.lake.bucket import Bucket, ConflictError, Stored, Version, is_address
+from motionlake.lake.bucket import Bucket, ConflictError, Stored, Version
 from motionlake.lake.copies import Origin, pull
 from motionlake.lake.layout import Lake, open_lake
+from motionlake.lake.stores import is_address
 
 from tests.lakes import assert_same, finish, motionlake, query, quick_lake, tables
 from tests.object_store import BUCKET, ObjectStore, object_store
@@ -256,6 +257,39 @@ def test_an_address_in_the_place_of_a_folder(clips_folder: Path, address: str, s
     said("remove", clip, *where)
     assert clip not in [row["clip"] for row in package.open_lake(address).clips()]
     assert Bucket(address).latest().number == 2  # type: ignore[union-attr]
+
+
+def test_clips_are_taken_in_from_a_bucket(
+    clips_folder: Path, store: ObjectStore, tmp_path: Path, scheduler: str
+) -> None:
+    files = fsspec.filesystem("s3", skip_instance_cache=True, use_listings_cache=False)
+    place, lake = f"{BUCKET}/{tmp_path.name}/shots", quick_lake(tmp_path / "lake")
+    files.put(str(clips_folder) + "/", place, recursive=True)
+    files.pipe_file(f"{place}/empty/", b"")
+    words = ("ingest", f"s3://{place}", "--lake", lake, "--json", "--scheduler", scheduler)
+    first = motionlake(*words)
+    assert first.status == 0, first.err
+    plain = quick_lake(tmp_path / "plain")
+    same = Path(shutil.copytree(clips_folder, tmp_path / "shots"))
+    assert motionlake("ingest", same, "--lake", plain, "--scheduler", scheduler).status == 0
+    text = "SELECT clip, label, frames, dataset FROM clips ORDER BY ALL"
+    assert query(lake, text) == query(plain, text)
+
+    before = store.faults.seen
+    again = motionlake(*words)
+    assert (again.json["clips"], again.json["unchanged"]) == (0, first.json["clips"])
+    assert store.faults.seen - before < 5, "nothing is fetched again"
+    gone, _ = sorted(name for name in files.find(place) if name.endswith((".bvh", ".npz")))[:2]
+    files.rm_file(gone)
+    assert motionlake(*words).json["gone"] == 1
+    clip = next(name for name in files.find(place) if name.endswith(".npz"))
+    one = motionlake(
+        "ingest", f"s3://{clip}", "--lake", quick_lake(tmp_path / "one"), "--json", "--scheduler", scheduler
+    )
+    assert one.json["clips"] == 1
+    assert "no such folder or file" in refused("ingest", f"s3://{BUCKET}/nowhere", "--lake", lake)
+    files.pipe_file(f"{BUCKET}/{tmp_path.name}/odd/a//b.bvh", b"x")
+    assert "no path below it" in refused("ingest", f"s3://{BUCKET}/{tmp_path.name}/odd", "--lake", lake)
 
 
 def test_old_versions_are_deleted_with_their_files(lake: Path, address: str, tmp_path: Path) -> None:

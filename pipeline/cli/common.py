@@ -71,10 +71,11 @@ def lake_folder_of(value: Path) -> Path:
     """
     if ":" not in str(value):
         return value
-    from motionlake.lake.bucket import Bucket, is_address
+    from motionlake.lake.stores import is_address
 
     if not is_address(value):
         return value
+    from motionlake.lake.bucket import Bucket
     from motionlake.lake.cached import copy_of
 
     bucket = Bucket(value)
@@ -82,6 +83,24 @@ def lake_folder_of(value: Path) -> Path:
         folder = copy_of(bucket, progress)
     _copies.append((folder, bucket))
     return folder
+
+
+def source_of(value: Path) -> Path:
+    """A file or folder that is named, or what was fetched of an address in a bucket.
+
+    Raises:
+        UserError: nothing is there, or the bucket cannot be read.
+    """
+    if ":" not in str(value):
+        return value
+    from motionlake.lake.stores import is_address
+
+    if not is_address(value):
+        return value
+    from motionlake.lake.fetched import fetched
+
+    with stage_progress() as progress:
+        return fetched(value, progress)
 
 
 def publish_copies() -> None:

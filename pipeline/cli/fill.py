@@ -18,6 +18,7 @@ from motionlake.cli.common import (
     notice,
     option,
     running,
+    source_of,
     tell,
 )
 from motionlake.errors import UserError
@@ -44,7 +45,9 @@ SHOWN = 5  # files that a notice names
 
 
 def ingest(
-    sources: Annotated[list[Path], argument("Folders of clips, or single clip files.", readable=False)],
+    sources: Annotated[
+        list[Path], argument("Folders of clips, or single clip files; also such as s3://bucket/clips.", readable=False)
+    ],
     lake: LakeOption,
     dataset: Annotated[str | None, typer.Option(help="Name of the dataset (default: the folder's name).")] = None,
     labels: Annotated[
@@ -83,6 +86,8 @@ def ingest(
     Example: motionlake ingest recordings/hdm05 --lake mylake --licence CC-BY-SA-3.0
 
     A folder of Z-up clips in centimetres: motionlake ingest shots --lake mylake --up z --unit cm
+
+    From a bucket: motionlake ingest s3://bucket/clips --lake mylake
     """
     options = IngestOptions(
         up=up, unit=unit, fps=fps, rig=rig, licence=licence,
@@ -91,7 +96,7 @@ def ingest(
     )  # fmt: skip
     check_options(options)
     target = Lake(lake.absolute())
-    roots = [_root(source, dataset, options) for source in sources]
+    roots = [_root(source_of(source), dataset, options) for source in sources]
     _check_clips(target, roots)
     if rig not in (None, AUTO) and rig not in load_rigs(target.rigs):
         raise UserError(f"--rig {rig}: no such rig map; known are {', '.join(sorted(load_rigs(target.rigs)))}")

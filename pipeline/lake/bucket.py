@@ -16,28 +16,17 @@ import os
 import re
 import shutil
 import uuid
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from motionlake.errors import UserError
 from motionlake.lake.parts import replacing
-from motionlake.names import printable
+from motionlake.lake.stores import FOLDER, Place
 
 FORMAT: Final = 1
 KEPT: Final = 3  # versions that are kept with their files
-_ADDRESS: Final = re.compile(r"([a-z][a-z0-9+]+):/{1,3}(?=[^/])(.+)")
-# Stores that create an object only where there is none, and what reads them.
-_STORES: Final = {"s3": "s3fs", "gs": "gcsfs", "az": "adlfs", "file": "fsspec"}
-_EXTRAS: Final = {"s3": "motionlake[s3]"}
-_OPTIONS: Final[Mapping[str, dict[str, Any]]] = {
-    "s3": {"use_listings_cache": False, "config_kwargs": {"retries": {"mode": "adaptive", "max_attempts": 10}}},
-    "gs": {"use_listings_cache": False},
-    "az": {"use_listings_cache": False},
-    "file": {"auto_mkdir": True},
-}
 _SHA256: Final = re.compile(r"[0-9a-f]{64}")
 
 
@@ -103,11 +92,6 @@ class Version:
         return version
 
 
-def is_address(text: str | Path) -> bool:
-    """Whether this names a bucket rather than a folder; a path has lost one of the two slashes."""
-    return _ADDRESS.match(str(text)) is not None and not os.path.lexists(text)
-
-
 class Bucket:
     """Where versions of one lake are kept: an address such as `s3://bucket/lake` or `file:///mnt/share/lake`.
 
@@ -116,29 +100,14 @@ class Bucket:
     """
 
     def __init__(self, address: str | Path) -> None:
-        found = _ADDRESS.match(str(address).rstrip("/"))
-        if found is None:
-            raise UserError(f"{address}: is no address of a bucket, such as s3://bucket/lake")
-        store, place = found.groups()
-        if store not in _STORES:
-            raise UserError(
-                f"{store}://: no store that lakes can be kept in; use {', '.join(f'{s}://' for s in _STORES)}"
-            )
-        self._local = store == "file"
-        self._root = f"/{place}" if self._local else place
-        self.address = f"{store}://{self._root}"
-        with self._told():
-            try:
-                import fsspec
-
-                self._files: Any = fsspec.filesystem(store, **_OPTIONS.get(store, {}))
-            except ImportError as error:
-                library = _EXTRAS.get(store, _STORES[store])
-                raise UserError(f"{store}:// needs {_STORES[store]}; get it with `pip install '{library}'`") from error
+        self._place = Place.of(address)
+        self._local, self._root = self._place.store == FOLDER, self._place.root
+        self.address = self._place.address
+        self._files = self._place.connect()
 
     def latest(self) -> Version | None:
         """The latest version; None where none was published."""
-        with self._told():
+        with self._place.told():
             number = self._hint()
             found = self._version(number) if number else None
             while (newer := self._version((found.number if found else number) + 1)) is not None:
@@ -154,7 +123,7 @@ class Bucket:
             ConflictError: there is one of its number.
         """
         path = self._version_path(version.number)
-        with self._told():
+        with self._place.told():
             try:
                 self._create(path, version.text())
             except FileExistsError:
@@ -169,7 +138,7 @@ class Bucket:
 
     def has(self, stored: Stored) -> bool:
         """Whether the bytes of a file are there."""
-        with self._told():
+        with self._place.told():
             try:
                 return bool(self._files.info(self._object(stored))["size"] == stored.size)
             except FileNotFoundError:
@@ -177,7 +146,7 @@ class Bucket:
 
     def put(self, path: Path, stored: Stored) -> None:
         """Bring a file there."""
-        with self._told():
+        with self._place.told():
             if self._local:  # a kill must not leave half an object under its name
                 with replacing(Path(self._object(stored))) as temporary:
                     shutil.copyfile(path, temporary)
@@ -190,7 +159,7 @@ class Bucket:
         Raises:
             UserError: they are missing or not what was published.
         """
-        with self._told():
+        with self._place.told():
             try:
                 self._files.get_file(self._object(stored), str(path))
             except FileNotFoundError:
@@ -204,7 +173,7 @@ class Bucket:
 
         Nobody may push meanwhile: a file that comes back in the next version would be missing there.
         """
-        with self._told():
+        with self._place.told():
             kept, old = [last], list[Version]()
             number = last.number - 1
             while number > 0 and (found := self._version(number)) is not None:
@@ -275,22 +244,3 @@ class Bucket:
 
     def _object(self, stored: Stored) -> str:
         return self._path(f"objects/{stored.sha256[:2]}/{stored.sha256}")
-
-    @contextmanager
-    def _told(self) -> Iterator[None]:
-        """Say in one line what a store's library raises, which may be anything."""
-        try:
-            yield
-        except UserError:
-            raise
-        except Exception as error:
-            said = " ".join(str(error).split()) or type(error).__name__
-            raise UserError(f"{self.address}: {printable(said)}; {_todo(error)}") from error
-
-
-def _todo(error: Exception) -> str:
-    if isinstance(error, PermissionError) or "redential" in str(error):
-        return "check the credentials, which are taken from where the store's own tools take them"
-    if isinstance(error, FileNotFoundError):
-        return "make the bucket first"
-    return "check the address and the network; the same command goes on where it stopped"

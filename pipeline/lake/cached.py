@@ -1,4 +1,4 @@
-"""Copies of lakes in buckets that commands and programs work on without being told where: in the user's cache."""
+"""What comes from buckets and is worked on without being told where to lie: copies of lakes, in the user's cache."""
 
 from __future__ import annotations
 
@@ -20,21 +20,21 @@ def copy_of(bucket: Bucket, progress: StepProgress) -> Path:
     Raises:
         UserError: the bucket cannot be read, or the copy cannot be brought up to date.
     """
-    folder = copies_folder() / _folder_name(bucket.address)
+    folder = cache_folder("lakes") / own_name(bucket.address)
     folder.mkdir(parents=True, exist_ok=True)
     bring_up_to_date(Lake(folder), bucket, progress)
     return folder
 
 
-def copies_folder() -> Path:
-    """Where copies lie."""
+def cache_folder(what: str) -> Path:
+    """Where copies of some kind lie."""
     base = Path(os.environ.get("XDG_CACHE_HOME") or "~/.cache").expanduser()
     if not base.is_absolute():
-        raise UserError(f"XDG_CACHE_HOME {base}: name a folder from the root, in which copies of lakes may lie")
-    return base / "motionlake" / "lakes"
+        raise UserError(f"XDG_CACHE_HOME {base}: name a folder from the root, in which copies may lie")
+    return base / "motionlake" / what
 
 
-def _folder_name(address: str) -> str:
-    """A name that tells a person which lake it is, and is of this address alone."""
+def own_name(address: str) -> str:
+    """A name that tells a person what lies there, and is of this address alone."""
     said = re.sub(r"[^A-Za-z0-9.-]+", "-", address.partition("://")[2]).strip("-.")[-60:]
     return f"{said}-{hashlib.sha256(address.encode()).hexdigest()[:12]}"

@@ -10,8 +10,7 @@ import json
 import os
 import socket
 import uuid
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor, as_completed
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path, PurePosixPath
@@ -26,8 +25,8 @@ from motionlake.lake.integrity import FileSums, fault, listed_in, sound
 from motionlake.lake.layout import Lake
 from motionlake.lake.lock import locked
 from motionlake.lake.parts import replacing
+from motionlake.lake.stores import move_all
 
-AT_ONCE: Final = 8  # files on their way
 _OWN: Final = ("catalog.duckdb", "annotations.jsonl", "config.toml")  # beside what the catalog lists
 
 
@@ -119,7 +118,7 @@ def push(lake: Lake, bucket: Bucket, progress: StepProgress, *, instead: bool = 
         bucket.put(lake.path(stored.file) if _is_own(stored.file) else sound(lake, stored.file), stored)
         return stored.size
 
-    sent = _all(bring, lacking, progress)
+    sent = move_all(bring, lacking, progress)
     version = Version(
         (latest.number if latest else 0) + 1, f"{user_name(os.geteuid())} on {socket.gethostname()}",
         datetime.now(UTC).isoformat(timespec="seconds"), tuple(files), uuid.uuid4().hex,
@@ -170,7 +169,7 @@ def pull(lake: Lake, bucket: Bucket, progress: StepProgress, *, discard: bool = 
             os.utime(temporary, ns=(stored.mtime_ns, stored.mtime_ns))
         return stored.size
 
-    came = _all(bring, lacking, progress)
+    came = move_all(bring, lacking, progress)
     replace(origin or Origin(bucket.address, 0, {}), taking=True, token="").keep(lake)
     for path in lake.rigs.glob("*.toml"):
         path.unlink()
@@ -179,9 +178,8 @@ def pull(lake: Lake, bucket: Bucket, progress: StepProgress, *, discard: bool = 
     came += [bring(each) for name, each in own.items() if name != lake.catalog.name]
     _take_catalog(lake, bucket, own[lake.catalog.name])
     _origin(bucket, latest).keep(lake)
-    collect_garbage(
-        lake, {name.partition("/")[0] for name in {*before, *(each.file for each in latest.files)} if not _is_own(name)}
-    )
+    files = {*before, *(each.file for each in latest.files if each.file not in own)}
+    collect_garbage(lake, {name.partition("/")[0] for name in files})
     return Moved(bucket.address, latest.number, len(came) + 1, sum(came) + own[lake.catalog.name].size)
 
 
@@ -263,9 +261,8 @@ def _own_files(lake: Lake) -> list[Stored]:
 
 def _stored(lake: Lake, path: Path) -> Stored:
     found = path.stat()
-    known = (
-        [each for each in known_sums(lake)[path.name] if each["size"] == found.st_size] if path == lake.catalog else []
-    )
+    listed = known_sums(lake)[path.name] if path == lake.catalog else []  # it was hashed when it was written
+    known = [each for each in listed if each["size"] == found.st_size]
     sums = known[0] if len(known) == 1 else sums_of_file(path)
     return Stored(lake.relative(path), sums["size"], sums["sha256"], found.st_mtime_ns)
 
@@ -310,18 +307,3 @@ def _origin(bucket: Bucket, version: Version) -> Origin:
 
 def _file(lake: Lake) -> Path:
     return lake.root / "bucket.json"
-
-
-def _all(move: Callable[[Stored], int], files: Iterable[Stored], progress: StepProgress) -> list[int]:
-    """Move files, several at once; the first that fails ends it."""
-    wanted = list(files)
-    with ThreadPoolExecutor(AT_ONCE) as pool:
-        running = [pool.submit(move, each) for each in wanted]
-        try:
-            for done, each in enumerate(as_completed(running), start=1):
-                each.result()
-                progress("files", done, len(wanted))
-        except BaseException:
-            pool.shutdown(cancel_futures=True)
-            raise
-    return [each.result() for each in running]
