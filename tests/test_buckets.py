@@ -209,6 +209,7 @@ def test_a_pull_that_ends_between_settings_and_catalog_is_finished(
             "motionlake.lake.copies._take_catalog", lambda *_: (_ for _ in ()).throw(UserError("power cut"))
         )
         assert "power cut" in refused("pull", "--lake", copy)
+    assert "was not finished" in refused("push", f"file://{tmp_path}/other", "--lake", copy)
     said("pull", "--lake", copy)
     assert tags(copy) == {"new"}
     assert_same(tables(lake), tables(copy))
@@ -409,10 +410,21 @@ def test_a_push_takes_no_damaged_file(lake: Path, tmp_path: Path) -> None:
 
 
 def test_what_a_copy_says_of_itself_is_checked(lake: Path) -> None:
-    for text in ("", "{}", '{"address": 1}', '{"address": "s3://a/b", "number": "x", "own": {}, "taking": false}'):
+    for text in ("", "{}", "[1]", '[{"address": 1}]', '[{"address": "s3://a/b", "number": "x", "own": {}}]'):
         (lake / "bucket.json").write_text(text, encoding="utf-8")
-        assert Origin.of(Lake(lake)) is None
+        assert Origin.all(Lake(lake)) == {}
     assert "say where" in refused("push", "--lake", lake)
+
+
+def test_one_lake_in_two_buckets(lake: Path, tmp_path: Path) -> None:
+    first, second = (f"file://{tmp_path}/{name}" for name in ("first", "second"))
+    said("push", first, "--lake", lake)
+    said("push", second, "--lake", lake)
+    assert "second: version 1, 0 files sent" in said("push", "--lake", lake), "the last one"
+    tagged(lake, "new")
+    assert "first: version 2" in said("push", first, "--lake", lake)
+    assert "second: version 2" in said("push", second, "--lake", lake)
+    assert "0 files fetched" in said("pull", first, "--lake", lake)
 
 
 def test_fsspec_stores_create_only_where_there_is_none() -> None:

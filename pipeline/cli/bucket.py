@@ -83,12 +83,12 @@ def _bucket(lake: Lake, address: str | None) -> Bucket:
     from motionlake.lake.bucket import Bucket
     from motionlake.lake.copies import Origin
 
-    origin = Origin.of(lake)
-    if address is None and origin is None:
+    known = list(Origin.all(lake))
+    if address is None and not known:
         raise UserError(
             f"{lake.root}: say where, such as s3://bucket/lake: this folder is no copy of a lake in a bucket"
         )
-    return Bucket(address if address is not None else origin.address if origin else "")
+    return Bucket(known[-1] if address is None else address)
 
 
 def _tell(moved: Moved, how: str, *, as_json: bool) -> None:

@@ -1,7 +1,8 @@
 """A lake that is shared through a bucket: what changed goes there as a new version (push), and comes from there (pull).
 
-Everybody works on a copy in a folder of their own, and `bucket.json` in it says which version that is. A push that is
-killed leaves the version before; a pull leaves the copy as it was, with some files more that the next one need not get.
+Everybody works on a copy in a folder of their own, and `bucket.json` in it says which version of each bucket that is.
+A push that is killed leaves the version before; a pull leaves the copy as it was, with some files more that the next
+one need not get.
 """
 
 from __future__ import annotations
@@ -48,7 +49,7 @@ class Moved:
 
 @dataclass(frozen=True)
 class Origin:
-    """Which version a copy was when it was last pushed or pulled.
+    """Which version of a bucket a copy was when it was last pushed there or pulled from there.
 
     Attributes:
         address: of the bucket.
@@ -65,18 +66,23 @@ class Origin:
     token: str = ""
 
     @classmethod
-    def of(cls, lake: Lake) -> Origin | None:
-        """What `bucket.json` says; None where there is none, or nothing that was written there."""
+    def all(cls, lake: Lake) -> dict[str, Origin]:
+        """What `bucket.json` says, by address, that of the last push or pull last; nothing where it is damaged."""
         try:
             found: Any = json.loads(_file(lake).read_bytes())
-            parts = str(found["address"]), int(found["number"]), dict(found["own"])
-            return cls(*parts, bool(found["taking"]), str(found["token"]))
+            read = [
+                cls(str(row["address"]), int(row["number"]), dict(row["own"]), bool(row["taking"]), str(row["token"]))
+                for row in found
+            ]
         except (OSError, ValueError, KeyError, TypeError):
-            return None
+            return {}
+        return {each.address: each for each in read}
 
     def keep(self, lake: Lake) -> None:
+        before = {address: each for address, each in Origin.all(lake).items() if address != self.address}
         with replacing(_file(lake)) as temporary:
-            temporary.write_text(json.dumps(vars(self), sort_keys=True) + "\n", encoding="utf-8")
+            rows = [vars(each) for each in (*before.values(), self)]
+            temporary.write_text(json.dumps(rows, sort_keys=True) + "\n", encoding="utf-8")
 
 
 def changed(lake: Lake, origin: Origin) -> bool:
@@ -96,10 +102,16 @@ def push(lake: Lake, bucket: Bucket, progress: StepProgress, *, instead: bool = 
     Raises:
         ConflictError: the latest version is not that one, or becomes another meanwhile.
         DamagedError: a file is not as it was written.
+        UserError: a pull was not finished.
     """
+    unfinished = next((each.address for each in Origin.all(lake).values() if each.taking), None)
+    if unfinished is not None:
+        raise UserError(
+            f"{lake.root}: a pull was not finished; `motionlake pull {unfinished} --lake {lake.root}` does it"
+        )
     latest = bucket.latest()
     origin = _origin_of(lake, bucket, latest)
-    known = origin.number if origin and origin.address == bucket.address else 0
+    known = origin.number if origin else 0
     if latest is not None and latest.number != known and not instead:
         raise ConflictError(
             f"{bucket.address}: {latest.by} has published version {latest.number}, which {lake.root} does not hold; "
@@ -149,7 +161,7 @@ def pull(lake: Lake, bucket: Bucket, progress: StepProgress, *, discard: bool = 
         return None
     origin = _origin_of(lake, bucket, latest)
     if lake.catalog.is_file() and not discard:
-        if origin is None or origin.address != bucket.address:
+        if origin is None:
             raise UserError(f"{lake.root}: holds another lake than {bucket.address}; name a folder without one")
         if origin.number == latest.number and not origin.taking:
             return Moved(bucket.address, origin.number, 0, 0)
@@ -206,7 +218,7 @@ def push_changes(lake: Lake, bucket: Bucket, progress: StepProgress) -> Moved | 
         ConflictError, DamagedError: as `push`.
         UserError: another command writes to the copy.
     """
-    origin = Origin.of(lake)
+    origin = Origin.all(lake).get(bucket.address)
     if not lake.catalog.is_file() or (origin and not changed(lake, origin)):
         return None
     with locked(lake, "push"):
@@ -290,8 +302,8 @@ def _is_own(file: str) -> bool:
 
 def _origin_of(lake: Lake, bucket: Bucket, latest: Version | None) -> Origin | None:
     """What a copy was made of; the latest version where that is one that it published without hearing of it."""
-    origin = Origin.of(lake)
-    if origin and latest and origin.address == bucket.address and origin.token == latest.token:
+    origin = Origin.all(lake).get(bucket.address)
+    if origin and latest and origin.token == latest.token:
         return _origin(bucket, latest)
     return origin
 
