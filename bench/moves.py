@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 from motionlake.deephums.sequence import clip_sequence
 from motionlake.motion.moves import Track, at_12
-from motionlake.motion.moves_index import MovesIndex, Stack, aligned, moves_distance
+from motionlake.motion.moves_index import MovesIndex, moves_distance
+from motionlake.motion.stacks import Stack, aligned
 from threadpoolctl import threadpool_limits
 
 from bench.canonical_sets import load

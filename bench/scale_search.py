@@ -28,7 +28,8 @@ from motionlake.jobs.session import session
 from motionlake.lake.catalog import reading
 from motionlake.lake.layout import Lake
 from motionlake.lake.settings import served_config
-from motionlake.motion.moves_index import Stack, aligned, floored
+from motionlake.motion.moves_index import floored
+from motionlake.motion.stacks import Stack, aligned
 from motionlake.retrieval.alignment import AlignmentSearcher
 from motionlake.retrieval.fused import REACH, FusedSearcher
 from motionlake.retrieval.hits import Hit, clip_hit

@@ -1,102 +1,90 @@
-"""The compilers of kernels that every module uses: numba's, with the kernels on disk read and written by one process
-at a time.
-
-numba keeps a kernel in several files that belong together. Two processes that compile it at once would each write some
-of them, and from then on every process that calls it crashes.
+"""Kernels that are compiled, or read from disk, when they are first called: to import numba takes half a second, which
+a command that calls none need not wait for.
 """
 
 from __future__ import annotations
 
-import os
-import time
-from contextlib import suppress
-from pathlib import Path
+import sys
+from collections.abc import Callable, Collection
+from functools import update_wrapper
 from threading import RLock
-from typing import Final
+from typing import Any, Final, ParamSpec, TypeVar, cast
 
-from numba import guvectorize, njit
-from numba.core import event
-from numba.np import linalg
-
-__all__ = ["guvectorize", "njit"]
-
-_PATIENCE: Final = 60.0  # seconds; a process that was stopped while it compiled holds up no other for good
-_PAUSE: Final = 0.01  # seconds
+Given = ParamSpec("Given")
+Found = TypeVar("Found")
+_ONE_AT_A_TIME: Final = RLock()
+FEW: Final = 1 << 25  # cells of alignments that NumPy works out in less than the time in which numba is imported
+_worked_out = 0
 
 
-class _OneProcess(event.Listener):  # type: ignore[misc]
-    """Holds a lock between processes while numba holds its own between threads: from the look for a kernel on disk
-    until it is compiled and written there."""
+class Kernel:
+    """A function that numba compiles. Other kernels may call it, and what numba's has, it has.
 
-    def __init__(self) -> None:
-        self._thread, self._depth, self._file = RLock(), 0, -1
-
-    def on_start(self, event: event.Event) -> None:
-        self._thread.acquire()
-        try:
-            if self._depth == 0:
-                self._file = _locked(Path(__file__))
-        except BaseException:  # a signal, while it waits
-            self._thread.release()
-            raise
-        self._depth += 1
-
-    def on_end(self, event: event.Event) -> None:
-        self._depth -= 1
-        if self._depth == 0 and self._file >= 0:
-            _unlock(self._file)
-            self._file = -1
-        self._thread.release()
-
-
-def _locked(path: Path) -> int:
-    """A descriptor of a file that is locked; -1 where the system cannot, or another holds it for too long."""
-    try:
-        import fcntl
-    except ImportError:  # Windows
-        return -1
-    try:
-        file = os.open(path, os.O_RDONLY)
-    except OSError:
-        return -1
-    until = time.monotonic() + _PATIENCE
-    try:
-        while time.monotonic() < until:
-            try:
-                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except BlockingIOError:
-                time.sleep(_PAUSE)
-            else:
-                return file
-    except OSError:  # a file system without locks
-        pass
-    except BaseException:
-        os.close(file)
-        raise
-    os.close(file)
-    return -1
-
-
-def _unlock(file: int) -> None:
-    """Give up a lock, also where a process forked meanwhile has the file open."""
-    import fcntl
-
-    with suppress(OSError):
-        fcntl.flock(file, fcntl.LOCK_UN)
-    os.close(file)
-
-
-def _without_blas() -> None:
-    """Have numba load its functions of arrays without importing scipy.linalg, which takes longer than all of them.
-
-    It only asks whether BLAS is there, and asks again where a kernel multiplies matrices.
+    Args:
+        function: to compile.
+        how: arguments of `numba.njit`.
     """
-    asked, linalg.ensure_blas = linalg.ensure_blas, lambda: None
-    try:
-        import numba.np.arraymath  # noqa: F401
-    finally:
-        linalg.ensure_blas = asked
+
+    def __init__(self, function: Callable[..., Any], how: dict[str, Any]) -> None:
+        update_wrapper(self, function)
+        self._function, self._how = function, how
+        self._compiled: Any = None
+
+    def __call__(self, *given: Any) -> Any:
+        return (self._compiled or self._made())(*given)
+
+    def _made(self) -> Any:
+        with _ONE_AT_A_TIME:
+            if self._compiled is None:
+                from motionlake.compiler import njit as compiler
+
+                self._compiled = compiler(**self._how)(self._function)
+        return self._compiled
+
+    @property
+    def _numba_type_(self) -> Any:
+        """What numba asks for where a kernel calls this one."""
+        from numba import types
+
+        return types.Dispatcher(self._made())
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("__"):  # what Python asks of any object, and numba's need not be made for
+            raise AttributeError(name)
+        return getattr(self._made(), name)
+
+    def __reduce__(self) -> Any:
+        """By its name. Where a function made it, by that and what it was made with: numba so names the kernel on disk
+        of one that calls it; with numba's own in its place it would compile that anew in every process."""
+        function = self._function
+        if "<locals>" not in function.__qualname__:
+            return function.__qualname__
+        made_with = [cell.cell_contents for cell in function.__closure__ or ()]
+        return _unknown, (function.__module__, function.__qualname__, sorted(self._how.items()), made_with)
 
 
-event.register("numba:compiler_lock", _OneProcess())
-_without_blas()
+def few(cells: int) -> bool:
+    """Whether so many cells of an alignment are worked out sooner by NumPy than by a kernel: they are the first ones of
+    a process that has not imported numba."""
+    global _worked_out
+    if "numba" in sys.modules:
+        return False
+    with _ONE_AT_A_TIME:
+        _worked_out += cells
+        return _worked_out <= FEW
+
+
+def _unknown(module: str, name: str, *_: object) -> Kernel:
+    raise TypeError(f"{module}.{name}: a kernel that a function makes is made again by calling it")
+
+
+def njit(
+    *, cache: bool = False, nogil: bool = False, inline: str = "never", fastmath: bool | Collection[str] = False
+) -> Callable[[Callable[Given, Found]], Callable[Given, Found]]:
+    """`numba.njit`, at the first call. Arguments of the function are given by place."""
+    how = {"cache": cache, "nogil": nogil, "inline": inline, "fastmath": fastmath}
+
+    def kernel(function: Callable[Given, Found]) -> Callable[Given, Found]:
+        return cast(Callable[Given, Found], Kernel(function, how))
+
+    return kernel

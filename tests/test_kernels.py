@@ -11,10 +11,10 @@ from concurrent.futures import TimeoutError as NotYet
 from pathlib import Path
 
 import pytest
-from motionlake import kernels
+from motionlake import compiler
 from numba.core.compiler_lock import global_compiler_lock
 
-FILE = Path(kernels.__file__)
+FILE = Path(compiler.__file__)
 
 
 def take(file: int) -> None:
@@ -52,7 +52,7 @@ def test_who_compiles_waits_for_other_processes(file: int) -> None:
 
 
 def test_nobody_waits_for_a_stopped_process_for_good(file: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(kernels, "_PATIENCE", 0.1)
+    monkeypatch.setattr(compiler, "_PATIENCE", 0.1)
     fcntl.flock(file, fcntl.LOCK_EX)
     compile_something()
     os.close(file)
@@ -62,7 +62,7 @@ def test_kernels_import_no_linear_algebra_and_can_have_it() -> None:
     code = """
 import sys
 import numpy as np
-from motionlake.kernels import njit
+from motionlake.compiler import njit
 total = njit(lambda row: row.sum())
 assert total(np.ones(3)) == 3
 print(*sys.modules)

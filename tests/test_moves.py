@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -11,8 +12,9 @@ from hypothesis import strategies as st
 from motionlake.arrays import Float32Array, Float64Array
 from motionlake.deephums.sequence import clip_sequence
 from motionlake.motion.moves import DISPLACEMENT_COUNT, FPS, JOINTS_COUNT, LEAST, MOST, WIDTH, Track, at_12
-from motionlake.motion.moves_index import MovesIndex, Stack, aligned, moves_distance
+from motionlake.motion.moves_index import MovesIndex, moves_distance, moves_distances
 from motionlake.motion.moves_windows import nearest_place, windows_distances
+from motionlake.motion.stacks import Stack, aligned
 
 
 def walking(frames: int) -> Float64Array:
@@ -103,11 +105,11 @@ def test_most_clips_of_a_set_need_no_alignment(recordings: Path, monkeypatch: py
     known = [track.moves() for track in tracks]
     index, count = MovesIndex(known), [0]
 
-    def counted(one: Float32Array, other: Float32Array) -> float:
-        count[0] += 1
-        return moves_distance(one, other)
+    def counted(query: Float32Array, clips: Sequence[Float32Array]) -> Float64Array:
+        count[0] += len(clips)
+        return moves_distances(query, clips)
 
-    monkeypatch.setattr(moves_index, "moves_distance", counted)
+    monkeypatch.setattr(moves_index, "moves_distances", counted)
     for query in known[::10]:
         every = np.array([moves_distance(query, other) for other in known])
         found = index.nearest(query, 10)

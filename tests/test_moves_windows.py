@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import random
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from motionlake.arrays import Float32Array, Int64Array
-from motionlake.motion import moves_index, moves_windows
+from motionlake.motion import moves_index, moves_windows, stacks
 from motionlake.motion.moves import Track
-from motionlake.motion.moves_index import MovesIndex, Stack, aligned, floored, moves_distance
+from motionlake.motion.moves_index import MovesIndex, floored, moves_distance
 from motionlake.motion.moves_windows import Place, distances_about, nearest_place, windows_distances
+from motionlake.motion.stacks import Stack, aligned
 
 from tests.test_moves import wandering
 
@@ -155,7 +157,7 @@ def test_clips_of_about_one_length_stand_side_by_side(sizes: list[int], width: i
 
 @pytest.mark.parametrize("cells", [1, 700, 1_500, 1 << 20])
 def test_alignments_are_the_same_however_many_at_a_time(cells: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(moves_index, "_CELLS", cells)
+    monkeypatch.setattr(stacks, "_CELLS", cells)
     clips = [wandering(seed, 4 + seed % 13).moves() for seed in range(41)]
     found = Stack.of(clips).spread(aligned(clips[3], Stack.of(clips)))
     np.testing.assert_allclose(found, [moves_distance(clips[3], clip) for clip in clips], rtol=1e-4, atol=2e-3)
@@ -164,17 +166,18 @@ def test_alignments_are_the_same_however_many_at_a_time(cells: int, monkeypatch:
 def test_memory_for_alignments_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
     """As many groups at a time as have so many pairs of frames, one at least, and no fewer."""
     sizes: list[int] = []
-    align = moves_index._align
+    align = stacks._align
 
-    def seen(costs: Float32Array, *rest: object) -> None:
+    def seen(costs: Float32Array, *rest: Any) -> None:
         sizes.append(costs.size)
         align(costs, *rest)
 
-    monkeypatch.setattr(moves_index, "_align", seen)
+    monkeypatch.setattr(stacks, "_align", seen)
+    monkeypatch.setattr(stacks, "few", lambda cells: False)
     clips = [np.zeros((10, 4), dtype=np.float32)] * 80
     for cells, at_a_time in ((1, 1), (3 * 80 * 5 - 1, 2), (3 * 80 * 5, 3), (10**9, 10)):
         sizes.clear()
-        monkeypatch.setattr(moves_index, "_CELLS", cells)
+        monkeypatch.setattr(stacks, "_CELLS", cells)
         aligned(clips[0][:5], Stack.of(clips))
         assert sizes[0] == at_a_time * 80 * 5
         assert sum(sizes) == 10 * 80 * 5

@@ -127,18 +127,19 @@ def test_a_bound_need_not_be_raised_beyond_what_is_enough() -> None:
     np.testing.assert_array_equal(short[full <= enough], full[full <= enough])
 
 
-@pytest.mark.parametrize("few", [0, 256], ids=["with kernels", "without"])
+@pytest.mark.parametrize("few", [False, True], ids=["with kernels", "without"])
 @settings(max_examples=40, deadline=None)
 @given(k=st.integers(1, 40), motifs=st.integers(4, 12), seed=st.integers(0, 10_000))
-def test_answers_are_those_of_a_scan(few: int, k: int, motifs: int, seed: int) -> None:
+def test_answers_are_those_of_a_scan(few: bool, k: int, motifs: int, seed: int) -> None:
     signatures, ground = some_signatures(30, motifs, seed), some_ground(motifs, seed)
-    with mock.patch.multiple(nearest_module, FEW=few, WITHOUT_KERNELS=10**9):
+    with mock.patch.object(nearest_module, "few", return_value=few):
         for row in signatures[[0, 1, -3, -2]]:
             indices, distances = nearest_signatures(row, signatures, ground, k)
             assert (indices.tolist(), distances.tolist()) == scan(row, signatures, ground, k)
 
 
-def test_few_transports_are_solved() -> None:
+def test_few_transports_are_solved(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(nearest_module, "few", lambda cells: False)
     signatures, ground = some_signatures(2000, 30, 5).astype(np.float32), some_ground(30, 5)
     index = SignatureIndex.build(signatures, ground)
     for row in some_signatures(8, 30, 6)[:4]:

@@ -135,7 +135,7 @@ def _scatter(alike: Float64Array, labels: Int64Array, k: int) -> Float64Array:
     return np.asarray(np.einsum("ic,ij,jc->c", member, alike, member, optimize=True) / sizes**2)
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
+@njit(cache=True)
 def alignments(kernel: Float64Array, lengths: Float64Array, borders: Int64Array) -> Float64Array:
     """[m, m] the dynamic time alignment kernel of segments.
 
@@ -167,7 +167,7 @@ def alignments(kernel: Float64Array, lengths: Float64Array, borders: Int64Array)
     return found
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
+@njit(cache=True)
 def resegmented(
     kernel: Float64Array,
     lengths: Float64Array,

@@ -38,7 +38,7 @@ def packed(features: BoolArray) -> NDArray[np.uint64]:
     return np.asarray((features.astype(np.uint64) << places).sum(axis=1, dtype=np.uint64))
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
+@njit(cache=True)
 def begun(values: Float64Array, strong: float, weak: float) -> BoolArray:
     """[T] whether `values` [T] have been above `strong` since they were last below `weak`."""
     found = np.empty(len(values), dtype=np.bool_)

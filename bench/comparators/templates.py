@@ -101,7 +101,7 @@ def differences(a: Float64Array, b: Float64Array) -> Float32Array:
     return found
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
+@njit(cache=True)
 def _differences(a: Float32Array, b: Float32Array) -> Float32Array:
     found = np.empty((len(a), len(b)), dtype=np.float32)
     for i in range(len(a)):
@@ -113,7 +113,7 @@ def _differences(a: Float32Array, b: Float32Array) -> Float32Array:
     return found
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
+@njit(cache=True)
 def warping(costs: Float32Array) -> NDArray[np.int64]:
     """[P, 2] the cheapest path through costs [K, L], from first to last; of equal steps the diagonal one."""
     n, m = costs.shape
@@ -148,7 +148,7 @@ def warping(costs: Float32Array) -> NDArray[np.int64]:
             j -= 1
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
+@njit(cache=True)
 def _ones(bits: np.uint64) -> int:
     count = 0
     while bits:
@@ -157,7 +157,7 @@ def _ones(bits: np.uint64) -> int:
     return count
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
+@njit(cache=True)
 def fit(values: Bits, counts: Bits, clip: Bits) -> Any:
     """Mean difference of a template [K] and the piece of a clip [L] that fits it best, over K columns."""
     size, length = len(values), len(clip)
@@ -177,7 +177,7 @@ def fit(values: Bits, counts: Bits, clip: Bits) -> Any:
     return before.min() / size
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
+@njit(cache=True)
 def apart(a: Bits, b: Bits, features: int) -> Any:
     """Dynamic time warping of the features of whole clips [n] and [m]: share that differs, summed, over n + m."""
     n, m = len(a), len(b)

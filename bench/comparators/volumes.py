@@ -77,7 +77,7 @@ def distances(clips: Sequence[Seen], *, warped: bool) -> Float64Array:
     return found
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
+@njit(cache=True)
 def _distances(weights: Float64Array, times: Float64Array, joints: Float64Array, warped: bool) -> Float64Array:
     n, count = weights.shape
     found = np.zeros((n, n))
@@ -97,7 +97,7 @@ def _distances(weights: Float64Array, times: Float64Array, joints: Float64Array,
     return found
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
+@njit(cache=True)
 def _correlated(a: Float64Array, b: Float64Array) -> Any:
     """The largest absolute inner product of a [N] with b [N] shifted, zeros beyond its ends."""
     n, best = len(a), 0.0
@@ -109,7 +109,7 @@ def _correlated(a: Float64Array, b: Float64Array) -> Any:
     return best
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
+@njit(cache=True)
 def _warped(a: Float64Array, b: Float64Array) -> Any:
     """Dynamic time warping of vectors [N], absolute differences summed along the path."""
     n = len(a)

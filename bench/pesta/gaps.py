@@ -119,7 +119,7 @@ def form_costs(strings: Repository, distances: SymbolDistances, form: Form, stri
     return np.asarray(np.maximum(costs, costs.T), dtype=np.float32)
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def _costs(
     symbols: Int32Array, offsets: Int64Array, distances: Float32Array, stride: int, prices: Float32Array
 ) -> Float32Array:
@@ -132,7 +132,7 @@ def _costs(
     return costs
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def _cost(
     query: Int32Array, string: Int32Array, distances: Float32Array, stride: int, prices: Float32Array
 ) -> np.float32:

@@ -248,7 +248,7 @@ def _running(frames: Float32Array) -> Float64Array:
     return sums
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
+@njit(cache=True)
 def _offset_distance(first: Track, second: Track, offset: int, limit: float) -> float:
     """Mean distance of bones with second[j] on first[j + offset]; inf once it is certain to exceed `limit`."""
     ours, theirs = first.frames, second.frames
@@ -274,7 +274,7 @@ def _offset_distance(first: Track, second: Track, offset: int, limit: float) -> 
     return float(total / count)
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
+@njit(cache=True)
 def _best_offset(first: Track, second: Track, least: int, limit: float) -> tuple[float, int]:
     best, best_offset = np.inf, 0
     for offset in range(least - len(second.frames), len(first.frames) - least + 1):

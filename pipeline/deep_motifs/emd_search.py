@@ -10,24 +10,18 @@ from __future__ import annotations
 from bisect import insort
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from itertools import count
 from typing import Final, NamedTuple
 
 import numpy as np
 from motionlake.arrays import Float32Array, Float64Array, FloatArray, Int32Array, Int64Array, IntArray
 from motionlake.deep_motifs.emd import Signature, transport, unit_mass, unit_masses, work
+from motionlake.kernels import few
 
 # The threshold comes from the k tightest among so many times k signatures that the cheap bound puts first.
 PROBES: Final = 8
 ROWS: Final = 4096
-# To load the kernels takes as long as to solve some thousands of transports: a process does without for its first few
-# queries of few signatures.
-FEW: Final = 256
-WITHOUT_KERNELS: Final = 4
+TRANSPORT: Final = 3600  # cells of alignments that take as long as a transport (`motionlake.kernels.few`)
 FLOAT32_SLACK: Final = 1e-6
-
-
-_queries = count(1)
 
 
 class Nearest(NamedTuple):
@@ -117,7 +111,7 @@ class SignatureIndex:
             raise ValueError(f"k = {k}: ask for at least 1 nearest signature")
         p = unit_mass(query, self.ground)
         chosen = np.arange(len(self)) if among is None else np.asarray(among, dtype=np.int64)
-        without = len(chosen) <= FEW and next(_queries) <= WITHOUT_KERNELS
+        without = few(TRANSPORT * len(chosen))
         answers = _Answers(p, k, self._plain if without else self._quick)
         if without:
             answers.solve(chosen, self._slackened(np.abs(self._means(p) - self.projected[chosen]).max(1, initial=0)))

@@ -74,7 +74,7 @@ def _over(starts: Int64Array, stops: Int64Array, values: Float64Array, frames: i
     return np.asarray(np.cumsum(steps)[:-1])
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
+@njit(cache=True)
 def _apart(starts: Int64Array, stops: Int64Array, owner: Int64Array) -> Int64Array:
     """Kernel: the windows, nearest first, that overlap none before; to `owner` [frames] it says which each is in."""
     chosen = np.empty(len(starts), dtype=np.int64)
@@ -87,7 +87,7 @@ def _apart(starts: Int64Array, stops: Int64Array, owner: Int64Array) -> Int64Arr
     return chosen[:count]
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
+@njit(cache=True)
 def _between(
     offsets: Int64Array, least: Int64Array, owner: Int64Array, mean: Float64Array, begins: Int64Array, ends: Int64Array,
     distances: Float64Array,

@@ -50,7 +50,7 @@ def _between(one: Float32Array, other: Float32Array) -> Float32Array:
     return products
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def _roots(products: Float32Array, first: Float32Array, second: Float32Array) -> None:
     """Kernel: products [n, m] of vectors become their distances; `first` [n], `second` [m] their squared lengths."""
     for i in range(len(first)):
@@ -60,7 +60,7 @@ def _roots(products: Float32Array, first: Float32Array, second: Float32Array) ->
             products[i, j] = np.sqrt(square) if square > _ROUNDING * lengths else 0
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def _one_with_many(between: Float32Array, runs: Int64Array, out: Float64Array) -> None:
     """Kernel: `between` [n, W] distances of the query's words from all."""
     nearest = np.empty(len(between))
@@ -77,7 +77,7 @@ def _one_with_many(between: Float32Array, runs: Int64Array, out: Float64Array) -
         out[run] = (total / runs.shape[1] + nearest.mean()) / 2
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def _all_with_all(between: Float32Array, runs: Int64Array, out: Float64Array) -> None:
     """Kernel: `between` [W, W] distances of all words; `out` [v, v], zero on its diagonal."""
     count, length = runs.shape

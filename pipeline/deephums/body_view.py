@@ -7,7 +7,7 @@ from motionlake.arrays import Float32Array, Float64Array, Int64Array
 from motionlake.kernels import njit
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def seen_from_body(
     positions: Float64Array,
     count: int,
@@ -50,7 +50,7 @@ def seen_from_body(
     return body
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def _resampled(positions: Float64Array, joints: Int64Array, count: int) -> Float64Array:
     """[count, J, 3] by linear interpolation at even places from the first frame to the last."""
     frames = len(positions)
@@ -69,7 +69,7 @@ def _resampled(positions: Float64Array, joints: Int64Array, count: int) -> Float
     return found
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def _smoothed(moved: Float64Array, smoothing: Float64Array) -> Float64Array:
     count, width = len(moved), len(smoothing)
     if count < width:
@@ -85,7 +85,7 @@ def _smoothed(moved: Float64Array, smoothing: Float64Array) -> Float64Array:
     return found
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def _facing(moved: Float64Array, sides: Int64Array, least: float) -> float:
     """Median angle in radians about +y from +z; 0 where no frame tells."""
     angles = np.empty(len(moved))
@@ -107,7 +107,7 @@ def _facing(moved: Float64Array, sides: Int64Array, least: float) -> float:
     return float(np.median(angles[:found])) if found else 0.0
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def _size(moved: Float64Array, bones: Int64Array, share: float) -> float:
     """Metres: the sum of the bones' median lengths over what they are together in an average body."""
     total = 0.0

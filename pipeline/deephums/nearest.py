@@ -273,7 +273,7 @@ def _limit(squares: Float64Array, slack: float) -> float:
     return float(np.sqrt(squares[-1]) + slack) ** 2
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
+@njit(cache=True)
 def _bounds(block: Block, query: Block, rows: Int64Array, done: Float64Array) -> Float64Array:
     """[r] squared lower bounds of the distances of `rows` [r] from the query, one more block of them scanned.
 

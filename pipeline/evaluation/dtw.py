@@ -93,7 +93,7 @@ def joint_error(a: Float32Array, b: Float32Array) -> float:
     return float(np.linalg.norm(apart.astype(np.float64), axis=-1).mean())
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
+@njit(cache=True)
 def _path(squared: Float32Array) -> Int64Array:
     """The cheapest path through the roots of `squared` [n, m]."""
     n, m = squared.shape

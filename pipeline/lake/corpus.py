@@ -8,6 +8,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 from motionlake.arrays import Float32Array
+from motionlake.columns import numbers
 from motionlake.deep_motifs.signatures import Corpus, CorpusClip
 from motionlake.deephums.config import DIMENSION
 from motionlake.errors import UserError
@@ -33,9 +34,9 @@ def read_corpus(con: Connection, dataset: str | None = None) -> Corpus:
     return Corpus(
         clips,
         offsets,
-        words.column("motif").to_numpy().astype(np.int32),
-        words.column("start").to_numpy().astype(np.int64),
-        words.column("stop").to_numpy().astype(np.int64),
+        numbers(words.column("motif")).astype(np.int32),
+        numbers(words.column("start")).astype(np.int64),
+        numbers(words.column("stop")).astype(np.int64),
         np.array([row["centroid"] for row in motifs], dtype=np.float32),
         np.array([row["idf"] for row in motifs]),
         np.array([row["strength"] for row in motifs]),

@@ -14,6 +14,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
+from motionlake.columns import numbers
 from motionlake.errors import UserError
 from motionlake.lake.catalog import Connection, fetch
 from motionlake.lake.integrity import sound
@@ -130,7 +131,7 @@ def _matrix(table: pa.Table, columns: Sequence[str]) -> NDArray[np.float32]:
     """[rows, columns], filled a column at a time."""
     found = np.empty((len(columns), table.num_rows), dtype=np.float32)
     for row, name in zip(found, columns, strict=True):
-        row[:] = table.column(name).to_numpy()
+        row[:] = numbers(table.column(name))
     return np.ascontiguousarray(found.T)
 
 

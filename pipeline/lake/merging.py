@@ -9,6 +9,7 @@ from typing import Any
 
 import pyarrow as pa
 import pyarrow.parquet as pq
+from motionlake.columns import read_parquet
 from motionlake.errors import DamagedError
 from motionlake.lake.frames import KEY, RIGS, clip_tables, motion_footer, rigs_footer, runs_of
 from motionlake.lake.parts import PartWriter, check_part, replacing
@@ -18,7 +19,7 @@ Order = Sequence[tuple[str, str]]  # clips, and the part that holds each
 
 def clips_in(path: Path) -> list[str]:
     """The clips of a part, in its order."""
-    return [clip for clip, _ in runs_of(pq.read_table(path, columns=["clip"]).column("clip"))]
+    return [clip for clip, _ in runs_of(read_parquet(path, ["clip"]).column("clip"))]
 
 
 def merge_parts(

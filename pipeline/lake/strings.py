@@ -10,6 +10,7 @@ from itertools import compress
 import numpy as np
 import pyarrow.compute as pc
 from motionlake.arrays import Int64Array
+from motionlake.columns import numbers
 from motionlake.deep_motifs.emd import ground_distances
 from motionlake.deep_motifs.signatures import CorpusClip
 from motionlake.errors import UserError
@@ -86,15 +87,15 @@ def read_strings(con: Connection) -> LakeStrings:
         raise UserError("the lake has no symbol strings yet; make them with `motionlake run all`")
     rows = fetch_table(con, "symbol_strings")
     known = rows.drop_columns(["symbols", "starts"]).to_pylist()
-    lengths = pc.list_value_length(rows.column("symbols")).to_numpy().astype(np.int64)
+    lengths = numbers(pc.list_value_length(rows.column("symbols"))).astype(np.int64)
     offsets = np.concatenate([[0], np.cumsum(lengths)]).astype(np.int64)
-    starts = pc.list_flatten(rows.column("starts")).to_numpy().astype(np.int64)
+    starts = numbers(pc.list_flatten(rows.column("starts"))).astype(np.int64)
     stops = np.append(starts[1:], 0)
-    stops[offsets[1:] - 1] = rows.column("frames").to_numpy()
+    stops[offsets[1:] - 1] = numbers(rows.column("frames"))
     points = np.array([row["code"] for row in codes], dtype=np.float32)
     return LakeStrings(
         [CorpusClip(**row) for row in known],
-        Repository(pc.list_flatten(rows.column("symbols")).to_numpy().astype(np.int32), offsets),
+        Repository(numbers(pc.list_flatten(rows.column("symbols"))).astype(np.int32), offsets),
         starts,
         stops,
         SymbolDistances(ground_distances(points).astype(np.float32)),

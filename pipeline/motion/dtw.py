@@ -8,7 +8,8 @@ from typing import Final, Literal, NamedTuple
 
 import numpy as np
 from motionlake.arrays import Float32Array, Float64Array, Int64Array
-from motionlake.kernels import njit
+from motionlake.kernels import few, njit
+from motionlake.motion.plain_dtw import path_costs, plain_work
 
 Metric = Literal["euclidean", "geodesic"]
 
@@ -51,7 +52,7 @@ def product(left: Float32Array, right: Float32Array, metric: Metric) -> Float32A
     raise ValueError(f"metric is {metric!r}, not euclidean or geodesic")
 
 
-@njit(cache=True, nogil=True, fastmath=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True, fastmath=True)
 def squared_geodesics(a: Float32Array, b: Float32Array, out: Float32Array) -> None:
     """out[r, c] = sum over joints of acos(|a_r . b_c|)^2; a [R, 4J], b [4J, C]."""
     n_joints = a.shape[1] // 4
@@ -78,6 +79,7 @@ def squared_geodesics(a: Float32Array, b: Float32Array, out: Float32Array) -> No
             out[r, first : first + width] = total[:width]
 
 
+_CELLS: Final = 1 << 20  # frame distances of many clips that are worked out at a time
 # Frame pairs a second on one core, from timings.
 CELLS_PER_SECOND: Final = 1.2e8
 
@@ -93,6 +95,30 @@ def clip_dtw(a: Float32Array, b: Float32Array) -> float:
     if not (len(a) and len(b)):
         raise ValueError("a clip without frames cannot be aligned")
     return float(_aligned(squared_distances(a, b)))
+
+
+def clip_dtws(query: Float32Array, clips: Sequence[Float32Array]) -> Float64Array:
+    """[n] distances of a query [m, D] from n clips, each [T, D]; see `clip_dtw`."""
+    found = np.empty(len(clips))
+    longest = max((len(clip) for clip in clips), default=0)
+    at_once = max(1, _CELLS // max(1, len(query) * longest))
+    for first in range(0, len(clips), at_once):
+        some = clips[first : first + at_once]
+        there = len(query) and all(len(clip) for clip in some)
+        if there and few(plain_work(len(query), longest, len(some))):
+            found[first : first + at_once] = _aligned_plainly(query, some)
+        else:
+            found[first : first + at_once] = [clip_dtw(query, clip) for clip in some]
+    return found
+
+
+def _aligned_plainly(query: Float32Array, clips: Sequence[Float32Array]) -> Float64Array:
+    """The same without a kernel."""
+    lengths = np.array([len(clip) for clip in clips])
+    squared = np.zeros((len(query), lengths.max(), len(clips)), dtype=np.float32)
+    for at, clip in enumerate(clips):
+        squared[:, : len(clip), at] = squared_distances(query, clip)
+    return np.asarray(path_costs(squared, lengths).astype(np.float64) / (len(query) + lengths))
 
 
 def squared_distances(a: Float32Array, b: Float32Array) -> Float32Array:
@@ -117,7 +143,7 @@ def dtw_cross(queries: Sequence[Float32Array], repository: Sequence[Float32Array
     return np.array([[clip_dtw(query, clip) for clip in repository] for query in queries])
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
+@njit(cache=True)
 def _aligned(squared: Float32Array) -> float:
     """Cost of the cheapest path through the roots of `squared` [n, m], divided by n + m."""
     n, m = squared.shape
@@ -153,7 +179,7 @@ def clip_path(a: Float32Array, b: Float32Array) -> Int64Array:
     return found
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
+@njit(cache=True)
 def _path(squared: Float32Array) -> Int64Array:
     n, m = squared.shape
     cost = np.full((n + 1, m + 1), np.inf)
@@ -230,7 +256,7 @@ def alignment_ends(
     return found
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
+@njit(cache=True)
 def _align(distances: Float32Array, steps: Int64Array) -> tuple[Float64Array, Int64Array]:
     m, n = distances.shape
     held = steps[:, 0].max() + 1  # rows that a step reaches back to, and the one it makes

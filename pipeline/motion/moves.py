@@ -55,12 +55,10 @@ class Track:
     @staticmethod
     def of(joints: FloatArray) -> Track:
         """Of joints [N, 45] at 12 frames a second; one frame stands still."""
-        from scipy.ndimage import gaussian_filter1d
-
         exact = joints.astype(np.float64)
         if len(exact) < 2:
             return Track(exact, np.zeros_like(exact), _facing(exact))
-        return Track(exact, np.gradient(gaussian_filter1d(exact, SMOOTHED, axis=0), axis=0), _facing(exact))
+        return Track(exact, np.gradient(_smoothed(exact), axis=0), _facing(exact))
 
     def pace(self) -> Float64Array:
         """[N] how far the joints move a frame, in body lengths: the mean of three frames."""
@@ -75,21 +73,38 @@ class Track:
 
     def turned(self) -> Track:
         """The same with the body facing +z in the mean."""
+        joints, velocity = self._turned()
+        return Track(joints, velocity, _facing(joints))
+
+    def _turned(self) -> tuple[Float64Array, Float64Array]:
+        """Joints and velocity of that."""
         cosine, sine = heading(self.facing.sum(axis=0))
         turn = np.array([[cosine, 0, sine], [0, 1, 0], [-sine, 0, cosine]])
         joints, velocity = (
             (part.reshape(-1, 15, 3) @ turn).reshape(part.shape) for part in (self.joints, self.velocity)
         )
-        return Track(joints, velocity, _facing(joints))
+        return joints, velocity
 
     def moves(self) -> Float32Array:
         """[m, 135] its moves, the body facing +z in the mean; of more than 160 frames, 160."""
-        track, count = self.turned(), len(self.joints)
+        (joints, velocity), count = self._turned(), len(self.joints)
         chosen = np.linspace(0, count - 1, MOST).round().astype(int) if count > MOST else np.arange(count)
-        joints = track.joints[chosen]
+        joints = joints[chosen]
         displacement = DISPLACEMENT_COUNT * _scaled(joints - joints[ends(len(joints))].mean(axis=0))
-        parts = (displacement, _scaled(track.velocity[chosen]), JOINTS_COUNT * from_start(joints))
+        parts = (displacement, _scaled(velocity[chosen]), JOINTS_COUNT * from_start(joints))
         return np.concatenate(parts, axis=1).astype(np.float32)
+
+
+def _smoothed(joints: Float64Array) -> Float64Array:
+    """`scipy.ndimage.gaussian_filter1d` by its sums, to the last bit: to import it takes longer than most searches."""
+    reach = int(4 * SMOOTHED + 0.5)
+    weights = np.exp(-0.5 * np.square(np.arange(-reach, 1) / SMOOTHED))
+    weights /= weights[:-1].sum() * 2 + weights[-1]
+    padded, count = np.pad(joints, ((reach, reach), (0, 0)), mode="symmetric"), len(joints)
+    found = padded[reach : reach + count] * weights[reach]
+    for back in range(reach, 0, -1):
+        found += (padded[reach - back :][:count] + padded[reach + back :][:count]) * weights[reach - back]
+    return np.asarray(found)
 
 
 def _scaled(part: Float64Array) -> Float64Array:

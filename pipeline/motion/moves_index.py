@@ -1,29 +1,25 @@
-"""Dynamic time warping of one query with many clips at once, and the nearest of them.
+"""The nearest of many clips by dynamic time warping of their moves.
 
-Eight clips of about one length are aligned side by side. Frames are first compared by their principal directions and
-by the length of what these leave of them, which bounds their distance from below: so does an alignment of such frames
-that of the frames themselves, which only the few clips need whose bound is low enough.
+Frames are first compared by their principal directions and by the length of what these leave of them, which bounds
+their distance from below: so does an alignment of such frames that of the frames themselves, which only the few clips
+need whose bound is low enough.
 """
 
 from __future__ import annotations
 
-from bisect import bisect
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 import numpy as np
-from motionlake.arrays import Float32Array, Float64Array, FloatArray, Int64Array
-from motionlake.kernels import njit
-from motionlake.motion.dtw import clip_dtw
+from motionlake.arrays import Float32Array, Float64Array, Int64Array
+from motionlake.motion.dtw import clip_dtw, clip_dtws
 from motionlake.motion.moves import WIDTH
-from numpy.typing import NDArray
+from motionlake.motion.stacks import Stack, aligned
 
-LANES: Final = 8  # clips that are aligned side by side
-_CELLS: Final = 1 << 20  # frame distances that are worked out at a time
 DIRECTIONS: Final = 32  # of frames, in which bounds compare them
 _SAMPLE: Final = 20_000  # frames that directions are fitted to
 _ROUNDING: Final = 1e-3  # what single precision makes of the distance of a clip from itself
+_AT_ONCE: Final = 16  # clips that are compared before the next bounds are looked at
 _SLACK: Final = 1e-4  # of a distance: what bounds in single precision may be too high
 
 
@@ -31,6 +27,11 @@ def moves_distance(one: Float32Array, other: Float32Array) -> float:
     """Distance of two clips of moves [n, D] and [m, D], as `clip_dtw` has it; 0 where rounding is all there is."""
     distance = clip_dtw(one, other)
     return distance if distance > _ROUNDING else 0.0
+
+
+def moves_distances(query: Float32Array, clips: Sequence[Float32Array]) -> Float64Array:
+    """[n] the same of a query and each of n clips."""
+    return floored(clip_dtws(query, clips))
 
 
 def floored(distances: Float64Array) -> Float64Array:
@@ -70,18 +71,21 @@ class MovesIndex:
             among: [m] the clips to choose from, ascending; all by default.
         """
         bounds = self._bounds_from(query, among)
-        rows: list[int] = []
-        found: list[float] = []
-        for row in np.argsort(bounds, kind="stable").tolist() if k else ():
-            if len(found) >= k and bounds[row] > found[k - 1]:
+        order = np.argsort(bounds, kind="stable")[: len(bounds) if k else 0]
+        found = self._distances(query, order[:k], among)
+        for first in range(k, len(order), _AT_ONCE):
+            some = order[first : first + _AT_ONCE]
+            some = some[bounds[some] <= np.partition(found, k - 1)[k - 1]]
+            if not len(some):
                 break
-            distance = moves_distance(query, self._clips[row if among is None else int(among[row])])
-            at = bisect(found, distance)
-            rows.insert(at, row)
-            found.insert(at, distance)
-        best = np.lexsort((rows, found))[:k] if k else np.zeros(0, dtype=np.int64)
-        nearest = np.array(rows, dtype=np.int64)[best]
-        return Nearest(nearest if among is None else among[nearest], np.array(found)[best])
+            found = np.append(found, self._distances(query, some, among))
+        rows = order[: len(found)]
+        best = np.lexsort((rows, found))[:k]
+        return Nearest(rows[best] if among is None else among[rows[best]], found[best])
+
+    def _distances(self, query: Float32Array, rows: Int64Array, among: Int64Array | None) -> Float64Array:
+        clips = rows if among is None else among[rows]
+        return moves_distances(query, [self._clips[clip] for clip in clips.tolist()])
 
     def _bounds_from(self, query: Float32Array, among: Int64Array | None = None) -> Float64Array:
         stack = self._bounds if among is None else Stack.of([self._inside[row] for row in among.tolist()])
@@ -92,144 +96,3 @@ class MovesIndex:
         inside = clip @ self._directions
         rest = np.einsum("td,td->t", clip, clip) - np.einsum("td,td->t", inside, inside)
         return np.column_stack([inside, np.sqrt(np.maximum(rest, 0))])
-
-
-@dataclass(frozen=True)
-class Stack:
-    """Clips, each [m, D], in groups of eight; a group is as long as its longest clip.
-
-    Attributes:
-        frames: [R, D + 2] the operands of `squared`, by group, frame and clip.
-        starts: [G + 1] first row of each group.
-        lengths: [G, 8] frames of each clip; 0 where there is none.
-        clips: [G, 8] which clip stands there; -1: none.
-    """
-
-    frames: Float32Array
-    starts: Int64Array
-    lengths: Int64Array
-    clips: Int64Array
-
-    @staticmethod
-    def of(clips: Sequence[FloatArray]) -> Stack:
-        """Of clips, each [m, D]. Raises `ValueError` for a clip without frames."""
-        if not all(len(clip) for clip in clips):
-            raise ValueError("a clip without frames cannot be aligned")
-        sizes = np.array([len(clip) for clip in clips], dtype=np.int64)
-        width = clips[0].shape[1] if clips else 0
-        stack, first = Stack._empty(sizes, width)
-        if clips:
-            within = np.arange(sizes.sum()) - np.repeat(np.cumsum(sizes) - sizes, sizes)
-            rows = np.repeat(first, sizes) + within * LANES
-            stack.frames[rows, :-2] = np.concatenate(clips)
-            _squared(stack.frames)
-        return stack
-
-    @staticmethod
-    def of_halves(frames: NDArray[np.float16], starts: Int64Array, counts: Int64Array) -> Stack:
-        """The same of n clips that lie in rows [starts, starts + counts) of frames [N, D] in half precision."""
-        if not counts.all():
-            raise ValueError("a clip without frames cannot be aligned")
-        stack, first = Stack._empty(counts, frames.shape[1])
-        _widen(frames.view(np.uint16), starts, counts, first, stack.frames)
-        return stack
-
-    @staticmethod
-    def _empty(sizes: Int64Array, width: int) -> tuple[Stack, Int64Array]:
-        """For n clips of so many frames, none of them written yet; and the row of the first frame of each clip."""
-        count = -(-len(sizes) // LANES)
-        padded = np.full(count * LANES, -1, dtype=np.int64)
-        padded[: len(sizes)] = np.argsort(sizes, kind="stable")
-        order = padded.reshape(count, LANES)
-        lengths = np.where(order < 0, 0, sizes[order] if len(sizes) else 0)
-        starts = np.concatenate([[0], np.cumsum(lengths.max(axis=1, initial=0) * LANES)])
-        frames = np.zeros((starts[-1], width + 2), dtype=np.float32)
-        frames[:, -2] = 1
-        place = np.argsort(padded[: len(sizes)])  # of each clip in the order
-        return Stack(frames, starts, lengths, order), starts[place // LANES] + place % LANES
-
-    def spread(self, found: Float64Array) -> Float64Array:
-        """[n] what was found [G, 8] for each clip, in the order in which they were given."""
-        there = self.clips >= 0
-        by_clip = np.empty(int(there.sum()))
-        by_clip[self.clips[there]] = found[there]
-        return by_clip
-
-
-@njit(cache=True, nogil=True, fastmath={"contract", "reassoc"})  # type: ignore[untyped-decorator]
-def _widen(
-    halves: NDArray[np.uint16], starts: Int64Array, counts: Int64Array, first: Int64Array, frames: Float32Array
-) -> None:
-    """Kernel: frames of clips in half precision (their bits, [N, D]) into the rows of a stack, with squared lengths.
-
-    The exponent of half precision is 112 less than that of single precision, to which its bits are moved.
-    """
-    width = halves.shape[1]
-    bits = np.empty(width, dtype=np.uint32)
-    values = bits.view(np.float32)
-    scale = np.float32(2.0**112)
-    for clip in range(len(starts)):
-        for t in range(counts[clip]):
-            source = halves[starts[clip] + t]
-            for d in range(width):
-                half = np.uint32(source[d])
-                bits[d] = (half & np.uint32(0x8000)) << np.uint32(16) | (half & np.uint32(0x7FFF)) << np.uint32(13)
-            row = frames[first[clip] + t * 8]
-            square = np.float32(0)
-            for d in range(width):
-                value = values[d] * scale
-                row[d] = value
-                square += value * value
-            row[width + 1] = square
-
-
-def _squared(frames: Float32Array) -> None:
-    """Set the last column of rows [R, D + 2] to the squared lengths of the first D."""
-    np.einsum("td,td->t", frames[:, :-2], frames[:, :-2], out=frames[:, -1])
-
-
-def aligned(query: Float32Array, stack: Stack) -> Float64Array:
-    """[G, 8] distances of a query [n, D] from the clips of a stack.
-
-    A distance is the least sum of Euclidean distances of frames along a path of ordinary steps, divided by the frames
-    of both.
-    """
-    norms = np.einsum("td,td->t", query, query)
-    left = np.column_stack([np.float32(-2) * query, norms, np.ones_like(norms)])
-    found = np.zeros(stack.lengths.shape, dtype=np.float32)
-    group = 0
-    while group < len(found):
-        last = group + 1
-        while last < len(found) and (stack.starts[last + 1] - stack.starts[group]) * len(query) <= _CELLS:
-            last += 1
-        costs = left @ stack.frames[stack.starts[group] : stack.starts[last]].T
-        _align(
-            costs, stack.starts[group : last + 1] - stack.starts[group], stack.lengths[group:last], found[group:last]
-        )
-        group = last
-    return np.asarray(found / (len(query) + stack.lengths), dtype=np.float64)
-
-
-@njit(cache=True, nogil=True, fastmath={"contract", "reassoc", "nsz", "arcp"})  # type: ignore[untyped-decorator]
-def _align(costs: Float32Array, starts: Int64Array, lengths: Int64Array, out: Float32Array) -> None:
-    """Kernel: summed costs of the cheapest paths into `out` [G, 8]; `costs` [n, C] are squared distances of frames."""
-    zero, inf = np.float32(0), np.float32(np.inf)
-    row = np.empty(max(starts[1:] - starts[:-1]), dtype=np.float32)
-    left, diagonal = np.empty(8, np.float32), np.empty(8, np.float32)
-    for group in range(len(out)):
-        first, width = starts[group], (starts[group + 1] - starts[group]) // 8
-        row[: width * 8] = inf
-        for i in range(len(costs)):
-            cells = costs[i, first : first + width * 8]
-            left[:] = inf
-            diagonal[:] = inf if i else zero
-            for j in range(width):
-                for lane in range(8):
-                    above = row[j * 8 + lane]
-                    cost = np.sqrt(max(cells[j * 8 + lane], zero)) + min(left[lane], min(above, diagonal[lane]))
-                    diagonal[lane] = above
-                    left[lane] = cost
-                    row[j * 8 + lane] = cost
-        for lane in range(8):
-            if lengths[group, lane]:
-                out[group, lane] = row[(lengths[group, lane] - 1) * 8 + lane]

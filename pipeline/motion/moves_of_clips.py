@@ -59,7 +59,7 @@ def instants_of_clips(frames: FloatArray, starts: Int64Array, count: int) -> Flo
     return found
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def _moves(
     joints: Float32Array, starts: Int64Array, taps: Float64Array, sides: Int64Array, constants: Constants,
     first: Int64Array, out: Float32Array,
@@ -89,7 +89,7 @@ def _moves(
         _parts(turned, velocity, count, constants, out[first[clip] : first[clip + 1]])
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def _smoothed(own: Float32Array, taps: Float64Array, smooth: Float64Array) -> None:
     """Frames [n, D] into the first n of `smooth`; beyond its ends a clip goes on as in a mirror."""
     count, reach = len(own), len(taps) // 2
@@ -102,7 +102,7 @@ def _smoothed(own: Float32Array, taps: Float64Array, smooth: Float64Array) -> No
                 smooth[t, d] += taps[step + reach] * own[at, d]
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def _heading(own: Float32Array, sides: Int64Array, silent: float) -> tuple[float, float]:
     """Cosine and sine of the angle about y by which a clip [n, D] faces away from +z in the mean."""
     ahead, aside = 0.0, 0.0
@@ -122,7 +122,7 @@ def _heading(own: Float32Array, sides: Int64Array, silent: float) -> tuple[float
     return (ahead / length, aside / length) if length > silent else (1.0, 0.0)
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def _parts(joints: Float64Array, velocity: Float64Array, frames: int, constants: Constants, out: Float32Array) -> None:
     """Displacement, velocity and joints of a clip of so many frames into `out` [m, 3 D]."""
     count, width = len(out), joints.shape[1]
@@ -151,7 +151,7 @@ def _parts(joints: Float64Array, velocity: Float64Array, frames: int, constants:
             out[i, 2 * width + d] = of_joints * (joints[t, d] - start)
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def _instants(frames: FloatArray, starts: Int64Array, by_path: float, still: float, out: Float32Array) -> None:
     """Kernel of `instants_of_clips`."""
     count, width = out.shape[1:]

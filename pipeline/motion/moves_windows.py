@@ -141,7 +141,7 @@ def _products(query: Float32Array, track: Float32Array) -> Float32Array:
     return np.stack([along, across, own[..., 1] @ other[..., 1].T], axis=-1)
 
 
-@njit(cache=True, nogil=True, fastmath={"contract", "reassoc", "nsz", "arcp"})  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True, fastmath={"contract", "reassoc", "nsz", "arcp"})
 def _windows(
     joints: Float32Array, displaced: Float32Array, moving: Float32Array, placed: Float32Array, started: Float32Array,
     path: Float32Array, norms: Float32Array, speeds: Float32Array, sizes: Float32Array, starts: Int64Array,

@@ -7,7 +7,7 @@ import math
 from collections.abc import Callable
 from typing import Final
 
-from motionlake.kernels import guvectorize, njit
+from motionlake.kernels import njit
 
 SMALL: Final = 1e-3  # radians: below, the sine's series is exact to the last digit
 
@@ -87,6 +87,8 @@ _OVER_AXES: Final = {
 @functools.cache
 def over_axes(name: str) -> Callable[..., object]:
     """A kernel over leading axes, by name; made ready at the first call, which takes longer than all imports do."""
+    from motionlake.compiler import guvectorize
+
     kernel, layout = _OVER_AXES[name]
     ready: Callable[..., object] = guvectorize(
         [", ".join(["float64[:]"] * layout.count("("))], layout, cache=True, nopython=True

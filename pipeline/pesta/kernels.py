@@ -20,25 +20,14 @@ from typing import Any
 import numpy as np
 from motionlake.arrays import Float32Array, Int32Array, Int64Array
 from motionlake.kernels import njit
-from motionlake.pesta.vectors import (
-    LANES,
-    MAX_UNROLLED,
-    ROWS,
-    least,
-    load,
-    load_rows,
-    plus,
-    scaled,
-    spread,
-    store,
-    window,
-)
+from motionlake.pesta.lanes import LANES, MAX_UNROLLED, ROWS
+from motionlake.pesta.vectors import least, load, load_rows, plus, scaled, spread, store, window
 
 ZERO = np.float32(0)
 INFINITY = np.float32(np.inf)
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def query_profile(query: Int32Array, distances: Float32Array) -> Float32Array:
     """[m * width] flat: the distances of each symbol from the query's, one after another, filled up with zeros.
 
@@ -54,7 +43,7 @@ def query_profile(query: Int32Array, distances: Float32Array) -> Float32Array:
     return profile
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def query_profiles(queries: Int32Array, text: Int32Array, distances: Float32Array) -> Float32Array:
     """[c * n * width] flat: `query_profile` of each of c queries [c, length], of the n symbols of a text alone.
 
@@ -71,7 +60,7 @@ def query_profiles(queries: Int32Array, text: Int32Array, distances: Float32Arra
     return profiles
 
 
-@njit(nogil=True)  # type: ignore[untyped-decorator]
+@njit(nogil=True)
 def _wide_window(ring: Float32Array, columns: Int64Array, row: int, above: Any, distance: Any, stride: int) -> Any:
     """`vectors.window` for any stride."""
     best = plus(above, distance)
@@ -92,7 +81,7 @@ def scanner(stride: int, gapped: bool = False) -> Callable[..., None]:
     """The kernel that scans strings with one stride, with gaps or without."""
     unrolled = stride <= MAX_UNROLLED
 
-    @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+    @njit(cache=True, nogil=True)
     def scan(
         profile: Float32Array,
         n_rows: int,
@@ -195,4 +184,4 @@ def scanner(stride: int, gapped: bool = False) -> Callable[..., None]:
                         low = min(low, bottom[(y - first) * LANES + lane])
                     best[target] = low
 
-    return scan  # type: ignore[no-any-return]
+    return scan

@@ -28,6 +28,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from motionlake.arrays import BoolArray, Float32Array, Int32Array, Int64Array
 from motionlake.pesta.config import DEFAULT_ALIGNMENT, AlignmentConfig
+from motionlake.pesta.lanes import LANES
 from motionlake.pesta.long_query_paths import alignment, by_column, leg, select
 from motionlake.pesta.matches import Match, beginning, placed, taken_symbols
 from motionlake.pesta.paths import trace
@@ -35,7 +36,6 @@ from motionlake.pesta.scan import in_threads, useful_threads
 from motionlake.pesta.segments import strip_profile, strip_scanner
 from motionlake.pesta.selection import BLOCK
 from motionlake.pesta.strings import Boundaries, Distances, Repository, checked
-from motionlake.pesta.vectors import LANES
 from numpy.typing import ArrayLike
 
 # Symbols of a segment where K is not given: how far the windows of section 8.3.3 slide.

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from motionlake.arrays import BoolArray, Float32Array, Int32Array, Int64Array
 from motionlake.kernels import njit
@@ -12,7 +14,7 @@ from motionlake.pesta.selection import BLOCK, ascending_blocks, next_column
 _ZERO, _INFINITY = np.float32(0), np.float32(np.inf)
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def by_column(blocks: Int32Array, costs: Float32Array) -> None:
     """Put the blocks [s, c] of sub-queries, and their costs [s, c, BLOCK], in ascending order."""
     for each in range(len(blocks)):
@@ -20,12 +22,12 @@ def by_column(blocks: Int32Array, costs: Float32Array) -> None:
         blocks[each], costs[each] = blocks[each][order], costs[each][order]
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def alignment(segment: Int32Array, symbols: Int32Array, distances: Float32Array, stride: int) -> Alignment:
     return Alignment(segment, symbols, distances, stride, False, False, np.float32(0), np.float32(0))
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def leg(a: Alignment, begin: int, near: int, last: bool, first_row: int, last_row: int) -> tuple[int, int, int, int]:
     """The part of a path that lies in one segment: the columns of its end and its beginning, of its first cell from
     `first_row` on, and of its last cell before `last_row`.
@@ -60,7 +62,7 @@ def leg(a: Alignment, begin: int, near: int, last: bool, first_row: int, last_ro
         n_columns *= 2
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def _portion(
     segments: Int32Array,
     symbols: Int32Array,
@@ -85,7 +87,7 @@ def _portion(
     return low, max(low, high)
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def select(
     segments: Int32Array,
     symbols: Int32Array,
@@ -117,7 +119,7 @@ def select(
         cost = costs[place] if place >= 0 else bound
         if not cost < min(bound, limit):
             return found[:n], paid[:n], not bound < limit if cost >= bound else True
-        end = np.int64(blocks[place // BLOCK]) * BLOCK + place % BLOCK
+        end: Any = np.int64(blocks[place // BLOCK]) * BLOCK + place % BLOCK
         if whole and taken[end]:
             continue
         begin = beginning(offsets, end)

@@ -132,13 +132,13 @@ def taken_symbols(barred: BoolArray | None, n_symbols: int) -> BoolArray:
     return mask
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def beginning(offsets: Int64Array, column: int) -> int:
     """The first column of the string that holds a column."""
     return offsets[np.searchsorted(offsets, column, side="right") - 1]  # type: ignore[no-any-return]
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def _select(
     query: Int32Array,
     symbols: Int32Array,
@@ -182,7 +182,7 @@ def _select(
     return found[:n]
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def _runs_into(a: Alignment, taken: BoolArray, begin: int, end: int, cost: np.float32) -> bool:
     """Whether no path of that cost lies between the last symbol taken before `end` and `end`. False may be wrong."""
     low = end

@@ -44,7 +44,7 @@ class Alignment(NamedTuple):
     gap: np.float32
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def trace(a: Alignment, begin: int, end: int) -> Int64Array:
     """[L, 2] path (query index, string index) of the best match that ends with symbol `end` of a string from `begin`.
 
@@ -65,7 +65,7 @@ def trace(a: Alignment, begin: int, end: int) -> Int64Array:
     return path
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def weights_of(a: Alignment, low: int, end: int, before: np.float32) -> Float32Array:
     """[stride + columns, X] of section 6 for symbols[low : end + 1], after `stride` columns that all cost `before`."""
     weights = np.empty((a.stride + end + 1 - low, len(a.query)), dtype=np.float32)
@@ -94,7 +94,7 @@ def weights_of(a: Alignment, low: int, end: int, before: np.float32) -> Float32A
     return weights
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def _strided_path(a: Alignment, low: int, end: int, before: np.float32) -> tuple[Int64Array, bool]:
     """The path back from the last row in column `end`, and whether it stays in the columns from `low`.
 
@@ -114,7 +114,7 @@ def _strided_path(a: Alignment, low: int, end: int, before: np.float32) -> tuple
     return reverse[:n][::-1].copy(), True
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def _gapped_path(a: Alignment, low: int, end: int, before: np.float32) -> tuple[Int64Array, bool]:
     """As `_strided_path`, the matched pairs alone."""
     weights = weights_of(a, low, end, before)
@@ -140,7 +140,7 @@ def _gapped_path(a: Alignment, low: int, end: int, before: np.float32) -> tuple[
     return reverse[:n][::-1].copy(), True
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def step_back(weights: Float32Array, x: int, c: int, distance: np.float32, stride: int) -> tuple[int, int]:
     """Rows and columns back to the cell that the cost of a cell comes from; 0 and 0 where it comes from a gap."""
     cost = weights[c, x]
@@ -156,7 +156,7 @@ def step_back(weights: Float32Array, x: int, c: int, distance: np.float32, strid
     return 0, 0
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def _local_path(a: Alignment, low: int, end: int, left: bool) -> tuple[Int64Array, bool]:
     """The matched pairs back from the least cost of column `end`, and whether all lie in the columns from `low`.
 

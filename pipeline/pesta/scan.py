@@ -16,10 +16,11 @@ from typing import Final, Literal, TypeVar, get_args
 
 import numpy as np
 from motionlake.arrays import Float32Array, Int32Array, Int64Array
+from motionlake.kernels import few
 from motionlake.pesta.config import DEFAULT_ALIGNMENT, AlignmentConfig
-from motionlake.pesta.kernels import query_profile, query_profiles, scanner
+from motionlake.pesta.lanes import LANES
+from motionlake.pesta.plain_scan import least_costs, plain_work
 from motionlake.pesta.strings import Boundaries, Distances, Repository, SymbolDistances, checked
-from motionlake.pesta.vectors import LANES
 from numpy.typing import ArrayLike
 
 Both = Literal["max", "mean", "query"]
@@ -91,6 +92,8 @@ def best_per_clip(
 ) -> Float32Array:
     """[n] the least end cost of a query in each clip, as `end_costs`; infinite in an empty clip."""
     symbols, ground = checked(query, repository, distances)
+    if _without_kernel(Repository.of([symbols]), repository, config):
+        return least_costs(Repository.of([symbols]), repository, ground.matrix, config.reach)
     best = np.full(len(repository), np.inf, dtype=np.float32)
     pieces, scan = _whole(repository), _Scan(symbols, repository.symbols, ground, config)
     _share(lambda part: scan(pieces[part], best=best), _shares(pieces, len(symbols), threads))
@@ -119,6 +122,8 @@ def _pairwise(
     threads: int,
 ) -> Float32Array:  # fmt: skip
     """The same, all checked before."""
+    from motionlake.pesta.kernels import query_profile, scanner
+
     costs = np.full((len(strings), len(repository)), np.inf, dtype=np.float32)
     pieces = _whole(repository)
     kernel, how = scanner(config.reach, config.gaps), (config.local, *ground.scores(config), repository.symbols)
@@ -141,6 +146,10 @@ def _in_one(
 ) -> Float32Array:
     """[q] the least end cost of each of q queries in one string, as `pairwise`: queries of one length side by side."""
     lengths = np.array([len(query) for query in queries])
+    if _without_kernel(Repository.of(queries), Repository.of([text]), config):
+        return least_costs(Repository.of(queries), Repository.of([text]), ground.matrix, config.reach)
+    from motionlake.pesta.kernels import query_profiles, scanner
+
     costs = np.full(len(queries), np.inf, dtype=np.float32)
     kernel, how = scanner(config.reach, config.gaps), (config.local, *ground.scores(config))
 
@@ -240,6 +249,11 @@ def nearest_strings(
     return [(clip, cost) for cost, clip in found[:k]]
 
 
+def _without_kernel(queries: Repository, texts: Repository, config: AlignmentConfig) -> bool:
+    plain = not (config.local or config.gaps)
+    return plain and few(plain_work(queries, texts, config.reach))
+
+
 def _check(both: Both) -> None:
     if both not in get_args(Both):
         raise ValueError(f"both is {both!r}, not max, mean or query")
@@ -255,6 +269,8 @@ class _Scan:
     def __init__(
         self, query: Int32Array, symbols: Int32Array, ground: SymbolDistances, config: AlignmentConfig
     ) -> None:
+        from motionlake.pesta.kernels import query_profile, scanner
+
         self._kernel = scanner(config.reach, config.gaps)
         profile = query_profile(query, ground.matrix)
         self._query = profile, len(query), config.local, *ground.scores(config), symbols

@@ -19,10 +19,9 @@ from typing import Any, Final
 import numpy as np
 from motionlake.arrays import Float32Array, Int32Array, Int64Array
 from motionlake.kernels import njit
+from motionlake.pesta.lanes import LANES, MAX_UNROLLED
 from motionlake.pesta.selection import BLOCK
 from motionlake.pesta.vectors import (
-    LANES,
-    MAX_UNROLLED,
     chosen,
     least,
     load,
@@ -38,7 +37,7 @@ INFINITY = np.float32(np.inf)
 MAX_WRITTEN_OUT: Final = 4  # segments of a sub-query; a kernel that is for one number of them is quicker
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def strip_profile(strips: Int32Array, distances: Float32Array) -> Float32Array:
     """[m * rows * LANES] flat: distances of each symbol from each row of [LANES, rows] strips, one in a lane."""
     m, n_rows = len(distances), strips.shape[1]
@@ -50,7 +49,7 @@ def strip_profile(strips: Int32Array, distances: Float32Array) -> Float32Array:
     return profile.ravel()
 
 
-@njit(nogil=True)  # type: ignore[untyped-decorator]
+@njit(nogil=True)
 def _wide_window(
     ring: Float32Array, columns: Int64Array, row: int, distance: Any, stride: int, other: int
 ) -> tuple[Any, Any]:
@@ -71,7 +70,7 @@ def _wide_window(
     return best, value
 
 
-@njit(inline="always", nogil=True)  # type: ignore[untyped-decorator]
+@njit(inline="always", nogil=True)
 def _joined(ring: Float32Array, columns: Int64Array, row: int, stride: int, other: int) -> Any:
     """What the cheapest cell in a last row holds `other` places further on; ties as in `LongQuery`.
 
@@ -91,7 +90,7 @@ def _joined(ring: Float32Array, columns: Int64Array, row: int, stride: int, othe
 def _wide_rows(stride: int) -> Callable[..., None]:
     """All rows but the first of a segment in one column, for any stride and any number of tables that are carried."""
 
-    @njit(nogil=True)  # type: ignore[untyped-decorator]
+    @njit(nogil=True)
     def rows(
         ring: Float32Array, columns: Int64Array, base: int, plane: int, profile: Float32Array, at: int, n_rows: int,
         depth: int,
@@ -105,14 +104,14 @@ def _wide_rows(stride: int) -> Callable[..., None]:
                 store(ring, columns[0] + row + d * plane, value)
             store(ring, columns[0] + row, cost)
 
-    return rows  # type: ignore[no-any-return]
+    return rows
 
 
 @cache
 def _rows_written_out(stride: int, carried: int) -> Callable[..., None]:
     """As `_wide_rows`, for one stride and number of tables: what a row has read stays in registers for the next."""
 
-    @njit(nogil=True)  # type: ignore[untyped-decorator]
+    @njit(nogil=True)
     def rows(
         ring: Float32Array, columns: Int64Array, base: int, plane: int, profile: Float32Array, at: int, n_rows: int,
         depth: int,
@@ -126,7 +125,7 @@ def _rows_written_out(stride: int, carried: int) -> Callable[..., None]:
             distance = load(profile, at + x * LANES)
             above = next_row(ring, columns, base + x * LANES, plane, stride, carried, distance, above, stride)
 
-    return rows  # type: ignore[no-any-return]
+    return rows
 
 
 def strip_scanner(stride: int, chain: int) -> Callable[..., None]:
@@ -142,7 +141,7 @@ def _scanner(stride: int, written_out: int) -> Callable[..., None]:
     )
     rows = _wide_rows(stride)
 
-    @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+    @njit(cache=True, nogil=True)
     def scan(
         profile: Float32Array,
         n_rows: int,
@@ -218,10 +217,10 @@ def _scanner(stride: int, written_out: int) -> Callable[..., None]:
                 if lowest[each] < bounds[each]:
                     _keep(each, first // BLOCK, lowest[each], tile, blocks, minima, costs, bounds)
 
-    return scan  # type: ignore[no-any-return]
+    return scan
 
 
-@njit(nogil=True)  # type: ignore[untyped-decorator]
+@njit(nogil=True)
 def _keep(
     each: int,
     block: int,

@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 from heapq import heapify, heappop, heappush
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from motionlake.arrays import BoolArray, Float32Array
 from motionlake.kernels import njit
-from motionlake.pesta.vectors import LANES, least, load, store
+from motionlake.pesta.lanes import LANES
+from motionlake.pesta.vectors import least, load, store
 
 BLOCK: Final = 128
-Heap = list[tuple[np.float32, np.int64, np.int64]]
+Heap = list[tuple[np.float32, Any, Any]]  # numba tells of each number what it is
 _INFINITY = np.float32(np.inf)
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def ascending_blocks(costs: Float32Array) -> Heap:
     """The heap that `next_column` draws from: (cost, column, columns seen) with each block's least cost."""
     heap = [(_INFINITY, np.int64(len(costs)), np.int64(0))]
@@ -38,26 +39,26 @@ def ascending_blocks(costs: Float32Array) -> Heap:
     return heap
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def next_column(
     heap: Heap,
     costs: Float32Array,
     taken: BoolArray,
-) -> np.int64:
+) -> int:
     """The column of the least cost not drawn yet and not `taken` (by column where costs are equal); -1 for none."""
     while True:
         cost, y, found = heappop(heap)
         if y == len(costs):
-            return np.int64(-1)
+            return np.int64(-1)  # type: ignore[return-value]
         first = y // BLOCK * BLOCK
         stop = min(first + BLOCK, len(costs))
         if found and not taken[y]:
             _push_next(heap, costs, taken, first, stop, cost, y)
-            return y
+            return y  # type: ignore[no-any-return]
         _push_next(heap, costs, taken, first, stop, cost, y if found else first - 1)
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def _push_next(
     heap: Heap,
     costs: Float32Array,

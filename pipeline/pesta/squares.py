@@ -33,7 +33,7 @@ POWERS: Final = np.array([pow(int(BASE), BLOCK << level, int(MODULUS)) for level
 PERIODS: Final = np.array((0x2, 0xC, 0xF0, 0xFF00, 0xFFFF0000), dtype=np.uint32)
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
+@njit(cache=True)
 def square_free(text: Int32Array, alphabet: int) -> tuple[Int32Array, int]:
     """Which symbols stay.
 
@@ -133,7 +133,7 @@ def square_free(text: Int32Array, alphabet: int) -> tuple[Int32Array, int]:
     return kept[:length].copy(), compared
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
+@njit(cache=True)
 def _short_square(masks: UInt32Array, at: int, distance: int) -> int:
     """The period below 32 of the square that ends with the symbol `at`, or 0.
 
@@ -158,7 +158,7 @@ def _short_square(masks: UInt32Array, at: int, distance: int) -> int:
     return 0
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
+@njit(cache=True)
 def _modulo(number: np.uint64) -> np.uint64:
     """A number (uint64) below 2^62 modulo 2^31 - 1."""
     number = (number & MODULUS) + (number >> np.uint64(31))
@@ -166,14 +166,14 @@ def _modulo(number: np.uint64) -> np.uint64:
     return number if number < MODULUS else number - MODULUS
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
+@njit(cache=True)
 def _fingerprint(sums: UInt32Array, start: int, level: int) -> np.uint64:
     """Of the block of a level that starts there: equal blocks have the same."""
     left_out = np.uint64(sums[start]) * POWERS[level]
     return np.uint64(_modulo(np.uint64(sums[start + (BLOCK << level)]) + (MODULUS << np.uint64(31)) - left_out))
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
+@njit(cache=True)
 def _key(sums: UInt32Array, start: int) -> np.int64:
     """The bucket of the eight symbols from `start` on."""
     return np.int64((_fingerprint(sums, start, 0) * KEY_FACTOR) >> np.uint64(64 - KEY_BITS))

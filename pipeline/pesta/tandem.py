@@ -38,7 +38,6 @@ import numpy as np
 from motionlake.arrays import Int32Array, Int64Array, IntArray, UInt8Array
 from motionlake.kernels import njit
 from motionlake.pesta.squares import square_free
-from pydivsufsort import divsufsort
 
 SHORT: Final = 800  # symbols, up to which trying every period is quicker
 ONE_BYTE: Final = 256
@@ -53,18 +52,24 @@ def suffix_order(text: Int32Array, alphabet: int) -> Int32Array:
     alphabet serves; this one is that of the codes.
     """
     if alphabet <= ONE_BYTE:
-        return np.asarray(_inverse(divsufsort(text.astype(np.uint8))), np.int32)
+        return np.asarray(_inverse(_suffix_array(text.astype(np.uint8))), np.int32)
     singles = ONE_BYTE - -(-(alphabet - ONE_BYTE) // (ONE_BYTE - 1))
     if singles < 0:
-        return np.asarray(_inverse(divsufsort(text)), np.int32)
+        return np.asarray(_inverse(_suffix_array(text)), np.int32)
     by_count = np.argsort(-np.bincount(text, minlength=alphabet), kind="stable")
     names = np.empty(alphabet, np.int32)
     names[by_count] = np.arange(alphabet, dtype=np.int32)
     coded, begins = _in_bytes(text, names, singles)
-    return np.asarray(_inverse_of_begins(divsufsort(coded), begins, len(text)), np.int32)
+    return np.asarray(_inverse_of_begins(_suffix_array(coded), begins, len(text)), np.int32)
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
+def _suffix_array(text: Int32Array | UInt8Array) -> Int32Array:
+    from pydivsufsort import divsufsort  # it takes a moment to import
+
+    return np.asarray(divsufsort(text))
+
+
+@njit(cache=True)
 def _in_bytes(text: Int32Array, names: Int32Array, singles: int) -> tuple[UInt8Array, Int32Array]:
     """The codes one after another, and for each byte the place of the symbol that begins there, or -1."""
     coded, begins = np.empty(2 * len(text), np.uint8), np.empty(2 * len(text), np.int32)
@@ -83,7 +88,7 @@ def _in_bytes(text: Int32Array, names: Int32Array, singles: int) -> tuple[UInt8A
     return coded[:size], begins[:size]
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
+@njit(cache=True)
 def _inverse(suffixes: Int32Array) -> Int32Array:
     order = np.empty(len(suffixes), np.int32)
     for rank in range(len(suffixes)):
@@ -91,7 +96,7 @@ def _inverse(suffixes: Int32Array) -> Int32Array:
     return order
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
+@njit(cache=True)
 def _inverse_of_begins(suffixes: Int32Array, begins: Int32Array, n: int) -> Int32Array:
     order = np.empty(n, np.int32)
     rank = 0
@@ -102,7 +107,7 @@ def _inverse_of_begins(suffixes: Int32Array, begins: Int32Array, n: int) -> Int3
     return order
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
+@njit(cache=True)
 def by_period(text: Int32Array) -> tuple[Int32Array, Int32Array, Int32Array, int]:
     """Starts, stops and periods, int32 [r] each, of the maximal repetitions of `text`, by period and then start.
 
@@ -126,7 +131,7 @@ def by_period(text: Int32Array) -> tuple[Int32Array, Int32Array, Int32Array, int
     return starts[:count].copy(), stops[:count].copy(), periods[:count].copy(), compared
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
+@njit(cache=True)
 def by_suffixes(text: Int32Array, order: Int32Array) -> tuple[Int32Array, Int32Array, Int32Array, int]:
     """As `by_period`, from the inverse suffix array `order` [n] of `text` [n]; see the module's docstring.
 
@@ -199,7 +204,7 @@ def reduce_repeats(symbols: IntArray) -> Int64Array:
     return np.asarray(runs[_reduced(text, alphabet, starts, stops, periods)], np.int64)
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
+@njit(cache=True)
 def reduce_runs(symbols: IntArray) -> Int64Array:
     """Step 1: int64 [k] places of the first symbols of all runs of `symbols` (int [n]), ascending."""
     places = np.empty(len(symbols), np.int64)
@@ -211,7 +216,7 @@ def reduce_runs(symbols: IntArray) -> Int64Array:
     return places[:count]
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
+@njit(cache=True)
 def without_repetitions(n: int, starts: Int32Array, stops: Int32Array, periods: Int32Array) -> Int32Array:
     """Step 2: [k] places that stay of n. Repetitions come by period, then start."""
     taken = np.zeros(n // 64 + 1, np.uint64)
@@ -237,7 +242,7 @@ def without_repetitions(n: int, starts: Int32Array, stops: Int32Array, periods: 
     return np.flatnonzero(stays).astype(np.int32)
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
+@njit(cache=True)
 def _reduced(text: Int32Array, alphabet: int, starts: Int32Array, stops: Int32Array, periods: Int32Array) -> Int64Array:
     if len(starts) == 0:
         return np.arange(len(text))
@@ -246,7 +251,7 @@ def _reduced(text: Int32Array, alphabet: int, starts: Int32Array, stops: Int32Ar
     return np.asarray(first[second], np.int64)
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
+@njit(cache=True)
 def _reduced_short(text: Int32Array, alphabet: int) -> Int64Array:
     runs = reduce_runs(text)
     text = text[runs]

@@ -6,16 +6,12 @@ and the cell written lie apart. These intrinsics emit the vector instructions di
 
 from __future__ import annotations
 
-from typing import Any, Final
+from typing import Any
 
 from llvmlite import ir
+from motionlake.pesta.lanes import LANES, ROWS
 from numba import types
 from numba.extending import intrinsic, models, register_model
-
-LANES: Final = 16
-ROWS: Final = LANES // 2  # of the query, whose distances are loaded at once
-# Strides whose window is written out in full; a wider window is a loop.
-MAX_UNROLLED: Final = 3
 
 _FLOATS = ir.VectorType(ir.FloatType(), LANES)
 _FLOAT_ROWS = ir.VectorType(ir.FloatType(), ROWS)

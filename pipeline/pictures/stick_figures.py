@@ -11,6 +11,7 @@ import numpy as np
 from matplotlib.collections import LineCollection, PatchCollection
 from matplotlib.patches import Circle
 from motionlake.arrays import Float32Array, Float64Array, FloatArray
+from motionlake.columns import numbers
 from motionlake.lake.catalog import Connection, fetch
 from motionlake.lake.frames import POSITION_CHANNELS, ROOT_CHANNELS, read_rows
 from motionlake.lake.integrity import sound
@@ -51,7 +52,7 @@ class PoseReader:
         for (dataset, part), members in parts.items():
             path = sound(self._lake, self._lake.frames_part(dataset, part))
             for clip, rows in read_rows(path, members, _CHANNELS):
-                matrix = np.column_stack([rows.column(name).to_numpy() for name in _CHANNELS])
+                matrix = np.column_stack([numbers(rows.column(name)) for name in _CHANNELS])
                 found[clip] = matrix.reshape(rows.num_rows, -1, 3)
         return found
 

@@ -6,7 +6,7 @@ import os
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
-from typing import Any, TypedDict, Unpack, get_args
+from typing import TYPE_CHECKING, Any, TypedDict, Unpack, get_args
 
 import numpy as np
 from motionlake.arrays import Float64Array
@@ -15,17 +15,18 @@ from motionlake.lake.catalog import reading
 from motionlake.lake.layout import Lake
 from motionlake.lake.settings import served_config
 from motionlake.lake.strings import LakeStrings, read_strings
-from motionlake.pesta.long_query import LongQuery
-from motionlake.pesta.matches import Match, best_matches
 from motionlake.pesta.scan import Both, nearest_strings, pairwise
 from motionlake.pesta.strings import Boundaries, Repository
 from motionlake.retrieval.hits import Hit, PathStep, clip_hit
-from motionlake.retrieval.long_alignment import LongAlignment, step_of
 from motionlake.retrieval.matched_frames import MatchedFrames
 from motionlake.retrieval.protocol import EVERYTHING, LakeSearcher, Query, Scope, about, not_ready, one_of
 from motionlake.retrieval.string_queries import StringQuery, clip_query, query_of_symbols
 from motionlake.retrieval.symbol_strings import ClipStrings, barred_symbols, encoded
 from numpy.typing import ArrayLike
+
+if TYPE_CHECKING:
+    from motionlake.pesta.matches import Match
+    from motionlake.retrieval.long_alignment import LongAlignment
 
 
 class AlignmentOptions(TypedDict, total=False):
@@ -159,6 +160,8 @@ class AlignmentSearcher(_Aligner):
 
     def _path(self, query: StringQuery, strings: LakeStrings, index: int) -> tuple[PathStep, ...]:
         """What of a clip the query's best match in it is aligned to; none where "sw" matches nothing."""
+        from motionlake.pesta.matches import best_matches
+
         string = strings.string_of(index)
         alone = Repository.of([string.symbols])
         best = best_matches(query.symbols, alone, strings.distances, 1, self.config, paths=True)
@@ -235,6 +238,9 @@ class AlignmentRangeSearcher(_Aligner):
         Raises:
             UserError: as `symbols_of`; Smith-Waterman.
         """
+        from motionlake.pesta.long_query import LongQuery
+        from motionlake.retrieval.long_alignment import LongAlignment, step_of
+
         long, strings = self.symbols_of(query), self.strings.among(scope.admission(self.lake))
         segments = None if window is None else -(-len(long.symbols) // step_of(window))
         with about(long.name):
@@ -253,6 +259,8 @@ class AlignmentRangeSearcher(_Aligner):
 
     def matched(self, query: StringQuery, k: int, scope: Scope = EVERYTHING) -> list[Hit]:
         """The k best matches of a string, in order and not ranked yet."""
+        from motionlake.pesta.matches import best_matches
+
         strings = self.strings.among(scope.admission(self.lake))
         barred = None if scope.own else barred_symbols(strings, query, self.clip_strings)
 

@@ -10,6 +10,7 @@ from typing import Any, Final
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
+from motionlake.columns import numbers
 from motionlake.deep_motifs.motion_graph import graph as graphs
 from motionlake.deep_motifs.motion_graph.blend import (
     RigPoses,
@@ -160,11 +161,11 @@ def read_graph(
 
     def end(side: str) -> tuple[np.ndarray, np.ndarray]:
         clip = np.array([place[name] for name in table.column(f"{side}_clip").to_pylist()], dtype=np.int64)
-        frame = np.round(table.column(f"{side}_frame").to_numpy() * ratio[clip]).astype(np.int64)
+        frame = np.round(numbers(table.column(f"{side}_frame")) * ratio[clip]).astype(np.int64)
         return clip, frame
 
     every = Transitions(
-        *end("from"), *end("to"), table.column("distance").to_numpy(), table.column("context_distance").to_numpy()
+        *end("from"), *end("to"), numbers(table.column("distance")), numbers(table.column("context_distance"))
     )
     lengths = np.array([c.frames for c in clips])
     fits = every.from_frame + blend <= lengths[every.from_clip]

@@ -9,8 +9,8 @@ from functools import cached_property
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
-import pyarrow.parquet as pq
-from motionlake.arrays import Int64Array
+from motionlake.arrays import Float64Array, Int64Array
+from motionlake.columns import numbers, read_parquet
 from motionlake.lake.catalog import fetch, reading
 from motionlake.lake.integrity import sound
 from motionlake.lake.layout import Lake
@@ -44,20 +44,27 @@ def read_neighbours(lake: Lake) -> LakeNeighbours:
         files = [row["file"] for row in fetch(con, "graph_files")]
     if not files:
         return LakeNeighbours({}, {})
-    rows = pa.concat_tables([pq.read_table(sound(lake, file)) for file in files])
+    rows = pa.concat_tables([read_parquet(sound(lake, file)) for file in files])
     nodes = dict(zip(rows["clip"].to_pylist(), rows["node"].to_pylist(), strict=True))
+    own, lengths = numbers(rows["node"]), numbers(pc.list_value_length(rows["neighbours"]))
+    neighbours, distances = (numbers(pc.list_flatten(rows[name])) for name in ("neighbours", "distances"))
     # Clips whose own lists could not be made may still be neighbours of others.
-    named = pc.max(pc.list_flatten(rows["neighbours"])).as_py() or 0
-    count = 1 + max(pc.max(rows["node"]).as_py(), named)
-    methods = rows["method"].unique().to_pylist()
-    return LakeNeighbours(nodes, {name: _graph(rows.filter(pc.field("method") == name), count) for name in methods})
+    count = 1 + max(int(own.max()), int(neighbours.max(initial=0)))
+    method_of = np.array(rows["method"].to_pylist())  # not `filter` of Arrow, whose values import pandas
+    methods = {}
+    for name in dict.fromkeys(method_of.tolist()):
+        chosen = method_of == name
+        listed = np.repeat(chosen, lengths)
+        methods[name] = _graph(own[chosen], lengths[chosen], neighbours[listed], distances[listed], count)
+    return LakeNeighbours(nodes, methods)
 
 
-def _graph(rows: pa.Table, count: int) -> NeighbourGraph:
-    lengths = pc.list_value_length(rows["neighbours"]).to_numpy()
-    neighbours = np.full((count, max(lengths.max(initial=0), 1)), NOWHERE)
-    distances = np.full(neighbours.shape, np.inf)
-    at = np.repeat(rows["node"].to_numpy(), lengths), np.concatenate([np.arange(length) for length in lengths])
-    neighbours[at] = pc.list_flatten(rows["neighbours"]).to_numpy()
-    distances[at] = pc.list_flatten(rows["distances"]).to_numpy()
-    return NeighbourGraph(neighbours, distances, int((lengths > 0).sum()))
+def _graph(
+    nodes: Int64Array, lengths: Int64Array, neighbours: Int64Array, distances: Float64Array, count: int
+) -> NeighbourGraph:
+    """Of `count` nodes, from the lists of some one after another."""
+    graph = np.full((count, max(lengths.max(initial=0), 1)), NOWHERE)
+    far = np.full(graph.shape, np.inf)
+    at = np.repeat(nodes, lengths), np.concatenate([np.arange(length) for length in lengths])
+    graph[at], far[at] = neighbours, distances
+    return NeighbourGraph(graph, far, int((lengths > 0).sum()))

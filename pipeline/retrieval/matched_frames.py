@@ -5,16 +5,20 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from motionlake.lake.strings import LakeStrings
 from motionlake.pesta.cycles import Occurrence, occurrences, whole
-from motionlake.pesta.matches import Match
 from motionlake.retrieval.hits import Hit, PathStep, range_hit
 from motionlake.retrieval.string_queries import StringQuery
 from motionlake.retrieval.symbol_strings import ClipStrings
 
-Best = Callable[[int], list[Match]]  # so many matches, cheapest first
+if TYPE_CHECKING:
+    from motionlake.pesta.matches import Match
+
+    Best = Callable[[int], list[Match]]  # so many matches, cheapest first
+
 Taken = dict[int, list[tuple[int, int]]]  # frames of answers by the index of their clip
 
 

@@ -20,8 +20,9 @@ from motionlake.errors import DamagedError, UserError
 from motionlake.lake.catalog import Connection, fetch, reading
 from motionlake.lake.layout import Lake
 from motionlake.lake.settings import served_config
-from motionlake.motion.moves_index import Stack, aligned, floored
+from motionlake.motion.moves_index import floored
 from motionlake.motion.sketches import instants, nearness
+from motionlake.motion.stacks import Stack, aligned
 from motionlake.pesta.scan import nearest_strings
 from motionlake.pesta.strings import Repository, SymbolDistances
 from motionlake.retrieval.asked import Asked, Ranking
@@ -71,7 +72,9 @@ class Cascade:
         admitted = self._clips.admits(scope.clips)
         count = min(max(k, NEAR), int(np.isfinite(admitted).sum()))
         chosen = self._at_once(values, lambda method, value: method.choose(value, count, admitted))
-        rows = np.unique(np.concatenate(list(chosen.values())))
+        any_chose = np.zeros(len(admitted), dtype=np.bool_)
+        any_chose[np.concatenate(list(chosen.values()))] = True
+        rows = np.flatnonzero(any_chose)
         among = self._at_once(values, lambda method, value: method.among(value, rows, k))
         by = {name: Ranking(found.tolist(), distances) for name, (found, distances) in among.items()}
         return Asked(by, None if query.clip is None else self._clips.place(query.clip), self._as_hits)

@@ -119,7 +119,7 @@ def coded_query(descriptor: Float32Array) -> tuple[NDArray[np.int16], float]:
     return np.rint(descriptor / scale).astype(np.int16), scale
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def nearness(
     codes: NDArray[np.int8], scales: Float32Array, squares: Float32Array, query: NDArray[np.int16], scale: float
 ) -> Float64Array:

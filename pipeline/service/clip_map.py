@@ -7,6 +7,7 @@ from typing import Annotated, Any, Final
 import numpy as np
 from fastapi import APIRouter, Query, Request
 from motionlake.arrays import Float64Array
+from motionlake.columns import numbers
 from motionlake.deep_motifs.clip_map import places
 from motionlake.lake.catalog import fetch_table
 from motionlake.lake.config import load_config
@@ -59,7 +60,7 @@ def _places(served: Served) -> tuple[list[str], Float64Array]:
             )
         if CLIP_MAP.due(at) == 0:
             rows = fetch_table(at.con, "map_of_clips")
-            names, points = rows["clip"].to_pylist(), np.column_stack([rows[axis].to_numpy() for axis in ("x", "y")])
+            names, points = rows["clip"].to_pylist(), np.column_stack([numbers(rows[axis]) for axis in ("x", "y")])
         else:
             names, vectors = clip_vectors(at.con, shard.spec["source"])
             points = places(vectors, names)

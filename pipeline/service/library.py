@@ -11,6 +11,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 from motionlake.arrays import BoolArray, Int64Array
+from motionlake.columns import numbers
 from motionlake.service.errors import ServiceError
 
 FACETS: Final = {
@@ -61,7 +62,7 @@ class Library:
         self.rows = rows.append_column("quality", pa.array([verdicts.get(name) for name in names], pa.string()))
         self.names: list[str] = names
         self.places: dict[str, int] = {name: place for place, name in enumerate(names)}
-        self._seconds = np.asarray(rows.column("seconds").to_numpy(), np.float64)
+        self._seconds = np.asarray(numbers(rows.column("seconds")), np.float64)
         self._words = rows.column("words").combine_chunks()
         self.seconds = round(float(self._seconds.sum()), 3)
         self.datasets: list[str] = sorted(set(rows.column("dataset").to_pylist()))
@@ -71,7 +72,7 @@ class Library:
         column = self.rows.column(name)
         text = pc.if_else(column, "true", "false") if pa.types.is_boolean(column.type) else column
         coded = pc.fill_null(text, NOTHING).combine_chunks().dictionary_encode()
-        return _Coded(np.asarray(coded.indices.to_numpy(), np.int64), coded.dictionary.to_pylist())
+        return _Coded(np.asarray(numbers(coded.indices), np.int64), coded.dictionary.to_pylist())
 
     def place(self, clip: str) -> int:
         """Where a clip stands. Raises `ServiceError` where there is none of that name."""
@@ -137,7 +138,7 @@ class Library:
             way = "descending" if descending else "ascending"
             ways = [(column, way), *([] if column == "clip" else [("clip", "ascending")])]
             found = pc.sort_indices(self.rows.select([*{column, "clip"}]), sort_keys=ways)
-            self._known_orders[key] = np.asarray(found.to_numpy(), np.int64)
+            self._known_orders[key] = np.asarray(numbers(found), np.int64)
         return self._known_orders[key]
 
     def facets(self, given: Filter, tags: Tags) -> dict[str, list[dict[str, Any]]]:

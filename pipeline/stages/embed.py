@@ -9,8 +9,8 @@ from typing import Any, Final
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.parquet as pq
 from motionlake.arrays import Float32Array
+from motionlake.columns import numbers, read_parquet
 from motionlake.lake.frames import runs_of
 from motionlake.lake.integrity import sound
 from motionlake.lake.layout import Lake
@@ -58,8 +58,8 @@ EMBED: Final = Embed()
 
 def read_embeddings(path: Path) -> tuple[pa.Table, NDArray[np.float32]]:
     """(clip, part, word) rows and [n, d] vectors of an embeddings part."""
-    table = pq.read_table(path)
-    vectors = table.column("embedding").combine_chunks().flatten().to_numpy()
+    table = read_parquet(path)
+    vectors = numbers(table.column("embedding").combine_chunks().flatten())
     return table.select(["clip", "part", "word"]), vectors.reshape(table.num_rows, -1)
 
 

@@ -13,8 +13,8 @@ from typing import Any, Final
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.parquet as pq
 from motionlake.arrays import Float64Array, Int64Array
+from motionlake.columns import read_parquet
 from motionlake.lake.integrity import sound
 from motionlake.lake.layout import Lake
 from motionlake.stages.graph_chosen import Chosen
@@ -100,7 +100,7 @@ class Before:
 
 
 def _same_settings(lake: Lake, file: str, settings: str) -> tuple[pa.Table, Mapping[str, str]] | None:
-    table = pq.read_table(sound(lake, file))
+    table = read_parquet(sound(lake, file))
     said: dict[str, Any] = json.loads((table.schema.metadata or {}).get(FOOTER.encode(), b"{}"))
     return (table, said["made"]) if said.get("settings") == settings else None
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import pyarrow as pa
 import pyarrow.compute as pc
-import pyarrow.parquet as pq
+from motionlake.columns import read_parquet
 from motionlake.lake.catalog import fetch, load_rows, table_of
 from motionlake.lake.config import config_hash
 from motionlake.lake.integrity import FileSums, sound, sums_of
@@ -69,7 +69,7 @@ def replaced(shard: Shard, rows: int, size: int, files: Sequence[str]) -> dict[s
 
 
 def _read(at: LakeReader, file: str) -> pa.Table:
-    return pq.read_table(sound(at.lake, file))
+    return read_parquet(sound(at.lake, file))
 
 
 def _regrouped(at: LakeReader, shards: Sequence[Shard], tables: Sequence[pa.Table]) -> list[pa.Table]:

@@ -11,6 +11,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 from motionlake.arrays import Float32Array, Progress
+from motionlake.columns import numbers, read_parquet
 from motionlake.deep_motifs.motifs import Motifs, fit_motifs
 from motionlake.errors import UserError
 from motionlake.lake.config import LakeConfig, MotifsConfig, config_hash
@@ -107,6 +108,6 @@ def _sample(files: Sequence[Path], seed: int) -> Float32Array:
 
 def read_motifs(path: Path) -> Motifs:
     """The motifs of a model file."""
-    table = pq.read_table(path)
+    table = read_parquet(path)
     centroids = np.array(table.column("centroid").to_pylist(), dtype=np.float32)
-    return Motifs(centroids, table.column("strength").to_numpy())
+    return Motifs(centroids, numbers(table.column("strength")))

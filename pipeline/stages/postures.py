@@ -11,7 +11,7 @@ from typing import Any, Final
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.parquet as pq
+from motionlake.columns import numbers, read_parquet
 from motionlake.lake import frames
 from motionlake.lake.catalog import Connection, fetch
 from motionlake.lake.config import config_hash
@@ -77,7 +77,7 @@ def codes_of_clips(con: Connection, lake: Lake, model: str, clips: Sequence[str]
 
 def read_codes(path: Path) -> Iterator[tuple[str, NDArray[np.int32]]]:
     """(clip, [T] symbols) of every clip of a part of coded postures, in order."""
-    table = pq.read_table(path, columns=["clip", "symbol"])
-    symbols = table.column("symbol").to_numpy()
+    table = read_parquet(path, ["clip", "symbol"])
+    symbols = numbers(table.column("symbol"))
     for clip, rows in frames.runs_of(table.column("clip")):
         yield clip, symbols[rows]

@@ -15,6 +15,7 @@ from typing import Any, Final
 import numpy as np
 import pyarrow as pa
 from motionlake.arrays import Float32Array, Int64Array
+from motionlake.columns import numbers
 from motionlake.lake.catalog import Connection, fetch, fetch_table, run_sql
 from motionlake.lake.config import config_hash, load_config
 from motionlake.lake.integrity import sound
@@ -163,7 +164,7 @@ def _by_alignment(at: LakeReader, shard: Shard, places: Places) -> Made:
 
     table = fetch_table(at.con, "symbol_strings").combine_chunks()
     names, strings = table["clip"].to_pylist(), table["symbols"].chunk(0)
-    symbols, starts = strings.flatten().to_numpy(), np.asarray(strings.offsets.to_numpy(), dtype=np.int64)
+    symbols, starts = numbers(strings.flatten()), np.asarray(numbers(strings.offsets), dtype=np.int64)
     starts -= starts[0]
     codes = np.array([row["code"] for row in fetch(at.con, "posture_codes")], dtype=np.float64)
     chosen = range(0, len(names), max(1, len(names) // SAMPLE))

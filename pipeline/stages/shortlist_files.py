@@ -17,6 +17,7 @@ from typing import Any, BinaryIO, Final
 import numpy as np
 import pyarrow as pa
 from motionlake.arrays import Float32Array, Float64Array, Int64Array
+from motionlake.columns import numbers
 from motionlake.errors import DamagedError
 from motionlake.lake.integrity import damage, size_fault, sound_files
 from motionlake.lake.layout import Lake
@@ -153,7 +154,7 @@ class ShortlistFiles:
 
     def numbers(self, name: str) -> NDArray[Any]:
         """[n] a column of numbers."""
-        return _values(self.table[name])
+        return numbers(self.table[name])
 
     def lists(self, name: str, rows: Int64Array) -> list[NDArray[Any]]:
         """A column of lists, those of some rows."""
@@ -220,9 +221,3 @@ class ShortlistFiles:
 
 def _name(file: str) -> str:
     return Path(file).stem.partition("-")[2]
-
-
-def _values(column: pa.ChunkedArray) -> NDArray[Any]:
-    """Numbers without nulls, as they lie. Not `to_numpy`, which imports pandas."""
-    chunks = [np.from_dlpack(chunk) for chunk in column.chunks]
-    return chunks[0] if len(chunks) == 1 else np.concatenate(chunks)

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 import pyarrow as pa
+from motionlake.columns import numbers
 from motionlake.deep_motifs.config import TransitionsConfig
 from motionlake.lake import frames
 from motionlake.lake.catalog import Connection, fetch, fetch_table, load_rows
@@ -215,7 +216,7 @@ def _load_contexts(con: Connection, root: Path, shard: Shard) -> None:
 
     def end(side: str) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         clips = [corpus.positions[name] for name in found.column(f"{side}_clip").to_pylist()]
-        return np.array(clips, dtype=np.int64), found.column(f"{side}_word").to_numpy().astype(np.int64)
+        return np.array(clips, dtype=np.int64), numbers(found.column(f"{side}_word")).astype(np.int64)
 
     words: list[NDArray[np.integer[Any]]] = [corpus.motifs[corpus.words_of(i)] for i in range(len(corpus.clips))]
     distances = context_distances(words, (end("from"), end("to")), corpus.idf, corpus.ground, config.context)

@@ -14,8 +14,8 @@ from typing import Any, Final
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.parquet as pq
 from motionlake.arrays import Float32Array, Int64Array
+from motionlake.columns import numbers, read_parquet
 from motionlake.deephums.config import DIMENSION
 from motionlake.lake.integrity import sound
 from motionlake.lake.layout import Lake
@@ -59,7 +59,7 @@ class Windows(PartStage):
         return {"submotions": SUBMOTIONS.file(part.upstream)}
 
     def rows(self, lake: Lake, shard: Shard) -> Iterator[pa.Table]:
-        found = pq.read_table(sound(lake, shard.spec["submotions"]))
+        found = read_parquet(sound(lake, shard.spec["submotions"]))
         vectors = found["descriptor"].combine_chunks().flatten().to_numpy(zero_copy_only=False)
         yield coded(found, vectors.astype(np.float32).reshape(-1, DIMENSION))
 
@@ -152,4 +152,4 @@ class WindowFile:
 
     def bounds(self) -> tuple[Int64Array, Int64Array]:
         """[n] first frames of windows, and frames after their last."""
-        return self.table["start"].to_numpy(), self.table["stop"].to_numpy()
+        return numbers(self.table["start"]), numbers(self.table["stop"])

@@ -9,7 +9,7 @@ from typing import Any, Final
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.parquet as pq
+from motionlake.columns import numbers, read_parquet
 from motionlake.lake import frames
 from motionlake.lake.catalog import Connection
 from motionlake.lake.config import config_hash
@@ -90,8 +90,8 @@ def _ranges(clip: str, part: str, count: int, fps: float, n_frames: int, config:
 
 def read_features(path: Path) -> Iterator[tuple[str, NDArray[np.float32]]]:
     """(clip, [T, D]) of every clip of a features part, in order."""
-    table = pq.read_table(path)
+    table = read_parquet(path)
     columns = [n for n in table.column_names if n not in {name for name, _ in PART_KEYS}]
-    matrix = np.column_stack([table.column(n).to_numpy() for n in columns])
+    matrix = np.column_stack([numbers(table.column(n)) for n in columns])
     for clip, rows in frames.runs_of(table.column("clip")):
         yield clip, matrix[rows]

@@ -64,7 +64,7 @@ def word_distances(
     return np.ascontiguousarray(distances[:, :n_b])
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def align_block(
     frames: Float32Array, row: int, column: int, n: int, m: int, scratch: Float32Array, out: Float32Array, average: bool
 ) -> None:
@@ -104,7 +104,7 @@ def align_block(
         out[lane] = cost / scratch[last + width + m * LANES + lane] if average else cost
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def _align(frames: Float32Array, n: int, m: int, average: bool, out: Float32Array) -> None:
     """frames [words * n, blocks * m * LANES] -> out [words, blocks * LANES]."""
     scratch = np.empty(4 * (m + 1) * LANES, dtype=np.float32)
@@ -162,7 +162,7 @@ class Room(NamedTuple):
         return cls(*(np.zeros(shape, np.float32) for shape in shapes))
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def _align_listed(
     frames_a: Float32Array,
     starts_a: Int64Array,
@@ -189,7 +189,7 @@ def _align_listed(
             out[query, first : first + listed] = aligned[:listed]
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def lane_frames(
     frames: Float32Array, starts: Int64Array, words: Int64Array, centre: Float32Array, geodesic: bool, room: Room
 ) -> int:
@@ -220,7 +220,7 @@ def lane_frames(
     return listed
 
 
-@njit(cache=True, nogil=True, fastmath={"reassoc", "nsz", "contract"})  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True, fastmath={"reassoc", "nsz", "contract"})
 def centred(
     frames: Float32Array, start: int, centre: Float32Array, geodesic: bool, out: Float32Array, norms: Float32Array
 ) -> None:

@@ -102,7 +102,7 @@ def survivors(queries: WordBounds, words: WordBounds, thresholds: Float32Array) 
     return left
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def _test(
     ends: Float32Array, centres: Float32Array, a: WordBounds, b: WordBounds, thresholds: Float32Array, out: BoolArray
 ) -> None:
@@ -134,7 +134,7 @@ def _test(
             out[i, j] = max(_paid(rows, columns, threshold), _paid(columns, rows, threshold)) <= most
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def _paid(rows: Float32Array, columns: Float32Array, threshold: float) -> float:
     """What a path pays at least on entering rows, and columns beside them as far as the threshold."""
     total = float(rows.sum())
@@ -143,7 +143,7 @@ def _paid(rows: Float32Array, columns: Float32Array, threshold: float) -> float:
     return total
 
 
-@njit(cache=True, nogil=True, fastmath={"reassoc", "nsz", "contract"})  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True, fastmath={"reassoc", "nsz", "contract"})
 def _gap(low_a: Float32Array, high_a: Float32Array, low_b: Float32Array, high_b: Float32Array) -> np.float32:
     """Squared distance of two boxes; a frame is a box too."""
     total = np.float32(0)
@@ -153,7 +153,7 @@ def _gap(low_a: Float32Array, high_a: Float32Array, low_b: Float32Array, high_b:
     return total
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def _test_paths(
     query: Float32Array,
     frames: Float32Array,
@@ -176,8 +176,10 @@ def _test_paths(
             out[first + lane] = sums[lane] <= 0
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
-def _least_sums(lanes: Float32Array, length: int, threshold: float, costs: Float32Array, sums: Float32Array) -> None:
+@njit(cache=True, nogil=True)
+def _least_sums(
+    lanes: Float32Array, length: int, threshold: np.float32, costs: Float32Array, sums: Float32Array
+) -> None:
     """sums [LANES]: least sum of frame distances less the threshold over any path; infinite if abandoned.
 
     lanes [length, length * LANES]; costs [2, (length + 1) * LANES] is scratch.

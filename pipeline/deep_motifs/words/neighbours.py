@@ -192,7 +192,7 @@ def load_index(path: Path) -> tuple[WordIndex, dict[str, Any]]:
     return WordIndex(words=words, space=space, **found), notes
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def _smallest(distances: Float32Array, groups: Int64Array, others: Int64Array, apart: int, out: Int64Array) -> None:
     """out [q, C]: columns of the smallest of `distances` [q, M], in no order.
 
@@ -217,7 +217,7 @@ def _smallest(distances: Float32Array, groups: Int64Array, others: Int64Array, a
         out[row, :held] = columns[:held]
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def _keep(values: Float32Array, columns: Int64Array, held: int, bound: float, count: int) -> int:
     """Move what is below `bound`, then the first of what equals it, to the front; returns `count`."""
     kept = 0

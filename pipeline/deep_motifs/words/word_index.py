@@ -270,7 +270,7 @@ def _cells(embedded: Float32Array, config: IndexConfig) -> Float32Array:
     return np.asarray(kmeans.fit(embedded[np.sort(chosen)]).cluster_centers_, dtype=np.float32)
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def _along_path(words: Float32Array, out: Float32Array) -> None:
     n, length, width = words.shape
     points = out.shape[1]
