@@ -215,8 +215,7 @@ def _cascade(lake: Lake) -> Cascade | None:
 
     with ThreadPoolExecutor(1) as pool:
         clips = pool.submit(LakeShortlist, lake, files)
-        # Its kernels are imported while the files are compared with what was written.
-        from motionlake.retrieval.shortlist import Cascade
+        from motionlake.retrieval.shortlist import Cascade  # while files are compared with what was written
 
         return Cascade(clips.result())
 

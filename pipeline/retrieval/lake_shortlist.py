@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from bisect import bisect_left
 from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import fields
 from functools import cached_property
 from typing import Final
@@ -36,10 +37,11 @@ class LakeShortlist:
     """
 
     def __init__(self, lake: Lake, files: Sequence[str]) -> None:
-        self.lake, self.files = lake, ShortlistFiles.open(lake, files)
-        with reading(lake) as con:
+        with ThreadPoolExecutor(1) as pool, reading(lake) as con:
+            opened = pool.submit(ShortlistFiles.open, lake, files)  # compared with what was written, which takes a while
             served = {row["method"]: row["model"] for row in fetch(con, "models_compared")} | {"moves": KIND}
             self._catalog = fetch_table(con, "clips_with_parts")
+            self.lake, self.files = lake, opened.result()
             if self._stale(served):
                 raise UserError(
                     f"{lake.root}: its shortlist of clips is of other models than it serves now; make it anew with "
