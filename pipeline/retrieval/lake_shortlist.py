@@ -38,7 +38,7 @@ class LakeShortlist:
 
     def __init__(self, lake: Lake, files: Sequence[str]) -> None:
         with ThreadPoolExecutor(1) as pool, reading(lake) as con:
-            opened = pool.submit(ShortlistFiles.open, lake, files)  # compared with what was written, which takes a while
+            opened = pool.submit(ShortlistFiles.open, lake, files)  # and compared with what was written
             served = {row["method"]: row["model"] for row in fetch(con, "models_compared")} | {"moves": KIND}
             self._catalog = fetch_table(con, "clips_with_parts")
             self.lake, self.files = lake, opened.result()
