@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import asdict
-from typing import Any, Final
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, replace
+from typing import Any, Final, cast
 
 import numpy as np
 from motionlake.arrays import Float64Array
@@ -15,9 +15,10 @@ from motionlake.evaluation.ranking import Questions, score_search
 from motionlake.lake.catalog import Connection, fetch
 from motionlake.lake.layout import Lake
 from motionlake.lake.settings import served_config
-from motionlake.retrieval.fused import EVERY, FusedSearcher
+from motionlake.retrieval.fused import EVERY, FusedSearcher, compared_by, shortlist_of
+from motionlake.retrieval.hits import Hit
 from motionlake.retrieval.labelled_clips import SignedClip
-from motionlake.retrieval.protocol import Query, Scope, Searcher
+from motionlake.retrieval.protocol import Finds, LakeSearcher, Query, Scope, Searcher
 from motionlake.retrieval.registry import methods, ready, searcher
 from motionlake.stages.moves import read_tracks
 from motionlake.stages.reader import lake_reader
@@ -67,13 +68,10 @@ def evaluate_search(
         subjects = [[clip.subject for clip in side] for side in (asked, known)]
         return asdict(score_search(distances, questions, *subjects))
 
-    found: dict[str, Any] = {}
-    for name in ready(lake, "clip"):
-        found[name] = scored(_ranks(searcher("clip", name, lake), asked, known, scope))
-        if name == DEFAULT:
-            found[WITHOUT_GRAPH] = scored(_ranks(FusedSearcher(lake, graph=False), asked, known, scope))
-    if not found:
+    by_name = _searchers(lake)
+    if not by_name:
         raise UserError(f"{lake.root}: is not ready for search; make it so with `motionlake run all`")
+    found: dict[str, Any] = {name: scored(ranks) for name, ranks in _ranks(by_name, asked, known, scope).items()}
     apart = _dtw(lake, asked, known, options)
     found["dtw"] = None if apart is None else scored(apart)
     return {**found[DEFAULT], "protocol": protocol, "methods": found}
@@ -92,18 +90,67 @@ def _questions(asked: Sequence[SignedClip], known: Sequence[SignedClip]) -> Ques
     return questions
 
 
-def _ranks(found: Searcher, asked: Sequence[SignedClip], known: Sequence[SignedClip], scope: Scope) -> Float64Array:
-    """[q, r] ranks of clips among the answers to each query; after the last where a clip is none."""
+class _Once(LakeSearcher):
+    """A searcher that names all clips once for a query: several rankings of one query are made of them."""
+
+    finds: Finds = "clip"
+
+    def __init__(self, found: LakeSearcher) -> None:
+        super().__init__(found.lake)
+        self.name, self._found = found.name, found
+        self._asked: tuple[Query, Scope, bool] | None = None
+        self._answer: list[Hit] | UserError = []
+
+    def nearest(self, queries: Sequence[Query], k: int, scope: Scope, *, mirrored: bool) -> list[list[Hit]]:
+        return [self._all(query, scope, mirrored)[:k] for query in queries]
+
+    def _all(self, query: Query, scope: Scope, mirrored: bool) -> list[Hit]:
+        asked = query, replace(scope, own=True), mirrored
+        if asked != self._asked:
+            self._asked = asked
+            try:
+                (self._answer,) = self._found.nearest([query], EVERY, asked[1], mirrored=mirrored)
+            except UserError as error:
+                self._answer = error
+        if isinstance(self._answer, UserError):
+            raise self._answer
+        return [hit for hit in self._answer if scope.own or hit.clip != query.clip]
+
+    def distances(self, queries: Sequence[Query], gallery: Sequence[Query]) -> Float64Array:
+        return self._found.distances(queries, gallery)
+
+
+def _searchers(lake: Lake) -> dict[str, Searcher]:
+    """What is measured, by name: the default with and without the graph, and each method."""
+    names = ready(lake, "clip")
+    if DEFAULT not in names:
+        return {name: searcher("clip", name, lake) for name in names}
+    alone = {name: searcher("clip", name, lake) for name in names if name != DEFAULT}
+    if shortlist_of(lake):  # it has no graph
+        default = FusedSearcher(lake)
+        return {DEFAULT: default, WITHOUT_GRAPH: default, **alone}
+    once = {name: _Once(cast(LakeSearcher, found)) for name, found in alone.items()}
+    methods = {name: once[name] for name in compared_by(lake)}
+    fused = {name: FusedSearcher(lake, searchers=methods, graph=graph)
+             for name, graph in ((DEFAULT, True), (WITHOUT_GRAPH, False))}  # fmt: skip
+    return {**fused, **once}
+
+
+def _ranks(
+    by_name: Mapping[str, Searcher], asked: Sequence[SignedClip], known: Sequence[SignedClip], scope: Scope
+) -> dict[str, Float64Array]:
+    """[q, r] ranks of clips among the answers to each query, by searcher; after the last where a clip is none."""
     places = {clip.clip: place for place, clip in enumerate(known)}
-    ranks = np.full((len(asked), len(known)), float(EVERY))
-    for row, clip in zip(ranks, asked, strict=True):
-        try:
-            (hits,) = found.search([Query(clip.clip)], EVERY, scope)
-        except UserError:  # a clip that this method cannot compare finds nothing
-            continue
-        for hit in hits:
-            if hit.clip in places:
-                row[places[hit.clip]] = hit.rank
+    ranks = {name: np.full((len(asked), len(known)), float(EVERY)) for name in by_name}
+    for at, clip in enumerate(asked):
+        for name, found in by_name.items():
+            try:
+                (hits,) = found.search([Query(clip.clip)], EVERY, scope)
+            except UserError:  # a clip that this method cannot compare finds nothing
+                continue
+            for hit in hits:
+                if hit.clip in places:
+                    ranks[name][at, places[hit.clip]] = hit.rank
     return ranks
 
 

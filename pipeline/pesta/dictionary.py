@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any, Final, Protocol
 
 import numpy as np
-from motionlake.arrays import Float32Array, Int32Array
+from motionlake.arrays import Float32Array, Float64Array, Int32Array
 from motionlake.pesta.config import DICTIONARY_KEY, KINDS, PosturesConfig
 from motionlake.weights import read_tensors, save_tensors
 
@@ -43,14 +43,19 @@ class NearestCode:
     start: Float32Array | None = None
 
     def symbols(self, features: Float32Array) -> Int32Array:
-        codes = self.codes.astype(np.float64)
-        half = np.einsum("md,md->m", codes, codes) / 2
-        from_postures = codes.T if self.start is None else self.start.T.astype(np.float64) @ codes.T
+        half, from_postures = self._compared
         batches = [
             np.argmin(half - features[start : start + ROWS].astype(np.float64) @ from_postures, axis=1)
             for start in range(0, max(len(features), 1), ROWS)
         ]
         return np.concatenate(batches).astype(np.int32)
+
+    @cached_property
+    def _compared(self) -> tuple[Float64Array, Float64Array]:
+        """Half the squared lengths of the codes [m], and the map [D, m] of postures to their products with these."""
+        codes = self.codes.astype(np.float64)
+        from_postures = codes.T if self.start is None else self.start.T.astype(np.float64) @ codes.T
+        return np.einsum("md,md->m", codes, codes) / 2, from_postures
 
     def tensors(self) -> dict[str, Float32Array]:
         return {"codes": self.codes} | ({} if self.start is None else {"start": self.start})

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
@@ -47,6 +47,6 @@ def asked_of_hits(found: Mapping[str, Sequence[Hit]], clip: str | None) -> Asked
     first = {hit.clip: hit for hits in found.values() for hit in hits}
 
     def made(clips: Sequence[str], distances: Sequence[float]) -> list[Hit]:
-        return [replace(first[clip], distance=distance) for clip, distance in zip(clips, distances, strict=True)]
+        return [first[clip].but(distance=distance) for clip, distance in zip(clips, distances, strict=True)]
 
     return Asked(by, clip, made)

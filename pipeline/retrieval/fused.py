@@ -138,7 +138,7 @@ class FusedSearcher(LakeSearcher):
     def _hits(self, asked: Asked[Clip], weighed: Weighed[Clip], nearest: Sequence[tuple[float, Clip]]) -> list[Hit]:
         hits = asked.hits([clip for _, clip in nearest], [distance for distance, _ in nearest])
         if not self._explain:
-            return [replace(hit, shares=None) for hit in hits]
+            return [hit if hit.shares is None else replace(hit, shares=None) for hit in hits]
         return [replace(hit, shares=weighed.shares(clip)) for hit, (_, clip) in zip(hits, nearest, strict=True)]
 
     def _matched(self, query: Query, hits: Sequence[Hit], *, mirrored: bool) -> list[Hit]:
@@ -205,11 +205,16 @@ class FusedSearcher(LakeSearcher):
         return read_neighbours(self.lake)
 
 
-def _cascade(lake: Lake) -> Cascade | None:
-    """The search of a lake of more than `MOST` clips that has a shortlist."""
+def shortlist_of(lake: Lake) -> list[str]:
+    """The files of the shortlist by which the default search asks a lake of more than `MOST` clips; none: without."""
     with reading(lake) as con:
         (count,), files = fetch(con, "count_clips"), [row["file"] for row in fetch(con, "shortlist_files")]
-    if count["clips"] <= MOST or not files:
+    return files if count["clips"] > MOST else []
+
+
+def _cascade(lake: Lake) -> Cascade | None:
+    files = shortlist_of(lake)
+    if not files:
         return None
     from motionlake.retrieval.lake_shortlist import LakeShortlist
 
@@ -220,11 +225,17 @@ def _cascade(lake: Lake) -> Cascade | None:
         return Cascade(clips.result())
 
 
-def _ready(lake: Lake) -> dict[str, LakeSearcher]:
-    """Those of `WEIGHTS`, or else any; in a lake of more than `MOST` clips those that need not hold all in memory."""
+def compared_by(lake: Lake) -> list[str]:
+    """The methods by which the default search compares all clips of a lake without a shortlist.
+
+    Those of `WEIGHTS`, or else any; in a lake of more than `MOST` clips those that need not hold all in memory.
+    """
     names = [name for name in ready(lake, "clip") if name != FusedSearcher.name]
     with reading(lake) as con:
         (count,) = fetch(con, "count_clips")
     wanted = WEIGHTS if count["clips"] <= MOST else LARGE
-    chosen = [name for name in wanted if name in names] or names
-    return {name: cast(LakeSearcher, searcher("clip", name, lake)) for name in chosen}
+    return [name for name in wanted if name in names] or names
+
+
+def _ready(lake: Lake) -> dict[str, LakeSearcher]:
+    return {name: cast(LakeSearcher, searcher("clip", name, lake)) for name in compared_by(lake)}

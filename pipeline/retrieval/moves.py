@@ -123,7 +123,7 @@ class MovesSearcher(_Tracks):
         """The rows of the clips that may be answers, and an index of them."""
         admits = kept.admission(self.lake)
         rows = np.array([row for row, clip in enumerate(self.clips) if admits(clip)], dtype=np.int64)
-        return rows, MovesIndex([self._tracks[self.clips[row].clip].moves() for row in rows])
+        return rows, MovesIndex(self._tracks.moves([self.clips[row].clip for row in rows]))
 
 
 class MovesRangeSearcher(_Tracks):
