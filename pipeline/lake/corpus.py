@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from typing import Any
 
 import numpy as np
@@ -28,8 +29,7 @@ def read_corpus(con: Connection, dataset: str | None = None) -> Corpus:
     if not clips:
         raise UserError(f"dataset {dataset}: has no clip with a signature; `motionlake status` shows what there is")
     words = fetch_table(con, "corpus_words", {"dataset": dataset})
-    names = words.column("clip").to_numpy(zero_copy_only=False)
-    counts = dict(zip(*np.unique(names, return_counts=True), strict=True))
+    counts = Counter(words.column("clip").to_pylist())
     offsets = np.concatenate([[0], np.cumsum([counts[c.clip] for c in clips])]).astype(np.int64)
     return Corpus(
         clips,

@@ -256,7 +256,8 @@ def read_rows(path: Path, clips: Sequence[str], columns: Sequence[str]) -> Itera
     part = open_frames(path)
     groups = [i for i in range(part.num_row_groups) if _may_hold(part.metadata.row_group(i).column(0), clips)]
     table = part.read_row_groups(groups, columns=["clip", *columns])
-    yield from runs(table.filter(pc.field("clip").isin(list(clips))))
+    wanted = frozenset(clips)
+    yield from ((clip, rows) for clip, rows in runs(table) if clip in wanted)
 
 
 def _may_hold(column: pq.ColumnChunkMetaData, clips: Sequence[str]) -> bool:

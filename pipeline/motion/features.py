@@ -17,6 +17,7 @@ import numpy as np
 from motionlake.arrays import Float32Array, Float64Array, Int64Array
 from motionlake.motion.resampling import resample
 from motionlake.motion.skeleton import COMMON, DEEP_MOTIFS, INDEX, MIRRORED_JOINTS, facing
+from motionlake.motion.smoothing import smoothed
 
 Representation = Literal["positions", "rotations"]
 JointSet = Literal["common15", "deep_motifs16"]
@@ -122,9 +123,7 @@ def word_features(positions: Float64Array, rotations: Float64Array, fps: float, 
         return np.ascontiguousarray(quaternions.reshape(len(quaternions), -1), dtype=np.float32)
     sampled = resample(positions, fps, config.fps)
     if config.smoothing:
-        from scipy.ndimage import gaussian_filter1d
-
-        sampled = gaussian_filter1d(sampled, config.smoothing, axis=0, mode="nearest")
+        sampled = smoothed(sampled, config.smoothing, "nearest")
     return _position_features(sampled, body_length(positions), config)
 
 

@@ -15,6 +15,7 @@ from typing import Final
 import numpy as np
 from motionlake.arrays import Float32Array, Float64Array, FloatArray
 from motionlake.motion.skeleton import COMMON
+from motionlake.motion.smoothing import smoothed
 
 FPS: Final = 12.0
 LEAST: Final = 4  # frames
@@ -58,7 +59,7 @@ class Track:
         exact = joints.astype(np.float64)
         if len(exact) < 2:
             return Track(exact, np.zeros_like(exact), _facing(exact))
-        return Track(exact, np.gradient(_smoothed(exact), axis=0), _facing(exact))
+        return Track(exact, np.gradient(smoothed(exact, SMOOTHED), axis=0), _facing(exact))
 
     def pace(self) -> Float64Array:
         """[N] how far the joints move a frame, in body lengths: the mean of three frames."""
@@ -93,18 +94,6 @@ class Track:
         displacement = DISPLACEMENT_COUNT * _scaled(joints - joints[ends(len(joints))].mean(axis=0))
         parts = (displacement, _scaled(velocity[chosen]), JOINTS_COUNT * from_start(joints))
         return np.concatenate(parts, axis=1).astype(np.float32)
-
-
-def _smoothed(joints: Float64Array) -> Float64Array:
-    """`scipy.ndimage.gaussian_filter1d` by its sums, to the last bit: to import it takes longer than most searches."""
-    reach = int(4 * SMOOTHED + 0.5)
-    weights = np.exp(-0.5 * np.square(np.arange(-reach, 1) / SMOOTHED))
-    weights /= weights[:-1].sum() * 2 + weights[-1]
-    padded, count = np.pad(joints, ((reach, reach), (0, 0)), mode="symmetric"), len(joints)
-    found = padded[reach : reach + count] * weights[reach]
-    for back in range(reach, 0, -1):
-        found += (padded[reach - back :][:count] + padded[reach + back :][:count]) * weights[reach - back]
-    return np.asarray(found)
 
 
 def _scaled(part: Float64Array) -> Float64Array:
