@@ -9,6 +9,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 from motionlake.arrays import BoolArray, Float32Array, Float64Array, Int64Array
+from motionlake.deephums.body_view import seen_from_body
 from motionlake.deephums.config import LONGEST, SHORT
 from motionlake.motion.skeleton import COMMON, INDEX
 
@@ -52,8 +53,6 @@ def clip_sequence(positions: Float64Array, fps: float, missing: BoolArray | None
     if not len(positions) or not there.any():
         raise ValueError("a clip without frames or without joints has no descriptor")
     view = _view(tuple(there.tolist()))
-    from motionlake.deephums.body_view import seen_from_body  # numba takes a while to import
-
     exact = np.ascontiguousarray(positions, dtype=np.float64)
     count = frames_of(len(exact), fps)
     body: Float32Array = seen_from_body(exact, count, _smoothing(), *view, MIN_HORIZONTAL)

@@ -14,6 +14,7 @@ from motionlake.arrays import Float64Array
 from motionlake.errors import ClipError
 from motionlake.formats.asf import ROOT, Skeleton, load_asf
 from motionlake.formats.limits_config import FARTHEST, MOST_DEGREES, limits
+from motionlake.formats.parse.amc_frames import parse_frames
 from motionlake.formats.registry import COMPRESSED_SUFFIX
 from motionlake.formats.remembered import Remembered
 from motionlake.motion.clip import SourceClip
@@ -169,8 +170,6 @@ class AmcReader:
             ClipError: with the line, for frames that are not numbered one after another, bones unknown, missing or
                 doubled in a frame, and tokens that are no number; or where its skeleton is not found or not readable.
         """
-        from motionlake.formats.parse.amc_frames import parse_frames  # numba, which a look at names does not need
-
         preamble = _Preamble.of(data)
         asf, why = find_skeleton(path, preamble.asf)
         skeleton, hierarchy = load_asf(asf)

@@ -14,6 +14,7 @@ from motionlake.errors import ClipError
 from motionlake.formats.clip_checks import MAX_FPS, MIN_FPS, most_of
 from motionlake.formats.limits_config import FARTHEST, limits
 from motionlake.formats.parse.lines import line_of
+from motionlake.formats.parse.numbers import parse_table
 from motionlake.motion.clip import POSITION_CHANNELS, ROTATION_CHANNELS, ChannelKind, Hierarchy, SourceClip
 from motionlake.motion.rotations import IDENTITY
 from motionlake.names import unique
@@ -246,8 +247,6 @@ class BvhReader:
             end_sites=tuple(tree.end_sites),
         )
         notes = [f"joint names used twice, renamed: {', '.join(renamed)}"] if renamed else []
-        from motionlake.formats.parse.numbers import parse_table  # numba, which a look at names does not need
-
         start = (timing or declared).end()
         rows = _rows_from(data, start, int(frames))
         if rows > int(frames):

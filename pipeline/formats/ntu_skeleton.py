@@ -15,6 +15,7 @@ import numpy as np
 from motionlake.arrays import BoolArray, Float64Array, Int64Array
 from motionlake.errors import ClipError
 from motionlake.formats.limits_config import limits
+from motionlake.formats.parse.ntu_bodies import parse_bodies
 from motionlake.formats.repair import carry, fill_missing, rarely_seen, repair_note
 from motionlake.motion.clip import Hierarchy, SourceClip
 
@@ -68,8 +69,6 @@ class NtuSkeletonReader:
         Raises:
             ClipError: a malformed line, a file cut short, or no body that can be kept.
         """
-        from motionlake.formats.parse.ntu_bodies import parse_bodies  # numba, which a look at names does not need
-
         frame_count, seen = parse_bodies(data)
         clips, left_out = [], []
         longest = max((_visible(missing) for _, _, missing in seen.values()), default=0)

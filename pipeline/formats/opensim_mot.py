@@ -11,6 +11,7 @@ import numpy as np
 from motionlake.arrays import Float64Array
 from motionlake.errors import ClipError
 from motionlake.formats.limits_config import MOST_DEGREES, limits
+from motionlake.formats.parse.numbers import parse_table
 from motionlake.motion.clip import SourceClip
 from motionlake.motion.opensim import BODIES, COORDINATES, KNEES, TRANSLATION, opensim_channels, opensim_hierarchy
 from motionlake.names import printable
@@ -122,8 +123,6 @@ def _table(data: bytes) -> _Table:
         rows = sum(bool(line.strip()) for line in data[label_end:].splitlines())
     held = min(rows, len(data) // (2 * len(names)) + 1)  # a count that the bytes cannot hold is damage
     limits().check_body(held, max(len(names), len(BODIES)), len(data))
-    from motionlake.formats.parse.numbers import parse_table  # numba, which a look at names does not need
-
     most = np.full(len(names), max(MOST_DEGREES, _FARTHEST))
     told = re.search(r"inDegrees\s*=\s*(\w+)", header, re.IGNORECASE)
     degrees = None if told is None else told[1].lower() in ("yes", "true", "1")

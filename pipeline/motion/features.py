@@ -16,6 +16,7 @@ from typing import Final, Literal
 import numpy as np
 from motionlake.arrays import Float32Array, Float64Array, Int64Array
 from motionlake.motion.resampling import resample
+from motionlake.motion.rotations import turn_about_y
 from motionlake.motion.skeleton import COMMON, DEEP_MOTIFS, INDEX, MIRRORED_JOINTS, facing
 from motionlake.motion.smoothing import smoothed
 
@@ -151,8 +152,6 @@ def _rate(values: Float64Array) -> Float64Array:
 
 
 def _position_features(positions: Float64Array, size: float, config: WordConfig) -> Float32Array:
-    from motionlake.motion.rotations import turn_about_y  # with numba, which the configuration above does not need
-
     n_frames = len(positions)
     angles = facing(positions)
     root = positions[:, INDEX["hips"]]

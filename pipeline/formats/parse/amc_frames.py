@@ -25,7 +25,6 @@ from motionlake.formats.parse.numbers import (
     skip_blanks,
 )
 from motionlake.kernels import njit
-from numba import uint64
 
 # Beside those of `numbers`.
 _UNKNOWN_BONE, _TWICE, _MISSING_BONE, _FRAME_NUMBER, _NO_ROOM = range(10, 15)
@@ -34,8 +33,8 @@ _UNKNOWN_BONE, _TWICE, _MISSING_BONE, _FRAME_NUMBER, _NO_ROOM = range(10, 15)
 @njit(cache=True)
 def _is_name(data, begin, end, names, first, last):  # type: ignore[no-untyped-def]
     """Whether the word that starts at data[begin] is names[first:last]."""
-    start, stop, name = uint64(begin), uint64(begin + last - first), uint64(first)
-    if stop > uint64(end) or (stop < uint64(end) and not (data[stop] == 32 or 9 <= data[stop] <= 13)):
+    start, stop, name = np.uint64(begin), np.uint64(begin + last - first), np.uint64(first)
+    if stop > np.uint64(end) or (stop < np.uint64(end) and not (data[stop] == 32 or 9 <= data[stop] <= 13)):
         return False
     while start < stop:
         if data[start] != names[name]:

@@ -7,7 +7,6 @@ import math
 import numpy as np
 from motionlake.formats.parse.numbers import OK, ONE, scan_number
 from motionlake.kernels import njit
-from numba import uint64
 
 UNUSUAL = -1
 
@@ -26,14 +25,14 @@ def scan_fields(data, begin, parted_by, columns, table):  # type: ignore[no-unty
         How many rows there are, or UNUSUAL: a row of another width, what is no plain number, a quotation mark.
     """
     width, capacity = len(columns), len(table)
-    i, end = uint64(begin), uint64(len(data))
+    i, end = np.uint64(begin), np.uint64(len(data))
     row = 0
     while i < end:
         if data[i] == 10:
             i += ONE
             continue
         if data[i] == 13 and i + ONE < end and data[i + ONE] == 10:
-            i += uint64(2)
+            i += np.uint64(2)
             continue
         if row == capacity:
             return UNUSUAL
@@ -57,7 +56,7 @@ def scan_fields(data, begin, parted_by, columns, table):  # type: ignore[no-unty
                     if status != OK:
                         return UNUSUAL
                     table[row, column] = value
-                    i = uint64(stop)
+                    i = np.uint64(stop)
                     while i < end and data[i] == 32:
                         i += ONE
             if field < width - 1:

@@ -15,7 +15,6 @@ from motionlake.arrays import Float64Array, Int64Array
 from motionlake.errors import ClipError
 from motionlake.formats.parse.lines import line_of, token_at
 from motionlake.kernels import njit
-from numba import uint64
 from numpy.typing import NDArray
 
 # UNDECIDED: a number that `scan_number` leaves to Python's `float`.
@@ -25,7 +24,7 @@ MAX_DIGITS: Final = 800
 
 _NEWLINE: Final = 10
 # Unsigned indices spare the check for negative ones.
-ONE: Final = uint64(1)
+ONE: Final = np.uint64(1)
 _EXACT_POWERS: Final = np.array([10.0**i for i in range(23)])
 _MIN_POWER: Final = -342
 _MAX_POWER: Final = 308
@@ -51,8 +50,8 @@ _FIVE_HIGH, _FIVE_LOW = _powers_of_five()
 @njit(cache=True)
 def _multiply_wide(a, b):  # type: ignore[no-untyped-def]
     """High and low halves of the 128-bit product of two uint64."""
-    mask = uint64(0xFFFFFFFF)
-    half = uint64(32)
+    mask = np.uint64(0xFFFFFFFF)
+    half = np.uint64(32)
     a_high, a_low, b_high, b_low = a >> half, a & mask, b >> half, b & mask
     low = a_low * b_low
     first = a_high * b_low + (low >> half)
@@ -68,30 +67,30 @@ def _decimal_to_float(mantissa, exponent):  # type: ignore[no-untyped-def]
         return False, 0.0
     zeros = 0
     scaled = mantissa
-    while scaled >> uint64(56) == 0:
-        scaled <<= uint64(8)
+    while scaled >> np.uint64(56) == 0:
+        scaled <<= np.uint64(8)
         zeros += 8
-    while scaled >> uint64(63) == 0:
-        scaled <<= uint64(1)
+    while scaled >> np.uint64(63) == 0:
+        scaled <<= np.uint64(1)
         zeros += 1
     high, low = _multiply_wide(scaled, _FIVE_HIGH[exponent - _MIN_POWER])
-    if high & uint64(0x1FF) == uint64(0x1FF):
+    if high & np.uint64(0x1FF) == np.uint64(0x1FF):
         carry, _ = _multiply_wide(scaled, _FIVE_LOW[exponent - _MIN_POWER])
         low += carry
         if low < carry:
-            high += uint64(1)
-    if low == uint64(0xFFFFFFFFFFFFFFFF) and (exponent < -27 or exponent > 55):
+            high += np.uint64(1)
+    if low == np.uint64(0xFFFFFFFFFFFFFFFF) and (exponent < -27 or exponent > 55):
         return False, 0.0
-    upper = high >> uint64(63)
-    shift = upper + uint64(9)
+    upper = high >> np.uint64(63)
+    shift = upper + np.uint64(9)
     binary = high >> shift
     power = ((217706 * exponent) >> 16) + 63 + np.int64(upper) - zeros
     if power < -1021 or power > 1022:
         return False, 0.0
-    tie = low <= uint64(1) and -4 <= exponent <= 23 and binary & uint64(3) == uint64(1)
+    tie = low <= np.uint64(1) and -4 <= exponent <= 23 and binary & np.uint64(3) == np.uint64(1)
     if tie and binary << shift == high:
-        binary -= uint64(1)
-    binary = (binary + (binary & uint64(1))) >> uint64(1)
+        binary -= np.uint64(1)
+    binary = (binary + (binary & np.uint64(1))) >> np.uint64(1)
     return True, math.ldexp(np.float64(binary), power - 52)
 
 
@@ -104,18 +103,18 @@ def scan_number(data, begin, end, parted_by=32):  # type: ignore[no-untyped-def]
     Returns:
         (status, value, next): OK, BAD_NUMBER or UNDECIDED; the value where OK; the index after the token.
     """
-    i, end = uint64(begin), uint64(end)
+    i, end = np.uint64(begin), np.uint64(end)
     negative = False
     if data[i] == 45 or data[i] == 43:
         negative = data[i] == 45
         i += ONE
-    mantissa = uint64(0)
+    mantissa = np.uint64(0)
     first_digit = i
     while i < end:
         digit = data[i] - np.uint8(48)
         if digit > 9:
             break
-        mantissa = mantissa * uint64(10) + uint64(digit)
+        mantissa = mantissa * np.uint64(10) + np.uint64(digit)
         i += ONE
     digits = np.int64(i - first_digit)
     exponent = np.int64(0)
@@ -126,7 +125,7 @@ def scan_number(data, begin, end, parted_by=32):  # type: ignore[no-untyped-def]
             digit = data[i] - np.uint8(48)
             if digit > 9:
                 break
-            mantissa = mantissa * uint64(10) + uint64(digit)
+            mantissa = mantissa * np.uint64(10) + np.uint64(digit)
             i += ONE
         exponent = -np.int64(i - first_fraction)
         digits -= exponent
@@ -156,7 +155,7 @@ def scan_number(data, begin, end, parted_by=32):  # type: ignore[no-untyped-def]
         return UNDECIDED, 0.0, np.int64(i)
     if mantissa == 0:
         value = 0.0
-    elif mantissa <= uint64(9007199254740992) and -22 <= exponent <= 22:
+    elif mantissa <= np.uint64(9007199254740992) and -22 <= exponent <= 22:
         value = np.float64(mantissa)
         value = value / _EXACT_POWERS[-exponent] if exponent < 0 else value * _EXACT_POWERS[exponent]
     else:
@@ -169,7 +168,7 @@ def scan_number(data, begin, end, parted_by=32):  # type: ignore[no-untyped-def]
 @njit(cache=True)
 def skip_blanks(data, begin, end):  # type: ignore[no-untyped-def]
     """Index of the first byte from `begin` on that is a newline or no white space, or `end`."""
-    i, last = uint64(begin), uint64(end)
+    i, last = np.uint64(begin), np.uint64(end)
     while i < last and (data[i] == 32 or (9 <= data[i] <= 13 and data[i] != _NEWLINE)):
         i += ONE
     return np.int64(i)
