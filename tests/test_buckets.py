@@ -5,11 +5,16 @@ from __future__ import annotations
 import json
 import random
 import shutil
+import signal
+import subprocess
+import sys
 import threading
 import time
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from urllib.parse import parse_qs, urlsplit
+from urllib.request import Request, urlopen
 
 import fsspec
 import motionlake as package
@@ -258,6 +263,33 @@ def test_an_address_in_the_place_of_a_folder(clips_folder: Path, address: str, s
     said("remove", clip, *where)
     assert clip not in [row["clip"] for row in package.open_lake(address).clips()]
     assert Bucket(address).latest().number == 2  # type: ignore[union-attr]
+
+
+def test_what_is_decided_in_the_browser_is_published_when_it_ends(lake: Path, address: str, tmp_path: Path) -> None:
+    said("push", address, "--lake", lake)
+    words = ["browse", "--no-open", "--port", "0", "--json", "--lake", address]
+    command = [str(Path(sys.executable).parent / "motionlake"), *words]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        try:
+            assert process.stdout is not None
+            shown = "".join(process.stdout.readline() for _ in range(4))
+            where = urlsplit(json.loads(shown)["address"])
+            ((clip,),) = query(lake, "SELECT min(clip) FROM clips")
+            request = Request(
+                f"http://{where.netloc}/api/annotations",
+                json.dumps({"clips": [clip], "kind": "tag", "value": "nice"}).encode(),
+                {"Authorization": f"Bearer {parse_qs(where.query)['token'][0]}", "Content-Type": "application/json"},
+            )
+            with urlopen(request, timeout=60) as answer:
+                assert json.load(answer)["ids"]
+            process.send_signal(signal.SIGINT)
+            _, told = process.communicate(timeout=60)
+        finally:
+            process.kill()
+    assert process.returncode == 0, told
+    assert "version 2, 1 files sent" in told
+    said("pull", address, "--lake", tmp_path / "copy")
+    assert tags(tmp_path / "copy") == {"nice"}
 
 
 def test_clips_are_taken_in_from_a_bucket(

@@ -6,7 +6,7 @@ from contextlib import ExitStack, closing
 from typing import Annotated
 
 import typer
-from motionlake.cli.common import JsonOption, LakeOption, notice, option, tell
+from motionlake.cli.common import JsonOption, LakeOption, notice, option, publish_copies, tell
 from motionlake.errors import UserError
 from motionlake.lake.layout import open_lake
 
@@ -47,10 +47,12 @@ def browse(
     --lake mylake
     """
     target = open_lake(lake)
+    import os
     import secrets
     import sys
 
     from motionlake.lake.announced import Announcement, announcing
+    from motionlake.service.background import end_background
     from motionlake.service.options import Options
     from motionlake.service.server import address, is_loopback, listening, serve
 
@@ -77,6 +79,10 @@ def browse(
 
     with closing(sock), running:
         serve(target, sock, host, options, started)
+    if not end_background(0):  # what still computes would end the process with an error of its own
+        publish_copies()
+        sys.stdout.flush()
+        os._exit(0)
 
 
 def _open(shown: str) -> None:

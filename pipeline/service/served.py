@@ -12,7 +12,7 @@ from collections import OrderedDict
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, wait
 from contextlib import AbstractContextManager, contextmanager, suppress
-from threading import Lock, Thread
+from threading import Lock
 from typing import Any, Final, TypeVar
 
 from fastapi import Request
@@ -25,6 +25,7 @@ from motionlake.lake.safe import LakeConnection, time_limit
 from motionlake.retrieval.fused import FusedSearcher
 from motionlake.retrieval.hits import Hit
 from motionlake.retrieval.protocol import Finds, Query, Searcher
+from motionlake.service.background import end_background, in_background
 from motionlake.service.errors import ServiceError
 from motionlake.service.library import Library
 from motionlake.service.options import Options
@@ -35,6 +36,7 @@ KEPT: Final = 64  # answers to conditions in SQL
 ANSWERS: Final = 500  # to searches
 PATIENCE: Final = 4.0  # seconds that a request waits for what takes long
 LONGEST: Final = 4000  # characters of a condition
+GOODBYE: Final = 5.0  # seconds that what is done in the background may take when the service ends
 _LOG: Final = logging.getLogger("motionlake.service")
 
 
@@ -102,7 +104,7 @@ class Served:
             if key not in self._started:
                 future: Future[Any] = Future()
                 self._started[key] = future
-                Thread(target=_made, args=(future, make), daemon=True).start()
+                in_background(_made, future, make)
             future = self._started[key]
         if not wait((future,), PATIENCE).done:
             return None
@@ -193,12 +195,12 @@ class Serving:
         self._now = Served(lake, options)
         self._refreshing = Lock()
         if options.warm:
-            Thread(target=self._now.warm_up, daemon=True).start()
+            in_background(self._now.warm_up)
 
     def now(self) -> Served:
         """What was read of the catalog; where there is a newer one, that is read meanwhile."""
         if self.stale() and self._refreshing.acquire(blocking=False):
-            Thread(target=self._refresh, daemon=True).start()
+            in_background(self._refresh)
         return self._now
 
     def stale(self) -> bool:
@@ -220,7 +222,8 @@ class Serving:
             self._refreshing.release()
 
     def close(self) -> None:
-        """Let go of the catalog."""
+        """Let go of the catalog, after what is done beside it, unless that takes long."""
+        end_background(GOODBYE)
         self._now.close()
 
 
