@@ -74,6 +74,13 @@ def few(cells: int) -> bool:
         return _worked_out <= FEW
 
 
+def expect_many() -> None:
+    """No cells are few from now on: in a process that will answer many, nobody is to wait for numba in their midst."""
+    global _worked_out
+    with _ONE_AT_A_TIME:
+        _worked_out = FEW + 1
+
+
 def _unknown(module: str, name: str, *_: object) -> Kernel:
     raise TypeError(f"{module}.{name}: a kernel that a function makes is made again by calling it")
 

@@ -98,6 +98,9 @@ def test_few_cells_are_few_until_there_were_many(monkeypatch: pytest.MonkeyPatch
     assert kernels.few(kernels.FEW - kernels.FEW // 2)
     assert not kernels.few(1)
     monkeypatch.setattr(kernels, "_worked_out", 0)
+    kernels.expect_many()
+    assert not kernels.few(1)
+    monkeypatch.setattr(kernels, "_worked_out", 0)
     monkeypatch.setitem(sys.modules, "numba", kernels)
     assert not kernels.few(1)
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Final, cast
 import numpy as np
 from motionlake.arrays import Float64Array
 from motionlake.errors import DamagedError, UserError
+from motionlake.kernels import expect_many
 from motionlake.lake.catalog import fetch, reading
 from motionlake.lake.layout import Lake
 from motionlake.motion.diffusion import NOWHERE, diffused, scale
@@ -85,6 +86,7 @@ class FusedSearcher(LakeSearcher):
         Raises:
             DamagedError: a file of the shortlist is not as it was written.
         """
+        expect_many()
         if self._cascade is not None:
             self._cascade.files.check_moves()
 

@@ -18,6 +18,7 @@ from typing import Any, Final, TypeVar
 from fastapi import Request
 from motionlake import api, sql
 from motionlake.errors import UserError, told_by_sql
+from motionlake.kernels import expect_many
 from motionlake.lake.annotations import Annotations
 from motionlake.lake.catalog import Connection, fetch, fetch_table, reading
 from motionlake.lake.layout import Lake
@@ -68,6 +69,7 @@ class Served:
 
     def warm_up(self) -> None:
         """Read what the first condition and the first default search need."""
+        expect_many()
         with suppress(Exception):  # a lake that is not ready for search says so to who searches
             self.con  # noqa: B018 - opens it
             if self.library.names:
