@@ -9,12 +9,17 @@ from motionlake.service.background import end_background, in_background
 
 
 def test_work_is_waited_for_but_not_for_long() -> None:
-    done, go_on = [], threading.Event()
-    in_background(lambda: done.append(time.sleep(0.05)))
+    done, go_on = threading.Event(), threading.Event()
+
+    def soon() -> None:
+        time.sleep(0.05)
+        done.set()
+
+    in_background(soon)
     in_background(go_on.wait)
     started = time.monotonic()
     assert not end_background(0.2)
-    assert done
+    assert done.is_set()
     assert time.monotonic() - started < 5
     go_on.set()
     assert end_background(5)
