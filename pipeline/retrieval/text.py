@@ -94,7 +94,7 @@ class LakeText:
 
     def hits(self, answers: Answers, places: Sequence[int]) -> list[Hit]:
         """Clips as answers, with what they say of what was asked for; not ranked yet."""
-        rows = self._rows.select(_CLIP).take(pa.array(places, pa.int64())).to_pylist()
+        rows = self._rows.select(_CLIP).take(np.array(places, dtype=np.int64)).to_pylist()
         clips = [CorpusClip(**row) for row in rows]
         with reading(self._lake) as con:
             says = {row["clip"]: row for row in fetch(con, "said_by_clips", {"clips": [clip.clip for clip in clips]})}
