@@ -93,6 +93,15 @@ def test_a_look_at_a_lake_imports_no_library_that_computes(tmp_path: Path, words
     assert imported_by(*words, "--lake", tmp_path) & HEAVY <= needed
 
 
+@pytest.mark.parametrize(
+    "words", [["search", "{clip}"], ["search", "{clip}", "--method", "descriptor"], ["classify", "{clip}"], ["status"]]
+)
+def test_a_search_of_few_clips_imports_no_compiler(built_lake: Path, words: list[str]) -> None:
+    ((clip,),) = query(built_lake, "SELECT min(clip) FROM clips")
+    named = [word.format(clip=clip) for word in words]
+    assert not imported_by(*named, "--lake", built_lake) & {*HEAVY - {"ot"}, "pandas", "scipy.ndimage"}
+
+
 def test_the_package_alone_imports_nothing() -> None:
     code = "import sys; before = set(sys.modules); import motionlake; print(*set(sys.modules) - before)"
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
