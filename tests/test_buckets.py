@@ -220,6 +220,24 @@ def test_a_pull_that_ends_between_settings_and_catalog_is_finished(
     assert_same(tables(lake), tables(copy))
 
 
+def test_a_pull_that_ends_before_it_has_cleaned_up_is_finished(
+    lake: Path, address: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    copy = tmp_path / "copy"
+    said("push", address, "--lake", lake)
+    with monkeypatch.context() as patched:
+        patched.setattr(
+            "motionlake.lake.copies.collect_garbage", lambda *_: (_ for _ in ()).throw(UserError("power cut"))
+        )
+        assert "power cut" in refused("pull", address, "--lake", copy)
+    (left,) = copy.glob("frames/*")
+    left = (left if left.is_dir() else left.parent) / ".part.parquet.0123.tmp"
+    left.write_bytes(b"half of a part")
+    said("pull", address, "--lake", copy)
+    assert not left.exists()
+    assert_same(tables(lake), tables(copy))
+
+
 def test_a_push_that_does_not_hear_that_it_published(
     lake: Path, address: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -189,9 +189,9 @@ def pull(lake: Lake, bucket: Bucket, progress: StepProgress, *, discard: bool = 
         lake.path(name).unlink(missing_ok=True)
     came += [bring(each) for name, each in own.items() if name != lake.catalog.name]
     _take_catalog(lake, bucket, own[lake.catalog.name])
-    _origin(bucket, latest).keep(lake)
     files = {*before, *(each.file for each in latest.files if each.file not in own)}
     collect_garbage(lake, {name.partition("/")[0] for name in files})
+    _origin(bucket, latest).keep(lake)  # last: a pull that is killed before it is done again
     return Moved(bucket.address, latest.number, len(came) + 1, sum(came) + own[lake.catalog.name].size)
 
 
