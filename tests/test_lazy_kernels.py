@@ -74,7 +74,11 @@ def test_kernels_that_functions_make_are_kept_on_disk(tmp_path: Path) -> None:
 def test_a_kernel_goes_to_other_processes_by_its_name() -> None:
     named: Any = dtw._aligned
     assert named.__reduce__() == "_aligned"
-    made: Any = kernels.njit()(lambda x: x)
+
+    def same(x: float) -> float:
+        return x
+
+    made: Any = kernels.njit()(same)
     again, given = made.__reduce__()
     with pytest.raises(TypeError, match="a kernel that a function makes is made again"):
         again(*given)
