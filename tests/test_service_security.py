@@ -216,12 +216,12 @@ def test_read_only_writes_nothing(lake: Path) -> None:
 
 
 def test_an_error_of_the_program_is_no_traceback(built_lake: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from motionlake.service.library import Library
+    from motionlake.service.shelf import Shelf
 
     def fails(*_: object, **__: object) -> None:
         raise ZeroDivisionError("secret detail")
 
-    monkeypatch.setattr(Library, "page", fails)
+    monkeypatch.setattr(Shelf, "page", fails)
     with serving(built_lake) as client:
         answer = client.get("/api/clips")
         assert answer.status_code == 500

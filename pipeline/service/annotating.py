@@ -54,7 +54,7 @@ def decided(
 def annotate(request: Request, asked: AnnotationRequest) -> dict[str, list[str]]:
     """Enter a decision; it is kept in the lake beside what came from the source, and no ingest or run loses it."""
     served = writable(request)
-    rows = served.library.of(asked.clips)
+    rows = served.shelf.of(asked.clips)
     if asked.first is not None or asked.last is not None:
         if len(rows) != 1:
             raise ServiceError(400, "annotation: frames are of one clip")
@@ -101,7 +101,7 @@ def _files(served: Served, clips: set[str], dataset: str | None) -> dict[str, st
     """The file of each clip, as a labels.csv in its source folder names it."""
     with served.cursor() as con:
         rows = [row for row in fetch(con, "labels_of_files") if row["clip"] in clips]
-    places = served.library.of([row["clip"] for row in rows])
+    places = served.shelf.of([row["clip"] for row in rows])
     rows = [row for row, place in zip(rows, places, strict=True) if dataset in (None, place["dataset"])]
     if len({row["root"] for row in rows}) > 1:
         raise ServiceError(400, "the clips come from several source folders, and a CSV is for one; choose a dataset")

@@ -139,7 +139,7 @@ def frames(request: Request, clip: Clip) -> Response:
 
 
 def _stored(served: Served, clip: str) -> pa.Table:
-    row = served.library.of([clip])[0]
+    row = served.shelf.of([clip])[0]
     path = sound(served.lake, served.lake.frames_part(row["dataset"], row["part"]))
     return next(rows for _, rows in read_rows(path, [clip], ("fps", *CHANNELS)))
 

@@ -12,9 +12,9 @@ from motionlake.deep_motifs.clip_map import places
 from motionlake.lake.catalog import fetch_table
 from motionlake.lake.config import load_config
 from motionlake.service.errors import ServiceError
-from motionlake.service.library import SHOWN
 from motionlake.service.places import clusters
 from motionlake.service.served import Served, annotations_of, serving_of
+from motionlake.service.shelf import SHOWN
 from motionlake.stages.clip_map import CLIP_MAP, clip_vectors
 from motionlake.stages.reader import lake_reader
 
@@ -32,14 +32,14 @@ def clip_map(request: Request, colour: Annotated[str, Query(max_length=40)] = "l
     if made is None:
         return {"ready": False, "points": [], "clips": [], "values": [], "clusters": []}
     names, points = made
-    library = served.library
-    rows = np.array([library.places[name] for name in names if name in library.places], np.int64)
+    shelf = served.shelf
+    rows = np.array([shelf.places[name] for name in names if name in shelf.places], np.int64)
     tags = annotations_of(request).tags() if colour == "tags" else {}
     values: list[Any]
     if colour == "tags":
         values = [", ".join(sorted(tags.get(name, ()))) or None for name in names]
     else:
-        values = library.rows.column(colour).take(rows).to_pylist()
+        values = shelf.rows.column(colour).take(rows).to_pylist()
     return {
         "ready": True,
         "points": np.round(points, 4).tolist(),
@@ -64,12 +64,12 @@ def _places(served: Served) -> tuple[list[str], Float64Array]:
         else:
             names, vectors = clip_vectors(at.con, shard.spec["source"])
             points = places(vectors, names)
-    known = [i for i, name in enumerate(names) if name in served.library.places]
+    known = [i for i, name in enumerate(names) if name in served.shelf.places]
     return [names[i] for i in known], points[known]
 
 
 def _clusters(served: Served, names: list[str], points: Float64Array) -> list[dict[str, Any]]:
-    rows = np.array([served.library.places[name] for name in names], np.int64)
-    labels = served.library.rows.column("label").take(rows).to_pylist()
-    datasets = served.library.rows.column("dataset").take(rows).to_pylist()
+    rows = np.array([served.shelf.places[name] for name in names], np.int64)
+    labels = served.shelf.rows.column("label").take(rows).to_pylist()
+    datasets = served.shelf.rows.column("dataset").take(rows).to_pylist()
     return clusters(points, labels, datasets)

@@ -11,10 +11,10 @@ from fastapi import APIRouter, Depends, Query, Request
 from motionlake.lake.catalog import fetch
 from motionlake.retrieval.registry import SEARCHERS, ready
 from motionlake.service.errors import ServiceError
-from motionlake.service.library import FACETS, Filter
 from motionlake.service.motion import Clip
 from motionlake.service.search import nearest
 from motionlake.service.served import Served, annotations_of, serving_of
+from motionlake.service.shelf import FACETS, Filter
 
 router = APIRouter(prefix="/api", tags=["clips"])
 Values = Annotated[list[str], Query(max_length=200)]
@@ -50,13 +50,13 @@ def lake(request: Request) -> dict[str, Any]:
     """What the lake is called and holds, and what can be asked of it."""
     serving = serving_of(request)
     served = serving.now()
-    library = served.library
+    shelf = served.shelf
     return {
         "name": serving.lake.root.name,
         "version": _version(),
-        "clips": len(library.names),
-        "seconds": library.seconds,
-        "datasets": library.datasets,
+        "clips": len(shelf.names),
+        "seconds": shelf.seconds,
+        "datasets": shelf.datasets,
         "facets": [{"column": name, "title": title} for name, title in FACETS.items()],
         "search_methods": _methods(served),
         "exports": request.app.state.exports,
@@ -91,16 +91,16 @@ def clips(
     descending: bool = False,
 ) -> dict[str, Any]:
     """Some of the clips that a filter lets through, in order."""
-    library, tags = serving_of(request).now().library, annotations_of(request).tags()
-    mask = library.mask(chosen, tags)
-    rows = library.page(mask, tags, offset, limit, sort, descending=descending)
+    shelf, tags = serving_of(request).now().shelf, annotations_of(request).tags()
+    mask = shelf.mask(chosen, tags)
+    rows = shelf.page(mask, tags, offset, limit, sort, descending=descending)
     return {"total": int(mask.sum()), "offset": offset, "clips": rows}
 
 
 @router.get("/facets")
 def facets(request: Request, chosen: Chosen) -> dict[str, list[dict[str, Any]]]:
     """How many clips have which value of each facet, and a histogram of lengths."""
-    return serving_of(request).now().library.facets(chosen, annotations_of(request).tags())
+    return serving_of(request).now().shelf.facets(chosen, annotations_of(request).tags())
 
 
 @router.get("/clip")
@@ -111,7 +111,7 @@ def clip(
 ) -> dict[str, Any]:
     """A clip and what is known of it."""
     served, annotations = serving_of(request).now(), annotations_of(request)
-    row = served.library.of([clip])[0]
+    row = served.shelf.of([clip])[0]
     del row["part"]
     with served.cursor() as con:
         known = fetch(con, "clip", {"clip": clip})[0]

@@ -69,7 +69,7 @@ def formats() -> list[str]:
 def export(request: Request, asked: ExportRequest) -> FileResponse:
     """Clips as files of a format, with their manifest, in a zip archive."""
     served = serving_of(request).now()
-    rows = served.library.of([each.clip for each in asked.clips])
+    rows = served.shelf.of([each.clip for each in asked.clips])
     chosen = once(ClipRange(each.clip, each.first, each.last) for each in asked.clips)
     seconds = 0.0
     for each, row in zip(asked.clips, rows, strict=True):
@@ -147,7 +147,7 @@ def synthesize(request: Request, asked: SynthesisRequest) -> dict[str, Any]:
     classes = [asked.classes] if isinstance(asked.classes, str) else list(asked.classes)
     start = None
     if asked.like:
-        rows = served.library.of(asked.like)
+        rows = served.shelf.of(asked.like)
         start = asked.like[0]
         classes = classes or list(
             dict.fromkeys(filter(None, (row["label"] or labels.get(row["clip"]) for row in rows)))

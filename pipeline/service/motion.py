@@ -76,7 +76,7 @@ def unpacked(block: bytes) -> tuple[Float64Array, float, np.ndarray[Any, Any]]:
 def positions_of(served: Served, clips: Sequence[str]) -> dict[str, tuple[FloatArray, float]]:
     """Positions [F, 21, 3] and frames a second of clips, each part of the lake read once."""
     parts: dict[tuple[str, str], list[str]] = defaultdict(list)
-    for row in served.library.of(clips):
+    for row in served.shelf.of(clips):
         parts[row["dataset"], row["part"]].append(row["clip"])
     found: dict[str, tuple[FloatArray, float]] = {}
     for (dataset, part), members in parts.items():

@@ -103,7 +103,7 @@ def search(request: Request, asked: SearchRequest) -> dict[str, Any]:
     if (asked.clip is None) == (asked.upload is None):
         raise ServiceError(400, "search: name a clip, or an upload")
     if asked.clip is not None:
-        row = served.library.of([asked.clip])[0]
+        row = served.shelf.of([asked.clip])[0]
         source: str | Path = asked.clip
         if asked.first is not None or asked.last is not None:
             frame_range(asked.clip, asked.first, asked.last, row["frames"])

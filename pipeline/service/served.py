@@ -28,8 +28,8 @@ from motionlake.retrieval.hits import Hit
 from motionlake.retrieval.protocol import Finds, Query, Searcher
 from motionlake.service.background import end_background, in_background
 from motionlake.service.errors import ServiceError
-from motionlake.service.library import Library
 from motionlake.service.options import Options
+from motionlake.service.shelf import Shelf
 from motionlake.service.turns import Turns
 
 T = TypeVar("T")
@@ -51,7 +51,7 @@ class Served:
             verdicts = {}
             if fetch(con, "view_is_there", {"view": "quality"})[0]["there"]:
                 verdicts = {row["clip"]: row["verdict"] for row in fetch(con, "shelf_verdicts")}
-            self.library = Library(fetch_table(con, "shelf"), verdicts)
+            self.shelf = Shelf(fetch_table(con, "shelf"), verdicts)
         self._kept: dict[object, Any] = {}
         self._making: dict[object, Lock] = {}
         self._started: dict[object, Future[Any]] = {}
@@ -72,10 +72,10 @@ class Served:
         expect_many()
         with suppress(Exception):  # a lake that is not ready for search says so to who searches
             self.con  # noqa: B018 - opens it
-            if self.library.names:
+            if self.shelf.names:
                 searcher = self.searcher("clip", "fused", explain=True, matched=False)
                 with self.searching():
-                    searcher.search([Query(self.library.names[0])], 1)
+                    searcher.search([Query(self.shelf.names[0])], 1)
                 if isinstance(searcher, FusedSearcher):
                     searcher.warm_up()
 

@@ -23,7 +23,7 @@ Span = dict[str, Any]
 def timeline(request: Request, clip: Clip) -> dict[str, Any]:
     """Bands of labelled ranges; those of stages that were not run are missing."""
     served = serving_of(request).now()
-    row = served.library.of([clip])[0]
+    row = served.shelf.of([clip])[0]
     frames, fps = int(row["frames"]), float(row["fps"])
     with served.cursor() as con:
         found = {

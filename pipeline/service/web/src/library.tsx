@@ -55,7 +55,7 @@ export function Library(): React.JSX.Element {
   ]);
   const error = rows.error ?? facets.error;
   return (
-    <main className="library">
+    <main className="collection">
       <FacetList facets={facets.value} at={at} />
       <div className="shelf">
         <div className="toolbar">

@@ -53,7 +53,7 @@ class _Coded:
     values: list[str]
 
 
-class Library:
+class Shelf:
     """The clips of one catalog, in the order of their names."""
 
     def __init__(self, rows: pa.Table, verdicts: Mapping[str, str]) -> None:
