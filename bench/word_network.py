@@ -1,16 +1,18 @@
 """The paper's word network beside others: `python -m bench.word_network [--seeds N] [--rows ROW,...] [--keep FOLDER]
-[--from RECORD] [--minutes N] [SET ...]`.
+[--from RECORD] [--minutes N] [--device DEVICE] [SET ...]`.
 
 The network of Deep Motifs (section 3.3) is trained by the recipe of section 3.4 on the words of a set, without labels,
 until its loss on held-out words stops falling (`[network] recipe = "deep_motifs"`); with random negatives, which are
-the paper's, and with semi-hard ones. Beside it stand raw words, their principal components, and both closed forms
+the paper's, and with semi-hard ones. Rows "with patience" wait six times as long for the loss to fall, so that nobody
+need ask what more steps would have done. Beside it stand raw words, their principal components, and both closed forms
 ("linear", "moves"). Every row goes on as in `bench.representation`: K motifs, tf-idf signatures, exact Earth Mover's
 Distance, leave one out over whole clips. Each row has `--seeds` seeds on every set.
 
 Last comes the choice of a default: each set is left out in turn, and the row is taken that is best on the others.
 
-It takes hours on two cores: after `--minutes` nothing more is begun, and the record names what is left. `--from` a
-record of the same recordings goes on: what it holds is taken from it, and not measured anew.
+It takes hours on two cores, and minutes on CUDA (`--device cuda`; "device" of a run says what trained it): after
+`--minutes` nothing more is begun, and the record names what is left. `--from` a record of the same recordings goes on:
+what it holds is taken from it, and not measured anew. `--keep` goes on from units that were done, here or elsewhere.
 """
 
 from __future__ import annotations
@@ -20,11 +22,13 @@ import json
 import sys
 import time
 from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+import torch
 from motionlake.arrays import Float32Array
 from motionlake.deep_motifs.config import NEGATIVES, NetworkConfig
 from motionlake.deep_motifs.words.deep_motifs import DeepMotifs
@@ -39,30 +43,60 @@ from bench.units import Found, in_processes, unit_options
 
 NAME: Final = "word-network"
 STEPS: Final = 2_000  # at most
+PATIENT_STEPS: Final = 10_000
 PLAIN: Final[Mapping[str, Embedding]] = {
     "raw words": raw,
     "principal components": shallow,
     "linear": partial(learned, architecture="linear"),
     "moves (default)": learned,
 }
-PAPER: Final = {f"the paper's ({negatives} negatives)": negatives for negatives in NEGATIVES}
+PATIENCE: Final = 6 * DeepMotifs().patience
+
+
+@dataclass(frozen=True)
+class Paper:
+    """How the paper's network is trained."""
+
+    negatives: str
+    steps: int = STEPS
+    recipe: DeepMotifs = field(default_factory=DeepMotifs)
+
+
+PAPER: Final = {
+    **{f"the paper's ({negatives} negatives)": Paper(negatives) for negatives in NEGATIVES},
+    **{
+        f"the paper's ({negatives} negatives) with patience": Paper(
+            negatives, PATIENT_STEPS, replace(DeepMotifs(), patience=PATIENCE)
+        )
+        for negatives in NEGATIVES
+    },
+}
 # Set, row and seed.
 Unit = tuple[str, str, int]
 
 
 def trained(
-    clips: list[Float32Array], negatives: str, seed: int, checkpoint: Path | None
+    clips: list[Float32Array], paper: Paper, seed: int, checkpoint: Path | None, device: str
 ) -> tuple[list[Float32Array], Found]:
     """Embedded words of each clip, and how the network that embeds them was trained."""
-    words, config = WordConfig(), NetworkConfig(recipe="deep_motifs", negatives=negatives, seed=seed, steps=STEPS)
+    words = WordConfig()
+    config = NetworkConfig(recipe="deep_motifs", negatives=paper.negatives, seed=seed, steps=paper.steps)
     started = time.process_time()
-    network = train_words(clips, words, config, deep_motifs=DeepMotifs(), checkpoint=checkpoint, device="cpu")
+    network = train_words(clips, words, config, deep_motifs=paper.recipe, checkpoint=checkpoint, device=device)
     seconds = time.process_time() - started
-    found = {**network.metrics, "seconds_of_processor": round(seconds, 1), "measured_every": DeepMotifs().every}
+    found = {
+        **network.metrics, "seconds_of_processor": round(seconds, 1), "measured_every": paper.recipe.every,
+        "device": named(device),
+    }  # fmt: skip
     return [network.embed(word_windows(clip, words)) for clip in clips], found
 
 
-def measure(keep: Path | None, unit: Unit) -> dict[str, Found]:
+def named(device: str) -> str:
+    """What trains: the processor, or the name of the card."""
+    return device if device == "cpu" else torch.cuda.get_device_name(device)
+
+
+def measure(keep: Path | None, device: str, unit: Unit) -> dict[str, Found]:
     """MAP and NN of one row on one set, on one thread; of a network its training too, that a folder may keep."""
     name, row, seed = unit
     with threadpool_limits(limits=1):
@@ -70,8 +104,8 @@ def measure(keep: Path | None, unit: Unit) -> dict[str, Found]:
         seen = features(clips, WordConfig())
         about: Found = {}
         if row in PAPER:
-            checkpoint = keep / f"{name}-{PAPER[row]}-{seed}.safetensors" if keep else None
-            embedded, about = trained(seen, PAPER[row], seed, checkpoint)
+            checkpoint = keep / f"{name}-{list(PAPER).index(row)}-{seed}.safetensors" if keep else None
+            embedded, about = trained(seen, PAPER[row], seed, checkpoint, device)
         else:
             embedded = PLAIN[row](seen, WordConfig(), seed)
         scores = score(embedded, clips, seed)
@@ -135,6 +169,7 @@ def main() -> None:
     unit_options(parser)
     parser.add_argument("--rows", type=lambda text: text.split(","), default=[*PLAIN, *PAPER], help="these alone")
     parser.add_argument("--from", dest="earlier", type=Path, metavar="RECORD", help="go on from a record")
+    parser.add_argument("--device", default="cpu", help="that networks are trained on: cpu, cuda")
     parser.add_argument("--minutes", type=float, default=float("inf"), help="after which nothing more is begun")
     given = parser.parse_args()
     paths = [p for name in given.sets for p in (recordings() / SETS[name].folder).rglob("*") if p.is_file()]
@@ -146,7 +181,9 @@ def main() -> None:
         if seed not in runs.get(row, {}).get(name, {})
     ]
     left = list(chosen)
-    for unit, found in in_processes(partial(measure, given.keep), chosen, given.processes, _said, given.keep):
+    for unit, found in in_processes(
+        partial(measure, given.keep, given.device), chosen, given.processes, _said, given.keep
+    ):
         name, row, seed = unit
         runs.setdefault(row, {}).setdefault(name, {})[seed] = found[row]
         left.remove(unit)
@@ -162,7 +199,8 @@ def main() -> None:
         print(f"without {name}: {one['row']}, here {one['map']:.3f} (moves {one['today']:.3f})")
     print(*(f"left: {_said(unit)}" for unit in left), sep="\n")
     result = {
-        "map": means, "runs": runs, "default_by_others": others, "steps_at_most": STEPS, "k": K,
+        "map": means, "runs": runs, "default_by_others": others, "steps_at_most": STEPS,
+        "steps_at_most_patient": PATIENT_STEPS, "patience": [DeepMotifs().patience, PATIENCE], "k": K,
         "from": given.earlier and given.earlier.stem, "left": [_said(unit) for unit in left],
     }  # fmt: skip
     print(record(NAME, result, data))

@@ -50,7 +50,7 @@ def measure_unlabelled(given: argparse.Namespace) -> dict[str, Any]:
 
 
 def measure_submotion(given: argparse.Namespace) -> dict[str, Any]:
-    return submotion.measure(given.chosen, given.steps, given.epochs, thesis=not given.without_thesis)
+    return submotion.measure(given.chosen, given.steps, given.epochs, rows=given.rows)
 
 
 def measure_performances(given: argparse.Namespace) -> dict[str, Any]:
@@ -77,7 +77,7 @@ def main() -> None:
     parser.add_argument("--keep", type=Path, help="retrieval, curves, choices go on from this folder")
     parser.add_argument("--epochs", type=int, default=0)
     parser.add_argument("--steps", type=int, default=0, help="submotion: of the sub-motion encoder's training")
-    parser.add_argument("--without-thesis", action="store_true", help="submotion: leave out the thesis's recipe")
+    parser.add_argument("--rows", nargs="+", choices=submotion.RECIPES, default=[*submotion.RECIPES], help="submotion")
     given = parser.parse_args()
     given.chosen = tuple(range(given.seeds))
     for part in given.parts or PARTS:

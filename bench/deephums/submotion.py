@@ -33,6 +33,8 @@ SHARES: Final = (0.25, 0.6)
 WORDS: Final = WordConfig()
 SCORES: Final = ("top1", "top5", "iou_source", "iou_hits", "iou_constant", "n")
 GUESSES: Final = np.linspace(0, 1, 51)
+RECIPES: Final = {"motionlake": "default", "thesis": "deephums"}
+PARTS: Final = 40  # of a training, whose mean losses a record keeps
 
 
 @dataclass(frozen=True)
@@ -96,8 +98,8 @@ def from_clips(asked: Float32Array, windows: Float32Array, counts: Sequence[int]
 
 def distances(
     known: Split, test: Split, pieces: Pieces, config: SubmotionConfig, epochs: int = 0
-) -> NDArray[np.float64]:
-    """[n, n] of the pieces from the test clips, as the lake has them: by their windows.
+) -> tuple[NDArray[np.float64], list[float]]:
+    """[n, n] of the pieces from the test clips, as the lake has them: by their windows; and the losses of training.
 
     Recipe "deephums" compares pieces with descriptors of whole clips, by the self-supervised network of the default
     recipe.
@@ -111,26 +113,28 @@ def distances(
     second = TrainedSubmotion(config, network, {"loss": losses[-1]})
     asked = second.embed([piece.sequence for piece in pieces.pieces])
     if first is not None:
-        return euclidean(asked, first.embed(test.sequences))
+        return euclidean(asked, first.embed(test.sequences)), losses
     windows = [piece_windows(len(clip.positions), clip.fps) for clip in test.clips]
     cut_out = [
         clip_sequence(clip.positions[start:stop], clip.fps)
         for clip, several in zip(test.clips, windows, strict=True)
         for start, stop in several
     ]
-    return from_clips(asked, second.embed(cut_out), [len(several) for several in windows])
+    return from_clips(asked, second.embed(cut_out), [len(several) for several in windows]), losses
 
 
-def measure(seeds: Sequence[int] = SEEDS, steps: int = 0, epochs: int = 0, thesis: bool = True) -> dict[str, Any]:
+def measure(
+    seeds: Sequence[int] = SEEDS, steps: int = 0, epochs: int = 0, rows: Sequence[str] = tuple(RECIPES)
+) -> dict[str, Any]:
     """The default recipe with every seed, of the training and of the pieces; the thesis's with the first.
 
     Args:
         seeds: of each run.
-        thesis: measure its recipe at all.
         steps, epochs: of the second network and of the descriptors that "deephums" goes by; 0 are the default.
+        rows: which of `RECIPES`.
     """
     known, test = split_of(SET, "train"), split_of(SET, "test")
-    recipes = {"motionlake": "default", "thesis": "deephums"} if thesis else {"motionlake": "default"}
+    recipes = {row: RECIPES[row] for row in rows}
     runs: dict[str, dict[int, Found]] = {row: {} for row in recipes}
     for seed in seeds:
         pieces, training = cut(test.clips, seed), cut(known.clips, seed)
@@ -142,7 +146,8 @@ def measure(seeds: Sequence[int] = SEEDS, steps: int = 0, epochs: int = 0, thesi
                 continue
             config = SubmotionConfig(recipe=recipe, seed=seed)
             config = replace(config, steps=steps) if steps else config
-            found = ranks(distances(known, test, pieces, config, epochs))
+            apart, losses = distances(known, test, pieces, config, epochs)
+            found = ranks(apart)
             right = located[found == 0]
             runs[row][seed] = {
                 "top1": float((found == 0).mean()),
@@ -151,12 +156,18 @@ def measure(seeds: Sequence[int] = SEEDS, steps: int = 0, epochs: int = 0, thesi
                 "iou_hits": float(right.mean()) if len(right) else 0.0,
                 "iou_constant": float(constant),
                 "guess": list(guess),
+                "steps": len(losses),
+                "loss": [round(float(np.mean(some)), 6) for some in np.array_split(losses, min(PARTS, len(losses)))],
                 "n": len(found),
             }
             print(f"  {row}, seed {seed}: {runs[row][seed]}", flush=True)
-    rows = with_seeds(runs, lambda name: False)
-    print(f"\n{table(SET, rows, SCORES)}")
-    return rows
+    found_rows = with_seeds(runs, lambda name: False)
+    for row, found_row in found_rows.items():
+        first = min(runs[row])
+        found_row["mean"].pop("loss")
+        found_row["loss"] = runs[row][first]["loss"]
+    print(f"\n{table(SET, found_rows, SCORES)}")
+    return found_rows
 
 
 def _frames(split: Split) -> NDArray[np.int64]:
