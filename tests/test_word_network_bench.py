@@ -16,7 +16,7 @@ def run(monkeypatch: pytest.MonkeyPatch, folder: Path, *words: str) -> dict[str,
     """The record that a run writes; every unit has its seed for a mean average precision."""
     monkeypatch.setattr(sys, "argv", ["word_network", "hdm05", "salsa", "--rows", "raw words,linear", *words])
     monkeypatch.setattr("bench.record.RESULTS", folder / "results")
-    monkeypatch.setattr(word_network, "measure", lambda keep, unit: {unit[1]: {"map": 0.1 * unit[2]}})
+    monkeypatch.setattr(word_network, "measure", lambda keep, device, unit: {unit[1]: {"map": 0.1 * unit[2]}})
     monkeypatch.setenv("MOTIONLAKE_DATA", str(folder))
     word_network.main()
     newest = max((folder / "results").iterdir(), key=lambda path: path.stat().st_mtime_ns)

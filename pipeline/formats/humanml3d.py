@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from dataclasses import replace
 from pathlib import Path
-from typing import Final
+from typing import Any, Final, TypeVar
 
 import numpy as np
 from motionlake.arrays import Float64Array, FloatArray
@@ -16,6 +17,9 @@ from motionlake.motion.clip import Hierarchy, SourceClip
 from motionlake.motion.humanml3d import FEATURES, FPS, are_turns, recovered
 from motionlake.motion.smpl import BODY_JOINTS, JOINTS, PARENTS, smpl_clip
 from motionlake.motion.smpl_from_joints import bones_at_rest, joints_turn, tell_of_a_body
+from numpy.typing import NDArray
+
+Number = TypeVar("Number", bound=FloatArray)
 
 KIT_JOINTS: Final = 21
 KIT_FEATURES: Final = 251
@@ -49,10 +53,10 @@ class HumanML3DReader:
         Raises:
             ClipError: the array or its shape is bad, it is one of KIT-ML, or its features are standardised.
         """
-        numbers = read_numbers(data)
+        numbers = _numbers(data)
         rate = FPS if fps is None else fps
-        exact = numbers.astype(np.float64)
-        return [_of_joints(exact, rate) if exact.ndim == 3 else _of_features(exact, rate)]
+        exact = _in_double(numbers)
+        return [_of_joints(exact, rate) if exact.ndim == 3 else _of_features(_checked(exact), rate)]
 
 
 def read_numbers(data: bytes) -> FloatArray:
@@ -60,6 +64,22 @@ def read_numbers(data: bytes) -> FloatArray:
 
     Raises `ClipError` as `read` does.
     """
+    array = _numbers(data)
+    if array.dtype.kind == "f" and array.dtype.itemsize == 4:
+        return _checked(array.astype(np.float32, copy=False))
+    return _checked(_in_double(array))
+
+
+def _in_double(array: NDArray[Any]) -> Float64Array:
+    """The numbers in double precision; one that is too large for it is infinite."""
+    if array.dtype.itemsize <= 8:
+        return array.astype(np.float64)
+    with np.errstate(invalid="ignore", over="ignore"):
+        return array.astype(np.float64)
+
+
+def _numbers(data: bytes) -> NDArray[Any]:
+    """The array of a file that holds joints or features, as it lies there."""
     array = npy_array(data, _NAME, _check_room)
     if array.dtype.kind not in "fiu":
         raise ClipError(f"is {described(array)}, not numbers")
@@ -69,18 +89,28 @@ def read_numbers(data: bytes) -> FloatArray:
         raise ClipError(f"is {described(array)}, not [frames, 22, 3] or [frames, 263]")
     if not len(array):
         raise ClipError("has no frame")
-    single = array.dtype.kind == "f" and array.dtype.itemsize == 4
-    with np.errstate(invalid="ignore", over="ignore"):
-        numbers: FloatArray = array.astype(np.float32 if single else np.float64, copy=False)
+    return array
+
+
+def _checked(numbers: Number) -> Number:
+    """The same numbers; `ClipError` where one cannot be a place or a feature."""
     if not (numbers.min() >= -FARTHEST and numbers.max() <= FARTHEST):  # false for NaN too
         raise ClipError("has a number that is not finite or absurdly large")
     return numbers
 
 
 def _of_joints(positions: Float64Array, fps: float) -> SourceClip:
-    hierarchy = Hierarchy.of_positions(JOINTS[:BODY_JOINTS], PARENTS[:BODY_JOINTS])
     channels = positions.reshape(len(positions), -1)
-    return SourceClip(hierarchy, channels, fps, metres_per_unit=1.0, up="y", twist=False)
+    return SourceClip(_hierarchy(), channels, fps, metres_per_unit=1.0, up="y", twist=False)
+
+
+@functools.cache
+def _hierarchy() -> Hierarchy:
+    """The tree of all clips of joints; nothing writes to its arrays."""
+    tree = Hierarchy.of_positions(JOINTS[:BODY_JOINTS], PARENTS[:BODY_JOINTS])
+    for array in (tree.offsets, tree.axes):
+        array.setflags(write=False)
+    return tree
 
 
 def _of_features(rows: Float64Array, fps: float) -> SourceClip:

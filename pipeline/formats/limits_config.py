@@ -7,8 +7,7 @@ is known when that limit has been raised.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager
 from contextvars import ContextVar
 from dataclasses import dataclass, fields
 from typing import Final
@@ -67,9 +66,12 @@ class Limits:
 
     def check_body(self, frames: int, joints: int, size: int = 0, line: int | None = None) -> None:
         """The same for a body of so many frames and joints that is in `size` bytes, before room is made for it."""
+        memory = size + frames * (FRAME_BYTES + JOINT_BYTES * joints)
+        if joints <= self.joints and frames <= self.frames and memory <= self.memory_megabytes * MIB:
+            return
         self.check("joints", joints, f"has {joints} joints", line)
         self.check("frames", frames, f"has {frames} frames", line)
-        self.check_memory(size + frames * (FRAME_BYTES + JOINT_BYTES * joints), line)
+        self.check_memory(memory, line)
 
     def most_frames(self, joints: int) -> int:
         """Frames of so many joints that `check_body` lets pass, and one more."""
@@ -102,14 +104,22 @@ def limits() -> Limits:
     return _current.get()
 
 
-@contextmanager
-def within(chosen: Limits) -> Iterator[None]:
+def within(chosen: Limits) -> AbstractContextManager[None]:
     """Have other limits hold."""
-    token = _current.set(chosen)
-    try:
-        yield
-    finally:
-        _current.reset(token)
+    return _Within(chosen)
+
+
+class _Within(AbstractContextManager[None]):
+    """Much of what a small file takes to read would be a generator's way in and out."""
+
+    def __init__(self, chosen: Limits) -> None:
+        self._chosen = chosen
+
+    def __enter__(self) -> None:
+        self._token = _current.set(self._chosen)
+
+    def __exit__(self, *_: object) -> None:
+        _current.reset(self._token)
 
 
 TABLE: Final = "limits"

@@ -9,6 +9,7 @@ import pkgutil
 import stat
 import zlib
 from gzip import BadGzipFile, GzipFile
+from io import FileIO
 from pathlib import Path
 from types import ModuleType
 from typing import BinaryIO, Final, Protocol, runtime_checkable
@@ -72,13 +73,13 @@ def readers() -> tuple[Reader, ...]:
 
 
 @functools.cache
-def _by_suffix(every: tuple[Reader, ...]) -> tuple[tuple[str, tuple[Reader, ...]], ...]:
-    """The readers of every suffix, the longest first."""
+def _by_suffix(every: tuple[Reader, ...]) -> dict[str, tuple[Reader, ...]]:
+    """The readers of every suffix, which is what a name has from its last dot on."""
     found: dict[str, tuple[Reader, ...]] = {}
     for reader in every:
         for suffix in reader.suffixes:
             found[suffix] = (*found.get(suffix, ()), reader)
-    return tuple(sorted(found.items(), key=lambda each: -len(each[0])))
+    return found
 
 
 def reader_for(path: Path) -> Reader | None:
@@ -87,7 +88,7 @@ def reader_for(path: Path) -> Reader | None:
     Of readers of one suffix it is the first that claims the file there, or else one that claims none.
     """
     name = path.name.lower().removesuffix(COMPRESSED_SUFFIX)
-    of_suffix = next((found for suffix, found in _by_suffix(readers()) if name.endswith(suffix)), ())
+    of_suffix = _by_suffix(readers()).get("".join(name.rpartition(".")[1:]), ()) if "." in name else ()
     if not of_suffix:
         return None
     if len(of_suffix) == 1:
@@ -179,17 +180,26 @@ def load_bytes(path: Path, limit: int | None = None) -> bytes:
         state = path.stat()
         if not stat.S_ISREG(state.st_mode):
             raise ClipError("is not a regular file")
-        with path.open("rb") as raw:
-            _check_size(state.st_size, limit)
-            if path.name.lower().endswith(COMPRESSED_SUFFIX):
+        _check_size(state.st_size, limit)
+        if path.name.lower().endswith(COMPRESSED_SUFFIX):
+            with path.open("rb") as raw:
                 return _decompress(raw, limit)
-            return raw.read(state.st_size)
+        with path.open("rb", buffering=0) as plain:
+            return _first(plain, state.st_size)
     except FileNotFoundError as error:
         raise ClipError("does not exist") from error
     except (EOFError, BadGzipFile, zlib.error) as error:
         raise ClipError(f"damaged gzip stream: {error}") from error
     except OSError as error:
         raise ClipError(f"cannot be read: {error.strerror or error}") from error
+
+
+def _first(raw: FileIO, size: int) -> bytes:
+    """So many bytes of a file, or all where it has fewer; one call may bring less than it is asked for."""
+    data = raw.read(size)
+    while len(data) < size and (more := raw.read(size - len(data))):
+        data += more
+    return data
 
 
 def _check_size(size: int, limit: int | None, when: str = "") -> None:

@@ -12,8 +12,7 @@ import struct
 import tokenize
 import zipfile
 import zlib
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Final
 
@@ -32,6 +31,15 @@ _NAME_LENGTHS_AT: Final = 26
 _NAME_LENGTHS: Final = "<HH"
 MAGIC: Final = b"\x93NUMPY"
 COMPRESSIONS: Final = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
+_DAMAGE: Final = (
+    zipfile.BadZipFile,
+    zlib.error,
+    struct.error,
+    OSError,
+    EOFError,
+    ValueError,
+    OverflowError,
+)
 _ENTRY: Final = b"PK\x01\x02"
 _ARCHIVE: Final = ".npz archive"
 _DIRECTORY_BYTES: Final = 64 * 1024
@@ -63,7 +71,7 @@ class NpzArchive:
         self._data = data
         if data.count(_ENTRY) > MAX_ENTRIES:
             raise ClipError(f"is an archive of more than {MAX_ENTRIES} files")
-        with _faults_told(_ARCHIVE):
+        with _FaultsTold(_ARCHIVE):
             self._archive = zipfile.ZipFile(io.BytesIO(data))
         self.names = frozenset(name.removesuffix(".npy") for name in self._archive.namelist() if name.endswith(".npy"))
 
@@ -73,7 +81,7 @@ class NpzArchive:
         Raises:
             ClipError: there is none of that name, it is damaged or holds Python objects, or there is no room for it.
         """
-        with _faults_told(_ARCHIVE):
+        with _FaultsTold(_ARCHIVE):
             return self._array(name, check_room)
 
     def _array(self, name: str, check_room: RoomCheck) -> NDArray[Any]:
@@ -116,7 +124,7 @@ def npy_array(data: bytes, name: str, check_room: RoomCheck) -> NDArray[Any]:
     Raises:
         ClipError: it is damaged or holds Python objects, or there is no room for it.
     """
-    with _faults_told("array"):
+    with _FaultsTold("array"):
         shape, fortran, dtype, start = _checked_header(data[:MAX_HEADER_BYTES], name, len(data), check_room)
         return np.frombuffer(memoryview(data)[start:], dtype=dtype).reshape(shape, order="F" if fortran else "C")
 
@@ -187,12 +195,17 @@ def _header(head: bytes, name: str) -> tuple[tuple[int, ...], bool, np.dtype[Any
     return shape, fortran, dtype, stream.tell()
 
 
-@contextmanager
-def _faults_told(kind: str) -> Iterator[None]:
+class _FaultsTold:
     """Faults of a file, called by its kind, as `ClipError`."""
-    try:
-        yield
-    except (zipfile.BadZipFile, zlib.error, struct.error, OSError, EOFError, ValueError, OverflowError) as error:
-        raise ClipError(f"damaged {kind}: {error}") from error
-    except (NotImplementedError, RuntimeError) as error:
-        raise ClipError(f"unsupported {kind}: {error}") from error
+
+    def __init__(self, kind: str) -> None:
+        self._kind = kind
+
+    def __enter__(self) -> None:
+        pass
+
+    def __exit__(self, _: object, error: BaseException | None, __: object) -> None:
+        if isinstance(error, _DAMAGE):
+            raise ClipError(f"damaged {self._kind}: {error}") from error
+        if isinstance(error, (NotImplementedError, RuntimeError)):
+            raise ClipError(f"unsupported {self._kind}: {error}") from error
