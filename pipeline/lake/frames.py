@@ -14,7 +14,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
-from motionlake.columns import numbers
+from motionlake.columns import matrix_of
 from motionlake.errors import UserError
 from motionlake.lake.catalog import Connection, fetch
 from motionlake.lake.integrity import sound
@@ -119,20 +119,12 @@ def to_table(frames: Frames, part: str, position_step: float, rotation_step: flo
 
 def from_table(clip: str, table: pa.Table) -> Frames:
     """The arrays of one clip's rows (sorted by frame), of the columns there are; rotations are normalised again."""
-    positions = _matrix(table, PLACES).reshape(table.num_rows, -1, 3)
+    positions = matrix_of(table, PLACES).reshape(table.num_rows, -1, 3)
     fps = table.column("fps")[0].as_py()
     if ROTATION_CHANNELS[0] not in table.column_names:
         return Frames(clip, fps, np.empty((table.num_rows, 0, 4), dtype=np.float32), positions)
-    rotations = _matrix(table, ROTATION_CHANNELS).reshape(table.num_rows, -1, 4)
+    rotations = matrix_of(table, ROTATION_CHANNELS).reshape(table.num_rows, -1, 4)
     return Frames(clip, fps, rotations / np.linalg.norm(rotations, axis=-1, keepdims=True), positions)
-
-
-def _matrix(table: pa.Table, columns: Sequence[str]) -> NDArray[np.float32]:
-    """[rows, columns], filled a column at a time."""
-    found = np.empty((len(columns), table.num_rows), dtype=np.float32)
-    for row, name in zip(found, columns, strict=True):
-        row[:] = numbers(table.column(name))
-    return np.ascontiguousarray(found.T)
 
 
 def footer_clip(fps: float, rest_offsets: ArrayLike) -> dict[str, Any]:

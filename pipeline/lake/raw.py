@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
-from motionlake.columns import numbers
+from motionlake.columns import matrix_of
 from motionlake.lake.catalog import Connection, fetch
 from motionlake.lake.config import canonical_json
 from motionlake.lake.frames import canonical_motion, columns_of, key_columns
@@ -87,7 +87,7 @@ def own_rig(con: Connection, lake: Lake, clip: str) -> SourceClip:
     names = hierarchy.channel_names
     path = sound(lake, lake.raw_part(row["layout"], row["part"]))
     table = pq.read_table(path, columns=["frame", *names], filters=[("clip", "==", clip)]).sort_by("frame")
-    channels = np.column_stack([numbers(table.column(n)) for n in names]).astype(float)
+    channels = matrix_of(table, names).astype(float)
     return SourceClip(hierarchy, channels, row["fps"], row["body"], row["metres_per_unit"])
 
 

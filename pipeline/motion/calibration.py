@@ -63,12 +63,19 @@ def jumps(positions: FloatArray, seam: float = SEAM) -> list[Jump]:
     mean = steps.mean(axis=1)
     if not (mean > seam).any():
         return []
-    padded = np.pad(steps, ((AROUND, AROUND), (0, 0)), mode="reflect")
-    shifted = [padded[AROUND + by : AROUND + by + len(steps)] for by in range(-AROUND, AROUND + 1) if by]
-    usual = np.max(shifted, axis=0)
-    around = np.max([each.mean(axis=1) for each in shifted], axis=0)
-    jumped = (mean > STEPS * around) & (mean - around > seam) & ((steps > 2 * usual).mean(axis=1) > 0.5)
+    around = _greatest_beside(mean[:, None])[:, 0]
+    jumped = (mean > STEPS * around) & (mean - around > seam)
+    if not jumped.any():
+        return []
+    jumped &= (steps > 2 * _greatest_beside(steps)).mean(axis=1) > 0.5
     return [Jump(start, stop, float(mean[start:stop].max())) for start, stop in runs(jumped, 1)]
+
+
+def _greatest_beside(steps: Float64Array) -> Float64Array:
+    """[S, n] the greatest of the `AROUND` rows before and after each of [S, n]; at the ends the rows are mirrored."""
+    padded = np.concatenate([steps[AROUND:0:-1], steps, steps[-2 : -AROUND - 2 : -1]])
+    beside = [padded[AROUND + by : AROUND + by + len(steps)] for by in range(-AROUND, AROUND + 1) if by]
+    return np.asarray(np.maximum.reduce(beside), np.float64)
 
 
 def recorded_range(positions: FloatArray, fps: float) -> tuple[int, int]:

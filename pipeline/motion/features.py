@@ -128,19 +128,23 @@ def word_features(positions: Float64Array, rotations: Float64Array, fps: float, 
     return _position_features(sampled, body_length(positions), config)
 
 
+_BONES: Final = tuple(
+    (INDEX[start], INDEX[end])
+    for start, end in (
+        ("left_hip", "left_knee"), ("left_knee", "left_ankle"), ("right_hip", "right_knee"),
+        ("right_knee", "right_ankle"), ("hips", "neck"),
+    )
+)  # fmt: skip
+
+
 def body_length(positions: Float64Array) -> float:
     """Leg plus torso in metres: thigh + shin (mean of both sides) + hips to neck, medians over the clip.
 
     Raises `ValueError` where it is zero or not finite.
     """
-
-    def bone(start: str, end: str) -> float:
-        return float(np.median(np.linalg.norm(positions[:, INDEX[end]] - positions[:, INDEX[start]], axis=-1)))
-
-    legs = sum(
-        bone(f"{side}_hip", f"{side}_knee") + bone(f"{side}_knee", f"{side}_ankle") for side in ("left", "right")
-    )
-    length = legs / 2 + bone("hips", "neck")
+    x, y, z = np.moveaxis(np.stack([positions[:, end] - positions[:, start] for start, end in _BONES]), -1, 0)
+    left_thigh, left_shin, right_thigh, right_shin, torso = np.median(np.sqrt(x * x + y * y + z * z), axis=1).tolist()
+    length = float(((left_thigh + left_shin) + (right_thigh + right_shin)) / 2 + torso)
     if not (np.isfinite(length) and length > 0):
         raise ValueError(f"leg plus torso measure {length} m: the body has no size")
     return length

@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.collections import LineCollection, PatchCollection
 from matplotlib.patches import Circle
 from motionlake.arrays import Float32Array, Float64Array, FloatArray
-from motionlake.columns import numbers
+from motionlake.columns import matrix_of
 from motionlake.lake.catalog import Connection, fetch
 from motionlake.lake.frames import POSITION_CHANNELS, ROOT_CHANNELS, read_rows
 from motionlake.lake.integrity import sound
@@ -52,8 +52,7 @@ class PoseReader:
         for (dataset, part), members in parts.items():
             path = sound(self._lake, self._lake.frames_part(dataset, part))
             for clip, rows in read_rows(path, members, _CHANNELS):
-                matrix = np.column_stack([numbers(rows.column(name)) for name in _CHANNELS])
-                found[clip] = matrix.reshape(rows.num_rows, -1, 3)
+                found[clip] = matrix_of(rows, _CHANNELS).reshape(rows.num_rows, -1, 3)
         return found
 
 

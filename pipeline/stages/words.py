@@ -9,7 +9,7 @@ from typing import Any, Final
 
 import numpy as np
 import pyarrow as pa
-from motionlake.columns import numbers, read_parquet
+from motionlake.columns import matrix_of, read_parquet
 from motionlake.lake import frames
 from motionlake.lake.catalog import Connection
 from motionlake.lake.config import config_hash
@@ -92,6 +92,6 @@ def read_features(path: Path) -> Iterator[tuple[str, NDArray[np.float32]]]:
     """(clip, [T, D]) of every clip of a features part, in order."""
     table = read_parquet(path)
     columns = [n for n in table.column_names if n not in {name for name, _ in PART_KEYS}]
-    matrix = np.column_stack([numbers(table.column(n)) for n in columns])
+    matrix = matrix_of(table, columns)
     for clip, rows in frames.runs_of(table.column("clip")):
         yield clip, matrix[rows]
