@@ -131,6 +131,7 @@ SMOKES: Final[Sequence[Smoke]] = (
     Smoke("bench.retargeting", (), {"bench.retargeting.CLIPS": 1}),
     Smoke("bench.rigs"),
     Smoke("bench.sorting", ("hdm05", "--seeds", "0"), {}),
+    Smoke("bench.quality_alarms", ("OUT/alarms", "cmu_dance", "spike"), {"bench.quality_alarms.MOST": 2}),
     Smoke("bench.first_pages", ("OUT/pages",), {"bench.first_pages.DRAWN": {"cmu_exercises": 1}}),
     Smoke("bench.nights", ("--first", "6", "--nights", "2", "--clips", "2", "--seconds", "4", "--every", "1")),
     Smoke("bench.window_search", ("--clips", "6", "--queries", "2", "--rounds", "1"),
