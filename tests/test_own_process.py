@@ -6,6 +6,9 @@ import os
 import signal
 import subprocess
 import sys
+import tempfile
+from collections.abc import Callable
+from contextlib import nullcontext
 from pathlib import Path
 
 import pytest
@@ -49,7 +52,7 @@ def ask(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):  # type: ignore[no-unt
     yield read
     for servers in own_process._waiting.values():
         for server, _ in servers:
-            own_process._end(server)
+            server.end()
 
 
 def test_one_child_reads_many_files(ask) -> None:  # type: ignore[no-untyped-def]
@@ -85,6 +88,20 @@ def test_a_file_that_takes_too_long_is_rejected(ask) -> None:  # type: ignore[no
     assert ask("good")[0] == "good"
 
 
+@pytest.mark.parametrize("word", ["good", "reject", "crash"])
+def test_what_a_file_leaves_on_the_disk_goes_with_the_server(
+    ask: Callable[[str], list[str]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, word: str
+) -> None:
+    monkeypatch.setattr(own_process, "mkdtemp", lambda prefix: tempfile.mkdtemp(prefix=prefix, dir=tmp_path))
+    with nullcontext() if word == "good" else pytest.raises(ClipError):
+        ask(word)
+    ask("good")
+    [[(server, _)]] = own_process._waiting.values()
+    assert list(tmp_path.glob("motionlake-*")) == [server.folder]
+    server.end()
+    assert not server.folder.exists()
+
+
 def test_a_server_that_was_killed_while_it_waited_rejects_nothing(ask) -> None:  # type: ignore[no-untyped-def]
     _, server, child = ask("good")
     os.kill(int(server), signal.SIGKILL)
@@ -99,16 +116,19 @@ def test_a_server_ends_with_its_parent(tmp_path: Path) -> None:
         "print(read_apart('made_up_reader', '', b'good').tobytes().decode())\n"
     )
     path = os.pathsep.join([str(tmp_path), *sys.path])
+    folders = tmp_path / "folders"
+    folders.mkdir()
     ran = subprocess.run(
         [sys.executable, "-c", program],
         capture_output=True,
         text=True,
         check=True,
-        env=os.environ | {"PYTHONPATH": path},
+        env=os.environ | {"PYTHONPATH": path, "TMPDIR": str(folders)},
     )
     ids = [int(word) for word in ran.stdout.split()[1:]]
     for _ in range(100):
         if not any(Path(f"/proc/{each}/cmdline").exists() for each in ids):
+            assert not list(folders.iterdir())
             return
         os.sched_yield()
         signal.sigtimedwait([], 0.05)

@@ -21,6 +21,9 @@ def missing_samples(positions: Float64Array) -> BoolArray:
     `positions` are [F, J, 3], the root first. A root at the origin in every frame that has it is a root-centred
     recording, not a missing joint.
     """
+    # Most recordings lack nothing: none of their numbers is zero, not finite, or so large as their squares' sum.
+    if np.vdot(positions, positions) <= FARTHEST**2 and positions[..., 0].all():
+        return np.zeros(positions.shape[:2], bool)
     with np.errstate(invalid="ignore"):
         sound = all_three(np.abs(positions) <= FARTHEST)
     at_origin = all_three(positions == 0.0)

@@ -77,7 +77,7 @@ class TableReader:
         numbers = table.read([*places, *([columns.time] if timed and columns.time is not None else [])])
         if len(numbers) < 2:
             raise ClipError(f"has {len(numbers)} frame(s); a motion needs at least two")
-        positions = numbers[:, : len(places)].reshape(len(numbers), -1, 3)
+        positions = np.ascontiguousarray(numbers[:, : len(places)]).reshape(len(numbers), -1, 3)
         missing = missing_samples(positions) if said.gaps else ~all_three(np.isfinite(positions))
         filled, repaired = fill_missing(positions, missing, joints)
         rate, notes = (fps or said.fps or 0.0), repair_note(repaired, len(filled))
@@ -145,7 +145,8 @@ def _tree(
     return tuple(names[joint] for joint in order), tuple(rank[parents[joint]] for joint in order)
 
 
-def _known(joints: tuple[str, ...]) -> dict[str, str]:
+@functools.lru_cache(maxsize=64)
+def _known(joints: tuple[str, ...]) -> Mapping[str, str]:
     """The parent of each joint where the names are those of a known rig; what it does not name hangs from the root."""
     try:
         rig = identify(joints, _rigs())

@@ -15,16 +15,17 @@ import gc
 import json
 import os
 import select
+import shutil
 import signal
 import struct
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Sequence
-from contextlib import suppress
-from dataclasses import asdict
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from tempfile import TemporaryDirectory
+from tempfile import mkdtemp
 from threading import Timer
 from typing import IO, Any, Final
 
@@ -45,9 +46,69 @@ _MOST_FILES: Final = 200  # that one child reads
 _GROWN: Final = 256 * MIB  # address space that a child may take on from file to file
 _ENDED, _NOTHING_ASKED = 1, 3  # how a child ends that sent no answer
 _CAN_FORK: Final = hasattr(os, "fork")
+_FOLDER: Final = "MOTIONLAKE_READERS_FOLDER"  # of the environment of a server
+
+
+@dataclass(frozen=True)
+class _Server:
+    """A process whose children read files.
+
+    Attributes:
+        command: that it runs.
+        process: its pipes tell at once when they are full or empty, where the system can wait for several.
+        folder: for files that the library reads from the disk; removed with the server.
+    """
+
+    command: tuple[str, ...]
+    process: subprocess.Popen[bytes]
+    folder: Path
+
+    @classmethod
+    def started(cls, command: tuple[str, ...]) -> _Server:
+        folder = mkdtemp(prefix="motionlake-")
+        process = subprocess.Popen(
+            command, bufsize=0, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
+            env=os.environ | _ONE_THREAD | {_FOLDER: folder}, process_group=0 if _CAN_FORK else None,
+        )  # fmt: skip
+        for pipe in (process.stdin, process.stdout):
+            assert pipe is not None
+            _widen(pipe)
+            if _CAN_FORK:
+                os.set_blocking(pipe.fileno(), False)
+        return cls(command, process, Path(folder))
+
+    def ask(self, about: bytes, data: bytes, until: float | None) -> tuple[int, UInt8Array]:
+        """Send a file; what the answer is, and the answer. `OSError` or `EOFError` where there is none.
+
+        `TimeoutError` where it does not come until then.
+        """
+        asked, answers = self.process.stdin, self.process.stdout
+        assert asked is not None
+        assert answers is not None
+        for part in (_SIZES.pack(len(about), len(data)) + about, data):
+            rest = memoryview(part)
+            while rest:
+                sent = asked.write(rest)
+                if sent is None:
+                    _wait(until, writing=asked)
+                rest = rest[sent or 0 :]
+        what, size = _SIZES.unpack(_received(answers, _SIZES.size, until).data)
+        return what, _received(answers, size, until)
+
+    def end(self) -> None:
+        """End it and its child."""
+        with suppress(OSError):
+            if _CAN_FORK:
+                os.killpg(self.process.pid, signal.SIGKILL)
+            else:
+                self.process.kill()
+        with self.process:  # closes pipes and waits
+            pass
+        shutil.rmtree(self.folder, ignore_errors=True)
+
 
 # Servers that wait, by their command, and since when.
-_waiting: Final[dict[tuple[str, ...], list[tuple[subprocess.Popen[bytes], float]]]] = {}
+_waiting: Final[dict[tuple[str, ...], list[tuple[_Server, float]]]] = {}
 if _CAN_FORK:
     os.register_at_fork(after_in_child=_waiting.clear)
 
@@ -61,9 +122,10 @@ def read_apart(module: str, library: str, data: bytes) -> UInt8Array:
     """
     command = (sys.executable, "-P", "-m", module)
     server = _waiting_server(command)
-    answer = None if server is None else _asked(server, command, data)
+    answer = None if server is None else _asked(server, data)
     if answer is None or answer[0] == _REJECTED_LATER:
-        answer = _asked(_waiting_server(command) if answer else _started(command), command, data)
+        fresh = (_waiting_server(command) if answer else None) or _Server.started(command)
+        answer = _asked(fresh, data)
     if answer is None:
         raise ClipError(f"{library} cannot read it: it ended while it read the file")
     what, content = answer
@@ -72,106 +134,99 @@ def read_apart(module: str, library: str, data: bytes) -> UInt8Array:
     return content
 
 
-def _asked(
-    server: subprocess.Popen[bytes] | None, command: tuple[str, ...], data: bytes
-) -> tuple[int, UInt8Array] | None:
+def _asked(server: _Server, data: bytes) -> tuple[int, UInt8Array] | None:
     """What a server answers of a file, or None where it ends; `ClipError` where it takes too long.
 
     One that answered waits for the next file.
     """
-    server, seconds, late = server or _started(command), limits().seconds, []
-
-    def stop() -> None:
-        late.append(True)
-        _end(server)
-
-    timer = Timer(seconds, stop)
-    timer.daemon = True
+    allowed = limits()
+    until = time.monotonic() + allowed.seconds if allowed.seconds else None
     try:
-        if seconds:
-            timer.start()
-        with TemporaryDirectory(prefix="motionlake-") as folder:
-            answer = _ask(server, json.dumps([asdict(limits()), folder]).encode(), data)
-    except (OSError, EOFError) as error:
-        _end(server)
-        if late:
-            raise ClipError(f"took more than {seconds} s to read; [limits] seconds in config.toml") from error
+        with _stopped_then(server, allowed.seconds):
+            answer = server.ask(json.dumps(asdict(allowed)).encode(), data, until)
+    except TimeoutError as error:
+        server.end()
+        reason = f"took more than {allowed.seconds} s to read; [limits] seconds in config.toml"
+        raise ClipError(reason) from error
+    except (OSError, EOFError):
+        server.end()
         return None
     except BaseException:
-        _end(server)
+        server.end()
         raise
-    finally:
-        timer.cancel()
-    if _CAN_FORK and not late:
-        _waiting.setdefault(command, []).append((server, time.monotonic()))
+    if _CAN_FORK:
+        _waiting.setdefault(server.command, []).append((server, time.monotonic()))
     else:
-        _end(server)
+        server.end()
     return answer
 
 
-def _waiting_server(command: tuple[str, ...]) -> subprocess.Popen[bytes] | None:
+@contextmanager
+def _stopped_then(server: _Server, seconds: float) -> Iterator[None]:
+    """Where the system cannot wait for pipes, a thread ends a server after so many seconds: `TimeoutError`."""
+    if _CAN_FORK or not seconds:
+        yield
+        return
+    late: list[bool] = []
+
+    def stop() -> None:
+        late.append(True)
+        server.process.kill()
+
+    timer = Timer(seconds, stop)
+    timer.daemon = True
+    timer.start()
+    try:
+        yield
+    except (OSError, EOFError) as error:
+        if late:
+            raise TimeoutError from error
+        raise
+    finally:
+        timer.cancel()
+
+
+def _waiting_server(command: tuple[str, ...]) -> _Server | None:
     """A server that waits, if there is one."""
     waiting = _waiting.get(command, [])
     while waiting:
         server, since = waiting.pop()
-        if server.poll() is None and time.monotonic() - since < _IDLE_SECONDS / 2:
+        if server.process.poll() is None and time.monotonic() - since < _IDLE_SECONDS / 2:
             return server
-        _end(server)
+        server.end()
     return None
 
 
-def _started(command: tuple[str, ...]) -> subprocess.Popen[bytes]:
-    """A new server."""
-    server = subprocess.Popen(
-        command, bufsize=0, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
-        env=os.environ | _ONE_THREAD, process_group=0 if _CAN_FORK else None,
-    )  # fmt: skip
-    for pipe in (server.stdin, server.stdout):
-        _widen(pipe)
-    return server
-
-
-def _ask(server: subprocess.Popen[bytes], about: bytes, data: bytes) -> tuple[int, UInt8Array]:
-    """Send a file; what the answer is, and the answer. `OSError` or `EOFError` where there is none."""
-    assert server.stdin is not None
-    assert server.stdout is not None
-    for part in (_SIZES.pack(len(about), len(data)) + about, data):
-        rest = memoryview(part)
-        while rest:
-            rest = rest[server.stdin.write(rest) :]
-    what, size = _SIZES.unpack(_received(server.stdout, _SIZES.size).data)
-    return what, _received(server.stdout, size)
-
-
-def _received(stream: IO[bytes], size: int) -> UInt8Array:
-    """So many bytes; `EOFError` where there are fewer."""
+def _received(stream: IO[bytes], size: int, until: float | None = None) -> UInt8Array:
+    """So many bytes; `EOFError` where there are fewer, `TimeoutError` where they are not there until then."""
     found = np.empty(size, np.uint8)
     rest = found.data
     while rest:
         count = stream.readinto(rest)  # type: ignore[attr-defined]
-        if not count:
+        if count is None:
+            _wait(until, reading=stream)
+        elif not count:
             raise EOFError
-        rest = rest[count:]
+        rest = rest[count or 0 :]
     return found
 
 
-def _end(server: subprocess.Popen[bytes]) -> None:
-    """End a server and its child."""
-    with suppress(OSError):
-        if _CAN_FORK:
-            os.killpg(server.pid, signal.SIGKILL)
-        else:
-            server.kill()
-    with server:  # closes pipes and waits
-        pass
+def _wait(until: float | None, *, reading: IO[bytes] | None = None, writing: IO[bytes] | None = None) -> None:
+    """Until a pipe has something, or room; `TimeoutError` where that takes longer."""
+    left = None if until is None else 1000 * max(0.0, until - time.monotonic())
+    waiting = select.poll()
+    for pipe, event in ((reading, select.POLLIN), (writing, select.POLLOUT)):
+        if pipe is not None:
+            waiting.register(pipe, event)
+    if not waiting.poll(left):
+        raise TimeoutError
 
 
-def _widen(pipe: IO[bytes] | None) -> None:
+def _widen(pipe: IO[bytes]) -> None:
     """Have a pipe hold more, where the system can."""
     try:
         import fcntl
 
-        assert pipe is not None
         fcntl.fcntl(pipe, fcntl.F_SETPIPE_SZ, _PIPE_BYTES)
     except (ImportError, AttributeError, OSError):
         return
@@ -202,29 +257,41 @@ def serve(read: Callable[[bytes, Path], Sequence[memoryview]], prepare: Callable
 
 def _answer_all(read: Callable[[bytes, Path], Sequence[memoryview]], answers: IO[bytes]) -> int:
     """Be the child: read files until one is rejected or memory has grown; the code to end with."""
-    asked, own = os.fdopen(0, "rb", buffering=0), _address_space()
+    asked, own, home = os.fdopen(0, "rb", buffering=0), _address_space(), Path(os.environ[_FOLDER])
     for number in range(_MOST_FILES if _CAN_FORK else 1):
-        if _CAN_FORK and not select.select([asked], [], [], _IDLE_SECONDS)[0]:
+        file = _next_file(asked)
+        if file is None:  # whoever asked may be gone, and then does not remove it
+            shutil.rmtree(home, ignore_errors=True)
             return _NOTHING_ASKED
-        try:
-            head, size = _SIZES.unpack(_received(asked, _SIZES.size).data)
-        except EOFError:
-            return _NOTHING_ASKED
-        about: tuple[dict[str, Any], str] = json.loads(_received(asked, head).tobytes())
-        data, allowed = _received(asked, size).tobytes(), Limits(**about[0])
+        data, allowed = file
         grown = _address_space() - own
         _bound_memory(_OWN_BYTES + grown + allowed.memory_megabytes * MIB)
-        what, found = _answer(read, data, Path(about[1]), allowed)
+        folder = home / f"{os.getpid()}-{number}"
+        folder.mkdir(parents=True)
+        what, found = _answer(read, data, folder, allowed)
         if what == _REJECTED and number:
             what = _REJECTED_LATER
         for part in (memoryview(_SIZES.pack(what, sum(map(len, found)))), *found):
             rest = part
             while rest:
                 rest = rest[answers.write(rest) or 0 :]
-        del data, found
+        shutil.rmtree(folder, ignore_errors=True)  # while the answer is looked at
+        del data, file, found
         if what != _FOUND or _address_space() - own > _GROWN:
             break
     return 0
+
+
+def _next_file(asked: IO[bytes]) -> tuple[bytes, Limits] | None:
+    """The bytes of a file and what holds for it; None where nobody asks any more."""
+    if _CAN_FORK and not select.select([asked], [], [], _IDLE_SECONDS)[0]:
+        return None
+    try:
+        head, size = _SIZES.unpack(_received(asked, _SIZES.size).data)
+    except EOFError:
+        return None
+    about: dict[str, Any] = json.loads(_received(asked, head).tobytes())
+    return _received(asked, size).tobytes(), Limits(**about)
 
 
 def _answer(

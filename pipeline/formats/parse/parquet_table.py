@@ -52,11 +52,8 @@ class ParquetTable:
         names = [self.names[column] for column in columns]
         if words := next((self.names[column] for column in columns if self._types[column] not in _NUMBERS), None):
             raise ClipError(f"column {words!r:.40} holds no numbers")
-        size = sum(
-            self._file.metadata.row_group(group).column(column).total_uncompressed_size
-            for group in range(self._file.metadata.num_row_groups)
-            for column in columns
-        )
+        groups = map(self._file.metadata.row_group, range(self._file.metadata.num_row_groups))
+        size = sum(group.column(column).total_uncompressed_size for group in groups for column in columns)
         limits().check_memory(size + 8 * self.rows * len(names))
         try:
             table = self._file.read(columns=names, use_threads=False)
