@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import dataclass, field
+from functools import lru_cache
 from itertools import chain
 from pathlib import Path
 from typing import Final
@@ -70,8 +71,8 @@ class _Tokens:
         try:
             value = float(word)
         except ValueError:
-            value = np.nan
-        if not np.isfinite(value):
+            value = math.nan
+        if not math.isfinite(value):
             raise ClipError(f"{word!r} is not a finite number", self.line)
         if abs(value) > FARTHEST:
             raise ClipError(f"{word!r} is absurdly large", self.line)
@@ -99,12 +100,24 @@ class _Tree:
         return len(self.joints) - 1
 
 
+@lru_cache(maxsize=256)
+def _channels_named(words: tuple[str, ...]) -> tuple[str, ...]:
+    """The channels that words name; none where one names no channel, or one that another has named."""
+    names = {_CHANNELS.get(word.lower(), ""): None for word in words}
+    return () if "" in names or len(names) < len(words) else tuple(names)
+
+
 def _read_channels(tokens: _Tokens) -> tuple[str, ...]:
     word = tokens.take("the number of channels")
     if not word.isascii() or not word.isdigit() or len(word) > 3 or int(word) > len(_CHANNELS):
         raise ClipError(f"{word!r} is not a number of channels", tokens.line)
+    count = int(word)
+    named = _channels_named(tuple(tokens.words[tokens.next : tokens.next + count]))
+    if len(named) == count:
+        tokens.next += count
+        return named
     names = []
-    for _ in range(int(word)):
+    for _ in range(count):
         found = tokens.take("a channel")
         name = _CHANNELS.get(found.lower())
         if name is None:

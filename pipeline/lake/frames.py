@@ -104,7 +104,9 @@ def key_columns(clip: str, part: str, count: int) -> list[pa.Array]:
 
 
 def columns_of(matrix: NDArray[np.float32]) -> list[pa.Array]:
-    return [pa.array(column) for column in np.ascontiguousarray(matrix.T)]
+    """The columns of [F, C], as slices of one array: C arrays of their own take twice the time."""
+    every = pa.array(np.ascontiguousarray(matrix.T).reshape(-1))
+    return [every.slice(column * len(matrix), len(matrix)) for column in range(matrix.shape[1])]
 
 
 def to_table(frames: Frames, part: str, position_step: float, rotation_step: float) -> pa.Table:
