@@ -63,7 +63,7 @@ def test_a_condition_chooses_clips(lake: Path, tmp_path: Path) -> None:
         assert row["label"] == label
         assert row["transforms"] == []
     assert {path.name for path in (tmp_path / "out").iterdir()} == {
-        "manifest.json", *(row["file"] for row in found["clips"])
+        "croissant.json", "manifest.json", *(row["file"] for row in found["clips"])
     }  # fmt: skip
 
 

@@ -75,8 +75,8 @@ def export(
 ) -> None:
     """Write clips, or ranges of them, as files of many formats, on their own rig or on your character.
 
-    A folder gets manifest.json, which says of every file what it is and what was done to it. Where clips could not be
-    written the others are, and the exit status is 1.
+    A folder gets manifest.json, which says of every file what it is and what was done to it, and croissant.json, by
+    which programs load it as a data set. Where clips could not be written the others are, and the exit status is 1.
 
     Example: motionlake export walk_01 --lake mylake --rig canonical --from 0s --to 4s -o walk.bvh
 

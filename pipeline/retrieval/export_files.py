@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import hashlib
 import tempfile
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from importlib.metadata import version
 from pathlib import Path
@@ -15,6 +16,7 @@ from motionlake.formats.write.stems import clip_stem
 from motionlake.formats.write.whole import whole_file
 from motionlake.lake.citations import Source
 from motionlake.names import json_text, told_apart
+from motionlake.retrieval.croissant import CROISSANT, described, set_of_file, table_columns
 from motionlake.retrieval.export import ClipExporter
 from motionlake.retrieval.selection import ClipRange
 
@@ -55,7 +57,7 @@ def check_free(folder: Path, names: Sequence[str], *, overwrite: bool) -> None:
         raise UserError(f"{folder}: is no folder; say with --out which folder to write into")
     if not names and not overwrite and folder.exists() and any(folder.iterdir()):
         raise UserError(f"{folder}: is not empty; say another --out, or --overwrite")
-    there = [name for name in (MANIFEST, *names) if (folder / name).exists()]
+    there = [name for name in (MANIFEST, CROISSANT, *names) if (folder / name).exists()]
     if there and not overwrite:
         raise UserError(f"{folder / there[0]}: is there already; say another --out, or --overwrite")
 
@@ -82,7 +84,7 @@ def export_files(
             continue
         done.rows.append(_row(motion, writer.name, files[one]))
     progress(len(chosen), len(chosen))
-    _write_manifest(done)
+    _write_manifest(done, folder.name, [row["file"] for row in done.rows])
     return done
 
 
@@ -127,7 +129,8 @@ def export_set(
             row = done.rows[number]
             done.failed.append(_failure(ClipRange(row["clip"], row["start"], row["stop"]), reason))
         done.rows = [row for number, row in enumerate(done.rows) if number not in left_out]
-        _write_manifest(replace(done, folder=made))
+        files = [path.relative_to(made).as_posix() for path in made.rglob("*") if path.is_file()]
+        _write_manifest(replace(done, folder=made), folder.name, files)
         _put(made, folder, Path(temporary) / "before")
     return done
 
@@ -162,9 +165,20 @@ def _row(motion: ClipToWrite, form: str, file: str) -> dict[str, Any]:
     return {**own, "fps": motion.clip.fps, "unit_metres": motion.metres_per_unit, "up": motion.up, **motion.facts}
 
 
-def _write_manifest(done: Exported) -> None:
+def _write_manifest(done: Exported, name: str, files: Iterable[str]) -> None:
+    """Write what the folder of a name says of itself and its files, for people and for programs that load data sets."""
     datasets = sorted({row["dataset"] for row in done.rows})
     sources = {name: [asdict(source) for source in done.sources.get(name, ())] for name in datasets}
     found = {"motionlake": version("motionlake"), "clips": done.rows, "sources": sources, "failed": done.failed}
+    text = (json_text(found) + "\n").encode()
+    files = sorted(files)
+    tables = {set_of_file(file): done.folder / file for file in reversed(files) if file.endswith(".parquet")}
+    set_of = described(
+        name, done.rows, [each for key in datasets for each in done.sources.get(key, ())],
+        (MANIFEST, hashlib.sha256(text).hexdigest()), files,
+        {key: table_columns(path) for key, path in tables.items()},
+    )  # fmt: skip
+    with whole_file(done.folder / CROISSANT) as stream:
+        stream.write((json_text(set_of) + "\n").encode())
     with whole_file(done.folder / MANIFEST) as stream:
-        stream.write((json_text(found) + "\n").encode())
+        stream.write(text)
