@@ -42,6 +42,8 @@ def matrix_of(table: pa.Table, columns: Sequence[str]) -> NDArray[Any]:
     if not batches:
         return np.empty((0, len(columns)), np.dtype(table.schema.field(columns[0]).type.to_pandas_dtype()))
     (batch,) = batches
+    if nulls := sum(column.null_count for column in batch.columns):
+        raise ValueError(f"{nulls} values of columns are null")
     found: NDArray[Any] = batch.to_tensor(row_major=True).to_numpy()
     return found
 

@@ -31,15 +31,7 @@ _NAME_LENGTHS_AT: Final = 26
 _NAME_LENGTHS: Final = "<HH"
 MAGIC: Final = b"\x93NUMPY"
 COMPRESSIONS: Final = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
-_DAMAGE: Final = (
-    zipfile.BadZipFile,
-    zlib.error,
-    struct.error,
-    OSError,
-    EOFError,
-    ValueError,
-    OverflowError,
-)
+_DAMAGE: Final = (zipfile.BadZipFile, zlib.error, struct.error, OSError, EOFError, ValueError, OverflowError)
 _ENTRY: Final = b"PK\x01\x02"
 _ARCHIVE: Final = ".npz archive"
 _DIRECTORY_BYTES: Final = 64 * 1024

@@ -65,11 +65,16 @@ class _Server:
 
     @classmethod
     def started(cls, command: tuple[str, ...]) -> _Server:
+        """A new one."""
         folder = mkdtemp(prefix="motionlake-")
-        process = subprocess.Popen(
-            command, bufsize=0, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
-            env=os.environ | _ONE_THREAD | {_FOLDER: folder}, process_group=0 if _CAN_FORK else None,
-        )  # fmt: skip
+        try:
+            process = subprocess.Popen(
+                command, bufsize=0, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
+                env=os.environ | _ONE_THREAD | {_FOLDER: folder}, process_group=0 if _CAN_FORK else None,
+            )  # fmt: skip
+        except OSError:
+            shutil.rmtree(folder, ignore_errors=True)
+            raise
         for pipe in (process.stdin, process.stdout):
             assert pipe is not None
             _widen(pipe)
