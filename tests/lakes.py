@@ -193,6 +193,13 @@ def quick_lake(root: Path, config: str = QUICK) -> Path:
     return root
 
 
+def ingested_lake(root: Path, clips: Path, scheduler: str) -> Path:
+    """A lake of a folder of clips, with nothing made of them."""
+    run = motionlake("ingest", clips, "--lake", root, "--scheduler", scheduler)
+    assert run.status == 0, run.err
+    return root
+
+
 @cache
 def plain_duckdb() -> duckdb.DuckDBPyConnection:
     """A DuckDB of this process: to start one takes seven times as long as to attach a catalog to it."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -13,15 +14,12 @@ from hypothesis import strategies as st
 from motionlake.retrieval.croissant import file_sets, set_of_file
 from pyarrow import parquet
 
-from tests.lakes import motionlake
+from tests.lakes import ingested_lake, motionlake
 
 
 @pytest.fixture(scope="module")
 def lake(tmp_path_factory: pytest.TempPathFactory, clips_folder: Path, scheduler: str) -> Path:
-    folder = tmp_path_factory.mktemp("croissant") / "lake"
-    run = motionlake("ingest", clips_folder, "--lake", folder, "--scheduler", scheduler)
-    assert run.status == 0, run.err
-    return folder
+    return ingested_lake(tmp_path_factory.mktemp("croissant") / "lake", clips_folder, scheduler)
 
 
 def described(lake: Path, out: Path, *words: object) -> dict[str, Any]:
@@ -70,12 +68,17 @@ def test_the_same_clips_are_described_alike(lake: Path, tmp_path: Path) -> None:
     assert found[0] == found[1]
 
 
+folders = st.lists(st.sampled_from(["data", "meta", "chunk"]), max_size=3)
 names = st.text("ab .-[*", min_size=1, max_size=6).map(lambda name: f"n{name}n")
 
 
-@given(st.lists(st.tuples(st.lists(names, max_size=3), names, st.sampled_from([".bvh", ".parquet", ""])), max_size=6))
-def test_every_file_is_in_a_set(paths: list[tuple[list[str], str, str]]) -> None:
-    files = {"/".join([*folders, name + suffix]) for folders, name, suffix in paths}
+@given(st.lists(st.tuples(folders, names, st.sampled_from([".bvh", ".parquet", ""])), max_size=6))
+def test_every_file_is_found_by_the_pattern_of_its_set(paths: list[tuple[list[str], str, str]]) -> None:
+    files = {"/".join([*within, name.replace(".", "") + suffix]) for within, name, suffix in paths}
     sets = file_sets(files)
     assert {set_of_file(file) for file in files} == set(sets)
     assert not any(" " in key for key in sets)
+    for file in files:
+        pattern = sets[set_of_file(file)]["includes"]
+        spelled = re.escape(pattern).replace(r"\*\*/", "(?:.*/)?").replace(r"\*", "[^/]*")
+        assert file == pattern or re.fullmatch(spelled, file)

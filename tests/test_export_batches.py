@@ -18,16 +18,12 @@ from motionlake.formats.write.registry import SetWriter, Writer, set_writers, wr
 from motionlake.motion.kinematics import solve
 
 from tests.characters import HERO, hero_bvh
-from tests.lakes import motionlake, query
+from tests.lakes import ingested_lake, motionlake, query
 
 
 @pytest.fixture(scope="module")
 def lake(tmp_path_factory: pytest.TempPathFactory, clips_folder: Path, scheduler: str) -> Path:
-    """A lake of the small clips, with nothing made of them."""
-    folder = tmp_path_factory.mktemp("export") / "lake"
-    run = motionlake("ingest", clips_folder, "--lake", folder, "--scheduler", scheduler)
-    assert run.status == 0, run.err
-    return folder
+    return ingested_lake(tmp_path_factory.mktemp("export") / "lake", clips_folder, scheduler)
 
 
 def exported(lake: Path, out: Path, *words: object, status: int = 0) -> dict[str, Any]:

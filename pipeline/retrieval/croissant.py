@@ -102,18 +102,22 @@ def described(
 
 def file_sets(files: Iterable[str]) -> dict[str, dict[str, str]]:
     """Files of one suffix below one folder, or in its parts: how they are written, and the pattern that finds them."""
-    found: dict[str, dict[str, str]] = {}
+    of_set: dict[str, list[PurePosixPath]] = {}
     for file in sorted(files):
-        path, key = PurePosixPath(file), set_of_file(file)
-        folders, parted = _folders(path)
-        # Patterns keep the spelling of the suffix: a system may tell letters of two sizes apart.
-        pattern = "/".join([*folders, *(["**"] if parted else []), f"*{path.suffix}"])
-        # A file alone goes by its name: to some readers a star stands for folders too.
-        alone = key not in found and not set(file) & set("*?[")
-        found[key] = {
-            "encodingFormat": _KINDS.get(path.suffix.lower(), _ANY), "includes": file if alone else pattern
-        }  # fmt: skip
-    return found
+        of_set.setdefault(set_of_file(file), []).append(PurePosixPath(file))
+    return {
+        key: {"encodingFormat": _KINDS.get(several[0].suffix.lower(), _ANY), "includes": _pattern(several)}
+        for key, several in of_set.items()
+    }
+
+
+def _pattern(files: Sequence[PurePosixPath]) -> str:
+    """What finds the files of a set; one alone goes by its name: to some readers a star stands for folders too."""
+    first = files[0]
+    if len(files) == 1 and not set(str(first)) & set("*?["):
+        return str(first)
+    parted = any(_folders(file)[1] for file in files)
+    return "/".join([*_folders(first)[0], *(["**"] if parted else []), f"*{first.suffix}"])
 
 
 def set_of_file(file: str) -> str:
