@@ -42,7 +42,7 @@ def measure_curves(given: argparse.Namespace) -> dict[str, Any]:
 
 
 def measure_choices(given: argparse.Namespace) -> dict[str, Any]:
-    return choices.measure(given.epochs, given.processes, given.kept)
+    return choices.measure(given.epochs, given.processes, given.kept, given.rows)
 
 
 def measure_unlabelled(given: argparse.Namespace) -> dict[str, Any]:
@@ -77,7 +77,9 @@ def main() -> None:
     parser.add_argument("--keep", type=Path, help="retrieval, curves, choices go on from this folder")
     parser.add_argument("--epochs", type=int, default=0)
     parser.add_argument("--steps", type=int, default=0, help="submotion: of the sub-motion encoder's training")
-    parser.add_argument("--rows", nargs="+", choices=submotion.RECIPES, default=[*submotion.RECIPES], help="submotion")
+    parser.add_argument(
+        "--rows", nargs="+", choices=submotion.RECIPES, default=[*submotion.RECIPES], help="choices, submotion"
+    )
     given = parser.parse_args()
     given.chosen = tuple(range(given.seeds))
     for part in given.parts or PARTS:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Final
@@ -21,7 +22,7 @@ DEFAULT: Final = recipe_of(DescriptorsConfig())
 WITHOUT: Final = recipe_of(DescriptorsConfig(), labels=False)
 THESIS: Final = recipe_of(DescriptorsConfig(recipe="deephums"))
 _AUGMENTATION: Final = DEFAULT.augmentation
-CHOICES: Final[dict[str, tuple[str, DescriptorRecipe]]] = {
+OURS: Final[dict[str, tuple[str, DescriptorRecipe]]] = {
     "default, labels": ("labels", DEFAULT),
     "  without contrast": ("labels", replace(DEFAULT, contrast=0.0)),
     "  without limbs of other clips": ("labels", replace(DEFAULT, augmentation=replace(_AUGMENTATION, limbs=0.0))),
@@ -35,6 +36,8 @@ CHOICES: Final[dict[str, tuple[str, DescriptorRecipe]]] = {
     "  even in time": ("none", replace(WITHOUT, paced=0.0)),
     "  sketch alone": ("none", PRETRAINED),
     "  neighbourhood alone": ("none", replace(WITHOUT, encoders=WITHOUT.encoders[1:])),
+}
+OF_THE_THESIS: Final[dict[str, tuple[str, DescriptorRecipe]]] = {
     "thesis, no labels": ("none", THESIS),
     "  5 % of pairs pass a test": ("none", replace(THESIS, similar=0.05)),
     "  40 % of pairs pass a test": ("none", replace(THESIS, similar=0.4)),
@@ -43,6 +46,7 @@ CHOICES: Final[dict[str, tuple[str, DescriptorRecipe]]] = {
     "  hidden 128": ("none", replace(THESIS, hidden=128)),
     "thesis, labels": ("labels", THESIS),
 }
+CHOICES: Final = OURS | OF_THE_THESIS
 
 
 @dataclass(frozen=True)
@@ -76,13 +80,19 @@ def left_out(split: Split, subject: str) -> tuple[Split, Split]:
     return of(np.flatnonzero(his)), of(np.flatnonzero(~his))
 
 
-def measure(epochs: int, processes: int, keep: Path | None = None) -> dict[str, Any]:
-    """Mean over the subjects of each choice; "seeds" of the record are subjects; a folder keeps what is done."""
+def measure(
+    epochs: int, processes: int, keep: Path | None = None, rows: Sequence[str] = ("motionlake", "thesis")
+) -> dict[str, Any]:
+    """Mean over the subjects of each choice; "seeds" of the record are subjects; a folder keeps what is done.
+
+    `rows`: "motionlake" for choices about our recipe, "thesis" for those about the thesis's.
+    """
+    chosen = [choice for choice in CHOICES if ("thesis" if choice in OF_THE_THESIS else "motionlake") in rows]
     subjects = sorted(set(split_of(SET, "train").subjects))
-    units = [Unit(choice, subject, epochs) for choice in CHOICES for subject in subjects]
+    units = [Unit(choice, subject, epochs) for choice in chosen for subject in subjects]
     runs: dict[str, dict[int, Found]] = {}
     for unit, found in in_processes(measure_unit, units, processes, str, keep):
         runs.setdefault(unit.choice, {})[int(unit.subject)] = found[unit.choice]
-    rows = with_seeds({choice: runs[choice] for choice in CHOICES}, lambda name: False)
-    print(f"\n{table(SET, rows, ('top1', 'top10', 'map', 'pr_area', 'n'))}")
-    return rows
+    found_of = with_seeds({choice: runs[choice] for choice in chosen}, lambda name: False)
+    print(f"\n{table(SET, found_of, ('top1', 'top10', 'map', 'pr_area', 'n'))}")
+    return found_of
