@@ -42,6 +42,7 @@ class Threshold:
 # `unit` and `up` need no choice: no person is as large, no body as slanted.
 THRESHOLDS: Final = {
     "slide": Threshold("slide", check_feet), "slide_seconds": Threshold("slide", check_feet),
+    "slide_way": Threshold("slide", check_feet),
     "penetration": Threshold("penetration", check_feet), "floating": Threshold("floating", check_feet),
     "jitter": Threshold("jitter", check_noise), "jitter_seconds": Threshold("jitter", check_noise),
     "spike": Threshold("spike", check_noise), "flip": Threshold("flip", check_noise),

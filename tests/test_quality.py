@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from motionlake.arrays import Float64Array
+from motionlake.cli.check import _Checked, _tell_in_place
 from motionlake.motion.canonicalise import CanonicalMotion
 from motionlake.motion.kinematics import forward_kinematics
 from motionlake.motion.quality import KINDS, MEASURES, Fault, Recording, check, sentence
@@ -108,6 +109,38 @@ def test_measures_are_those_of_the_fault() -> None:
         f for f in check(replace(body, positions=body.positions + low), CONFIG).faults if f.kind == "penetration"
     )
     assert (sunk.start, sunk.stop, round(sunk.severity, 3)) == (161, 240, 0.12)
+
+
+def test_a_foot_that_trembles_in_its_place_does_not_slide() -> None:
+    body = standing().recording
+    frames = np.arange(FRAMES)
+    for far, told in ((0.02, set()), (0.15, {"slide"})):  # to and fro by so many metres, at most .4 m/s
+        turn = 0.8 / far * np.clip(frames - 100, 0, 200) / FPS
+        shift = far / 2 * (1 - np.cos(turn))[:, None, None] * np.array([1.0, 0, 0])
+        moved = replace(body, positions=body.positions + shift)
+        assert {f.kind for f in check(moved, CONFIG).faults} & {"slide"} == told
+        assert "slide" in {f.kind for f in check(moved, replace(CONFIG, slide_way=0.0)).faults}
+
+
+def test_one_line_names_the_clips_that_walk_in_place(capsys: pytest.CaptureFixture[str]) -> None:
+    quality = check(standing().recording, CONFIG)
+    walks = [
+        _Checked(f"walk_{number}", None, replace(quality, measures={**quality.measures, "in_place": speed}), quality)
+        for number, speed in enumerate((0.0, 1.32, 0.8, 1.0, 1.1))
+    ]
+    _tell_in_place(walks[:1])
+    assert capsys.readouterr() == ("", "")
+    _tell_in_place(walks)
+    told = "walk_1 (1.32 m/s), walk_2 (0.80 m/s), walk_3 (1.00 m/s) and 1 more; that is no slide\n"
+    assert capsys.readouterr().err == "on a treadmill, or with their way taken out: " + told
+
+
+def test_a_body_that_is_dragged_is_not_on_a_treadmill() -> None:
+    body = standing().recording
+    dragged = body.positions + np.arange(FRAMES)[:, None, None] * np.array([0.4, 0, 0]) / FPS
+    quality = check(replace(body, positions=dragged), CONFIG)
+    assert quality.measures["in_place"] == 0
+    assert [fault.kind for fault in quality.faults] == ["slide"]
 
 
 def test_a_loop_is_seen_even_where_nothing_jumps() -> None:
@@ -239,6 +272,21 @@ def test_real_walks_have_a_calibration_pose_and_nothing_else(walks: list[Recordi
     for walk in walks:
         (fault,) = [f for f in check(walk, CONFIG).faults if f.kind != "spike"]
         assert (fault.kind, fault.start, fault.stop) == ("tpose_start", 0, 1)
+
+
+@pytest.mark.recordings
+@pytest.mark.parametrize("way", ["a treadmill", "all of its way"])
+def test_who_walks_in_place_does_not_slide(walks: list[Recording], way: str) -> None:
+    for walk in walks[:2]:
+        walk = walk.part(1, len(walk))
+        hips = walk.joint("hips") * np.array([1, 0, 1])
+        if way == "a treadmill":
+            hips = np.linspace(hips[0], hips[-1], len(walk))
+        stays = check(replace(walk, positions=walk.positions - hips[:, None]), CONFIG)
+        speed = np.linalg.norm(hips[-1] - hips[0]) * walk.fps / (len(walk) - 1)
+        assert stays.measures["in_place"] == pytest.approx(speed, rel=0.15)
+        assert check(walk, CONFIG).measures["in_place"] == 0
+        assert "slide" not in {fault.kind for fault in stays.faults}
 
 
 @pytest.mark.recordings

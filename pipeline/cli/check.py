@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from motionlake.motion.quality_config import QualityConfig
 
 MOST_TOLD: Final = 5  # faults of a kind and clip in the table; JSON has them all
+MOST_NAMED: Final = 3  # clips of which one line tells
 
 
 @dataclass(frozen=True)
@@ -76,6 +77,7 @@ def check(
     with reading(target) as con:
         found = list(_checked(con, target, clips, dataset, drawn=picture is not None))
         _tell_usual(con, {one.name for one in found})
+    _tell_in_place(found)
     found.sort(key=_badness)
     if picture is not None:
         _draw(picture, found)
@@ -213,6 +215,15 @@ def _tell_usual(con: Connection, names: set[str]) -> None:
             f"{row['dataset']}: {fault} is usual here, in {share}, median {row['median']:.1f} times the threshold; "
             "only what stands out is told of its clips"
         )
+
+
+def _tell_in_place(found: list[_Checked]) -> None:
+    """Which clips walk on a ground that moves under them."""
+    every = [(one.name, speed) for one in found if (speed := one.quality.measures["in_place"])]
+    if every:
+        shown = ", ".join(f"{name} ({speed:.2f} m/s)" for name, speed in every[:MOST_NAMED])
+        more = f" and {len(every) - MOST_NAMED} more" if len(every) > MOST_NAMED else ""
+        notice(f"on a treadmill, or with their way taken out: {shown}{more}; that is no slide")
 
 
 def _badness(one: _Checked) -> tuple[int, int, float, str]:

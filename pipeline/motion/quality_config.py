@@ -15,6 +15,7 @@ class QualityConfig:
     Attributes:
         slide: metres a second of the slower foot point while the body stands.
         slide_seconds: for so long at least.
+        slide_way: and so many metres far over the ground: a foot that goes less far trembles in its place.
         penetration: metres below the ground that the feet stand on.
         floating: metres above it, longer than a jump of that height lasts.
         jitter: metres, standard deviation of noise from frame to frame.
@@ -35,6 +36,7 @@ class QualityConfig:
 
     slide: float = 0.13
     slide_seconds: float = 0.25
+    slide_way: float = 0.06
     penetration: float = 0.065
     floating: float = 0.05
     jitter: float = 0.002

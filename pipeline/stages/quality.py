@@ -39,7 +39,7 @@ class QualityStage(PartStage):
     dataset is for views to say, since that changes as the dataset grows."""
 
     name = "quality"
-    version = 4
+    version = 5
     about = "what of every clip no body did, by range, with a verdict"
     folder = "quality"
     schema = ROWS

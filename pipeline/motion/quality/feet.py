@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -13,6 +13,7 @@ from motionlake.motion.quality_config import QualityConfig
 from motionlake.motion.runs import runs
 from motionlake.motion.skeleton import INDEX
 
+Measures = dict[str, float]
 POINTS: Final = ("left_ankle", "right_ankle", "left_toe", "right_toe")
 OTHERS: Final = ("hips", "head", "left_wrist", "right_wrist", "left_knee", "right_knee", "left_elbow", "right_elbow")
 GRAVITY: Final = 9.81
@@ -23,6 +24,8 @@ NEAR: Final = 0.04  # metres above its level at which a point of a foot may stan
 RISING: Final = 0.25  # metres a second, upwards or downwards, of a foot that does not stand
 FLESH: Final = 0.12  # metres that other joints may be from what they lie on
 BRIEF: Final = 0.1  # seconds
+STANDS: Final = 0.5  # seconds of feet that stand, which tell whether the ground moves
+ALIKE: Final = 0.35  # of the speed of the ground, by which feet that stand on it and a body that stays may differ
 SOLE: Final = (-0.3, 1.4)  # from heel to tip, where 0 is the ankle and 1 the joint of the toes
 
 
@@ -66,44 +69,84 @@ def _level(heights: Float64Array, still: BoolArray) -> float:
 
 
 def check_feet(recording: Recording, config: QualityConfig) -> Found:
-    """Measures `slide` (metres a second, the 95 % quantile where the body stands), `penetration` and `floating`
-    (metres, the most), with the faults."""
+    """Measures `slide` (metres a second, the 95 % quantile where the body stands), `in_place` (metres a second of the
+    ground under a body that walks in its place), `penetration` and `floating` (metres, the most), with the faults."""
     ground = Ground.of(recording)
-    slides, slid, slide = _slides(recording, ground, config)
+    slides, slid, measures = _slides(recording, ground, config)
     sunk, sank, depth = _sunk(recording, ground, config)
     hung, height = _hung(recording, ground, config)
-    measures = {"slide": slide, "penetration": depth, "floating": height}
-    return Found(measures, [*slides, *sunk, *hung], [*slid, *sank])
+    return Found({**measures, "penetration": depth, "floating": height}, [*slides, *sunk, *hung], [*slid, *sank])
 
 
-def _slides(recording: Recording, ground: Ground, config: QualityConfig) -> tuple[list[Fault], list[Level], float]:
+def _slides(recording: Recording, ground: Ground, config: QualityConfig) -> tuple[list[Fault], list[Level], Measures]:
     low = (np.abs(ground.above) < NEAR) & (np.abs(ground.rising) < RISING)
     down = (low[:, :2] & low[:, 2:]).any(axis=1)
-    # A foot in the air bears nothing, still as it may be.
-    slowest = np.where(low, np.hypot(ground.speeds, ground.rising), np.inf).min(axis=1)
-    slowest = np.minimum(slowest, _turning(ground, low))
     bears = down & (recording.lifted > UPRIGHT)
+    belt = _belt(recording, _slowest(ground, low)[bears], config.slide)
+    if belt.any():
+        ground = replace(ground, moved=ground.moved - belt)
+    moved = _slowest(ground, low)
+    slowest = np.linalg.norm(moved, axis=1)
     gap, least = recording.frames(0.05), recording.frames(config.slide_seconds, 3)
     found = []
+    slides = np.zeros(len(low), dtype=np.bool_)
     for start, stop in runs(bears & (slowest > config.slide), gap, least):
+        if _way(moved[start:stop], recording.fps) < config.slide_way:
+            continue  # it trembles in its place
+        slides[start:stop] = True
         speed = float(np.median(slowest[start:stop]))
         foot = int(low[start:stop, :2].sum(axis=0).argmax())
         found.append(Fault(kind="slide", joint=POINTS[foot], start=start, stop=stop, severity=speed))
-    borne = np.where(bears, slowest, 0.0)[:, None]
+    borne = np.where(bears & slides, slowest, 0.0)[:, None]
     slide = float(np.quantile(slowest[bears], 0.95)) if bears.any() else 0.0
-    return found, levels("slide", borne, [config.slide], [""], gap, least), slide
+    measures = {"slide": slide, "in_place": float(np.linalg.norm(belt))}
+    return found, levels("slide", borne, [config.slide], [""], gap, least), measures
 
 
-def _turning(ground: Ground, low: BoolArray) -> Float64Array:
-    """[F] metres a second of the slowest point along the soles that are down: feet that turn on the spot rest there."""
-    slowest = np.full(len(low), np.inf)
+def _belt(recording: Recording, borne: Float64Array, least: float) -> Float64Array:
+    """[3] metres a second at which the ground moves under a body that walks in its place; 0 where it does not.
+
+    On a treadmill, and where the way was taken out of a motion, all feet that stand move alike, and the body stays.
+
+    Args:
+        borne: [N, 3] velocities of what moves least of the feet that stand.
+        least: metres a second; a slower belt is none.
+    """
+    still = np.zeros(3)
+    if len(borne) < recording.frames(STANDS):
+        return still
+    belt = np.median(borne, axis=0) * np.array([1.0, 0.0, 1.0])
+    speed = float(np.linalg.norm(belt))
+    apart = float(np.median(np.linalg.norm(borne - belt, axis=1)))
+    hips = recording.joint("hips")[[0, -1]]
+    stays = np.hypot(*(hips[1] - hips[0])[[0, 2]]) * recording.fps / max(1, len(recording) - 1)
+    return belt if speed > least and apart < ALIKE * speed and stays < ALIKE * speed else still
+
+
+def _slowest(ground: Ground, low: BoolArray) -> Float64Array:
+    """[F, 3] metres a second of what moves least of the feet that are down; infinite where none is.
+
+    That is an ankle, a toe joint, or a point along the sole: feet that turn on the spot rest there. A foot in the air
+    bears nothing, still as it may be.
+    """
+    each = np.where(low, np.linalg.norm(ground.moved, axis=2), np.inf)
+    slowest, speed = ground.moved[np.arange(len(low)), each.argmin(axis=1)], each.min(axis=1)
+    slowest = np.where(np.isfinite(speed)[:, None], slowest, np.inf)
     for ankle, toe in ((0, 2), (1, 3)):
-        speed = ground.moved[:, ankle]
-        along = ground.moved[:, toe] - speed
-        place = -(speed * along).sum(axis=1) / np.maximum((along * along).sum(axis=1), 1e-9)
-        point = np.linalg.norm(speed + np.clip(place, *SOLE)[:, None] * along, axis=1)
-        slowest = np.where(low[:, ankle] & low[:, toe], np.minimum(slowest, point), slowest)
+        start = ground.moved[:, ankle]
+        along = ground.moved[:, toe] - start
+        place = -(start * along).sum(axis=1) / np.maximum((along * along).sum(axis=1), 1e-9)
+        point = start + np.clip(place, *SOLE)[:, None] * along
+        slower = low[:, ankle] & low[:, toe] & (np.linalg.norm(point, axis=1) < speed)
+        slowest = np.where(slower[:, None], point, slowest)
+        speed = np.where(slower, np.linalg.norm(point, axis=1), speed)
     return slowest
+
+
+def _way(moved: Float64Array, fps: float) -> float:
+    """How many metres apart over the ground the places are that something with these velocities [F, 3] comes to."""
+    over = np.where(np.isfinite(moved[:, [0, 2]]), moved[:, [0, 2]], 0.0)
+    return float(np.hypot(*np.ptp(np.cumsum(over, axis=0), axis=0))) / fps
 
 
 def _sunk(recording: Recording, ground: Ground, config: QualityConfig) -> tuple[list[Fault], list[Level], float]:

@@ -19,8 +19,8 @@ from motionlake.motion.quality_config import QualityConfig
 
 CHECKS: Final = (check_feet, check_noise, check_bones, check_scale, check_sides)  # of what lies between T-poses
 MEASURES: Final = (
-    "slide", "penetration", "floating", "jitter", "spikes", "flips", "frozen", "missing", "limb_drift", "tpose_start",
-    "tpose_end", "fps_doubt", "fps_known", "unit_doubt", "up_doubt", "swapped_sides", "loop_seam",
+    "slide", "in_place", "penetration", "floating", "jitter", "spikes", "flips", "frozen", "missing", "limb_drift",
+    "tpose_start", "tpose_end", "fps_doubt", "fps_known", "unit_doubt", "up_doubt", "swapped_sides", "loop_seam",
 )  # fmt: skip
 VERDICTS: Final = ("ok", "doubtful", "bad")  # the best first
 # Of these one anywhere makes the whole clip bad, for all of its numbers are wrong by it.
