@@ -8,6 +8,7 @@ from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from motionlake.allocation import keep_freed
 from motionlake.errors import DamagedError, UserError
 from motionlake.lake.catalog import reading
 from motionlake.lake.integrity import damage, fault, frames_by_part, given, listed_in, named_files, sums_of
@@ -96,6 +97,7 @@ def _run_in_worker(run: Callable[[Path, Shard], ShardResult], root: Path, shard:
     """Run a shard in a worker of the cluster, which may end where its nanny starts another."""
     from distributed import get_worker
 
+    keep_freed()
     replaceable.set(get_worker().nanny is not None)
     return _run_limited(run, root, shard)
 

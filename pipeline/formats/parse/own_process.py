@@ -30,6 +30,7 @@ from threading import Timer
 from typing import IO, Any, Final
 
 import numpy as np
+from motionlake.allocation import keep_freed
 from motionlake.arrays import UInt8Array
 from motionlake.errors import ClipError
 from motionlake.formats.limits_config import MIB, Limits, limits, within
@@ -244,6 +245,7 @@ def serve(read: Callable[[bytes, Path], Sequence[memoryview]], prepare: Callable
     """
     answers = os.fdopen(os.dup(1), "wb", buffering=0)
     os.dup2(2, 1)  # what libraries print is no answer
+    keep_freed()
     with suppress(ImportError):  # `read` says so
         prepare()
     gc.disable()  # a search for cycles takes longer than most files, and frees what libraries free wrongly
