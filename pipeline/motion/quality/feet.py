@@ -24,6 +24,7 @@ NEAR: Final = 0.04  # metres above its level at which a point of a foot may stan
 RISING: Final = 0.25  # metres a second, upwards or downwards, of a foot that does not stand
 FLESH: Final = 0.12  # metres that other joints may be from what they lie on
 BRIEF: Final = 0.1  # seconds
+SHAKE: Final = 0.12  # seconds; of shorter moments of a velocity nothing is counted in a way
 STANDS: Final = 0.5  # seconds of feet that stand, which tell whether the ground moves
 ALIKE: Final = 0.35  # of the speed of the ground, by which feet that stand on it and a body that stays may differ
 SOLE: Final = (-0.3, 1.4)  # from heel to tip, where 0 is the ankle and 1 the joint of the toes
@@ -90,8 +91,9 @@ def _slides(recording: Recording, ground: Ground, config: QualityConfig) -> tupl
     gap, least = recording.frames(0.05), recording.frames(config.slide_seconds, 3)
     found = []
     slides = np.zeros(len(low), dtype=np.bool_)
+    way = _way(moved, recording)
     for start, stop in runs(bears & (slowest > config.slide), gap, least):
-        if _way(moved[start:stop], recording.fps) < config.slide_way:
+        if np.hypot(*np.ptp(way[start:stop], axis=0)) < config.slide_way:
             continue  # it trembles in its place
         slides[start:stop] = True
         speed = float(np.median(slowest[start:stop]))
@@ -143,10 +145,13 @@ def _slowest(ground: Ground, low: BoolArray) -> Float64Array:
     return slowest
 
 
-def _way(moved: Float64Array, fps: float) -> float:
-    """How many metres apart over the ground the places are that something with these velocities [F, 3] comes to."""
+def _way(moved: Float64Array, recording: Recording) -> Float64Array:
+    """[F, 2] the way over the ground, metres, of something with velocities [F, 3], without moments of noise."""
+    from scipy.ndimage import median_filter
+
     over = np.where(np.isfinite(moved[:, [0, 2]]), moved[:, [0, 2]], 0.0)
-    return float(np.hypot(*np.ptp(np.cumsum(over, axis=0), axis=0))) / fps
+    way: Float64Array = np.cumsum(median_filter(over, (recording.frames(SHAKE), 1)), axis=0) / recording.fps
+    return way
 
 
 def _sunk(recording: Recording, ground: Ground, config: QualityConfig) -> tuple[list[Fault], list[Level], float]:
