@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+import ctypes
 import os
+import resource
 import subprocess
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Final
 
 import psutil
 
 INTERVAL = 0.05  # seconds between samples
+SUBREAPER: Final = 36  # of prctl: processes whose parent ended become children of this one
+LINGER: Final = 10.0  # seconds for processes that a command started to end after it
 FEW = 100 << 20  # helpers of multiprocessing stay far below what a worker holds
 
 
@@ -75,3 +81,26 @@ def processor_seconds() -> float:
     processes = [psutil.Process(), *psutil.Process().children(recursive=True)]
     times = [p.cpu_times() for p in processes]
     return float(sum(t.user + t.system for t in times))
+
+
+@contextmanager
+def orphans_adopted() -> Iterator[None]:
+    """What a command leaves behind becomes a child of this process, so that its time counts once it has ended."""
+    prctl = ctypes.CDLL(None).prctl
+    prctl(SUBREAPER, 1, 0, 0, 0)
+    try:
+        yield
+    finally:
+        prctl(SUBREAPER, 0, 0, 0, 0)
+
+
+def ended_seconds() -> float:
+    """User and system time of all processes that were started here and have ended; those that a command left behind
+    are waited for."""
+    until = time.monotonic() + LINGER
+    with suppress(ChildProcessError):
+        while time.monotonic() < until:
+            if os.waitpid(-1, os.WNOHANG)[0] == 0:
+                time.sleep(0.02)
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime

@@ -11,49 +11,32 @@ share of where they begin.
 from __future__ import annotations
 
 import argparse
-import ctypes
-import os
-import resource
 import subprocess
 import sys
 import tempfile
 import time
 from collections.abc import Sequence
-from contextlib import suppress
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 
 from bench.long_clips import read_recordings, write_long_clips
+from bench.memory import ended_seconds, orphans_adopted
 from bench.record import record, recordings
 
 YEAR: Final = 365
-_SUBREAPER: Final = 36  # of prctl: processes whose parent ended become children of this one
-_LINGER: Final = 10.0  # seconds for processes that a command started to end after it
 
 
 def command(*words: str | Path, statuses: Sequence[int] = (0,)) -> dict[str, float]:
     """Seconds of a command line, and seconds of processors with all that it started; leaves where it fails."""
     program = [str(Path(sys.executable).with_name("motionlake")), *map(str, words)]
-    before, started = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
+    before, started = ended_seconds(), time.perf_counter()
     done = subprocess.run(program, capture_output=True, text=True, check=False)
     seconds = time.perf_counter() - started
     if done.returncode not in statuses:
         sys.exit(f"{' '.join(program)}: status {done.returncode}\n{done.stderr}")
-    _reap()
-    after = resource.getrusage(resource.RUSAGE_CHILDREN)
-    processor = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
-    return {"seconds": seconds, "processor_seconds": processor}
-
-
-def _reap() -> None:
-    """Wait for the processes that a command has left behind, whose time counts once they are waited for."""
-    until = time.monotonic() + _LINGER
-    with suppress(ChildProcessError):
-        while time.monotonic() < until:
-            if os.waitpid(-1, os.WNOHANG)[0] == 0:
-                time.sleep(0.02)
+    return {"seconds": seconds, "processor_seconds": ended_seconds() - before}
 
 
 def files_of(lake: Path) -> dict[str, int]:
@@ -114,12 +97,8 @@ def main() -> None:
     parser.add_argument("--every", type=int, default=7, help="nights from one compaction to the next; 0: never")
     parser.add_argument("--workers", type=int, help="of every command (default: as it chooses)")
     given = parser.parse_args()
-    ctypes.CDLL(None).prctl(_SUBREAPER, 1, 0, 0, 0)
-    try:
-        with tempfile.TemporaryDirectory(prefix="bench-nights-") as name:
-            figures = measure(given, Path(name))
-    finally:
-        ctypes.CDLL(None).prctl(_SUBREAPER, 0, 0, 0, 0)
+    with orphans_adopted(), tempfile.TemporaryDirectory(prefix="bench-nights-") as name:
+        figures = measure(given, Path(name))
     for name, line in figures["trends"].items():
         print(
             f"{name:26s} {line['first']:12.2f} at first, {100 * line['over_nights']:+6.1f} % over {given.nights} "

@@ -1,0 +1,173 @@
+"""A repository as large as BONES-SEED, indexed whole: `python -m bench.whole_lake FOLDER [--clips N]`.
+
+Clips of `bench.long_clips` are written some thousand at a time, taken in by `motionlake ingest`, and then emptied, so
+that the disk holds them: files of the same size and time without contents, which later runs find unchanged. Then every
+stage of `run all` is a command of its own. What is measured of each command: seconds,
+seconds of processors of all that it started, and the most memory that its processes held, the driver and together.
+Writing the clips is measured by itself. Of the lake that is there then: `status`, `run all` with nothing due, fifty new
+clips taken in and run through every stage as of a night, and a search in a new process.
+
+FOLDER keeps the lake and what was measured: a run that was interrupted goes on there, with the step that it was in.
+A finished lake is kept for other benches (`bench.scale_search`).
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from functools import partial
+from itertools import pairwise
+from pathlib import Path
+from time import perf_counter
+from typing import Any, Final
+
+from motionlake.lake.parts import replacing
+from motionlake.stages.registry import ALL
+
+from bench.long_clips import FPS, read_recordings, write_long_clips
+from bench.memory import ended_seconds, orphans_adopted, watch
+from bench.record import record, recordings
+
+SEED: Final = 142_220  # clips of BONES-SEED
+TOGETHER: Final = 10_000  # clips that lie on the disk at a time
+NIGHTLY: Final = 50
+STEPS: Final = "steps.json"
+
+
+class Steps:
+    """What was measured, by step; a file of the folder, so that no step that is done is done again."""
+
+    def __init__(self, folder: Path) -> None:
+        self._file = folder / STEPS
+        self.done: dict[str, Any] = json.loads(self._file.read_text()) if self._file.exists() else {}
+
+    def take(self, name: str, measure: Callable[[], dict[str, Any]]) -> None:
+        if name in self.done:
+            return
+        self.done[name] = found = measure()
+        with replacing(self._file) as path:
+            path.write_text(json.dumps(self.done))
+        print(f"{name}: " + ", ".join(f"{key} {value:,.1f}" for key, value in found.items()), flush=True)
+
+
+def command(log: Path, *words: str | Path) -> dict[str, Any]:
+    """What a command used; leaves where it fails."""
+    program = [str(Path(sys.executable).with_name("motionlake")), *map(str, words)]
+    before = ended_seconds()
+    used = watch(program, Path.cwd(), log)
+    if used.status:
+        sys.exit(f"{' '.join(program)}: status {used.status}\n{log.read_text(errors='replace')[-2000:]}")
+    return {
+        "seconds": used.seconds,
+        "processor_seconds": ended_seconds() - before,
+        "driver_mib": used.driver / 2**20, "together_mib": used.together / 2**20,
+    }  # fmt: skip
+
+
+def write(first: int, stop: int, folder: Path, processes: int) -> dict[str, Any]:
+    """Write the clips numbered [first, stop), by processes that end: a pool would leave one of its own behind."""
+    started = perf_counter()
+    cuts = [first + (stop - first) * number // processes for number in range(processes + 1)]
+    writing = [
+        subprocess.Popen(
+            [sys.executable, "-m", "bench.whole_lake", str(folder), "--write", str(begin), str(end)],
+            stdout=subprocess.PIPE, text=True,
+        )
+        for begin, end in pairwise(cuts)
+    ]  # fmt: skip
+    told = [process.communicate()[0] for process in writing]
+    if any(process.returncode for process in writing):
+        sys.exit(f"{folder}: clips cannot be written")
+    return {"seconds": perf_counter() - started, "frames": sum(map(int, told))}
+
+
+def empty(folder: Path) -> None:
+    """Leave of every file its size and the time at which it was written."""
+    for path in folder.rglob("*.bvh"):
+        kept = path.stat()
+        if kept.st_blocks:
+            os.truncate(path, 0)
+            os.truncate(path, kept.st_size)
+            os.utime(path, ns=(kept.st_atime_ns, kept.st_mtime_ns))
+
+
+def measure(given: argparse.Namespace, folder: Path) -> dict[str, Any]:
+    """All steps that are not done yet."""
+    steps, lake, log = Steps(folder), folder / "lake", folder / "log"
+    options = ("--lake", lake, *(("--workers", str(given.workers)) if given.workers else ()))
+    for shard, first in enumerate(range(0, given.clips, given.together)):
+        clips, stop = folder / f"clips{shard:02}", min(given.clips, first + given.together)
+        steps.take(f"write {shard}", partial(write, first, stop, clips, given.processes))
+        steps.take(f"ingest {shard}", partial(command, log, "ingest", clips, *options))
+        empty(clips)
+    for stage in ALL[1:]:
+        steps.take(stage, partial(command, log, "run", stage, *options))
+    steps.take("nothing due", partial(command, log, "run", "all", *options))
+    steps.take("status", partial(command, log, "status", "--lake", lake))
+    night = folder / "night"
+    if not night.exists():
+        write_long_clips(read_recordings(recordings()), given.clips, given.clips + NIGHTLY, night)
+    steps.take("night, ingest", partial(command, log, "ingest", night, *options))
+    steps.take("night, run", partial(command, log, "run", "all", *options))
+    query = next(path.relative_to(night).as_posix() for path in sorted(night.rglob("*.bvh")))
+    steps.take("search", partial(command, log, "search", f"night/{query}", "--lake", lake))
+    return steps.done
+
+
+def summary(steps: dict[str, Any], lake: Path) -> dict[str, Any]:
+    """Frames, seconds and frames a second and core by stage, the most memory, and bytes by folder of the lake."""
+    frames = sum(found["frames"] for name, found in steps.items() if name.startswith("write "))
+    by_stage = {"frames": _sums([found for name, found in steps.items() if name.startswith("ingest ")])}
+    by_stage |= {stage: _sums([steps[stage]]) for stage in ALL[1:]}
+    seconds = sum(found["seconds"] for found in by_stage.values())
+    sizes = {
+        path.name: sum(file.stat().st_size for file in path.rglob("*") if file.is_file())
+        for path in sorted(lake.iterdir()) if path.is_dir()
+    }  # fmt: skip
+    return {
+        "frames": frames, "hours": seconds / 3600, "times_real_time": frames / FPS / seconds,
+        "driver_mib": max(found.get("driver_mib", 0) for found in steps.values()),
+        "together_mib": max(found.get("together_mib", 0) for found in steps.values()),
+        "by_stage": {
+            stage: found | {"frames_a_second_and_core": frames / found["processor_seconds"]}
+            for stage, found in by_stage.items()
+        },
+        "bytes": sizes | {"catalog.duckdb": (lake / "catalog.duckdb").stat().st_size}, "steps": steps,
+    }  # fmt: skip
+
+
+def _sums(found: list[dict[str, Any]]) -> dict[str, float]:
+    return {name: sum(each[name] for each in found) for name in ("seconds", "processor_seconds")}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--clips", type=int, default=SEED)
+    parser.add_argument("--together", type=int, default=TOGETHER, help="clips that lie on the disk at a time")
+    parser.add_argument("--workers", type=int, help="of every command (default: as it chooses)")
+    parser.add_argument("--processes", type=int, default=os.cpu_count() or 1, help="that write clips")
+    parser.add_argument("--write", type=int, nargs=2, help=argparse.SUPPRESS)  # what a child process does
+    given = parser.parse_args()
+    if given.write:
+        first, stop = given.write
+        print(write_long_clips(read_recordings(recordings()), first, stop, given.folder))
+        return
+    given.folder.mkdir(parents=True, exist_ok=True)
+    with orphans_adopted():
+        figures = summary(measure(given, given.folder), given.folder / "lake")
+    for stage, found in figures["by_stage"].items():
+        print(f"{stage:12s} {found['seconds']:8.1f} s {found['processor_seconds']:8.1f} s of processors")
+    print(
+        f"{given.clips} clips, {figures['frames']} frames: {figures['hours']:.2f} hours, "
+        f"{figures['times_real_time']:.0f} times real time, at most {figures['together_mib']:.0f} MiB"
+    )
+    print(record("whole-lake", {"clips": given.clips, "workers": given.workers, **figures}))
+
+
+if __name__ == "__main__":
+    main()
