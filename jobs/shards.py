@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from motionlake.allocation import keep_freed
 from motionlake.errors import DamagedError, UserError
 from motionlake.lake.catalog import reading
-from motionlake.lake.integrity import damage, fault, frames_by_part, given, listed_in, named_files, sums_of
+from motionlake.lake.integrity import bring, damage, fault, frames_by_part, given, listed_in, named_files, sums_of
 from motionlake.lake.layout import Lake
 from motionlake.stages.file_watch import at_fault, replaceable
 from motionlake.stages.stage import Shard, ShardResult, ShardStage
@@ -119,7 +119,7 @@ def _run_limited(run: Callable[[Path, Shard], ShardResult], root: Path, shard: S
 
 
 def with_inputs(lake: Lake, shards: Sequence[Shard]) -> list[Shard]:
-    """Shards with the files that they read: those of the lake that they name."""
+    """Shards with the files that they read: those of the lake that they name, fetched where they are lacking."""
     with reading(lake) as con:
         listed = listed_in(con)
     by_part = frames_by_part(listed)
@@ -127,4 +127,5 @@ def with_inputs(lake: Lake, shards: Sequence[Shard]) -> list[Shard]:
     for shard in shards:
         names = named_files(listed, by_part, [shard.part, shard.spec])
         found.append(replace(shard, inputs=tuple(listed[name] for name in sorted(names))))
+    bring(lake, {file.file: file for shard in found for file in shard.inputs}.values())
     return found

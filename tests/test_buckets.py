@@ -23,7 +23,9 @@ from motionlake.errors import UserError
 from motionlake.lake import bucket as buckets
 from motionlake.lake.annotations import Annotations, new_annotation
 from motionlake.lake.bucket import Bucket, ConflictError, Stored, Version
+from motionlake.lake.cached import cache_folder, own_name
 from motionlake.lake.copies import Origin, pull
+from motionlake.lake.integrity import fetched_by
 from motionlake.lake.layout import Lake, open_lake
 from motionlake.lake.stores import is_address
 
@@ -281,6 +283,75 @@ def test_an_address_in_the_place_of_a_folder(clips_folder: Path, address: str, s
     said("remove", clip, *where)
     assert clip not in [row["clip"] for row in package.open_lake(address).clips()]
     assert Bucket(address).latest().number == 2  # type: ignore[union-attr]
+
+
+def held(lake: Path) -> set[str]:
+    """Files that a copy has of what its catalog lists."""
+    listed = {str(row[0]) for row in query(lake, "SELECT file FROM files")}
+    return {name for name in listed if (lake / name).is_file()}
+
+
+def test_an_address_fetches_what_a_command_reads(lake: Path, address: str, tmp_path: Path, scheduler: str) -> None:
+    said("push", address, "--lake", lake)
+    every = held(lake)
+    copy = cache_folder("lakes") / own_name(address)
+    clips = [str(row[0]) for row in query(lake, "SELECT clip FROM clips ORDER BY clip")]
+    assert said("status", "--lake", address)
+    assert {name.partition("/")[0] for name in held(copy)} <= {"models"}, "the catalog answers, and what is due"
+    assert said("search", clips[0], "--json", "--lake", address) == said("search", clips[0], "--json", "--lake", lake)
+    searched = held(copy)
+    assert 0 < len(searched) < len(every)
+    assert not any(name.startswith("raw/") for name in searched)
+    said("verify", "--lake", address)
+    count = "SELECT count(*) AS frames FROM frames"
+    assert said("sql", count, "--json", "--lake", address) == said("sql", count, "--json", "--lake", lake)
+    assert held(copy) >= searched, "what is not there yet is not damaged"
+    where = ("--lake", address, "--scheduler", scheduler)
+    said("remove", clips[0], "--lake", address)
+    assert motionlake("run", "quality", *where).status == 0, "a run fetches what its shards read"
+    assert not any(name.startswith("raw/") for name in held(copy))
+    said("remove", clips[0], "--lake", lake)
+    run = motionlake("run", "quality", "--lake", lake, "--scheduler", scheduler)
+    assert run.status == 0, run.err
+    assert query(copy, "FROM quality ORDER BY clip") == query(lake, "FROM quality ORDER BY clip")
+
+
+def test_a_copy_in_part_takes_the_next_version(lake: Path, address: str) -> None:
+    said("push", address, "--lake", lake)
+    clip = str(query(lake, "SELECT min(clip) FROM clips")[0][0])
+    copy = cache_folder("lakes") / own_name(address)
+    found = said("search", clip, "--json", "--lake", address)
+    before = held(copy)
+    tagged(lake, "hers")
+    said("push", "--lake", lake)
+    assert said("search", clip, "--json", "--lake", address) == found
+    assert tags(copy) == {"hers"}
+    assert held(copy) == before, "what is the same in both versions stays, and nothing else is fetched"
+
+
+def test_a_copy_in_part_becomes_whole(lake: Path, address: str, tmp_path: Path) -> None:
+    said("push", address, "--lake", lake)
+    said("status", "--lake", address)
+    copy = cache_folder("lakes") / own_name(address)
+    clip = str(query(lake, "SELECT min(clip) FROM clips")[0][0])
+    fetched_by(Lake(copy), None)  # as in another process, which names the copy by its folder
+    assert "`motionlake pull" in refused("view", clip, "--out", tmp_path / "clip.html", "--lake", copy)
+    tagged(copy, "mine")
+    said("pull", "--lake", copy)
+    assert "every byte" in said("verify", "--deep", "--lake", copy)
+    assert tags(copy) == {"mine"}, "what changed here stays"
+    assert_same(tables(lake), tables(copy))
+
+
+def test_a_part_that_is_missing_in_the_bucket_gets_a_line(lake: Path, address: str) -> None:
+    said("push", address, "--lake", lake)
+    said("status", "--lake", address)
+    bucket = Bucket(address)
+    for stored in bucket.latest().files:  # type: ignore[union-attr]
+        if stored.file.startswith(("frames/", "moves/")):
+            bucket._delete(bucket._object(stored))
+    clip = str(query(lake, "SELECT min(clip) FROM clips")[0][0])
+    assert "is missing there; push the lake anew" in refused("search", clip, "--lake", address)
 
 
 def test_what_is_decided_in_the_browser_is_published_when_it_ends(lake: Path, address: str, tmp_path: Path) -> None:

@@ -80,7 +80,7 @@ def lake_folder_of(value: Path) -> Path:
 
     bucket = Bucket(value)
     with stage_progress() as progress:
-        folder = copy_of(bucket, progress)
+        folder = copy_of(bucket, progress, notice)
     _copies.append((folder, bucket))
     return folder
 

@@ -5,24 +5,33 @@ from __future__ import annotations
 import hashlib
 import os
 import re
+from collections.abc import Callable
 from pathlib import Path
 
 from motionlake.arrays import StepProgress
 from motionlake.errors import UserError
 from motionlake.lake.bucket import Bucket
-from motionlake.lake.copies import bring_up_to_date
+from motionlake.lake.copies import bring_up_to_date, fetch_when_read
 from motionlake.lake.layout import Lake
 
 
-def copy_of(bucket: Bucket, progress: StepProgress) -> Path:
+def copy_of(bucket: Bucket, progress: StepProgress, notice: Callable[[str], None] = lambda line: None) -> Path:
     """The user's copy of the lake in a bucket, up to date; an empty folder where none was published.
+
+    This process fetches files of it when it first reads them.
+
+    Args:
+        bucket: where the lake is.
+        progress: told of files that are fetched now.
+        notice: told of files that take long to fetch.
 
     Raises:
         UserError: the bucket cannot be read, or the copy cannot be brought up to date.
     """
     folder = cache_folder("lakes") / own_name(bucket.address)
     folder.mkdir(parents=True, exist_ok=True)
-    bring_up_to_date(Lake(folder), bucket, progress)
+    bring_up_to_date(Lake(folder), bucket, progress, part=True)
+    fetch_when_read(Lake(folder), bucket, notice)
     return folder
 
 

@@ -1,6 +1,7 @@
 """A lake that is shared through a bucket: what changed goes there as a new version (push), and comes from there (pull).
 
 Everybody works on a copy in a folder of their own, and `bucket.json` in it says which version of each bucket that is.
+A copy may lack files, which are fetched when they are first read.
 A push that is killed leaves the version before; a pull leaves the copy as it was, with some files more that the next
 one need not get.
 """
@@ -11,7 +12,7 @@ import json
 import os
 import socket
 import uuid
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path, PurePosixPath
@@ -22,12 +23,13 @@ from motionlake.errors import UserError, user_name
 from motionlake.lake.bucket import Bucket, ConflictError, Stored, Version
 from motionlake.lake.catalog import collect_garbage, reading
 from motionlake.lake.catalog_file import announce_anew, announce_catalog, catalog_written, known_sums, sums_of_file
-from motionlake.lake.integrity import FileSums, fault, listed_in, sound
+from motionlake.lake.integrity import FileSums, fault, fetched_by, listed_in, sound
 from motionlake.lake.layout import Lake
 from motionlake.lake.lock import locked
 from motionlake.lake.parts import replacing
 from motionlake.lake.stores import move_all
 
+LONG: Final = 50e6  # bytes of which a person is told before they are fetched
 _OWN: Final = ("catalog.duckdb", "annotations.jsonl", "config.toml")  # beside what the catalog lists
 
 
@@ -56,6 +58,7 @@ class Origin:
         number: of the version; 0 of a copy of nothing.
         own: sha256 of the catalog, settings and annotations of the version, by name.
         taking: whether another version is being taken: what lies there is neither, until the next pull.
+        part: whether the copy may lack files of the version, which are fetched when they are first read.
         token: of the version that was being published last: a push that is killed may not hear that it was.
     """
 
@@ -64,6 +67,7 @@ class Origin:
     own: Mapping[str, str]
     taking: bool = False
     token: str = ""
+    part: bool = False
 
     @classmethod
     def all(cls, lake: Lake) -> dict[str, Origin]:
@@ -71,7 +75,14 @@ class Origin:
         try:
             found: Any = json.loads(_file(lake).read_bytes())
             read = [
-                cls(str(row["address"]), int(row["number"]), dict(row["own"]), bool(row["taking"]), str(row["token"]))
+                cls(
+                    str(row["address"]),
+                    int(row["number"]),
+                    dict(row["own"]),
+                    bool(row["taking"]),
+                    str(row["token"]),
+                    bool(row.get("part", False)),
+                )
                 for row in found
             ]
         except (OSError, ValueError, KeyError, TypeError):
@@ -119,7 +130,7 @@ def push(lake: Lake, bucket: Bucket, progress: StepProgress, *, instead: bool = 
         )
     files = _files(lake)
     if latest is not None and known == latest.number and _same(latest.files, files):
-        _origin(bucket, latest).keep(lake)
+        _origin(bucket, latest, origin).keep(lake)
         return Moved(bucket.address, known, 0, 0)
     there = {each.sha256 for each in latest.files} if latest else set()
     lacking = list({each.sha256: each for each in files if each.sha256 not in there}.values())
@@ -140,11 +151,13 @@ def push(lake: Lake, bucket: Bucket, progress: StepProgress, *, instead: bool = 
         bucket.publish(version)
     except ConflictError as error:
         raise ConflictError(f"{error}; {_choices(lake, bucket)}") from error
-    _origin(bucket, version).keep(lake)
+    _origin(bucket, version, origin).keep(lake)
     return Moved(bucket.address, version.number, sum(size > 0 for size in sent), sum(sent))
 
 
-def pull(lake: Lake, bucket: Bucket, progress: StepProgress, *, discard: bool = False) -> Moved | None:
+def pull(
+    lake: Lake, bucket: Bucket, progress: StepProgress, *, discard: bool = False, part: bool = False
+) -> Moved | None:
     """Make a folder the latest version of a lake; the caller holds its lock. None where none was published.
 
     Args:
@@ -152,6 +165,7 @@ def pull(lake: Lake, bucket: Bucket, progress: StepProgress, *, discard: bool = 
         bucket: where from.
         progress: told of files.
         discard: even where the copy holds what no version does.
+        part: the catalog, settings and annotations alone; the copy fetches other files when they are first read.
 
     Raises:
         UserError: the folder holds another lake, or what was not pushed.
@@ -160,6 +174,8 @@ def pull(lake: Lake, bucket: Bucket, progress: StepProgress, *, discard: bool = 
     if latest is None:
         return None
     origin = _origin_of(lake, bucket, latest)
+    if origin and origin.part and not part and not origin.taking and origin.number == latest.number:
+        return _filled(lake, bucket, progress, origin)
     if lake.catalog.is_file() and not discard:
         if origin is None:
             raise UserError(f"{lake.root}: holds another lake than {bucket.address}; name a folder without one")
@@ -173,13 +189,13 @@ def pull(lake: Lake, bucket: Bucket, progress: StepProgress, *, discard: bool = 
     _check_names(lake, latest, bucket)
     before = _listed(lake)
     own = {each.file: each for each in latest.files if _is_own(each.file)}
-    lacking = [each for each in latest.files if each.file not in own and not _is_here(lake, each, before)]
+    others = [each for each in latest.files if each.file not in own]
+    if part:  # those that lie there and are others now
+        others = [each for each in others if lake.path(each.file).exists()]
+    lacking = [each for each in others if not _is_here(lake, each, before)]
 
     def bring(stored: Stored) -> int:
-        with replacing(lake.path(stored.file)) as temporary:
-            bucket.get(stored, temporary)
-            os.utime(temporary, ns=(stored.mtime_ns, stored.mtime_ns))
-        return stored.size
+        return _bring(lake, bucket, stored)
 
     came = move_all(bring, lacking, progress)
     replace(origin or Origin(bucket.address, 0, {}), taking=True, token="").keep(lake)
@@ -191,11 +207,47 @@ def pull(lake: Lake, bucket: Bucket, progress: StepProgress, *, discard: bool = 
     _take_catalog(lake, bucket, own[lake.catalog.name])
     files = {*before, *(each.file for each in latest.files if each.file not in own)}
     collect_garbage(lake, {name.partition("/")[0] for name in files})
-    _origin(bucket, latest).keep(lake)  # last: a pull that is killed before it is done again
+    replace(_origin(bucket, latest), part=part).keep(lake)  # last: a pull that is killed before it is done again
     return Moved(bucket.address, latest.number, len(came) + 1, sum(came) + own[lake.catalog.name].size)
 
 
-def bring_up_to_date(lake: Lake, bucket: Bucket, progress: StepProgress) -> Moved | None:
+def _filled(lake: Lake, bucket: Bucket, progress: StepProgress, origin: Origin) -> Moved:
+    """Fetch what a copy lacks of its version, which it may have changed."""
+    away = [each for each in _listed(lake).values() if not lake.path(each.file).exists()]
+    came = move_all(lambda each: _bring(lake, bucket, _as_stored(each)), away, progress)
+    replace(origin, part=False).keep(lake)
+    return Moved(bucket.address, origin.number, len(came), sum(came))
+
+
+def _bring(lake: Lake, bucket: Bucket, stored: Stored) -> int:
+    with replacing(lake.path(stored.file)) as temporary:
+        bucket.get(stored, temporary)
+        os.utime(temporary, ns=(stored.mtime_ns, stored.mtime_ns))
+    return stored.size
+
+
+def _as_stored(file: FileSums) -> Stored:
+    return Stored(file.file, file.size, file.sha256, file.mtime_ns)
+
+
+def fetch_when_read(lake: Lake, bucket: Bucket, notice: Callable[[str], None]) -> None:
+    """Have this process fetch what a copy lacks from the bucket when it first reads it.
+
+    Args:
+        notice: told of what takes long.
+    """
+
+    def fetch(files: Sequence[FileSums]) -> None:
+        size = sum(file.size for file in files)
+        if size > LONG:
+            notice(f"{bucket.address}: fetching {len(files)} files, {size / 1e6:.0f} MB")
+        move_all(lambda each: _bring(lake, bucket, _as_stored(each)), files, lambda what, done, total: None)
+
+    part = any(each.part for each in Origin.all(lake).values())
+    fetched_by(lake, fetch if part else None)
+
+
+def bring_up_to_date(lake: Lake, bucket: Bucket, progress: StepProgress, *, part: bool = False) -> Moved | None:
     """`pull` where there is something to pull; no lock is taken where there is nothing, as while another command runs.
 
     Raises:
@@ -208,7 +260,7 @@ def bring_up_to_date(lake: Lake, bucket: Bucket, progress: StepProgress) -> Move
     if latest is None or (lake.catalog.is_file() and origin and not origin.taking and origin.number == latest.number):
         return None
     with locked(lake, "pull"):
-        return pull(lake, bucket, progress)
+        return pull(lake, bucket, progress, part=part)
 
 
 def push_changes(lake: Lake, bucket: Bucket, progress: StepProgress) -> Moved | None:
@@ -262,7 +314,7 @@ def _files(lake: Lake) -> list[Stored]:
     """Everything that a version of the lake holds, in the order of names."""
     with reading(lake) as con:
         listed = listed_in(con)
-    found = [Stored(each.file, each.size, each.sha256, each.mtime_ns) for each in listed.values()]
+    found = [_as_stored(each) for each in listed.values()]
     return sorted([*found, *_own_files(lake)], key=lambda each: each.file)
 
 
@@ -304,7 +356,7 @@ def _origin_of(lake: Lake, bucket: Bucket, latest: Version | None) -> Origin | N
     """What a copy was made of; the latest version where that is one that it published without hearing of it."""
     origin = Origin.all(lake).get(bucket.address)
     if origin and latest and origin.token == latest.token:
-        return _origin(bucket, latest)
+        return _origin(bucket, latest, origin)
     return origin
 
 
@@ -312,9 +364,9 @@ def _same(before: Sequence[Stored], now: Sequence[Stored]) -> bool:
     return {(each.file, each.sha256) for each in before} == {(each.file, each.sha256) for each in now}
 
 
-def _origin(bucket: Bucket, version: Version) -> Origin:
+def _origin(bucket: Bucket, version: Version, before: Origin | None = None) -> Origin:
     own = {each.file: each.sha256 for each in version.files if _is_own(each.file)}
-    return Origin(bucket.address, version.number, own, token=version.token)
+    return Origin(bucket.address, version.number, own, token=version.token, part=bool(before and before.part))
 
 
 def _file(lake: Lake) -> Path:

@@ -2,6 +2,8 @@
 
 The catalog lists every file that the manifest or models name. A process compares the bytes of a file with that list
 when it first reads it, and again when the file was touched since. Workers open no catalog: their shard brings the list.
+
+Of a lake in a bucket a copy may lack files (`lacking`): they are fetched before they are first read.
 """
 
 from __future__ import annotations
@@ -9,7 +11,7 @@ from __future__ import annotations
 import hashlib
 import os
 import zlib
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -51,6 +53,31 @@ class FileSums:
 
 
 Listed = Mapping[str, FileSums]  # by name relative to the lake
+Fetch = Callable[[Sequence[FileSums]], None]  # puts files where they belong, or raises `UserError`
+
+
+def fetched_by(lake: Lake, fetch: Fetch | None) -> None:
+    """Have missing files of a lake fetched when this process first reads them; None: no longer."""
+    if fetch is None:
+        _fetches.pop(lake.root, None)
+    else:
+        _fetches[lake.root] = fetch
+
+
+def lacking(lake: Lake, wanted: Iterable[FileSums]) -> list[FileSums]:
+    """Those of some files that are missing and can be fetched."""
+    return [file for file in wanted if not lake.path(file.file).exists()] if lake.root in _fetches else []
+
+
+def bring(lake: Lake, wanted: Iterable[FileSums]) -> None:
+    """Fetch what is `lacking` of some files.
+
+    Raises:
+        UserError: it cannot be fetched.
+    """
+    files = lacking(lake, wanted)
+    if files:
+        _fetches[lake.root](files)
 
 
 def sums_of(lake: Lake, file: str) -> FileSums:
@@ -82,24 +109,28 @@ def list_files(con: Connection, files: Iterable[FileSums]) -> None:
 
 
 def stat_fault(lake: Lake, wanted: FileSums) -> str | None:
-    """What is wrong with a file, as far as one look at its folder's entry tells."""
+    """What is wrong with a file, as far as one look at its folder's entry tells; nothing where it can be fetched."""
     try:
         found = lake.path(wanted.file).stat()
     except FileNotFoundError:
-        return "is missing"
+        return None if lake.root in _fetches else "is missing"
     return None if found.st_size == wanted.size else _other_size(found.st_size, wanted)
 
 
 def size_fault(lake: Lake, file: str) -> str | None:
-    """The same of a file of the catalog that serves now, by its name."""
+    """The same of a file of the catalog that serves now, by its name; one that is lacking is fetched."""
     listed = _given.get()
     if listed is None:
         listed = _listed(lake)
-    return stat_fault(lake, listed[file]) if file in listed else "is not listed in the catalog"
+    if file not in listed:
+        return "is not listed in the catalog"
+    bring(lake, [listed[file]])
+    return stat_fault(lake, listed[file])
 
 
 def fault(lake: Lake, wanted: FileSums) -> str | None:
     """What is wrong with a file, by all of its bytes; remembered while nobody touches it."""
+    bring(lake, [wanted])
     return _fault_at(lake.path(wanted.file), wanted)
 
 
@@ -129,6 +160,7 @@ def _other_size(size: int, wanted: FileSums) -> str:
 
 def deep_fault(lake: Lake, wanted: FileSums) -> str | None:
     """What is wrong with a file, by the sha256 of its bytes, read anew."""
+    bring(lake, [wanted])
     wrong = stat_fault(lake, wanted)
     if wrong is None and sums_of(lake, wanted.file).sha256 != wanted.sha256:
         return "holds other bytes than were written"
@@ -136,9 +168,14 @@ def deep_fault(lake: Lake, wanted: FileSums) -> str | None:
 
 
 def touched_faults(lake: Lake, wanted: Iterable[FileSums]) -> list[tuple[FileSums, str]]:
-    """Files that are missing, have another size, or were touched and hold other bytes: one look at each entry."""
+    """Files that are missing, have another size, or were touched and hold other bytes: one look at each entry.
+
+    Of those that can be fetched nothing is wrong.
+    """
+    files = list(wanted)
+    away = {file.file for file in lacking(lake, files)}
     found = []
-    for file in wanted:
+    for file in (file for file in files if file.file not in away):
         wrong = stat_fault(lake, file)
         if wrong is None and lake.path(file.file).stat().st_mtime_ns != file.mtime_ns:
             wrong = fault(lake, file)
@@ -176,6 +213,7 @@ def sound_files(lake: Lake, files: Iterable[str]) -> list[Path]:
         listed = _listed(lake)
 
     paths = lake.paths(names)
+    bring(lake, [listed[name] for name in names if name in listed])
 
     def wrong_with(name: str, path: Path) -> str | None:
         return _fault_at(path, listed[name]) if name in listed else "is not listed in the catalog"
@@ -202,6 +240,7 @@ def sound_folder(lake: Lake, folder: str) -> list[Path]:
     found = {name: file for name, file in _listed(lake).items() if name.startswith(f"{folder}/")}
     if sum(file.size for file in found.values()) <= WHOLE:
         return sound_files(lake, found)
+    bring(lake, found.values())
     for file, wrong in touched_faults(lake, found.values())[:1]:
         raise DamagedError(damage(lake, file.file, wrong))
     return [lake.path(name) for name in found]
@@ -219,6 +258,8 @@ def is_listed(lake: Lake, file: str) -> bool:
 
 def damage(lake: Lake, file: str, wrong: str) -> str:
     """The line that tells a person of a damaged file, and what to do."""
+    if wrong == "is missing" and (lake.root / "bucket.json").is_file():
+        return f"{lake.root / file}: {wrong}; `motionlake pull --lake {lake.root}` fetches it"
     return f"{lake.root / file}: {wrong}; `motionlake repair {lake.root}` mends what can be mended"
 
 
@@ -265,6 +306,7 @@ def _listed(lake: Lake) -> Listed:
     return _known[lake.root][1]
 
 
+_fetches: Final[dict[Path, Fetch]] = {}
 _given: Final[ContextVar[Listed | None]] = ContextVar("given", default=None)
 _known: Final[dict[Path, tuple[tuple[int, int], Listed]]] = {}
 _checked: Final[dict[Path, tuple[int, int, int, int]]] = {}  # files whose bytes this process has compared
