@@ -5,12 +5,16 @@ worker, the process that workers are forked of, all of them, or the scheduler of
 looked at: exit status, what was said, processes and temporary files. After some kills the commands run to their end,
 and every row of every table is compared with that of an undisturbed lake.
 
+With `--s3` lakes lie in a bucket, on a server of this process: the commands name their address, work on a copy in a
+cache of its own and publish what they have done. What is compared is a copy that is pulled afterwards.
+
 With MOTIONLAKE_DATA the clips are the smallest of three sets of recordings, else made ones.
 """
 
 from __future__ import annotations
 
 import argparse
+import logging
 import os
 import random
 import shutil
@@ -26,8 +30,10 @@ from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
+from unittest import mock
 
 import psutil
+from motionlake.lake.cached import cache_folder, own_name
 
 from bench.record import record
 from tests.lakes import assert_same, finish, made_clips, quick_lake, real_clips, tables
@@ -59,6 +65,58 @@ class Campaign:
     def fault(self, line: str) -> None:
         print(f"FAULT {line}", flush=True)
         self.faults.append(line)
+
+
+@dataclass(frozen=True)
+class Target:
+    """A lake that commands write to.
+
+    Attributes:
+        name: what `--lake` says, a folder or an address.
+        folder: where the files lie that commands work on.
+    """
+
+    name: str
+    folder: Path
+
+    @classmethod
+    def made(cls, folder: Path, bucket: str) -> Target:
+        """An empty lake in a folder, or published below the address of a bucket."""
+        lake = quick_lake(folder)
+        if not bucket:
+            return cls(str(folder), folder)
+        address = f"{bucket}/{folder.name}"
+        _must("push", address, "--lake", lake)
+        return cls(address, cache_folder("lakes") / own_name(address))
+
+    def tables(self) -> dict[str, list[str]]:
+        """Every table of it; of one in a bucket as somebody else gets it."""
+        if self.name == str(self.folder):
+            return tables(self.folder)
+        copy = self.folder.with_name(f"{self.folder.name}-pulled")
+        _must("pull", self.name, "--lake", copy)
+        return tables(copy)
+
+
+def _must(*words: str | Path) -> None:
+    run = finish(start(*words))
+    if run.status:
+        raise RuntimeError(run.err)
+
+
+@contextmanager
+def bucket(wanted: bool, folder: Path) -> Iterator[str]:
+    """The address of a bucket that commands find; "" where lakes are folders."""
+    if not wanted:
+        yield ""
+        return
+    from tests.object_store import BUCKET, object_store
+
+    logging.getLogger("werkzeug").setLevel(logging.ERROR)  # a line a request
+    with object_store() as store, mock.patch.dict(
+        os.environ, store.environment() | {"XDG_CACHE_HOME": str(folder / "cache")}
+    ):  # fmt: skip
+        yield f"s3://{BUCKET}"
 
 
 def sources(folder: Path, count: int) -> Path:
@@ -150,15 +208,20 @@ def _unfinished(lake: Path) -> set[str]:
 
 
 def once(
-    words: Sequence[str | Path], lake: Path, moment: float, victim: tuple[str, int], found: Campaign, rng: random.Random
+    words: Sequence[str | Path],
+    lake: Target,
+    moment: float,
+    victim: tuple[str, int],
+    found: Campaign,
+    rng: random.Random,
 ) -> bool:
     """Run a command, kill somebody at a moment, and look at what is left; whether the command did its work."""
     who, how = victim
     told = f"{signal.Signals(how).name} to {who} in {words[0]}"
     begin = start_fresh if who in FRESH else start
-    before = _unfinished(lake)
+    before = _unfinished(lake.folder)
     with cluster(who == "scheduler") as (options, scheduler):
-        run = begin(*words, *options, "--lake", lake)
+        run = begin(*words, *options, "--lake", lake.name)
         while not listens(run) and run.poll() is None:
             time.sleep(0.005)
         until = time.monotonic() + moment
@@ -178,7 +241,7 @@ def once(
     if struck and who in ("driver", "all"):
         allowed = {0, 128 + how} if drained else {0, -how}
     # One that ended well has cleared away what others left; one that was stopped leaves nothing of its own.
-    rest = sorted(_unfinished(lake) - (before if status else set())) if status == 0 or drained else []
+    rest = sorted(_unfinished(lake.folder) - (before if status else set())) if status == 0 or drained else []
     wrong = {
         "hangs": not ended, f"{len(left)} processes left": left, f"status {status}": status not in allowed,
         "a traceback": "Traceback" in said and not (who == "all" and how == signal.SIGKILL), f"{rest} left": rest,
@@ -199,33 +262,31 @@ def waited(run: Started) -> bool:
     return ended
 
 
-def undisturbed(folder: Path, source: Path) -> tuple[dict[str, list[str]], dict[str, float]]:
+def undisturbed(folder: Path, source: Path, bucket: str) -> tuple[dict[str, list[str]], dict[str, float]]:
     """The tables of a lake that nobody disturbs, and the seconds of each command."""
-    lake, seconds = quick_lake(folder), {}
+    lake, seconds = Target.made(folder, bucket), {}
     for words in commands(source):
         began = time.monotonic()
-        run = finish(start(*words, "--workers", "2", "--lake", lake))
-        if run.status:
-            raise RuntimeError(run.err)
+        _must(*words, "--workers", "2", "--lake", lake.name)
         seconds[str(words[0])] = time.monotonic() - began
-    return tables(lake), seconds
+    return lake.tables(), seconds
 
 
 def commands(source: Path) -> list[list[str | Path]]:
     return [["ingest", source], ["run", STAGES]]
 
 
-def kill(kills: int, seed: int, clips: int, limit: float) -> dict[str, Any]:
+def kill(kills: int, seed: int, clips: int, limit: float, *, s3: bool = False) -> dict[str, Any]:
     """All of it; at most `limit` seconds of kills."""
     found, began = Campaign(), time.monotonic()
-    with tempfile.TemporaryDirectory(prefix="bench-kills-") as name:
+    with tempfile.TemporaryDirectory(prefix="bench-kills-") as name, bucket(s3, Path(name)) as address:
         folder = Path(name)
         source = sources(folder / "clips", clips)
         finish(start("--version"))  # what is forked is there when commands are timed
-        expected, seconds = undisturbed(folder / "undisturbed", source)
+        expected, seconds = undisturbed(folder / "undisturbed", source, address)
         rng = random.Random(seed)
         while found.kills.total() < kills and time.monotonic() - began < limit:
-            lake, struck = quick_lake(folder / f"lake{found.lakes}"), 0
+            lake, struck = Target.made(folder / f"lake{found.lakes}", address), 0
             for words in commands(source):
                 done = False
                 while not done:
@@ -238,7 +299,7 @@ def kill(kills: int, seed: int, clips: int, limit: float) -> dict[str, Any]:
                     if not wanted and not done:
                         break
             try:
-                assert_same(expected, tables(lake))
+                assert_same(expected, lake.tables())
             except AssertionError as error:
                 found.fault(f"lake {found.lakes}: {error}")
             found.lakes += 1
@@ -247,7 +308,7 @@ def kill(kills: int, seed: int, clips: int, limit: float) -> dict[str, Any]:
         "seed": seed, "kills": found.kills.total(), "by_victim": dict(sorted(found.kills.items())),
         "statuses": dict(found.statuses), "lakes_compared": found.lakes, "faults": found.faults,
         "undisturbed_seconds": seconds, "seconds": time.monotonic() - began,
-        "clips": "recordings" if os.environ.get("MOTIONLAKE_DATA") else "made",
+        "lakes": "s3" if s3 else "folders", "clips": "recordings" if os.environ.get("MOTIONLAKE_DATA") else "made",
     }  # fmt: skip
 
 
@@ -257,10 +318,11 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--clips", type=int, default=4, help="of each of three formats")
     parser.add_argument("--limit", type=float, default=float("inf"), help="seconds after which no lake is begun")
+    parser.add_argument("--s3", action="store_true", help="lakes lie in a bucket")
     given = parser.parse_args()
     for number in (signal.SIGINT, signal.SIGHUP):  # or commands would ignore them where this one was told to
         signal.signal(number, signal.SIG_DFL)
-    figures = kill(given.kills, given.seed, given.clips, given.limit)
+    figures = kill(given.kills, given.seed, given.clips, given.limit, s3=given.s3)
     print(f"{figures['kills']} kills on {figures['lakes_compared']} lakes: {len(figures['faults'])} faults")
     print(record("kills", figures))
     if figures["faults"]:
