@@ -42,7 +42,7 @@ def measure_curves(given: argparse.Namespace) -> dict[str, Any]:
 
 
 def measure_choices(given: argparse.Namespace) -> dict[str, Any]:
-    return choices.measure(given.epochs, given.processes, given.kept, given.rows)
+    return choices.measure(given.epochs, given.processes, given.kept, choices.named(given.rows, given.choices))
 
 
 def measure_unlabelled(given: argparse.Namespace) -> dict[str, Any]:
@@ -80,6 +80,10 @@ def main() -> None:
     parser.add_argument(
         "--rows", nargs="+", choices=submotion.RECIPES, default=[*submotion.RECIPES], help="choices, submotion"
     )
+    parser.add_argument(
+        "--choices", nargs="+", default=[], choices=[choice.strip() for choice in choices.CHOICES], metavar="CHOICE",
+        help="choices: by name (default: all)",
+    )  # fmt: skip
     given = parser.parse_args()
     given.chosen = tuple(range(given.seeds))
     for part in given.parts or PARTS:

@@ -80,14 +80,14 @@ def left_out(split: Split, subject: str) -> tuple[Split, Split]:
     return of(np.flatnonzero(his)), of(np.flatnonzero(~his))
 
 
-def measure(
-    epochs: int, processes: int, keep: Path | None = None, rows: Sequence[str] = ("motionlake", "thesis")
-) -> dict[str, Any]:
-    """Mean over the subjects of each choice; "seeds" of the record are subjects; a folder keeps what is done.
+def named(rows: Sequence[str], choices: Sequence[str]) -> list[str]:
+    """The choices about our recipe ("motionlake"), the thesis's ("thesis") or both, but for those that are not named."""
+    every = [choice for choice in CHOICES if ("thesis" if choice in OF_THE_THESIS else "motionlake") in rows]
+    return [choice for choice in every if not choices or choice.strip() in choices]
 
-    `rows`: "motionlake" for choices about our recipe, "thesis" for those about the thesis's.
-    """
-    chosen = [choice for choice in CHOICES if ("thesis" if choice in OF_THE_THESIS else "motionlake") in rows]
+
+def measure(epochs: int, processes: int, keep: Path | None, chosen: Sequence[str]) -> dict[str, Any]:
+    """Mean over the subjects of each choice; "seeds" of the record are subjects; a folder keeps what is done."""
     subjects = sorted(set(split_of(SET, "train").subjects))
     units = [Unit(choice, subject, epochs) for choice in chosen for subject in subjects]
     runs: dict[str, dict[int, Found]] = {}
