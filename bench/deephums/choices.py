@@ -81,7 +81,7 @@ def left_out(split: Split, subject: str) -> tuple[Split, Split]:
 
 
 def named(rows: Sequence[str], choices: Sequence[str]) -> list[str]:
-    """The choices about our recipe ("motionlake"), the thesis's ("thesis") or both, but for those that are not named."""
+    """The choices about our recipe ("motionlake") and the thesis's ("thesis"), all of them or those that are named."""
     every = [choice for choice in CHOICES if ("thesis" if choice in OF_THE_THESIS else "motionlake") in rows]
     return [choice for choice in every if not choices or choice.strip() in choices]
 
