@@ -24,9 +24,10 @@ from motionlake.lake import bucket as buckets
 from motionlake.lake.annotations import Annotations, new_annotation
 from motionlake.lake.bucket import Bucket, ConflictError, Stored, Version
 from motionlake.lake.cached import cache_folder, own_name
-from motionlake.lake.copies import Origin, pull
+from motionlake.lake.copies import pull
 from motionlake.lake.integrity import fetched_by
 from motionlake.lake.layout import Lake, open_lake
+from motionlake.lake.origin import Origin
 from motionlake.lake.stores import is_address
 
 from tests.lakes import assert_same, finish, motionlake, query, quick_lake, tables

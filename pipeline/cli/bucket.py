@@ -81,7 +81,7 @@ def pull(
 
 def _bucket(lake: Lake, address: str | None) -> Bucket:
     from motionlake.lake.bucket import Bucket
-    from motionlake.lake.copies import Origin
+    from motionlake.lake.origin import Origin
 
     known = list(Origin.all(lake))
     if address is None and not known:

@@ -11,7 +11,8 @@ from pathlib import Path
 from motionlake.arrays import StepProgress
 from motionlake.errors import UserError
 from motionlake.lake.bucket import Bucket
-from motionlake.lake.copies import bring_up_to_date, fetch_when_read
+from motionlake.lake.copies import bring_up_to_date
+from motionlake.lake.lacking import fetch_when_read
 from motionlake.lake.layout import Lake
 
 

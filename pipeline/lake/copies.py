@@ -8,28 +8,28 @@ one need not get.
 
 from __future__ import annotations
 
-import json
 import os
 import socket
 import uuid
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path, PurePosixPath
-from typing import Any, Final
+from typing import Final
 
 from motionlake.arrays import StepProgress
 from motionlake.errors import UserError, user_name
 from motionlake.lake.bucket import Bucket, ConflictError, Stored, Version
 from motionlake.lake.catalog import collect_garbage, reading
 from motionlake.lake.catalog_file import announce_anew, announce_catalog, catalog_written, known_sums, sums_of_file
-from motionlake.lake.integrity import FileSums, fault, fetched_by, listed_in, sound
+from motionlake.lake.integrity import FileSums, fault, listed_in, sound
+from motionlake.lake.lacking import as_stored, bring_file
 from motionlake.lake.layout import Lake
 from motionlake.lake.lock import locked
+from motionlake.lake.origin import Origin, origin_file
 from motionlake.lake.parts import replacing
 from motionlake.lake.stores import move_all
 
-LONG: Final = 50e6  # bytes of which a person is told before they are fetched
 _OWN: Final = ("catalog.duckdb", "annotations.jsonl", "config.toml")  # beside what the catalog lists
 
 
@@ -47,53 +47,6 @@ class Moved:
     version: int
     files: int
     bytes: int
-
-
-@dataclass(frozen=True)
-class Origin:
-    """Which version of a bucket a copy was when it was last pushed there or pulled from there.
-
-    Attributes:
-        address: of the bucket.
-        number: of the version; 0 of a copy of nothing.
-        own: sha256 of the catalog, settings and annotations of the version, by name.
-        taking: whether another version is being taken: what lies there is neither, until the next pull.
-        part: whether the copy may lack files of the version, which are fetched when they are first read.
-        token: of the version that was being published last: a push that is killed may not hear that it was.
-    """
-
-    address: str
-    number: int
-    own: Mapping[str, str]
-    taking: bool = False
-    token: str = ""
-    part: bool = False
-
-    @classmethod
-    def all(cls, lake: Lake) -> dict[str, Origin]:
-        """What `bucket.json` says, by address, that of the last push or pull last; nothing where it is damaged."""
-        try:
-            found: Any = json.loads(_file(lake).read_bytes())
-            read = [
-                cls(
-                    str(row["address"]),
-                    int(row["number"]),
-                    dict(row["own"]),
-                    bool(row["taking"]),
-                    str(row["token"]),
-                    bool(row.get("part", False)),
-                )
-                for row in found
-            ]
-        except (OSError, ValueError, KeyError, TypeError):
-            return {}
-        return {each.address: each for each in read}
-
-    def keep(self, lake: Lake) -> None:
-        before = {address: each for address, each in Origin.all(lake).items() if address != self.address}
-        with replacing(_file(lake)) as temporary:
-            rows = [vars(each) for each in (*before.values(), self)]
-            temporary.write_text(json.dumps(rows, sort_keys=True) + "\n", encoding="utf-8")
 
 
 def changed(lake: Lake, origin: Origin) -> bool:
@@ -174,12 +127,13 @@ def pull(
     if latest is None:
         return None
     origin = _origin_of(lake, bucket, latest)
-    if origin and origin.part and not part and not origin.taking and origin.number == latest.number:
+    served = origin is not None and origin.number == latest.number and not origin.taking and lake.catalog.is_file()
+    if served and origin and origin.part and not part and not discard:
         return _filled(lake, bucket, progress, origin)
     if lake.catalog.is_file() and not discard:
         if origin is None:
             raise UserError(f"{lake.root}: holds another lake than {bucket.address}; name a folder without one")
-        if origin.number == latest.number and not origin.taking:
+        if served:
             return Moved(bucket.address, origin.number, 0, 0)
         if changed(lake, origin):
             raise UserError(
@@ -195,7 +149,7 @@ def pull(
     lacking = [each for each in others if not _is_here(lake, each, before)]
 
     def bring(stored: Stored) -> int:
-        return _bring(lake, bucket, stored)
+        return bring_file(lake, bucket, stored)
 
     came = move_all(bring, lacking, progress)
     replace(origin or Origin(bucket.address, 0, {}), taking=True, token="").keep(lake)
@@ -214,37 +168,9 @@ def pull(
 def _filled(lake: Lake, bucket: Bucket, progress: StepProgress, origin: Origin) -> Moved:
     """Fetch what a copy lacks of its version, which it may have changed."""
     away = [each for each in _listed(lake).values() if not lake.path(each.file).exists()]
-    came = move_all(lambda each: _bring(lake, bucket, _as_stored(each)), away, progress)
+    came = move_all(lambda each: bring_file(lake, bucket, as_stored(each)), away, progress)
     replace(origin, part=False).keep(lake)
     return Moved(bucket.address, origin.number, len(came), sum(came))
-
-
-def _bring(lake: Lake, bucket: Bucket, stored: Stored) -> int:
-    with replacing(lake.path(stored.file)) as temporary:
-        bucket.get(stored, temporary)
-        os.utime(temporary, ns=(stored.mtime_ns, stored.mtime_ns))
-    return stored.size
-
-
-def _as_stored(file: FileSums) -> Stored:
-    return Stored(file.file, file.size, file.sha256, file.mtime_ns)
-
-
-def fetch_when_read(lake: Lake, bucket: Bucket, notice: Callable[[str], None]) -> None:
-    """Have this process fetch what a copy lacks from the bucket when it first reads it.
-
-    Args:
-        notice: told of what takes long.
-    """
-
-    def fetch(files: Sequence[FileSums]) -> None:
-        size = sum(file.size for file in files)
-        if size > LONG:
-            notice(f"{bucket.address}: fetching {len(files)} files, {size / 1e6:.0f} MB")
-        move_all(lambda each: _bring(lake, bucket, _as_stored(each)), files, lambda what, done, total: None)
-
-    part = any(each.part for each in Origin.all(lake).values())
-    fetched_by(lake, fetch if part else None)
 
 
 def bring_up_to_date(lake: Lake, bucket: Bucket, progress: StepProgress, *, part: bool = False) -> Moved | None:
@@ -305,7 +231,7 @@ def _check_names(lake: Lake, version: Version, bucket: Bucket) -> None:
     for name in names:
         parts = PurePosixPath(name).parts
         plain = "/".join(parts) == name and not any(part.startswith((".", "/")) for part in parts)
-        if not plain or name in (_file(lake).name, lake.sums.name, lake.service.name):
+        if not plain or name in (origin_file(lake).name, lake.sums.name, lake.service.name):
             raise UserError(f"{bucket.address}: version {version.number} holds {name!r}, which is no file of a lake")
     lake.paths(names)
 
@@ -314,7 +240,7 @@ def _files(lake: Lake) -> list[Stored]:
     """Everything that a version of the lake holds, in the order of names."""
     with reading(lake) as con:
         listed = listed_in(con)
-    found = [_as_stored(each) for each in listed.values()]
+    found = [as_stored(each) for each in listed.values()]
     return sorted([*found, *_own_files(lake)], key=lambda each: each.file)
 
 
@@ -367,7 +293,3 @@ def _same(before: Sequence[Stored], now: Sequence[Stored]) -> bool:
 def _origin(bucket: Bucket, version: Version, before: Origin | None = None) -> Origin:
     own = {each.file: each.sha256 for each in version.files if _is_own(each.file)}
     return Origin(bucket.address, version.number, own, token=version.token, part=bool(before and before.part))
-
-
-def _file(lake: Lake) -> Path:
-    return lake.root / "bucket.json"
