@@ -22,7 +22,7 @@ DEMO_SYNTHESIS = $(if $(filter demo/deepmimic,$(DATA)),$(BIN)/motionlake run syn
 DEMO_QUERIES = $(if $(filter demo/deepmimic,$(DATA)),humanoid3d_walk humanoid3d_kick humanoid3d_dance_a,--sample 3)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test test-browser web lint docs ingest all $(STAGES) neighbours transitions synth quality map status wheel bench-ingest bench-dtw bench-moves bench-emd bench-generalise bench-retrieval bench-scale bench-service bench-browser bench-stages bench-nights bench-whole bench-windows bench-representation bench-word-network bench-motif-weights bench-words bench-find bench-motion-graph bench-neighbours bench-segmentation bench-signatures bench-sorting bench-align bench-strings bench-pesta bench-quality bench-rigs bench-descriptor-search bench-deephums bench-glogen bench-synthesis bench-matching bench-made bench-blind bench-keyframes bench-style bench-text bench-kills bench-many bench-comparators bench-mutation bench-smoke fuzz records
+.PHONY: help setup demo test test-browser web lint docs ingest all $(STAGES) neighbours transitions synth quality map status wheel bench-ingest bench-dtw bench-moves bench-emd bench-generalise bench-retrieval bench-scale bench-service bench-browser bench-stages bench-nights bench-whole bench-workers bench-windows bench-representation bench-word-network bench-motif-weights bench-words bench-find bench-motion-graph bench-neighbours bench-segmentation bench-signatures bench-sorting bench-align bench-strings bench-pesta bench-quality bench-rigs bench-descriptor-search bench-deephums bench-glogen bench-synthesis bench-matching bench-made bench-blind bench-keyframes bench-style bench-text bench-kills bench-many bench-comparators bench-mutation bench-smoke fuzz records
 
 help: ## Show this help
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 24
@@ -156,6 +156,9 @@ bench-stages: setup ## Measure what every stage costs a frame, by lakes of more 
 
 bench-whole: setup ## Measure a repository of CLIPS=n (142,220) clips indexed whole in FOLDER=folder: hours, 45 GB; it goes on there
 	$(BIN)/python -m bench.whole_lake "$(FOLDER)" $(if $(CLIPS),--clips $(CLIPS))
+
+bench-workers: setup ## Measure how stages scale over one and two workers, and simulate up to 64
+	$(BIN)/python -m bench.worker_scaling
 
 bench-nights: setup ## Measure NIGHTS=n (30) runs of 50 new clips into one lake: time, files, catalog, and what grows
 	$(BIN)/python -m bench.nights $(if $(NIGHTS),--nights $(NIGHTS))

@@ -317,6 +317,18 @@ def test_an_address_fetches_what_a_command_reads(lake: Path, address: str, tmp_p
     assert query(copy, "FROM quality ORDER BY clip") == query(lake, "FROM quality ORDER BY clip")
 
 
+def test_a_file_that_a_copy_lost_is_fetched_again(lake: Path, address: str, tmp_path: Path) -> None:
+    said("push", address, "--lake", lake)
+    copy = tmp_path / "copy"
+    said("pull", address, "--lake", copy)
+    for part in copy.glob("frames/*/*.parquet"):
+        part.unlink()
+    clip = str(query(lake, "SELECT min(clip) FROM clips")[0][0])
+    assert "`motionlake pull" in refused("view", clip, "--out", tmp_path / "clip.html", "--lake", copy)
+    said("pull", "--lake", copy)
+    assert "every byte" in said("verify", "--deep", "--lake", copy)
+
+
 def test_a_copy_in_part_takes_the_next_version(lake: Path, address: str) -> None:
     said("push", address, "--lake", lake)
     clip = str(query(lake, "SELECT min(clip) FROM clips")[0][0])

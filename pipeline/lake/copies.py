@@ -128,12 +128,12 @@ def pull(
         return None
     origin = _origin_of(lake, bucket, latest)
     served = origin is not None and origin.number == latest.number and not origin.taking and lake.catalog.is_file()
-    if served and origin and origin.part and not part and not discard:
-        return _filled(lake, bucket, progress, origin)
+    if served and origin and not part and not discard:
+        return _filled(lake, bucket, progress, origin, latest)
     if lake.catalog.is_file() and not discard:
         if origin is None:
             raise UserError(f"{lake.root}: holds another lake than {bucket.address}; name a folder without one")
-        if served:
+        if served:  # in part, and it is to stay so
             return Moved(bucket.address, origin.number, 0, 0)
         if changed(lake, origin):
             raise UserError(
@@ -165,11 +165,13 @@ def pull(
     return Moved(bucket.address, latest.number, len(came) + 1, sum(came) + own[lake.catalog.name].size)
 
 
-def _filled(lake: Lake, bucket: Bucket, progress: StepProgress, origin: Origin) -> Moved:
+def _filled(lake: Lake, bucket: Bucket, progress: StepProgress, origin: Origin, version: Version) -> Moved:
     """Fetch what a copy lacks of its version, which it may have changed."""
-    away = [each for each in _listed(lake).values() if not lake.path(each.file).exists()]
+    there = {each.sha256 for each in version.files}
+    away = [each for each in _listed(lake).values() if each.sha256 in there and not lake.path(each.file).exists()]
     came = move_all(lambda each: bring_file(lake, bucket, as_stored(each)), away, progress)
-    replace(origin, part=False).keep(lake)
+    if origin.part:
+        replace(origin, part=False).keep(lake)
     return Moved(bucket.address, origin.number, len(came), sum(came))
 
 
