@@ -7,9 +7,9 @@ planning, and the training of models. Of the scheduler, what one task more costs
 
 With W workers a stage takes what is the driver's alone and then the longest of three: its shards, each given to the
 worker that is free first; loading; the scheduler. For a lake as large as BONES-SEED shards are drawn from those that
-were measured, and what is the driver's is continued in a straight line through two lakes. That is too much where
-training looks at a sample of clips, so that this errs to the side of fewer workers. The same for the two workers that
-this machine has says how well it holds.
+were measured, and what is the driver's and loading are continued in a straight line through two lakes. That is too
+much where training looks at a sample of clips, so that this errs to the side of fewer workers. The same for the two
+workers that this machine has says how well it holds.
 """
 
 from __future__ import annotations
@@ -146,13 +146,15 @@ class Large:
 
 def enlarged(few: Spent, many: Spent, counts: Sequence[int], clips: int, rng: np.random.Generator) -> Large:
     """A stage of so many clips by two lakes of `counts` clips."""
-    slope = max(0.0, (many.own - few.own) / (counts[1] - counts[0]))
+
+    def continued(before: float, now: float) -> float:
+        return now + max(0.0, now - before) / (counts[1] - counts[0]) * (clips - counts[1])
+
     share = clips / counts[1]
     drawn = rng.choice(many.shards, round(len(many.shards) * share)) if many.shards else np.empty(0)
     scale = sum(many.shards) * share / max(float(drawn.sum()), 1e-9)
-    return Large(
-        many.own + slope * (clips - counts[1]), tuple((drawn * scale).tolist()), many.loading * share
-    )  # fmt: skip
+    shards = tuple((drawn * scale).tolist())
+    return Large(continued(few.own, many.own), shards, continued(few.loading, many.loading))
 
 
 def scaled(stages: dict[str, Large], task: float, workers: int) -> dict[str, Any]:
