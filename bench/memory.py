@@ -94,10 +94,10 @@ def orphans_adopted() -> Iterator[None]:
         prctl(SUBREAPER, 0, 0, 0, 0)
 
 
-def ended_seconds() -> float:
+def ended_seconds(linger: float = 0.0) -> float:
     """User and system time of all processes that were started here and have ended; those that a command left behind
-    are waited for."""
-    until = time.monotonic() + LINGER
+    are waited for, so many seconds at most."""
+    until = time.monotonic() + linger
     with suppress(ChildProcessError):
         while time.monotonic() < until:
             if os.waitpid(-1, os.WNOHANG)[0] == 0:

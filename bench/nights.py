@@ -22,7 +22,7 @@ from typing import Any, Final
 import numpy as np
 
 from bench.long_clips import read_recordings, write_long_clips
-from bench.memory import ended_seconds, orphans_adopted
+from bench.memory import LINGER, ended_seconds, orphans_adopted
 from bench.record import record, recordings
 
 YEAR: Final = 365
@@ -36,7 +36,7 @@ def command(*words: str | Path, statuses: Sequence[int] = (0,)) -> dict[str, flo
     seconds = time.perf_counter() - started
     if done.returncode not in statuses:
         sys.exit(f"{' '.join(program)}: status {done.returncode}\n{done.stderr}")
-    return {"seconds": seconds, "processor_seconds": ended_seconds() - before}
+    return {"seconds": seconds, "processor_seconds": ended_seconds(LINGER) - before}
 
 
 def files_of(lake: Path) -> dict[str, int]:

@@ -29,9 +29,10 @@ from motionlake.lake.parts import replacing
 from motionlake.stages.registry import ALL
 
 from bench.long_clips import FPS, read_recordings, write_long_clips
-from bench.memory import ended_seconds, orphans_adopted, watch
+from bench.memory import LINGER, ended_seconds, orphans_adopted, watch
 from bench.record import record, recordings
 
+CHECKOUT: Final = Path(__file__).parents[1]
 SEED: Final = 142_220  # clips of BONES-SEED
 TOGETHER: Final = 10_000  # clips that lie on the disk at a time
 NIGHTLY: Final = 50
@@ -63,7 +64,7 @@ def command(log: Path, *words: str | Path) -> dict[str, Any]:
         sys.exit(f"{' '.join(program)}: status {used.status}\n{log.read_text(errors='replace')[-2000:]}")
     return {
         "seconds": used.seconds,
-        "processor_seconds": ended_seconds() - before,
+        "processor_seconds": ended_seconds(LINGER) - before,
         "driver_mib": used.driver / 2**20, "together_mib": used.together / 2**20,
     }  # fmt: skip
 
@@ -75,7 +76,7 @@ def write(first: int, stop: int, folder: Path, processes: int) -> dict[str, Any]
     writing = [
         subprocess.Popen(
             [sys.executable, "-m", "bench.whole_lake", str(folder), "--write", str(begin), str(end)],
-            stdout=subprocess.PIPE, text=True,
+            stdout=subprocess.PIPE, text=True, cwd=CHECKOUT, env=os.environ | {"PYTHONPATH": str(CHECKOUT)},
         )
         for begin, end in pairwise(cuts)
     ]  # fmt: skip
@@ -157,6 +158,7 @@ def main() -> None:
         first, stop = given.write
         print(write_long_clips(read_recordings(recordings()), first, stop, given.folder))
         return
+    given.folder = given.folder.absolute()
     given.folder.mkdir(parents=True, exist_ok=True)
     with orphans_adopted():
         figures = summary(measure(given, given.folder), given.folder / "lake")
