@@ -154,7 +154,7 @@ bench-browser: setup ## Measure the grid of the browser application in a lake of
 bench-stages: setup ## Measure what every stage costs a frame, by lakes of more and more clips as long as BONES-SEED's
 	$(BIN)/python -m bench.stages_cost
 
-bench-whole: setup ## Measure a repository of CLIPS=n (142,220) clips indexed whole in FOLDER=folder: hours, 45 GB; it goes on there
+bench-whole: setup ## Measure a repository of CLIPS=n (142,220) clips indexed whole in FOLDER=folder (hours; it goes on there)
 	$(BIN)/python -m bench.whole_lake "$(FOLDER)" $(if $(CLIPS),--clips $(CLIPS))
 
 bench-workers: setup ## Measure how stages scale over one and two workers, and simulate up to 64

@@ -2,13 +2,13 @@
 
 Clips of `bench.long_clips` are written some thousand at a time, taken in by `motionlake ingest`, and then emptied, so
 that the disk holds them: files of the same size and time without contents, which later runs find unchanged. Then every
-stage of `run all` is a command of its own. What is measured of each command: seconds,
-seconds of processors of all that it started, and the most memory that its processes held, the driver and together.
-Writing the clips is measured by itself. Of the lake that is there then: `status`, `run all` with nothing due, fifty new
-clips taken in and run through every stage as of a night, and a search in a new process.
+stage of `run all` is a command of its own. What is measured of each command: seconds, seconds of processors of all that
+it started, and the most memory that its processes held, the driver and together. Writing the clips is measured by
+itself. Of the lake that is there then: `status`, `run all` with nothing due, fifty new clips taken in and run through
+every stage as of a night, and a search in a new process.
 
 FOLDER keeps the lake and what was measured: a run that was interrupted goes on there, with the step that it was in.
-A finished lake is kept for other benches (`bench.scale_search`).
+A finished lake is there for `python -m bench.scale_search --folder FOLDER`.
 """
 
 from __future__ import annotations

@@ -20,8 +20,8 @@ def keep_freed() -> bool:
     """Have this process keep what it frees for what it takes next; whether that was done, once a process.
 
     Arrays of a clip have some hundred kB. By default the C library gives memory of that size back to the system when it
-    is freed, which clears each page anew when it is taken again: up to a fifth of the time of reading clips. Nothing is
-    done where the C library is none of GNU's, or where the environment says what it is to do.
+    is freed, which clears each page anew when it is taken again. Nothing is done where the C library is none of GNU's,
+    or where the environment says what it is to do.
     """
     if not sys.platform.startswith("linux") or any(name in os.environ for name in _SET_BY_USER):
         return False
