@@ -14,7 +14,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields, replace
 from importlib import import_module
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Final, TypeVar
 
 from motionlake.deep_motifs.config import NeighboursConfig, NetworkConfig, TransitionsConfig
 from motionlake.deephums.config import DescriptorsConfig, SubmotionConfig
@@ -89,19 +89,25 @@ class LakeConfig:
 
 def canonical_json(value: Any) -> str:
     """One spelling for one value: sorted keys, no spaces."""
-    return json.dumps(value, sort_keys=True, separators=(",", ":"), ensure_ascii=False)
+    return _encode(value)
 
 
-def config_hash(*values: Any) -> str:
-    """sha256 over the canonical JSON of dataclasses and plain values.
+_encode: Final = json.JSONEncoder(sort_keys=True, separators=(",", ":"), ensure_ascii=False).encode
+
+
+def plain(value: Any) -> Any:
+    """A dataclass or plain value as `config_hash` spells it.
 
     Models in lakes were keyed while `weights = "pretrained"` was called "shipped": their keys stay.
     """
-    plain = [asdict(v) if hasattr(v, "__dataclass_fields__") else v for v in values]
-    plain = [
-        {**v, "weights": "shipped"} if isinstance(v, dict) and v.get("weights") == "pretrained" else v for v in plain
-    ]
-    return hashlib.sha256(canonical_json(plain).encode()).hexdigest()
+    found = asdict(value) if hasattr(value, "__dataclass_fields__") else value
+    named = isinstance(found, dict) and found.get("weights") == "pretrained"
+    return {**found, "weights": "shipped"} if named else found
+
+
+def config_hash(*values: Any) -> str:
+    """sha256 over the canonical JSON of dataclasses and plain values."""
+    return hashlib.sha256(canonical_json([plain(value) for value in values]).encode()).hexdigest()
 
 
 def load_config(path: Path) -> LakeConfig:

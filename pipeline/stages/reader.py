@@ -40,8 +40,7 @@ class LakeReader:
 
     def done(self, stage: str) -> set[str]:
         """Keys of the shards of a stage that ended well."""
-        rows = self.once("shards", stage, lambda: fetch(self.con, "shards", {"stage": stage}))
-        return {r["key"] for r in rows if r["state"] == "ok"}
+        return self.once("done", stage, lambda: {r["key"] for r in fetch(self.con, "done_keys", {"stage": stage})})
 
     def file_hash(self, file: str) -> str:
         """sha256 of a file of the lake."""

@@ -17,6 +17,9 @@ WHERE manifest.stage = r.stage AND manifest.part = r.part AND manifest.key <> r.
 -- name: shards
 SELECT stage, key, part, dataset, state, reason, attempts, spec, files FROM manifest WHERE stage = $stage ORDER BY key;
 
+-- name: done_keys
+SELECT key FROM manifest WHERE stage = $stage AND state = 'ok';
+
 -- name: ready_keys
 -- What a stage has made; frames are those of synthetic clips too.
 SELECT key FROM manifest WHERE state = 'ok' AND (stage = $stage OR ($stage = 'frames' AND stage = 'synthesize'));
@@ -45,11 +48,11 @@ DELETE FROM manifest WHERE stage = $stage AND state = 'ok' AND key NOT IN (SELEC
 
 -- name: forget_orphans_of_manifest
 -- A shard may be of several parts ("a+b") or of a whole dataset.
-DELETE FROM manifest
-WHERE state = 'ok' AND NOT list_has_all(
-    (SELECT coalesce(list(part), []) FROM (
-        SELECT part FROM clips UNION SELECT part FROM sources UNION SELECT dataset FROM clips)),
-    string_split(part, '+'));
+DELETE FROM manifest WHERE (stage, key) IN (
+    SELECT (stage, key) FROM (
+        SELECT stage, key, unnest(string_split(part, '+')) AS part FROM manifest WHERE state = 'ok'
+    ) WHERE part NOT IN (SELECT part FROM clips UNION SELECT part FROM sources UNION SELECT dataset FROM clips)
+);
 
 -- name: live_files
 SELECT unnest(files) AS file FROM manifest WHERE state = 'ok'
