@@ -14,6 +14,7 @@ from motionlake.lake.config import load_config
 from motionlake.lake.integrity import list_files
 from motionlake.lake.layout import Lake
 from motionlake.lake.space import blocks_of, forget_models, rewrite_catalog, superseded
+from motionlake.lake.working import serve
 from motionlake.stages.compact import CLIPS, plan
 from motionlake.stages.merge import MERGE, parts_in
 from motionlake.stages.reader import lake_reader
@@ -73,6 +74,7 @@ def compact(session: Session, most: int = CLIPS, *, vacuum: bool = False, keep: 
     _enter(lake, waiting)
     if models:
         forget_models(lake, models)
+    serve(lake)
     if vacuum or blocks_of(lake).many:
         rewrite_catalog(lake)
     after = _counted(lake)

@@ -7,7 +7,7 @@ import json
 import os
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import ExitStack, contextmanager, nullcontext, suppress
 from dataclasses import dataclass, field
 from datetime import datetime
 from importlib.util import find_spec
@@ -22,9 +22,10 @@ from motionlake.lake.config import LakeConfig, load_config
 from motionlake.lake.integrity import check_files, list_files
 from motionlake.lake.layout import Lake
 from motionlake.lake.lock import locked
-from motionlake.lake.records import write_records
+from motionlake.lake.records import keep_records
 from motionlake.lake.run_progress import SharedProgress
 from motionlake.lake.settings import changed_settings, keep_settings
+from motionlake.lake.working import deferred, serve
 from motionlake.names import typed
 from motionlake.stages.stage import Shard, ShardResult, ShardStage
 
@@ -133,6 +134,8 @@ class Session:
         if stage.cut_is_kept:
             with writing(self.lake) as con:
                 load_rows(con, "plan_shards", _planned(planned))
+        if stage.reads_catalog and client is not None:
+            serve(self.lake)
         total = sum(s.items for s in shards)
         self.progress(stage.name, 0, total)
         waiting: list[ShardResult] = []
@@ -232,7 +235,7 @@ def session(
         if not damaged:
             bring_macros(lake)
         try:
-            with ExitStack() as stack:
+            with ExitStack() as stack, nullcontext() if damaged else deferred(lake):
                 shared = SharedProgress(lake, progress)
                 stack.callback(shared.end)
                 yield Session(lake, config, shared, notice, workers, scheduler, _stack=stack)
@@ -241,7 +244,7 @@ def session(
                 collect_garbage(lake, FOLDERS)
             raise
         collect_garbage(lake, FOLDERS)
-        write_records(lake)
+        keep_records(lake)
 
 
 def _load(

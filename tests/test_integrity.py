@@ -182,6 +182,28 @@ def test_an_earlier_catalog_says_that_it_is_one(lake: Path) -> None:
     assert query(lake, "SELECT count(*) FROM clips") > [(0,)]
 
 
+def test_the_records_of_a_large_catalog_are_written_now_and_then(lake: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """They are of an earlier catalog then, which is said where one is made from them; labels come from their files."""
+    monkeypatch.setattr("motionlake.lake.records.WHOLE", 0)
+    before, (last, *_) = (lake / "records.zip").read_bytes(), query(lake, "SELECT max(clip) FROM clips")[0]
+    assert motionlake("remove", last, "--lake", lake).status == 0
+    assert (lake / "records.zip").read_bytes() == before
+    assert motionlake("verify", "--deep", "--lake", lake).status == 0
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr("motionlake.lake.records.EVERY", 0.0)
+        assert motionlake("status", "--lake", lake).status == 0
+        assert motionlake("compact", "--lake", lake).status == 0
+    now = (lake / "records.zip").read_bytes()
+    assert now != before
+    (lake / "records.zip").write_bytes(before)
+    (lake / "catalog.duckdb").unlink()
+    shutil.rmtree(lake / "kept")
+    run = motionlake("repair", "--json", "--lake", lake)
+    assert run.status == 0, run.err
+    assert "of an earlier moment" in next(row["done"] for row in run.json if row["file"] == "catalog.duckdb")
+    assert query(lake, "SELECT clip FROM clips WHERE clip = $clip", clip=last) == [(last,)]
+
+
 def test_a_damaged_catalog_without_copies_stays_where_it_is(lake: Path) -> None:
     shutil.rmtree(lake / "kept")
     (lake / "records.zip").unlink()

@@ -15,12 +15,12 @@ import motionlake
 import pyarrow.parquet as pq
 import pytest
 from motionlake.errors import UserError
-from motionlake.lake import catalog as catalog_module
-from motionlake.lake import migrations
+from motionlake.lake import migrations, working
 from motionlake.lake.catalog import SCHEMA_VERSION, reading, writing
+from motionlake.lake.catalog_file import announce_catalog
 from motionlake.lake.frames import lengths, runs
-from motionlake.lake.layout import open_lake
-from motionlake.lake.parts import PartWriter, replacing
+from motionlake.lake.layout import Lake, open_lake
+from motionlake.lake.parts import PartWriter, replacing, sync_folder
 
 from tests.lakes import Changed, assert_same, finish, query, quick_lake, tables
 from tests.lakes import motionlake as command
@@ -215,8 +215,17 @@ def test_a_migration_that_is_cut_short(old: Path, new: Path, monkeypatch: pytest
             pass_by()
         pass_by()
 
+    def announced(lake: Lake, temporary: Path) -> None:
+        announce_catalog(lake, temporary)
+        pass_by()
+
+    def synced(folder: Path) -> None:
+        sync_folder(folder)
+        pass_by()
+
     monkeypatch.setattr(migrations, "replacing", watched)
-    monkeypatch.setattr(catalog_module, "replacing", watched)
+    monkeypatch.setattr(working, "announce_catalog", announced)  # before the catalog takes its name
+    monkeypatch.setattr(working, "sync_folder", synced)  # and after it has
     while "motionlake migrate" in command("status", "--lake", old).err:
         assert as_it_was(old) == expected
         with pytest.raises(InterruptedError):

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import errno
 import os
-import shutil
 import weakref
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing, contextmanager
@@ -24,6 +23,7 @@ from motionlake.lake.host import attached, elsewhere, room
 from motionlake.lake.layout import Lake
 from motionlake.lake.lock import share, unread
 from motionlake.lake.parts import replacing
+from motionlake.lake.working import deferred, version, working_copy
 from motionlake.stopping import held
 
 if TYPE_CHECKING:
@@ -90,12 +90,18 @@ def create_catalog(lake: Lake) -> None:
     import duckdb
 
     lake.root.mkdir(parents=True, exist_ok=True)
-    with held(), room(lake.catalog), _beside(lake) as temporary, closing(duckdb.connect(str(temporary))) as con:
-        for name in sql.names("schema"):
-            run_sql(con, name)
-        refresh_macros(con)
-        run_sql(con, "set_schema_version", {"version": SCHEMA_VERSION})
-        con.execute("CHECKPOINT")  # to close it would say nothing of a full disk
+    with held(), room(lake.catalog), replacing(lake.catalog) as temporary:
+        try:
+            with closing(duckdb.connect(str(temporary))) as con:
+                for name in sql.names("schema"):
+                    run_sql(con, name)
+                refresh_macros(con)
+                run_sql(con, "set_schema_version", {"version": SCHEMA_VERSION})
+                con.execute("CHECKPOINT")  # to close it would say nothing of a full disk
+        finally:
+            temporary.with_name(temporary.name + ".wal").unlink(missing_ok=True)
+        announce_catalog(lake, temporary)
+    catalog_written(lake)
 
 
 def version_of(con: Connection) -> int:
@@ -121,19 +127,23 @@ def check_version(con: Connection, lake: Lake) -> None:
 
 @contextmanager
 def reading(lake: Lake) -> Iterator[Connection]:
-    """A read-only connection to the catalog as it stands; relative Parquet paths resolve in the lake.
+    """A connection to the catalog as it stands, for reading; relative Parquet paths resolve in the lake.
 
     Raises:
         UserError: as `connect_read_only`.
     """
+    changed = working_copy(lake)
     with ExitStack() as stack:
         seen = share(lake)
         if seen is not None:
             stack.callback(os.close, seen)
-        check_catalog(lake)
+        if changed is None:
+            check_catalog(lake)
         stack.enter_context(_told(lake))
-        con = stack.enter_context(attached(lake.catalog))
+        con = stack.enter_context(attached(changed or lake.catalog, writable=changed is not None))
         run_sql(con, "use_lake", {"root": str(lake.root)})
+        if changed is not None:
+            con.begin()  # what this command changes meanwhile does not show
         check_version(con, lake)
         yield con
 
@@ -194,15 +204,18 @@ def _told(lake: Lake) -> Iterator[None]:
 
 @contextmanager
 def writing(lake: Lake) -> Iterator[Connection]:
-    """A transaction over the whole catalog: all of it is served when the block ends well, else nothing."""
+    """A transaction over the whole catalog: all of it is entered when the block ends well, else nothing.
+
+    It is served at once, or with others of the command (`motionlake.lake.working`).
+    """
     with changing(lake) as con:
         check_version(con, lake)
-        if _written.get(lake.catalog) != lake.served():
+        if _written.get(lake.catalog) != version(lake):
             refresh_macros(con)
         yield con
         run_sql(con, "forget_unnamed_files")
         refresh_views(con, lake)
-    _written[lake.catalog] = lake.served()
+    _written[lake.catalog] = version(lake)
 
 
 _written: Final[dict[Path, tuple[int, int]]] = {}  # catalogs that have their macros from this process
@@ -211,27 +224,12 @@ _written: Final[dict[Path, tuple[int, int]]] = {}  # catalogs that have their ma
 @contextmanager
 def changing(lake: Lake) -> Iterator[Connection]:
     """The same for a lake of any version; macros and views stay as they are."""
-    check_catalog(lake)
-    with held(), room(lake.catalog), _beside(lake) as temporary:
-        shutil.copyfile(lake.catalog, temporary)
-        with attached(temporary, writable=True) as con:
+    with held(), room(lake.catalog), deferred(lake) as work:
+        with work.transaction() as con:
             run_sql(con, "use_lake", {"root": str(lake.root)})
-            con.begin()
             yield con
-            con.commit()
-            con.execute("CHECKPOINT")
-
-
-@contextmanager
-def _beside(lake: Lake) -> Iterator[Path]:
-    """The file of the next catalog, and of DuckDB's log beside it, which goes in any case."""
-    with replacing(lake.catalog) as temporary:
-        try:
-            yield temporary
-        finally:
-            temporary.with_name(temporary.name + ".wal").unlink(missing_ok=True)
-        announce_catalog(lake, temporary)
-    catalog_written(lake)
+        if work.due():
+            work.serve()
 
 
 def refresh_macros(con: Connection) -> None:
@@ -284,8 +282,7 @@ def collect_garbage(lake: Lake, folders: Iterable[str]) -> None:
     remove_stale_copies(lake)
     with reading(lake) as con:
         live = {row["file"] for row in fetch(con, "live_files")}
-    found = (path for folder in folders for path in lake.root.joinpath(folder).rglob("*"))
-    dead = [path for path in found if path.is_file() and lake.relative(path) not in live]
+    dead = [lake.root / file for file in lake.files(folders) if file not in live]
     unfinished = [path for path in dead if path.name.startswith(".")]
     for path in unfinished:
         path.unlink()

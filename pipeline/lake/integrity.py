@@ -24,6 +24,7 @@ import pyarrow as pa
 from motionlake.errors import DamagedError
 from motionlake.lake.catalog import Connection, fetch, load_rows, reading, table_of
 from motionlake.lake.layout import Lake
+from motionlake.lake.working import version
 
 FILE_ROWS: Final = pa.schema(
     {"file": pa.string(), "size": pa.int64(), "mtime_ns": pa.int64(), "crc32": pa.uint32(), "sha256": pa.string()}
@@ -110,11 +111,13 @@ def list_files(con: Connection, files: Iterable[FileSums]) -> None:
 
 def stat_fault(lake: Lake, wanted: FileSums) -> str | None:
     """What is wrong with a file, as far as one look at its folder's entry tells; nothing where it can be fetched."""
-    try:
-        found = lake.path(wanted.file).stat()
-    except FileNotFoundError:
+    return _stat_fault(lake, wanted, next(lake.stats([wanted.file])))
+
+
+def _stat_fault(lake: Lake, wanted: FileSums, seen: os.stat_result | None) -> str | None:
+    if seen is None:
         return None if lake.root in _fetches else "is missing"
-    return None if found.st_size == wanted.size else _other_size(found.st_size, wanted)
+    return None if seen.st_size == wanted.size else _other_size(seen.st_size, wanted)
 
 
 def size_fault(lake: Lake, file: str) -> str | None:
@@ -174,10 +177,11 @@ def touched_faults(lake: Lake, wanted: Iterable[FileSums]) -> list[tuple[FileSum
     """
     files = list(wanted)
     away = {file.file for file in lacking(lake, files)}
+    there = [file for file in files if file.file not in away]
     found = []
-    for file in (file for file in files if file.file not in away):
-        wrong = stat_fault(lake, file)
-        if wrong is None and lake.path(file.file).stat().st_mtime_ns != file.mtime_ns:
+    for file, seen in zip(there, lake.stats([file.file for file in there]), strict=True):
+        wrong = _stat_fault(lake, file, seen)
+        if wrong is None and seen is not None and seen.st_mtime_ns != file.mtime_ns:
             wrong = fault(lake, file)
         if wrong is not None:
             found.append((file, wrong))
@@ -247,8 +251,8 @@ def sound_folder(lake: Lake, folder: str) -> list[Path]:
 
 
 def know(lake: Lake, con: Connection) -> None:
-    """Take the list of files from a connection to the catalog that is served now."""
-    _known[lake.root] = (lake.served(), listed_in(con))
+    """Take the list of files from a connection to the catalog that this process reads now."""
+    _known[lake.root] = (version(lake), listed_in(con))
 
 
 def is_listed(lake: Lake, file: str) -> bool:
@@ -298,11 +302,11 @@ def named_files(listed: Listed, by_part: Mapping[str, str], value: object) -> se
 
 
 def _listed(lake: Lake) -> Listed:
-    """What the catalog that is served now lists."""
-    served = lake.served()
-    if lake.root not in _known or _known[lake.root][0] != served:
+    """What the catalog that this process reads now lists."""
+    now = version(lake)
+    if lake.root not in _known or _known[lake.root][0] != now:
         with reading(lake) as con:
-            _known[lake.root] = (served, listed_in(con))
+            _known[lake.root] = (now, listed_in(con))
     return _known[lake.root][1]
 
 

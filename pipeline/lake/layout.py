@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import re
-from collections.abc import Iterable
+import stat
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -88,6 +90,31 @@ class Lake:
                 raise UserError(f"{name}: leads out of the lake {self.root}")
             found.append(path)
         return found
+
+    def stats(self, relative: Sequence[str]) -> Iterator[os.stat_result | None]:
+        """What is known of files by their relative names, without opening them; None where there is none such.
+
+        Raises:
+            UserError: a name leads out of the lake.
+        """
+        folders: dict[str, str] = {}
+        for name in relative:
+            folder, _, own = name.rpartition("/")
+            if folder not in folders:
+                folders[folder] = str(self.path(folder))
+            try:
+                found = os.lstat(f"{folders[folder]}/{own}")
+                plain = stat.S_ISREG(found.st_mode)
+                yield found if plain else self.path(name).stat()
+            except FileNotFoundError:
+                yield None
+
+    def files(self, folders: Iterable[str]) -> Iterator[str]:
+        """All that lies below some folders of the lake and is no folder, by relative names."""
+        start = len(str(self.root)) + 1
+        for folder in folders:
+            for base, _, names in os.walk(self.root / folder):
+                yield from (f"{base[start:]}/{name}" for name in names)
 
     def relative(self, path: Path) -> str:
         return path.relative_to(self.root).as_posix()

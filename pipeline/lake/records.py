@@ -6,20 +6,31 @@ A lost catalog is rebuilt from it, with the labels and segments that people gave
 from __future__ import annotations
 
 import io
+import time
 import zipfile
 from collections.abc import Iterator, Mapping
 from contextlib import closing
 from pathlib import Path
+from typing import IO, Final
 
 import pyarrow as pa
 import pyarrow.parquet as pq
 from motionlake import sql
 from motionlake.lake.catalog import SCHEMA_VERSION, Connection, fetch, reading, refresh_macros, refresh_views, run_sql
-from motionlake.lake.catalog_file import announce_catalog, announce_records, catalog_written, read_sums, sums_of_file
+from motionlake.lake.catalog_file import (
+    WHOLE,
+    announce_catalog,
+    announce_records,
+    catalog_written,
+    read_sums,
+    sums_of_file,
+)
 from motionlake.lake.layout import Lake
 from motionlake.lake.parts import replacing
 
 _DATE = (1980, 1, 1, 0, 0, 0)  # of every entry, so that the same tables make the same archive
+_ROWS: Final = 122_880  # a group, as in DuckDB
+EVERY: Final = 7 * 86_400.0
 _CATALOG = b"catalog "  # and the sha256 of the catalog they are of: the archive's comment
 
 
@@ -36,8 +47,20 @@ def write_records(lake: Lake) -> None:
         with zipfile.ZipFile(temporary, "w") as archive, reading(lake) as con:
             archive.comment = comment
             for name in table_names(con):
-                archive.writestr(zipfile.ZipInfo(f"{name}.parquet", _DATE), _parquet(con.table(name).to_arrow_table()))
+                entry = zipfile.ZipInfo(f"{name}.parquet", _DATE)
+                with archive.open(entry, "w", force_zip64=True) as handle:
+                    _write_parquet(con.table(name).to_arrow_reader(_ROWS), handle)
         announce_records(lake, temporary)
+
+
+def keep_records(lake: Lake) -> None:
+    """The same as a command ends; of a large catalog, of which it takes long, once in `EVERY` seconds."""
+    try:
+        lately = time.time() - lake.records.stat().st_mtime < EVERY
+    except FileNotFoundError:
+        lately = False
+    if not lately or lake.catalog.stat().st_size <= WHOLE:
+        write_records(lake)
 
 
 def table_names(con: Connection) -> list[str]:
@@ -45,10 +68,17 @@ def table_names(con: Connection) -> list[str]:
     return [row["name"] for row in fetch(con, "table_names")]
 
 
-def _parquet(table: pa.Table) -> bytes:
-    buffer = io.BytesIO()
-    pq.write_table(table, buffer, compression="zstd", write_page_checksum=True)
-    return buffer.getvalue()
+def _write_parquet(rows: pa.RecordBatchReader, handle: IO[bytes]) -> None:
+    """Write rows in groups of `_ROWS`, so that memory holds few of them."""
+    with pq.ParquetWriter(handle, rows.schema, compression="zstd", write_page_checksum=True) as writer:
+        waiting = rows.schema.empty_table()
+        for batch in rows:
+            waiting = pa.concat_tables([waiting, pa.Table.from_batches([batch])])
+            while len(waiting) >= _ROWS:
+                writer.write_table(waiting.slice(0, _ROWS), row_group_size=_ROWS)
+                waiting = waiting.slice(_ROWS)
+        if len(waiting):
+            writer.write_table(waiting, row_group_size=_ROWS)
 
 
 def _comment(path: Path) -> bytes:

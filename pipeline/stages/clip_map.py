@@ -48,6 +48,7 @@ class ClipMap(ShardStage):
     upstream = tuple(stage.name for stage in SOURCES)
     folders = (FOLDER,)
     by_name = True
+    reads_catalog = True
 
     def due(self, at: LakeReader) -> int:
         return len(self.plan(at))

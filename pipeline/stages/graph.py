@@ -52,6 +52,7 @@ class Graph(ShardStage):
     name = "graph"
     version = 4  # large lakes: those that are near by short vectors
     about = "the clips nearest to each clip, along which search goes"
+    reads_catalog = True
     upstream = tuple(stage.name for stage in SOURCES.values())
     folders = ("graph",)
 

@@ -16,7 +16,7 @@ from typing import Any, ClassVar
 import pyarrow as pa
 from motionlake.lake import frames
 from motionlake.lake.catalog import Connection, fetch, run_sql
-from motionlake.lake.config import config_hash
+from motionlake.lake.config import config_hash, plain
 from motionlake.lake.integrity import FileSums, sound
 from motionlake.lake.layout import Lake
 from motionlake.lake.merging import Order, merge_parts
@@ -60,7 +60,7 @@ class ShardResult:
         size: bytes of all files.
         files: relative to the lake.
         seconds: the worker's time.
-        sums: of the files, as they were written.
+        sums: of the files, as they were written; a stage gives those of files that it has taken over.
         rejected: source files that gave no clip.
         tables: rows for the catalog.
     """
@@ -115,9 +115,11 @@ class ShardStage(Stage):
     Attributes:
         cut_is_kept: shards are entered before any runs, in a transaction more: what is cut into shards changes, and a
             run that goes on must make the same parts.
+        reads_catalog: shards read the catalog that is served, and not only what they are given.
     """
 
     cut_is_kept: ClassVar[bool] = False
+    reads_catalog: ClassVar[bool] = False
 
     @abstractmethod
     def plan(self, at: LakeReader) -> list[Shard]:
@@ -241,7 +243,8 @@ class PartStage(ShardStage):
         shaping = None if above is None else self.shaping(at)
         if above is None or shaping is None:
             return None
-        keys = (self.key_of(p.key, shaping) for p in above)
+        same = [plain(value) for value in shaping]
+        keys = (self.key_of(p.key, same) for p in above)
         return [replace(p, upstream=p.key, key=key) for p, key in zip(above, keys, strict=True)]
 
     def key_of(self, upstream: str, shaping: Sequence[Any]) -> str:
