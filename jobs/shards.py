@@ -115,7 +115,8 @@ def _run_limited(run: Callable[[Path, Shard], ShardResult], root: Path, shard: S
             raise DamagedError(damage(lake, file.file, wrong))
     with limited(1), given(shard.inputs):
         result = run(root, shard)
-    return replace(result, sums=tuple(sums_of(lake, file) for file in result.files))
+    known = {one.file: one for one in result.sums}  # of files that were there before
+    return replace(result, sums=tuple(known.get(file) or sums_of(lake, file) for file in result.files))
 
 
 def with_inputs(lake: Lake, shards: Sequence[Shard]) -> list[Shard]:

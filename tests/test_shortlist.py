@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Container, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import replace
@@ -27,8 +27,10 @@ from motionlake.retrieval.matched import matched_moves
 from motionlake.retrieval.moves import MovesSearcher
 from motionlake.retrieval.protocol import LakeSearcher, Query, Scope
 from motionlake.retrieval.registry import searcher
+from motionlake.stages import shortlist_moves
 from motionlake.stages.reader import lake_reader
 from motionlake.stages.shortlist import COMPARED, SHORTLIST
+from motionlake.stages.shortlist_files import pieces_in
 from motionlake.threads import limited
 
 from tests.lakes import Changed, files, motionlake, query
@@ -173,7 +175,7 @@ def test_what_is_alike_is_told(large: Path) -> None:
 
 
 def test_a_large_lake_of_which_clips_leave(large: Path, tmp_path: Path, scheduler: str) -> None:
-    """What left is no answer; the stage is due, and its files replace those of before."""
+    """What left is no answer; the stage is due, and its files replace those of before, but for the moves."""
     root = Path(shutil.copytree(large, tmp_path / "lake"))
     gone, clip = some(root, 2)
     before = {name for name in files(root) if name.startswith("shortlist/")}
@@ -186,8 +188,70 @@ def test_a_large_lake_of_which_clips_leave(large: Path, tmp_path: Path, schedule
         assert motionlake("run", "shortlist", "--lake", root, "--scheduler", scheduler).status == 0
     after = {name for name in files(root) if name.startswith("shortlist/")}
     assert len(after) == len(before)
-    assert not after & before
+    assert {name.partition("-")[2] for name in after & before} == {"moves.f16"}
     assert_alike(*both(root, Query(clip), 5, Scope()))
+    assert motionlake("verify", "--deep", "--lake", root).status == 0
+
+
+def test_moves_of_clips_that_come_are_added(
+    large: Path, clips_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of two nights the moves of new clips alone are read; they make one piece, and answers are those of all clips."""
+    root, clip = Path(shutil.copytree(large, tmp_path / "lake")), some(large, 1)[0]
+    sources = [clips_folder / name.partition("/")[2] for name in some(large, 4)]
+    with Changed(root) as con:
+        con.execute("UPDATE clips SET format = (SELECT max(format) FROM clips WHERE format <> 'synthetic')")
+    (first,) = pieces(root)
+    read = moves_read(monkeypatch)
+    for night, source in enumerate(sources[:2], 1):
+        assert motionlake("ingest", source, "--dataset", f"night{night}", "--lake", root).status == 0
+        read.clear()
+        with few():
+            assert motionlake("run", "all", "--lake", root).status == 0
+        assert len(read) == 1
+        assert [path.name.partition("-")[2] for path in pieces(root)] == ["moves.f16", "moves-1.f16"]
+        assert pieces(root)[0] == first
+    assert motionlake("verify", "--deep", "--lake", root).status == 0
+    new = [row[0] for row in query(root, "SELECT clip FROM clips WHERE dataset LIKE 'night%' ORDER BY clip")]
+    for asked in (clip, *new):
+        assert_alike(*both(root, Query(asked), 5, Scope()), as_near_mirrored(root, Query(asked)))
+    with few():
+        assert motionlake("compact", "--lake", root).status == 0
+        read.clear()
+        assert motionlake("ingest", sources[2], "--dataset", "night3", "--lake", root).status == 0
+        assert motionlake("run", "all", "--lake", root).status == 0
+    assert len(read) == 1, "after parts were merged, too"
+    assert_alike(*both(root, Query(clip), 5, Scope()))
+
+
+def test_a_lake_that_has_grown_by_half_is_looked_at_anew(
+    large: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("motionlake.stages.shortlist_before.GROWN", 0.5)
+    root = Path(shutil.copytree(large, tmp_path / "lake"))
+    gone, clip = some(root, 2)
+    before = pieces(root)
+    assert motionlake("remove", gone, "--lake", root).status == 0
+    with few():
+        assert motionlake("run", "shortlist", "--lake", root).status == 0
+    assert not set(pieces(root)) & set(before)
+    assert_alike(*both(root, Query(clip), 5, Scope()))
+
+
+def pieces(root: Path) -> list[Path]:
+    return [root / file for file in pieces_in([str(path.relative_to(root)) for path in root.glob("shortlist/*")])]
+
+
+def moves_read(patched: pytest.MonkeyPatch) -> list[str]:
+    """The files of moves that the stage reads from now on, in this process."""
+    found, own = [], shortlist_moves._moves_in
+
+    def read(lake: Lake, file: str, wanted: Container[str]) -> object:
+        found.append(file)
+        return own(lake, file, wanted)
+
+    patched.setattr(shortlist_moves, "_moves_in", read)
+    return found
 
 
 def test_a_shortlist_of_other_models_is_refused(large: Path, tmp_path: Path) -> None:

@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
+from collections.abc import Sequence
 from dataclasses import replace
 
 import pyarrow as pa
 from motionlake.lake.catalog import fetch, load_rows, table_of
 from motionlake.lake.config import config_hash
-from motionlake.lake.integrity import FileSums, listed_in, sound_files, sums_of
+from motionlake.lake.integrity import FileSums, listed_in, sums_of
 from motionlake.lake.layout import Lake
 from motionlake.lake.parts import sync_folder
 from motionlake.stages.merge_graph import REPLACED_ROWS, Follow, Merged, replaced
 from motionlake.stages.reader import LakeReader
 from motionlake.stages.shortlist import SHORTLIST
-from motionlake.stages.shortlist_files import CLIPS, file_of, write_clips
+from motionlake.stages.shortlist_before import READ
+from motionlake.stages.shortlist_files import CLIPS, file_of, read_clips, said_of, write_clips
 from motionlake.stages.stage import Shard
 
 
@@ -36,7 +39,7 @@ def follow_shortlist(before: LakeReader) -> Follow | None:
         for file in row["files"]:
             target = file_of(shard.key, file.partition("-")[2])
             if file.endswith(f"-{CLIPS}"):
-                _write_clips(after.lake, file, target, shard.key, merged)
+                _write_clips(after.lake, file, target, merged, shard.spec.get("moves", []))
                 written.append(sums_of(after.lake, target))
             else:
                 _link(after.lake, file, target)
@@ -50,14 +53,13 @@ def follow_shortlist(before: LakeReader) -> Follow | None:
     return follow
 
 
-def _write_clips(lake: Lake, file: str, target: str, key: str, merged: Merged) -> None:
-    (path,) = sound_files(lake, [file])
-    with pa.memory_map(str(path)) as source:
-        table = pa.ipc.open_file(source).read_all()
-        at = table.schema.get_field_index("part")
-        parts = pa.array([merged.get(part, part) for part in table["part"].to_pylist()], pa.string())
-        said = {**(table.schema.metadata or {}), b"key": key.encode()}
-        write_clips(lake, target, table.set_column(at, "part", parts).replace_schema_metadata(said))
+def _write_clips(lake: Lake, file: str, target: str, merged: Merged, moves: Sequence[str]) -> None:
+    """The table of clips with its parts as they are called now, and the files of moves that it was made of."""
+    table = read_clips(lake, [file])
+    at = table.schema.get_field_index("part")
+    parts = pa.array([merged.get(part, part) for part in table["part"].to_pylist()], pa.string())
+    said = {**said_of(table), READ: json.dumps(sorted(moves))}
+    write_clips(lake, target, table.set_column(at, "part", parts).replace_schema_metadata(said))
 
 
 def _link(lake: Lake, file: str, target: str) -> None:

@@ -1,7 +1,8 @@
 """The files of the shortlist of a large lake: arrays that are mapped into memory; a search reads of them what it needs.
 
 All but the frames of moves are compared with what was written before they are read. The frames are many times as
-large, and a search reads those of some hundred clips: each clip has a checksum of its own.
+large, and a search reads those of some hundred clips: each clip has a checksum of its own. They lie in several pieces,
+so that those of clips that come need not be written together with all others.
 """
 
 from __future__ import annotations
@@ -9,7 +10,7 @@ from __future__ import annotations
 import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, field, fields
 from functools import cached_property
 from pathlib import Path
 from typing import Any, BinaryIO, Final
@@ -19,7 +20,7 @@ import pyarrow as pa
 from motionlake.arrays import Float32Array, Float64Array, Int64Array
 from motionlake.columns import numbers
 from motionlake.errors import DamagedError
-from motionlake.lake.integrity import damage, size_fault, sound_files
+from motionlake.lake.integrity import FileSums, damage, size_fault, sound_files
 from motionlake.lake.layout import Lake
 from motionlake.lake.parts import replacing
 from motionlake.motion.sketches import Directions, instants
@@ -28,16 +29,28 @@ from numpy.typing import NDArray
 MOST: Final = 20_000  # clips of a lake up to which a search compares all of them
 FOLDER: Final = "shortlist"
 CLIPS: Final = "clips.arrow"
-FRAMES: Final = "moves.f16"
+FRAMES: Final = ".f16"  # how the names of pieces end
 HALF: Final = np.dtype("<f2")
 INSTANTS: Final = 12  # of the moves of a clip, for its sketch and for its outline
 CODES: Final = 16  # of its postures
+WIDTHS: Final[Mapping[str, int]] = {"signature": 32, "alignment": 64, "moves": 64}  # of sketches, by method
+SAMPLE: Final = 2048  # clips that directions are fitted to
 CHECKED: Final = 1000  # clips whose moves are compared at a time
 
 
 def file_of(key: str, name: str) -> str:
     """A file of the shortlist with a key, relative to the lake."""
     return f"{FOLDER}/{key[:16]}-{name}"
+
+
+def piece_of(key: str, number: int) -> str:
+    """A piece of the frames of moves, from 0."""
+    return file_of(key, f"moves-{number}{FRAMES}" if number else f"moves{FRAMES}")
+
+
+def pieces_in(files: Sequence[str]) -> list[str]:
+    """Those of a shortlist's files that are pieces of the frames of moves, by number."""
+    return sorted((file for file in files if file.endswith(FRAMES)), key=lambda file: (len(_name(file)), _name(file)))
 
 
 def string_sketch(symbols: Sequence[int] | NDArray[np.int32], codes: Float64Array) -> Float32Array:
@@ -65,11 +78,44 @@ class Places(Mapping[str, int]):
         return np.array([self._rows[clip] for clip in clips], dtype=np.int64)
 
 
-def write_array(lake: Lake, file: str, values: NDArray[Any]) -> str:
+@dataclass(frozen=True)
+class Made:
+    """What a method gives to the shortlist.
+
+    Attributes:
+        columns: of the table of clips.
+        files: all that it consists of.
+        said: what the table says of it.
+        sums: of those files that were there before.
+    """
+
+    columns: Mapping[str, Any]
+    files: Sequence[str]
+    said: Mapping[str, str] = field(default_factory=dict)
+    sums: Sequence[FileSums] = ()
+
+
+def no_sketches(clips: int, directions: Directions) -> Float32Array:
+    """[clips, w + 1] sketches of clips that a method does not know: none is farther."""
+    kept = np.zeros((clips, directions.matrix.shape[1] + 1), dtype=np.float32)
+    kept[:, -1] = -np.inf
+    return kept
+
+
+def write_array(lake: Lake, key: str, name: str, values: NDArray[Any]) -> str:
     """Write an array; returns the name of its file."""
+    file = file_of(key, f"{name}.npy")
     with replacing(lake.path(file)) as temporary, temporary.open("wb") as handle:
         np.save(handle, np.ascontiguousarray(values), allow_pickle=False)
     return file
+
+
+def write_directions(lake: Lake, key: str, name: str, directions: Directions) -> list[str]:
+    """Write directions; returns the names of their files."""
+    return [
+        write_array(lake, key, f"{name}-mean", directions.mean),
+        write_array(lake, key, f"{name}-directions", directions.matrix),
+    ]
 
 
 def write_clips(lake: Lake, file: str, table: pa.Table) -> str:
@@ -80,19 +126,38 @@ def write_clips(lake: Lake, file: str, table: pa.Table) -> str:
     return file
 
 
+@dataclass(frozen=True)
+class FramesColumns:
+    """Where the frames of the moves of n clips lie: of which piece, from which frame, how many, and their checksum."""
+
+    piece: NDArray[np.int32]
+    start: NDArray[np.int64]
+    frames: NDArray[np.int32]
+    crc32: NDArray[np.uint32]
+
+    @staticmethod
+    def empty(clips: int) -> FramesColumns:
+        piece, frames = np.zeros(clips, dtype=np.int32), np.zeros(clips, dtype=np.int32)
+        return FramesColumns(piece, np.zeros(clips, dtype=np.int64), frames, np.zeros(clips, dtype=np.uint32))
+
+    def columns(self) -> dict[str, NDArray[Any]]:
+        """Of the table of clips."""
+        return {each.name: getattr(self, each.name) for each in fields(self)}
+
+
 class FramesWriter:
-    """Writes the frames of clips one after another, in half precision.
+    """Writes a piece of frames, those of one clip after another, in half precision.
 
     Args:
         lake: to write to.
         file: relative to it.
-        clips: rows of the table that tells where the frames of a clip lie.
+        number: of the piece.
+        places: told where the frames of a clip lie.
     """
 
-    def __init__(self, lake: Lake, file: str, clips: int) -> None:
+    def __init__(self, lake: Lake, file: str, number: int, places: FramesColumns) -> None:
         self._path, self.file = lake.path(file), file
-        self._starts, self._counts = np.zeros(clips, dtype=np.int64), np.zeros(clips, dtype=np.int32)
-        self._sums, self._written = np.zeros(clips, dtype=np.uint32), 0
+        self._number, self._places, self.written = number, places, 0
         self._stack = ExitStack()
 
     def __enter__(self) -> FramesWriter:
@@ -105,14 +170,11 @@ class FramesWriter:
 
     def add(self, row: int, frames: NDArray[np.float16]) -> None:
         """The frames [m, D] of the clip of a row."""
-        data = frames.tobytes()
+        data, places = frames.tobytes(), self._places
         self._handle.write(data)
-        self._starts[row], self._counts[row], self._sums[row] = self._written, len(frames), zlib.crc32(data)
-        self._written += len(frames)
-
-    def columns(self) -> dict[str, NDArray[Any]]:
-        """Of the table of clips."""
-        return {"start": self._starts, "frames": self._counts, "crc32": self._sums}
+        places.piece[row], places.start[row], places.frames[row] = self._number, self.written, len(frames)
+        places.crc32[row] = zlib.crc32(data)
+        self.written += len(frames)
 
 
 @dataclass(frozen=True)
@@ -121,17 +183,17 @@ class ShortlistFiles:
 
     Attributes:
         lake: which holds it.
-        key: of the shard.
         table: [n] clip, part, and what each method keeps in lists.
         models: what signatures and strings are made over, by method.
         arrays: by name.
+        pieces: files of the frames of moves.
     """
 
     lake: Lake
-    key: str
     table: pa.Table
     models: Mapping[str, str]
     arrays: Mapping[str, NDArray[Any]]
+    pieces: Sequence[str]
 
     @staticmethod
     def open(lake: Lake, files: Sequence[str]) -> ShortlistFiles:
@@ -142,8 +204,9 @@ class ShortlistFiles:
                   for file, path in paths.items() if file.endswith(".npy")}  # fmt: skip
         (clips,) = (path for file, path in paths.items() if file.endswith(CLIPS))
         table = pa.ipc.open_file(pa.memory_map(str(clips))).read_all()
-        said = {name.decode(): value.decode() for name, value in (table.schema.metadata or {}).items()}
-        return ShortlistFiles(lake, said.pop("key"), table, said, arrays)
+        said = said_of(table)
+        models = {method: said[method] for method in WIDTHS if method in said}
+        return ShortlistFiles(lake, table, models, arrays, pieces_in(files))
 
     @property
     def methods(self) -> tuple[str, ...]:
@@ -184,13 +247,20 @@ class ShortlistFiles:
             DamagedError: those of these rows are not as they were written.
         """
         starts, counts = (self.numbers(name)[rows] for name in ("start", "frames"))
+        pieces = self._piece[rows]
         new = np.flatnonzero(~self._sound[rows])
         wanted = self.numbers("crc32")[rows[new]]
-        for start, count, sum_ in zip(starts[new].tolist(), counts[new].tolist(), wanted.tolist(), strict=True):
-            if zlib.crc32(self._frames[start : start + count].data) != sum_:
-                raise DamagedError(damage(self.lake, self._file, "holds other bytes than were written"))
+        numbers = (pieces[new], starts[new], counts[new], wanted)
+        for piece, start, count, sum_ in zip(*(each.tolist() for each in numbers), strict=True):
+            if zlib.crc32(self._frames(piece)[start : start + count].data) != sum_:
+                raise DamagedError(damage(self.lake, self.pieces[piece], "holds other bytes than were written"))
         self._sound[rows] = True
-        return self._frames, starts, counts.astype(np.int64)
+        counts = counts.astype(np.int64)
+        if len(set(pieces.tolist())) <= 1:
+            return self._frames(int(pieces[0]) if len(pieces) else 0), starts, counts
+        places = zip(pieces.tolist(), starts.tolist(), counts.tolist(), strict=True)
+        own = [self._frames(piece)[start : start + count] for piece, start, count in places]
+        return np.concatenate(own), np.cumsum(counts) - counts, counts
 
     def check_moves(self) -> None:
         """Compare the moves of all clips with what was written, which maps them into memory: searches find that done.
@@ -206,17 +276,37 @@ class ShortlistFiles:
         """[n] clips whose moves were compared with what was written."""
         return np.zeros(len(self.table), dtype=np.bool_)
 
-    @property
-    def _file(self) -> str:
-        return file_of(self.key, FRAMES)
+    @cached_property
+    def _piece(self) -> NDArray[Any]:
+        """[n] the piece that holds the moves of a clip; earlier versions wrote one alone."""
+        there = "piece" in self.table.column_names
+        return self.numbers("piece") if there else np.zeros(len(self.table), dtype=np.int32)
+
+    def _frames(self, piece: int) -> NDArray[np.float16]:
+        if piece not in self._mapped:
+            file = self.pieces[piece]
+            wrong = size_fault(self.lake, file)
+            if wrong is not None:
+                raise DamagedError(damage(self.lake, file, wrong))
+            width = self.arrays["outlines-directions"].shape[0]
+            mapped = np.asarray(np.memmap(self.lake.path(file), dtype=HALF, mode="r"))
+            self._mapped[piece] = mapped.reshape(-1, width)
+        return self._mapped[piece]
 
     @cached_property
-    def _frames(self) -> NDArray[np.float16]:
-        wrong = size_fault(self.lake, self._file)
-        if wrong is not None:
-            raise DamagedError(damage(self.lake, self._file, wrong))
-        width = self.arrays["outlines-directions"].shape[0]
-        return np.asarray(np.memmap(self.lake.path(self._file), dtype=HALF, mode="r")).reshape(-1, width)
+    def _mapped(self) -> dict[int, NDArray[np.float16]]:
+        return {}
+
+
+def said_of(table: pa.Table) -> dict[str, str]:
+    """What a table of clips says of itself."""
+    return {name.decode(): value.decode() for name, value in (table.schema.metadata or {}).items()}
+
+
+def read_clips(lake: Lake, files: Sequence[str]) -> pa.Table:
+    """The table of clips alone. Raises `DamagedError` where it is not as it was written."""
+    (path,) = sound_files(lake, [file for file in files if file.endswith(CLIPS)])
+    return pa.ipc.open_file(pa.memory_map(str(path))).read_all()
 
 
 def _name(file: str) -> str:

@@ -1,0 +1,104 @@
+"""The moves in a shortlist as it was: of clips that stay they are taken over, and those of others are read.
+
+They are most of what is read and written for a shortlist. The frames of clips that come make a piece of their own, into
+which small pieces before it go, so that many small additions leave few pieces.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+import pyarrow as pa
+from motionlake.arrays import Int64Array
+from motionlake.columns import numbers
+from motionlake.lake.layout import Lake
+from motionlake.motion.moves import KIND
+from motionlake.stages.shortlist_files import pieces_in, read_clips, said_of
+
+GROWN: Final = 1.5  # times as many clips as directions were fitted to; of more they are fitted anew
+SERVING: Final = 2 / 3  # share of the frames of all pieces that clips of today must have
+AS_SMALL: Final = 2.0  # times as many clips as are written: a last piece of no more is written anew with them
+FITTED: Final = "fitted"  # names in what a table of clips says of itself
+READ: Final = "read"
+FRAMES: Final = "pieces"
+
+
+@dataclass(frozen=True)
+class Before:
+    """What of a shortlist's moves still serves.
+
+    Attributes:
+        files: it consists of, but for the pieces that go on serving.
+        pieces: that go on serving, and the frames of each.
+        old: [m] rows that it gave to the clips that stay.
+        new: [m] rows that these have today.
+        fitted: clips that its directions were fitted to.
+    """
+
+    files: list[str]
+    pieces: dict[str, int]
+    old: Int64Array
+    new: Int64Array
+    fitted: int
+
+    @staticmethod
+    def of(lake: Lake, files: Sequence[str], version: int, clips: pa.Table, moves: Mapping[str, str]) -> Before | None:
+        """What serves of a shortlist; None where all must be made anew.
+
+        Args:
+            lake: the lake.
+            files: of the shortlist.
+            version: of the stage that must have made it.
+            clips: [n] clip and part of today, by row.
+            moves: the file of moves of each frames part of today.
+
+        Raises:
+            DamagedError: its table is not as it was written.
+        """
+        table = read_clips(lake, files)
+        said = said_of(table)
+        if said.get("version") != str(version) or said.get("moves") != KIND or FITTED not in said:
+            return None
+        if len(clips) > GROWN * int(said[FITTED]):
+            return None
+        known = set(json.loads(said[READ]))
+        rows = {pair: row for row, pair in enumerate(_pairs(table))}
+        staying = [
+            (rows[pair], row) for row, pair in enumerate(_pairs(clips)) if pair in rows and moves.get(pair[1]) in known
+        ]
+        old, new = np.array(staying, dtype=np.int64).reshape(-1, 2).T
+        frames = numbers(table["frames"])[old]
+        written = json.loads(said[FRAMES])
+        if not written or frames.sum() < SERVING * sum(written):
+            return None
+        own = np.bincount(numbers(table["piece"])[old][frames > 0], minlength=len(written))
+        kept, more = len(written), len(clips) - len(staying)
+        while kept > 1 and own[kept - 1] <= AS_SMALL * more:
+            kept -= 1
+            more += int(own[kept])
+        pieces = pieces_in(files)[:kept]
+        rest = [file for file in files if file not in pieces]
+        return Before(rest, dict(zip(pieces, written, strict=False)), old, new, int(said[FITTED]))
+
+    def to_read(self, clips: pa.Table, moves: Mapping[str, str]) -> list[str]:
+        """The files of moves that hold clips which do not stay."""
+        others = np.ones(len(clips), dtype=np.bool_)
+        others[self.new] = False
+        parts = dict.fromkeys(clips["part"].filter(pa.array(others)).to_pylist())
+        return [moves[part] for part in parts if part in moves]
+
+
+def said_of_moves(version: int, fitted: int, read: Sequence[str], pieces: Sequence[int]) -> dict[str, str]:
+    """What a table of clips says of the moves in the shortlist: for how many clips they were made along these
+    directions, of which files of moves, and of how many frames each piece is."""
+    return {
+        "version": str(version), FITTED: str(fitted), READ: json.dumps(sorted(read)), FRAMES: json.dumps(list(pieces)),
+    }  # fmt: skip
+
+
+def _pairs(table: pa.Table) -> list[tuple[Any, Any]]:
+    return list(zip(table["clip"].to_pylist(), table["part"].to_pylist(), strict=True))

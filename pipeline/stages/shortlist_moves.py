@@ -1,0 +1,151 @@
+"""What the shortlist of a large lake holds of moves: sketches, outlines, and the frames in half precision."""
+
+from __future__ import annotations
+
+from collections.abc import Container, Iterator, Sequence
+from typing import Final
+
+import numpy as np
+import pyarrow as pa
+from motionlake.arrays import Float32Array, Int64Array
+from motionlake.columns import numbers
+from motionlake.lake.integrity import listed_in, sound
+from motionlake.lake.layout import Lake
+from motionlake.motion.moves import WIDTH
+from motionlake.motion.sketches import Directions, instants, searchable
+from motionlake.stages.moves import MOVES, made_parts, tracks_in
+from motionlake.stages.reader import LakeReader
+from motionlake.stages.shortlist_before import Before, said_of_moves
+from motionlake.stages.shortlist_files import (
+    HALF,
+    INSTANTS,
+    SAMPLE,
+    WIDTHS,
+    FramesColumns,
+    FramesWriter,
+    Made,
+    Places,
+    ShortlistFiles,
+    no_sketches,
+    piece_of,
+    write_array,
+    write_directions,
+)
+from motionlake.stages.stage import Shard
+from motionlake.stages.words import read_features
+
+DIRECTIONS: Final = 24  # of frames of moves, in outlines
+SPREAD: Final = 16  # parts that they are from, at least
+
+
+class _Moves:
+    """What is kept of the moves of every clip, and filled in part by part.
+
+    Attributes:
+        sketches: [n, w + 1].
+        outlines: [n, INSTANTS, DIRECTIONS].
+        frames: where the frames of each clip lie.
+    """
+
+    def __init__(self, places: Places, directions: Directions, frames: Directions) -> None:
+        self._places, self._directions, self._frames = places, directions, frames
+        self.sketches = no_sketches(len(places), directions)
+        self.outlines = np.zeros((len(places), INSTANTS, frames.matrix.shape[1]), dtype=np.float16)
+        self.frames = FramesColumns.empty(len(places))
+
+    def add(self, lake: Lake, file: str, wanted: Container[str], writer: FramesWriter) -> None:
+        """Those of a file of moves of the clips that are wanted."""
+        from motionlake.motion.moves_of_clips import instants_of_clips
+
+        clips, moves, starts = _moves_in(lake, file, wanted)
+        if not clips:
+            return
+        looked, rows = instants_of_clips(moves, starts, INSTANTS), self._places.of(clips)
+        self.outlines[rows] = self._frames.project(looked)
+        self.sketches[rows] = searchable(self._directions.project(looked.reshape(len(looked), -1)))
+        halves = moves.astype(HALF)
+        for row, start, stop in zip(rows.tolist(), starts[:-1].tolist(), starts[1:].tolist(), strict=True):
+            writer.add(row, halves[start:stop])
+
+    def take_over(self, files: ShortlistFiles, before: Before, writer: FramesWriter) -> None:
+        """Those of the clips that stay; what lies in pieces that do not go on serving is written."""
+        self.sketches[before.new] = files.arrays["moves-sketches"][before.old]
+        self.outlines[before.new] = files.arrays["moves-outlines"][before.old]
+        for name, column in self.frames.columns().items():
+            column[before.new] = numbers(files.table[name])[before.old]
+        moved = self.frames.frames[before.new] > 0
+        moved &= self.frames.piece[before.new] >= len(before.pieces)
+        olds, rows = before.old[moved], before.new[moved]
+        for row, halves in zip(rows.tolist(), files.moves(olds) if len(olds) else (), strict=True):
+            writer.add(row, halves)
+
+    def write(self, lake: Lake, key: str) -> list[str]:
+        return [
+            *write_directions(lake, key, "moves", self._directions),
+            write_array(lake, key, "moves-sketches", self.sketches),
+            *write_directions(lake, key, "outlines", self._frames),
+            write_array(lake, key, "moves-outlines", self.outlines),
+        ]
+
+
+def all_moves(at: LakeReader, shard: Shard, version: int, places: Places) -> Made:
+    """Of every clip, anew."""
+    files = shard.spec["moves"]
+    some = list(_some_moves(at.lake, files, places))
+    directions = Directions.of(np.stack([instants(moves, INSTANTS).ravel() for moves in some]), WIDTHS["moves"])
+    kept = _Moves(places, directions, Directions.of(np.concatenate(some), DIRECTIONS, centred=False))
+    with FramesWriter(at.lake, piece_of(shard.key, 0), 0, kept.frames) as writer:
+        for file in files:
+            kept.add(at.lake, file, places, writer)
+    said = said_of_moves(version, len(places), files, [writer.written])
+    return Made(kept.frames.columns(), [*kept.write(at.lake, shard.key), writer.file], said)
+
+
+def more_moves(at: LakeReader, shard: Shard, version: int, places: Places, before: Before) -> Made:
+    """Those of clips that stay as they were, and of all others along the same directions."""
+    files = ShortlistFiles.open(at.lake, [*before.files, *before.pieces])
+    kept = _Moves(places, files.directions("moves"), files.directions("outlines"))
+    number = len(before.pieces)
+    others = set(places) - set(files.table["clip"].take(pa.array(before.old)).to_pylist())
+    with FramesWriter(at.lake, piece_of(shard.key, number), number, kept.frames) as writer:
+        kept.take_over(files, before, writer)
+        for file in shard.spec["moves"]:
+            kept.add(at.lake, file, others, writer)
+    pieces = dict(before.pieces)
+    if writer.written:
+        pieces[writer.file] = writer.written
+    else:
+        at.lake.path(writer.file).unlink()
+    listed = listed_in(at.con)
+    return Made(
+        kept.frames.columns(), [*kept.write(at.lake, shard.key), *pieces],
+        said_of_moves(version, before.fitted, list(moves_of_parts(at).values()), list(pieces.values())),
+        [listed[file] for file in before.pieces],
+    )  # fmt: skip
+
+
+def moves_of_parts(at: LakeReader) -> dict[str, str]:
+    """The file of moves of every frames part of the lake as it stands."""
+    return {part.part: MOVES.file(part.key) for part in made_parts(at)}
+
+
+def _moves_in(lake: Lake, file: str, wanted: Container[str]) -> tuple[list[str], Float32Array, Int64Array]:
+    """The clips of a part that are wanted; their moves [M, D], and where those of each begin [n + 1]."""
+    from motionlake.motion.moves_of_clips import moves_of_clips
+
+    known = [(clip, joints) for clip, joints in read_features(sound(lake, file)) if clip in wanted]
+    starts = np.cumsum([0, *(len(joints) for _, joints in known)], dtype=np.int64)
+    if not known:
+        return [], np.zeros((0, WIDTH), dtype=np.float32), starts
+    return [clip for clip, _ in known], *moves_of_clips(np.concatenate([joints for _, joints in known]), starts)
+
+
+def _some_moves(lake: Lake, files: Sequence[str], places: Places) -> Iterator[Float32Array]:
+    """Moves of about `SAMPLE` clips of parts all over the lake."""
+    wanted = max(SPREAD, -(-SAMPLE * len(files) // len(places)))
+    chosen = files[:: max(1, len(files) // wanted)]
+    each = -(-SAMPLE // len(chosen))
+    for file in chosen:
+        known = [track for clip, track in tracks_in(lake, file) if clip in places]
+        for track in known[:: max(1, len(known) // each)]:
+            yield track.moves()
