@@ -222,6 +222,13 @@ def test_moves_of_clips_that_come_are_added(
         assert motionlake("run", "all", "--lake", root).status == 0
     assert len(read) == 1, "after parts were merged, too"
     assert_alike(*both(root, Query(clip), 5, Scope()))
+    pieces(root)[0].write_bytes(bytes(byte ^ 0x5A for byte in pieces(root)[0].read_bytes()))
+    assert motionlake("verify", "--deep", "--lake", root).status == 1
+    with few():
+        assert motionlake("repair", "--lake", root).status == 0
+    assert len(pieces(root)) == 1, "all is made anew where frames that were taken over are damaged"
+    assert motionlake("verify", "--deep", "--lake", root).status == 0
+    assert_alike(*both(root, Query(clip), 5, Scope()))
 
 
 def test_a_lake_that_has_grown_by_half_is_looked_at_anew(

@@ -68,8 +68,11 @@ class Shortlist(ShardStage):
         return [] if shard is None or shard.key in at.done(self.name) else [self._after(at, shard)]
 
     def again(self, at: LakeReader, key: str) -> Shard | None:
+        """None also for one that took frames of an earlier one over: it would not write these again."""
         shard = self.whole(at)
-        return shard if shard is not None and shard.key == key else None
+        rows = [row for row in fetch(at.con, "shards", {"stage": self.name}) if row["key"] == key]
+        own = all(file.startswith(file_of(key, "")) for row in rows for file in row["files"])
+        return shard if shard is not None and shard.key == key and own else None
 
     def whole(self, at: LakeReader) -> Shard | None:
         """The shard that the lake as it stands needs, done or not; None where it needs none."""
