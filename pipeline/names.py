@@ -53,7 +53,8 @@ def html(value: object) -> str:
 
 def kept(path: str | os.PathLike[str]) -> str:
     """A path as a lake keeps it: text, whatever its bytes."""
-    return typed(_LIKE_A_BYTE.sub(r"\\x5c", os.fspath(path)))
+    text = os.fspath(path)
+    return text if text.isascii() and "\\" not in text else typed(_LIKE_A_BYTE.sub(r"\\x5c", text))
 
 
 def typed(name: str) -> str:

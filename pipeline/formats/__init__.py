@@ -1,5 +1,23 @@
 """File formats: one module each, found by the registry. Reading a clip starts with `read_clips`."""
 
-from motionlake.formats.registry import companions, is_clip, is_clip_file, load_bytes, read_clips, reader_for, readers
+from motionlake.formats.registry import (
+    companions,
+    is_clip,
+    is_clip_file,
+    load_bytes,
+    may_have_companions,
+    read_clips,
+    reader_for,
+    readers,
+)
 
-__all__ = ["companions", "is_clip", "is_clip_file", "load_bytes", "read_clips", "reader_for", "readers"]
+__all__ = [
+    "companions",
+    "is_clip",
+    "is_clip_file",
+    "load_bytes",
+    "may_have_companions",
+    "read_clips",
+    "reader_for",
+    "readers",
+]

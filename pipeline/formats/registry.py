@@ -163,6 +163,11 @@ def is_clip_file(path: Path) -> bool:
         return False
 
 
+def may_have_companions(path: Path) -> bool:
+    """Whether further files may make up the clip's content, by its reader."""
+    return hasattr(reader_for(path), "companions")
+
+
 def companions(path: Path) -> list[Path]:
     """Further files that make up the clip's content; `ClipError` where one is needed and missing."""
     find = getattr(reader_for(path), "companions", None)

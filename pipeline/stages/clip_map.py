@@ -22,7 +22,7 @@ from motionlake.stages.descriptors import DESCRIPTORS
 from motionlake.stages.graph import made_keys
 from motionlake.stages.reader import LakeReader, lake_reader
 from motionlake.stages.signatures import SIGNATURES
-from motionlake.stages.stage import Shard, ShardResult, ShardStage, frames_parts
+from motionlake.stages.stage import Shard, ShardResult, ShardStage, live_parts
 
 FOLDER: Final = "map"
 SOURCES: Final = (DESCRIPTORS, SIGNATURES)  # the first of which there is any
@@ -74,7 +74,7 @@ class ClipMap(ShardStage):
         (clips,) = fetch(at.con, "digest_of_clips")
         key = config_hash(self.name, self.version, source, made[source], clips["digest"])
         # Named by its datasets: it serves on where a part of them leaves the lake.
-        datasets = "+".join(sorted({part.dataset for part in frames_parts(at.con)}))
+        datasets = "+".join(sorted({part.dataset for part in live_parts(at)}))
         return Shard(self.name, key, datasets, datasets, {"source": source}, clips["clips"])
 
     def run(self, root: Path, shard: Shard, /) -> ShardResult:

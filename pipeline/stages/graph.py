@@ -28,7 +28,7 @@ from motionlake.stages.moves import MOVES, made_parts
 from motionlake.stages.reader import LakeReader, lake_reader
 from motionlake.stages.shortlist_files import MOST
 from motionlake.stages.signatures import SIGNATURES
-from motionlake.stages.stage import Part, PartStage, Shard, ShardResult, ShardStage, frames_parts
+from motionlake.stages.stage import Part, PartStage, Shard, ShardResult, ShardStage, live_parts
 from motionlake.stages.symbols import SYMBOLS
 
 KEPT: Final = 32  # neighbours of a clip that are kept
@@ -73,7 +73,7 @@ class Graph(ShardStage):
 
     def every(self, at: LakeReader, *, before: bool = True) -> list[Shard]:
         """All shards that the lake as it stands needs, done or not; `before`: they take from those of before."""
-        live = frames_parts(at.con)
+        live = live_parts(at)
         made = {method: made_keys(at, stage) for method, stage in SOURCES.items()}
         methods = [method for method, keys in made.items() if keys]
         if not methods or not 1 < sum(part.clips for part in live) <= MOST:

@@ -16,7 +16,7 @@ from motionlake.lake.parts import write_part
 from motionlake.stages.graph import GRAPH, made_of
 from motionlake.stages.graph_before import FOOTER, footer_of
 from motionlake.stages.reader import LakeReader
-from motionlake.stages.stage import Shard, frames_parts
+from motionlake.stages.stage import Shard, live_parts
 
 Merged = Mapping[str, str]  # the part that each part went into
 Follow = Callable[[LakeReader, Merged], list[FileSums]]
@@ -34,7 +34,7 @@ def follow_graph(before: LakeReader) -> Follow | None:
     if not old:
         return None
     current = bool(GRAPH.every(before)) and not GRAPH.plan(before)
-    made_then = made_of(before, frames_parts(before.con))
+    made_then = made_of(before, live_parts(before))
 
     def follow(after: LakeReader, merged: Merged) -> list[FileSums]:
         tables = [_read(after, row["files"][0]) for row in old]
@@ -43,7 +43,7 @@ def follow_graph(before: LakeReader) -> Follow | None:
             tables = _regrouped(after, shards, tables)
         else:  # due as it was: what it tells of clips that stay is of use still
             shards = [_renamed(row, merged) for row in old]
-        made = made_of(after, frames_parts(after.con))
+        made = made_of(after, live_parts(after))
         rows, written = [], []
         for shard, table in zip(shards, tables, strict=True):
             said = json.loads((table.schema.metadata or {}).get(FOOTER.encode(), b'{"settings": "", "made": {}}'))

@@ -43,7 +43,7 @@ from motionlake.stages.shortlist_files import (
     write_directions,
 )
 from motionlake.stages.shortlist_moves import all_moves, more_moves, moves_of_parts
-from motionlake.stages.stage import PartStage, Shard, ShardResult, ShardStage, frames_parts
+from motionlake.stages.stage import PartStage, Shard, ShardResult, ShardStage, live_parts
 
 COMPARED: Final[Mapping[str, PartStage]] = {method: SOURCES[method] for method in WIDTHS}
 BLOCK: Final = 4096  # clips whose sketches are made at a time
@@ -60,12 +60,16 @@ class Shortlist(ShardStage):
     folders = (FOLDER,)
 
     def due(self, at: LakeReader) -> int:
-        return len(self.plan(at))
+        return int(self._lacking(at) is not None)
 
     def plan(self, at: LakeReader) -> list[Shard]:
         """Nothing where no method has what it compares, or the lake holds no more than `MOST` clips."""
+        shard = self._lacking(at)
+        return [] if shard is None else [self._after(at, shard)]
+
+    def _lacking(self, at: LakeReader) -> Shard | None:
         shard = at.once("every", self.name, lambda: self.whole(at))
-        return [] if shard is None or shard.key in at.done(self.name) else [self._after(at, shard)]
+        return None if shard is None or shard.key in at.done(self.name) else shard
 
     def again(self, at: LakeReader, key: str) -> Shard | None:
         """None also for one that took frames of an earlier one over: it would not write these again."""
@@ -76,7 +80,7 @@ class Shortlist(ShardStage):
 
     def whole(self, at: LakeReader) -> Shard | None:
         """The shard that the lake as it stands needs, done or not; None where it needs none."""
-        live = frames_parts(at.con)
+        live = live_parts(at)
         made = {method: made_keys(at, stage) for method, stage in COMPARED.items()}
         methods = [method for method, keys in made.items() if keys]
         if not methods or sum(part.clips for part in live) <= MOST:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import compress
 from typing import Any, Final
 
 import numpy as np
@@ -88,7 +89,7 @@ class Before:
         """The files of moves that hold clips which do not stay."""
         others = np.ones(len(clips), dtype=np.bool_)
         others[self.new] = False
-        parts = dict.fromkeys(clips["part"].filter(pa.array(others)).to_pylist())
+        parts = dict.fromkeys(compress(clips["part"].to_pylist(), others))
         return [moves[part] for part in parts if part in moves]
 
 

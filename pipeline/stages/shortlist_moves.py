@@ -6,7 +6,6 @@ from collections.abc import Container, Iterator, Sequence
 from typing import Final
 
 import numpy as np
-import pyarrow as pa
 from motionlake.arrays import Float32Array, Int64Array
 from motionlake.columns import numbers
 from motionlake.lake.integrity import listed_in, sound
@@ -106,7 +105,8 @@ def more_moves(at: LakeReader, shard: Shard, version: int, places: Places, befor
     files = ShortlistFiles.open(at.lake, [*before.files, *before.pieces])
     kept = _Moves(places, files.directions("moves"), files.directions("outlines"))
     number = len(before.pieces)
-    others = set(places) - set(files.table["clip"].take(pa.array(before.old)).to_pylist())
+    names = list(places)
+    others = set(names) - {names[row] for row in before.new.tolist()}
     with FramesWriter(at.lake, piece_of(shard.key, number), number, kept.frames) as writer:
         kept.take_over(files, before, writer)
         for file in shard.spec["moves"]:

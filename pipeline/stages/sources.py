@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, Final, TypeAlias
 
 from motionlake.errors import ClipError, UserError
-from motionlake.formats import companions, is_clip
+from motionlake.formats import companions, is_clip, may_have_companions
 from motionlake.formats.limits_config import Limits, raised
 from motionlake.lake.catalog import Connection, fetch
 from motionlake.lake.citations import Source, source_from
@@ -201,30 +201,31 @@ class Difference:
 def scan(root: Path, lake: Lake) -> Iterator[SourceFile]:
     """Every clip file below a folder (or the one file), sorted by path; hidden files and the lake are left out."""
     if root.is_file():
-        yield _source_file(root.parent, root)
+        yield _source_file(root, root.name)
         return
     os.scandir(root).close()  # `walk` would say nothing of a folder that may not be read
+    start = len(str(root / "_")) - 1
     for folder, folders, names in os.walk(root):
         here = Path(folder)
         folders[:] = sorted(f for f in folders if not f.startswith(".") and (here / f) != lake.root)
         for name in sorted(names):
             path = here / name
             if not name.startswith(".") and is_clip(path):
-                yield _source_file(root, path)
+                yield _source_file(path, f"{folder[start:]}/{name}" if len(folder) > start else name)
 
 
-def _source_file(root: Path, path: Path) -> SourceFile:
+def _source_file(path: Path, relative: str) -> SourceFile:
     try:
-        stats = [p.stat() for p in [path, *_companions(path)]]
+        stats = [p.stat() for p in (path, *_companions(path))]
     except OSError:  # a link to nothing: the reader says so, and the file is rejected
-        return SourceFile(kept(path.relative_to(root)), 0, 0)
+        return SourceFile(kept(relative), 0, 0)
     size, newest = sum(s.st_size for s in stats), max(s.st_mtime_ns for s in stats)
-    return SourceFile(kept(path.relative_to(root)), size, newest)
+    return SourceFile(kept(relative), size, newest)
 
 
 def _companions(path: Path) -> list[Path]:
     try:
-        return companions(path) if path.is_file() else []
+        return companions(path) if may_have_companions(path) and path.is_file() else []
     except (ClipError, OSError):
         return []
 

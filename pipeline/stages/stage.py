@@ -170,6 +170,11 @@ def frames_parts(con: Connection) -> list[Part]:
     return [Part(r["part"], r["dataset"], r["clips"], "", r["key"], r["synthetic"]) for r in rows]
 
 
+def live_parts(at: LakeReader) -> list[Part]:
+    """The same of a lake that is open, asked for once."""
+    return at.once("frames_parts", "", lambda: frames_parts(at.con))
+
+
 def clips_of(con: Connection, part: str) -> list[str]:
     """The clips of the lake in a frames part; the part may hold more that left since it was written."""
     return [r["clip"] for r in fetch(con, "part_clips", {"part": part})]
@@ -239,7 +244,7 @@ class PartStage(ShardStage):
         return at.once("parts", self.name, lambda: self._parts(at))
 
     def _parts(self, at: LakeReader) -> list[Part] | None:
-        above = frames_parts(at.con) if self.source is None else self.source.parts(at)
+        above = live_parts(at) if self.source is None else self.source.parts(at)
         shaping = None if above is None else self.shaping(at)
         if above is None or shaping is None:
             return None
@@ -265,7 +270,7 @@ class PartStage(ShardStage):
 
     def due(self, at: LakeReader) -> int:
         parts, done = self.parts(at), at.done(self.name)
-        return len(frames_parts(at.con)) if parts is None else sum(p.key not in done for p in parts)
+        return len(live_parts(at)) if parts is None else sum(p.key not in done for p in parts)
 
     def lacking(self, at: LakeReader) -> str | None:
         return f"what `run {self.upstream[0]}` makes" if self.parts(at) is None else None

@@ -21,7 +21,7 @@ from motionlake.lake.integrity import sound
 from motionlake.lake.layout import Lake
 from motionlake.lake.parts import replacing
 from motionlake.stages.reader import LakeReader
-from motionlake.stages.stage import Part, PartStage, Shard, ShardResult, frames_parts
+from motionlake.stages.stage import Part, PartStage, Shard, ShardResult, live_parts
 from motionlake.stages.submotions import SUBMOTIONS
 from numpy.typing import NDArray
 
@@ -83,7 +83,7 @@ WINDOWS: Final = Windows()
 
 
 def _is_large(at: LakeReader) -> bool:
-    return at.once("large", WINDOWS.name, lambda: sum(part.clips for part in frames_parts(at.con)) > MOST)
+    return at.once("large", WINDOWS.name, lambda: sum(part.clips for part in live_parts(at)) > MOST)
 
 
 def coded(windows: pa.Table, vectors: Float32Array) -> pa.Table:
