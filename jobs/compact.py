@@ -20,7 +20,7 @@ from motionlake.stages.merge import MERGE, parts_in
 from motionlake.stages.reader import lake_reader
 from motionlake.stages.stage import ShardResult
 
-ENTER_EVERY: Final = 60.0  # seconds; what a killed command has merged since it last entered it is merged again
+ENTER_EVERY: Final = 60.0  # seconds; what a killed command has merged since its catalog was served is merged again
 
 
 @dataclass

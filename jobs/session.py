@@ -44,7 +44,7 @@ FEW = 4  # shards that are made again sooner in this process than a cluster star
 FEW_CLIPS = 64  # of which the same holds, where what their shards read of parts is no more than `FEW_BYTES`
 FEW_BYTES = 16 << 20
 NO_FAULT_OF_SHARDS = (*FULL, errno.EROFS)  # all of them would fail
-LOAD_EVERY = 5.0  # seconds; what a killed run has done since it last loaded is done again
+LOAD_EVERY = 5.0  # seconds; what a killed run has done since its catalog was last served is done again
 
 
 class Progress(Protocol):

@@ -16,6 +16,7 @@ from motionlake.lake.layout import Lake, open_lake
 from motionlake.lake.working import deferred, serve, version
 
 from tests.lakes import assert_same, motionlake, on_cluster, query, quick_lake, tables
+from tests.test_many_at_once import no_file_longer
 
 READ_AGAIN = """
 import sys
@@ -27,6 +28,8 @@ with reading(open_lake(sys.argv[1])) as con:
 
 MODEL = "INSERT INTO models VALUES ('a-1', 'a', 1, '', '', '{}', '{}', 'models/a', true, 0, TIMESTAMP '2020-01-01')"
 
+MUCH = "INSERT INTO runs SELECT range, repeat('x' || range, 99), 0, 0, 0, now(), now() FROM range(99999)"
+
 
 @pytest.fixture
 def target(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Lake:
@@ -35,9 +38,12 @@ def target(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Lake:
     return open_lake(quick_lake(tmp_path / "lake"))
 
 
-def add_root(lake: Lake, name: str) -> None:
+def add_root(lake: Lake, name: str, then: str = "") -> None:
+    """Enter a root; `then`: a statement of the same transaction."""
     with writing(lake) as con:
         run_sql(con, "save_root", {"dataset": name, "root": f"/{name}", "options": "{}", "labels_hash": ""})
+        if then:
+            con.execute(then)
 
 
 def roots(con: Connection) -> list[str]:
@@ -101,15 +107,40 @@ def test_a_change_that_fails_takes_nothing_with_it(target: Lake) -> None:
     assert (others(target), copies(target)) == (["a"], [])
 
 
-def test_nothing_of_a_copy_that_may_be_broken_is_served(target: Lake) -> None:
+@pytest.mark.parametrize("error", [duckdb.IOException, duckdb.FatalException])
+def test_nothing_of_a_copy_that_may_be_broken_is_served(target: Lake, error: type[Exception]) -> None:
     add_root(target, "a")
     with deferred(target):
         add_root(target, "b")
-        with pytest.raises(duckdb.Error), writing(target) as con:
-            con.execute("INSERT INTO nowhere VALUES (1)")
+        with pytest.raises(error), writing(target):
+            raise error("no space left")
         assert (own(target), copies(target)) == (["a"], [])
         add_root(target, "c")
     assert others(target) == ["a", "c"]
+
+
+@pytest.mark.parametrize("text", ["INSERT INTO nowhere VALUES (1)", "SELECT error('no')"])
+def test_a_statement_that_fails_takes_nothing_with_it(target: Lake, text: str) -> None:
+    with deferred(target):
+        add_root(target, "a")
+        with pytest.raises(duckdb.Error):
+            add_root(target, "b", text)
+        assert own(target) == ["a"]
+        add_root(target, "c")
+    assert others(target) == ["a", "c"]
+
+
+def test_a_copy_that_cannot_be_entered_is_not_served(target: Lake) -> None:
+    """What DuckDB says of a full disk as it commits is said, and what was served before is there."""
+    add_root(target, "a")
+    with deferred(target):
+        add_root(target, "b")
+        size = max(path.stat().st_size for path in copies(target)) + 4096
+        with pytest.raises(OSError, match="too large"), no_file_longer(size):
+            add_root(target, "c", MUCH)
+        assert (own(target), copies(target)) == (["a"], [])
+    assert others(target) == ["a"]
+    assert motionlake("verify", "--deep", "--lake", target.root).status == 0
 
 
 def test_a_small_catalog_is_served_soon(target: Lake, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -56,21 +56,27 @@ class Working:
 
         Raises:
             DamagedError: the catalog that is served is not as it was written.
-            duckdb.Error: and nothing of the copy will be served, for DuckDB may have broken it.
+            duckdb.Error: the copy cannot be read or written; nothing of it will be served, for it may be broken.
         """
         import duckdb
 
-        path = self.path or self._begin()
+        breaking = (duckdb.IOException, duckdb.FatalException, duckdb.InternalException)
+        path, failed = self.path or self._begin(), None
         try:
             with attached(path, writable=True) as con:
                 con.begin()
-                yield con
+                try:
+                    yield con
+                except BaseException as error:
+                    failed = error
+                    raise
                 con.commit()
                 self.changes += 1
                 self.all_changes += 1
                 _checkpoint(con)
-        except (duckdb.Error, OSError):
-            self.discard()
+        except BaseException as error:
+            if error is not failed or isinstance(error, breaking):
+                self.discard()
             raise
 
     def _begin(self) -> Path:
