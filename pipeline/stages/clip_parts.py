@@ -151,15 +151,15 @@ class ClipStage(ShardStage):
     def load(self, con: Connection, root: Path, results: Sequence[ShardResult], /) -> None:
         """Replace the rows of every source file in the results; what was derived from them goes too."""
         rows = {table: pa.concat_tables([r.tables[table] for r in results]) for table in self.schemas}
-        before = _held(con)
+        before = held(con)
         load_rows(con, "forget_sources", rows[self.replaces])
-        replaced = _held(con) != before
+        replaced = held(con) != before
         for table, entered in rows.items():
             load_rows(con, f"load_{table}", entered, {"clips": rows["clips"]["clip"].to_pylist()})
         if replaced:  # to look through all tables takes long where there are many clips
             forget_orphans(con)
 
 
-def _held(con: Connection) -> tuple[int, int]:
+def held(con: Connection) -> tuple[int, int]:
     """Clips and source files of the lake."""
     return fetch(con, "count_clips")[0]["clips"], fetch(con, "count_sources")[0]["sources"]

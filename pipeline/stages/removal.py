@@ -12,7 +12,7 @@ from motionlake.lake.catalog import Connection, fetch, load_rows, reading, run_s
 from motionlake.lake.layout import Lake
 from motionlake.lake.resolve import resolve_clip
 from motionlake.names import on_disk
-from motionlake.stages.clip_parts import forget_orphans
+from motionlake.stages.clip_parts import forget_orphans, held
 from motionlake.stages.frames import SOURCE_ROWS
 from motionlake.stages.sources import known_roots, options_json
 
@@ -106,4 +106,4 @@ def _ignore(con: Connection, sources: Sequence[Source]) -> None:
 
 def _held(con: Connection) -> Removal:
     """What would leave if everything did."""
-    return Removal(fetch(con, "count_clips")[0]["clips"], fetch(con, "count_sources")[0]["sources"])
+    return Removal(*held(con))
