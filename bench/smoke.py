@@ -154,7 +154,7 @@ SMOKES: Final[Sequence[Smoke]] = (
           "raw,DTW,shallow,pretrained,conv"), {"bench.representation.K": 8, "bench.representation.COMPONENTS": 8,
           "bench.representation.CONV_STEPS": 2}),
     Smoke("bench.word_network", ("hdm05", "--seeds", "1"), {"bench.representation.K": 8, "bench.word_network.K": 8,
-          "bench.representation.COMPONENTS": 8, "bench.word_network.STEPS": 2}),
+          "bench.representation.COMPONENTS": 8, "bench.word_network.STEPS": 2, "bench.word_network.PATIENT_STEPS": 2}),
     Smoke("bench.words_speed", (), {"bench.words_speed.ROUNDS": 1, "bench.words_speed.CONV_STEPS": 1,
           "bench.words_speed.EMBED_SECONDS": 0.1, "bench.words_speed.COLD_QUERIES": 1,
           "bench.words_speed.PROCESSES": (2,),

@@ -22,7 +22,7 @@ import json
 import sys
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, Final
@@ -58,18 +58,21 @@ class Paper:
     """How the paper's network is trained."""
 
     negatives: str
-    steps: int = STEPS
-    recipe: DeepMotifs = field(default_factory=DeepMotifs)
+    patient: bool = False
+
+    @property
+    def steps(self) -> int:
+        """At most."""
+        return PATIENT_STEPS if self.patient else STEPS
+
+    @property
+    def recipe(self) -> DeepMotifs:
+        return replace(DeepMotifs(), patience=PATIENCE) if self.patient else DeepMotifs()
 
 
 PAPER: Final = {
     **{f"the paper's ({negatives} negatives)": Paper(negatives) for negatives in NEGATIVES},
-    **{
-        f"the paper's ({negatives} negatives) with patience": Paper(
-            negatives, PATIENT_STEPS, replace(DeepMotifs(), patience=PATIENCE)
-        )
-        for negatives in NEGATIVES
-    },
+    **{f"the paper's ({negatives} negatives) with patience": Paper(negatives, patient=True) for negatives in NEGATIVES},
 }
 # Set, row and seed.
 Unit = tuple[str, str, int]
