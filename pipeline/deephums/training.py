@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
+from copy import deepcopy
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -184,10 +185,9 @@ def _top1(
     validation: Sequence[TrainingClip],
 ) -> float:
     """Share of the validation clips whose nearest clip that is trained on has their label."""
-    network.eval()
-    model = TrainedDescriptor(DescriptorsConfig(), recipe, network, [], {})
+    # Descriptors are computed on the CPU, wherever the network is trained.
+    model = TrainedDescriptor(DescriptorsConfig(), recipe, deepcopy(network).cpu().eval(), [], {})
     known, queries = (model.embed([clip.sequence for clip in clips]) for clips in (used, validation))
-    network.train()
     nearest = (queries @ known.T).argmax(axis=1)
     return float(np.mean([clip.label == used[hit].label for clip, hit in zip(validation, nearest, strict=True)]))
 
