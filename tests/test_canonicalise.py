@@ -207,6 +207,26 @@ def test_zero_pose_and_motion_together_tell_the_up_axis(axis: str) -> None:
         assert not any("by the body" in note for note in motion.notes if "unit" not in note)
 
 
+@pytest.mark.parametrize("axis", ["z", "-z", "-y"])
+def test_the_zero_pose_tells_the_up_axis_of_a_body_that_lies_flat(axis: str) -> None:
+    rig = replace(RIGS["canonical"], rest=Rest.ZERO)
+    _, world, positions = made_motion(4, scale=0.02)
+    clip, _ = clip_of(world, positions)
+    turn = conjugate(turn_to_y_up(axis))
+
+    def told(lies: Float64Array) -> str:
+        """The up axis of a file whose zero pose stands along `axis`, and whose body lies so."""
+        rotations = multiply(multiply(lies, world), conjugate(turn))
+        return canonicalise(clip, SolvedMotion(rotate(lies, positions * 100), *[rotations] * 2), rig).up
+
+    on_its_back = from_axis_angle(np.full(3, 3**-0.5), -120.0)  # long along x, its front along y
+    assert told(multiply(turn, on_its_back)) == axis
+    if axis != "-y":  # a root that turns the zero pose onto y: who lies there says nothing
+        assert told(on_its_back) == "y"
+    on_one_side = from_axis_angle(np.array([0.0, 0.0, 1.0]), 90.0)
+    assert told(multiply(turn, on_one_side)) == "y"
+
+
 @pytest.mark.parametrize("unit", [*UNITS.values(), CMU])
 @pytest.mark.parametrize("said", [None, 1e-4, 50.0])
 def test_a_unit_that_nobody_says_or_that_makes_no_person_is_found_by_body_height(

@@ -18,8 +18,9 @@ _SHARE: Final = 0.8
 def up_of_file(binding: Binding, motion: SolvedMotion) -> str | None:
     """The up axis of a file, where a person stands along it in the zero pose and in most frames as well.
 
-    One of the two is not enough: people lie, and the root may turn a zero pose that lies. None too where the rig's zero
-    pose is no standing human.
+    One of the two is not enough: people lie, and the root may turn a zero pose that lies. A body that stands along no
+    axis in most frames must lie flat where the axis that the zero pose stands along is up. None too where the rig's
+    zero pose is no standing human.
     """
     top = binding.source.get(INDEX["head"], binding.source.get(INDEX["neck"]))
     feet = [binding.source[INDEX[foot]] for foot in ("left_ankle", "right_ankle") if INDEX[foot] in binding.source]
@@ -28,7 +29,14 @@ def up_of_file(binding: Binding, motion: SolvedMotion) -> str | None:
     parents = binding.hierarchy.parents
     rest = chained(mean_offsets(parents, motion), parents)[None]
     moving, resting = (up_of_body(at[:, top], np.asarray(at[:, feet].mean(axis=1))) for at in (motion.positions, rest))
+    if moving is None and resting is not None and _is_flat(motion.positions, resting):
+        return resting
     return moving if moving == resting else None
+
+
+def _is_flat(positions: Float64Array, up: str) -> bool:
+    """Whether in most frames the joints [F, J, 3] reach less far along an axis than along both others."""
+    return bool((np.ptp(positions, axis=1).argmin(axis=1) == "xyz".index(up[-1])).mean() >= _SHARE)
 
 
 def goes_on_all_fours(positions: Float64Array) -> bool:
