@@ -91,7 +91,7 @@ def main() -> None:
     for name, rows in kept.items():
         print(table(name, rows, ("map", "nn")))
     paths = [p for name in given.sets for p in (recordings() / SETS[name].folder).rglob("*") if p.is_file()]
-    print(record("motif-weights", {"sets": kept, "k": K}, hash_files(paths, recordings())))
+    print(record("motif-weights", {"sets": kept, "k": K}, hash_files(paths, recordings()), kept=given.keep))
 
 
 if __name__ == "__main__":

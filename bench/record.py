@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 RESULTS = Path(__file__).parent / "results"
+MACHINES = "machines.json"
 PACKAGES = ("motionlake", "numpy", "numba", "scipy", "duckdb", "torch")
 
 
@@ -93,6 +94,23 @@ def versions(packages: Iterable[str] = PACKAGES) -> dict[str, str]:
     return found
 
 
+def _here() -> dict[str, Any]:
+    return {"machine": machine(), "versions": versions()}
+
+
+def enter_machine(folder: Path) -> None:
+    """Say in a folder that keeps what is measured that this machine, with these versions, measured some of it."""
+    here, known = _here(), machines(folder)
+    if here not in known:
+        (folder / MACHINES).write_text(json.dumps([*known, here], indent=2) + "\n", encoding="utf-8")
+
+
+def machines(folder: Path | None) -> list[dict[str, Any]]:
+    """The machines that are entered in a folder, and their versions."""
+    path = folder and folder / MACHINES
+    return json.loads(path.read_text(encoding="utf-8")) if path and path.exists() else []
+
+
 def revision() -> str:
     """The working tree's git revision, with "+" where files differ from it, or "" outside a repository."""
 
@@ -110,6 +128,7 @@ def record(
     data: str = "",
     packages: Iterable[str] = (),
     folder: Path | None = None,
+    kept: Path | None = None,
 ) -> Path:
     """Write figures as `<folder>/<name>-<UTC time>.json` with what is needed to judge them.
 
@@ -119,6 +138,7 @@ def record(
         data: `hash_files` of the data.
         packages: peers whose versions matter, besides `PACKAGES`.
         folder: where to; `RESULTS` if not given.
+        kept: a folder that kept what was measured, perhaps on other machines: then all that measured are named.
 
     Returns:
         The file written.
@@ -132,6 +152,7 @@ def record(
         "revision": revision(),
         "machine": machine(),
         "versions": versions([*PACKAGES, *packages]),
+        **({"machines": others} if (others := machines(kept)) not in ([], [_here()]) else {}),
         "data_sha256": data,
         "figures": dict(figures),
     }

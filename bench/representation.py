@@ -325,7 +325,8 @@ def main() -> None:
         "conv_steps": CONV_STEPS,
         "k": K,
     }
-    print(record("-".join(["representation", *given.sets[: len(ALL) - 1]]), result, hash_files(paths, recordings())))
+    name = "-".join(["representation", *given.sets[: len(ALL) - 1]])
+    print(record(name, result, hash_files(paths, recordings()), kept=given.keep))
 
 
 if __name__ == "__main__":

@@ -15,6 +15,8 @@ import numpy as np
 from motionlake.lake.parts import replacing
 from threadpoolctl import threadpool_limits
 
+from bench.record import enter_machine
+
 SEEDS: Final = (0, 1, 2)
 # What is measured of one row of a table.
 Found = dict[str, Any]
@@ -40,7 +42,7 @@ def in_processes(
     """(unit, what was found of each of its rows), as they are done; one thread each. A line is printed of each.
 
     A folder to keep holds a file of every unit that is done, from which a later run takes it; it is for one state of
-    the code and of the recordings.
+    the code and of the recordings. It also names the machines that measured (`bench.record`).
     """
     if keep is None:
         yield from _measured(measure, units, processes, say)
@@ -51,6 +53,8 @@ def in_processes(
         if files[repr(unit)].exists():
             yield unit, json.loads(files[repr(unit)].read_text())
     left = [unit for unit in units if not files[repr(unit)].exists()]
+    if left:
+        enter_machine(keep)
     for unit, found in _measured(measure, left, processes, say):
         with replacing(files[repr(unit)]) as path:
             path.write_text(json.dumps(found))

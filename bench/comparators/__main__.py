@@ -80,7 +80,7 @@ def main() -> None:
     for part in given.parts or PARTS:
         paths = [p for name in folders[part] for p in (recordings() / name).rglob("*") if p.is_file()]
         figures = {"figures": measures[part](given), "seeds": list(SEEDS[: given.seeds])}
-        print(record(f"comparators-{part}", figures, hash_files(paths, recordings())))
+        print(record(f"comparators-{part}", figures, hash_files(paths, recordings()), kept=given.keep))
 
 
 if __name__ == "__main__":

@@ -94,7 +94,7 @@ def main() -> None:
             part, ["utd_mhad"]
         )
         files = [path for name in sets for path in (recordings() / name).rglob("*") if path.is_file()]
-        print(f"wrote {record(f'deephums-{part}', figures, hash_files(files, recordings()))}")
+        print(f"wrote {record(f'deephums-{part}', figures, hash_files(files, recordings()), kept=given.kept)}")
 
 
 if __name__ == "__main__":

@@ -149,7 +149,7 @@ def main() -> None:
         given.keep = kept and kept / part  # units of different parts may be called alike
         figures, sets = PARTS[part](given)
         files = [path for name in sets for path in (recordings() / name).rglob("*") if path.is_file()]
-        print(f"wrote {record(f'glogen-{part}', figures, hash_files(files, recordings()))}")
+        print(f"wrote {record(f'glogen-{part}', figures, hash_files(files, recordings()), kept=given.keep)}")
 
 
 if __name__ == "__main__":

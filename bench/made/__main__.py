@@ -91,18 +91,18 @@ def main() -> None:
     PARTS[given.part](given)
 
 
-def _recorded(name: str, found: Mapping[str, Any]) -> None:
+def _recorded(name: str, found: Mapping[str, Any], kept: Path | None = None) -> None:
     folders = sorted({chosen.folder for chosen in CLASSES.values()})
     files = [path for folder in folders for path in (recordings() / folder).rglob("*") if path.is_file()]
-    print(f"wrote {record(f'made-{name}', found, hash_files(files, recordings()))}")
+    print(f"wrote {record(f'made-{name}', found, hash_files(files, recordings()), kept=kept)}")
 
 
 def _table(given: argparse.Namespace) -> None:
-    _recorded("table", {"seeds": list(given.chosen), "splits": measure_table(given)})
+    _recorded("table", {"seeds": list(given.chosen), "splits": measure_table(given)}, given.keep)
 
 
 def _errors(given: argparse.Namespace) -> None:
-    _recorded("errors", measure_errors(given))
+    _recorded("errors", measure_errors(given), given.keep)
 
 
 def _folder(given: argparse.Namespace) -> Path:

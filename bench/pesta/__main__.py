@@ -212,7 +212,11 @@ def main() -> None:
             "seeds": list(given.chosen),
             "without": given.without,
         }
-        print(record(f"pesta-{part.replace('_', '-')}", {**settings, "figures": figures}, hash_sets(sets)))
+        print(
+            record(
+                f"pesta-{part.replace('_', '-')}", {**settings, "figures": figures}, hash_sets(sets), kept=given.kept
+            )
+        )
 
 
 if __name__ == "__main__":
