@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from itertools import islice
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from motionlake.allocation import keep_freed
 from motionlake.errors import DamagedError, UserError
@@ -20,7 +21,8 @@ from motionlake.threads import limited
 if TYPE_CHECKING:
     from distributed import Client, Future
 
-AHEAD = 4  # shards submitted for each worker thread
+AHEAD: Final = 16  # shards submitted for each worker thread: work while results are loaded
+ASK_EVERY: Final = 1.0
 
 
 def run_here(root: Path, stage: ShardStage, shards: Sequence[Shard]) -> Iterator[tuple[Shard, ShardResult | Exception]]:
@@ -46,8 +48,10 @@ def run_on(
     pool = as_completed()
     left = iter(shards)
 
+    threads = _Threads(client)
+
     def submit() -> None:
-        wanted = AHEAD * max(1, sum(client.nthreads().values()))
+        wanted = AHEAD * threads.count()
         for shard in islice(left, max(0, wanted - len(running))):
             future = _submit(client, stage, root, shard)
             running[future] = shard
@@ -69,6 +73,21 @@ def run_on(
         submit()
     for shard in killed:
         yield shard, _alone(client, stage, root, shard)
+
+
+class _Threads:
+    """Threads of a cluster's workers, which come and go: the scheduler is asked once in `ASK_EVERY` seconds."""
+
+    def __init__(self, client: Client) -> None:
+        self._client = client
+        self._count, self._until = 1, 0.0
+
+    def count(self) -> int:
+        """At least one."""
+        if time.monotonic() >= self._until:
+            self._count = max(1, sum(self._client.nthreads().values()))
+            self._until = time.monotonic() + ASK_EVERY
+        return self._count
 
 
 def _submit(client: Client, stage: ShardStage, root: Path, shard: Shard, again: str = "") -> Future:
