@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from motionlake.motion.auto_rig import RigMatch
     from motionlake.motion.canonicalise import CanonicalMotion
 
-SHARD_BYTES = 8 << 20  # of source files; a worker's memory grows with it
+SHARD_BYTES = 24 << 20  # of source files; a worker's memory grows with it
 _S, _I = pa.string(), pa.int64()
 REJECT_ROWS = pa.schema({"dataset": _S, "path": _S, "line": _I, "reason": _S, "content_hash": _S})
 SOURCE_ROWS = pa.schema(
