@@ -302,13 +302,14 @@ def cut(sizes: Sequence[int]) -> list[int]:
     return [shard.items for shard in shards]
 
 
-def test_shards_are_a_sixteenth_of_what_is_new_between_two_and_eight_megabytes() -> None:
+def test_shards_are_a_sixteenth_of_what_is_new_between_two_and_24_megabytes() -> None:
     mega = 1 << 20
     assert cut([]) == []
     assert cut([1]) == [1]
     assert cut([mega] * 5) == [2, 2, 1]
     assert cut([mega] * 64) == [4] * 16
-    assert cut([4 * mega] * 64) == [2] * 32
+    assert cut([4 * mega] * 64) == [4] * 16
+    assert cut([8 * mega] * 66) == [3] * 22
     assert cut([mega - 1] * 4) == [3, 1]
     assert cut([0] * 1025) == [512, 512, 1]
 
