@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from motionlake.arrays import Int32Array
-from motionlake.pesta import scan
+from motionlake.pesta import scan, thread_work
 from motionlake.pesta.config import AlignmentConfig, Method
 from motionlake.pesta.matches import Match, best_matches
 from motionlake.pesta.scan import best_per_clip, end_costs, pairwise, symmetric_costs
@@ -24,19 +24,19 @@ from tests import naive_alignment as naive
 @pytest.fixture(autouse=True, scope="module")
 def _threads_for_little_work() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(scan, "THREAD_CELLS", 1)
+        patch.setattr(thread_work, "THREAD_CELLS", 1)
         yield
 
 
 def test_threads_are_for_much_work() -> None:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(scan, "THREAD_CELLS", 100)
-        assert [scan.useful_threads(4, cells) for cells in (0, 199, 200, 399, 10_000)] == [1, 1, 2, 3, 4]
-        patch.setattr(scan, "ThreadPoolExecutor", None)  # to start threads is an error
+        patch.setattr(thread_work, "THREAD_CELLS", 100)
+        assert [thread_work.useful_threads(4, cells) for cells in (0, 199, 200, 399, 10_000)] == [1, 1, 2, 3, 4]
+        patch.setattr(thread_work, "ThreadPoolExecutor", None)  # to start threads is an error
         strings = Repository.of([np.arange(9)] * 64)
         with pytest.raises(TypeError):
             end_costs([1, 2], strings, dictionary(0, 9), threads=8)
-        patch.setattr(scan, "THREAD_CELLS", 10_000)
+        patch.setattr(thread_work, "THREAD_CELLS", 10_000)
         assert len(end_costs([1, 2], strings, dictionary(0, 9), threads=8)) == 9 * 64
 
 

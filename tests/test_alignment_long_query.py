@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from motionlake.pesta import long_query, scan
+from motionlake.pesta import long_query, thread_work
 from motionlake.pesta.config import AlignmentConfig
 from motionlake.pesta.long_query import LongQuery
 from motionlake.pesta.matches import best_matches
@@ -113,7 +113,7 @@ def test_answers_do_not_depend_on_what_is_kept_nor_on_what_is_scanned_together(
         patch.setattr(long_query, "_FEWEST_BLOCKS", 1)
         patch.setattr(long_query, "KEPT_BYTES", 20_000)
         for threads in (1, 2):
-            patch.setattr(scan, "THREAD_CELLS", 1)
+            patch.setattr(thread_work, "THREAD_CELLS", 1)
             together = LongQuery(*given_, segments=-(-90 // length))
             together.align(parts, 0, threads=threads)
             assert [together.best_matches(*part, 6) for part in parts] == expected

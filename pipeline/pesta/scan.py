@@ -11,8 +11,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from typing import Final, Literal, TypeVar, get_args
+from typing import Final, Literal, get_args
 
 import numpy as np
 from motionlake.arrays import Float32Array, Int32Array, Int64Array
@@ -21,6 +20,7 @@ from motionlake.pesta.config import DEFAULT_ALIGNMENT, AlignmentConfig
 from motionlake.pesta.lanes import LANES
 from motionlake.pesta.plain_scan import least_costs, plain_work
 from motionlake.pesta.strings import Boundaries, Distances, Repository, SymbolDistances, checked
+from motionlake.pesta.thread_work import in_threads, useful_threads
 from numpy.typing import ArrayLike
 
 Both = Literal["max", "mean", "query"]
@@ -28,12 +28,8 @@ Both = Literal["max", "mean", "query"]
 # Columns of a piece of a long string: enough to be worth its own lane, few enough to stay in cache.
 LEAST_COLUMNS: Final = 1024
 MOST_COLUMNS: Final = 4096
-# Cells of weight matrices, some milliseconds of work: a thread that has less to do takes longer to start.
-THREAD_CELLS: Final = 10_000_000
 BATCH: Final = 64  # clips that `nearest_strings` searches for in the query at once
 ALIKE: Final = 16 * LANES  # queries of one length whose distances from a string are in memory at once
-Part = TypeVar("Part")
-Found = TypeVar("Found")
 _NO_COSTS: Final = np.zeros(0, dtype=np.float32)
 _NO_STATES: Final = np.zeros((0, 0, 0), dtype=np.float32)
 
@@ -335,11 +331,6 @@ def _scan_cut(
         scan(alone, 0, stop - kept, initial=exits[piece - 1 : piece], entries=out, exits=out, ends=ends)
 
 
-def useful_threads(threads: int, cells: int) -> int:
-    """How many of some threads have enough to do, of so many cells of weight matrices, to be worth their start."""
-    return max(1, min(threads, cells // THREAD_CELLS))
-
-
 def _shares(pieces: Int64Array, n_rows: int, threads: int) -> list[slice]:
     """Consecutive pieces for each thread, whole groups of lanes with about as many columns each."""
     groups = pieces[::LANES]
@@ -354,11 +345,3 @@ def _shares(pieces: Int64Array, n_rows: int, threads: int) -> list[slice]:
 
 def _share(work: Callable[[slice], None], parts: list[slice]) -> None:
     in_threads(work, parts, len(parts))
-
-
-def in_threads(work: Callable[[Part], Found], parts: Sequence[Part], threads: int) -> list[Found]:
-    """What some work finds of each part, in their order."""
-    if min(len(parts), threads) <= 1:
-        return [work(part) for part in parts]
-    with ThreadPoolExecutor(min(len(parts), threads)) as pool:
-        return list(pool.map(work, parts))
