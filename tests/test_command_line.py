@@ -15,7 +15,8 @@ from pathlib import Path
 import pytest
 from motionlake import cli
 from motionlake.cli._measures import METRICS
-from motionlake.cli.common import frame_or_seconds, notice, tell
+from motionlake.cli._output import notice, tell
+from motionlake.cli.common import frame_or_seconds
 from motionlake.cli.main import COMMANDS, MODULES
 from motionlake.motion import rigs
 from motionlake.names import printable
@@ -66,7 +67,8 @@ def test_help_imports_no_command_and_no_library_but_typer() -> None:
     modules = imported_by("--help")
     assert {m for m in modules if m.startswith("motionlake")} == {
         "motionlake", "motionlake.caches", "motionlake.errors", "motionlake.names", "motionlake.stopping",
-        "motionlake.cli", "motionlake.cli.main", "motionlake.cli.common", "motionlake.cli._event_log",
+        "motionlake.cli", "motionlake.cli.main", "motionlake.cli.common", "motionlake.cli._output",
+        "motionlake.cli._progress", "motionlake.cli._event_log",
     }  # fmt: skip
     assert not modules & {*HEAVY, *LIBRARIES, "numpy", "rich"}
 

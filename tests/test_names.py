@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
-from motionlake.cli.common import notice, tell, write_csv
+from motionlake.cli._output import notice, tell, write_csv
 from motionlake.errors import UserError
 from motionlake.formats.write.bvh import write_bvh
 from motionlake.lake.layout import Lake

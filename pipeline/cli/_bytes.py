@@ -8,7 +8,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, Final
 
-from motionlake.cli.common import SPOKEN, bars, notice
+from motionlake.cli._output import notice
+from motionlake.cli._progress import SPOKEN, bars
 
 if TYPE_CHECKING:
     from rich.progress import Progress

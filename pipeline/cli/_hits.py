@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from motionlake.cli.common import tell
+from motionlake.cli._output import tell
 
 
 def tell_hits(rows: Sequence[Mapping[str, Any]], *, mirrored: bool, as_json: bool) -> None:

@@ -10,7 +10,8 @@ from dataclasses import asdict, dataclass
 from typing import Annotated, Any, Final
 
 import typer
-from motionlake.cli.common import FrameOrSeconds, notice
+from motionlake.cli._output import notice
+from motionlake.cli.common import FrameOrSeconds
 from motionlake.lake.announced import announced
 from motionlake.lake.layout import Lake
 

@@ -6,7 +6,8 @@ from contextlib import ExitStack, closing
 from typing import Annotated
 
 import typer
-from motionlake.cli.common import JsonOption, LakeOption, notice, option, publish_copies, tell
+from motionlake.cli._output import notice, tell
+from motionlake.cli.common import JsonOption, LakeOption, option, publish_copies
 from motionlake.errors import UserError
 from motionlake.lake.layout import open_lake
 

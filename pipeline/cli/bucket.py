@@ -6,7 +6,9 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from motionlake.cli.common import JsonOption, LakeOption, argument, stage_progress, tell
+from motionlake.cli._output import tell
+from motionlake.cli._progress import stage_progress
+from motionlake.cli.common import JsonOption, LakeOption, argument
 from motionlake.errors import UserError
 from motionlake.lake.layout import Lake, lake_folder
 

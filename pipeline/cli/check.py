@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 from motionlake import sql
+from motionlake.cli._output import check_folder_of, notice, tell
 from motionlake.cli.common import (
     PATHS,
     ClipsArgument,
@@ -16,11 +17,8 @@ from motionlake.cli.common import (
     JsonOption,
     LakeOption,
     argument,
-    check_folder_of,
     named_source,
-    notice,
     option,
-    tell,
 )
 from motionlake.errors import UserError
 from motionlake.lake.catalog import Connection, fetch, reading

@@ -1,32 +1,23 @@
-"""What commands share: option types, output for people or machines, progress on stderr, runs of jobs."""
+"""What commands share: types of options and arguments, and what of a lake these name."""
 
 from __future__ import annotations
 
-import csv
 import re
-import sys
-import time
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
-from motionlake.cli._event_log import event, stage_event
+from motionlake.cli._output import notice
+from motionlake.cli._progress import stage_progress
 from motionlake.errors import UserError
-from motionlake.names import json_text, printable, typed
 
 if TYPE_CHECKING:
-    from motionlake.jobs.session import Session
     from motionlake.lake.bucket import Bucket
     from motionlake.lake.catalog import Connection
     from motionlake.lake.layout import Lake
     from motionlake.retrieval.protocol import Query
-    from rich.progress import Progress, ProgressColumn
 
-SPOKEN: Final = 10  # seconds between two lines of progress where there is no terminal
-FORMULA: Final = ("=", "+", "-", "@", "\t", "\r")
 # Of every typer application.
 SETTINGS: Final[dict[str, Any]] = {
     "add_completion": False,
@@ -229,159 +220,3 @@ def range_query(
             fps = fetch(con, "clip", {"clip": source})[0]["fps"]
     first, last = (None if edge is None else edge.frame(fps) for edge in (start, stop))
     return Query(source, first, last)
-
-
-def check_folder_of(file: Path) -> None:
-    """Raises `UserError` where the folder of a file to write is not there."""
-    if not file.parent.is_dir():
-        raise UserError(f"{file.parent}: no such folder")
-
-
-def write_csv(file: Path, columns: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
-    """Rows as CSV: every cell as it is, since labels.csv and other programs read it back.
-
-    A notice tells of cells that a spreadsheet would run as formulas.
-
-    Raises:
-        UserError: the file cannot be written.
-    """
-    try:
-        with file.open("w", newline="", encoding="utf-8") as stream:
-            writer = csv.writer(stream)
-            writer.writerow(columns)
-            writer.writerows(rows)
-    except OSError as error:
-        raise UserError(f"{file}: cannot be written ({error.strerror})") from error
-    formulas = sum(isinstance(v, str) and v.startswith(FORMULA) for row in rows for v in row)
-    if formulas:
-        notice(f"{file}: {formulas} cells begin as a formula does; have a spreadsheet read them as text")
-
-
-def notice(line: str) -> None:
-    """Tell a person something while a command runs."""
-    event("notice", text=line)
-    print(printable(line), file=sys.stderr, flush=True)
-
-
-def tell(value: Any, shown: str | Sequence[Mapping[str, Any]] | None = None, *, as_json: bool) -> None:
-    """The answer of a command: `value` as JSON for machines, else `shown` (default: `value`), a line or a table."""
-    answer = value if shown is None else shown
-    if as_json:
-        print(json_text(value))
-    elif isinstance(answer, str):
-        print(printable(answer))
-    elif answer:
-        _print_table(answer)
-    else:
-        notice("no rows")
-
-
-def _print_table(rows: Sequence[Mapping[str, Any]]) -> None:
-    from rich.console import Console
-    from rich.table import Table
-
-    table = Table(box=None, pad_edge=False, header_style="bold")
-    for name, value in rows[0].items():
-        table.add_column(
-            printable(name), justify="right" if isinstance(value, int | float) else "left", overflow="fold"
-        )
-    for row in rows:
-        table.add_row(*(_cell(v) for v in row.values()))
-    width = None if sys.stdout.isatty() else 200
-    console = Console(width=width, highlight=False, markup=False, emoji=False)
-    with console.capture() as shown:
-        console.print(table)
-    print(shown.get(), end="")  # rich would end the program where nobody reads
-
-
-def _cell(value: Any) -> str:
-    if value is None:
-        return ""
-    return f"{value:.4g}" if isinstance(value, float) else printable(str(value))
-
-
-class StageProgress:
-    """A bar a stage on a terminal; elsewhere a line every ten seconds."""
-
-    def __init__(self, bars: Progress | None) -> None:
-        self._bars = bars
-        self._tasks: dict[str, Any] = {}
-        self._started: dict[str, float] = {}
-        self._spoke = time.monotonic()
-
-    def __call__(self, stage: str, done: int, total: int) -> None:
-        stage_event(stage, done, total)
-        if self._bars is not None:
-            if stage not in self._tasks:
-                self._tasks[stage] = self._bars.add_task(stage, total=total)
-            self._bars.update(self._tasks[stage], completed=done, total=total)
-            return
-        now = time.monotonic()
-        started = self._started.setdefault(stage, now)
-        if now - self._spoke >= SPOKEN and 0 < done < total:
-            self._spoke = now
-            left = (now - started) / done * (total - done)
-            notice(f"{stage}: {done} of {total}, about {left:.0f} s left")
-
-
-@contextmanager
-def stage_progress() -> Iterator[StageProgress]:
-    if not sys.stderr.isatty():
-        yield StageProgress(None)
-        return
-    from rich import progress
-
-    columns = (progress.MofNCompleteColumn(), progress.TimeElapsedColumn(), progress.TimeRemainingColumn())
-    with bars(*columns) as shown:
-        yield StageProgress(shown)
-
-
-def bars(*columns: ProgressColumn) -> Progress:
-    """Bars on stderr, each with its name and these columns."""
-    from rich import progress
-    from rich.console import Console
-
-    named = progress.TextColumn("{task.description:>10}", markup=False)
-    return progress.Progress(named, progress.BarColumn(), *columns, console=Console(stderr=True))
-
-
-@contextmanager
-def running(
-    lake: Lake,
-    command: str,
-    workers: int | None = None,
-    scheduler: str | None = None,
-    *,
-    create: bool = False,
-    damaged: bool = False,
-) -> Iterator[Session]:
-    """Hold the lake for a command that writes, with progress on stderr, and record a run that did something.
-
-    `create` makes a lake where there is none; `damaged`: also where files of the lake are missing or damaged.
-    """
-    from motionlake.jobs.session import session
-
-    with (
-        stage_progress() as progress,
-        session(lake, command, progress, notice, workers, scheduler, create=create, damaged=damaged) as job,
-    ):
-        yield job
-        _record_run(job)
-
-
-def _record_run(job: Session) -> None:
-    from datetime import datetime
-
-    from motionlake.lake.catalog import run_sql, writing
-
-    for name, outcome in job.outcomes.items():
-        if outcome.failed:
-            notice(f"{name}: {outcome.failed} shards failed: {outcome.reason}; --retry-failed tries again")
-    totals = {k: sum(getattr(o, k) for o in job.outcomes.values()) for k in ("ok", "failed", "rejected")}
-    if any(totals.values()):
-        words = typed(" ".join(sys.argv[1:]))
-        with writing(job.lake) as con:
-            run_sql(
-                con, "add_run",
-                {**totals, "command": words, "started": job.started, "finished": datetime.now()},
-            )  # fmt: skip

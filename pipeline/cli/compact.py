@@ -6,7 +6,9 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from motionlake.cli.common import JsonOption, LakeOption, WorkersOption, notice, option, running, tell
+from motionlake.cli._output import notice, tell
+from motionlake.cli._running import running
+from motionlake.cli.common import JsonOption, LakeOption, WorkersOption, option
 from motionlake.errors import UserError
 from motionlake.lake.layout import open_lake
 

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 from motionlake.cli._answers import MirroredOption
+from motionlake.cli._output import tell
 from motionlake.cli.common import (
     DatasetOption,
     JsonOption,
@@ -15,7 +16,6 @@ from motionlake.cli.common import (
     RecordedOnlyOption,
     SplitOption,
     option,
-    tell,
 )
 from motionlake.lake.catalog import reading
 from motionlake.lake.layout import open_lake

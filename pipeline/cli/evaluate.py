@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 from motionlake.cli._measures import METRICS, SYNTHESIS_METRICS, Row, synthesis_rows
+from motionlake.cli._output import notice, tell
+from motionlake.cli._progress import stage_progress
 from motionlake.cli._segment_options import ReachOption, SegmentationOption, VotersOption, WindowOption
 from motionlake.cli.common import (
     SETTINGS,
@@ -16,11 +18,8 @@ from motionlake.cli.common import (
     LabelColumn,
     LakeOption,
     MinQualityOption,
-    notice,
     option,
     positive,
-    stage_progress,
-    tell,
 )
 from motionlake.errors import UserError
 from motionlake.lake.catalog import reading

@@ -7,6 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
+from motionlake.cli._output import check_folder_of, notice, tell
+from motionlake.cli._progress import stage_progress
 from motionlake.cli.common import (
     DatasetOption,
     FrameOrSeconds,
@@ -16,13 +18,9 @@ from motionlake.cli.common import (
     StartOption,
     StopOption,
     argument,
-    check_folder_of,
-    notice,
     option,
     positive,
     range_query,
-    stage_progress,
-    tell,
 )
 from motionlake.errors import ClipError, UserError
 from motionlake.lake.catalog import Connection, reading

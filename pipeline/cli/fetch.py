@@ -8,16 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from motionlake.cli._bytes import amount, byte_progress
-from motionlake.cli.common import (
-    JsonOption,
-    LakeOption,
-    SchedulerOption,
-    WorkersOption,
-    argument,
-    notice,
-    option,
-    tell,
-)
+from motionlake.cli._output import notice, tell
+from motionlake.cli.common import JsonOption, LakeOption, SchedulerOption, WorkersOption, argument, option
 from motionlake.errors import UserError
 
 if TYPE_CHECKING:

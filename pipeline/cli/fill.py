@@ -8,6 +8,8 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from motionlake.cli._output import notice, tell
+from motionlake.cli._running import running
 from motionlake.cli.common import (
     JsonOption,
     LakeOption,
@@ -15,11 +17,8 @@ from motionlake.cli.common import (
     WorkersOption,
     argument,
     dataset_name,
-    notice,
     option,
-    running,
     source_of,
-    tell,
 )
 from motionlake.errors import UserError
 from motionlake.formats import readers

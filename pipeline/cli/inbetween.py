@@ -7,7 +7,8 @@ from typing import Annotated
 
 import typer
 from motionlake.cli._motion_requests import source_of
-from motionlake.cli.common import JsonOption, LakeOption, argument, check_folder_of, option, tell
+from motionlake.cli._output import check_folder_of, tell
+from motionlake.cli.common import JsonOption, LakeOption, argument, option
 from motionlake.errors import UserError
 from motionlake.lake.catalog import reading
 from motionlake.lake.layout import open_lake

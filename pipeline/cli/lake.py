@@ -8,7 +8,9 @@ from pathlib import Path
 from typing import Annotated, Any, Final
 
 import typer
-from motionlake.cli.common import JsonOption, LakeOption, argument, lake_folder_of, notice, option, stage_progress, tell
+from motionlake.cli._output import notice, tell
+from motionlake.cli._progress import stage_progress
+from motionlake.cli.common import JsonOption, LakeOption, argument, lake_folder_of, option
 from motionlake.errors import UserError
 from motionlake.lake import layout
 from motionlake.lake.catalog import SCHEMA_VERSION, check_no_lake, create_catalog, fetch, has_macros

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
+from motionlake.cli._output import check_folder_of, notice, tell
 from motionlake.cli.common import (
     ClipArgument,
     DatasetOption,
@@ -13,11 +14,8 @@ from motionlake.cli.common import (
     LakeOption,
     StartOption,
     StopOption,
-    check_folder_of,
     named_query,
-    notice,
     option,
-    tell,
 )
 from motionlake.errors import UserError
 from motionlake.lake.catalog import Connection, fetch, reading

@@ -18,7 +18,8 @@ from typing import Annotated, Any, Final, NoReturn
 
 import typer
 from motionlake.cli._event_log import ending, event, log_to
-from motionlake.cli.common import SETTINGS, notice, publish_copies
+from motionlake.cli._output import notice
+from motionlake.cli.common import SETTINGS, publish_copies
 from motionlake.errors import UserError, denied, explained
 from motionlake.names import printable
 from motionlake.stopping import obeying, signal_asked

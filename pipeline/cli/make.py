@@ -9,19 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
-from motionlake.cli.common import (
-    DatasetOption,
-    JsonOption,
-    LakeOption,
-    MinQualityOption,
-    argument,
-    check_folder_of,
-    notice,
-    option,
-    positive,
-    tell,
-    write_csv,
-)
+from motionlake.cli._output import check_folder_of, notice, tell, write_csv
+from motionlake.cli.common import DatasetOption, JsonOption, LakeOption, MinQualityOption, argument, option, positive
 from motionlake.errors import UserError
 from motionlake.lake.catalog import Connection, fetch, reading
 from motionlake.lake.layout import open_lake

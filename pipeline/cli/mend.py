@@ -7,17 +7,10 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from motionlake.cli.common import (
-    JsonOption,
-    LakeOption,
-    WorkersOption,
-    argument,
-    notice,
-    option,
-    running,
-    stage_progress,
-    tell,
-)
+from motionlake.cli._output import notice, tell
+from motionlake.cli._progress import stage_progress
+from motionlake.cli._running import running
+from motionlake.cli.common import JsonOption, LakeOption, WorkersOption, argument, option
 from motionlake.errors import UserError
 from motionlake.lake.layout import Lake, lake_folder
 

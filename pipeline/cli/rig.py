@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from motionlake.cli.common import JsonOption, check_folder_of, notice, option, tell
+from motionlake.cli._output import check_folder_of, notice, tell
+from motionlake.cli.common import JsonOption, option
 from motionlake.errors import ClipError, UserError
 
 if TYPE_CHECKING:

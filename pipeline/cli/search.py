@@ -17,6 +17,7 @@ from motionlake.cli._answers import (
     count_of,
 )
 from motionlake.cli._hits import tell_hits, what_is_alike
+from motionlake.cli._output import notice, tell
 from motionlake.cli._service import NoServiceOption, ask_service
 from motionlake.cli.common import (
     ClipArgument,
@@ -30,9 +31,7 @@ from motionlake.cli.common import (
     StartOption,
     StopOption,
     named_query,
-    notice,
     option,
-    tell,
 )
 from motionlake.errors import UserError
 from motionlake.lake.layout import Lake, open_lake

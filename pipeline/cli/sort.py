@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from motionlake.cli._output import notice, tell, write_csv
 from motionlake.cli._segment_options import ReachOption, SegmentationOption, VotersOption, WindowOption
 from motionlake.cli.common import (
     ClipArgument,
@@ -20,10 +21,7 @@ from motionlake.cli.common import (
     RecordedOnlyOption,
     SplitOption,
     named_query,
-    notice,
     option,
-    tell,
-    write_csv,
 )
 from motionlake.errors import UserError
 from motionlake.lake.catalog import reading

@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from motionlake.cli.common import JsonOption, LakeOption, argument, notice, option, tell
+from motionlake.cli._output import notice, tell
+from motionlake.cli.common import JsonOption, LakeOption, argument, option
 from motionlake.errors import UserError, told_by_sql
 
 if TYPE_CHECKING:

@@ -9,20 +9,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from motionlake.cli.common import (
-    SETTINGS,
-    DatasetOption,
-    JsonOption,
-    LabelColumn,
-    LakeOption,
-    MinQualityOption,
-    check_folder_of,
-    notice,
-    option,
-    stage_progress,
-    tell,
-    write_csv,
-)
+from motionlake.cli._output import check_folder_of, notice, tell, write_csv
+from motionlake.cli._progress import stage_progress
+from motionlake.cli.common import SETTINGS, DatasetOption, JsonOption, LabelColumn, LakeOption, MinQualityOption, option
 from motionlake.lake.catalog import reading
 from motionlake.lake.layout import Lake, open_lake
 

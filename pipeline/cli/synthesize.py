@@ -9,19 +9,16 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 import typer
 from motionlake.cli._motion_files import make_folder, write_bvh_files
 from motionlake.cli._motion_requests import shown_poses, source_of, start_of
+from motionlake.cli._output import check_folder_of, notice, tell, write_csv
+from motionlake.cli._running import running
 from motionlake.cli.common import (
     JsonOption,
     LakeOption,
     MinQualityOption,
     SchedulerOption,
     WorkersOption,
-    check_folder_of,
     dataset_name,
-    notice,
     option,
-    running,
-    tell,
-    write_csv,
 )
 from motionlake.errors import UserError
 from motionlake.lake.catalog import reading

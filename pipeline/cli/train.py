@@ -8,7 +8,9 @@ from dataclasses import fields, replace
 from typing import Annotated, Any, Final
 
 import typer
-from motionlake.cli.common import SETTINGS, JsonOption, LakeOption, MinQualityOption, option, running, tell
+from motionlake.cli._output import tell
+from motionlake.cli._running import running
+from motionlake.cli.common import SETTINGS, JsonOption, LakeOption, MinQualityOption, option
 from motionlake.deephums.config import SUPERVISIONS
 from motionlake.errors import UserError
 from motionlake.jobs import models
