@@ -47,7 +47,6 @@ def run_on(
     running: dict[Future, Shard] = {}
     pool = as_completed()
     left = iter(shards)
-
     threads = _Threads(client)
 
     def submit() -> None:
