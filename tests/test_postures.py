@@ -18,6 +18,7 @@ from motionlake.pesta.dictionary_fitting import fit_dictionary, sample_postures
 from motionlake.pesta.occupancy import IN_USE, line, scatter, use_of
 from motionlake.weights import save_tensors
 from safetensors.numpy import save_file
+from threadpoolctl import threadpool_limits
 
 M = 12
 SMALL = PosturesConfig("information", m=M, weights="own", max_postures=600)
@@ -82,6 +83,17 @@ def test_a_symbol_is_the_nearest_code(kind: DictionaryKind, is_whitened: bool) -
     points = features @ whitened(postures, of, 0).T if is_whitened else features
     naive = [np.argmin([np.linalg.norm(row - code) for code in dictionary.codes]) for row in points]
     np.testing.assert_array_equal(dictionary.encode(features), naive)
+
+
+def test_a_dictionary_is_the_same_for_any_number_of_threads() -> None:
+    rng = np.random.default_rng(3)
+    features = [rng.normal(size=(400, 66)).astype(np.float32) for _ in range(12)]
+
+    def codes(threads: int) -> bytes:
+        with threadpool_limits(limits=threads):
+            return fit_dictionary(features, PosturesConfig(dictionary="kmeans", m=20)).codes.tobytes()
+
+    assert codes(1) == codes(2) == codes(4)
 
 
 @pytest.mark.parametrize("kind", ["kmeans", "som", "information"])

@@ -12,6 +12,7 @@ from motionlake.pesta.clustering import grid, kmeans, self_organising_map, white
 from motionlake.pesta.config import PosturesConfig
 from motionlake.pesta.dictionary import NearestCode, PostureDictionary
 from motionlake.pesta.occupancy import mean_postures, scatter, use_of
+from motionlake.threads import limited
 
 if TYPE_CHECKING:
     from motionlake.pesta.autoencoder import AutoencoderRecipe
@@ -57,20 +58,21 @@ def fit_dictionary(
     postures, clips = sample_postures(features, config)
     if len(postures) < config.m:
         raise ValueError(f"{len(postures)} postures are too few for {config.m} symbols")
-    if config.dictionary in ("kmeans", "som"):
-        made = _clustered(postures, clips, config)
-    else:
-        from motionlake.pesta.autoencoder import recipe_of
-        from motionlake.pesta.autoencoder_training import train_autoencoder
+    with limited(1):  # sums of several threads differ in their last digits
+        if config.dictionary in ("kmeans", "som"):
+            made = _clustered(postures, clips, config)
+        else:
+            from motionlake.pesta.autoencoder import recipe_of
+            from motionlake.pesta.autoencoder_training import train_autoencoder
 
-        trained = train_autoencoder(
-            postures, clips, config, recipe or recipe_of(config.dictionary),
-            checkpoint=checkpoint, device=device, progress=progress,
-        )  # fmt: skip
-        made = PostureDictionary(config, trained.encoder, trained.codes, trained.postures, trained.metrics)
-    symbols = made.encode(postures)
-    use = {"postures": len(postures), **use_of(symbols, made.m), "scatter": scatter(postures, symbols, made.m)}
-    return PostureDictionary(config, made.encoder, made.codes, made.postures, use | dict(made.metrics))
+            trained = train_autoencoder(
+                postures, clips, config, recipe or recipe_of(config.dictionary),
+                checkpoint=checkpoint, device=device, progress=progress,
+            )  # fmt: skip
+            made = PostureDictionary(config, trained.encoder, trained.codes, trained.postures, trained.metrics)
+        symbols = made.encode(postures)
+        use = {"postures": len(postures), **use_of(symbols, made.m), "scatter": scatter(postures, symbols, made.m)}
+        return PostureDictionary(config, made.encoder, made.codes, made.postures, use | dict(made.metrics))
 
 
 def _clustered(postures: Float32Array, clips: Int64Array, config: PosturesConfig) -> PostureDictionary:
