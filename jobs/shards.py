@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 AHEAD: Final = 16  # shards submitted for each worker thread: work while results are loaded
 ASK_EVERY: Final = 1.0
+AT_ONCE: Final = 2  # of them submitted before results are looked at again: what is done is entered soon
 
 
 def run_here(root: Path, stage: ShardStage, shards: Sequence[Shard]) -> Iterator[tuple[Shard, ShardResult | Exception]]:
@@ -50,8 +51,8 @@ def run_on(
     threads = _Threads(client)
 
     def submit() -> None:
-        wanted = AHEAD * threads.count()
-        for shard in islice(left, max(0, wanted - len(running))):
+        count = threads.count()
+        for shard in islice(left, max(0, min(AT_ONCE * count, AHEAD * count - len(running)))):
             future = _submit(client, stage, root, shard)
             running[future] = shard
             pool.add(future)
