@@ -91,7 +91,7 @@ def test_nothing_is_answered_from_damage(lake: Path, tmp_path: Path, kind: str, 
     said = run.err.splitlines()[-1]
     assert "Error:" not in said
     assert "holds other bytes than were written" in said
-    assert f"`motionlake repair {lake}`" in said
+    assert f"`motionlake repair --lake {lake}`" in said
     assert not list(tmp_path.glob("out*"))
 
 

@@ -79,7 +79,7 @@ def test_a_damaged_catalog_says_so_in_a_line(empty: Path, damage: object, said: 
     assert (run.status, run.err.count("\n")) == (2, 1)
     assert f"{file}: {'' if known else 'cannot be read'}" in run.err
     assert ("were written" if known else said) in run.err
-    assert f"`motionlake repair {empty}`" in run.err
+    assert f"`motionlake repair --lake {empty}`" in run.err
 
 
 # The tables as version 0 had them; a change of `sql/schema/` after version 1 needs a step, not a change here.

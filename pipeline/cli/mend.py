@@ -37,7 +37,7 @@ def verify(
     sound = "every byte is as it was written" if deep else "no file is missing or touched (--deep compares every byte)"
     tell(rows, rows or f"{target.root}: {sound}", as_json=as_json)
     if found:
-        notice(f"{target.root}: {len(found)} fault{'s' * (len(found) > 1)}; motionlake repair {target.root}")
+        notice(f"{target.root}: {len(found)} fault{'s' * (len(found) > 1)}; {target.mending}")
         raise typer.Exit(1)
 
 

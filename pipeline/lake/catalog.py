@@ -199,7 +199,7 @@ def _told(lake: Lake) -> Iterator[None]:
         for word, todo in _TO_DO.items():
             if word in reason:
                 raise UserError(f"{told}; {todo}") from error
-        raise DamagedError(f"{told}; `motionlake repair {lake.root}` mends it from what lies beside it") from error
+        raise DamagedError(f"{told}; `{lake.mending}` mends it from what lies beside it") from error
 
 
 @contextmanager

@@ -158,7 +158,7 @@ def check_catalog(lake: Lake) -> None:
         with suppress(ValueError):
             if _identity(lake) == served and read_sums(lake)["catalog.duckdb"] == known:
                 break  # nobody has written meanwhile
-    raise DamagedError(f"{lake.catalog}: {wrong}; `motionlake repair {lake.root}` mends it from what lies beside it")
+    raise DamagedError(f"{lake.catalog}: {wrong}; `{lake.mending}` mends it from what lies beside it")
 
 
 def _wrong(lake: Lake, known: list[dict[str, Any]]) -> str | None:

@@ -264,7 +264,7 @@ def damage(lake: Lake, file: str, wrong: str) -> str:
     """The line that tells a person of a damaged file, and what to do."""
     if wrong == "is missing" and (lake.root / "bucket.json").is_file():
         return f"{lake.root / file}: {wrong}; `motionlake pull --lake {lake.root}` fetches it"
-    return f"{lake.root / file}: {wrong}; `motionlake repair {lake.root}` mends what can be mended"
+    return f"{lake.root / file}: {wrong}; `{lake.mending}` mends what can be mended"
 
 
 @contextmanager

@@ -38,6 +38,11 @@ class Lake:
     def catalog(self) -> Path:
         return self.root / "catalog.duckdb"
 
+    @property
+    def mending(self) -> str:
+        """The command that mends it."""
+        return f"motionlake repair --lake {self.root}"
+
     def served(self) -> tuple[int, int]:
         """What tells the catalog that is served now from those before it."""
         found = self.catalog.stat()

@@ -66,7 +66,7 @@ def _served(lake: Lake) -> tuple[int, int] | None:
 
 
 def _verify(lake: Lake, *, deep: bool, progress: StepProgress) -> list[Fault]:
-    mend = f"motionlake repair {lake.root}"
+    mend = lake.mending
     found = list(_catalog_faults(lake, mend, deep=deep))
     lost = any(fault.kind == "catalog" and fault.file == lake.catalog.name for fault in found)
     listed = _listed_by_records(lake) if lost else _listed(lake)
