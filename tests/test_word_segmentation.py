@@ -180,7 +180,7 @@ def test_real_takes_are_segmented_by_the_others(recordings: Path) -> None:
     from motionlake.motion.features import (
         WordConfig,
         mirrored_features,
-        native_range,
+        native_ranges,
         windows,
         word_features,
         word_windows,
@@ -197,7 +197,7 @@ def test_real_takes_are_segmented_by_the_others(recordings: Path) -> None:
         motion = canonicalise(clip, solve(clip), identify(clip.hierarchy.joints, load_rigs()))
         features = word_features(motion.positions, motion.rotations, motion.fps, config)
         starts = windows(len(features), config)
-        ranges = np.array([native_range(int(s), motion.fps, len(motion.positions), config) for s in starts])
+        ranges = native_ranges(starts, motion.fps, len(motion.positions), config)
         centres.append((ranges[:, 0] + ranges[:, 1] - 1) / 2)
         own, turned = (network.embed(word_windows(f, config)) for f in (features, mirrored_features(features, config)))
         seen.append(ClipWords(own, turned, np.ones(len(own))))

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from motionlake.motion.features import (
     WordConfig,
     body_length,
-    native_range,
+    native_ranges,
     padded,
     windows,
     word_features,
@@ -170,12 +170,14 @@ def test_windows_are_the_frames_they_start_at(n_frames: int, length: int, stride
 def test_native_ranges_stay_inside_and_follow_each_other(n_frames: int, fps: float) -> None:
     config = WordConfig(length=16, stride=4)
     starts = windows(sample_count(n_frames, fps, config.fps), config)
-    ranges = [native_range(int(s), fps, n_frames, config) for s in starts]
+    ranges = native_ranges(starts, fps, n_frames, config).tolist()
+    ratio = fps / config.fps
+    assert [first for first, _ in ranges] == [min(round(s * ratio), n_frames - 1) for s in starts.tolist()]
     assert all(0 <= first < stop <= n_frames for first, stop in ranges)
     assert ranges[0][0] == 0
     for (_, stop), (first, _) in zip(ranges, ranges[4:], strict=False):
         assert stop == first
-    assert native_range(8, 120.0, 10_000, config) == (40, 120)
+    assert native_ranges(np.array([8]), 120.0, 10_000, config).tolist() == [[40, 120]]
 
 
 @pytest.mark.parametrize(

@@ -234,14 +234,11 @@ def turn_to_y_up(up: str) -> Float64Array:
 
 
 def _world_rotations(binding: Binding, source_world: Float64Array, in_rest: Float64Array) -> Float64Array:
-    world = np.empty((len(source_world), len(PARENTS), 4))
+    turning = list[int]()  # of every joint the one whose turn it has: its own, or its parent's where it is filled
     for joint, parent in enumerate(PARENTS):
-        if joint in binding.source:
-            own = np.ascontiguousarray(source_world[:, binding.source[joint]])
-            world[:, joint] = multiply(own, conjugate(in_rest[joint]))
-        else:
-            world[:, joint] = world[:, parent]
-    return world
+        turning.append(joint if joint in binding.source else turning[parent])
+    measured = source_world[:, [binding.source[joint] for joint in turning]]
+    return multiply(measured, conjugate(in_rest[turning]))
 
 
 def body_height(rest_offsets: Float64Array) -> float:

@@ -221,16 +221,17 @@ def word_windows(features: Float32Array, config: WordConfig) -> Float32Array:
     return views.transpose(0, 2, 1)[:: config.stride]
 
 
-def native_range(start: int, fps: float, n_frames: int, config: WordConfig) -> tuple[int, int]:
-    """The range [start, stop) of a clip's own frames that a word covers, never empty and inside the clip.
+def native_ranges(starts: Int64Array, fps: float, n_frames: int, config: WordConfig) -> Int64Array:
+    """[n, 2] the ranges [start, stop) of a clip's own frames that words cover, never empty and inside the clip.
 
     Words that follow each other without overlap have ranges that do so too.
 
     Args:
-        start: the word's first frame at the words' rate, as `windows` gives it.
+        starts: [n] the words' first frames at the words' rate, as `windows` gives them.
         fps: the clip's own frame rate.
         n_frames: F, frames of the clip at its own rate.
     """
     ratio = fps / config.fps
-    first = min(round(start * ratio), n_frames - 1)
-    return first, max(first + 1, min(round((start + config.length) * ratio), n_frames))
+    first = np.minimum(np.rint(starts * ratio), n_frames - 1)
+    stop = np.minimum(np.rint((starts + config.length) * ratio), n_frames)
+    return np.stack([first, np.maximum(first + 1, stop)], axis=1).astype(np.int64)

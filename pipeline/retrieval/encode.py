@@ -20,7 +20,14 @@ from motionlake.lake.layout import Lake
 from motionlake.lake.resolve import resolve_clip
 from motionlake.lake.settings import served_config
 from motionlake.motion.calibration import held, recorded_range
-from motionlake.motion.features import WordConfig, mirrored_features, native_range, windows, word_features, word_windows
+from motionlake.motion.features import (
+    WordConfig,
+    mirrored_features,
+    native_ranges,
+    windows,
+    word_features,
+    word_windows,
+)
 from motionlake.motion.skeleton import mirrored_positions, mirrored_rotations
 from motionlake.retrieval.protocol import Query
 from motionlake.stages.frames import first_body
@@ -128,8 +135,8 @@ def words_of_file(lake: Lake, config: WordConfig, path: Path) -> FileWords:
     positions = held(motion.positions, kept)
     features = word_features(positions, held(motion.rotations, kept), clip.fps, config)
     frames = len(positions)
-    ranges = [native_range(int(s), clip.fps, frames, config) for s in windows(len(features), config)]
-    return FileWords(features, np.array(ranges, dtype=np.int64), positions, clip.fps)
+    ranges = native_ranges(windows(len(features), config), clip.fps, frames, config)
+    return FileWords(features, ranges, positions, clip.fps)
 
 
 @dataclass(frozen=True)

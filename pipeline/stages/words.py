@@ -15,7 +15,8 @@ from motionlake.lake.catalog import Connection
 from motionlake.lake.config import config_hash
 from motionlake.lake.layout import Lake
 from motionlake.lake.parts import write_part
-from motionlake.motion.features import WordConfig, native_range, windows, word_features
+from motionlake.motion.features import WordConfig, native_ranges, windows, word_features
+from motionlake.stages.part_clips import clips_of_shard
 from motionlake.stages.reader import LakeReader
 from motionlake.stages.stage import (
     PART_KEYS,
@@ -24,7 +25,6 @@ from motionlake.stages.stage import (
     PartStage,
     Shard,
     clips_of,
-    clips_of_shard,
     frames_parts,
     part_keys,
 )
@@ -80,9 +80,8 @@ def features_files(con: Connection, config: WordConfig) -> dict[str, str]:
 
 
 def _ranges(clip: str, part: str, count: int, fps: float, n_frames: int, config: WordConfig) -> pa.Table:
-    ranges = [native_range(int(s), fps, n_frames, config) for s in windows(count, config)]
-    starts, stops = zip(*ranges, strict=True)
-    columns = [pa.repeat(clip, len(ranges)), np.arange(len(ranges)), starts, stops, pa.repeat(part, len(ranges))]
+    starts, stops = native_ranges(windows(count, config), fps, n_frames, config).T
+    columns = [pa.repeat(clip, len(starts)), np.arange(len(starts)), starts, stops, pa.repeat(part, len(starts))]
     return pa.Table.from_arrays(
         [pa.array(c, t) for c, t in zip(columns, WORD_ROWS.types, strict=True)], schema=WORD_ROWS
     )
