@@ -44,8 +44,8 @@ class Embed(PartStage):
 
         config = WordConfig(**shard.spec["words"])
         network = loaded(load_network, lake, shard.spec["network"])
-        for clip, features in read_features(sound(lake, shard.spec["features"])):
-            vectors = network.embed(word_windows(features, config))
+        read = read_features(sound(lake, shard.spec["features"]))
+        for clip, vectors in network.embed_clips((clip, word_windows(features, config)) for clip, features in read):
             count, width = vectors.shape
             offsets = pa.array(np.arange(0, count * width + 1, width, dtype=np.int32))
             lists = pa.ListArray.from_arrays(offsets, pa.array(vectors.ravel()))

@@ -50,8 +50,10 @@ class Mirrored(PartStage):
         config = WordConfig(**shard.spec["words"])
         network = loaded(load_network, lake, shard.spec["network"])
         vocabulary = loaded(read_motifs, lake, shard.spec["motifs"])
-        for clip, features in read_features(sound(lake, shard.spec["features"])):
-            found = assign(network.embed(word_windows(mirrored_features(features, config), config)), vocabulary)
+        read = read_features(sound(lake, shard.spec["features"]))
+        turned = ((clip, word_windows(mirrored_features(features, config), config)) for clip, features in read)
+        for clip, vectors in network.embed_clips(turned):
+            found = assign(vectors, vocabulary)
             clips, parts, _ = part_keys(clip, shard, len(found))
             yield pa.Table.from_arrays([clips, parts, pa.array(found, pa.int32())], schema=ROWS)
 

@@ -9,7 +9,7 @@ vector.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -189,6 +189,7 @@ METADATA_KEY: Final = "word_network"
 # Words are embedded in batches of exactly this many, the last one padded, so that a word's vector does not
 # depend on the words beside it.
 EMBED_BATCH: Final = 64
+TOGETHER: Final = 16 * EMBED_BATCH  # words of clips that are embedded one after the other
 
 
 @dataclass(frozen=True)
@@ -224,10 +225,29 @@ class TrainedNetwork:
                 batches.append(self.network(torch.from_numpy(batch))[: len(some)].numpy())
         return np.concatenate(batches)
 
+    def embed_clips(self, clips: Iterable[tuple[str, Float32Array]]) -> Iterator[tuple[str, Float32Array]]:
+        """(clip, [n, d]) for (clip, words [n, length, D]), one after the other; batches hold words of several clips."""
+        for names, words in _together(clips):
+            vectors = self.embed(words[0] if len(words) == 1 else np.concatenate(words))
+            yield from zip(names, np.split(vectors, np.cumsum([len(some) for some in words[:-1]])), strict=True)
+
     def save(self, path: Path) -> None:
         """Write weights and configuration as one safetensors file."""
         kept = {"architecture": self.architecture, "words": asdict(self.words), "figures": dict(self.metrics)}
         save_network(path, self.network, METADATA_KEY, kept)
+
+
+def _together(clips: Iterable[tuple[str, Float32Array]]) -> Iterator[tuple[list[str], list[Float32Array]]]:
+    """The names of clips and their words, so many clips at a time that their words fill whole batches but for a few."""
+    names, words = list[str](), list[Float32Array]()
+    for name, some in clips:
+        names.append(name)
+        words.append(some)
+        if sum(map(len, words)) >= TOGETHER:
+            yield names, words
+            names, words = [], []
+    if names:
+        yield names, words
 
 
 def load_network(path: Path) -> TrainedNetwork:
