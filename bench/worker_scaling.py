@@ -26,6 +26,7 @@ from unittest import mock
 
 import numpy as np
 from distributed import Client, LocalCluster, as_completed
+from motionlake.jobs import results as entered
 from motionlake.jobs import run as jobs
 from motionlake.jobs import session as sessions
 from motionlake.lake.catalog import create_catalog
@@ -75,7 +76,7 @@ def measured(count: int, workers: int) -> dict[str, Spent]:
         write_long_clips(read_recordings(recordings()), 0, count, folder / "clips")
         create_catalog(lake)
         root = Root("long", str(folder / "clips"), IngestOptions())
-        load = sessions._load
+        load = entered._load
         with sessions.session(lake, "bench", lambda stage, done, total: None, lambda line: None, workers) as job:
             job.client(workers)  # which is there for all stages
             for stage in STAGES:
@@ -91,7 +92,7 @@ def measured(count: int, workers: int) -> dict[str, Spent]:
                         results.extend(given[2])
 
                 began = time.perf_counter()
-                with mock.patch.object(sessions, "_load", watched):
+                with mock.patch.object(entered, "_load", watched):
                     if stage == "frames":
                         jobs.ingest(job, [root])
                     else:

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any
 
 from motionlake.errors import UserError
 from motionlake.jobs.models import obtain
-from motionlake.jobs.session import Outcome, Session
+from motionlake.jobs.results import Outcome
+from motionlake.jobs.session import Session
 from motionlake.lake.catalog import fetch, reading, run_sql, writing
 from motionlake.stages import ingest as sources
 from motionlake.stages.frames import FRAMES
@@ -17,7 +19,7 @@ from motionlake.stages.labels import LabelReport
 from motionlake.stages.reader import lake_reader
 from motionlake.stages.registry import ALL, STAGES
 from motionlake.stages.sources import Root
-from motionlake.stages.stage import ShardStage, Stage
+from motionlake.stages.stage import ShardStage, Stage, live_parts
 from motionlake.stages.synthesis import Chosen
 from motionlake.stages.synthesis_control import Request
 from motionlake.stages.synthesize import SYNTHESIZE, planned, source_rows
@@ -56,31 +58,71 @@ def run(
 ) -> IngestReport | None:
     """Bring stages up to date; `refit` makes the models of those stages anew, `dataset` is for transitions."""
     report = None
+    begun: dict[str, Begun] | None = None
     for name in stages:
         if name == FRAMES.name:
             report = ingest(session, retry_failed=retry_failed)
-        else:
-            session.outcomes[name] = update(session, STAGES[name], refit=refit, dataset=dataset)
+            continue
+        if begun is None:
+            begun = {} if refit or dataset else _run_alongside(session, [STAGES[other] for other in stages])
+        known = begun.get(name)
+        session.outcomes[name] = update(session, STAGES[name], refit=refit, dataset=dataset, begun=known)
     return report
 
 
-def update(session: Session, stage: Stage, *, refit: bool = False, dataset: str | None = None) -> Outcome:
-    """Bring one stage up to date, for one dataset or all.
+@dataclass
+class Begun:
+    """What a stage did together with others: what came of it, and the keys of the shards that it tried."""
+
+    outcome: Outcome
+    tried: set[str]
+
+
+def _run_alongside(session: Session, stages: Sequence[Stage]) -> dict[str, Begun]:
+    """Run stages that need the frames alone together, so that each part is read once; by name, those that ran.
+
+    A stage whose model cannot be trained is left for its own turn, which says so: those before it are done by then.
+    """
+    with lake_reader(session.lake, session.config) as at:
+        due = [s for s in stages if isinstance(s, ShardStage) and s.alongside(at) and s.due(at)]
+        if len(due) < 2 or not live_parts(at):
+            return {}
+    ready: list[ShardStage] = []
+    for stage in due:
+        with suppress(UserError):
+            if stage.model is None or obtain(session, stage.model, stage=stage.name) is not None:
+                ready.append(stage)
+    with lake_reader(session.lake, session.config) as at:
+        planned = [(stage, stage.plan(at)) for stage in ready]
+        at_once = [stage.name for stage, shards in planned if shards and stage.at_once(at)]
+    outcomes = session.execute_together(planned, at_once=at_once)
+    return {stage.name: Begun(outcomes[stage.name], {shard.key for shard in shards}) for stage, shards in planned}
+
+
+def update(
+    session: Session,
+    stage: Stage,
+    *,
+    refit: bool = False,
+    dataset: str | None = None,
+    begun: Begun | None = None,
+) -> Outcome:
+    """Bring one stage up to date, for one dataset or all; `begun` is what it did already.
 
     Raises:
         UserError: no such dataset.
     """
-    outcome = Outcome()
+    outcome = begun.outcome if begun else Outcome()
     if dataset is not None:
         with reading(session.lake) as con:
             known = sorted({row["dataset"] for row in fetch(con, "frames_parts")})
         if dataset not in known:
             raise UserError(f"{dataset}: no such dataset in {session.lake.root}; it holds {', '.join(known) or 'none'}")
-    if stage.model is not None and obtain(session, stage.model, stage=stage.name, refit=refit) is None:
+    if not begun and stage.model is not None and obtain(session, stage.model, stage=stage.name, refit=refit) is None:
         return outcome
     if not isinstance(stage, ShardStage):
         return outcome
-    tried: set[str] = set()
+    tried = begun.tried if begun else set[str]()
     while True:
         with lake_reader(session.lake, session.config) as at:
             lacking = stage.lacking(at)

@@ -2,74 +2,40 @@
 
 from __future__ import annotations
 
-import errno
-import json
 import os
-import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, nullcontext, suppress
 from dataclasses import dataclass, field
 from datetime import datetime
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Protocol
 
-import pyarrow as pa
 from motionlake import memory
-from motionlake.errors import FULL
-from motionlake.jobs.shards import run_here, run_on, with_inputs
-from motionlake.lake.catalog import bring_macros, collect_garbage, create_catalog, load_rows, table_of, writing
+from motionlake.jobs.results import Outcome, Results, planned_rows
+from motionlake.jobs.shards import Bundle, OnCluster, bundled, run_here, with_inputs
+from motionlake.lake.catalog import bring_macros, collect_garbage, create_catalog, load_rows, writing
 from motionlake.lake.config import LakeConfig, load_config
-from motionlake.lake.integrity import check_files, list_files
+from motionlake.lake.integrity import check_files
 from motionlake.lake.layout import Lake
 from motionlake.lake.lock import locked
 from motionlake.lake.records import keep_records
 from motionlake.lake.run_progress import SharedProgress
 from motionlake.lake.settings import changed_settings, keep_settings
 from motionlake.lake.working import deferred, serve
-from motionlake.names import typed
 from motionlake.stages.stage import Shard, ShardResult, ShardStage
 
 if TYPE_CHECKING:
     from distributed import Client
 
-_S, _I = pa.string(), pa.int64()
-PLAN_ROWS = pa.schema({"stage": _S, "key": _S, "part": _S, "dataset": _S, "spec": _S})
-FINISH_ROWS = pa.schema(
-    {
-        "stage": _S, "key": _S, "part": _S, "state": _S, "reason": _S, "rows": _I, "bytes": _I,
-        "files": pa.list_(_S), "seconds": pa.float64(),
-    }
-)  # fmt: skip
 FEW = 4  # shards that are made again sooner in this process than a cluster starts
 FEW_CLIPS = 64  # of which the same holds, where what their shards read of parts is no more than `FEW_BYTES`
 FEW_BYTES = 16 << 20
-NO_FAULT_OF_SHARDS = (*FULL, errno.EROFS)  # all of them would fail
-LOAD_EVERY = 5.0  # seconds; what a killed run has done since its catalog was last served is done again
 
 
 class Progress(Protocol):
     """Told of finished clips: (stage, done, all)."""
 
     def __call__(self, stage: str, done: int, total: int) -> None: ...
-
-
-@dataclass
-class Outcome:
-    """What came of a stage: shards done and failed, clips in them, source files rejected."""
-
-    ok: int = 0
-    failed: int = 0
-    clips: int = 0
-    rejected: int = 0
-    rows: int = 0
-    bytes: int = 0
-    reason: str = ""  # of the last failure
-
-    def __iadd__(self, other: Outcome) -> Outcome:
-        for name in ("ok", "failed", "clips", "rejected", "rows", "bytes"):
-            setattr(self, name, getattr(self, name) + getattr(other, name))
-        self.reason = other.reason or self.reason
-        return self
 
 
 @dataclass
@@ -118,64 +84,72 @@ class Session:
     def execute(
         self, stage: ShardStage, shards: Sequence[Shard], *, here: bool = False, at_once: bool = False
     ) -> Outcome:
-        """Run shards, load results every few seconds in one transaction, or `at_once`; record failures and reasons.
+        """`execute_together` for one stage."""
+        return self.execute_together([(stage, shards)], here=here, at_once=[stage.name] * at_once)[stage.name]
+
+    def execute_together(
+        self,
+        planned: Sequence[tuple[ShardStage, Sequence[Shard]]],
+        *,
+        here: bool = False,
+        at_once: Collection[str] = (),
+    ) -> dict[str, Outcome]:
+        """Run shards of stages, those of one part in one task, and load results every few seconds in a transaction a
+        stage, of the stages `at_once` at the end; record failures and reasons.
 
         They run on the cluster, which starts if there are any; or `here`, in this process, one after the other. So do
         few clips where nobody asked for workers: the workers of a cluster take longer to start and to import what they
         need. Source files are left to workers, which one of them may end.
         """
-        outcome = Outcome()
-        if not shards:
-            return outcome
-        planned, shards = shards, with_inputs(self.lake, shards)
-        client = (
-            None if here or self._soon_done(stage, shards) else self.client(len(shards), sum(s.items for s in shards))
-        )
-        if stage.cut_is_kept:
-            with writing(self.lake) as con:
-                load_rows(con, "plan_shards", _planned(planned))
-        if stage.reads_catalog and client is not None:
+        outcomes = {stage.name: Outcome() for stage, _ in planned}
+        entered = [(stage, shards) for stage, shards in planned if shards]
+        bundles = bundled([(stage, with_inputs(self.lake, shards)) for stage, shards in entered])
+        if not bundles:
+            return outcomes
+        # Of a bundle its clips are done when its last shard is.
+        clips = {bundle[-1][1].key: max(shard.items for _, shard in bundle) for bundle in bundles}
+        total = sum(clips.values())
+        client = None if here or self._soon_done(bundles, total) else self.client(len(bundles), total)
+        for stage, shards in entered:
+            if stage.cut_is_kept:
+                with writing(self.lake) as con:
+                    load_rows(con, "plan_shards", planned_rows(shards))
+        if client is not None and any(stage.reads_catalog for stage, _ in entered):
             serve(self.lake)
-        total = sum(s.items for s in shards)
-        self.progress(stage.name, 0, total)
-        waiting: list[ShardResult] = []
-        failures: list[tuple[Shard, str]] = []
-        loaded_at, done, patience = time.monotonic(), 0, LOAD_EVERY
+        results = Results(self.lake, [stage for stage, _ in entered], outcomes, at_once)
+        name, done = ", ".join(stage.name for stage, _ in entered), 0
+        self.progress(name, 0, total)
         root = self.lake.root
-        running = run_here(root, stage, shards) if client is None else run_on(root, stage, shards, client)
+        on_cluster = None if client is None else OnCluster(root, bundles, client)
         try:
-            for shard, found in running:
-                if isinstance(found, ShardResult):
-                    waiting.append(found)
-                elif isinstance(found, OSError) and found.errno in NO_FAULT_OF_SHARDS:
-                    raise OSError(found.errno, found.strerror, found.filename or str(root))
-                else:
-                    failures.append((shard, typed(f"{type(found).__name__}: {found}").splitlines()[0][:500]))
-                done += shard.items
-                self.progress(stage.name, done, total)
-                if waiting and not at_once and time.monotonic() - loaded_at > patience:
-                    started, loading, waiting = time.monotonic(), waiting, []
-                    outcome += _load(self.lake, stage, loading)
-                    loaded_at = time.monotonic()
-                    patience = max(LOAD_EVERY, 10 * (loaded_at - started))
+            for (stage, shard), found in on_cluster or run_here(root, bundles):
+                results.add(stage, shard, found)
+                done += clips.get(shard.key, 0)
+                self.progress(name, done, total)
+                results.load_now_and_then()
         except BaseException:
             # A signal, a full disk or a lost cluster ends it: what is done stays, what failed is tried again.
-            if not at_once:
-                with suppress(Exception):
-                    _load(self.lake, stage, waiting)
+            with suppress(Exception):
+                for (stage, shard), result in on_cluster.finished() if on_cluster else ():
+                    results.add(stage, shard, result)
+            with suppress(Exception):
+                results.load_done()
             raise
-        outcome += _load(self.lake, stage, waiting, failures)
-        return outcome
+        results.load_all()
+        return outcomes
 
-    def _soon_done(self, stage: ShardStage, shards: Sequence[Shard]) -> bool:
+    def _soon_done(self, bundles: Sequence[Bundle], clips: int) -> bool:
         """Whether shards are done sooner in this process than a cluster has started, which does not run yet."""
-        if stage.cut_is_kept or (self.workers, self.scheduler, self._client) != (None, None, None):
+        if (self.workers, self.scheduler, self._client) != (None, None, None):
+            return False
+        tasks = [task for bundle in bundles for task in bundle]
+        if any(stage.cut_is_kept for stage, _ in tasks):
             return False
         read = {
-            file.file: file.size for shard in shards for file in shard.inputs if not file.file.startswith("models/")
+            file.file: file.size for _, shard in tasks for file in shard.inputs if not file.file.startswith("models/")
         }
-        few = sum(shard.items for shard in shards) <= FEW_CLIPS and sum(read.values()) <= FEW_BYTES
-        return few or len(shards) == 1
+        few = clips <= FEW_CLIPS and sum(read.values()) <= FEW_BYTES
+        return few or len(bundles) == 1
 
     def remade(self, stage: ShardStage, shards: Sequence[Shard]) -> Iterator[tuple[Shard, ShardResult | BaseException]]:
         """Run shards for the files that they write, and load nothing: their rows are in the catalog."""
@@ -183,9 +157,9 @@ class Session:
         if not shards:
             return
         root = self.lake.root
-        few = len(shards) <= FEW
-        run = run_here(root, stage, shards) if few else run_on(root, stage, shards, self.client(len(shards), total))
-        for shard, found in run:
+        few, bundles = len(shards) <= FEW, bundled([(stage, shards)])
+        run = run_here(root, bundles) if few else OnCluster(root, bundles, self.client(len(shards), total))
+        for (_, shard), found in run:
             done += shard.items
             self.progress(stage.name, done, total)
             yield shard, found
@@ -245,40 +219,3 @@ def session(
             raise
         collect_garbage(lake, FOLDERS)
         keep_records(lake)
-
-
-def _load(
-    lake: Lake, stage: ShardStage, results: Sequence[ShardResult], failures: Sequence[tuple[Shard, str]] = ()
-) -> Outcome:
-    if not results and not failures:
-        return Outcome()
-    ordered = sorted(results, key=lambda r: (r.shard.dataset, r.shard.key))
-    rows = [_row(r.shard, "ok", rows=r.rows, bytes=r.size, files=list(r.files), seconds=r.seconds) for r in ordered]
-    rows += [_row(shard, "failed", reason=reason) for shard, reason in failures]
-    with writing(lake) as con:
-        if not stage.cut_is_kept:
-            load_rows(con, "plan_shards", _planned([*(r.shard for r in ordered), *(shard for shard, _ in failures)]))
-        if ordered:
-            stage.load(con, lake.root, ordered)
-        load_rows(con, "finish_shards", table_of(rows, FINISH_ROWS))
-        list_files(con, [file for result in ordered for file in result.sums])
-    return Outcome(
-        ok=len(ordered), failed=len(failures), clips=sum(r.shard.items - r.rejected for r in ordered),
-        rejected=sum(r.rejected for r in ordered), rows=sum(r.rows for r in ordered),
-        bytes=sum(r.size for r in ordered), reason=failures[-1][1] if failures else "",
-    )  # fmt: skip
-
-
-def _planned(shards: Sequence[Shard]) -> pa.Table:
-    """Rows of the manifest before shards have run."""
-    rows = [
-        {"stage": s.stage, "key": s.key, "part": s.part, "dataset": s.dataset, "spec": json.dumps(s.spec)}
-        for s in shards
-    ]
-    return table_of(rows, PLAN_ROWS)
-
-
-def _row(shard: Shard, state: str, **result: object) -> dict[str, object]:
-    """A row of the manifest."""
-    nothing: dict[str, object] = {"reason": None, "rows": 0, "bytes": 0, "files": [], "seconds": None}
-    return {"stage": shard.stage, "key": shard.key, "part": shard.part, "state": state, **nothing, **result}

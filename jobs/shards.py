@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import nullcontext
 from dataclasses import replace
 from itertools import islice
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, cast
 
 from motionlake.allocation import keep_freed
 from motionlake.errors import DamagedError, UserError
@@ -15,64 +16,79 @@ from motionlake.lake.catalog import reading
 from motionlake.lake.integrity import bring, damage, fault, frames_by_part, given, listed_in, named_files, sums_of
 from motionlake.lake.layout import Lake
 from motionlake.stages.file_watch import at_fault, replaceable
+from motionlake.stages.part_clips import read_together
 from motionlake.stages.stage import Shard, ShardResult, ShardStage
 from motionlake.threads import limited
 
 if TYPE_CHECKING:
     from distributed import Client, Future
 
-AHEAD: Final = 16  # shards submitted for each worker thread: work while results are loaded
+Task = tuple[ShardStage, Shard]
+Bundle = Sequence[Task]  # shards that run one after the other in one task
+Run = tuple[Callable[[Path, Shard], ShardResult], Shard]
+
+AHEAD: Final = 16  # bundles submitted for each worker thread: work while results are loaded
 ASK_EVERY: Final = 1.0
+SOON: Final = 2.0  # seconds in which a worker that is there gives a result
 AT_ONCE: Final = 2  # of them submitted before results are looked at again: what is done is entered soon
 
 
-def run_here(root: Path, stage: ShardStage, shards: Sequence[Shard]) -> Iterator[tuple[Shard, ShardResult | Exception]]:
-    """Shards with what came of them, one after the other in this process."""
-    for shard in shards:
-        try:
-            yield shard, _run_limited(stage.run, root, shard)
-        except Exception as error:
-            yield shard, error
+def run_here(root: Path, bundles: Iterable[Bundle]) -> Iterator[tuple[Task, ShardResult | Exception]]:
+    """Shards with what came of them, one bundle after the other in this process."""
+    for bundle in bundles:
+        yield from zip(bundle, _run_bundle(root, _runs(bundle)), strict=True)
 
 
-def run_on(
-    root: Path, stage: ShardStage, shards: Sequence[Shard], client: Client
-) -> Iterator[tuple[Shard, ShardResult | BaseException]]:
-    """Shards as they finish, with a few a worker thread in the cluster's hands: its memory must not grow with them.
+class OnCluster:
+    """Shards as their bundles finish, with a few a worker thread in the cluster's hands: its memory must not grow with
+    them.
 
     One whose workers ended again and again runs once more, alone: it may have been another's fault.
     """
-    from distributed import KilledWorker, as_completed
 
-    killed: list[Shard] = []
-    running: dict[Future, Shard] = {}
-    pool = as_completed()
-    left = iter(shards)
-    threads = _Threads(client)
+    def __init__(self, root: Path, bundles: Iterable[Bundle], client: Client) -> None:
+        self._root, self._client, self._left = root, client, iter(bundles)
+        self._threads = _Threads(client)
+        self._running: dict[Future, Bundle] = {}
 
-    def submit() -> None:
-        count = threads.count()
-        for shard in islice(left, max(0, min(AT_ONCE * count, AHEAD * count - len(running)))):
-            future = _submit(client, stage, root, shard)
-            running[future] = shard
-            pool.add(future)
+    def __iter__(self) -> Iterator[tuple[Task, ShardResult | BaseException]]:
+        from distributed import KilledWorker, as_completed
 
-    submit()
-    for future in pool:
-        if future.cancelled():
-            raise UserError(
-                "the Dask cluster does not answer any more; the same command goes on where this one stopped"
-            )
-        error = future.exception() if future.status != "finished" else None
-        shard = running.pop(future)
-        if isinstance(error, KilledWorker):
-            killed.append(shard)
-        else:
-            yield shard, future.result() if error is None else error
-        future.release()
-        submit()
-    for shard in killed:
-        yield shard, _alone(client, stage, root, shard)
+        killed: list[Task] = []
+        pool = as_completed()
+        pool.update(self._submitted())
+        for future in pool:
+            if future.cancelled():
+                raise UserError(
+                    "the Dask cluster does not answer any more; the same command goes on where this one stopped"
+                )
+            error = future.exception() if future.status != "finished" else None
+            found = future.result() if error is None else None
+            bundle = self._running.pop(future)
+            if isinstance(error, KilledWorker):
+                killed += bundle
+            else:
+                yield from zip(bundle, found or [error] * len(bundle), strict=True)
+            future.release()
+            pool.update(self._submitted())
+        for task in killed:
+            yield task, _alone(self._client, self._root, task)
+
+    def _submitted(self) -> list[Future]:
+        """A few more bundles, as many as the cluster is to have ahead."""
+        count = self._threads.count()
+        some = list(islice(self._left, max(0, min(AT_ONCE * count, AHEAD * count - len(self._running)))))
+        futures = [_submit(self._client, self._root, bundle) for bundle in some]
+        self._running |= dict(zip(futures, some, strict=True))
+        return futures
+
+    def finished(self) -> Iterator[tuple[Task, ShardResult]]:
+        """What has ended well and was not given out yet, for who stops: nothing is waited for."""
+        for future, bundle in self._running.items():
+            if future.status == "finished":
+                for task, found in zip(bundle, future.result(timeout=SOON), strict=True):
+                    if isinstance(found, ShardResult):
+                        yield task, found
 
 
 class _Threads:
@@ -90,35 +106,52 @@ class _Threads:
         return self._count
 
 
-def _submit(client: Client, stage: ShardStage, root: Path, shard: Shard, again: str = "") -> Future:
-    key = f"{stage.name}-{shard.key}{again}"
-    return client.submit(_run_in_worker, stage.run, root, shard, key=key, pure=False)
+def _runs(bundle: Bundle) -> list[Run]:
+    return [(stage.run, shard) for stage, shard in bundle]
 
 
-def _alone(client: Client, stage: ShardStage, root: Path, shard: Shard) -> ShardResult | BaseException:
+def _submit(client: Client, root: Path, bundle: Bundle, again: str = "") -> Future:
+    names = "+".join(stage.name for stage, _ in bundle)
+    return client.submit(_run_in_worker, root, _runs(bundle), key=f"{names}-{bundle[0][1].key}{again}", pure=False)
+
+
+def _alone(client: Client, root: Path, task: Task) -> ShardResult | BaseException:
     """Run a shard whose workers ended, again as long as each time tells of one more file that is at fault."""
     from distributed import KilledWorker
 
     known: set[str] = set()
     while True:
-        future = _submit(client, stage, root, shard, f"-{len(known)}-at-fault")
+        future = _submit(client, root, [task], f"-{len(known)}-at-fault")
         error: BaseException | None = future.exception()
         if error is None:
-            result: ShardResult = future.result()
-            return result
-        told = at_fault(root, shard)
+            (found,) = future.result()
+            return cast("ShardResult | Exception", found)
+        told = at_fault(root, task[1])
         if not isinstance(error, KilledWorker) or told <= known:
             return error
         known = told
 
 
-def _run_in_worker(run: Callable[[Path, Shard], ShardResult], root: Path, shard: Shard) -> ShardResult:
-    """Run a shard in a worker of the cluster, which may end where its nanny starts another."""
+def _run_in_worker(root: Path, runs: Sequence[Run]) -> list[ShardResult | Exception]:
+    """Run shards in a worker of the cluster, which may end where its nanny starts another."""
     from distributed import get_worker
 
     keep_freed()
     replaceable.set(get_worker().nanny is not None)
-    return _run_limited(run, root, shard)
+    return _run_bundle(root, runs)
+
+
+def _run_bundle(root: Path, runs: Sequence[Run]) -> list[ShardResult | Exception]:
+    """What came of shards that run one after the other; several of one part read its clips once."""
+    with read_together() if len(runs) > 1 else nullcontext():
+        return [_tried(run, root, shard) for run, shard in runs]
+
+
+def _tried(run: Callable[[Path, Shard], ShardResult], root: Path, shard: Shard) -> ShardResult | Exception:
+    try:
+        return _run_limited(run, root, shard)
+    except Exception as error:
+        return error
 
 
 def _run_limited(run: Callable[[Path, Shard], ShardResult], root: Path, shard: Shard) -> ShardResult:
@@ -136,6 +169,17 @@ def _run_limited(run: Callable[[Path, Shard], ShardResult], root: Path, shard: S
         result = run(root, shard)
     known = {one.file: one for one in result.sums}  # of files that were there before
     return replace(result, sums=tuple(known.get(file) or sums_of(lake, file) for file in result.files))
+
+
+def bundled(planned: Sequence[tuple[ShardStage, Sequence[Shard]]]) -> list[Bundle]:
+    """Shards of one stage each by itself; of several, those of the same part together, in the order of the stages."""
+    if len(planned) == 1:
+        return [[(stage, shard)] for stage, shards in planned for shard in shards]
+    bundles: dict[str, list[Task]] = {}
+    for stage, shards in planned:
+        for shard in shards:
+            bundles.setdefault(shard.part, []).append((stage, shard))
+    return list(bundles.values())
 
 
 def with_inputs(lake: Lake, shards: Sequence[Shard]) -> list[Shard]:

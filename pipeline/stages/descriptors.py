@@ -17,8 +17,9 @@ from motionlake.lake.loaded import loaded
 from motionlake.lake.models import Model, model_of
 from motionlake.stages.descriptor_network import DESCRIPTOR_NETWORK, sequence_of
 from motionlake.stages.model_kind import ModelKind
+from motionlake.stages.part_clips import clips_of_shard
 from motionlake.stages.reader import LakeReader
-from motionlake.stages.stage import Part, PartStage, Shard, clips_of, clips_of_shard
+from motionlake.stages.stage import Part, PartStage, Shard, clips_of
 
 AT_ONCE = 64  # clips in memory
 ROWS = pa.schema([("clip", pa.string()), ("descriptor", pa.list_(pa.float32(), DIMENSION)), ("part", pa.string())])

@@ -16,8 +16,10 @@ from motionlake.lake.layout import Lake
 from motionlake.motion.moves import Track, at_12
 from motionlake.motion.moves_of_clips import moves_of_clips
 from motionlake.motion.skeleton import COMMON
+from motionlake.stages.descriptor_network import sequence_of
+from motionlake.stages.part_clips import clips_of_shard
 from motionlake.stages.reader import LakeReader
-from motionlake.stages.stage import PART_KEYS, Part, PartStage, Shard, clips_of, clips_of_shard, part_keys
+from motionlake.stages.stage import PART_KEYS, Part, PartStage, Shard, clips_of, part_keys
 from motionlake.stages.words import read_features
 
 MANY: Final = 20_000  # frames of clips from which their moves are worked out at once
@@ -39,7 +41,7 @@ class Moves(PartStage):
 
     def rows(self, lake: Lake, shard: Shard) -> Iterator[pa.Table]:
         for clip in clips_of_shard(lake, shard, rotations=False):
-            joints = joints_of(clip.positions.astype(float), clip.fps)
+            joints = _joints(sequence_of(clip))
             columns = [*part_keys(clip.clip, shard, len(joints)), *frames.columns_of(joints)]
             yield pa.Table.from_arrays(columns, schema=ROWS)
 
@@ -49,7 +51,11 @@ MOVES: Final = Moves()
 
 def joints_of(positions: Float64Array, fps: float) -> Float32Array:
     """[N, 45] joints of a motion [F, 21, 3], as the stage keeps them. Raises `ValueError` as `clip_sequence`."""
-    return frames.quantise(at_12(clip_sequence(positions, fps)), STEP)
+    return _joints(clip_sequence(positions, fps))
+
+
+def _joints(sequence: Float32Array) -> Float32Array:
+    return frames.quantise(at_12(sequence), STEP)
 
 
 class Tracks(Mapping[str, Track]):

@@ -20,9 +20,10 @@ from motionlake.lake.layout import Lake
 from motionlake.lake.loaded import loaded
 from motionlake.lake.models import file_hash
 from motionlake.motion.features import word_features
+from motionlake.stages.part_clips import clips_of_shard
 from motionlake.stages.posture_dictionary import POSTURE_DICTIONARY
 from motionlake.stages.reader import LakeReader
-from motionlake.stages.stage import PART_KEYS, Part, PartStage, Shard, clips_of, clips_of_shard, frames_parts, part_keys
+from motionlake.stages.stage import PART_KEYS, Part, PartStage, Shard, clips_of, frames_parts, part_keys
 from numpy.typing import NDArray
 
 ROWS = pa.schema([*PART_KEYS, ("symbol", pa.int32())])

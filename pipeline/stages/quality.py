@@ -11,8 +11,9 @@ from motionlake.lake.catalog import fetch
 from motionlake.lake.layout import Lake
 from motionlake.motion.quality import MEASURES, Quality, Recording, check
 from motionlake.motion.quality_config import QualityConfig
+from motionlake.stages.part_clips import stored_clips
 from motionlake.stages.reader import LakeReader
-from motionlake.stages.stage import PART_KEYS, Part, PartStage, Shard, stored_clips
+from motionlake.stages.stage import PART_KEYS, Part, PartStage, Shard
 
 RANGE: Final = pa.struct(
     [

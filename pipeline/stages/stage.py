@@ -14,10 +14,9 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 import pyarrow as pa
-from motionlake.lake import frames
 from motionlake.lake.catalog import Connection, fetch, run_sql
 from motionlake.lake.config import config_hash, plain
-from motionlake.lake.integrity import FileSums, sound
+from motionlake.lake.integrity import FileSums
 from motionlake.lake.layout import Lake
 from motionlake.lake.merging import Order, merge_parts
 from motionlake.lake.parts import PartWriter, check_part, replacing
@@ -121,6 +120,11 @@ class ShardStage(Stage):
     cut_is_kept: ClassVar[bool] = False
     reads_catalog: ClassVar[bool] = False
 
+    def alongside(self, at: LakeReader) -> bool:
+        """Whether it needs the frames of a part alone, and so may run on it together with others of which that holds:
+        in one task, which reads the part once."""
+        return False
+
     @abstractmethod
     def plan(self, at: LakeReader) -> list[Shard]:
         """Shards for what is due and whose input is there."""
@@ -180,17 +184,6 @@ def clips_of(con: Connection, part: str) -> list[str]:
     return [r["clip"] for r in fetch(con, "part_clips", {"part": part})]
 
 
-def stored_clips(lake: Lake, shard: Shard, *, rotations: bool = True) -> Iterator[frames.Frames]:
-    """Those of the clips that its spec names, of the frames part that a shard is derived from."""
-    part = sound(lake, lake.frames_part(shard.dataset, shard.part))
-    return frames.read_part(part, shard.spec["clips"], rotations=rotations)
-
-
-def clips_of_shard(lake: Lake, shard: Shard, *, rotations: bool = True) -> Iterator[frames.Frames]:
-    """The same without calibration poses at their ends (`Frames.recorded`); without rotations where none are used."""
-    return (clip.recorded() for clip in stored_clips(lake, shard, rotations=rotations))
-
-
 def part_keys(clip: str, shard: Shard, count: int) -> list[pa.Array]:
     """The columns `PART_KEYS` of so many rows of a clip."""
     return [pa.repeat(pa.scalar(value), count) for value in (clip, shard.part, shard.key)]
@@ -211,6 +204,9 @@ class PartStage(ShardStage):
     folder: ClassVar[str] = STAGING
     schema: ClassVar[pa.Schema | None] = None
     statement: ClassVar[str] = ""
+
+    def alongside(self, at: LakeReader) -> bool:
+        return self.source is None
 
     @property
     def upstream(self) -> tuple[str, ...]:

@@ -13,13 +13,15 @@ import numpy as np
 import pyarrow as pa
 from motionlake.arrays import Float32Array, Int64Array
 from motionlake.deephums.config import DIMENSION
-from motionlake.deephums.sequence import clip_sequence, in_sequence, piece_windows
+from motionlake.deephums.sequence import in_sequence, piece_windows
 from motionlake.lake.catalog import fetch
 from motionlake.lake.layout import Lake
 from motionlake.lake.loaded import loaded
+from motionlake.stages.descriptor_network import sequence_of
 from motionlake.stages.descriptors import VectorStage
+from motionlake.stages.part_clips import clips_of_shard
 from motionlake.stages.reader import LakeReader
-from motionlake.stages.stage import PART_KEYS, Part, Shard, clips_of, clips_of_shard, part_keys
+from motionlake.stages.stage import PART_KEYS, Part, Shard, clips_of, part_keys
 from motionlake.stages.submotion_encoder import SUBMOTION_ENCODER
 
 KEPT: Final = np.float16  # vectors in a lake
@@ -45,6 +47,9 @@ class Submotions(VectorStage):
     statement = "load_submotion_parts"
     version = 3  # all windows of a clip are read at once
 
+    def alongside(self, at: LakeReader) -> bool:
+        return at.config.submotion.recipe != "deephums"  # that one reads the descriptors of clips
+
     def spec(self, at: LakeReader, part: Part) -> Mapping[str, Any]:
         encoder = SUBMOTION_ENCODER.serving(at)
         described = encoder.metrics.get("descriptors")  # recipe "deephums": the network it was trained to agree with
@@ -56,8 +61,7 @@ class Submotions(VectorStage):
         embed, cut = _reader(lake, shard.spec)
         for clip in clips_of_shard(lake, shard, rotations=False):
             windows = cut(len(clip.positions), clip.fps)
-            sequence = clip_sequence(clip.positions.astype(float), clip.fps)
-            vectors = embed(sequence, in_sequence(windows, len(clip.positions), clip.fps)).astype(KEPT)
+            vectors = embed(sequence_of(clip), in_sequence(windows, len(clip.positions), clip.fps)).astype(KEPT)
             bounds = np.array(windows, dtype=np.int64)
             lists = pa.FixedSizeListArray.from_arrays(pa.array(vectors.ravel()), DIMENSION)
             keys = part_keys(clip.clip, shard, len(windows))
