@@ -1,11 +1,12 @@
 """A repository as large as BONES-SEED, indexed whole: `python -m bench.whole_lake FOLDER [--clips N]`.
 
 Clips of `bench.long_clips` are written some thousand at a time, taken in by `motionlake ingest`, and then emptied, so
-that the disk holds them: files of the same size and time without contents, which later runs find unchanged. Then every
-stage of `run all` is a command of its own. What is measured of each command: seconds, seconds of processors of all that
-it started, and the most memory that its processes held, the driver and together. Writing the clips is measured by
-itself. Of the lake that is there then: `status`, `run all` with nothing due, fifty new clips taken in and run through
-every stage as of a night, and a search in a new process.
+that the disk holds them: files of the same size and time without contents, which later runs find unchanged. Then
+`run all`. What is measured of each command: seconds, seconds of processors of all that it started, and the most memory
+that its processes held, the driver and together; of each stage the seconds of its shards, as the lake's manifest has
+them, and of the training of its model. Writing the clips is measured by itself. Of the lake that is there then:
+`status`, `run all` with nothing due, fifty new clips taken in and run through every stage as of a night, and a search
+in a new process.
 
 FOLDER keeps the lake and what was measured: a run that was interrupted goes on there, with the step that it was in.
 A finished lake is there for `python -m bench.scale_search --folder FOLDER`.
@@ -25,6 +26,8 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any, Final
 
+from motionlake.lake.catalog import reading
+from motionlake.lake.layout import Lake
 from motionlake.lake.parts import replacing
 from motionlake.stages.registry import ALL
 
@@ -105,8 +108,8 @@ def measure(given: argparse.Namespace, folder: Path) -> dict[str, Any]:
         steps.take(f"write {shard}", partial(write, first, stop, clips, given.processes))
         steps.take(f"ingest {shard}", partial(command, log, "ingest", clips, *options))
         empty(clips)
-    for stage in ALL[1:]:
-        steps.take(stage, partial(command, log, "run", stage, *options))
+    steps.take("run all", partial(command, log, "run", "all", *options))
+    steps.take("stages", partial(seconds_of_stages, lake))
     steps.take("nothing due", partial(command, log, "run", "all", *options))
     steps.take("status", partial(command, log, "status", "--lake", lake))
     night = folder / "night"
@@ -119,12 +122,20 @@ def measure(given: argparse.Namespace, folder: Path) -> dict[str, Any]:
     return steps.done
 
 
+def seconds_of_stages(lake: Path) -> dict[str, float]:
+    """Seconds of a worker that the shards of each stage took, and "training": of the driver, that all models took."""
+    with reading(Lake(lake)) as con:
+        rows = con.execute("SELECT stage, sum(seconds) FROM manifest GROUP BY stage").fetchall()
+        ((trained,),) = con.execute("SELECT coalesce(sum(seconds), 0) FROM models").fetchall()
+    spent = {stage: float(seconds or 0.0) for stage, seconds in rows}
+    return {stage: spent[stage] for stage in ALL if stage in spent} | {"training": float(trained)}
+
+
 def summary(steps: dict[str, Any], lake: Path) -> dict[str, Any]:
-    """Frames, seconds and frames a second and core by stage, the most memory, and bytes by folder of the lake."""
+    """Frames, seconds, frames a second and core by stage, the most memory, and bytes by folder of the lake."""
     frames = sum(found["frames"] for name, found in steps.items() if name.startswith("write "))
-    by_stage = {"frames": _sums([found for name, found in steps.items() if name.startswith("ingest ")])}
-    by_stage |= {stage: _sums([steps[stage]]) for stage in ALL[1:]}
-    seconds = sum(found["seconds"] for found in by_stage.values())
+    commands = [found for name, found in steps.items() if name.startswith("ingest ") or name == "run all"]
+    seconds = sum(found["seconds"] for found in commands)
     sizes = {
         path.name: sum(file.stat().st_size for file in path.rglob("*") if file.is_file())
         for path in sorted(lake.iterdir()) if path.is_dir()
@@ -133,16 +144,13 @@ def summary(steps: dict[str, Any], lake: Path) -> dict[str, Any]:
         "frames": frames, "hours": seconds / 3600, "times_real_time": frames / FPS / seconds,
         "driver_mib": max(found.get("driver_mib", 0) for found in steps.values()),
         "together_mib": max(found.get("together_mib", 0) for found in steps.values()),
+        "seconds": seconds, "processor_seconds": sum(found["processor_seconds"] for found in commands),
         "by_stage": {
-            stage: found | {"frames_a_second_and_core": frames / found["processor_seconds"]}
-            for stage, found in by_stage.items()
+            stage: {"worker_seconds": spent, "frames_a_second_and_core": frames / spent if spent else None}
+            for stage, spent in steps["stages"].items()
         },
         "bytes": sizes | {"catalog.duckdb": (lake / "catalog.duckdb").stat().st_size}, "steps": steps,
     }  # fmt: skip
-
-
-def _sums(found: list[dict[str, Any]]) -> dict[str, float]:
-    return {name: sum(each[name] for each in found) for name in ("seconds", "processor_seconds")}
 
 
 def main() -> None:
@@ -163,7 +171,7 @@ def main() -> None:
     with orphans_adopted():
         figures = summary(measure(given, given.folder), given.folder / "lake")
     for stage, found in figures["by_stage"].items():
-        print(f"{stage:12s} {found['seconds']:8.1f} s {found['processor_seconds']:8.1f} s of processors")
+        print(f"{stage:12s} {found['worker_seconds']:8.1f} s of a worker")
     print(
         f"{given.clips} clips, {figures['frames']} frames: {figures['hours']:.2f} hours, "
         f"{figures['times_real_time']:.0f} times real time, at most {figures['together_mib']:.0f} MiB"
