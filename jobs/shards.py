@@ -28,9 +28,9 @@ Bundle = Sequence[Task]  # shards that run one after the other in one task
 Run = tuple[Callable[[Path, Shard], ShardResult], Shard]
 
 AHEAD: Final = 16  # bundles submitted for each worker thread: work while results are loaded
-ASK_EVERY: Final = 1.0
-SOON: Final = 2.0  # seconds in which a worker that is there gives a result
 AT_ONCE: Final = 2  # of them submitted before results are looked at again: what is done is entered soon
+ASK_EVERY: Final = 1.0  # seconds between two questions how many threads there are
+SOON: Final = 2.0  # seconds in which a worker that is there gives a result
 
 
 def run_here(root: Path, bundles: Iterable[Bundle]) -> Iterator[tuple[Task, ShardResult | Exception]]:

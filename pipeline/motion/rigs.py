@@ -8,7 +8,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from enum import StrEnum
-from functools import cache
+from functools import cache, cached_property, lru_cache
 from importlib import resources
 from importlib.resources.abc import Traversable
 from pathlib import Path
@@ -78,7 +78,7 @@ class RigMap:
     rest_orientations: Mapping[str, tuple[float, float, float, float]] = field(default_factory=dict)
     twists: Mapping[str, float] = field(default_factory=dict)
 
-    @property
+    @cached_property
     def required(self) -> tuple[str, ...]:
         """Source joints that a file of this rig must have."""
         return tuple(source for joint, source in self.joints.items() if joint not in self.filled)
@@ -203,6 +203,11 @@ def bare_names(joint_names: Sequence[str]) -> list[str]:
 def joints_by_name(joint_names: Sequence[str]) -> dict[str, int]:
     """Index of each joint of a file by the names that a rig map may call it by: with its namespace and without, lower
     case. A joint that is called so in full comes before one that is so within a namespace; of two it is the first."""
+    return dict(_by_name(tuple(joint_names)))
+
+
+@lru_cache(maxsize=64)  # the files of a folder are of few rigs
+def _by_name(joint_names: tuple[str, ...]) -> Mapping[str, int]:
     found: dict[str, int] = {}
     for names in ([name.casefold() for name in joint_names], bare_names(joint_names)):
         for index, name in enumerate(names):
