@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Final
 
 import numpy as np
@@ -209,7 +210,15 @@ def _to_upright(placed: Float64Array) -> Float64Array | None:
         return None
     up = _snapped(up)
     left = _snapped(left - (left @ up) * up)
-    return from_matrix(np.stack([left, up, np.cross(left, up)]))
+    return _from_axes(np.stack([left, up, np.cross(left, up)]).tobytes())
+
+
+@lru_cache(maxsize=64)  # most files are modelled along their axes
+def _from_axes(axes: bytes) -> Float64Array:
+    """Rotation [4], not to be changed, of the bytes of its matrix."""
+    turn = from_matrix(np.frombuffer(axes).reshape(3, 3).copy())
+    turn.setflags(write=False)
+    return turn
 
 
 def _snapped(direction: Float64Array) -> Float64Array:
@@ -234,9 +243,10 @@ def _stands(placed: Float64Array) -> bool:
 def _swings(placed: Float64Array, binding: Binding) -> Float64Array:
     """[21, 4] swing of every joint's bone to its canonical direction; hands turn with their forearms."""
     swings = np.tile(IDENTITY, (len(JOINTS), 1))
-    for name, (child, direction) in BONES.items():
-        if INDEX[name] in binding.source:
-            swings[INDEX[name]] = swing(placed[INDEX[child]] - placed[INDEX[name]], np.array(direction))
+    bones = [(INDEX[name], INDEX[child], to) for name, (child, to) in BONES.items() if INDEX[name] in binding.source]
+    joints, children = [joint for joint, _, _ in bones], [child for _, child, _ in bones]
+    directions = np.array([direction for _, _, direction in bones]).reshape(-1, 3)
+    swings[joints] = swing(placed[children] - placed[joints], directions)
     for side in ("left", "right"):
         swings[INDEX[f"{side}_wrist"]] = swings[INDEX[f"{side}_elbow"]]
     return swings
