@@ -6,16 +6,18 @@ covers stage, version, configuration and input; what is not recorded under its k
 
 from __future__ import annotations
 
+import json
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, ClassVar
 
 import pyarrow as pa
 from motionlake.lake.catalog import Connection, fetch, run_sql
-from motionlake.lake.config import config_hash, plain
+from motionlake.lake.config import canonical_json, config_hash, plain
 from motionlake.lake.integrity import FileSums
 from motionlake.lake.layout import Lake
 from motionlake.lake.merging import Order, merge_parts
@@ -184,6 +186,12 @@ def clips_of(con: Connection, part: str) -> list[str]:
     return [r["clip"] for r in fetch(con, "part_clips", {"part": part})]
 
 
+@lru_cache(maxsize=1 << 18)  # a command that finds nothing due asks for the key of every part a dozen times
+def _key(stage: str, version: int, upstream: str, shaping: str) -> str:
+    """`config_hash` of a stage, its version, what it reads and the values whose canonical JSON is `shaping`."""
+    return config_hash(stage, version, upstream, *json.loads(shaping))
+
+
 def part_keys(clip: str, shard: Shard, count: int) -> list[pa.Array]:
     """The columns `PART_KEYS` of so many rows of a clip."""
     return [pa.repeat(pa.scalar(value), count) for value in (clip, shard.part, shard.key)]
@@ -246,11 +254,11 @@ class PartStage(ShardStage):
             return None
         same = [plain(value) for value in shaping]
         keys = (self.key_of(p.key, same) for p in above)
-        return [replace(p, upstream=p.key, key=key) for p, key in zip(above, keys, strict=True)]
+        return [Part(p.part, p.dataset, p.clips, p.key, key, p.synthetic) for p, key in zip(above, keys, strict=True)]
 
     def key_of(self, upstream: str, shaping: Sequence[Any]) -> str:
         """The key of what the stage makes, given the key of what it reads, and what `shaping` tells."""
-        return config_hash(self.name, self.version, upstream, *shaping)
+        return _key(self.name, self.version, upstream, canonical_json([plain(value) for value in shaping]))
 
     def plan(self, at: LakeReader) -> list[Shard]:
         done = at.done(self.name)
