@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import pyarrow as pa
 from motionlake.errors import FULL
+from motionlake.jobs.shards import Ended
 from motionlake.lake.catalog import load_rows, table_of, writing
 from motionlake.lake.integrity import list_files
 from motionlake.lake.layout import Lake
@@ -59,15 +60,19 @@ class Results:
         self._failures: dict[str, list[tuple[Shard, str]]] = {name: [] for name in self._stages}
         self._loaded_at, self._patience = time.monotonic(), LOAD_EVERY
 
-    def add(self, stage: ShardStage, shard: Shard, found: ShardResult | BaseException) -> None:
-        """Take in what came of a shard. Raises `OSError` for what would fail every shard."""
-        if isinstance(found, ShardResult):
-            self._waiting[stage.name].append(found)
-        elif isinstance(found, OSError) and found.errno in NO_FAULT_OF_SHARDS:
-            raise OSError(found.errno, found.strerror, found.filename or str(self._lake.root))
-        else:
-            reason = typed(f"{type(found).__name__}: {found}").splitlines()[0][:500]
-            self._failures[stage.name].append((shard, reason))
+    def add(self, ended: Ended) -> None:
+        """Take in what came of the shards of a bundle. Raises `OSError` for what would fail every shard."""
+        stopping: OSError | None = None
+        for (stage, shard), found in ended:
+            if isinstance(found, ShardResult):
+                self._waiting[stage.name].append(found)
+            elif isinstance(found, OSError) and found.errno in NO_FAULT_OF_SHARDS:
+                stopping = OSError(found.errno, found.strerror, found.filename or str(self._lake.root))
+            else:
+                reason = typed(f"{type(found).__name__}: {found}").splitlines()[0][:500]
+                self._failures[stage.name].append((shard, reason))
+        if stopping is not None:
+            raise stopping
 
     def load_now_and_then(self) -> None:
         """Load what is done where the last time is long ago, by how long loading takes."""

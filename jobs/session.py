@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Protocol
 
 from motionlake import memory
 from motionlake.jobs.results import Outcome, Results, planned_rows
-from motionlake.jobs.shards import Bundle, OnCluster, bundled, run_here, with_inputs
+from motionlake.jobs.shards import Bundle, OnCluster, bundled, clips_in, run_here, with_inputs
 from motionlake.lake.catalog import bring_macros, collect_garbage, create_catalog, load_rows, writing
 from motionlake.lake.config import LakeConfig, load_config
 from motionlake.lake.integrity import check_files
@@ -106,9 +106,7 @@ class Session:
         bundles = bundled([(stage, with_inputs(self.lake, shards)) for stage, shards in entered])
         if not bundles:
             return outcomes
-        # Of a bundle its clips are done when its last shard is.
-        clips = {bundle[-1][1].key: max(shard.items for _, shard in bundle) for bundle in bundles}
-        total = sum(clips.values())
+        total = sum(clips_in(bundle) for bundle in bundles)
         client = None if here or self._soon_done(bundles, total) else self.client(len(bundles), total)
         for stage, shards in entered:
             if stage.cut_is_kept:
@@ -122,16 +120,16 @@ class Session:
         root = self.lake.root
         on_cluster = None if client is None else OnCluster(root, bundles, client)
         try:
-            for (stage, shard), found in on_cluster or run_here(root, bundles):
-                results.add(stage, shard, found)
-                done += clips.get(shard.key, 0)
+            for ended in on_cluster or run_here(root, bundles):
+                results.add(ended)
+                done += clips_in([task for task, _ in ended])
                 self.progress(name, done, total)
                 results.load_now_and_then()
         except BaseException:
             # A signal, a full disk or a lost cluster ends it: what is done stays, what failed is tried again.
             with suppress(Exception):
-                for (stage, shard), result in on_cluster.finished() if on_cluster else ():
-                    results.add(stage, shard, result)
+                for ended in on_cluster.finished() if on_cluster else ():
+                    results.add(ended)
             with suppress(Exception):
                 results.load_done()
             raise
@@ -159,7 +157,7 @@ class Session:
         root = self.lake.root
         few, bundles = len(shards) <= FEW, bundled([(stage, shards)])
         run = run_here(root, bundles) if few else OnCluster(root, bundles, self.client(len(shards), total))
-        for (_, shard), found in run:
+        for (((_, shard), found),) in run:
             done += shard.items
             self.progress(stage.name, done, total)
             yield shard, found

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import nullcontext
+from contextlib import nullcontext, suppress
 from dataclasses import replace
 from itertools import islice
 from pathlib import Path
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
 Task = tuple[ShardStage, Shard]
 Bundle = Sequence[Task]  # shards that run one after the other in one task
+Ended = list[tuple[Task, "ShardResult | BaseException"]]  # a bundle with what came of each shard
 Run = tuple[Callable[[Path, Shard], ShardResult], Shard]
 
 AHEAD: Final = 16  # bundles submitted for each worker thread: work while results are loaded
@@ -33,17 +34,16 @@ ASK_EVERY: Final = 1.0  # seconds between two questions how many threads there a
 SOON: Final = 2.0  # seconds in which a worker that is there gives a result
 
 
-def run_here(root: Path, bundles: Iterable[Bundle]) -> Iterator[tuple[Task, ShardResult | Exception]]:
-    """Shards with what came of them, one bundle after the other in this process."""
+def run_here(root: Path, bundles: Iterable[Bundle]) -> Iterator[Ended]:
+    """Bundles with what came of their shards, one after the other in this process."""
     for bundle in bundles:
-        yield from zip(bundle, _run_bundle(root, _runs(bundle)), strict=True)
+        yield list(zip(bundle, _run_bundle(root, _runs(bundle)), strict=True))
 
 
 class OnCluster:
-    """Shards as their bundles finish, with a few a worker thread in the cluster's hands: its memory must not grow with
-    them.
+    """Bundles as they finish, with a few a worker thread in the cluster's hands: its memory must not grow with them.
 
-    One whose workers ended again and again runs once more, alone: it may have been another's fault.
+    Shards of one whose workers ended again and again run once more, each alone: it may have been another's fault.
     """
 
     def __init__(self, root: Path, bundles: Iterable[Bundle], client: Client) -> None:
@@ -51,10 +51,10 @@ class OnCluster:
         self._threads = _Threads(client)
         self._running: dict[Future, Bundle] = {}
 
-    def __iter__(self) -> Iterator[tuple[Task, ShardResult | BaseException]]:
+    def __iter__(self) -> Iterator[Ended]:
         from distributed import KilledWorker, as_completed
 
-        killed: list[Task] = []
+        killed: list[Bundle] = []
         pool = as_completed()
         pool.update(self._submitted())
         for future in pool:
@@ -66,13 +66,13 @@ class OnCluster:
             found = future.result() if error is None else None
             bundle = self._running.pop(future)
             if isinstance(error, KilledWorker):
-                killed += bundle
+                killed.append(bundle)
             else:
-                yield from zip(bundle, found or [error] * len(bundle), strict=True)
+                yield list(zip(bundle, found or [error] * len(bundle), strict=True))
             future.release()
             pool.update(self._submitted())
-        for task in killed:
-            yield task, _alone(self._client, self._root, task)
+        for bundle in killed:
+            yield [(task, _alone(self._client, self._root, task)) for task in bundle]
 
     def _submitted(self) -> list[Future]:
         """A few more bundles, as many as the cluster is to have ahead."""
@@ -82,13 +82,12 @@ class OnCluster:
         self._running |= dict(zip(futures, some, strict=True))
         return futures
 
-    def finished(self) -> Iterator[tuple[Task, ShardResult]]:
-        """What has ended well and was not given out yet, for who stops: nothing is waited for."""
+    def finished(self) -> Iterator[Ended]:
+        """Bundles that have ended and were not given out yet, for who stops: no other is waited for."""
         for future, bundle in self._running.items():
             if future.status == "finished":
-                for task, found in zip(bundle, future.result(timeout=SOON), strict=True):
-                    if isinstance(found, ShardResult):
-                        yield task, found
+                with suppress(Exception):  # its worker is gone
+                    yield list(zip(bundle, future.result(timeout=SOON), strict=True))
 
 
 class _Threads:
@@ -169,6 +168,11 @@ def _run_limited(run: Callable[[Path, Shard], ShardResult], root: Path, shard: S
         result = run(root, shard)
     known = {one.file: one for one in result.sums}  # of files that were there before
     return replace(result, sums=tuple(known.get(file) or sums_of(lake, file) for file in result.files))
+
+
+def clips_in(bundle: Bundle) -> int:
+    """Clips that its shards are of: of one part."""
+    return max(shard.items for _, shard in bundle)
 
 
 def bundled(planned: Sequence[tuple[ShardStage, Sequence[Shard]]]) -> list[Bundle]:

@@ -15,11 +15,22 @@ from motionlake.errors import ClipError
 from motionlake.formats import read_clips
 from motionlake.formats.deepmimic import READER
 from motionlake.formats.write.bvh import write_bvh
+from motionlake.motion import canonicalise as canonical
+from motionlake.motion import rest
 from motionlake.motion.canonicalise import CanonicalMotion, canonicalise, to_source_clip, turn_to_y_up
 from motionlake.motion.clip import ChannelKind, Hierarchy, SolvedMotion, SourceClip
 from motionlake.motion.kinematics import forward_kinematics, local_rotations, solve, world_rotations
 from motionlake.motion.rigs import Rest, identify, load_rigs
-from motionlake.motion.rotations import angle, conjugate, from_axis_angle, multiply, rotate
+from motionlake.motion.rotations import (
+    IDENTITY,
+    angle,
+    conjugate,
+    from_axis_angle,
+    from_matrix,
+    multiply,
+    rotate,
+    swing,
+)
 from motionlake.motion.skeleton import BONES, INDEX, JOINTS, PARENTS, facing
 from motionlake.motion.units import CMU, UNITS
 from scipy.spatial.transform import Rotation
@@ -28,7 +39,6 @@ from tests.rig_samples import SETS, sample
 from tests.samples import deepmimic_frames, deepmimic_text
 
 RIGS = load_rigs()
-IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
 # Ankle to head joint in metres; a Kinect puts the head joint high.
 PLAUSIBLE = (1.2, 1.8)
 # Bones that a source with more joints than the canonical ones bends inside of.
@@ -470,3 +480,31 @@ def test_an_exported_motion_reads_back_the_same(recordings: Path, tmp_path: Path
 def test_local_and_world_rotations_are_inverse() -> None:
     _, world, _ = made_motion(6)
     assert angle(world_rotations(local_rotations(world)), world).max() < 1e-4
+
+
+@pytest.mark.parametrize("name", ["hdm05", "cmu_bvh", "cmu_dance"])
+def test_joints_turned_together_are_the_same_bits_as_one_by_one(recordings: Path, name: str) -> None:
+    clip = read_clips(sample(recordings, name)[0])[0]
+    motion, rng = solve(clip), np.random.default_rng(0)
+    binding = rest.bind(identify(clip.hierarchy.joints, load_rigs()), clip.hierarchy)
+    lacking = replace(binding, source={k: v for k, v in binding.source.items() if JOINTS[k] != "left_wrist"})
+    in_rest = Rotation.random(len(JOINTS), rng=rng).as_quat(scalar_first=True)
+    placed = rng.standard_normal((len(JOINTS), 3))
+    assert motion.world is not None
+    for bound in (binding, lacking):
+        world, swings = np.empty((len(motion.world), len(JOINTS), 4)), np.tile(IDENTITY, (len(JOINTS), 1))
+        for joint, parent in enumerate(PARENTS):
+            world[:, joint] = world[:, parent]
+            if joint in bound.source:
+                own = np.ascontiguousarray(motion.world[:, bound.source[joint]])
+                world[:, joint] = multiply(own, conjugate(in_rest[joint]))
+        np.testing.assert_array_equal(canonical._world_rotations(bound, motion.world, in_rest), world)
+        for bone, (child, direction) in BONES.items():
+            if INDEX[bone] in bound.source:
+                swings[INDEX[bone]] = swing(placed[INDEX[child]] - placed[INDEX[bone]], np.array(direction))
+        for side in ("left", "right"):
+            swings[INDEX[f"{side}_wrist"]] = swings[INDEX[f"{side}_elbow"]]
+        np.testing.assert_array_equal(rest._swings(placed, bound), swings)
+    axes = Rotation.random(rng=rng).as_matrix()
+    for _ in range(2):
+        np.testing.assert_array_equal(rest._from_axes(axes.tobytes()), from_matrix(axes))

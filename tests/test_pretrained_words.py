@@ -40,6 +40,16 @@ def test_the_pretrained_network_is_the_one_its_description_names() -> None:
     assert np.linalg.norm(network.embed(words), axis=1).min() > 0
 
 
+@pytest.mark.parametrize("counts", [[], [1], [3, 1, 90, 64, 200], [1500, 2, 1100], [40] * 60])
+def test_clips_embedded_together_are_the_same_bits_as_each_alone(counts: list[int]) -> None:
+    network, rng = load_network(PRETRAINED_WORDS.file), np.random.default_rng(1)
+    clips = [(str(i), rng.standard_normal((count, 12, 88)).astype(np.float32)) for i, count in enumerate(counts)]
+    together = list(network.embed_clips(iter(clips)))
+    assert [clip for clip, _ in together] == [clip for clip, _ in clips]
+    for (_, words), (_, vectors) in zip(clips, together, strict=True):
+        np.testing.assert_array_equal(vectors, network.embed(words))
+
+
 def test_a_lake_is_embedded_pretrained_then_fine_tuned_then_afresh(
     tmp_path: Path, clips_folder: Path, scheduler: str
 ) -> None:

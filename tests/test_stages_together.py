@@ -17,7 +17,7 @@ from motionlake.lake import frames
 from motionlake.lake.config import load_config
 from motionlake.lake.layout import open_lake
 from motionlake.stages.moves import MOVES
-from motionlake.stages.part_clips import kept, read_together
+from motionlake.stages.part_clips import read_together, shared
 from motionlake.stages.reader import lake_reader
 from motionlake.stages.sources import IngestOptions, Root
 from motionlake.stages.stage import Shard, ShardResult
@@ -118,18 +118,18 @@ def test_stages_of_one_part_are_one_bundle_in_their_order() -> None:
     assert [len(bundle) for bundle in bundled(both[:1])] == [1, 1]
 
 
-def test_nothing_is_kept_outside_the_block() -> None:
+def test_nothing_is_shared_outside_the_block() -> None:
     made: list[int] = []
 
     def make() -> int:
         made.append(1)
         return len(made)
 
-    assert [kept("a", make), kept("a", make)] == [1, 2]
+    assert [shared("a", make), shared("a", make)] == [1, 2]
     with read_together():
-        assert [kept("a", make), kept("a", make), kept("b", make)] == [3, 3, 4]
+        assert [shared("a", make), shared("a", make), shared("b", make)] == [3, 3, 4]
     with read_together():
-        assert kept("a", make) == 5
+        assert shared("a", make) == 5
 
 
 def test_progress_names_the_stages_that_run_together(undone: Path) -> None:
@@ -148,9 +148,9 @@ def test_what_has_ended_is_given_to_who_stops(undone: Path, scheduler: str) -> N
     bundles = [[(stage, shard)] for stage, shards in planned for shard in shards]
     with Client(scheduler) as client:
         work = OnCluster(lake.root, bundles, client)
-        (first, _), found = next(iter(work))
+        [((first, _), found)] = next(iter(work))
         assert isinstance(found, ShardResult)
         wait(list(work._running), timeout=60)
-        (((second, _), other),) = work.finished()
+        [[((second, _), other)]] = work.finished()
     assert {first.name, second.name} == {"words", "moves"}
     assert isinstance(other, ShardResult)

@@ -171,8 +171,9 @@ def test_native_ranges_stay_inside_and_follow_each_other(n_frames: int, fps: flo
     config = WordConfig(length=16, stride=4)
     starts = windows(sample_count(n_frames, fps, config.fps), config)
     ranges = native_ranges(starts, fps, n_frames, config).tolist()
-    ratio = fps / config.fps
-    assert [first for first, _ in ranges] == [min(round(s * ratio), n_frames - 1) for s in starts.tolist()]
+    for (first, stop), start in zip(ranges, starts.tolist(), strict=True):  # as if it were the only word
+        assert first == min(round(start * (fps / config.fps)), n_frames - 1)
+        assert stop == max(first + 1, min(round((start + config.length) * (fps / config.fps)), n_frames))
     assert all(0 <= first < stop <= n_frames for first, stop in ranges)
     assert ranges[0][0] == 0
     for (_, stop), (first, _) in zip(ranges, ranges[4:], strict=False):

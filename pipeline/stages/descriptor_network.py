@@ -18,7 +18,7 @@ from motionlake.lake.config import LakeConfig
 from motionlake.lake.layout import Lake
 from motionlake.stages.frames import clips_key
 from motionlake.stages.model_kind import CHOSEN, ModelKind, Selection
-from motionlake.stages.part_clips import kept
+from motionlake.stages.part_clips import shared
 from motionlake.stages.reader import LakeReader
 from motionlake.stages.training_clips import chosen_clips, drawn_clips, frames_of_clips
 
@@ -90,7 +90,7 @@ def _drawn(rows: list[dict[str, Any]], seed: int, most: int) -> list[dict[str, A
 
 def sequence_of(clip: frames.Frames) -> Float32Array:
     """[T, J, 3] a clip of the lake as the network reads it."""
-    return kept(("sequence", clip.clip), lambda: clip_sequence(clip.positions.astype(float), clip.fps))
+    return shared(("sequence", clip.clip), lambda: clip_sequence(clip.positions.astype(float), clip.fps))
 
 
 class DescriptorNetwork(ModelKind[TrainingSet]):

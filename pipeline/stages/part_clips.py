@@ -14,22 +14,22 @@ from motionlake.stages.stage import Shard
 
 T = TypeVar("T")
 # What stages that run together have read or worked out of their part; None where a stage runs alone.
-_kept: Final[ContextVar[dict[Hashable, Any] | None]] = ContextVar("_kept", default=None)
+_shared: Final[ContextVar[dict[Hashable, Any] | None]] = ContextVar("_shared", default=None)
 
 
 @contextmanager
 def read_together() -> Iterator[None]:
     """Within the block the clips of a part are read once, and stay in memory; for shards of one part."""
-    token = _kept.set({})
+    token = _shared.set({})
     try:
         yield
     finally:
-        _kept.reset(token)
+        _shared.reset(token)
 
 
-def kept(key: Hashable, make: Callable[[], T]) -> T:
+def shared(key: Hashable, make: Callable[[], T]) -> T:
     """What `make` gives, within `read_together` made once for a key; whoever gets it does not change it."""
-    known = _kept.get()
+    known = _shared.get()
     if known is None:
         return make()
     if key not in known:
@@ -50,6 +50,6 @@ def clips_of_shard(lake: Lake, shard: Shard, *, rotations: bool = True) -> Itera
     def read() -> Iterator[frames.Frames]:
         return (clip.recorded() for clip in stored_clips(lake, shard, rotations=rotations))
 
-    if _kept.get() is None:
+    if _shared.get() is None:
         return read()
-    return iter(kept(("clips", rotations, *shard.spec["clips"]), lambda: list(read())))
+    return iter(shared(("clips", rotations, *shard.spec["clips"]), lambda: list(read())))

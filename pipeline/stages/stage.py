@@ -252,8 +252,8 @@ class PartStage(ShardStage):
         shaping = None if above is None else self.shaping(at)
         if above is None or shaping is None:
             return None
-        same = [plain(value) for value in shaping]
-        keys = (self.key_of(p.key, same) for p in above)
+        spelled = canonical_json([plain(value) for value in shaping])
+        keys = (_key(self.name, self.version, p.key, spelled) for p in above)
         return [Part(p.part, p.dataset, p.clips, p.key, key, p.synthetic) for p, key in zip(above, keys, strict=True)]
 
     def key_of(self, upstream: str, shaping: Sequence[Any]) -> str:
