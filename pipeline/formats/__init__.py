@@ -1,6 +1,7 @@
 """File formats: one module each, found by the registry. Reading a clip starts with `read_clips`."""
 
 from motionlake.formats.registry import (
+    clip_by_name,
     companions,
     is_clip,
     is_clip_file,
@@ -12,6 +13,7 @@ from motionlake.formats.registry import (
 )
 
 __all__ = [
+    "clip_by_name",
     "companions",
     "is_clip",
     "is_clip_file",

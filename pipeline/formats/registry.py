@@ -102,6 +102,20 @@ def reader_for(path: Path) -> Reader | None:
     return next((reader for reader in others if _knows(reader, path)), others[0])
 
 
+def clip_by_name(name: str) -> bool | None:
+    """Whether a file of this name is a clip without companions; None where the file has to be looked at."""
+    whole = name.lower().removesuffix(COMPRESSED_SUFFIX)
+    return _clip_by_suffix(whole[dot:]) if (dot := whole.rfind(".")) >= 0 else False
+
+
+@functools.lru_cache(maxsize=1024)
+def _clip_by_suffix(suffix: str) -> bool | None:
+    of_suffix = _by_suffix(readers()).get(suffix, ())
+    looking = ("claims", "recognises", "sniff", "companions")
+    plain = len(of_suffix) == 1 and not any(hasattr(of_suffix[0], name) for name in looking)
+    return (plain or None) if of_suffix else False
+
+
 def is_clip(path: Path) -> bool:
     """Whether the file is a clip by its name (a skeleton alone, such as an .asf, is none).
 
