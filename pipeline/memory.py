@@ -83,10 +83,11 @@ def check_addresses() -> None:
         )
 
 
-def for_duckdb() -> dict[str, str]:
-    """Settings that keep DuckDB within a limited address space, which it does not look at by itself."""
+def for_duckdb(most: int | None = None) -> dict[str, str]:
+    """Settings that keep DuckDB within so many bytes, and within a limited address space, at which it does not look."""
     limit = addresses()
-    return {} if limit is None else {"memory_limit": f"{min(limit // 4, available() * 4 // 5) // MIB}MiB"}
+    bounds = [bound for bound in (most, limit and limit // 4) if bound]
+    return {"memory_limit": f"{min(*bounds, available() * 4 // 5) // MIB}MiB"} if bounds else {}
 
 
 def shortage(error: BaseException) -> str:

@@ -63,10 +63,12 @@ def test_errors_for_want_of_memory_are_known(monkeypatch: pytest.MonkeyPatch) ->
     assert memory.shortage(RuntimeError("can't start new thread"))
     assert not memory.shortage(RuntimeError("another fault"))
     assert memory.for_duckdb() == {}
+    assert memory.for_duckdb(96 * memory.MIB) == {"memory_limit": "96MiB"}
     monkeypatch.setattr(memory, "addresses", lambda: ADDRESSES - MIB)
     assert "4095 MiB of address space" in memory.shortage(SystemError("error return without exception set"))
     assert not memory.shortage(ValueError("another fault"))
-    assert memory.for_duckdb()["memory_limit"] == "1023MiB"
+    assert memory.for_duckdb()["memory_limit"] == memory.for_duckdb(4096 * memory.MIB)["memory_limit"] == "1023MiB"
+    assert memory.for_duckdb(96 * memory.MIB)["memory_limit"] == "96MiB"
 
 
 def ingest(folder: Path, limit: int) -> subprocess.CompletedProcess[str]:

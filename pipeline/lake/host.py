@@ -10,14 +10,18 @@ from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 from threading import Lock
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 from motionlake import sql
 from motionlake.errors import FULL
-from motionlake.memory import for_duckdb
+from motionlake.memory import MIB, for_duckdb
 
 if TYPE_CHECKING:
     import duckdb
+
+
+# What a writer holds would grow with the lake; with 96 MiB the tables of 4,000 clips are still made.
+MOST_TO_WRITE: Final = 1024 * MIB
 
 
 def elsewhere() -> dict[str, Any]:
@@ -32,7 +36,8 @@ class _Host:
         import duckdb
 
         # The cache would hold what was read before.
-        settings = {**elsewhere(), **for_duckdb(), "enable_external_file_cache": False}
+        bounds = for_duckdb(MOST_TO_WRITE if writable else None)
+        settings: dict[str, Any] = {**elsewhere(), **bounds, "enable_external_file_cache": False}
         if writable:
             settings["threads"] = 1  # choices among equals do not depend on the machine, and memory stays small
         self.con = duckdb.connect(config=settings)
