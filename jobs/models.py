@@ -23,7 +23,7 @@ Kind = ModelKind[Any]
 def obtain(session: Session, kind: Kind, *, stage: str, refit: bool = False) -> Model | None:
     """The current model if it fits the configuration, else the pretrained one where the lake takes it, else one that is
     trained. `refit` trains in any case. None where there is nothing to train on."""
-    with lake_reader(session.lake, session.config) as at:
+    with session.reader() as at:
         model = None if refit else kind.fitting(at)
         pretrained = model is None and not refit and kind.takes_pretrained(at)
     if not pretrained:
@@ -75,7 +75,7 @@ def train(
     """
     where, config = where or Selection(), config or session.config
     if where.fine_tune:
-        with lake_reader(session.lake, session.config) as at:
+        with session.reader() as at:
             fresh = kind.fitting(at) is None and kind.fits(session.config)
         if fresh:
             take(session, kind)
@@ -110,7 +110,7 @@ def _left(first: int, since: float, step: int, steps: int) -> str:
 def _make(session: Session, kind: Kind, config: LakeConfig, fit: Callable[[str], Mapping[str, Any]]) -> Model:
     """Have a model written as a file of the lake, and make it the current version of its kind."""
     started = time.perf_counter()
-    with lake_reader(session.lake, session.config) as at:
+    with session.reader() as at:
         file = next_file(at.con, kind.name, kind.suffix)
         key, whole = kind.key(at), content_key(at.con)
     assert key is not None

@@ -16,7 +16,6 @@ from motionlake.lake.catalog import fetch, reading, run_sql, writing
 from motionlake.stages import ingest as sources
 from motionlake.stages.frames import FRAMES
 from motionlake.stages.labels import LabelReport
-from motionlake.stages.reader import lake_reader
 from motionlake.stages.registry import ALL, STAGES
 from motionlake.stages.sources import Root
 from motionlake.stages.stage import ShardStage, Stage, live_parts
@@ -83,7 +82,7 @@ def _run_alongside(session: Session, stages: Sequence[Stage]) -> dict[str, Begun
 
     A stage whose model cannot be trained is left for its own turn, which says so: those before it are done by then.
     """
-    with lake_reader(session.lake, session.config) as at:
+    with session.reader() as at:
         due = [s for s in stages if isinstance(s, ShardStage) and s.alongside(at) and s.due(at)]
         if len(due) < 2 or not live_parts(at):
             return {}
@@ -92,7 +91,7 @@ def _run_alongside(session: Session, stages: Sequence[Stage]) -> dict[str, Begun
         with suppress(UserError):
             if stage.model is None or obtain(session, stage.model, stage=stage.name) is not None:
                 ready.append(stage)
-    with lake_reader(session.lake, session.config) as at:
+    with session.reader() as at:
         planned = [(stage, stage.plan(at)) for stage in ready]
         at_once = [stage.name for stage, shards in planned if shards and stage.at_once(at)]
     outcomes = session.execute_together(planned, at_once=at_once)
@@ -124,7 +123,7 @@ def update(
         return outcome
     tried = begun.tried if begun else set[str]()
     while True:
-        with lake_reader(session.lake, session.config) as at:
+        with session.reader() as at:
             lacking = stage.lacking(at)
             if lacking is not None:
                 session.notice(f"{stage.name}: there is no {lacking} yet; `motionlake run all` makes every stage")
@@ -189,7 +188,7 @@ def synthesize(session: Session, request: Request, dataset: str, count: int) -> 
         UserError: as `planned`.
     """
     started = time.perf_counter()
-    with lake_reader(session.lake, session.config) as at:
+    with session.reader() as at:
         plan = planned(at, request, dataset, count)
     session.notice(f"synthesize: {' and '.join(dict.fromkeys(request.classes))} {plan.generator.said}")
     # Shards of another request that was cut short are not planned any more.
@@ -218,5 +217,5 @@ def synthesize(session: Session, request: Request, dataset: str, count: int) -> 
 
 def synthetic_sources(session: Session, request: Request, dataset: str, count: int) -> list[tuple[Any, ...]]:
     """Of motions 1 to `count` of a request, the recorded frames that they were made from (`source_rows`)."""
-    with lake_reader(session.lake, session.config) as at:
+    with session.reader() as at:
         return source_rows(at, request, dataset, count)

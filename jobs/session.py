@@ -8,7 +8,7 @@ from contextlib import ExitStack, contextmanager, nullcontext, suppress
 from dataclasses import dataclass, field
 from datetime import datetime
 from importlib.util import find_spec
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from motionlake import memory
 from motionlake.jobs.results import Outcome, Results, planned_rows
@@ -21,7 +21,8 @@ from motionlake.lake.lock import locked
 from motionlake.lake.records import keep_records
 from motionlake.lake.run_progress import SharedProgress
 from motionlake.lake.settings import changed_settings, keep_settings
-from motionlake.lake.working import deferred, serve
+from motionlake.lake.working import deferred, serve, version
+from motionlake.stages.reader import LakeReader, lake_reader
 from motionlake.stages.stage import Shard, ShardResult, ShardStage
 
 if TYPE_CHECKING:
@@ -58,6 +59,17 @@ class Session:
     started: datetime = field(default_factory=datetime.now)
     _stack: ExitStack = field(default_factory=ExitStack)
     _client: Client | None = None
+    _version: tuple[int, int] | None = None
+    _found: dict[tuple[str, str], Any] = field(default_factory=dict)
+
+    @contextmanager
+    def reader(self) -> Iterator[LakeReader]:
+        """The lake to plan on. What was found in it stands until this command writes: no other may meanwhile."""
+        now = version(self.lake)
+        if now != self._version:
+            self._version, self._found = now, {}
+        with lake_reader(self.lake, self.config, self._found) as at:
+            yield at
 
     def client(self, shards: int, clips: int | None = None) -> Client:
         """The cluster: one of its own has a worker for each shard, up to `workers` (default: one a core, if there is

@@ -20,6 +20,7 @@ from motionlake.errors import UserError
 from motionlake.formats.limits_config import Limits
 from motionlake.jobs import models
 from motionlake.jobs.session import Session, session
+from motionlake.lake.catalog import writing
 from motionlake.lake.config import FramesConfig, LakeConfig, canonical_json, config_hash
 from motionlake.lake.layout import Lake
 from motionlake.motion.features import WordConfig
@@ -30,7 +31,7 @@ from motionlake.stages.model_kind import ModelKind, Selection
 from motionlake.stages.posture_dictionary import POSTURE_DICTIONARY
 from motionlake.stages.reader import LakeReader, lake_reader
 from motionlake.stages.sources import IngestOptions, Root, SourceFile, content_hash
-from motionlake.stages.stage import Shard, ShardResult
+from motionlake.stages.stage import Shard, ShardResult, live_parts
 from motionlake.stages.symbols import SYMBOLS
 from motionlake.stages.word_network import TRUNK, WORD_NETWORK
 from motionlake.stages.words import WORDS
@@ -342,6 +343,8 @@ def test_keys_are_those_that_lakes_hold() -> None:
     assert config_hash({"weights": "own"}) != config_hash({"weights": "shipped"})
     assert config_hash({"other": "pretrained"}) != config_hash({"other": "shipped"})
     assert config_hash("pretrained") != config_hash("shipped")
+    for shaping in ([], [config], [{"weights": "pretrained"}, "é", [1, None]]):
+        assert SYMBOLS.key_of("k", shaping) == config_hash("symbols", SYMBOLS.version, "k", *shaping)
 
 
 def test_a_file_that_cannot_be_read_is_known_as_one_without_content(tmp_path: Path) -> None:
@@ -547,3 +550,17 @@ def test_a_small_lake_takes_the_pretrained_model_and_says_so(made: Made) -> None
     assert hashed == sha256((made.lake / model.file).read_bytes()).hexdigest()
     assert SYMBOLS.source is not None
     assert shard.key == config_hash(SYMBOLS.source.name, SYMBOLS.source.version, above, hashed)
+
+
+def test_what_was_found_in_a_lake_stands_until_the_command_writes(made: Made) -> None:
+    with opened(made.lake) as one:
+        with one.reader() as at:
+            parts, done = live_parts(at), at.done(FRAMES.name)
+        with one.reader() as at:
+            assert live_parts(at) is parts
+            assert at.done(FRAMES.name) is done
+        with writing(one.lake) as con:
+            con.execute("DELETE FROM clips")
+        with one.reader() as at:
+            assert parts
+            assert live_parts(at) == []

@@ -28,7 +28,6 @@ from motionlake.lake.citations import read_source
 from motionlake.lake.layout import Lake, check_dataset, open_lake
 from motionlake.motion.rigs import load_rigs
 from motionlake.names import kept
-from motionlake.stages.reader import lake_reader
 from motionlake.stages.registry import ALL, BY_NAME, dry_run
 from motionlake.stages.removal import (
     Removal,
@@ -217,7 +216,7 @@ def run(
     target = open_lake(lake)
     stages = ALL if stage == "all" else (stage,)
     with running(target, f"run {stage}", workers, scheduler) as job:
-        with lake_reader(target, job.config) as at:
+        with job.reader() as at:
             outlook = dry_run(at, stages, refit=refit) if known_roots(at.con) else [_nothing(target)]
         for line in outlook:
             notice(line)

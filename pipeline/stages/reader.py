@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
-from motionlake.lake.catalog import Connection, fetch, reading
+from motionlake.lake.catalog import Connection, reading, run_sql
 from motionlake.lake.config import LakeConfig
 from motionlake.lake.integrity import sound
 from motionlake.lake.layout import Lake
@@ -40,7 +40,11 @@ class LakeReader:
 
     def done(self, stage: str) -> set[str]:
         """Keys of the shards of a stage that ended well."""
-        return self.once("done", stage, lambda: {r["key"] for r in fetch(self.con, "done_keys", {"stage": stage})})
+
+        def find() -> set[str]:
+            return {key for (key,) in run_sql(self.con, "done_keys", {"stage": stage}).fetchall()}
+
+        return self.once("done", stage, find)
 
     def file_hash(self, file: str) -> str:
         """sha256 of a file of the lake."""
@@ -48,7 +52,9 @@ class LakeReader:
 
 
 @contextmanager
-def lake_reader(lake: Lake, config: LakeConfig) -> Iterator[LakeReader]:
-    """Open a lake to plan on it."""
+def lake_reader(
+    lake: Lake, config: LakeConfig, found: dict[tuple[str, str], Any] | None = None
+) -> Iterator[LakeReader]:
+    """Open a lake to plan on it; `found` is what another reader found in the same catalog by the same configuration."""
     with reading(lake) as con:
-        yield LakeReader(con, lake, config)
+        yield LakeReader(con, lake, config, {} if found is None else found)

@@ -6,7 +6,7 @@ covers stage, version, configuration and input; what is not recorded under its k
 
 from __future__ import annotations
 
-import json
+import hashlib
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
@@ -17,7 +17,7 @@ from typing import Any, ClassVar
 
 import pyarrow as pa
 from motionlake.lake.catalog import Connection, fetch, run_sql
-from motionlake.lake.config import canonical_json, config_hash, plain
+from motionlake.lake.config import canonical_json, plain
 from motionlake.lake.integrity import FileSums
 from motionlake.lake.layout import Lake
 from motionlake.lake.merging import Order, merge_parts
@@ -189,7 +189,14 @@ def clips_of(con: Connection, part: str) -> list[str]:
 @lru_cache(maxsize=1 << 18)  # a command that finds nothing due asks for the key of every part a dozen times
 def _key(stage: str, version: int, upstream: str, shaping: str) -> str:
     """`config_hash` of a stage, its version, what it reads and the values whose canonical JSON is `shaping`."""
-    return config_hash(stage, version, upstream, *json.loads(shaping))
+    before, after = _around(stage, version, shaping)
+    return hashlib.sha256(f"{before}{canonical_json(upstream)}{after}".encode()).hexdigest()
+
+
+@lru_cache
+def _around(stage: str, version: int, shaping: str) -> tuple[str, str]:
+    """What stands before and after the key of what a stage reads, in the JSON that its keys are hashes of."""
+    return f"{canonical_json([stage, version])[:-1]},", "]" if shaping == "[]" else f",{shaping[1:]}"
 
 
 def part_keys(clip: str, shard: Shard, count: int) -> list[pa.Array]:
