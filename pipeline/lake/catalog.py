@@ -69,6 +69,17 @@ def fetch_table(con: Connection, name: str, parameters: Mapping[str, Any] | None
     return con.sql(sql.read(name), params=dict(parameters or {})).to_arrow_table()
 
 
+def rows_of(
+    con: Connection, name: str, rows: pa.Table, parameters: Mapping[str, Any] | None = None
+) -> list[tuple[Any, ...]]:
+    """The rows of a query file that reads from the Arrow table `rows`."""
+    con.register("rows", rows)
+    try:
+        return run_sql(con, name, parameters).fetchall()
+    finally:
+        con.unregister("rows")
+
+
 def load_rows(con: Connection, name: str, rows: pa.Table, parameters: Mapping[str, Any] | None = None) -> None:
     """Run a .sql file that reads from the Arrow table `rows`."""
     con.register("rows", rows)
@@ -240,8 +251,8 @@ def refresh_macros(con: Connection) -> None:
 
 def has_macros(con: Connection) -> bool:
     """Whether a catalog has all macros that this program has: an earlier one may have written it."""
-    stems = (name.removeprefix("macros/").removesuffix(".sql") for name in sql.names("macros"))
-    return all(fetch(con, "has_function", {"name": stem}) for stem in stems)
+    stems = {name.removeprefix("macros/").removesuffix(".sql") for name in sql.names("macros")}
+    return stems == {row["name"] for row in fetch(con, "functions_among", {"names": sorted(stems)})}
 
 
 def bring_macros(lake: Lake) -> None:

@@ -198,7 +198,7 @@ def shard_of(root: Root, files: Sequence[SourceFile], config: LakeConfig, allowe
     key = frames_key(root.dataset, shaping_hash, [(f.path, f.content_hash) for f in files])
     spec = {
         "base": root.kept_base,
-        "files": [asdict(f) for f in files],
+        "files": [f._asdict() for f in files],
         "options": asdict(root.options),
         "config": asdict(config.frames),
         "rigs": asdict(config.of(RigsConfig)),

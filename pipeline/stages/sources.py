@@ -5,16 +5,19 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from array import array
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass, fields
+from itertools import accumulate
 from pathlib import Path
 from typing import Any, Final, NamedTuple, TypeAlias
 
+import pyarrow as pa
 from motionlake.errors import ClipError, UserError
 from motionlake.formats import clip_by_name, companions, is_clip, may_have_companions
 from motionlake.formats.limits_config import Limits, raised
-from motionlake.lake.catalog import Connection, fetch, run_sql
+from motionlake.lake.catalog import Connection, fetch, rows_of
 from motionlake.lake.citations import Source, source_from
 from motionlake.lake.config import LakeConfig, config_hash
 from motionlake.lake.layout import Lake
@@ -167,8 +170,7 @@ def options_from(kept: Mapping[str, Any]) -> IngestOptions:
     return IngestOptions(**{**known, "ignored": tuple(kept.get("ignored", ())), "source": source})
 
 
-@dataclass(frozen=True, slots=True)
-class SourceFile:
+class SourceFile(NamedTuple):
     """A clip file found in a root: its path as the lake keeps it; `content_hash` is empty until it was needed."""
 
     path: str
@@ -199,18 +201,13 @@ class Difference:
 
 
 class _Known(NamedTuple):
-    """What the lake knows of a source file; the columns of the query `sources_of`."""
+    """What the lake knows of a file that differs; the columns of the query `files_that_differ`, None for a new one."""
 
-    path: str
-    root: str
-    size: int
-    mtime_ns: int
-    content_hash: str
-    config_hash: str
-
-
-def _known(con: Connection, dataset: str) -> Iterator[_Known]:
-    return map(_Known._make, run_sql(con, "sources_of", {"dataset": dataset}).fetchall())
+    root: str | None
+    size: int | None
+    mtime_ns: int | None
+    content_hash: str | None
+    config_hash: str | None
 
 
 def scan(root: Path, lake: Lake) -> Iterator[SourceFile]:
@@ -289,41 +286,47 @@ def compare(
         )
     ignored = frozenset(root.options.ignored)
     found = [file for file in scan(root.folder, lake) if file.path not in ignored]
-    known = {old.path: old for old in _known(con, root.dataset)}
-    for file in found:
-        owner = known[file.path].root if file.path in known else base
-        if owner != base:
+    rejects = fetch(con, "rejects_of", {"dataset": root.dataset})
+    retried = [r["path"] for r in rejects if retry_failed or raised(r["reason"], allowed)]
+    listed = _rows(found)
+    given = {"dataset": root.dataset, "root": base}
+    asked = {**given, "shaping_hash": shaping_hash, "retried": retried, "checksum": checksum}
+    differing = {path: _Known(*rest) for path, *rest in rows_of(con, "files_that_differ", listed, asked)}
+    suspects = [file for file in found if file.path in differing]
+    for file in suspects:
+        owner = differing[file.path].root
+        if owner not in (None, base):
             raise UserError(
                 f"{root.root}/{file.path}: dataset {root.dataset} holds a clip of this path from {owner}; "
                 "give this folder a dataset of its own (--dataset NAME)"
             )
-    rejects = fetch(con, "rejects_of", {"dataset": root.dataset})
-    retried = {r["path"] for r in rejects if retry_failed or raised(r["reason"], allowed)}
-
-    def read_before(file: SourceFile) -> _Known | None:
-        """What the lake knows of a file that is not to be read again whatever it holds."""
-        old = known.get(file.path)
-        return None if old is None or file.path in retried or old.config_hash != shaping_hash else old
-
-    def stands(file: SourceFile) -> bool:
-        old = read_before(file)
-        return old is not None and old.size == file.size and old.mtime_ns == file.mtime_ns
+    read_again = set(retried)
 
     def same(file: SourceFile) -> bool:
-        old = read_before(file)
-        return old is not None and old.content_hash == file.content_hash
+        """Whether it was read by the rigs and options of now as the bytes that it holds, and not in vain."""
+        old = differing[file.path]
+        shaped = old.config_hash == shaping_hash and file.path not in read_again
+        return shaped and old.content_hash == file.content_hash
 
-    suspects = [file for file in found if checksum or not stands(file)]
     hashed = list(_hashed(folder, suspects, allowed.file_bytes, progress))
     changed = [file for file in hashed if not same(file)]
-    touched = [f for f in hashed if same(f) and not stands(f)]
-    kept = [old for f in changed if (old := known.get(f.path)) and old.content_hash == f.content_hash]
-    again = [old.config_hash for old in kept if old.config_hash != shaping_hash]
-    present = {f.path for f in found}
-    ours = (p for p, old in known.items() if old.root == base and p not in present)
-    gone = sorted(p for p in ours if not (folder / on_disk(p)).exists())
+    moved = (file for file in hashed if same(file))
+    touched = [f for f in moved if (f.size, f.mtime_ns) != (differing[f.path].size, differing[f.path].mtime_ns)]
+    kept = [old for f in changed if (old := differing[f.path]).content_hash == f.content_hash]
+    again = [old.config_hash for old in kept if old.config_hash is not None and old.config_hash != shaping_hash]
+    gone = [path for (path,) in rows_of(con, "files_not_found", listed, given) if not (folder / on_disk(path)).exists()]
     unchanged = len(found) - len(changed)
     return Difference(changed, touched, unchanged, gone, len(again), again[0] if again else "")
+
+
+def _rows(found: Sequence[SourceFile]) -> pa.Table:
+    """Files as queries read them; of buffers, since `pa.array` first imports pandas."""
+    paths = [file.path.encode() for file in found]
+    offsets = array("i", accumulate(map(len, paths), initial=0))
+    text = pa.Array.from_buffers(pa.string(), len(found), [None, pa.py_buffer(offsets), pa.py_buffer(b"".join(paths))])
+    numbers = (array("q", [file.size for file in found]), array("q", [file.mtime_ns for file in found]))
+    rest = [pa.Array.from_buffers(pa.int64(), len(found), [None, pa.py_buffer(column)]) for column in numbers]
+    return pa.Table.from_arrays([text, *rest], names=["path", "size", "mtime_ns"])
 
 
 def _hashed(base: Path, files: list[SourceFile], most: int, progress: Hashing | None) -> Iterator[SourceFile]:

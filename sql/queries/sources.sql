@@ -7,6 +7,18 @@ SELECT count(*)::BIGINT AS sources FROM sources;
 -- name: sources_of
 SELECT path, root, size, mtime_ns, content_hash, config_hash FROM sources WHERE dataset = $dataset;
 
+-- name: files_that_differ
+-- Of the files found in a folder (`rows`), what the lake knows of those that it does not know as they are, or that are
+-- looked into whatever it knows: all of them, or those that were rejected.
+SELECT r.path, s.root, s.size, s.mtime_ns, s.content_hash, s.config_hash
+FROM rows r LEFT JOIN sources s ON s.dataset = $dataset AND s.path = r.path
+WHERE $checksum OR s.path IS NULL OR s.root <> $root OR s.config_hash <> $shaping_hash
+    OR s.size <> r.size OR s.mtime_ns <> r.mtime_ns OR r.path IN (SELECT unnest($retried::VARCHAR[]));
+
+-- name: files_not_found
+-- Of the files that were taken in from a folder, those that were not found there (`rows`).
+SELECT path FROM sources s ANTI JOIN rows r USING (path) WHERE s.dataset = $dataset AND s.root = $root ORDER BY path;
+
 -- name: load_sources
 INSERT INTO sources BY NAME FROM rows ORDER BY dataset, path;
 
