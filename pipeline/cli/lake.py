@@ -15,7 +15,7 @@ from motionlake.errors import UserError
 from motionlake.lake import layout
 from motionlake.lake.catalog import SCHEMA_VERSION, check_no_lake, create_catalog, fetch, has_macros
 from motionlake.lake.config import default_toml, load_config
-from motionlake.lake.integrity import listed_in, touched_faults
+from motionlake.lake.integrity import faults_of_now
 from motionlake.lake.lock import locked
 from motionlake.lake.parts import replacing
 from motionlake.stopping import held
@@ -114,7 +114,7 @@ def status(
                 f"{target.root}: an earlier motionlake wrote it; `motionlake run all` adds what metrics need"
             )
         metrics = fetch(at.con, "status_metrics") if as_metrics else []
-        damaged = [{"file": f.file, "fault": wrong} for f, wrong in touched_faults(target, listed_in(at.con).values())]
+        damaged = [{"file": f.file, "fault": wrong} for f, wrong in faults_of_now(target)]
     # A stage that is made when asked for by name is not due before it was.
     known = {*ALL, *done, *(SYNTH.name for m in models if m["model"].startswith(GENERATOR.name))}
     wanted = {s: due[s] if s in known else None for s in ALL + BY_NAME}

@@ -22,7 +22,7 @@ from typing import Final
 
 import pyarrow as pa
 from motionlake.errors import DamagedError
-from motionlake.lake.catalog import Connection, fetch, load_rows, reading, table_of
+from motionlake.lake.catalog import Connection, load_rows, reading, run_sql, table_of
 from motionlake.lake.layout import Lake
 from motionlake.lake.working import version
 
@@ -101,7 +101,7 @@ def _blocks(handle: FileIO) -> Iterator[memoryview]:
 
 def listed_in(con: Connection) -> dict[str, FileSums]:
     """Every file that a catalog lists."""
-    return {row["file"]: FileSums(**row) for row in fetch(con, "files")}
+    return {file: FileSums(file, *rest) for file, *rest in run_sql(con, "files").fetchall()}
 
 
 def list_files(con: Connection, files: Iterable[FileSums]) -> None:
@@ -188,13 +188,18 @@ def touched_faults(lake: Lake, wanted: Iterable[FileSums]) -> list[tuple[FileSum
     return found
 
 
+def faults_of_now(lake: Lake) -> list[tuple[FileSums, str]]:
+    """`touched_faults` of every file that the catalog lists which this process reads now."""
+    return touched_faults(lake, _listed(lake).values())
+
+
 def check_files(lake: Lake) -> None:
     """One look at every file of a lake, before work starts from them.
 
     Raises:
         DamagedError: some are missing, have another size, or were touched and hold other bytes.
     """
-    faults = touched_faults(lake, _listed(lake).values())
+    faults = faults_of_now(lake)
     if faults:
         more = f", and {len(faults) - 1} files more are damaged or missing" if len(faults) > 1 else ""
         raise DamagedError(damage(lake, faults[0][0].file, faults[0][1] + more))

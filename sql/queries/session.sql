@@ -38,6 +38,10 @@ SELECT coalesce(max(version), 0) AS version FROM schema_version;
 -- name: set_schema_version
 INSERT INTO schema_version VALUES ($version);
 
+-- name: functions_among
+SELECT DISTINCT function_name AS name FROM duckdb_functions()
+WHERE function_name IN (SELECT unnest($names::VARCHAR[]));
+
 -- name: has_function
 -- Connections of a process to one catalog share the functions that the first of them made.
 SELECT 1 FROM duckdb_functions() WHERE function_name = $name LIMIT 1;
