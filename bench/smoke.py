@@ -136,7 +136,7 @@ SMOKES: Final[Sequence[Smoke]] = (
     Smoke("bench.nights", ("--first", "6", "--nights", "2", "--clips", "2", "--seconds", "4", "--every", "1")),
     Smoke("bench.worker_scaling", ("--clips", "4", "8", "--tasks", "50"), {
           "bench.worker_scaling.STAGES": ("frames", "words"), "bench.worker_scaling.WARMING": 2}),
-    Smoke("bench.whole_lake", ("OUT/whole", "--clips", "4", "--together", "2", "--workers", "1"), {
+    Smoke("bench.whole_lake", ("OUT/whole", "--clips", "4", "--together", "2", "--workers", "1", "--again", "1"), {
           "bench.whole_lake.ALL": ("frames", "words"), "bench.whole_lake.NIGHTLY": 1}),
     Smoke("bench.window_search", ("--clips", "6", "--queries", "2", "--rounds", "1"),
           {"motionlake.stages.windows.MOST": 1}),

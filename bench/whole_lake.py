@@ -9,7 +9,8 @@ them, and of the training of its model. Writing the clips is measured by itself.
 in a new process.
 
 FOLDER keeps the lake and what was measured: a run that was interrupted goes on there, with the step that it was in.
-A finished lake is there for `python -m bench.scale_search --folder FOLDER`.
+A finished lake is there for `python -m bench.scale_search --folder FOLDER`, and for `--again N`, which asks these last
+things of it N times more, each time with a night of other clips.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ import json
 import os
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from itertools import pairwise
 from pathlib import Path
@@ -110,16 +111,37 @@ def measure(given: argparse.Namespace, folder: Path) -> dict[str, Any]:
         empty(clips)
     steps.take("run all", partial(command, log, "run", "all", *options))
     steps.take("stages", partial(seconds_of_stages, lake))
-    steps.take("nothing due", partial(command, log, "run", "all", *options))
-    steps.take("status", partial(command, log, "status", "--lake", lake))
-    night = folder / "night"
-    if not night.exists():
-        write_long_clips(read_recordings(recordings()), given.clips, given.clips + NIGHTLY, night)
-    steps.take("night, ingest", partial(command, log, "ingest", night, *options))
-    steps.take("night, run", partial(command, log, "run", "all", *options))
-    query = next(path.relative_to(night).as_posix() for path in sorted(night.rglob("*.bvh")))
-    steps.take("search", partial(command, log, "search", f"night/{query}", "--lake", lake))
+    for name, words in questions(given, folder, "night").items():
+        steps.take(name, partial(command, log, *words))
     return steps.done
+
+
+def questions(given: argparse.Namespace, folder: Path, night: str, nights: int = 0) -> dict[str, Sequence[str | Path]]:
+    """Commands for a finished lake, by name; first the clips of a night are written, which comes after so many."""
+    lake, clips = folder / "lake", folder / night
+    if not clips.exists():
+        first = given.clips + nights * NIGHTLY
+        write_long_clips(read_recordings(recordings()), first, first + NIGHTLY, clips)
+    query = next(path.relative_to(clips).as_posix() for path in sorted(clips.rglob("*.bvh")))
+    options = ("--lake", lake, *(("--workers", str(given.workers)) if given.workers else ()))
+    return {
+        "nothing due": ("run", "all", *options), "status": ("status", "--lake", lake),
+        "night, ingest": ("ingest", clips, *options), "night, run": ("run", "all", *options),
+        "search": ("search", f"{night}/{query}", "--lake", lake),
+    }  # fmt: skip
+
+
+def measure_again(given: argparse.Namespace, folder: Path) -> dict[str, Any]:
+    """What `questions` cost, `--again` times, by name: seconds, and the most memory that their processes held."""
+    found: dict[str, dict[str, list[float]]] = {}
+    for _ in range(given.again):
+        nights = len(list(folder.glob("night*")))
+        for name, words in questions(given, folder, f"night{nights:02}", nights).items():
+            used = command(folder / "log", *words)
+            print(f"{name}: {used['seconds']:.1f} s, {used['together_mib']:.0f} MiB", flush=True)
+            for what in ("seconds", "together_mib"):
+                found.setdefault(name, {}).setdefault(what, []).append(used[what])
+    return found
 
 
 def seconds_of_stages(lake: Path) -> dict[str, float]:
@@ -161,6 +183,7 @@ def main() -> None:
     parser.add_argument("--workers", type=int, help="of every command (default: as it chooses)")
     parser.add_argument("--processes", type=int, default=os.cpu_count() or 1, help="that write clips")
     parser.add_argument("--write", type=int, nargs=2, help=argparse.SUPPRESS)  # what a child process does
+    parser.add_argument("--again", type=int, default=0, help="times that a finished lake is asked again")
     given = parser.parse_args()
     if given.write:
         first, stop = given.write
@@ -168,8 +191,16 @@ def main() -> None:
         return
     given.folder = given.folder.absolute()
     given.folder.mkdir(parents=True, exist_ok=True)
+    if not given.again or not (given.folder / "lake").exists():
+        index(given, given.folder)
+    if given.again:
+        again(given, given.folder)
+
+
+def index(given: argparse.Namespace, folder: Path) -> None:
+    """Measure all steps, and record them."""
     with orphans_adopted():
-        figures = summary(measure(given, given.folder), given.folder / "lake")
+        figures = summary(measure(given, folder), folder / "lake")
     for stage, found in figures["by_stage"].items():
         print(f"{stage:12s} {found['worker_seconds']:8.1f} s of a worker")
     print(
@@ -177,6 +208,13 @@ def main() -> None:
         f"{figures['times_real_time']:.0f} times real time, at most {figures['together_mib']:.0f} MiB"
     )
     print(record("whole-lake", {"clips": given.clips, "workers": given.workers, **figures}))
+
+
+def again(given: argparse.Namespace, folder: Path) -> None:
+    """Ask a finished lake again, and record what that cost."""
+    with orphans_adopted():
+        asked = measure_again(given, folder)
+    print(record("whole-lake-again", {"clips": given.clips, "workers": given.workers, "asked": asked}))
 
 
 if __name__ == "__main__":
