@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     import duckdb
 
 
-# What a writer holds would grow with the lake; with 96 MiB the tables of 4,000 clips are still made.
-MOST_TO_WRITE: Final = 1024 * MIB
+# What a writer holds would grow with the lake. 256 MiB are enough to enter the signatures of 142,220 clips.
+MOST_TO_WRITE: Final = 512 * MIB
 
 
 def elsewhere() -> dict[str, Any]:
