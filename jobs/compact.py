@@ -52,7 +52,7 @@ def compact(session: Session, most: int = CLIPS, *, vacuum: bool = False, keep: 
     superseded ones of each kind. Replaced files go as the session ends, or once nobody reads the lake.
     """
     lake = session.lake
-    with lake_reader(lake, session.config) as at:
+    with session.reader() as at:
         planned = plan(at, most)
         models = superseded(at.con, keep) if vacuum else []
     before, catalog = _counted(lake), lake.catalog.stat().st_size

@@ -10,6 +10,9 @@ from pathlib import Path
 
 import pytest
 from motionlake import memory
+from motionlake.lake.catalog import create_catalog, reading, writing
+from motionlake.lake.host import MOST_TO_WRITE
+from motionlake.lake.layout import Lake
 from motionlake.memory import ADDRESSES, DRIVER_BYTES, MIB, WORKER_BYTES
 
 from tests.lakes import made_clips
@@ -69,6 +72,17 @@ def test_errors_for_want_of_memory_are_known(monkeypatch: pytest.MonkeyPatch) ->
     assert not memory.shortage(ValueError("another fault"))
     assert memory.for_duckdb()["memory_limit"] == memory.for_duckdb(4096 * memory.MIB)["memory_limit"] == "1023MiB"
     assert memory.for_duckdb(96 * memory.MIB)["memory_limit"] == "96MiB"
+
+
+def test_a_writer_is_bounded_and_a_reader_is_not(tmp_path: Path) -> None:
+    lake = Lake(tmp_path / "lake")
+    create_catalog(lake)
+    asked = "SELECT current_setting('memory_limit')"
+    with reading(lake) as con:
+        (free,) = con.execute(asked).fetchall()[0]
+    with writing(lake) as con:
+        assert con.execute(asked).fetchall() == [(f"{MOST_TO_WRITE / MIB:.1f} MiB",)]
+    assert free != f"{MOST_TO_WRITE / MIB:.1f} MiB"
 
 
 def ingest(folder: Path, limit: int) -> subprocess.CompletedProcess[str]:

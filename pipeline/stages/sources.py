@@ -28,6 +28,7 @@ from motionlake.names import folded, kept, on_disk
 UPS = ("x", "y", "z", "-x", "-y", "-z")
 FRAMES_VERSION = 1
 HASHED_TOGETHER = 256
+LATEST: Final = (1 << 63) - 1  # the last date that the catalog can hold, in 2262
 Hashing: TypeAlias = Callable[[int, int], None]  # told of (files hashed, all files)
 
 
@@ -236,7 +237,7 @@ def _source_file(path: str, relative: str, more: Iterable[Path] = ()) -> SourceF
             size, newest = size + stats.st_size, max(newest, stats.st_mtime_ns)
     except OSError:  # a link to nothing: the reader says so, and the file is rejected
         return SourceFile(kept(relative), 0, 0)
-    return SourceFile(kept(relative), size, newest)
+    return SourceFile(kept(relative), size, min(newest, LATEST))
 
 
 def _companions(path: Path) -> list[Path]:
@@ -287,10 +288,10 @@ def compare(
     ignored = frozenset(root.options.ignored)
     found = [file for file in scan(root.folder, lake) if file.path not in ignored]
     rejects = fetch(con, "rejects_of", {"dataset": root.dataset})
-    retried = [r["path"] for r in rejects if retry_failed or raised(r["reason"], allowed)]
+    retried = {r["path"] for r in rejects if retry_failed or raised(r["reason"], allowed)}
     listed = _rows(found)
     given = {"dataset": root.dataset, "root": base}
-    asked = {**given, "shaping_hash": shaping_hash, "retried": retried, "checksum": checksum}
+    asked = {**given, "shaping_hash": shaping_hash, "retried": list(retried), "checksum": checksum}
     differing = {path: _Known(*rest) for path, *rest in rows_of(con, "files_that_differ", listed, asked)}
     suspects = [file for file in found if file.path in differing]
     for file in suspects:
@@ -300,12 +301,11 @@ def compare(
                 f"{root.root}/{file.path}: dataset {root.dataset} holds a clip of this path from {owner}; "
                 "give this folder a dataset of its own (--dataset NAME)"
             )
-    read_again = set(retried)
 
     def same(file: SourceFile) -> bool:
         """Whether it was read by the rigs and options of now as the bytes that it holds, and not in vain."""
         old = differing[file.path]
-        shaped = old.config_hash == shaping_hash and file.path not in read_again
+        shaped = old.config_hash == shaping_hash and file.path not in retried
         return shaped and old.content_hash == file.content_hash
 
     hashed = list(_hashed(folder, suspects, allowed.file_bytes, progress))
