@@ -154,8 +154,8 @@ bench-browser: setup ## Measure the grid of the browser application in a lake of
 bench-stages: setup ## Measure what every stage costs a frame, by lakes of more and more clips as long as BONES-SEED's
 	$(BIN)/python -m bench.stages_cost
 
-bench-whole: setup ## Measure a repository of CLIPS=n (142,220) clips indexed whole in FOLDER=folder (hours; it goes on there)
-	$(BIN)/python -m bench.whole_lake "$(FOLDER)" $(if $(CLIPS),--clips $(CLIPS))
+bench-whole: setup ## Measure a repository of CLIPS=n (142,220) clips indexed whole in FOLDER=folder (hours; it goes on there; AGAIN=n asks that lake again)
+	$(BIN)/python -m bench.whole_lake "$(FOLDER)" $(if $(CLIPS),--clips $(CLIPS)) $(if $(AGAIN),--again $(AGAIN))
 
 bench-workers: setup ## Measure how stages scale over one and two workers, and simulate up to 64
 	$(BIN)/python -m bench.worker_scaling

@@ -25,7 +25,7 @@ import numpy as np
 from motionlake.arrays import Float64Array
 from motionlake.jobs.run import run
 from motionlake.jobs.session import session
-from motionlake.lake.catalog import reading
+from motionlake.lake.catalog import fetch, reading
 from motionlake.lake.layout import Lake
 from motionlake.lake.settings import served_config
 from motionlake.motion.moves_index import floored
@@ -109,7 +109,7 @@ def measure(lake: Lake, queries: int, seed: int) -> dict[str, Any]:
 def clips_in(lake: Lake) -> int:
     """How many clips a lake holds, which need not be what was asked for."""
     with reading(lake) as con:
-        return int(con.execute("SELECT count(*) FROM clips").fetchall()[0][0])
+        return int(fetch(con, "count_clips")[0]["clips"])
 
 
 def drawn(lake: Lake, count: int, seed: int) -> list[str]:

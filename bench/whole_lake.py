@@ -103,7 +103,7 @@ def empty(folder: Path) -> None:
 def measure(given: argparse.Namespace, folder: Path) -> dict[str, Any]:
     """All steps that are not done yet."""
     steps, lake, log = Steps(folder), folder / "lake", folder / "log"
-    options = ("--lake", lake, *(("--workers", str(given.workers)) if given.workers else ()))
+    options = options_of(given, folder)
     for shard, first in enumerate(range(0, given.clips, given.together)):
         clips, stop = folder / f"clips{shard:02}", min(given.clips, first + given.together)
         steps.take(f"write {shard}", partial(write, first, stop, clips, given.processes))
@@ -116,6 +116,11 @@ def measure(given: argparse.Namespace, folder: Path) -> dict[str, Any]:
     return steps.done
 
 
+def options_of(given: argparse.Namespace, folder: Path) -> Sequence[str | Path]:
+    """What every command that writes is told."""
+    return ("--lake", folder / "lake", *(("--workers", str(given.workers)) if given.workers else ()))
+
+
 def questions(given: argparse.Namespace, folder: Path, night: str, nights: int = 0) -> dict[str, Sequence[str | Path]]:
     """Commands for a finished lake, by name; first the clips of a night are written, which comes after so many."""
     lake, clips = folder / "lake", folder / night
@@ -123,7 +128,7 @@ def questions(given: argparse.Namespace, folder: Path, night: str, nights: int =
         first = given.clips + nights * NIGHTLY
         write_long_clips(read_recordings(recordings()), first, first + NIGHTLY, clips)
     query = next(path.relative_to(clips).as_posix() for path in sorted(clips.rglob("*.bvh")))
-    options = ("--lake", lake, *(("--workers", str(given.workers)) if given.workers else ()))
+    options = options_of(given, folder)
     return {
         "nothing due": ("run", "all", *options), "status": ("status", "--lake", lake),
         "night, ingest": ("ingest", clips, *options), "night, run": ("run", "all", *options),
