@@ -155,7 +155,8 @@ def test_a_folder_is_compared_with_the_lake_as_file_by_file(tmp_path: Path, seed
     rng = Random(seed)
     root, lake = tmp_path / "clips", Lake(tmp_path / "lake")
     (root / "é").mkdir(parents=True)
-    known, rejects = [], []
+    known: list[dict[str, Any]] = []
+    rejects: list[dict[str, Any]] = []
     for number in range(rng.choice((0, 1, 30))):
         path = rng.choice(("", "é/")) + f"ü{number}.bvh"
         (root / path).write_text(f"{number}" * (number + 1), encoding="utf-8")
