@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.compute as pc
 from motionlake.arrays import Float32Array
 from motionlake.columns import numbers
 from motionlake.deep_motifs.signatures import Corpus, CorpusClip
@@ -59,5 +58,7 @@ def read_descriptors(con: Connection) -> tuple[list[CorpusClip], Float32Array]:
 
 def _vectors(rows: pa.Table, column: str, width: int) -> tuple[list[CorpusClip], Float32Array]:
     # Not `to_numpy`, which imports pandas.
+    import pyarrow.compute as pc
+
     flat = np.array(np.from_dlpack(pc.list_flatten(rows[column]).combine_chunks()))
     return [CorpusClip(**row) for row in rows.drop_columns([column]).to_pylist()], flat.reshape(len(rows), width)

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.compute as pc
 import pyarrow.parquet as pq
 from motionlake.columns import matrix_of
 from motionlake.errors import UserError
@@ -229,6 +228,8 @@ def runs(table: pa.Table) -> Iterator[tuple[str, pa.Table]]:
 
 def runs_of(column: pa.ChunkedArray) -> Iterator[tuple[str, slice]]:
     """(value, its rows) of every run of equal values."""
+    import pyarrow.compute as pc  # takes longer to import than all else here, and who only plans needs none of it
+
     encoded = pc.run_end_encode(column.combine_chunks())
     stops = encoded.run_ends.to_pylist()
     yield from zip(encoded.values.to_pylist(), map(slice, [0, *stops[:-1]], stops), strict=True)

@@ -15,10 +15,9 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from contextvars import ContextVar
-from dataclasses import asdict, dataclass
 from io import FileIO
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 import pyarrow as pa
 from motionlake.errors import DamagedError
@@ -34,8 +33,7 @@ _TOGETHER: Final = 1 << 26  # bytes from which on several threads compare them s
 WHOLE: Final = 1 << 30  # bytes of a folder up to which all of them are compared before SQL reads it: a quarter second
 
 
-@dataclass(frozen=True)
-class FileSums:
+class FileSums(NamedTuple):
     """A file as it was written.
 
     Attributes:
@@ -101,12 +99,12 @@ def _blocks(handle: FileIO) -> Iterator[memoryview]:
 
 def listed_in(con: Connection) -> dict[str, FileSums]:
     """Every file that a catalog lists."""
-    return {file: FileSums(file, *rest) for file, *rest in run_sql(con, "files").fetchall()}
+    return {row[0]: FileSums._make(row) for row in run_sql(con, "files").fetchall()}
 
 
 def list_files(con: Connection, files: Iterable[FileSums]) -> None:
     """Enter files as they were written just now, within the caller's transaction."""
-    load_rows(con, "add_files", table_of([asdict(file) for file in files], FILE_ROWS))
+    load_rows(con, "add_files", table_of([file._asdict() for file in files], FILE_ROWS))
 
 
 def stat_fault(lake: Lake, wanted: FileSums) -> str | None:

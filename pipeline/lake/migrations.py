@@ -197,7 +197,7 @@ def _enter_files(lake: Lake, con: Connection) -> None:
     missing = next((name for name in names if not lake.path(name).is_file()), None)
     if missing is not None:
         raise UserError(f"{lake.path(missing)}: is missing; put back a copy")
-    load_rows(con, "migrations/2_to_3.sql", table_of([asdict(sums_of(lake, name)) for name in names], FILE_ROWS))
+    load_rows(con, "migrations/2_to_3.sql", table_of([sums_of(lake, name)._asdict() for name in names], FILE_ROWS))
 
 
 STEPS: Final[Mapping[int, Step]] = {

@@ -34,7 +34,7 @@ from motionlake.stages.frames import first_body
 from motionlake.stages.motif_model import MOTIF_MODEL, read_motifs
 from motionlake.stages.reader import LakeReader
 from motionlake.stages.word_network import WORD_NETWORK
-from motionlake.stages.words import features_files, read_features
+from motionlake.stages.words import WORDS, read_features
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
@@ -112,8 +112,8 @@ def features_of_clips(con: Connection, lake: Lake, config: WordConfig, clips: Se
     Raises:
         UserError: the lake has no words of one of them yet.
     """
-    parts = {clip: fetch(con, "clip", {"clip": clip})[0]["part"] for clip in clips}
-    files = features_files(con, config)
+    parts = {row["clip"]: row["part"] for row in fetch(con, "parts_of", {"clips": list(clips)})}
+    files = WORDS.files_of(con, parts.values(), (config,))
     found: dict[str, Float32Array] = {}
     for part in sorted(set(parts.values())):
         if is_listed(lake, files[part]):

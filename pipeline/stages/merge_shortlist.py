@@ -6,7 +6,6 @@ import json
 import os
 import shutil
 from collections.abc import Sequence
-from dataclasses import replace
 
 import pyarrow as pa
 from motionlake.lake.catalog import fetch, load_rows, table_of
@@ -43,7 +42,7 @@ def follow_shortlist(before: LakeReader) -> Follow | None:
                 written.append(sums_of(after.lake, target))
             else:
                 _link(after.lake, file, target)
-                written.append(replace(listed[file], file=target))
+                written.append(listed[file]._replace(file=target))
         size, files = sum(file.size for file in written), [file.file for file in written]
         (clips,) = fetch(after.con, "count_clips")
         rows = table_of([replaced(shard, clips["clips"], size, files)], REPLACED_ROWS)

@@ -14,7 +14,6 @@ import pyarrow as pa
 from motionlake.columns import numbers, read_parquet
 from motionlake.lake import frames
 from motionlake.lake.catalog import Connection, fetch
-from motionlake.lake.config import config_hash
 from motionlake.lake.integrity import is_listed, sound
 from motionlake.lake.layout import Lake
 from motionlake.lake.loaded import loaded
@@ -23,7 +22,7 @@ from motionlake.motion.features import word_features
 from motionlake.stages.part_clips import clips_of_shard
 from motionlake.stages.posture_dictionary import POSTURE_DICTIONARY
 from motionlake.stages.reader import LakeReader
-from motionlake.stages.stage import PART_KEYS, Part, PartStage, Shard, clips_of, frames_parts, part_keys
+from motionlake.stages.stage import PART_KEYS, Part, PartStage, Shard, clips_of, part_keys
 from numpy.typing import NDArray
 
 ROWS = pa.schema([*PART_KEYS, ("symbol", pa.int32())])
@@ -56,18 +55,11 @@ class Postures(PartStage):
 POSTURES: Final = Postures()
 
 
-def codes_files(con: Connection, dictionary: Path) -> dict[str, str]:
-    """Of every live frames part the part of its codes by a dictionary, relative to the lake, there yet or not."""
-    weights = file_hash(dictionary)
-    keys = {p.part: config_hash(POSTURES.name, POSTURES.version, p.key, weights) for p in frames_parts(con)}
-    return {part: POSTURES.file(key) for part, key in keys.items()}
-
-
 def codes_of_clips(con: Connection, lake: Lake, model: str, clips: Sequence[str]) -> dict[str, NDArray[np.int32]]:
     """[T] symbols of the postures of clips by a dictionary, parts read once; without clips that are being recoded."""
     dictionary = fetch(con, "model_file", {"model": model})[0]["file"]
-    files = codes_files(con, sound(lake, dictionary))
     parts = {row["clip"]: row["part"] for row in fetch(con, "parts_of", {"clips": list(clips)})}
+    files = POSTURES.files_of(con, parts.values(), (file_hash(sound(lake, dictionary)),))
     found: dict[str, NDArray[np.int32]] = {}
     for part in sorted(set(parts.values())):
         if is_listed(lake, files[part]):

@@ -9,11 +9,11 @@ from __future__ import annotations
 import hashlib
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import pyarrow as pa
 from motionlake.lake.catalog import Connection, fetch, run_sql
@@ -152,8 +152,7 @@ class ShardStage(Stage):
         """Enter finished shards into the catalog, within the caller's transaction."""
 
 
-@dataclass(frozen=True)
-class Part:
+class Part(NamedTuple):
     """One live frames part and the key that a stage's result for it must have.
 
     Attributes:
@@ -186,17 +185,25 @@ def clips_of(con: Connection, part: str) -> list[str]:
     return [r["clip"] for r in fetch(con, "part_clips", {"part": part})]
 
 
-@lru_cache(maxsize=1 << 18)  # a command that finds nothing due asks for the key of every part a dozen times
-def _key(stage: str, version: int, upstream: str, shaping: str) -> str:
-    """`config_hash` of a stage, its version, what it reads and the values whose canonical JSON is `shaping`."""
-    before, after = _around(stage, version, shaping)
-    return hashlib.sha256(f"{before}{canonical_json(upstream)}{after}".encode()).hexdigest()
+class _Keys(dict[str, str]):
+    """What `config_hash` gives of a stage, its version, the key of what it reads and the values whose canonical JSON is
+    `shaping`, by that key; each worked out once, for a command asks a dozen times for those of all parts."""
+
+    def __init__(self, stage: str, version: int, shaping: str) -> None:
+        super().__init__()
+        self._before = f"{canonical_json([stage, version])[:-1]},"
+        self._after = "]" if shaping == "[]" else f",{shaping[1:]}"
+
+    def __missing__(self, upstream: str) -> str:
+        spelled = f"{self._before}{canonical_json(upstream)}{self._after}"
+        self[upstream] = found = hashlib.sha256(spelled.encode()).hexdigest()
+        return found
 
 
 @lru_cache
-def _around(stage: str, version: int, shaping: str) -> tuple[str, str]:
-    """What stands before and after the key of what a stage reads, in the JSON that its keys are hashes of."""
-    return f"{canonical_json([stage, version])[:-1]},", "]" if shaping == "[]" else f",{shaping[1:]}"
+def _keys_of(stage: str, version: int, shaping: str) -> _Keys:
+    """Of a stage, for this process."""
+    return _Keys(stage, version, shaping)
 
 
 def part_keys(clip: str, shard: Shard, count: int) -> list[pa.Array]:
@@ -259,13 +266,20 @@ class PartStage(ShardStage):
         shaping = None if above is None else self.shaping(at)
         if above is None or shaping is None:
             return None
-        spelled = canonical_json([plain(value) for value in shaping])
-        keys = (_key(self.name, self.version, p.key, spelled) for p in above)
-        return [Part(p.part, p.dataset, p.clips, p.key, key, p.synthetic) for p, key in zip(above, keys, strict=True)]
+        keys = self._keys(shaping)
+        return [Part(part, dataset, clips, key, keys[key], made) for part, dataset, clips, _, key, made in above]
 
     def key_of(self, upstream: str, shaping: Sequence[Any]) -> str:
         """The key of what the stage makes, given the key of what it reads, and what `shaping` tells."""
-        return _key(self.name, self.version, upstream, canonical_json([plain(value) for value in shaping]))
+        return self._keys(shaping)[upstream]
+
+    def files_of(self, con: Connection, parts: Iterable[str], shaping: Sequence[Any]) -> dict[str, str]:
+        """Of some frames parts what a stage that reads these makes of them, whether it is there yet or not."""
+        keys = fetch(con, "keys_of_parts", {"parts": sorted(set(parts))})
+        return {row["part"]: self.file(self.key_of(row["key"], shaping)) for row in keys}
+
+    def _keys(self, shaping: Sequence[Any]) -> _Keys:
+        return _keys_of(self.name, self.version, canonical_json([plain(value) for value in shaping]))
 
     def plan(self, at: LakeReader) -> list[Shard]:
         done = at.done(self.name)

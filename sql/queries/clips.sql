@@ -49,6 +49,10 @@ SELECT clip, dataset, path FROM clips ORDER BY clip;
 SELECT clip, dataset, label, subject, split, fps, frames, format = 'synthetic' AS synthetic, part FROM clips
 ORDER BY clip;
 
+-- name: some_clips_with_parts
+SELECT clip, dataset, label, subject, split, fps, frames, format = 'synthetic' AS synthetic, part FROM clips
+WHERE clip IN (SELECT unnest($clips::VARCHAR[])) ORDER BY clip;
+
 -- name: clips_admitted
 SELECT clip FROM clips
 WHERE ($dataset::VARCHAR IS NULL OR dataset = $dataset) AND ($split::VARCHAR IS NULL OR split = $split)
@@ -79,6 +83,10 @@ SELECT c.part, c.dataset, any_value(m.key) AS key, count(*)::BIGINT AS clips, su
     bool_and(c.format = 'synthetic') AS synthetic
 FROM clips c JOIN manifest m ON m.stage IN ('frames', 'synthesize') AND m.part = c.part
 GROUP BY ALL ORDER BY c.dataset, c.part;
+
+-- name: keys_of_parts
+SELECT part, any_value(key) AS key FROM manifest
+WHERE stage IN ('frames', 'synthesize') AND part IN (SELECT unnest($parts::VARCHAR[])) GROUP BY part;
 
 -- name: content
 SELECT clip, content_hash FROM clips ORDER BY clip;
