@@ -44,19 +44,26 @@ def query_profile(query: Int32Array, distances: Float32Array) -> Float32Array:
 
 
 @njit(cache=True, nogil=True)
-def query_profiles(queries: Int32Array, text: Int32Array, distances: Float32Array) -> Float32Array:
-    """[c * n * width] flat: `query_profile` of each of c queries [c, length], of the n symbols of a text alone.
+def query_profiles(
+    symbols: Int32Array, starts: Int64Array, lengths: Int64Array, text: Int32Array, distances: Float32Array
+) -> Float32Array:
+    """[c * n * width] flat: `query_profile` of each of c queries, of n symbols of a text alone.
 
-    The place of a symbol in the text stands for it, counted on from query to query.
+    The place of a symbol among these stands for it, counted on from query to query.
+
+    symbols, starts, lengths: query c is `symbols[starts[c] : starts[c] + lengths[c]]`; the longest is the first.
+    text: [n] symbols, each once.
     """
-    count, length = queries.shape
-    width = -(-length // ROWS) * ROWS
-    profiles = np.zeros(count * len(text) * width, dtype=np.float32)
-    for c in range(count):
-        for t in range(len(text)):
-            first = (c * len(text) + t) * width
-            for x in range(length):
-                profiles[first + x] = distances[queries[c, x], text[t]]
+    width = -(-lengths[0] // ROWS) * ROWS
+    profiles = np.zeros(len(lengths) * len(text) * width, dtype=np.float32)
+    far = np.empty(len(distances), dtype=np.float32)
+    for t in range(len(text)):
+        for symbol in range(len(distances)):
+            far[symbol] = distances[symbol, text[t]]
+        for c in range(len(lengths)):
+            first, start = (c * len(text) + t) * width, starts[c]
+            for x in range(lengths[c]):
+                profiles[first + x] = far[symbols[start + x]]
     return profiles
 
 
@@ -89,6 +96,7 @@ def scanner(stride: int, gapped: bool = False) -> Callable[..., None]:
         threshold: np.float32,
         gap: np.float32,
         symbols: Int32Array,
+        rows: Int64Array,
         pieces: Int64Array,
         warm: int,
         full: int,
@@ -101,6 +109,8 @@ def scanner(stride: int, gapped: bool = False) -> Callable[..., None]:
         """Scan pieces of strings, `LANES` at a time.
 
         profile: `query_profile` of a query of `n_rows`.
+        rows: [n] how many of these each piece is aligned with, most first; or of length 0, where all are. Not for
+            Smith-Waterman.
         threshold, gap: `SymbolDistances.scores`.
         pieces: [n, 4] where a piece is scanned from, kept from and stops, and where its least end cost goes, -1 for
             nowhere; longest first.
@@ -131,6 +141,7 @@ def scanner(stride: int, gapped: bool = False) -> Callable[..., None]:
             n_columns = pieces[group, 2] - pieces[group, 0]
             if n_columns == 0:
                 break
+            most_rows = rows[group] if len(rows) else n_rows
             ring[:] = outside
             if len(initial):
                 for lane in range(used):
@@ -144,7 +155,7 @@ def scanner(stride: int, gapped: bool = False) -> Callable[..., None]:
                     columns[k] = ((t - k) % (stride + 1)) * size + stride * LANES
                 above = spread(outside)
                 lowest = spread(ZERO)
-                for x in range(n_rows):
+                for x in range(most_rows):
                     if x % ROWS == 0:
                         load_rows(profile, at, x, nearby)
                     distance = load(nearby, (x % ROWS) * LANES)
@@ -166,6 +177,10 @@ def scanner(stride: int, gapped: bool = False) -> Callable[..., None]:
                     store(ring, columns[0] + row, cost)
                     above = cost
                 store(bottom, t * LANES, lowest if local else above)
+                if len(rows):
+                    for lane in range(used):
+                        last_row = columns[0] + (rows[group + lane] - 1) * LANES + lane
+                        bottom[t * LANES + lane] = ring[last_row]
                 if len(exits) and ((warm - stride <= t < warm) or (full - stride <= t < full)):
                     entering = t < warm
                     states = entries if entering else exits

@@ -29,8 +29,9 @@ Both = Literal["max", "mean", "query"]
 LEAST_COLUMNS: Final = 1024
 MOST_COLUMNS: Final = 4096
 BATCH: Final = 64  # clips that `nearest_strings` searches for in the query at once
-ALIKE: Final = 16 * LANES  # queries of one length whose distances from a string are in memory at once
+ALIKE: Final = 4 * LANES  # queries of about one length whose distances from a string are in memory at once
 _NO_COSTS: Final = np.zeros(0, dtype=np.float32)
+_ALL_ROWS: Final = np.zeros(0, dtype=np.int64)
 _NO_STATES: Final = np.zeros((0, 0, 0), dtype=np.float32)
 
 
@@ -122,7 +123,8 @@ def _pairwise(
 
     costs = np.full((len(strings), len(repository)), np.inf, dtype=np.float32)
     pieces = _whole(repository)
-    kernel, how = scanner(config.reach, config.gaps), (config.local, *ground.scores(config), repository.symbols)
+    kernel = scanner(config.reach, config.gaps)
+    how = (config.local, *ground.scores(config), repository.symbols, _ALL_ROWS)
 
     def work(part: slice) -> None:
         for query, best in zip(strings[part], costs[part], strict=True):
@@ -138,30 +140,34 @@ def _pairwise(
 
 
 def _in_one(
-    queries: Sequence[Int32Array], text: Int32Array, ground: SymbolDistances, config: AlignmentConfig, threads: int
+    queries: Repository, text: Int32Array, ground: SymbolDistances, config: AlignmentConfig, threads: int
 ) -> Float32Array:
-    """[q] the least end cost of each of q queries in one string, as `pairwise`: queries of one length side by side."""
-    lengths = np.array([len(query) for query in queries])
-    if _without_kernel(Repository.of(queries), Repository.of([text]), config):
-        return least_costs(Repository.of(queries), Repository.of([text]), ground.matrix, config.reach)
+    """[q] the least end cost of each of q queries in one string, as `pairwise`: queries of about one length side by
+    side; of one length, by Smith-Waterman."""
+    lengths = queries.lengths
+    if _without_kernel(queries, Repository.of([text]), config):
+        return least_costs(queries, Repository.of([text]), ground.matrix, config.reach)
     from motionlake.pesta.kernels import query_profiles, scanner
 
     costs = np.full(len(queries), np.inf, dtype=np.float32)
+    held, places = np.unique(text, return_inverse=True)
     kernel, how = scanner(config.reach, config.gaps), (config.local, *ground.scores(config))
 
     def work(chosen: Int64Array) -> None:
-        length, starts = int(lengths[chosen[0]]), np.arange(len(chosen), dtype=np.int64) * len(text)
-        profiles = query_profiles(np.stack([queries[at] for at in chosen]), text, ground.matrix)
+        own, starts = lengths[chosen], np.arange(len(chosen), dtype=np.int64) * len(text)
+        profiles = query_profiles(queries.symbols, queries.offsets[chosen], own, held, ground.matrix)
         best = np.full(len(chosen), np.inf, dtype=np.float32)
+        texts = (len(held) * np.arange(len(chosen))[:, None] + places).ravel().astype(np.int32)
         kernel(
-            profiles, length, *how, np.arange(len(chosen) * len(text), dtype=np.int32),
+            profiles, int(own[0]), *how, texts, _ALL_ROWS if config.local else own,
             np.column_stack([starts, starts, starts + len(text), np.arange(len(chosen))]), 0, 0, _NO_STATES, _NO_STATES,
             _NO_STATES, _NO_COSTS, best,
         )  # fmt: skip
         costs[chosen] = best
 
-    equal = [np.flatnonzero(lengths == length) for length in np.unique(lengths)]
-    parts = [group[at : at + ALIKE] for group in equal for at in range(0, len(group), ALIKE)]
+    order = queries.by_length
+    alike = np.split(order, np.flatnonzero(np.diff(lengths[order])) + 1) if config.local else [order]
+    parts = [group[at : at + ALIKE] for group in alike for at in range(0, len(group), ALIKE)]
     in_threads(work, parts, useful_threads(threads, int(lengths.sum()) * len(text)))
     return costs
 
@@ -237,7 +243,7 @@ def nearest_strings(
         bound = float(costs[clips[0]]) * (1.0 if both == "max" else 0.5)
         if len(found) >= k and bound > found[k - 1][0] and not config.local:
             break
-        own = [repository.string(clip) for clip in clips]
+        own = Repository.of([repository.string(clip) for clip in clips])
         back = _in_one(own, symbols, ground, config, threads)
         back /= repository.lengths[clips].astype(np.float32)
         cost = _both_ways(costs[clips], back, both)
@@ -269,7 +275,7 @@ class _Scan:
 
         self._kernel = scanner(config.reach, config.gaps)
         profile = query_profile(query, ground.matrix)
-        self._query = profile, len(query), config.local, *ground.scores(config), symbols
+        self._query = profile, len(query), config.local, *ground.scores(config), symbols, _ALL_ROWS
 
     def __call__(
         self,
