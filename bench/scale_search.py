@@ -102,7 +102,7 @@ def measure(lake: Lake, queries: int, seed: int) -> dict[str, Any]:
     figures["recall"], figures["recall_worst"] = float(np.mean(found)), min(found)
     command = [sys.executable, "-m", "motionlake.cli.main", "search", asked[0], "--lake", str(lake.root), "--json"]
     for name, dropped in (("cold_seconds", False), ("cold_seconds_dropped", True)):
-        figures[name] = [_command(command, lake if dropped else None) for _ in range(COMMANDS)]
+        figures[name] = [timed_command(command, lake if dropped else None) for _ in range(COMMANDS)]
     return figures
 
 
@@ -167,7 +167,7 @@ def warm(lake: Lake, asked: Sequence[str]) -> dict[str, Any]:
     }
 
 
-def _command(words: Sequence[str], dropped: Lake | None) -> dict[str, float]:
+def timed_command(words: Sequence[str], dropped: Lake | None) -> dict[str, float]:
     """Seconds of a command, by the clock and of the processor; the files of a lake may leave the page cache before."""
     if dropped is not None:
         for path in dropped.root.rglob("*"):

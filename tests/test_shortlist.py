@@ -21,22 +21,25 @@ from motionlake.lake.layout import Lake, open_lake
 from motionlake.motion.dtw import clip_dtw, clip_path
 from motionlake.motion.skeleton import COMMON
 from motionlake.motion.sketches import Directions, instants, nearness, searchable
+from motionlake.retrieval import narrowed
+from motionlake.retrieval.chosen import ChosenSearcher
 from motionlake.retrieval.fused import FusedSearcher
 from motionlake.retrieval.hits import Hit
 from motionlake.retrieval.matched import matched_moves
 from motionlake.retrieval.moves import MovesSearcher
 from motionlake.retrieval.protocol import LakeSearcher, Query, Scope
 from motionlake.retrieval.registry import searcher
+from motionlake.retrieval.shortlist import METHODS
 from motionlake.stages import shortlist_moves
 from motionlake.stages.reader import lake_reader
 from motionlake.stages.shortlist import COMPARED, SHORTLIST
-from motionlake.stages.shortlist_files import pieces_in
+from motionlake.stages.shortlist_files import ShortlistFiles, pieces_in
 from motionlake.threads import limited
 
 from tests.lakes import Changed, files, motionlake, query
 from tests.test_newer_models import newer
 
-MODULES = ("stages.graph", "stages.shortlist", "retrieval.fused")
+MODULES = ("stages.graph", "stages.shortlist", "retrieval.fused", "retrieval.lake_shortlist")
 
 
 @pytest.fixture(scope="module")
@@ -130,6 +133,131 @@ def test_few_chosen_clips_hold_the_nearest(large: Path, monkeypatch: pytest.Monk
     with few():
         (hits,) = FusedSearcher(open_lake(large)).search([Query(some(large, 1)[0])], 1000)
     assert len(hits) > 12, "who asks for more gets more"
+
+
+def by_words(lake: Path, method: str, asked: Query, scope: Scope, k: int = 5) -> tuple[list[Hit], list[Hit]]:
+    """Answers inside clips of a large lake, and those of comparing it whole."""
+    with few():
+        (ours,) = searcher("range", method, open_lake(lake)).search([asked], k, scope)
+    (exact,) = searcher("range", method, open_lake(lake), exact=True).search([asked], k, scope)
+    return ours, exact
+
+
+def assert_as_near(ours: list[Hit], every: list[Hit], k: int) -> None:
+    """Clips that are about as far may stand in for one another: moves of a large lake are of half precision."""
+    assert [hit.distance for hit in ours] == pytest.approx([hit.distance for hit in every[:k]], abs=2e-4)
+    known = {hit.clip: hit.distance for hit in every}
+    assert [hit.distance for hit in ours] == pytest.approx([known[hit.clip] for hit in ours], abs=2e-4)
+
+
+SCOPES = (Scope(), Scope(own=True), Scope(mirrored=True), Scope(split="train"), Scope("none"), Scope(below=0.4))
+
+
+@pytest.mark.parametrize("scope", SCOPES, ids=str)
+@pytest.mark.parametrize("method", ["words", "fused"])
+def test_pieces_are_found_as_in_a_small_lake(large: Path, clips_folder: Path, method: str, scope: Scope) -> None:
+    """A part of a clip, a clip and a file; of a large lake "fused" is "words"."""
+    clip, other = some(large, 2)
+    ((frames, fps),) = query(large, "SELECT frames, fps FROM clips WHERE clip = $clip", clip=clip)
+    part = Query(clip, int(0.1 * fps), min(frames, int(1.2 * fps)))
+    for asked in (part, Query(clip), Query(clips_folder / other.partition("/")[2], 0, int(fps))):
+        with few():
+            (ours,) = searcher("range", method, open_lake(large)).search([asked], 5, scope)
+        (exact,) = searcher("range", "words", open_lake(large)).search([asked], 5, scope)
+        assert ours == exact
+
+
+@pytest.mark.parametrize("method", ["alignment", "moves"])
+def test_pieces_in_the_clips_that_words_find_near(large: Path, method: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of all clips the answers are those of comparing the lake; of a few, answers are of these and of the query's."""
+    clip = some(large, 3)[2]
+    ((frames, fps),) = query(large, "SELECT frames, fps FROM clips WHERE clip = $clip", clip=clip)
+    asked = Query(clip, 0, min(frames, int(1.5 * fps)))
+    for scope in (Scope(), Scope(own=True), Scope(mirrored=True), Scope(split="train")):
+        ours, exact = by_words(large, method, asked, scope)
+        assert ours == exact
+    monkeypatch.setitem(narrowed.CLIPS, method, 3)
+    ours, _ = by_words(large, method, asked, Scope(own=True), 3)
+    assert ours[0].clip == clip
+    assert len({hit.clip for hit in ours}) <= 4
+    with few():
+        by = searcher("range", method, open_lake(large))
+        assert isinstance(by, narrowed.NarrowedSearcher)
+        near = by.distances([asked], [asked, Query(clip)])
+        assert near.shape == (1, 2)
+        assert near[0, 0] == pytest.approx(0, abs=1e-4)
+        with pytest.raises(UserError, match=r"too short|at least"):
+            by.search([Query(clip, 0, int(0.4 * fps))], 3)
+
+
+@pytest.mark.parametrize("method", ["signature", "alignment", "moves"])
+def test_one_method_alone(large: Path, clips_folder: Path, method: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Answers are those of comparing every clip, of a clip, a part of one, a file, and each of them mirrored."""
+    clip, other = some(large, 2)
+    ((frames,),) = query(large, "SELECT frames FROM clips WHERE clip = $clip", clip=other)
+    exact = cast(LakeSearcher, searcher("clip", method, open_lake(large), exact=True))
+    with few():
+        by = searcher("clip", method, open_lake(large))
+        assert isinstance(by, ChosenSearcher)
+        assert by.name == method
+    asked = [Query(clip), Query(other, 0, frames // 2), Query(clips_folder / other.partition("/")[2])]
+    for scope in (Scope(), Scope(own=True), Scope(split="train"), Scope(recorded_only=True), Scope("none")):
+        for each in asked:
+            assert_as_near(by.search([each], 5, scope)[0], exact.search([each], 1000, scope)[0], 5)
+    turned = Scope(mirrored=True)
+    (right,) = exact.search(asked[:1], 1000, turned)
+    assert_as_near(by.search(asked[:1], 1000, turned)[0], right, 1000)
+    assert np.array_equal(by.distances(asked[:1], asked), exact.distances(asked[:1], asked))
+    assert set(by.matches(asked[0], right[:2], mirrored=False)) == set(
+        exact.matches(asked[0], right[:2], mirrored=False)
+    )
+    for name, count in (("ALONE", 8), ("ALONE_STRINGS", 8), ("LOOKED_AT", 10)):
+        monkeypatch.setattr(f"motionlake.retrieval.shortlist.{name}", count)
+    monkeypatch.setattr(METHODS[method], "compared_alone", 7)
+    found = []
+    for name in some(large, 99):
+        (ours,), (right,) = by.search([Query(name)], 2), exact.search([Query(name)], 2)
+        found.append(len({hit.clip for hit in ours} & {hit.clip for hit in right}) / 2)
+    assert np.mean(found) > 0.85
+
+
+def test_every_clip_is_compared_where_that_is_asked_for(large: Path) -> None:
+    clip = some(large, 1)[0]
+    asked = ("--method", "alignment", "--exact", "--lake", large, "--json")
+    with few():
+        run = motionlake("search", clip, *asked)
+        assert run.status == 0
+        assert motionlake("find", clip, *asked).status == 0
+        for command, method, told in (
+            ("search", "fused", "signature, alignment, moves"), ("find", "words", "alignment, moves"),
+        ):  # fmt: skip
+            run = motionlake(command, clip, "--method", method, "--exact", "--lake", large)
+            assert (run.status, told in run.err, len(run.err.splitlines())) == (2, True, 1)
+
+
+def test_a_shortlist_without_words_is_made_anew(large: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As earlier versions made it."""
+    own = ShortlistFiles.open
+
+    def without(lake: Lake, names: list[str]) -> ShortlistFiles:
+        opened = own(lake, names)
+        return replace(opened, table=opened.table.drop_columns(["words"]))
+
+    monkeypatch.setattr(ShortlistFiles, "open", staticmethod(without))
+    with few(), pytest.raises(UserError, match="run shortlist"):
+        searcher("range", "words", open_lake(large))
+
+
+def test_some_frames_of_moves(large: Path) -> None:
+    """One of so many of each clip, as they lie in all pieces."""
+    names = [str(path.relative_to(large)) for path in large.glob("shortlist/*")]
+    shortlist = ShortlistFiles.open(open_lake(large), names)
+    rows = np.array([3, 0, 5, 2])
+    whole = shortlist.moves(rows)
+    for every in (1, 2, 4, 1000):
+        frames, starts, counts = shortlist.moves_at(rows, every)
+        for moves, start, count in zip(whole, starts.tolist(), counts.tolist(), strict=True):
+            assert np.array_equal(frames[start : start + count], moves[::every])
 
 
 def test_searches_at_once_answer_as_one_after_another(large: Path) -> None:

@@ -39,9 +39,15 @@ from motionlake.names import printable
 
 if TYPE_CHECKING:
     from motionlake.lake.catalog import Connection
-    from motionlake.retrieval.protocol import Query, Searcher
+    from motionlake.retrieval.protocol import Finds, Query, Searcher
     from motionlake.retrieval.text import LakeText
     from motionlake.retrieval.text_example import ExampleAndText
+
+
+ExactOption = Annotated[
+    bool,
+    typer.Option("--exact", help="Compare every clip of a large lake, where the method would choose some (minutes)."),
+]
 
 
 def search(
@@ -62,6 +68,7 @@ def search(
     graph: Annotated[
         bool, typer.Option(help="Go along the lake's neighbour graph: near is what is near to what is near.")
     ] = True,
+    exact: ExactOption = False,
     explain: Annotated[
         bool, typer.Option("--explain", help="Say what each method makes of each answer, and how much it counts.")
     ] = False,
@@ -113,7 +120,7 @@ def search(
     of_clip = {"--from": start, "--to": stop, "--explain": explain, "--mirrored": mirrored, "--below": below}
     of_clip |= {"--method": method != "fused", "--own": own}
     # What a service does not answer, and what is wrong, is told below.
-    plain = graph and not (no_service or encoder or picture or sample)
+    plain = graph and not (exact or no_service or encoder or picture or sample)
     if plain and (names or (text is not None and not _given(of_clip))):
         served = ask_service(target, "clip", names, start, stop, among, **asked)
         if served is not None:
@@ -124,6 +131,7 @@ def search(
     from motionlake.retrieval.registry import check_method, searcher
 
     check_method("clip", method)
+    _check_exact("clip", method, exact=exact)
     if method != "fused" and (explain or not graph):
         raise UserError(f"--{'explain' if explain else 'no-graph'}: is for --method fused")
     how = {"graph": graph, "explain": explain} if method == "fused" else {}
@@ -138,7 +146,7 @@ def search(
         if not names:
             raise UserError("search: name a clip or a clip file, give --text WORDS, or --sample N")
         check_picture(picture, len(names))
-        alike = searcher("clip", method, target, **how)
+        alike = searcher("clip", method, target, exact=exact, **how)
         found: Searcher | ExampleAndText = alike
         if text is not None:
             from motionlake.retrieval.text_example import ExampleAndText
@@ -148,6 +156,14 @@ def search(
         answers = [[hit.as_row() for hit in hits] for hits in found.search(queries, k, scope)]
         _save_picture(con, target, picture, method, zip(names, queries, answers, strict=True))
     _tell_all(names, answers, _left_out(alike, queries), mirrored=mirrored, explain=explain, as_json=as_json)
+
+
+def _check_exact(finds: Finds, method: str, *, exact: bool) -> None:
+    """Raises `UserError` where a method compares every clip in any case, or none alone."""
+    from motionlake.retrieval.registry import CHOSEN
+
+    if exact and method not in CHOSEN[finds]:
+        raise UserError(f"--exact: is for --method {', '.join(CHOSEN[finds])}")
 
 
 def _scope(
@@ -203,6 +219,7 @@ def find(
     min_quality: MinQualityOption = None,
     mirrored: MirroredOption = False,
     own: OwnOption = False,
+    exact: ExactOption = False,
     picture: PictureOption = None,
     no_service: NoServiceOption = False,
     as_json: JsonOption = False,
@@ -222,7 +239,7 @@ def find(
     """
     target, k = open_lake(lake), count_of(k, below)
     among = _scope(dataset, split, recorded_only, min_quality, mirrored, own, below)
-    if not (no_service or picture):
+    if not (exact or no_service or picture):
         served = ask_service(target, "range", [query], start, stop, among, k=k, method=method)
         if served is not None:
             tell_hits(served.rows[0], mirrored=mirrored, as_json=as_json)
@@ -232,9 +249,10 @@ def find(
     from motionlake.retrieval.registry import check_method, searcher
 
     check_method("range", method)
+    _check_exact("range", method, exact=exact)
     check_picture(picture, 1)
     with reading(target) as con:
-        found = searcher("range", method, target)
+        found = searcher("range", method, target, exact=exact)
         piece = named_query(con, target, query, start, stop)
         (hits,) = found.search([piece], k, Scope(**among))
         rows = [hit.as_row() for hit in hits]

@@ -13,6 +13,7 @@ from collections.abc import Callable, Sequence
 from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
+from threading import Lock
 from types import ModuleType
 from typing import Any, Final
 
@@ -22,6 +23,7 @@ from motionlake.arrays import Float64Array, FloatArray
 Signature = FloatArray | Sequence[float]
 
 BLOCK: Final = 64  # rows whose sums stay in the processor's cache
+_ONE_AT_A_TIME: Final = Lock()  # threads that search may be the first to need it
 MOST_STEPS: Final = 100_000  # of the simplex, as POT allows
 
 
@@ -151,12 +153,15 @@ def emd_partial(p: Signature, q: Signature, ground: Float64Array) -> float:
     return transport(left / flow, right / flow, ground, partial=True)
 
 
-@cache
 def _simplex() -> Callable[..., tuple[Any, ...]]:
-    """`ot.lp.emd_wrap.emd_c`, POT's compiled network simplex: (plan, cost, ...).
+    """`ot.lp.emd_wrap.emd_c`, POT's compiled network simplex: (plan, cost, ...)."""
+    with _ONE_AT_A_TIME:
+        return _imported()
 
-    Without the rest of POT, whose import takes longer than a search.
-    """
+
+@cache
+def _imported() -> Callable[..., tuple[Any, ...]]:
+    """The same, without the rest of POT, whose import takes longer than a search."""
     if "ot" not in sys.modules:
         spec = find_spec("ot")
         assert spec is not None

@@ -15,9 +15,10 @@ from motionlake.evaluation.ranking import Questions, score_search
 from motionlake.lake.catalog import Connection, fetch
 from motionlake.lake.layout import Lake
 from motionlake.lake.settings import served_config
-from motionlake.retrieval.fused import EVERY, FusedSearcher, compared_by, shortlist_of
+from motionlake.retrieval.fused import EVERY, FusedSearcher, compared_by
 from motionlake.retrieval.hits import Hit
 from motionlake.retrieval.labelled_clips import SignedClip
+from motionlake.retrieval.lake_shortlist import shortlist_of
 from motionlake.retrieval.protocol import Finds, LakeSearcher, Query, Scope, Searcher
 from motionlake.retrieval.registry import methods, ready, searcher
 from motionlake.stages.moves import read_tracks

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import compress
@@ -76,16 +76,16 @@ class LakeStrings:
         return {}
 
 
-def read_strings(con: Connection) -> LakeStrings:
-    """The strings of a lake.
+def read_strings(con: Connection, clips: Sequence[str] | None = None) -> LakeStrings:
+    """The strings of a lake, or of some of its clips.
 
     Raises:
-        UserError: the lake has none yet.
+        UserError: there are none yet.
     """
     codes = fetch(con, "posture_codes")
     if not codes:
         raise UserError("the lake has no symbol strings yet; make them with `motionlake run all`")
-    rows = fetch_table(con, "symbol_strings")
+    rows = fetch_table(con, "symbol_strings", {"clips": None if clips is None else list(clips)})
     known = rows.drop_columns(["symbols", "starts"]).to_pylist()
     lengths = numbers(pc.list_value_length(rows.column("symbols"))).astype(np.int64)
     offsets = np.concatenate([[0], np.cumsum(lengths)]).astype(np.int64)

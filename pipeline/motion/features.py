@@ -221,15 +221,17 @@ def word_windows(features: Float32Array, config: WordConfig) -> Float32Array:
     return views.transpose(0, 2, 1)[:: config.stride]
 
 
-def native_ranges(starts: Int64Array, fps: float, n_frames: int, config: WordConfig) -> Int64Array:
+def native_ranges(
+    starts: Int64Array, fps: float | Float64Array, n_frames: int | Int64Array, config: WordConfig
+) -> Int64Array:
     """[n, 2] the ranges [start, stop) of a clip's own frames that words cover, never empty and inside the clip.
 
     Words that follow each other without overlap have ranges that do so too.
 
     Args:
         starts: [n] the words' first frames at the words' rate, as `windows` gives them.
-        fps: the clip's own frame rate.
-        n_frames: F, frames of the clip at its own rate.
+        fps: the clip's own frame rate; or [n], where words are of several clips.
+        n_frames: F, frames of the clip at its own rate; or [n].
     """
     ratio = fps / config.fps
     first = np.minimum(np.rint(starts * ratio), n_frames - 1)

@@ -207,18 +207,12 @@ class FusedSearcher(LakeSearcher):
         return read_neighbours(self.lake)
 
 
-def shortlist_of(lake: Lake) -> list[str]:
-    """The files of the shortlist by which the default search asks a lake of more than `MOST` clips; none: without."""
-    with reading(lake) as con:
-        (count,), files = fetch(con, "count_clips"), [row["file"] for row in fetch(con, "shortlist_files")]
-    return files if count["clips"] > MOST else []
-
-
 def _cascade(lake: Lake) -> Cascade | None:
+    from motionlake.retrieval.lake_shortlist import LakeShortlist, shortlist_of
+
     files = shortlist_of(lake)
     if not files:
         return None
-    from motionlake.retrieval.lake_shortlist import LakeShortlist
 
     with ThreadPoolExecutor(1) as pool:
         clips = pool.submit(LakeShortlist, lake, files)

@@ -92,10 +92,10 @@ class FusedRangeSearcher(LakeSearcher):
     def __init__(self, lake: Lake) -> None:
         super().__init__(lake)
         self._words = WordsSearcher(lake)
-        self.corpus = self._words.corpus
-        self._large = len(self.corpus.clips) > MOST
+        self._large = self._words.large or len(self._words.corpus.clips) > MOST
         if self._large:
             return
+        self.corpus = self._words.corpus
         with reading(lake) as con:
             parts = {row["clip"]: row["part"] for row in fetch(con, "clips_with_parts")}
             known = vectors_of_clips(LakeReader(con, lake, served_config(lake)), parts)

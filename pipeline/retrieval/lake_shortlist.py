@@ -19,7 +19,7 @@ from motionlake.lake.layout import Lake
 from motionlake.lake.models import check_served
 from motionlake.motion.moves import KIND
 from motionlake.retrieval.protocol import ClipFilter, not_ready
-from motionlake.stages.shortlist_files import ShortlistFiles
+from motionlake.stages.shortlist_files import MOST, ShortlistFiles
 
 _FACTS: Final = [each.name for each in fields(CorpusClip)]
 
@@ -30,6 +30,7 @@ class LakeShortlist:
     Attributes:
         lake: which holds it.
         files: that stage "shortlist" made.
+        catalog: what the catalog says of the clips that it holds.
 
     Raises:
         UserError: the shortlist is of other motifs, postures or moves than the lake serves, or there is a newer model.
@@ -40,7 +41,7 @@ class LakeShortlist:
         with ThreadPoolExecutor(1) as pool, reading(lake) as con:
             opened = pool.submit(ShortlistFiles.open, lake, files)  # and compared with what was written
             served = {row["method"]: row["model"] for row in fetch(con, "models_compared")} | {"moves": KIND}
-            self._catalog = fetch_table(con, "clips_with_parts")
+            self.catalog = fetch_table(con, "clips_with_parts")
             self.lake, self.files = lake, opened.result()
             if self._stale(served):
                 raise UserError(
@@ -52,8 +53,8 @@ class LakeShortlist:
 
     def facts(self, row: int) -> CorpusClip:
         """What the catalog says of the clip of a row."""
-        entry = int(self._entries[row])
-        return CorpusClip(*(self._catalog[name][entry].as_py() for name in _FACTS))
+        entry = int(self.entries[row])
+        return CorpusClip(*(self.catalog[name][entry].as_py() for name in _FACTS))
 
     def row(self, clip: str) -> int:
         """Raises `UserError` for a clip that it does not hold, or that was another one when it was made."""
@@ -66,13 +67,13 @@ class LakeShortlist:
         """The row of a clip; None where `row` raises."""
         names = self.files.table["clip"]
         row = bisect_left(range(len(names)), clip, key=lambda at: names[at].as_py())
-        known = row < len(names) and names[row].as_py() == clip and self._entries[row] >= 0
+        known = row < len(names) and names[row].as_py() == clip and self.entries[row] >= 0
         return row if known else None
 
     def admits(self, kept: ClipFilter) -> Float32Array:
         """[n] 0 for the clips that may be answers, minus infinity for all others."""
         if kept not in self._admitted:
-            there = self._entries >= 0
+            there = self.entries >= 0
             if kept != ClipFilter():
                 with reading(self.lake) as con:
                     admitted = {row["clip"] for row in fetch(con, "clips_admitted", kept.as_parameters(con))}
@@ -85,13 +86,20 @@ class LakeShortlist:
         return any(served.get(name) != model for name, model in made.items())
 
     @cached_property
-    def _entries(self) -> Int64Array:
+    def entries(self) -> Int64Array:
         """[n] the row in the catalog of each clip; -1 where it left the lake, or is another one since."""
-        made, known = self.files.table, self._catalog
+        made, known = self.files.table, self.catalog
         if made["clip"].equals(known["clip"]) and made["part"].equals(known["part"]):
             return np.arange(len(made))
         rows = {pair: row for row, pair in enumerate(zip(*_names(known), strict=True))}
         return np.array([rows.get(pair, -1) for pair in zip(*_names(made), strict=True)], dtype=np.int64)
+
+
+def shortlist_of(lake: Lake) -> list[str]:
+    """The files of the shortlist by which a lake of more than `MOST` clips is searched; none: without."""
+    with reading(lake) as con:
+        (count,), files = fetch(con, "count_clips"), [row["file"] for row in fetch(con, "shortlist_files")]
+    return files if count["clips"] > MOST else []
 
 
 def _names(table: pa.Table) -> tuple[list[str], list[str]]:

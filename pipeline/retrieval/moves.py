@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from functools import cache
 
 import numpy as np
@@ -29,11 +29,14 @@ class _Tracks(LakeSearcher):
 
     name = "moves"
 
-    def __init__(self, lake: Lake) -> None:
-        """Raises `UserError` where the lake has no moves yet."""
+    def __init__(self, lake: Lake, clips: Collection[str] | None = None) -> None:
+        """Of the whole lake, or of some of its clips. Raises `UserError` where it has no moves yet."""
         super().__init__(lake)
         with reading(lake) as con:
-            rows = fetch(con, "clips_with_parts")
+            if clips is None:
+                rows = fetch(con, "clips_with_parts")
+            else:
+                rows = fetch(con, "some_clips_with_parts", {"clips": list(clips)})
             parts = {row["clip"]: row.pop("part") for row in rows}
             self._tracks = read_tracks(LakeReader(con, lake, served_config(lake)), parts)
         if not self._tracks:

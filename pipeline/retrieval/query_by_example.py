@@ -4,25 +4,29 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 from motionlake.arrays import Float64Array
 from motionlake.deep_motifs.emd import emd_many
 from motionlake.deep_motifs.query_by_example import LEAST_WORDS, ExampleQuery, find_ranges
-from motionlake.deep_motifs.signatures import window_signatures
+from motionlake.deep_motifs.signatures import Corpus, window_signatures
 from motionlake.lake.catalog import reading
 from motionlake.lake.corpus import read_corpus
 from motionlake.lake.layout import Lake
 from motionlake.lake.models import check_served
 from motionlake.retrieval.encode import query_motifs
 from motionlake.retrieval.hits import Hit, range_hit
+from motionlake.retrieval.lake_shortlist import shortlist_of
+from motionlake.retrieval.large_words import LakeWords
 from motionlake.retrieval.protocol import EVERYTHING, Finds, Query, Scope, check_k, not_ready
 
 
 class WordsSearcher:
     """Ranges by the signatures of their words (Deep Motifs, section 6.1); a `Searcher`.
 
-    The query needs two words at least. A clip may have several answers, which do not overlap.
+    The query needs two words at least. A clip may have several answers, which do not overlap. A large lake is searched
+    in the words of its shortlist, where bounds rule most windows out (`deep_motifs.many_ranges`).
 
     Raises:
         UserError: the lake has no motifs yet, or a newer model than theirs.
@@ -35,7 +39,21 @@ class WordsSearcher:
         self.lake = lake
         with reading(lake) as con:
             check_served(con, lake, "signature")
-            self.corpus = read_corpus(con)
+        files = shortlist_of(lake)
+        self._large = LakeWords(lake, files) if files else None
+        if self._large is None:
+            self.corpus  # noqa: B018 - read now, as a searcher is
+
+    @property
+    def large(self) -> bool:
+        """Whether the lake is searched by its shortlist."""
+        return self._large is not None
+
+    @cached_property
+    def corpus(self) -> Corpus:
+        """All words of the lake."""
+        with reading(self.lake) as con:
+            return read_corpus(con)
 
     def search(self, queries: Sequence[Query], k: int, scope: Scope = EVERYTHING) -> list[list[Hit]]:
         """As `Searcher.search`."""
@@ -43,21 +61,22 @@ class WordsSearcher:
         return [scope.near(self._ranges(query, k, scope)) for query in queries]
 
     def distances(self, queries: Sequence[Query], gallery: Sequence[Query]) -> Float64Array:
-        corpus, found = self.corpus, np.zeros((len(queries), len(gallery)))
+        known, found = self._large or self.corpus, np.zeros((len(queries), len(gallery)))
         places = [self._motifs(query, least=1) for query in gallery]
         for row, query in zip(found, queries, strict=True):
             example = ExampleQuery(self._motifs(query))
-            signature = example.signatures(corpus.idf)[0]
+            signature = example.signatures(known.idf)[0]
             for column, motifs in enumerate(places):
-                windows = window_signatures(motifs, corpus.idf, example.n_words)
-                row[column] = emd_many(signature, windows, corpus.ground).min()
+                windows = window_signatures(motifs, known.idf, example.n_words)
+                row[column] = emd_many(signature, windows, known.ground).min()
         return found
 
     def _ranges(self, query: Query, k: int, scope: Scope) -> list[Hit]:
+        if self._large is not None:
+            return self._in_many(self._large, query, k, scope)
         corpus, clip = self.corpus, query.clip
         if clip is not None and clip not in corpus.positions:
             raise not_ready(self.lake, clip, "signature")
-        example = ExampleQuery(self._motifs(query), self._motifs(query, mirrored=True) if scope.mirrored else None)
         without = None
         if clip is not None and not scope.own:
             at = corpus.positions[clip]
@@ -65,11 +84,35 @@ class WordsSearcher:
         admits = scope.admission(self.lake)
         chosen = [i for i, known in enumerate(corpus.clips) if admits(known)]
         hits = []
-        for hit in find_ranges(corpus, example, k, clips=chosen, without=without):
+        for hit in find_ranges(corpus, self._example(query, scope), k, clips=chosen, without=without):
             made = range_hit(corpus.clips[corpus.positions[hit.clip]], hit.start, hit.stop, hit.distance)
             hits.append(replace(made, mirrored=hit.mirrored))
         return hits
 
+    def _in_many(self, large: LakeWords, query: Query, k: int, scope: Scope) -> list[Hit]:
+        found = large.nearest(self._example(query, scope), query, k, scope)
+        return [
+            replace(range_hit(large.facts(hit.clip), hit.start, hit.stop, hit.distance), mirrored=hit.mirrored)
+            for hit in found
+        ]
+
+    def clips_near(self, query: Query, count: int, scope: Scope, *, mirrored: bool) -> list[str]:
+        """So many clips of a large lake that hold what is likely to be most like a query, and its own.
+
+        Raises:
+            UserError: as `search`.
+        """
+        assert self._large is not None
+        near = self._large.clips_near(ExampleQuery(self._motifs(query, mirrored=mirrored)), count, scope)
+        return near if query.clip is None else sorted({*near, query.clip})
+
+    def _example(self, query: Query, scope: Scope) -> ExampleQuery:
+        return ExampleQuery(self._motifs(query), self._motifs(query, mirrored=True) if scope.mirrored else None)
+
     def _motifs(self, query: Query, *, least: int = LEAST_WORDS, mirrored: bool = False) -> np.ndarray:
+        if self._large is not None and query.clip is not None and not mirrored:
+            found = self._large.motifs_of(query)
+            if len(found) >= least:
+                return found
         with reading(self.lake) as con:
             return query_motifs(con, self.lake, query, least=least, mirrored=mirrored)

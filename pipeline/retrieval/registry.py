@@ -29,6 +29,12 @@ SEARCHERS: Final[dict[Finds, dict[str, str]]] = {
 }
 
 
+# Those that compare some clips of a large lake: chosen by vectors of their own, or by the words of a piece.
+CHOSEN: Final[dict[Finds, tuple[str, ...]]] = {
+    "clip": ("signature", "alignment", "moves"), "range": ("alignment", "moves"),
+}  # fmt: skip
+
+
 def methods(finds: Finds) -> tuple[str, ...]:
     """The names of all ways to find clips, or ranges."""
     return tuple(SEARCHERS[finds])
@@ -41,21 +47,36 @@ def check_method(finds: Finds, name: str) -> str:
     return name
 
 
-def searcher(finds: Finds, name: str, lake: Lake, /, **options: Any) -> Searcher:
+def searcher(finds: Finds, name: str, lake: Lake, /, *, exact: bool = False, **options: Any) -> Searcher:
     """A way to search a lake.
 
     Args:
         finds: whole clips, or ranges of frames inside them.
         name: of `methods(finds)`; "fused" takes those that the lake is ready for.
         lake: what is searched.
-        options: of the method itself, such as the stride of "alignment".
+        exact: compare every clip of a large lake too, where the method would choose some by its shortlist.
+        options: of the method itself, such as the stride of "alignment"; with any, every clip is compared.
 
     Raises:
         UserError: an unknown method, or one that the lake is not ready for.
     """
+    if name in CHOSEN[finds] and not (exact or options) and (files := _shortlist(lake)):
+        if finds == "clip":
+            from motionlake.retrieval.chosen import ChosenSearcher
+
+            return ChosenSearcher(lake, name, files)
+        from motionlake.retrieval.narrowed import NarrowedSearcher
+
+        return NarrowedSearcher(lake, name)
     module, _, maker = SEARCHERS[finds][check_method(finds, name)].partition(":")
     found: Searcher = getattr(import_module(f"motionlake.retrieval.{module}"), maker)(lake, **options)
     return found
+
+
+def _shortlist(lake: Lake) -> list[str]:
+    from motionlake.retrieval.lake_shortlist import shortlist_of
+
+    return shortlist_of(lake)
 
 
 def ready(lake: Lake, finds: Finds) -> list[str]:

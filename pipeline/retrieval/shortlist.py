@@ -7,13 +7,13 @@ all. The answers by a method are then its nearest among these.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Final, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, Final
 
 import numpy as np
-from motionlake.arrays import Float32Array, Float64Array, Int64Array
+from motionlake.arrays import BoolArray, Float32Array, Float64Array, Int64Array
 from motionlake.deep_motifs.emd import ground_distances
 from motionlake.deep_motifs.emd_search import SignatureIndex
 from motionlake.errors import DamagedError, UserError
@@ -23,6 +23,7 @@ from motionlake.lake.settings import served_config
 from motionlake.motion.moves_index import floored
 from motionlake.motion.sketches import instants, nearness
 from motionlake.motion.stacks import Stack, aligned
+from motionlake.pesta.bounds import bounds_of_strings
 from motionlake.pesta.scan import nearest_strings
 from motionlake.pesta.strings import Repository, SymbolDistances
 from motionlake.retrieval.asked import Asked, Ranking
@@ -31,14 +32,19 @@ from motionlake.retrieval.lake_shortlist import LakeShortlist
 from motionlake.retrieval.protocol import Query, Scope
 from motionlake.retrieval.string_queries import query_of_symbols
 from motionlake.stages.shortlist_files import INSTANTS, ShortlistFiles, string_sketch
+from motionlake.threads import limited
 
 if TYPE_CHECKING:
     from motionlake.pesta.dictionary import PostureDictionary
 
 Value = Any
-Part = TypeVar("Part")
 LOOKED_AT: Final = 5000  # clips whose outlines of moves are aligned
 NEAR: Final = 500  # clips that a method chooses, at least
+COMPARED: Final = 500  # clips of those that others chose, at least, that a method compares in full
+ALONE: Final = 2000  # clips that a method chooses which is asked alone
+ALONE_STRINGS: Final = 6000  # of alignment: their vectors tell less, and fewer symbols are compared than frames
+SAMPLED: Final = 4096  # clips that tell the place of all others
+EVERY: Final = 4  # frames of moves, of which one is compared before all
 THREADS: Final = 2  # methods at once
 Answers = tuple[Int64Array, Float64Array]  # rows and distances, nearest first
 
@@ -71,19 +77,51 @@ class Cascade:
             raise failed[0]
         admitted = self._clips.admits(scope.clips)
         count = min(max(k, NEAR), int(np.isfinite(admitted).sum()))
-        chosen = self._at_once(values, lambda method, value: method.choose(value, count, admitted))
+        chosen = self._threads.map(
+            lambda name: self._methods[name].choose(values[name], count, admitted), _last(values)
+        )
         any_chose = np.zeros(len(admitted), dtype=np.bool_)
-        any_chose[np.concatenate(list(chosen.values()))] = True
-        rows = np.flatnonzero(any_chose)
-        among = self._at_once(values, lambda method, value: method.among(value, rows, k))
+        any_chose[np.concatenate(list(chosen))] = True
+        among = self._among(values, np.flatnonzero(any_chose), k, max(k, COMPARED))
         by = {name: Ranking(found.tolist(), distances) for name, (found, distances) in among.items()}
         return Asked(by, None if query.clip is None else self._clips.place(query.clip), self._as_hits)
 
-    def _at_once(self, values: Mapping[str, Value], work: Callable[[Method, Value], Part]) -> dict[str, Part]:
-        """What some work finds by each method, moves first: they take longest."""
-        names = list(values)
-        found = list(self._threads.map(lambda name: work(self._methods[name], values[name]), names[::-1]))
-        return dict(zip(names, found[::-1], strict=True))
+    def by(self, name: str, query: Query, k: int, scope: Scope, *, mirrored: bool) -> list[Hit]:
+        """The k nearest by one method, of those that it chooses by its own vectors; not ranked yet.
+
+        Raises:
+            UserError: the shortlist has nothing of this method, or it cannot compare the query.
+        """
+        if name not in self._methods:
+            raise UserError(f"{self.lake.root}: its shortlist has no {name}; make it anew with `motionlake run all`")
+        method = self._methods[name]
+        value = self._value(method, query, mirrored=mirrored)
+        with limited(1):  # as of all methods together
+            rows = np.sort(method.choose_alone(value, k + 1, self._clips.admits(scope.clips)))
+            found, distances = self._among({name: value}, rows, k + 1, max(k + 1, method.compared_alone))[name]
+        own = self._clips.place(query.clip) if query.clip is not None and not scope.own else None
+        kept = np.flatnonzero(found != -1 if own is None else found != own)[:k]
+        return self._as_hits(found[kept].tolist(), distances[kept].tolist())
+
+    def _among(self, values: Mapping[str, Value], rows: Int64Array, k: int, most: int) -> dict[str, Answers]:
+        """The k nearest of the clips of some rows by each method, each of which compares about `most` in full.
+
+        Threads share the clips of a method, moves first: they take longest.
+        """
+        shares: list[tuple[str, Int64Array, int]] = []
+        for name in _last(values):
+            count = THREADS if self._methods[name].shared else 1
+            shares += [(name, rows[first::count], -(-most // count)) for first in range(count)]
+
+        def work(share: tuple[str, Int64Array, int]) -> Answers:
+            name, own, each = share
+            return self._methods[name].among(values[name], own, k, each)
+
+        found = self._threads.map(work, shares)
+        answers: dict[str, list[Answers]] = {name: [] for name in values}
+        for (name, *_), answer in zip(shares, found, strict=True):
+            answers[name].append(answer)
+        return {name: _merged(parts, k) for name, parts in answers.items()}
 
     @cached_property
     def _threads(self) -> ThreadPoolExecutor:
@@ -112,10 +150,24 @@ class Cascade:
         return method.of_query(query, mirrored=mirrored)
 
 
+def _last(values: Mapping[str, Value]) -> list[str]:
+    """The names of methods, the last first."""
+    return list(values)[::-1]
+
+
+def _merged(parts: Sequence[Answers], k: int) -> Answers:
+    """The k nearest of several answers."""
+    rows, distances = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
+    order = np.lexsort((rows, distances))[:k]
+    return rows[order], distances[order]
+
+
 class Method(ABC):
     """What a method keeps of every clip, and how it compares a query with it."""
 
     name: str
+    compared_alone: ClassVar[int] = ALONE  # clips that are compared in full where it is asked alone
+    shared: ClassVar[bool] = True  # several threads compare sooner than one
 
     def __init__(self, lake: Lake, files: ShortlistFiles, con: Connection) -> None:
         self.lake, self.files = lake, files
@@ -135,17 +187,37 @@ class Method(ABC):
         """[D] the vector that is projected and compared first."""
 
     @abstractmethod
-    def among(self, value: Value, rows: Int64Array, k: int) -> Answers:
-        """The k nearest of the clips of some rows; those that the method does not know are left out."""
+    def among(self, value: Value, rows: Int64Array, k: int, most: int) -> Answers:
+        """The k nearest of the clips of some rows; those that the method does not know are left out.
+
+        Of more than `most`, which is at least k, those are compared in full that are likely to be the nearest.
+        """
 
     def choose(self, value: Value, count: int, admitted: Float32Array) -> Int64Array:
         """About so many rows that are likely to be the nearest of those admitted ([n] 0, else minus infinity)."""
-        near = nearness(self._kept, self._directions.project(self.sketch(value))) + admitted
-        return _largest(near, count)
+        return _largest(self._nearness(value) + admitted, count)
 
-    def _without(self, row: int, what: str) -> UserError:
-        clip = self.files.table["clip"][row].as_py()
-        return UserError(f"{clip}: has no {what} yet; make it with `motionlake run all`")
+    def choose_alone(self, value: Value, k: int, admitted: Float32Array) -> Int64Array:
+        """Rows that are likely to hold the k nearest, where no other method chooses any."""
+        return self.choose(value, max(k, min(ALONE, len(admitted))), admitted)
+
+    def _nearness(self, value: Value, rows: Int64Array | None = None) -> Float32Array:
+        """[n] of all clips, or of those of some rows, by their vectors: the greater, the nearer."""
+        kept = self._kept if rows is None else self._kept[rows]
+        return nearness(kept, self._directions.project(self.sketch(value)))
+
+
+def _first_by_both(near: Float32Array, bounds: Float32Array) -> Float32Array:
+    """[n] the greater, the sooner a clip comes by how near it is and by a bound together; minus infinity of none."""
+    there = np.isfinite(near) & np.isfinite(bounds)
+    return np.where(there, -_places(-near, there) - _places(bounds, there), np.float32(-np.inf))
+
+
+def _places(values: Float32Array, there: BoolArray) -> Float32Array:
+    """[n] how many of some thousand values, spread over those that are there, each is above."""
+    known = values[there]
+    sample = np.sort(known[:: max(1, len(known) // SAMPLED)])
+    return np.searchsorted(sample, values).astype(np.float32)
 
 
 def _largest(near: Float32Array, count: int) -> Int64Array:
@@ -158,6 +230,7 @@ class BySignature(Method):
     """Signatures [K], by the earth mover's distance."""
 
     name = "signature"
+    shared = False  # the k nearest of all are found with fewer transports than those of each share
 
     def __init__(self, lake: Lake, files: ShortlistFiles, con: Connection) -> None:
         super().__init__(lake, files, con)
@@ -168,7 +241,7 @@ class BySignature(Method):
     def of_row(self, row: int) -> Value:
         (signature,) = self._dense(np.array([row]))
         if not signature.any():
-            raise self._without(row, "signature")
+            raise self.files.lacks(row, "signature")
         return signature
 
     def of_query(self, query: Query, *, mirrored: bool) -> Value:
@@ -179,7 +252,7 @@ class BySignature(Method):
     def sketch(self, value: Value) -> Float32Array:
         return np.asarray(value @ self._ground, dtype=np.float32)
 
-    def among(self, value: Value, rows: Int64Array, k: int) -> Answers:
+    def among(self, value: Value, rows: Int64Array, k: int, most: int) -> Answers:
         signatures = self._dense(rows)
         there = signatures.any(axis=1)
         if not there.any():
@@ -198,6 +271,7 @@ class ByAlignment(Method):
     """Strings of symbols, by alignment both ways."""
 
     name = "alignment"
+    compared_alone = ALONE_STRINGS
 
     def __init__(self, lake: Lake, files: ShortlistFiles, con: Connection) -> None:
         super().__init__(lake, files, con)
@@ -210,7 +284,7 @@ class ByAlignment(Method):
     def of_row(self, row: int) -> Value:
         (symbols,) = self.files.lists("symbols", np.array([row]))
         if len(symbols) == 0:
-            raise self._without(row, "symbol string")
+            raise self.files.lacks(row, "symbol string")
         return query_of_symbols(symbols, self.files.table["clip"][row].as_py()).symbols
 
     def of_query(self, query: Query, *, mirrored: bool) -> Value:
@@ -227,17 +301,34 @@ class ByAlignment(Method):
     def sketch(self, value: Value) -> Float32Array:
         return string_sketch(value, self._codes)
 
-    def among(self, value: Value, rows: Int64Array, k: int) -> Answers:
-        symbols, lengths = self.files.joined("symbols", rows)
-        strings = Repository(symbols, np.concatenate([[0], np.cumsum(lengths)]))
+    def choose_alone(self, value: Value, k: int, admitted: Float32Array) -> Int64Array:
+        near = self._nearness(value) + admitted
+        bounds = bounds_of_strings(value, self._every, self._distances, self._config, threads=THREADS)
+        return _largest(_first_by_both(near, bounds), max(k, min(ALONE_STRINGS, len(near))))
+
+    def among(self, value: Value, rows: Int64Array, k: int, most: int) -> Answers:
+        strings = self._strings(rows)
+        if len(rows) > most:
+            bounds = bounds_of_strings(value, strings, self._distances, self._config)
+            rows = rows[_largest(_first_by_both(self._nearness(value, rows), bounds), most)]
+            strings = self._strings(rows)
         found = nearest_strings(value, strings, self._distances, k, self._config)  # of so few, in one thread
         return rows[[at for at, _ in found]], np.array([cost for _, cost in found])
+
+    @cached_property
+    def _every(self) -> Repository:
+        return Repository(*self.files.flat("symbols"))
+
+    def _strings(self, rows: Int64Array) -> Repository:
+        symbols, lengths = self.files.joined("symbols", rows)
+        return Repository(symbols, np.concatenate([[0], np.cumsum(lengths)]))
 
 
 class ByMoves(Method):
     """Moves, by dynamic time warping: first of outlines, moves at a few instants along a few directions."""
 
     name = "moves"
+    compared_alone = 600
 
     def __init__(self, lake: Lake, files: ShortlistFiles, con: Connection) -> None:
         super().__init__(lake, files, con)
@@ -246,7 +337,7 @@ class ByMoves(Method):
 
     def of_row(self, row: int) -> Value:
         if self.files.numbers("frames")[row] == 0:
-            raise self._without(row, "moves")
+            raise self.files.lacks(row, "moves")
         return self.files.moves(np.array([row]))[0].astype(np.float32)
 
     def of_query(self, query: Query, *, mirrored: bool) -> Value:
@@ -267,8 +358,12 @@ class ByMoves(Method):
         apart = stack.spread(aligned(outline, stack))
         return rows[np.argpartition(apart, count - 1)[:count]]
 
-    def among(self, value: Value, rows: Int64Array, k: int) -> Answers:
+    def among(self, value: Value, rows: Int64Array, k: int, most: int) -> Answers:
         known = rows[self.files.numbers("frames")[rows] > 0]
+        if len(known) > most:
+            stack = Stack.of_halves(*self.files.moves_at(known, EVERY))
+            apart = stack.spread(aligned(np.ascontiguousarray(value[::EVERY]), stack))
+            known = np.sort(known[np.argpartition(apart, most - 1)[:most]])
         frames, starts, counts = self.files.moves_at(known)
         stack = Stack.of_halves(frames, starts, counts)
         distances = floored(stack.spread(aligned(value, stack)))

@@ -6,13 +6,14 @@ that are nearest: some more than are asked for are compared by the vectors thems
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Final
 
 import numpy as np
-from motionlake.arrays import Float32Array, Float64Array
+from motionlake.arrays import BoolArray, Float32Array, Float64Array, Int64Array
 from motionlake.kernels import njit
 from motionlake.lake.catalog import Connection, fetch, fetch_table
 from motionlake.lake.integrity import sound_files
@@ -88,29 +89,60 @@ class WindowScan:
         """(part, clip) of the clips nearest by codes."""
         query, scale = coded_query(descriptor)
         length = float(np.square(descriptor.astype(np.float64)).sum())
+        runs = self._runs
+        distances = np.empty(runs.offsets[-1])
 
-        def of(part: str) -> tuple[list[str], Float64Array]:
-            file = self.parts[part]
-            squares = nearness(file.codes, file.scales, file.squares, query, scale) + length
-            if (own := file.runs.get(without["clip"])) is not None:
-                starts, stops = file.bounds()
-                squares[own][(starts[own] < without["last"]) & (stops[own] > without["first"])] = np.inf
-            if not file.runs:
-                return [], np.zeros(0)
-            return list(file.runs), np.minimum.reduceat(squares, [run.start for run in file.runs.values()])
+        def scan(parts: range) -> None:
+            for part in parts:
+                file = runs.files[part]
+                squares = nearness(file.codes, file.scales, file.squares, query, scale) + length
+                if (own := file.runs.get(without["clip"])) is not None:
+                    starts, stops = file.bounds()
+                    squares[own][(starts[own] < without["last"]) & (stops[own] > without["first"])] = np.inf
+                np.minimum.reduceat(squares, runs.starts[part], out=distances[slice(*runs.offsets[part : part + 2])])
 
+        middle = len(runs.files) // 2
         with ThreadPoolExecutor(_THREADS) as pool:
-            found = list(pool.map(of, self.parts))
-        distances = np.concatenate([near for _, near in found]) if found else np.zeros(0)
-        names = [(part, clip) for part, (clips, _) in zip(self.parts, found, strict=True) for clip in clips]
+            list(pool.map(scan, (range(middle), range(middle, len(runs.files)))))
+        distances[~runs.live] = np.inf
         chosen: list[tuple[str, str]] = []
         for at in np.argsort(distances, kind="stable").tolist():
-            part, clip = names[at]
             if len(chosen) == count or not np.isfinite(distances[at]):
                 break
-            if clip in self.clips[part] and (admitted is None or clip in admitted):
-                chosen.append((part, clip))
+            if admitted is None or runs.names[at][1] in admitted:
+                chosen.append(runs.names[at])
         return chosen
+
+    @cached_property
+    def _runs(self) -> _Runs:
+        names = [(part, clip) for part, file in self.parts.items() for clip in file.runs]
+        files = [file for file in self.parts.values() if file.runs]
+        return _Runs(
+            files,
+            [np.array([run.start for run in file.runs.values()], dtype=np.int64) for file in files],
+            np.cumsum([0, *(len(file.runs) for file in files)]),
+            names,
+            np.array([clip in self.clips[part] for part, clip in names], dtype=np.bool_),
+        )
+
+
+@dataclass(frozen=True)
+class _Runs:
+    """The clips of all parts, one after another, c in all.
+
+    Attributes:
+        files: parts that hold windows.
+        starts: of each, the rows at which those of its clips begin.
+        offsets: the clips of part i are `offsets[i]:offsets[i + 1]` of all.
+        names: [c] part and clip.
+        live: [c] which the lake holds.
+    """
+
+    files: Sequence[WindowFile]
+    starts: Sequence[Int64Array]
+    offsets: Int64Array
+    names: Sequence[tuple[str, str]]
+    live: BoolArray
 
 
 def coded_query(descriptor: Float32Array) -> tuple[NDArray[np.int16], float]:

@@ -1,9 +1,9 @@
 """Stage "shortlist": what the default search of a large lake reads instead of all signatures, strings and moves.
 
 Of every clip it keeps a short vector by each method, by which the search chooses some hundred clips, and what these
-are then compared by: signature, symbols and moves. The files are laid out so that little of them is read. All clips
-are compared along the same directions, so all are done together; but of moves, only those of clips that came since are
-read (`motionlake.stages.shortlist_before`).
+are then compared by: signature, symbols and moves; and the motifs of its words, among which pieces are looked for. The
+files are laid out so that little of them is read. All clips are compared along the same directions, so all are done
+together; but of moves, only those of clips that came since are read (`motionlake.stages.shortlist_before`).
 """
 
 from __future__ import annotations
@@ -47,13 +47,15 @@ from motionlake.stages.stage import PartStage, Shard, ShardResult, ShardStage, l
 
 COMPARED: Final[Mapping[str, PartStage]] = {method: SOURCES[method] for method in WIDTHS}
 BLOCK: Final = 4096  # clips whose sketches are made at a time
+LAYOUT: Final = 3  # of moves: those of another are read anew
+WORDS: Final = 16_384  # clips the motifs of whose words are read at a time
 
 
 class Shortlist(ShardStage):
     """One shard for the whole lake."""
 
     name = "shortlist"
-    version = 3
+    version = 4  # with the motifs of words
     about = "short vectors by which the search of a large lake chooses the clips that it compares"
     reads_catalog = True
     upstream = tuple(stage.name for stage in COMPARED.values())
@@ -105,7 +107,7 @@ class Shortlist(ShardStage):
     def _before(self, at: LakeReader, key: str, clips: pa.Table) -> Before | None:
         """What serves of the shortlist with a key."""
         rows = [row for row in fetch(at.con, "shards", {"stage": self.name}) if row["key"] == key]
-        return Before.of(at.lake, rows[0]["files"], self.version, clips, moves_of_parts(at)) if rows else None
+        return Before.of(at.lake, rows[0]["files"], LAYOUT, clips, moves_of_parts(at)) if rows else None
 
     def run(self, root: Path, shard: Shard, /) -> ShardResult:
         started = time.perf_counter()
@@ -119,9 +121,9 @@ class Shortlist(ShardStage):
                 if method != "moves":
                     made.append(MAKE[method](at, shard, places))
                 elif before is None:
-                    made.append(all_moves(at, shard, self.version, places))
+                    made.append(all_moves(at, shard, LAYOUT, places))
                 else:
-                    made.append(more_moves(at, shard, self.version, places, before))
+                    made.append(more_moves(at, shard, LAYOUT, places, before))
             models = {row["method"]: row["model"] for row in fetch(at.con, "models_compared")}
         columns = {name: column for each in made for name, column in each.columns.items()}
         said = {name: text for each in made for name, text in each.said.items()}
@@ -174,13 +176,26 @@ def _by_signature(at: LakeReader, shard: Shard, places: Places) -> Made:
     counts[rows_of] = np.bincount(held, minlength=len(names))
     order = np.argsort(rows_of[held], kind="stable")
     lists = {"motifs": at_motif.astype(np.int32)[order], "weights": signatures[held, at_motif][order]}
-    return Made({name: _lists(counts, values) for name, values in lists.items()}, files)
+    columns = {name: _lists(counts, values) for name, values in lists.items()}
+    return Made({**columns, "words": _words(at.con, places)}, files)
+
+
+def _words(con: Connection, places: Places) -> pa.Array:
+    """[n] the motifs of the words of each clip; those of some clips are read at a time."""
+    table = fetch_table(con, "words_of_clips")
+    names, counts = table["clip"].to_pylist(), np.zeros(len(places), dtype=np.int64)
+    counts[places.of(names)] = numbers(table["words"])
+    motifs = [np.zeros(0, dtype=np.uint16)]
+    for first in range(0, len(names), WORDS):
+        block = names[first : first + WORDS]
+        motifs.append(numbers(fetch_table(con, "motifs_of_words", {"first": block[0], "last": block[-1]})["motif"]))
+    return _lists(counts, np.concatenate(motifs))
 
 
 def _by_alignment(at: LakeReader, shard: Shard, places: Places) -> Made:
     from motionlake.motion.moves_of_clips import instants_of_clips
 
-    table = fetch_table(at.con, "symbol_strings").combine_chunks()
+    table = fetch_table(at.con, "symbol_strings", {"clips": None}).combine_chunks()
     names, strings = table["clip"].to_pylist(), table["symbols"].chunk(0)
     symbols, starts = numbers(strings.flatten()), np.asarray(numbers(strings.offsets), dtype=np.int64)
     starts -= starts[0]

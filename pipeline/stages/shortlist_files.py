@@ -19,7 +19,7 @@ import numpy as np
 import pyarrow as pa
 from motionlake.arrays import Float32Array, Float64Array, Int64Array
 from motionlake.columns import numbers
-from motionlake.errors import DamagedError
+from motionlake.errors import DamagedError, UserError
 from motionlake.lake.integrity import FileSums, damage, size_fault, sound_files
 from motionlake.lake.layout import Lake
 from motionlake.lake.parts import replacing
@@ -221,27 +221,43 @@ class ShortlistFiles:
 
     def lists(self, name: str, rows: Int64Array) -> list[NDArray[Any]]:
         """A column of lists, those of some rows."""
-        values, offsets = self._flat(name)
+        values, offsets = self.flat(name)
         return [values[offsets[row] : offsets[row + 1]] for row in rows.tolist()]
 
     def joined(self, name: str, rows: Int64Array) -> tuple[NDArray[Any], Int64Array]:
         """The same one after another, and how long each is."""
-        values, offsets = self._flat(name)
-        lengths = np.asarray(offsets[rows + 1] - offsets[rows], dtype=np.int64)
+        values, offsets = self.flat(name)
+        lengths = offsets[rows + 1] - offsets[rows]
         first = np.repeat(offsets[rows] - np.cumsum(lengths) + lengths, lengths)
         return values[first + np.arange(len(first))], lengths
 
-    def _flat(self, name: str) -> tuple[NDArray[Any], NDArray[Any]]:
-        (chunk,) = self.table[name].chunks
-        return np.from_dlpack(chunk.values), np.from_dlpack(chunk.offsets)
+    def flat(self, name: str) -> tuple[NDArray[Any], Int64Array]:
+        """The same of all clips, and [n + 1] where those of each begin."""
+        if name not in self._lists:
+            (chunk,) = self.table[name].chunks
+            offsets = np.asarray(np.from_dlpack(chunk.offsets), dtype=np.int64)
+            self._lists[name] = np.from_dlpack(chunk.values), offsets
+        return self._lists[name]
+
+    @cached_property
+    def _lists(self) -> dict[str, tuple[NDArray[Any], Int64Array]]:
+        return {}
+
+    def lacks(self, row: int, what: str) -> UserError:
+        """The error for a clip of which a method has nothing."""
+        return UserError(f"{self.table['clip'][row].as_py()}: has no {what} yet; make it with `motionlake run all`")
 
     def moves(self, rows: Int64Array) -> list[NDArray[np.float16]]:
         """The moves [m, D] of the clips of some rows, which have some. Raises `DamagedError` as `moves_at` does."""
         frames, starts, counts = self.moves_at(rows)
         return [frames[start : start + count] for start, count in zip(starts.tolist(), counts.tolist(), strict=True)]
 
-    def moves_at(self, rows: Int64Array) -> tuple[NDArray[np.float16], Int64Array, Int64Array]:
-        """The moves [N, D] of all clips, and where in them those of some rows lie: from which frame, how many.
+    def moves_at(self, rows: Int64Array, every: int = 1) -> tuple[NDArray[np.float16], Int64Array, Int64Array]:
+        """Moves [N, D], and where in them those of some rows lie: from which frame, how many.
+
+        Args:
+            rows: of the clips.
+            every: take one of so many frames of each, the first one first.
 
         Raises:
             DamagedError: those of these rows are not as they were written.
@@ -256,11 +272,17 @@ class ShortlistFiles:
                 raise DamagedError(damage(self.lake, self.pieces[piece], "holds other bytes than were written"))
         self._sound[rows] = True
         counts = counts.astype(np.int64)
-        if len(set(pieces.tolist())) <= 1:
+        if every == 1 and len(set(pieces.tolist())) <= 1:
             return self._frames(int(pieces[0]) if len(pieces) else 0), starts, counts
-        places = zip(pieces.tolist(), starts.tolist(), counts.tolist(), strict=True)
-        own = [self._frames(piece)[start : start + count] for piece, start, count in places]
-        return np.concatenate(own), np.cumsum(counts) - counts, counts
+        taken = -(-counts // every)
+        begins = np.cumsum(taken) - taken
+        steps = np.repeat(starts - every * begins, taken) + every * np.arange(taken.sum())
+        owners = np.repeat(pieces, taken)
+        found = np.empty((len(steps), self._width), dtype=HALF)
+        for piece in sorted(set(pieces.tolist())):
+            own = owners == piece
+            found[own] = self._frames(piece)[steps[own]]
+        return found, begins, taken
 
     def check_moves(self) -> None:
         """Compare the moves of all clips with what was written, which maps them into memory: searches find that done.
@@ -288,10 +310,14 @@ class ShortlistFiles:
             wrong = size_fault(self.lake, file)
             if wrong is not None:
                 raise DamagedError(damage(self.lake, file, wrong))
-            width = self.arrays["outlines-directions"].shape[0]
             mapped = np.asarray(np.memmap(self.lake.path(file), dtype=HALF, mode="r"))
-            self._mapped[piece] = mapped.reshape(-1, width)
+            self._mapped[piece] = mapped.reshape(-1, self._width)
         return self._mapped[piece]
+
+    @property
+    def _width(self) -> int:
+        """D, numbers of a frame of moves."""
+        return int(self.arrays["outlines-directions"].shape[0])
 
     @cached_property
     def _mapped(self) -> dict[int, NDArray[np.float16]]:

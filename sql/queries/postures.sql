@@ -30,6 +30,7 @@ SELECT share FROM postures ORDER BY symbol;
 -- name: symbol_strings
 SELECT clip, dataset, label, subject, split, fps, frames, format = 'synthetic' AS synthetic, symbols, starts
 FROM symbol_strings JOIN clips USING (clip)
+WHERE $clips::VARCHAR[] IS NULL OR clip IN (SELECT unnest($clips::VARCHAR[]))
 ORDER BY clip;
 
 -- name: forget_orphans_of_symbol_strings

@@ -48,6 +48,14 @@ FROM word_motifs m JOIN words w USING (clip, word) JOIN clips c USING (clip)
 WHERE $dataset::VARCHAR IS NULL OR c.dataset = $dataset
 ORDER BY m.clip, m.word;
 
+-- name: words_of_clips
+SELECT clip, count(*) AS words FROM word_motifs JOIN clips USING (clip) GROUP BY clip ORDER BY clip;
+
+-- name: motifs_of_words
+-- Of all clips between two names.
+SELECT motif::USMALLINT AS motif FROM word_motifs JOIN clips USING (clip)
+WHERE clip BETWEEN $first AND $last ORDER BY clip, word;
+
 -- name: signature_index
 SELECT clip, dataset, label, subject, split, fps, frames, format = 'synthetic' AS synthetic, signature
 FROM signatures JOIN clips USING (clip) ORDER BY clip;

@@ -209,4 +209,4 @@ def emd_deep_motifs(served: Served, p: list[float], q: list[float]) -> float:
 
 
 def _signatures(served: Served) -> SignatureSearcher:
-    return cast("SignatureSearcher", served.searcher("clip", "signature"))
+    return cast("SignatureSearcher", served.searcher("clip", "signature", exact=True))

@@ -1,0 +1,127 @@
+"""Every way to search a large lake: one query of a process that is ready, one of a new process, and memory.
+
+`python -m bench.scale_methods FOLDER` takes the lake in FOLDER/lake that `bench.whole_lake` or `bench.scale_search`
+left. For each way to find clips, and pieces of two seconds inside clips, a process of its own asks for drawn clips one
+after the other; then commands in new processes ask once each, with the lake's files in the page cache and without them.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import resource
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from motionlake.errors import UserError
+from motionlake.lake.catalog import reading
+from motionlake.lake.layout import Lake
+from motionlake.retrieval.protocol import Finds, Query
+from motionlake.retrieval.registry import SEARCHERS, searcher
+from threadpoolctl import threadpool_limits
+
+from bench.record import record
+from bench.scale_search import CHECKOUT, THREADS, WARMING, clips_in, timed_command
+from bench.window_search import PIECE
+
+QUERIES: Final = 40
+COMMANDS: Final = 3
+K: Final = 10
+BARS: Final = {"warm_ms": 100.0, "cold_seconds": 3.0}
+COMMAND_OF: Final[dict[Finds, str]] = {"clip": "search", "range": "find"}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("folder", type=Path, help="where bench.whole_lake or bench.scale_search left a lake")
+    parser.add_argument("--queries", type=int, default=QUERIES)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--commands", type=int, default=COMMANDS)
+    parser.add_argument("--warm", nargs=2, help=argparse.SUPPRESS)  # what a child process measures
+    given = parser.parse_args()
+    lake = Lake(given.folder / "lake")
+    asked = pieces(lake, given.queries, given.seed)
+    if given.warm:
+        finds, name = given.warm
+        print(json.dumps(warm(lake, finds, name, asked)))
+        return
+    figures: dict[str, Any] = {"clips": clips_in(lake), "queries": given.queries, "bars": BARS}
+    for finds, names in SEARCHERS.items():
+        for name in names:
+            found = _child(given, finds, name) | cold(lake, finds, name, asked[0], given.commands)
+            figures[f"{COMMAND_OF[finds]} {name}"] = found
+            print(f"{COMMAND_OF[finds]} {name}: {found}", flush=True)
+    print(record("scale-methods", figures))
+
+
+def pieces(lake: Lake, count: int, seed: int) -> list[Query]:
+    """Drawn clips that are long enough, each with the two seconds in its midst."""
+    with reading(lake) as con:
+        text = "SELECT clip, frames, fps FROM clips WHERE frames > fps * $seconds ORDER BY clip"
+        rows = con.execute(text, {"seconds": PIECE + 1}).fetchall()
+    drawn = np.random.default_rng(seed).choice(len(rows), min(count, len(rows)), replace=False)
+    middle = (
+        (clip, int(frames - PIECE * fps) // 2, int(PIECE * fps)) for clip, frames, fps in (rows[at] for at in drawn)
+    )
+    return [Query(clip, first, first + length) for clip, first, length in middle]
+
+
+def warm(lake: Lake, finds: Finds, name: str, asked: Sequence[Query]) -> dict[str, Any]:
+    """Times of single queries in a process that is ready for many, and the most memory that it held."""
+    started = time.perf_counter()
+    search = searcher(finds, name, lake)
+    if hasattr(search, "warm_up"):
+        search.warm_up()
+    ready = time.perf_counter() - started
+    queries = [Query(query.source) for query in asked] if finds == "clip" else list(asked)
+    spent, refused = [], 0
+    with threadpool_limits(limits=THREADS):
+        for number, query in enumerate([*queries[:WARMING], *queries]):
+            before = time.perf_counter()
+            try:
+                search.search([query], K)
+            except UserError:  # a posture that is held is no string
+                refused += number >= WARMING
+                continue
+            if number >= WARMING:
+                spent.append(1e3 * (time.perf_counter() - before))
+    return {
+        "ready_seconds": ready,
+        "warm_ms": {"median": float(np.median(spent)), "95": float(np.quantile(spent, 0.95)), "least": min(spent)},
+        "refused": refused,
+        "peak_mib": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
+    }
+
+
+def cold(lake: Lake, finds: Finds, name: str, asked: Query, count: int) -> dict[str, list[float]]:
+    """Seconds of commands in new processes, with the files of the lake in the page cache and without them."""
+    words = [sys.executable, "-m", "motionlake.cli.main", COMMAND_OF[finds], asked.name, "--method", name]
+    if finds == "range":
+        words += ["--from", str(asked.start), "--to", str(asked.stop)]
+    words += ["--lake", str(lake.root), "--json", "--no-service"]
+    timed_command(words, None)
+    return {
+        told: [timed_command(words, lake if dropped else None)["clock"] for _ in range(count)]
+        for told, dropped in (("cold_seconds", False), ("cold_seconds_dropped", True))
+    }
+
+
+def _child(given: argparse.Namespace, finds: Finds, name: str) -> dict[str, Any]:
+    """What `warm` says, in a process of its own."""
+    words = [str(given.folder), "--warm", finds, name, "--queries", str(given.queries), "--seed", str(given.seed)]
+    done = subprocess.run(
+        [sys.executable, "-m", "bench.scale_methods", *words], stdout=subprocess.PIPE, text=True, check=True,
+        cwd=CHECKOUT, env=os.environ | {"PYTHONPATH": str(CHECKOUT)},
+    )  # fmt: skip
+    found: dict[str, Any] = json.loads(done.stdout)
+    return found
+
+
+if __name__ == "__main__":
+    main()

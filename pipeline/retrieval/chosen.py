@@ -1,0 +1,49 @@
+"""Whole clips of a large lake by one method: it compares those that its own vectors in the shortlist choose."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+
+from motionlake.arrays import Float64Array
+from motionlake.lake.layout import Lake
+from motionlake.retrieval.hits import Hit, Match
+from motionlake.retrieval.lake_shortlist import LakeShortlist
+from motionlake.retrieval.protocol import Finds, LakeSearcher, Query, Scope, Searcher
+from motionlake.retrieval.registry import searcher
+from motionlake.retrieval.shortlist import Cascade
+
+
+class ChosenSearcher(LakeSearcher):
+    """Search by the signature, the string or the moves of clips (`METHODS`); a `Searcher`.
+
+    Of a hundred answers some are not those of comparing every clip (docs/scale.md); `registry.searcher` does that by
+    `exact`.
+
+    Args:
+        lake: the lake.
+        name: of the method.
+        files: of the lake's shortlist.
+
+    Raises:
+        UserError, DamagedError: as `LakeShortlist`.
+    """
+
+    finds: Finds = "clip"
+
+    def __init__(self, lake: Lake, name: str, files: Sequence[str]) -> None:
+        super().__init__(lake)
+        self.name, self._cascade = name, Cascade(LakeShortlist(lake, files))
+
+    def nearest(self, queries: Sequence[Query], k: int, scope: Scope, *, mirrored: bool) -> list[list[Hit]]:
+        return [self._cascade.by(self.name, query, k, scope, mirrored=mirrored) for query in queries]
+
+    def distances(self, queries: Sequence[Query], gallery: Sequence[Query]) -> Float64Array:
+        return self._every.distances(queries, gallery)
+
+    def matches(self, query: Query, hits: Sequence[Hit], *, mirrored: bool) -> dict[str, Match]:
+        return self._cascade.matches(query, hits, mirrored=mirrored) if self.name == "moves" else {}
+
+    @cached_property
+    def _every(self) -> Searcher:
+        return searcher("clip", self.name, self.lake, exact=True)

@@ -1,0 +1,146 @@
+"""Pieces in millions of words: bounds against their definition, and answers against those of comparing every window."""
+
+from __future__ import annotations
+
+from unittest import mock
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from motionlake.arrays import Int64Array
+from motionlake.deep_motifs import many_ranges, query_by_example
+from motionlake.deep_motifs.emd import emd
+from motionlake.deep_motifs.many_ranges import ManyWords
+from motionlake.deep_motifs.query_by_example import ExampleQuery, NearWindow, distinct, find_ranges
+from motionlake.deep_motifs.range_bounds import MOTIFS, WindowBounds, WordMotifs
+from motionlake.deep_motifs.signatures import Corpus, signature
+
+from tests.test_find import K, made_corpus
+
+LENGTHS = st.lists(st.integers(0, 40), min_size=1, max_size=6).filter(any)
+
+
+def words_of(corpus: Corpus) -> ManyWords:
+    def frames_of(clip: Int64Array, first: Int64Array, last: Int64Array) -> Int64Array:
+        at = corpus.offsets[clip]
+        return np.column_stack([corpus.starts[at + first], corpus.stops[at + last - 1]])
+
+    words = WordMotifs(corpus.motifs.astype(np.uint16), corpus.offsets)
+    return ManyWords(words, frames_of, corpus.idf, corpus.ground)
+
+
+def query(seed: int, n_words: int, motifs: int, *, mirrored: bool = False) -> ExampleQuery:
+    drawn = np.random.default_rng(seed).integers(0, motifs, (2, n_words)).astype(np.int32)
+    return ExampleQuery(drawn[0], drawn[1] if mirrored else None)
+
+
+@settings(max_examples=60, deadline=None)
+@given(seed=st.integers(0, 10_000), lengths=LENGTHS, n_words=st.integers(2, 30), motifs=st.integers(1, 12))
+def test_bounds(seed: int, lengths: list[int], n_words: int, motifs: int) -> None:
+    """None is above the distance, nor far below its definition; that of a clip is the least of its windows."""
+    corpus, asked = made_corpus(seed, lengths, motifs), query(seed + 1, n_words, motifs)
+    words = words_of(corpus).words
+    (signed,) = asked.signatures(corpus.idf)
+    bounds = WindowBounds.of(signed, n_words, corpus.idf, corpus.ground)
+    held = np.flatnonzero(signed)
+    seen = held[np.argsort(-signed[held], kind="stable")][:MOTIFS]
+    found = bounds.of_clips(words)
+    for clip, length in enumerate(lengths):
+        if not length:
+            assert np.isinf(found[clip])
+            continue
+        clips, first, each = bounds.of_windows(words, np.array([clip]))
+        assert (clips == clip).all()
+        assert first.tolist() == list(range(max(1, length - n_words + 1)))
+        assert found[clip] == each.min()
+        for start, bound in zip(first.tolist(), each.tolist(), strict=True):
+            own = words.of(clip)[start : start + n_words]
+            window = signature(np.bincount(own, minlength=motifs), corpus.idf).astype(np.float64)
+            assert bound <= emd(signed, window, corpus.ground) + 1e-9
+            least = window @ corpus.ground[:, held].min(axis=1)
+            apart = np.abs((window - signed) @ corpus.ground[:, seen]).max()
+            assert bound >= max(least, apart) - 1e-4
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    seed=st.integers(0, 10_000),
+    lengths=LENGTHS,
+    n_words=st.integers(2, 7),
+    k=st.integers(0, 12),
+    mirrored=st.booleans(),
+    ahead=st.sampled_from([1, 8]),
+    without=st.sampled_from([None, (0, 10, 40)]),
+    left_out=st.booleans(),
+)
+def test_answers_are_those_of_comparing_every_window(
+    seed: int, lengths: list[int], n_words: int, k: int, mirrored: bool, ahead: int,
+    without: tuple[int, int, int] | None, left_out: bool,
+) -> None:  # fmt: skip
+    corpus, asked = made_corpus(seed, lengths), query(seed + 1, n_words, K, mirrored=mirrored)
+    admitted = np.array([bool(length) for length in lengths])
+    if left_out:
+        admitted[-1] = False
+    clips = np.flatnonzero(admitted).tolist()
+    expected = find_ranges(corpus, asked, k, clips=clips, without=without)
+    with mock.patch.object(many_ranges, "AHEAD", ahead):
+        found = words_of(corpus).nearest(asked, k, admitted, without)
+    assert [(corpus.clips[h.clip].clip, h.start, h.stop, h.distance, h.mirrored) for h in found] == [
+        (h.clip, h.start, h.stop, h.distance, h.mirrored) for h in expected
+    ]
+
+
+@pytest.mark.parametrize("most", [3, 20])
+def test_of_too_many_windows_the_likeliest_are_compared(most: int) -> None:
+    corpus = made_corpus(3, [60, 40, 50, 30])
+    lake, asked, everything = words_of(corpus), query(5, 4, K), np.ones(4, dtype=np.bool_)
+    with mock.patch.object(many_ranges, "MOST", most):
+        found = lake.nearest(asked, 10, everything)
+    assert 0 < len(found) <= 10
+    (signed,) = asked.signatures(corpus.idf)
+    for hit in found:
+        words = corpus.words_of(hit.clip)
+        first = int(np.searchsorted(corpus.starts[words], hit.start))
+        window = signature(np.bincount(corpus.motifs[words][first : first + 4], minlength=K), corpus.idf)
+        assert hit.distance == pytest.approx(emd(signed, window, corpus.ground))
+    assert [hit.distance for hit in found] == sorted(hit.distance for hit in found)
+
+
+def test_clips_near_a_query_hold_the_nearest() -> None:
+    corpus = made_corpus(11, [30] * 40)
+    lake, admitted = words_of(corpus), np.ones(40, dtype=np.bool_)
+    admitted[7] = False
+    hits = []
+    for seed in range(20):
+        asked = query(seed, 6, K)
+        chosen = lake.clips_near(asked, 15, admitted)
+        assert len(chosen) == 15
+        assert 7 not in chosen
+        assert chosen.tolist() == sorted(chosen)
+        (best,) = lake.nearest(asked, 1, admitted)
+        hits.append(best.clip in chosen)
+    assert np.mean(hits) > 0.9
+    assert lake.clips_near(query(0, 6, K), 100, admitted).tolist() == np.flatnonzero(admitted).tolist()
+
+
+@settings(max_examples=40, deadline=None)
+@given(seed=st.integers(0, 1000), rows=st.integers(0, 30), width=st.integers(1, 5))
+def test_rows_that_differ(seed: int, rows: int, width: int) -> None:
+    bags = np.sort(np.random.default_rng(seed).integers(-1, 4, (rows, width)), axis=1).astype(np.int32)
+    for numbers_alike in (False, True):
+        with (
+            mock.patch.object(query_by_example, "_numbers", lambda bags: np.zeros(len(bags), dtype=np.uint64))
+            if (numbers_alike)
+            else mock.MagicMock()
+        ):
+            unique, which = distinct(bags)
+        assert np.array_equal(unique[which], bags)
+        assert len(unique) == len(np.unique(bags, axis=0))
+
+
+def test_a_near_window_is_what_it_says() -> None:
+    corpus = made_corpus(0, [12, 12])
+    own = corpus.motifs[2:6]
+    found = words_of(corpus).nearest(ExampleQuery(own), 1, np.ones(2, dtype=np.bool_))
+    assert found == [NearWindow(0, 10, 45, 0.0, mirrored=False)]
