@@ -22,7 +22,7 @@ DEMO_SYNTHESIS = $(if $(filter demo/deepmimic,$(DATA)),$(BIN)/motionlake run syn
 DEMO_QUERIES = $(if $(filter demo/deepmimic,$(DATA)),humanoid3d_walk humanoid3d_kick humanoid3d_dance_a,--sample 3)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test test-browser web lint docs ingest all $(STAGES) neighbours transitions synth quality map status wheel bench-ingest bench-dtw bench-moves bench-emd bench-generalise bench-retrieval bench-scale bench-service bench-browser bench-stages bench-nights bench-whole bench-workers bench-windows bench-representation bench-word-network bench-motif-weights bench-words bench-find bench-motion-graph bench-neighbours bench-segmentation bench-signatures bench-sorting bench-align bench-strings bench-pesta bench-quality bench-rigs bench-descriptor-search bench-deephums bench-glogen bench-synthesis bench-matching bench-made bench-blind bench-keyframes bench-style bench-text bench-kills bench-many bench-comparators bench-mutation bench-smoke fuzz records
+.PHONY: help setup demo test test-browser web lint docs ingest all $(STAGES) neighbours transitions synth quality map status wheel bench-ingest bench-dtw bench-moves bench-emd bench-generalise bench-retrieval bench-scale bench-methods bench-service bench-browser bench-stages bench-nights bench-whole bench-workers bench-windows bench-representation bench-word-network bench-motif-weights bench-words bench-find bench-motion-graph bench-neighbours bench-segmentation bench-signatures bench-sorting bench-align bench-strings bench-pesta bench-quality bench-rigs bench-descriptor-search bench-deephums bench-glogen bench-synthesis bench-matching bench-made bench-blind bench-keyframes bench-style bench-text bench-kills bench-many bench-comparators bench-mutation bench-smoke fuzz records
 
 help: ## Show this help
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 24
@@ -144,6 +144,9 @@ bench-dtw: .venv-bench/.ready ## Measure word DTW against peers
 
 bench-scale: setup ## Measure the default search of 150,000 clips (twenty minutes to make them, FOLDER=folder keeps them)
 	$(BIN)/python -m bench.scale_search $(if $(FOLDER),--folder "$(FOLDER)")
+
+bench-methods: setup ## Measure every way to search the lake that bench-whole or bench-scale left in FOLDER=folder
+	$(BIN)/python -m bench.scale_methods "$(FOLDER)"
 
 bench-service: setup ## Measure searches of a service of 150,000 clips by twenty people at once (FOLDER=folder keeps the clips)
 	$(BIN)/python -m bench.service_load $(if $(FOLDER),--folder "$(FOLDER)")

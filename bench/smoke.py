@@ -81,6 +81,7 @@ ELSEWHERE: Final = {
     "check_records": "tests/test_check_records.py",
     "check_figures": "tests/test_check_figures.py",
     "golden": "tests/test_golden.py",
+    "scale_methods": "tests/test_scale_methods.py",  # it takes a lake that another bench has made
     "trust_cost": "tests/test_against.py",  # another that needs a second checkout: its arithmetic alone
 }
 ONE_SEED: Final = (0,)
@@ -145,7 +146,7 @@ SMOKES: Final[Sequence[Smoke]] = (
           "bench.browser_scroll.LOADS": 1, "bench.browser_scroll.ROUNDS": 3}, recordings=False, peers=("playwright",)),
     Smoke("bench.scale_search", ("--clips", "60", "--queries", "4", "--processes", "1"), {
           "bench.scale_search.COMMANDS": 1, "bench.large_lakes.PART": 40, "motionlake.stages.graph.MOST": 20,
-          "motionlake.stages.shortlist.MOST": 20, "motionlake.retrieval.fused.MOST": 20}),
+          "motionlake.stages.shortlist.MOST": 20, "motionlake.retrieval.lake_shortlist.MOST": 20}),
     Smoke("bench.service_load", ("--clips", "60", "--processes", "1", "--users", "2", "--looks", "0.1", "--seconds",
           "1"), {"bench.large_lakes.PART": 40}),
     Smoke("bench.retrieval", ("hdm05",), {"bench.retrieval.SEEDS": ONE_SEED, **_FEW_K}),

@@ -23,6 +23,7 @@ from motionlake.motion.skeleton import COMMON
 from motionlake.motion.sketches import Directions, instants, nearness, searchable
 from motionlake.retrieval import narrowed
 from motionlake.retrieval.chosen import ChosenSearcher
+from motionlake.retrieval.descriptor import DescriptorSearcher
 from motionlake.retrieval.fused import FusedSearcher
 from motionlake.retrieval.hits import Hit
 from motionlake.retrieval.matched import matched_moves
@@ -39,7 +40,7 @@ from motionlake.threads import limited
 from tests.lakes import Changed, files, motionlake, query
 from tests.test_newer_models import newer
 
-MODULES = ("stages.graph", "stages.shortlist", "retrieval.fused", "retrieval.lake_shortlist")
+MODULES = ("stages.graph", "stages.shortlist", "retrieval.fused", "retrieval.lake_shortlist", "retrieval.descriptor")
 
 
 @pytest.fixture(scope="module")
@@ -219,6 +220,35 @@ def test_one_method_alone(large: Path, clips_folder: Path, method: str, monkeypa
         (ours,), (right,) = by.search([Query(name)], 2), exact.search([Query(name)], 2)
         found.append(len({hit.clip for hit in ours} & {hit.clip for hit in right}) / 2)
     assert np.mean(found) > 0.85
+
+
+def test_the_catalog_answers_the_first_queries_by_descriptor(large: Path, clips_folder: Path) -> None:
+    """To the last bit; then all descriptors are read."""
+    clip, other = some(large, 2)
+    lake = open_lake(large)
+    exact = searcher("clip", "descriptor", lake)
+    asked = [Query(clip), Query(other, 0, 40), Query(clips_folder / other.partition("/")[2])]
+    for scope in (
+        Scope(),
+        Scope(own=True),
+        Scope(mirrored=True),
+        Scope(split="train"),
+        Scope("none"),
+        Scope(below=0.5),
+    ):
+        for k in (3, 1000):
+            with few():
+                by = DescriptorSearcher(lake)
+                assert by.search(asked[:1], k, scope) == exact.search(asked[:1], k, scope)
+                assert by.search(asked[1:], k, scope) == exact.search(asked[1:], k, scope)
+    with few():
+        by = DescriptorSearcher(lake)
+        for _ in range(5):
+            assert "_all" not in vars(by) or not by._by_catalog
+            assert by.search(asked[:1], 4) == exact.search(asked[:1], 4)
+        assert "_all" in vars(by)
+        with pytest.raises(UserError, match="nobody"):
+            DescriptorSearcher(lake).search([Query("clips/nobody.bvh")], 3)
 
 
 def test_every_clip_is_compared_where_that_is_asked_for(large: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -54,6 +55,17 @@ def read_signatures(con: Connection) -> tuple[list[dict[str, Any]], list[CorpusC
 def read_descriptors(con: Connection) -> tuple[list[CorpusClip], Float32Array]:
     """The n described clips of a lake by name, and their descriptors [n, 512]."""
     return _vectors(fetch_table(con, "descriptor_clips"), "descriptor", DIMENSION)
+
+
+def read_descriptors_near(
+    con: Connection, descriptor: Float32Array, count: int, admitted: Mapping[str, object]
+) -> tuple[list[CorpusClip], Float32Array]:
+    """The same of about the `count` described clips nearest to a descriptor [512], which the catalog finds by itself.
+
+    `admitted`: `ClipFilter.as_parameters`.
+    """
+    asked = {**admitted, "descriptor": descriptor.tolist(), "count": count}
+    return _vectors(fetch_table(con, "descriptors_near", asked), "descriptor", DIMENSION)
 
 
 def _vectors(rows: pa.Table, column: str, width: int) -> tuple[list[CorpusClip], Float32Array]:

@@ -23,6 +23,22 @@ SELECT clip, dataset, label, subject, split, fps, frames, format = 'synthetic' A
 FROM descriptors JOIN clips USING (clip)
 ORDER BY clip;
 
+-- name: descriptors_near
+-- The clips that may be answers and are nearest to a descriptor, with theirs.
+WITH near AS (
+    SELECT clip, array_distance(descriptor, $descriptor::FLOAT[512]) AS distance
+    FROM descriptors JOIN clips USING (clip)
+    WHERE ($dataset::VARCHAR IS NULL OR dataset = $dataset) AND ($split::VARCHAR IS NULL OR split = $split)
+        AND NOT ($recorded_only AND format = 'synthetic') AND good_enough(clip, $min_quality::VARCHAR)
+    ORDER BY distance, clip LIMIT $count
+)
+SELECT clip, dataset, label, subject, split, fps, frames, format = 'synthetic' AS synthetic, descriptor
+FROM near JOIN descriptors USING (clip) JOIN clips USING (clip)
+ORDER BY clip;
+
+-- name: descriptor_of
+SELECT descriptor FROM descriptors WHERE clip = $clip;
+
 -- name: forget_orphans_of_descriptors
 DELETE FROM descriptors WHERE NOT EXISTS (FROM clips c WHERE c.clip = descriptors.clip AND c.part = descriptors.part);
 
