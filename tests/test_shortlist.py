@@ -30,7 +30,7 @@ from motionlake.retrieval.matched import matched_moves
 from motionlake.retrieval.moves import MovesSearcher
 from motionlake.retrieval.protocol import LakeSearcher, Query, Scope
 from motionlake.retrieval.registry import searcher
-from motionlake.retrieval.shortlist import METHODS
+from motionlake.retrieval.shortlist_methods import METHODS
 from motionlake.stages import shortlist_moves
 from motionlake.stages.reader import lake_reader
 from motionlake.stages.shortlist import COMPARED, SHORTLIST
@@ -124,7 +124,7 @@ def test_answers_are_those_of_comparing_every_clip(large: Path, clips_folder: Pa
 
 def test_few_chosen_clips_hold_the_nearest(large: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("motionlake.retrieval.shortlist.NEAR", 6)
-    monkeypatch.setattr("motionlake.retrieval.shortlist.LOOKED_AT", 10)
+    monkeypatch.setattr("motionlake.retrieval.shortlist_methods.LOOKED_AT", 10)
     monkeypatch.setattr("motionlake.retrieval.fused.REACH", 5)
     found = []
     for clip in some(large, 99):
@@ -213,7 +213,7 @@ def test_one_method_alone(large: Path, clips_folder: Path, method: str, monkeypa
         exact.matches(asked[0], right[:2], mirrored=False)
     )
     for name, count in (("ALONE", 8), ("ALONE_STRINGS", 8), ("LOOKED_AT", 10)):
-        monkeypatch.setattr(f"motionlake.retrieval.shortlist.{name}", count)
+        monkeypatch.setattr(f"motionlake.retrieval.shortlist_methods.{name}", count)
     monkeypatch.setattr(METHODS[method], "compared_alone", 7)
     found = []
     for name in some(large, 99):

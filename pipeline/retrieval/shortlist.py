@@ -6,47 +6,24 @@ all. The answers by a method are then its nearest among these.
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar, Final
+from typing import Final
 
 import numpy as np
-from motionlake.arrays import BoolArray, Float32Array, Float64Array, Int64Array
-from motionlake.deep_motifs.emd import ground_distances
-from motionlake.deep_motifs.emd_search import SignatureIndex
+from motionlake.arrays import Int64Array
 from motionlake.errors import DamagedError, UserError
-from motionlake.lake.catalog import Connection, fetch, reading
-from motionlake.lake.layout import Lake
-from motionlake.lake.settings import served_config
-from motionlake.motion.moves_index import floored
-from motionlake.motion.sketches import instants, nearness
-from motionlake.motion.stacks import Stack, aligned
-from motionlake.pesta.bounds import bounds_of_strings
-from motionlake.pesta.scan import nearest_strings
-from motionlake.pesta.strings import Repository, SymbolDistances
+from motionlake.lake.catalog import reading
 from motionlake.retrieval.asked import Asked, Ranking
 from motionlake.retrieval.hits import Hit, Match, clip_hit
 from motionlake.retrieval.lake_shortlist import LakeShortlist
 from motionlake.retrieval.protocol import Query, Scope
-from motionlake.retrieval.string_queries import query_of_symbols
-from motionlake.stages.shortlist_files import INSTANTS, ShortlistFiles, string_sketch
+from motionlake.retrieval.shortlist_methods import METHODS, THREADS, Answers, ByMoves, Method, Value
 from motionlake.threads import limited
 
-if TYPE_CHECKING:
-    from motionlake.pesta.dictionary import PostureDictionary
-
-Value = Any
-LOOKED_AT: Final = 5000  # clips whose outlines of moves are aligned
 NEAR: Final = 500  # clips that a method chooses, at least
-COMPARED: Final = 500  # clips of those that others chose, at least, that a method compares in full
-ALONE: Final = 2000  # clips that a method chooses which is asked alone
-ALONE_STRINGS: Final = 6000  # of alignment: their vectors tell less, and fewer symbols are compared than frames
-SAMPLED: Final = 4096  # clips that tell the place of all others
-EVERY: Final = 4  # frames of moves, of which one is compared before all
-THREADS: Final = 2  # methods at once
-Answers = tuple[Int64Array, Float64Array]  # rows and distances, nearest first
+COMPARED: Final = 500  # clips of those that any chose, at least, that a method compares in full
 
 
 class Cascade:
@@ -160,215 +137,3 @@ def _merged(parts: Sequence[Answers], k: int) -> Answers:
     rows, distances = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
     order = np.lexsort((rows, distances))[:k]
     return rows[order], distances[order]
-
-
-class Method(ABC):
-    """What a method keeps of every clip, and how it compares a query with it."""
-
-    name: str
-    compared_alone: ClassVar[int] = ALONE  # clips that are compared in full where it is asked alone
-    shared: ClassVar[bool] = True  # several threads compare sooner than one
-
-    def __init__(self, lake: Lake, files: ShortlistFiles, con: Connection) -> None:
-        self.lake, self.files = lake, files
-        self._kept = files.arrays[f"{self.name}-sketches"]
-        self._directions = files.directions(self.name)
-
-    @abstractmethod
-    def of_row(self, row: int) -> Value:
-        """What is compared of a clip of the shortlist. Raises `UserError` where it has none."""
-
-    @abstractmethod
-    def of_query(self, query: Query, *, mirrored: bool) -> Value:
-        """The same of a file, of a part of a clip, or mirrored. Raises `UserError` where it cannot be made."""
-
-    @abstractmethod
-    def sketch(self, value: Value) -> Float32Array:
-        """[D] the vector that is projected and compared first."""
-
-    @abstractmethod
-    def among(self, value: Value, rows: Int64Array, k: int, most: int) -> Answers:
-        """The k nearest of the clips of some rows; those that the method does not know are left out.
-
-        Of more than `most`, which is at least k, those are compared in full that are likely to be the nearest.
-        """
-
-    def choose(self, value: Value, count: int, admitted: Float32Array) -> Int64Array:
-        """About so many rows that are likely to be the nearest of those admitted ([n] 0, else minus infinity)."""
-        return _largest(self._nearness(value) + admitted, count)
-
-    def choose_alone(self, value: Value, k: int, admitted: Float32Array) -> Int64Array:
-        """Rows that are likely to hold the k nearest, where no other method chooses any."""
-        return self.choose(value, max(k, min(ALONE, len(admitted))), admitted)
-
-    def _nearness(self, value: Value, rows: Int64Array | None = None) -> Float32Array:
-        """[n] of all clips, or of those of some rows, by their vectors: the greater, the nearer."""
-        kept = self._kept if rows is None else self._kept[rows]
-        return nearness(kept, self._directions.project(self.sketch(value)))
-
-
-def _first_by_both(near: Float32Array, bounds: Float32Array) -> Float32Array:
-    """[n] the greater, the sooner a clip comes by how near it is and by a bound together; minus infinity of none."""
-    there = np.isfinite(near) & np.isfinite(bounds)
-    return np.where(there, -_places(-near, there) - _places(bounds, there), np.float32(-np.inf))
-
-
-def _places(values: Float32Array, there: BoolArray) -> Float32Array:
-    """[n] how many of some thousand values, spread over those that are there, each is above."""
-    known = values[there]
-    sample = np.sort(known[:: max(1, len(known) // SAMPLED)])
-    return np.searchsorted(sample, values).astype(np.float32)
-
-
-def _largest(near: Float32Array, count: int) -> Int64Array:
-    """Rows of the `count` largest that are finite."""
-    rows = np.argpartition(-near, count - 1)[:count] if count < len(near) else np.arange(len(near))
-    return np.asarray(rows[np.isfinite(near[rows])], dtype=np.int64)
-
-
-class BySignature(Method):
-    """Signatures [K], by the earth mover's distance."""
-
-    name = "signature"
-    shared = False  # the k nearest of all are found with fewer transports than those of each share
-
-    def __init__(self, lake: Lake, files: ShortlistFiles, con: Connection) -> None:
-        super().__init__(lake, files, con)
-        motifs = fetch(con, "corpus_motifs")
-        self._ground = ground_distances(np.array([row["centroid"] for row in motifs], dtype=np.float32))
-        self._idf = np.array([row["idf"] for row in motifs], dtype=np.float64)
-
-    def of_row(self, row: int) -> Value:
-        (signature,) = self._dense(np.array([row]))
-        if not signature.any():
-            raise self.files.lacks(row, "signature")
-        return signature
-
-    def of_query(self, query: Query, *, mirrored: bool) -> Value:
-        from motionlake.retrieval.signature import signature_of
-
-        return signature_of(self.lake, query, self._idf, mirrored=mirrored)
-
-    def sketch(self, value: Value) -> Float32Array:
-        return np.asarray(value @ self._ground, dtype=np.float32)
-
-    def among(self, value: Value, rows: Int64Array, k: int, most: int) -> Answers:
-        signatures = self._dense(rows)
-        there = signatures.any(axis=1)
-        if not there.any():
-            return np.zeros(0, dtype=np.int64), np.zeros(0)
-        found = SignatureIndex.build(signatures[there], self._ground).nearest(value, min(k, int(there.sum())))
-        return rows[there][found.indices], found.distances
-
-    def _dense(self, rows: Int64Array) -> Float32Array:
-        dense = np.zeros((len(rows), len(self._ground)), dtype=np.float32)
-        (held, lengths), (weights, _) = self.files.joined("motifs", rows), self.files.joined("weights", rows)
-        dense[np.repeat(np.arange(len(rows)), lengths), held] = weights
-        return dense
-
-
-class ByAlignment(Method):
-    """Strings of symbols, by alignment both ways."""
-
-    name = "alignment"
-    compared_alone = ALONE_STRINGS
-
-    def __init__(self, lake: Lake, files: ShortlistFiles, con: Connection) -> None:
-        super().__init__(lake, files, con)
-        codes = fetch(con, "posture_codes")
-        self._codes = np.array([row["code"] for row in codes], dtype=np.float64)
-        self._model = codes[0]["model"]
-        self._distances = SymbolDistances(ground_distances(self._codes.astype(np.float32)).astype(np.float32))
-        self._config = served_config(lake).alignment
-
-    def of_row(self, row: int) -> Value:
-        (symbols,) = self.files.lists("symbols", np.array([row]))
-        if len(symbols) == 0:
-            raise self.files.lacks(row, "symbol string")
-        return query_of_symbols(symbols, self.files.table["clip"][row].as_py()).symbols
-
-    def of_query(self, query: Query, *, mirrored: bool) -> Value:
-        from motionlake.retrieval.symbol_strings import encoded
-
-        return encoded(self.lake, query, self._dictionary, mirrored=mirrored).symbols
-
-    @cached_property
-    def _dictionary(self) -> PostureDictionary:
-        from motionlake.retrieval.symbol_strings import served_dictionary
-
-        return served_dictionary(self.lake, self._model)
-
-    def sketch(self, value: Value) -> Float32Array:
-        return string_sketch(value, self._codes)
-
-    def choose_alone(self, value: Value, k: int, admitted: Float32Array) -> Int64Array:
-        near = self._nearness(value) + admitted
-        bounds = bounds_of_strings(value, self._every, self._distances, self._config, threads=THREADS)
-        return _largest(_first_by_both(near, bounds), max(k, min(ALONE_STRINGS, len(near))))
-
-    def among(self, value: Value, rows: Int64Array, k: int, most: int) -> Answers:
-        strings = self._strings(rows)
-        if len(rows) > most:
-            bounds = bounds_of_strings(value, strings, self._distances, self._config)
-            rows = rows[_largest(_first_by_both(self._nearness(value, rows), bounds), most)]
-            strings = self._strings(rows)
-        found = nearest_strings(value, strings, self._distances, k, self._config)  # of so few, in one thread
-        return rows[[at for at, _ in found]], np.array([cost for _, cost in found])
-
-    @cached_property
-    def _every(self) -> Repository:
-        return Repository(*self.files.flat("symbols"))
-
-    def _strings(self, rows: Int64Array) -> Repository:
-        symbols, lengths = self.files.joined("symbols", rows)
-        return Repository(symbols, np.concatenate([[0], np.cumsum(lengths)]))
-
-
-class ByMoves(Method):
-    """Moves, by dynamic time warping: first of outlines, moves at a few instants along a few directions."""
-
-    name = "moves"
-    compared_alone = 600
-
-    def __init__(self, lake: Lake, files: ShortlistFiles, con: Connection) -> None:
-        super().__init__(lake, files, con)
-        outlines, self._frames = files.arrays["moves-outlines"], files.directions("outlines")
-        self._looked = np.asarray(outlines).reshape(-1, outlines.shape[-1])  # [n * INSTANTS, w]
-
-    def of_row(self, row: int) -> Value:
-        if self.files.numbers("frames")[row] == 0:
-            raise self.files.lacks(row, "moves")
-        return self.files.moves(np.array([row]))[0].astype(np.float32)
-
-    def of_query(self, query: Query, *, mirrored: bool) -> Value:
-        from motionlake.retrieval.moves import track_of
-
-        return track_of(self.lake, query, mirrored=mirrored).moves()
-
-    def sketch(self, value: Value) -> Float32Array:
-        return instants(value, INSTANTS).ravel()
-
-    def choose(self, value: Value, count: int, admitted: Float32Array) -> Int64Array:
-        rows = super().choose(value, max(count, min(LOOKED_AT, len(admitted))), admitted)
-        if len(rows) <= count:
-            return rows
-        rows.sort()
-        outline = self._frames.project(instants(value, INSTANTS))
-        stack = Stack.of_halves(self._looked, rows * INSTANTS, np.full(len(rows), INSTANTS))
-        apart = stack.spread(aligned(outline, stack))
-        return rows[np.argpartition(apart, count - 1)[:count]]
-
-    def among(self, value: Value, rows: Int64Array, k: int, most: int) -> Answers:
-        known = rows[self.files.numbers("frames")[rows] > 0]
-        if len(known) > most:
-            stack = Stack.of_halves(*self.files.moves_at(known, EVERY))
-            apart = stack.spread(aligned(np.ascontiguousarray(value[::EVERY]), stack))
-            known = np.sort(known[np.argpartition(apart, most - 1)[:most]])
-        frames, starts, counts = self.files.moves_at(known)
-        stack = Stack.of_halves(frames, starts, counts)
-        distances = floored(stack.spread(aligned(value, stack)))
-        order = np.lexsort((known, distances))[:k]
-        return known[order], distances[order]
-
-
-METHODS: Final[Mapping[str, type[Method]]] = {"signature": BySignature, "alignment": ByAlignment, "moves": ByMoves}
