@@ -33,6 +33,7 @@ from bench.window_search import PIECE
 QUERIES: Final = 40
 COMMANDS: Final = 3
 K: Final = 10
+LONGER: Final = 1.0  # seconds that a clip lasts more than a piece
 BARS: Final = {"warm_ms": 100.0, "cold_seconds": 3.0}
 COMMAND_OF: Final[dict[Finds, str]] = {"clip": "search", "range": "find"}
 
@@ -64,7 +65,7 @@ def pieces(lake: Lake, count: int, seed: int) -> list[Query]:
     """Drawn clips that are long enough, each with the two seconds in its midst."""
     with reading(lake) as con:
         text = "SELECT clip, frames, fps FROM clips WHERE frames > fps * $seconds ORDER BY clip"
-        rows = con.execute(text, {"seconds": PIECE + 1}).fetchall()
+        rows = con.execute(text, {"seconds": PIECE + LONGER}).fetchall()
     drawn = np.random.default_rng(seed).choice(len(rows), min(count, len(rows)), replace=False)
     middle = (
         (clip, int(frames - PIECE * fps) // 2, int(PIECE * fps)) for clip, frames, fps in (rows[at] for at in drawn)

@@ -136,6 +136,12 @@ def test_few_chosen_clips_hold_the_nearest(large: Path, monkeypatch: pytest.Monk
     assert len(hits) > 12, "who asks for more gets more"
 
 
+def longest(root: Path, count: int) -> list[tuple[str, int, float]]:
+    """Clip, frames and rate of those that last longest."""
+    text = "SELECT clip, frames, fps FROM clips JOIN symbol_strings USING (clip) JOIN signatures USING (clip)"
+    return query(root, f"{text} WHERE len(symbols) > 3 ORDER BY frames / fps DESC, clip LIMIT {count:d}")
+
+
 def by_words(lake: Path, method: str, asked: Query, scope: Scope, k: int = 5) -> tuple[list[Hit], list[Hit]]:
     """Answers inside clips of a large lake, and those of comparing it whole."""
     with few():
@@ -158,10 +164,9 @@ SCOPES = (Scope(), Scope(own=True), Scope(mirrored=True), Scope(split="train"), 
 @pytest.mark.parametrize("method", ["words", "fused"])
 def test_pieces_are_found_as_in_a_small_lake(large: Path, clips_folder: Path, method: str, scope: Scope) -> None:
     """A part of a clip, a clip and a file; of a large lake "fused" is "words"."""
-    clip, other = some(large, 2)
-    ((frames, fps),) = query(large, "SELECT frames, fps FROM clips WHERE clip = $clip", clip=clip)
-    part = Query(clip, int(0.1 * fps), min(frames, int(1.2 * fps)))
-    for asked in (part, Query(clip), Query(clips_folder / other.partition("/")[2], 0, int(fps))):
+    (clip, frames, fps), (other, many, _) = longest(large, 2)
+    part = Query(clip, int(0.1 * fps), min(frames, int(1.4 * fps)))
+    for asked in (part, Query(clip), Query(clips_folder / other.partition("/")[2], 0, int(0.8 * many))):
         with few():
             (ours,) = searcher("range", method, open_lake(large)).search([asked], 5, scope)
         (exact,) = searcher("range", "words", open_lake(large)).search([asked], 5, scope)
@@ -171,8 +176,7 @@ def test_pieces_are_found_as_in_a_small_lake(large: Path, clips_folder: Path, me
 @pytest.mark.parametrize("method", ["alignment", "moves"])
 def test_pieces_in_the_clips_that_words_find_near(large: Path, method: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Of all clips the answers are those of comparing the lake; of a few, answers are of these and of the query's."""
-    clip = some(large, 3)[2]
-    ((frames, fps),) = query(large, "SELECT frames, fps FROM clips WHERE clip = $clip", clip=clip)
+    ((clip, frames, fps),) = longest(large, 1)
     asked = Query(clip, 0, min(frames, int(1.5 * fps)))
     for scope in (Scope(), Scope(own=True), Scope(mirrored=True), Scope(split="train")):
         ours, exact = by_words(large, method, asked, scope)
@@ -194,14 +198,13 @@ def test_pieces_in_the_clips_that_words_find_near(large: Path, method: str, monk
 @pytest.mark.parametrize("method", ["signature", "alignment", "moves"])
 def test_one_method_alone(large: Path, clips_folder: Path, method: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Answers are those of comparing every clip, of a clip, a part of one, a file, and each of them mirrored."""
-    clip, other = some(large, 2)
-    ((frames,),) = query(large, "SELECT frames FROM clips WHERE clip = $clip", clip=other)
+    (clip, _, _), (other, frames, _) = longest(large, 2)
     exact = cast(LakeSearcher, searcher("clip", method, open_lake(large), exact=True))
     with few():
         by = searcher("clip", method, open_lake(large))
         assert isinstance(by, ChosenSearcher)
         assert by.name == method
-    asked = [Query(clip), Query(other, 0, frames // 2), Query(clips_folder / other.partition("/")[2])]
+    asked = [Query(clip), Query(other, 0, int(0.8 * frames)), Query(clips_folder / other.partition("/")[2])]
     for scope in (Scope(), Scope(own=True), Scope(split="train"), Scope(recorded_only=True), Scope("none")):
         for each in asked:
             assert_as_near(by.search([each], 5, scope)[0], exact.search([each], 1000, scope)[0], 5)
@@ -224,10 +227,10 @@ def test_one_method_alone(large: Path, clips_folder: Path, method: str, monkeypa
 
 def test_the_catalog_answers_the_first_queries_by_descriptor(large: Path, clips_folder: Path) -> None:
     """To the last bit; then all descriptors are read."""
-    clip, other = some(large, 2)
+    (clip, _, _), (other, frames, _) = longest(large, 2)
     lake = open_lake(large)
     exact = searcher("clip", "descriptor", lake)
-    asked = [Query(clip), Query(other, 0, 40), Query(clips_folder / other.partition("/")[2])]
+    asked = [Query(clip), Query(other, 0, frames // 2), Query(clips_folder / other.partition("/")[2])]
     for scope in (
         Scope(),
         Scope(own=True),
