@@ -483,15 +483,22 @@ def test_a_damaged_shortlist_is_found_and_made_again(large: Path, tmp_path: Path
 def test_a_service_reads_and_checks_all_moves_before_searches_do(large: Path, tmp_path: Path) -> None:
     """One byte of the last clip is found, which a search for another would not read."""
     root = Path(shutil.copytree(large, tmp_path / "lake"))
+
+    def by_moves() -> ChosenSearcher:
+        found = searcher("clip", "moves", open_lake(root))
+        assert isinstance(found, ChosenSearcher)
+        return found
+
     with few():
         FusedSearcher(open_lake(root)).warm_up()
+        by_moves().warm_up()
         (file,) = root.glob("shortlist/*-moves.f16")
         before = bytearray(file.read_bytes())
         before[-1] ^= 1
         file.write_bytes(before)
-        searcher = FusedSearcher(open_lake(root))
-        with pytest.raises(DamagedError, match=r"moves\.f16"):
-            searcher.warm_up()
+        for each in (FusedSearcher(open_lake(root)), by_moves()):
+            with pytest.raises(DamagedError, match=r"moves\.f16"):
+                each.warm_up()
     FusedSearcher(open_lake(root)).warm_up()
 
 

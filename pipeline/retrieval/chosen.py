@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from functools import cached_property
 
 from motionlake.arrays import Float64Array
+from motionlake.kernels import expect_many
 from motionlake.lake.layout import Lake
 from motionlake.retrieval.hits import Hit, Match
 from motionlake.retrieval.lake_shortlist import LakeShortlist
@@ -34,6 +35,16 @@ class ChosenSearcher(LakeSearcher):
     def __init__(self, lake: Lake, name: str, files: Sequence[str]) -> None:
         super().__init__(lake)
         self.name, self._cascade = name, Cascade(LakeShortlist(lake, files))
+
+    def warm_up(self) -> None:
+        """As `FusedSearcher.warm_up`.
+
+        Raises:
+            DamagedError: a file of the shortlist is not as it was written.
+        """
+        expect_many()
+        if self.name == "moves":
+            self._cascade.files.check_moves()
 
     def nearest(self, queries: Sequence[Query], k: int, scope: Scope, *, mirrored: bool) -> list[list[Hit]]:
         return [self._cascade.by(self.name, query, k, scope, mirrored=mirrored) for query in queries]
