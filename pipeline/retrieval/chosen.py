@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cached_property
 
 from motionlake.arrays import Float64Array
@@ -11,7 +11,6 @@ from motionlake.lake.layout import Lake
 from motionlake.retrieval.hits import Hit, Match
 from motionlake.retrieval.lake_shortlist import LakeShortlist
 from motionlake.retrieval.protocol import Finds, LakeSearcher, Query, Scope, Searcher
-from motionlake.retrieval.registry import searcher
 from motionlake.retrieval.shortlist import Cascade
 
 
@@ -25,6 +24,7 @@ class ChosenSearcher(LakeSearcher):
         lake: the lake.
         name: of the method.
         files: of the lake's shortlist.
+        every: makes the searcher that compares every clip, which tells distances.
 
     Raises:
         UserError, DamagedError: as `LakeShortlist`.
@@ -32,9 +32,10 @@ class ChosenSearcher(LakeSearcher):
 
     finds: Finds = "clip"
 
-    def __init__(self, lake: Lake, name: str, files: Sequence[str]) -> None:
+    def __init__(self, lake: Lake, name: str, files: Sequence[str], every: Callable[[], Searcher]) -> None:
         super().__init__(lake)
-        self.name, self._cascade = name, Cascade(LakeShortlist(lake, files))
+        self.name, self._make_every = name, every
+        self._cascade = Cascade(LakeShortlist(lake, files))
 
     def warm_up(self) -> None:
         """As `FusedSearcher.warm_up`.
@@ -57,4 +58,4 @@ class ChosenSearcher(LakeSearcher):
 
     @cached_property
     def _every(self) -> Searcher:
-        return searcher("clip", self.name, self.lake, exact=True)
+        return self._make_every()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Final
 
@@ -12,7 +12,6 @@ from motionlake.lake.layout import Lake
 from motionlake.retrieval.hits import Hit
 from motionlake.retrieval.protocol import Finds, LakeSearcher, Query, Scope, Searcher
 from motionlake.retrieval.query_by_example import WordsSearcher
-from motionlake.retrieval.registry import searcher
 
 if TYPE_CHECKING:
     from motionlake.retrieval.alignment import AlignmentRangeSearcher
@@ -30,6 +29,7 @@ class NarrowedSearcher(LakeSearcher):
     Args:
         lake: a lake with a shortlist.
         name: of the method.
+        every: makes the searcher that compares every clip, which tells distances.
 
     Raises:
         UserError, DamagedError: as `WordsSearcher`.
@@ -38,9 +38,9 @@ class NarrowedSearcher(LakeSearcher):
     finds: Finds = "range"
     several = True
 
-    def __init__(self, lake: Lake, name: str) -> None:
+    def __init__(self, lake: Lake, name: str, every: Callable[[], Searcher]) -> None:
         super().__init__(lake)
-        self.name, self._words = name, WordsSearcher(lake)
+        self.name, self._words, self._make_every = name, WordsSearcher(lake), every
 
     def nearest(self, queries: Sequence[Query], k: int, scope: Scope, *, mirrored: bool) -> list[list[Hit]]:
         return [self._answers(query, k, scope, mirrored=mirrored) for query in queries]
@@ -67,4 +67,4 @@ class NarrowedSearcher(LakeSearcher):
 
     @cached_property
     def _every(self) -> Searcher:
-        return searcher("range", self.name, self.lake, exact=True)
+        return self._make_every()

@@ -61,16 +61,23 @@ def searcher(finds: Finds, name: str, lake: Lake, /, *, exact: bool = False, **o
         UserError: an unknown method, or one that the lake is not ready for.
     """
     if name in CHOSEN[finds] and not (exact or options) and (files := _shortlist(lake)):
-        if finds == "clip":
-            from motionlake.retrieval.chosen import ChosenSearcher
-
-            return ChosenSearcher(lake, name, files)
-        from motionlake.retrieval.narrowed import NarrowedSearcher
-
-        return NarrowedSearcher(lake, name)
+        return _of_some_clips(finds, name, lake, files)
     module, _, maker = SEARCHERS[finds][check_method(finds, name)].partition(":")
     found: Searcher = getattr(import_module(f"motionlake.retrieval.{module}"), maker)(lake, **options)
     return found
+
+
+def _of_some_clips(finds: Finds, name: str, lake: Lake, files: list[str]) -> Searcher:
+    def every() -> Searcher:
+        return searcher(finds, name, lake, exact=True)
+
+    if finds == "clip":
+        from motionlake.retrieval.chosen import ChosenSearcher
+
+        return ChosenSearcher(lake, name, files, every)
+    from motionlake.retrieval.narrowed import NarrowedSearcher
+
+    return NarrowedSearcher(lake, name, every)
 
 
 def _shortlist(lake: Lake) -> list[str]:
