@@ -17,7 +17,7 @@ from motionlake.retrieval.shortlist import Cascade
 class ChosenSearcher(LakeSearcher):
     """Search by the signature, the string or the moves of clips (`METHODS`); a `Searcher`.
 
-    Of a hundred answers some are not those of comparing every clip (docs/scale.md); `registry.searcher` does that by
+    Of a hundred answers some are not those of comparing every clip (docs/search.md); `registry.searcher` does that by
     `exact`.
 
     Args:

@@ -36,11 +36,11 @@ class NarrowedSearcher(LakeSearcher):
     """
 
     finds: Finds = "range"
-    several = True
 
     def __init__(self, lake: Lake, name: str, every: Callable[[], Searcher]) -> None:
         super().__init__(lake)
         self.name, self._words, self._make_every = name, WordsSearcher(lake), every
+        self.several = name == "alignment"  # by moves each clip is an answer once
 
     def nearest(self, queries: Sequence[Query], k: int, scope: Scope, *, mirrored: bool) -> list[list[Hit]]:
         return [self._answers(query, k, scope, mirrored=mirrored) for query in queries]
