@@ -9,9 +9,7 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 import resource
-import subprocess
 import sys
 import time
 from collections.abc import Sequence
@@ -27,7 +25,7 @@ from motionlake.retrieval.registry import SEARCHERS, searcher
 from threadpoolctl import threadpool_limits
 
 from bench.record import record
-from bench.scale_search import CHECKOUT, THREADS, WARMING, clips_in, timed_command
+from bench.scale_search import THREADS, WARMING, clips_in, in_child, timed_command
 from bench.window_search import PIECE
 
 QUERIES: Final = 40
@@ -116,12 +114,7 @@ def cold(lake: Lake, finds: Finds, name: str, asked: Query, count: int) -> dict[
 def _child(given: argparse.Namespace, finds: Finds, name: str) -> dict[str, Any]:
     """What `warm` says, in a process of its own."""
     words = [str(given.folder), "--warm", finds, name, "--queries", str(given.queries), "--seed", str(given.seed)]
-    done = subprocess.run(
-        [sys.executable, "-m", "bench.scale_methods", *words], stdout=subprocess.PIPE, text=True, check=True,
-        cwd=CHECKOUT, env=os.environ | {"PYTHONPATH": str(CHECKOUT)},
-    )  # fmt: skip
-    found: dict[str, Any] = json.loads(done.stdout)
-    return found
+    return in_child("bench.scale_methods", words)
 
 
 if __name__ == "__main__":

@@ -130,9 +130,13 @@ def shortlist(lake: Lake) -> float:
 
 def _child(lake: Lake, queries: int, seed: int) -> dict[str, Any]:
     """What `warm` says, in a process of its own."""
-    words = ["--warm", str(lake.root), "--queries", str(queries), "--seed", str(seed)]
+    return in_child("bench.scale_search", ["--warm", str(lake.root), "--queries", str(queries), "--seed", str(seed)])
+
+
+def in_child(module: str, words: Sequence[str]) -> dict[str, Any]:
+    """What a module prints as JSON in a process of its own."""
     done = subprocess.run(
-        [sys.executable, "-m", "bench.scale_search", *words], stdout=subprocess.PIPE, text=True, check=True,
+        [sys.executable, "-m", module, *words], stdout=subprocess.PIPE, text=True, check=True,
         cwd=CHECKOUT, env=os.environ | {"PYTHONPATH": str(CHECKOUT)},
     )  # fmt: skip
     found: dict[str, Any] = json.loads(done.stdout)

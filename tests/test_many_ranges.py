@@ -63,6 +63,13 @@ def test_bounds(seed: int, lengths: list[int], n_words: int, motifs: int) -> Non
             assert bound >= max(least, apart) - 1e-4
 
 
+def test_nothing_is_bounded_where_weights_are_lost_in_rounding() -> None:
+    """Of a query of very many words."""
+    corpus, asked = made_corpus(1, [30, 20]), query(2, 5, K)
+    bounds = WindowBounds.of(asked.signatures(corpus.idf)[0], 10_000_000, corpus.idf, corpus.ground)
+    assert bounds.of_clips(words_of(corpus).words).tolist() == [0, 0]
+
+
 @settings(max_examples=60, deadline=None)
 @given(
     seed=st.integers(0, 10_000),

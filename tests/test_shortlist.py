@@ -250,6 +250,9 @@ def test_the_catalog_answers_the_first_queries_by_descriptor(large: Path, clips_
             assert "_all" not in vars(by) or not by._by_catalog
             assert by.search(asked[:1], 4) == exact.search(asked[:1], 4)
         assert "_all" in vars(by)
+        by = DescriptorSearcher(lake)
+        assert by.search(asked * 3, 4) == exact.search(asked * 3, 4)
+        assert not by._by_catalog, "all were read for so many at once"
         with pytest.raises(UserError, match="nobody"):
             DescriptorSearcher(lake).search([Query("clips/nobody.bvh")], 3)
 

@@ -79,7 +79,9 @@ class WindowBounds:
         table[:, 1] = idf * ground[:, held].min(axis=1)
         table[:, 2 : 2 + len(seen)] = idf[:, None] * (ground[:, seen] - mass @ ground[:, seen])
         scale = _LARGEST / (n_words * np.abs(table).max())
-        return WindowBounds(np.rint(table * scale).astype(np.float32), n_words)
+        whole = np.rint(table * scale).astype(np.float32)
+        whole[:, 0] = np.maximum(whole[:, 0], 1)  # of a query of a million words a weight would be nothing
+        return WindowBounds(whole, n_words)
 
     def of_clips(self, words: WordMotifs) -> Float32Array:
         """[n] the least bound of all windows of each clip; infinite where it has no words."""
@@ -110,8 +112,9 @@ class WindowBounds:
     @cached_property
     def _rounding(self) -> float:
         """Every entry of the table is at most a half away from what it stands for, so a quotient of sums at most so far
-        from that of what they stand for, and so much of itself."""
-        return float(0.5 / (self.table[:, 0].min() - 0.5))
+        from that of what they stand for, and so much of itself; all of it, where weights are that small."""
+        least = float(self.table[:, 0].min())
+        return 0.5 / (least - 0.5) if least > 1 else 1.0
 
 
 @njit(cache=True, nogil=True, fastmath={"nsz", "nnan"})

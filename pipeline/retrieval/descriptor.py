@@ -122,6 +122,7 @@ class DescriptorSearcher(LakeSearcher):
             self._by_catalog -= len(queries)
             by_catalog = [self._near(vector, k + 1, kept) for vector in vectors]
             return [_others(hits, query, k, scope) for hits, query in zip(by_catalog, queries, strict=True)]
+        self._by_catalog = 0  # they are read now
         chosen, scan = self._scan(kept)
         quick = self._quick and len(queries) == 1 and len(chosen)
         found = self._index(kept).nearest(vectors[0], k + 1) if quick else scan.nearest(vectors, k + 1)

@@ -77,7 +77,7 @@ class Cascade:
             rows = np.sort(method.choose_alone(value, k + 1, self._clips.admits(scope.clips)))
             found, distances = self._among({name: value}, rows, k + 1, max(k + 1, method.compared_alone))[name]
         own = self._clips.place(query.clip) if query.clip is not None and not scope.own else None
-        kept = np.flatnonzero(found != -1 if own is None else found != own)[:k]
+        kept = np.flatnonzero(found != (-1 if own is None else own))[:k]
         return self._as_hits(found[kept].tolist(), distances[kept].tolist())
 
     def _among(self, values: Mapping[str, Value], rows: Int64Array, k: int, most: int) -> dict[str, Answers]:
