@@ -35,7 +35,7 @@ from motionlake.retrieval.fused import REACH, FusedSearcher
 from motionlake.retrieval.hits import Hit, clip_hit
 from motionlake.retrieval.protocol import Finds, LakeSearcher, Query, Scope
 from motionlake.retrieval.signature import SignatureSearcher
-from motionlake.stages.moves import MOVES, made_parts, tracks_in
+from motionlake.stages.moves import MOVES, tracks_in
 from motionlake.stages.reader import LakeReader
 from threadpoolctl import threadpool_limits
 
@@ -229,7 +229,7 @@ def exact_answers(lake: Lake, asked: Sequence[str]) -> list[list[str]]:
 def _moves(lake: Lake, asked: Sequence[str], k: int) -> dict[str, list[tuple[str, float]]]:
     """The k nearest clips of each query by their moves, part by part: memory holds one."""
     with reading(lake) as con:
-        files = [MOVES.file(part.key) for part in made_parts(LakeReader(con, lake, served_config(lake)))]
+        files = [MOVES.file(part.key) for part in MOVES.made(LakeReader(con, lake, served_config(lake)))]
     wanted = {clip: track.moves() for file in files for clip, track in tracks_in(lake, file) if clip in set(asked)}
     near: dict[str, list[tuple[str, float]]] = {clip: [] for clip in asked}
     for file in files:

@@ -48,11 +48,11 @@ def matrix_of(table: pa.Table, columns: Sequence[str]) -> NDArray[Any]:
     return found
 
 
-def read_parquet(path: Path, columns: Sequence[str] | None = None) -> pa.Table:
-    """The rows of a file, of some columns or all.
+def read_parquet(path: Path, columns: Sequence[str] | None = None, *, threads: bool = True) -> pa.Table:
+    """The rows of a file, of some columns or all; `threads`: on more than one, unless several files are read at a time.
 
     Not `pyarrow.parquet.read_table`, which imports pyarrow's data sets, and with them pandas.
     """
     with pq.ParquetFile(path) as file:
-        found = file.read(columns=columns)
+        found = file.read(columns=columns, use_threads=threads)
     return found if columns is None else found.select(columns)

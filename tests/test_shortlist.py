@@ -265,7 +265,7 @@ def test_every_clip_is_compared_where_that_is_asked_for(large: Path) -> None:
         assert run.status == 0
         assert motionlake("find", clip, *asked).status == 0
         for command, method, told in (
-            ("search", "fused", "signature, alignment, moves"), ("find", "words", "alignment, moves"),
+            ("search", "fused", "signature, alignment, moves"), ("find", "words", "alignment, submotion, moves"),
         ):  # fmt: skip
             run = motionlake(command, clip, "--method", method, "--exact", "--lake", large)
             assert (run.status, told in run.err, len(run.err.splitlines())) == (2, True, 1)

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from motionlake.arrays import Float32Array, Float64Array
@@ -15,7 +16,7 @@ from motionlake.deep_motifs.query_by_example import words_within
 from motionlake.errors import UserError
 from motionlake.lake.catalog import Connection, fetch, reading
 from motionlake.lake.frames import Frames, frame_range, from_table, read_clip, to_table
-from motionlake.lake.integrity import is_listed, sound
+from motionlake.lake.integrity import is_listed, sound, sound_files
 from motionlake.lake.layout import Lake
 from motionlake.lake.resolve import resolve_clip
 from motionlake.lake.settings import served_config
@@ -34,11 +35,13 @@ from motionlake.stages.frames import first_body
 from motionlake.stages.motif_model import MOTIF_MODEL, read_motifs
 from motionlake.stages.reader import LakeReader
 from motionlake.stages.word_network import WORD_NETWORK
-from motionlake.stages.words import WORDS, read_features
+from motionlake.stages.words import WORDS, read_some_features
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
     from motionlake.deep_motifs.words.network import TrainedNetwork
+
+THREADS: Final = 2  # that read parts
 
 
 @dataclass(frozen=True)
@@ -114,10 +117,10 @@ def features_of_clips(con: Connection, lake: Lake, config: WordConfig, clips: Se
     """
     parts = {row["clip"]: row["part"] for row in fetch(con, "parts_of", {"clips": list(clips)})}
     files = WORDS.files_of(con, parts.values(), (config,))
-    found: dict[str, Float32Array] = {}
-    for part in sorted(set(parts.values())):
-        if is_listed(lake, files[part]):
-            found |= {c: features for c, features in read_features(sound(lake, files[part])) if c in parts}
+    listed = [files[part] for part in sorted(set(parts.values())) if is_listed(lake, files[part])]
+    with ThreadPoolExecutor(THREADS) as pool:
+        read = pool.map(lambda path: read_some_features(path, parts), sound_files(lake, listed))
+        found = {clip: features for each in read for clip, features in each.items()}
     for clip in clips:
         if clip not in found:
             raise UserError(f"{clip}: has no words yet; make them with `motionlake run all`")

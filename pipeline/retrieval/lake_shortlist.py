@@ -82,8 +82,7 @@ class LakeShortlist:
         return self._admitted[kept]
 
     def _stale(self, served: Mapping[str, str]) -> bool:
-        made = {name: self.files.models.get(name) for name in self.files.methods} | dict(self.files.models)
-        return any(served.get(name) != model for name, model in made.items())
+        return any(served.get(name) != self.files.models.get(name) for name in self.files.methods)
 
     @cached_property
     def entries(self) -> Int64Array:

@@ -29,9 +29,9 @@ SEARCHERS: Final[dict[Finds, dict[str, str]]] = {
 }
 
 
-# Those that compare some clips of a large lake: chosen by vectors of their own, or by the words of a piece.
+# Those that compare some clips of a large lake: chosen by vectors or windows of their own, or by the words of a piece.
 CHOSEN: Final[dict[Finds, tuple[str, ...]]] = {
-    "clip": ("signature", "alignment", "moves"), "range": ("alignment", "moves"),
+    "clip": ("signature", "alignment", "moves"), "range": ("alignment", "submotion", "moves"),
 }  # fmt: skip
 
 
@@ -75,6 +75,10 @@ def _of_some_clips(finds: Finds, name: str, lake: Lake, files: list[str]) -> Sea
         from motionlake.retrieval.chosen import ChosenSearcher
 
         return ChosenSearcher(lake, name, files, every)
+    if name == "submotion":
+        from motionlake.retrieval.submotion_search import SubmotionSearcher
+
+        return SubmotionSearcher(lake, files)
     from motionlake.retrieval.narrowed import NarrowedSearcher
 
     return NarrowedSearcher(lake, name, every)

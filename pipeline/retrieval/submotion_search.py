@@ -25,7 +25,7 @@ from motionlake.motion.dtw import Stretch, nearest_stretch
 from motionlake.motion.features import WordConfig, word_features
 from motionlake.retrieval.encode import features_of_clips, query_motion
 from motionlake.retrieval.hits import Hit, range_hit
-from motionlake.retrieval.protocol import LakeSearcher, Query, Scope, about
+from motionlake.retrieval.protocol import Finds, LakeSearcher, Query, Scope, about
 from motionlake.stages.submotions import KEPT, SUBMOTIONS
 from motionlake.stages.windows import WINDOWS
 from numpy.typing import NDArray
@@ -33,6 +33,7 @@ from numpy.typing import NDArray
 if TYPE_CHECKING:
     from motionlake.deephums.submotions import TrainedSubmotion
     from motionlake.retrieval.window_scan import WindowScan
+    from motionlake.retrieval.window_shortlist import WindowShortlist
 
 
 # Frames of words at the ends of a piece that smoothing and differences make unlike those of the uncut motion.
@@ -57,6 +58,10 @@ class Piece:
 class SubmotionSearcher(LakeSearcher):
     """Ranges by the sub-motion encoder; a `Searcher`. Each clip is an answer once, by its nearest place.
 
+    Args:
+        lake: the lake.
+        shortlist: the files of its shortlist, by whose windows clips are chosen; none: all windows are compared.
+
     The distance is that of the query from the nearest window of the clip, as the encoder sees them; `cost` is that of
     aligning the query with the frames found, a matched pair of frames of words.
 
@@ -66,16 +71,16 @@ class SubmotionSearcher(LakeSearcher):
 
     name = "submotion"
     compares = ("submotion",)
-    finds = "range"
+    finds: Finds = "range"
 
-    def __init__(self, lake: Lake) -> None:
+    def __init__(self, lake: Lake, shortlist: Sequence[str] = ()) -> None:
         super().__init__(lake)
         with reading(lake) as con:
             served = SUBMOTIONS.served(con)
         if served is None:
             raise UserError(f"{lake.root}: has no windows to find pieces in yet; make them with `motionlake run all`")
         self._file, self._words = served.file, served_config(lake).words
-        self._scan = _opened(lake)
+        self._scan = _opened(lake, shortlist)
 
     def distances(self, queries: Sequence[Query], gallery: Sequence[Query]) -> Float64Array:
         known = [self._windows(query) for query in gallery]
@@ -134,8 +139,14 @@ class SubmotionSearcher(LakeSearcher):
         return load_submotion(sound(self.lake, self._file))
 
 
-def _opened(lake: Lake) -> WindowScan | None:
-    """The codes of windows, which large lakes have."""
+def _opened(lake: Lake, shortlist: Sequence[str]) -> WindowScan | WindowShortlist | None:
+    """The windows of a shortlist, or the codes of all, which lakes of some size have."""
+    if shortlist:
+        from motionlake.retrieval.window_shortlist import WindowShortlist
+
+        found = WindowShortlist.open(lake, shortlist)
+        if found is not None:
+            return found
     with reading(lake) as con:
         if not fetch(con, "stage_has_made", {"stage": WINDOWS.name})[0]["made"]:
             return None

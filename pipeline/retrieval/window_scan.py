@@ -1,4 +1,4 @@
-"""Which clips of a large lake hold a piece: their windows' codes are scanned, and the nearest clips compared exactly.
+"""Which clips of a lake hold a piece: their windows' codes are scanned, and the nearest clips compared exactly.
 
 The codes (stage "windows") differ from the vectors by rounding alone, so the clips that are nearest by codes hold those
 that are nearest: some more than are asked for are compared by the vectors themselves, which few parts then give.
@@ -19,6 +19,7 @@ from motionlake.lake.catalog import Connection, fetch, fetch_table
 from motionlake.lake.integrity import sound_files
 from motionlake.lake.layout import Lake
 from motionlake.retrieval.protocol import Scope
+from motionlake.retrieval.window_vectors import holding_among
 from motionlake.stages.windows import WINDOWS, WindowFile
 from numpy.typing import NDArray
 
@@ -78,15 +79,12 @@ class WindowScan:
         if scope.as_parameters(con) != Scope().as_parameters(con):
             admitted = {row["clip"] for row in fetch(con, "clips_admitted", scope.as_parameters(con))}
         near = self._nearest(descriptor, k + SPARE, admitted, without)
-        files = sound_files(self.lake, sorted({self.vectors[part] for part, _ in near}))
-        asked = {"descriptor": descriptor.tolist(), "k": k, **without}
-        return fetch(con, "clips_holding_among", asked | {
-            "files": [str(file) for file in files], "clips": [clip for _, clip in near]}) if near else []  # fmt: skip
+        return holding_among(self.lake, con, self.vectors, descriptor, k, without, near)
 
     def _nearest(
         self, descriptor: Float32Array, count: int, admitted: set[str] | None, without: Mapping[str, Any]
-    ) -> list[tuple[str, str]]:
-        """(part, clip) of the clips nearest by codes."""
+    ) -> list[str]:
+        """The clips nearest by codes."""
         query, scale = coded_query(descriptor)
         length = float(np.square(descriptor.astype(np.float64)).sum())
         runs = self._runs
@@ -105,12 +103,13 @@ class WindowScan:
         with ThreadPoolExecutor(_THREADS) as pool:
             list(pool.map(scan, (range(middle), range(middle, len(runs.files)))))
         distances[~runs.live] = np.inf
-        chosen: list[tuple[str, str]] = []
+        chosen: list[str] = []
         for at in np.argsort(distances, kind="stable").tolist():
             if len(chosen) == count or not np.isfinite(distances[at]):
                 break
-            if admitted is None or runs.names[at][1] in admitted:
-                chosen.append(runs.names[at])
+            clip = runs.names[at][1]
+            if admitted is None or clip in admitted:
+                chosen.append(clip)
         return chosen
 
     @cached_property

@@ -24,7 +24,7 @@ from motionlake.stages.descriptors import DESCRIPTORS
 from motionlake.stages.graph_before import NO_GRAPH, Before, Listed, footer_of, merged
 from motionlake.stages.graph_chosen import Chosen, Vectors, chosen_of
 from motionlake.stages.graph_methods import COMPARE, Compared
-from motionlake.stages.moves import MOVES, made_parts
+from motionlake.stages.moves import MOVES
 from motionlake.stages.reader import LakeReader, lake_reader
 from motionlake.stages.shortlist_files import MOST
 from motionlake.stages.signatures import SIGNATURES
@@ -83,7 +83,7 @@ class Graph(ShardStage):
         spec = {
             "methods": methods,
             "alignment": alignment,
-            "moves": [MOVES.file(part.key) for part in made_parts(at)],
+            "moves": [MOVES.file(part.key) for part in MOVES.made(at)],
             "settings": config_hash(self.name, self.version, KIND, methods, alignment, clips["clips"] > ALL),
             "made": made_of(at, live),
             "before": _files_of(at, self.name) if before else [],
@@ -132,8 +132,7 @@ def _shard(stage: str, of: str, spec: Mapping[str, Any], group: Sequence[Part]) 
 
 def made_keys(at: LakeReader, stage: PartStage) -> list[str]:
     """Keys of what a stage has made of the lake as it stands."""
-    done = at.done(stage.name)
-    return sorted(part.key for part in stage.parts(at) or [] if part.key in done)
+    return sorted(part.key for part in stage.made(at))
 
 
 def _groups(parts: Sequence[Part]) -> Iterator[list[Part]]:

@@ -96,15 +96,9 @@ def read_tracks(at: LakeReader, parts: Mapping[str, str]) -> Tracks:
     """
     wanted = set(parts.values())
     return Tracks({
-        clip: joints for part in made_parts(at) if part.part in wanted
+        clip: joints for part in MOVES.made(at) if part.part in wanted
         for clip, joints in read_features(sound(at.lake, MOVES.file(part.key))) if parts.get(clip) == part.part
     })  # fmt: skip
-
-
-def made_parts(at: LakeReader) -> list[Part]:
-    """The live parts that the stage has made."""
-    done = at.done(MOVES.name)
-    return [part for part in MOVES.parts(at) or [] if part.key in done]
 
 
 def tracks_in(lake: Lake, file: str) -> Iterator[tuple[str, Track]]:

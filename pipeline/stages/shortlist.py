@@ -1,9 +1,10 @@
 """Stage "shortlist": what the default search of a large lake reads instead of all signatures, strings and moves.
 
 Of every clip it keeps a short vector by each method, by which the search chooses some hundred clips, and what these
-are then compared by: signature, symbols and moves; and the motifs of its words, among which pieces are looked for. The
-files are laid out so that little of them is read. All clips are compared along the same directions, so all are done
-together; but of moves, only those of clips that came since are read (`motionlake.stages.shortlist_before`).
+are then compared by: signature, symbols and moves; and the motifs of its words and its windows, among which pieces are
+looked for. The files are laid out so that little of them is read. All clips are compared along the same directions, so
+all are done together; but of moves and windows, only those of clips that came since are read
+(`motionlake.stages.shortlist_before`, `motionlake.stages.shortlist_windows`).
 """
 
 from __future__ import annotations
@@ -43,9 +44,12 @@ from motionlake.stages.shortlist_files import (
     write_directions,
 )
 from motionlake.stages.shortlist_moves import all_moves, more_moves, moves_of_parts
+from motionlake.stages.shortlist_windows import codes_of_parts, windows_of_clips, windows_to_read
 from motionlake.stages.stage import PartStage, Shard, ShardResult, ShardStage, live_parts
+from motionlake.stages.windows import WINDOWS
 
 COMPARED: Final[Mapping[str, PartStage]] = {method: SOURCES[method] for method in WIDTHS}
+KEPT: Final[Mapping[str, PartStage]] = {**COMPARED, "windows": WINDOWS}
 BLOCK: Final = 4096  # clips whose sketches are made at a time
 LAYOUT: Final = 3  # of moves: those of another are read anew
 WORDS: Final = 16_384  # clips the motifs of whose words are read at a time
@@ -55,10 +59,10 @@ class Shortlist(ShardStage):
     """One shard for the whole lake."""
 
     name = "shortlist"
-    version = 4  # with the motifs of words
+    version = 5  # with windows
     about = "short vectors by which the search of a large lake chooses the clips that it compares"
     reads_catalog = True
-    upstream = tuple(stage.name for stage in COMPARED.values())
+    upstream = (*(stage.name for stage in COMPARED.values()), WINDOWS.name)
     folders = (FOLDER,)
 
     def due(self, at: LakeReader) -> int:
@@ -83,25 +87,28 @@ class Shortlist(ShardStage):
     def whole(self, at: LakeReader) -> Shard | None:
         """The shard that the lake as it stands needs, done or not; None where it needs none."""
         live = live_parts(at)
-        made = {method: made_keys(at, stage) for method, stage in COMPARED.items()}
+        made = {method: made_keys(at, stage) for method, stage in KEPT.items()}
         methods = [method for method, keys in made.items() if keys]
         if not methods or sum(part.clips for part in live) <= MOST:
             return None
         (clips,) = fetch(at.con, "digest_of_clips")
         key = config_hash(self.name, self.version, KIND, made, clips["digest"])
-        files = list(moves_of_parts(at).values())
+        read = {"moves": list(moves_of_parts(at).values()), "windows": list(codes_of_parts(at).values())}
         # Named by its datasets: it serves on where a part of them leaves the lake.
         datasets = "+".join(sorted({part.dataset for part in live}))
-        return Shard(self.name, key, datasets, datasets, {"methods": methods, "moves": files}, clips["clips"])
+        return Shard(self.name, key, datasets, datasets, {"methods": methods, **read}, clips["clips"])
 
     def _after(self, at: LakeReader, shard: Shard) -> Shard:
         """The shard that takes over what it can of the shortlist that is there."""
-        there = [row["key"] for row in fetch(at.con, "shards", {"stage": self.name}) if row["state"] == "ok"]
-        clips = fetch_table(at.con, "clips_with_parts")
-        found = self._before(at, there[0], clips) if there and "moves" in shard.spec["methods"] else None
-        if found is None:
+        there = [row for row in fetch(at.con, "shards", {"stage": self.name}) if row["state"] == "ok"]
+        if not there:
             return shard
-        more = {"before": there[0], "files": found.files, "moves": found.to_read(clips, moves_of_parts(at))}
+        clips, more = fetch_table(at.con, "clips_with_parts"), {}
+        if "windows" in shard.spec["methods"]:
+            more = dict(windows_to_read(at, there[0]["files"], clips))
+        found = self._before(at, there[0]["key"], clips) if "moves" in shard.spec["methods"] else None
+        if found is not None:
+            more |= {"before": there[0]["key"], "files": found.files, "moves": found.to_read(clips, moves_of_parts(at))}
         return replace(shard, spec={**shard.spec, **more})
 
     def _before(self, at: LakeReader, key: str, clips: pa.Table) -> Before | None:
@@ -118,7 +125,9 @@ class Shortlist(ShardStage):
             before = self._before(at, shard.spec["before"], clips) if "before" in shard.spec else None
             made = []
             for method in shard.spec["methods"]:
-                if method != "moves":
+                if method == "windows":
+                    made.append(windows_of_clips(at, shard, places, clips))
+                elif method != "moves":
                     made.append(MAKE[method](at, shard, places))
                 elif before is None:
                     made.append(all_moves(at, shard, LAYOUT, places))

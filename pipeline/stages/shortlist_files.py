@@ -49,6 +49,11 @@ def piece_of(key: str, number: int) -> str:
     return file_of(key, f"moves-{number}{FRAMES}" if number else f"moves{FRAMES}")
 
 
+def is_of_windows(file: str) -> bool:
+    """Whether a search of pieces alone reads it (`motionlake.stages.shortlist_windows`)."""
+    return _name(file).startswith("windows")
+
+
 def pieces_in(files: Sequence[str]) -> list[str]:
     """Those of a shortlist's files that are pieces of the frames of moves, by number."""
     return sorted((file for file in files if file.endswith(FRAMES)), key=lambda file: (len(_name(file)), _name(file)))
@@ -199,7 +204,7 @@ class ShortlistFiles:
     @staticmethod
     def open(lake: Lake, files: Sequence[str]) -> ShortlistFiles:
         """Raises `DamagedError` where a file is not as it was written."""
-        whole = [file for file in files if not file.endswith(FRAMES)]
+        whole = [file for file in files if not (file.endswith(FRAMES) or is_of_windows(file))]
         paths = dict(zip(whole, sound_files(lake, whole), strict=True))
         arrays = {_name(file): np.load(path, mmap_mode="r", allow_pickle=False)
                   for file, path in paths.items() if file.endswith(".npy")}  # fmt: skip

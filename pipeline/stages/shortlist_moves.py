@@ -12,7 +12,7 @@ from motionlake.lake.integrity import listed_in, sound
 from motionlake.lake.layout import Lake
 from motionlake.motion.moves import WIDTH
 from motionlake.motion.sketches import Directions, instants, searchable
-from motionlake.stages.moves import MOVES, made_parts, tracks_in
+from motionlake.stages.moves import MOVES, tracks_in
 from motionlake.stages.reader import LakeReader
 from motionlake.stages.shortlist_before import Before, said_of_moves
 from motionlake.stages.shortlist_files import (
@@ -126,7 +126,7 @@ def more_moves(at: LakeReader, shard: Shard, version: int, places: Places, befor
 
 def moves_of_parts(at: LakeReader) -> dict[str, str]:
     """The file of moves of every frames part of the lake as it stands."""
-    return {part.part: MOVES.file(part.key) for part in made_parts(at)}
+    return {part.part: MOVES.file(part.key) for part in MOVES.made(at)}
 
 
 def _moves_in(lake: Lake, file: str, wanted: Container[str]) -> tuple[list[str], Float32Array, Int64Array]:

@@ -269,6 +269,11 @@ class PartStage(ShardStage):
         keys = self._keys(shaping)
         return [Part(part, dataset, clips, key, keys[key], made) for part, dataset, clips, _, key, made in above]
 
+    def made(self, at: LakeReader) -> list[Part]:
+        """The live parts that it has made."""
+        done = at.done(self.name)
+        return [part for part in self.parts(at) or [] if part.key in done]
+
     def key_of(self, upstream: str, shaping: Sequence[Any]) -> str:
         """The key of what the stage makes, given the key of what it reads, and what `shaping` tells."""
         return self._keys(shaping)[upstream]

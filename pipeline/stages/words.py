@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Container, Iterator, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Final
@@ -90,7 +90,19 @@ def _ranges(clip: str, part: str, count: int, fps: float, n_frames: int, config:
 def read_features(path: Path) -> Iterator[tuple[str, NDArray[np.float32]]]:
     """(clip, [T, D]) of every clip of a features part, in order."""
     table = read_parquet(path)
-    columns = [n for n in table.column_names if n not in {name for name, _ in PART_KEYS}]
-    matrix = matrix_of(table, columns)
+    matrix = matrix_of(table, _numbers_in(table))
     for clip, rows in frames.runs_of(table.column("clip")):
         yield clip, matrix[rows]
+
+
+def read_some_features(path: Path, clips: Container[str]) -> dict[str, NDArray[np.float32]]:
+    """[T, D] of some clips of a features part; several parts may be read at a time."""
+    table = read_parquet(path, threads=False)
+    return {
+        clip: matrix_of(table.slice(rows.start, rows.stop - rows.start), _numbers_in(table))
+        for clip, rows in frames.runs_of(table.column("clip")) if clip in clips
+    }  # fmt: skip
+
+
+def _numbers_in(table: pa.Table) -> list[str]:
+    return [name for name in table.column_names if name not in {key for key, _ in PART_KEYS}]

@@ -54,13 +54,11 @@ LEFT JOIN manifest w ON w.stage = 'windows' AND w.state = 'ok' AND w.part = p.pa
 ORDER BY p.part;
 
 -- name: clips_holding_among
--- As `clips_holding`, of some clips, given the files that hold their windows.
+-- As `clips_holding`, of the windows in `rows`.
 SELECT n.distance, n.clip, c.dataset, c.label, c.subject, c.split, c.fps, c.frames, c.format = 'synthetic' AS synthetic
 FROM (
     SELECT s.clip, min(array_distance(s.descriptor::FLOAT[512], $descriptor::FLOAT[512])) AS distance
-    FROM read_parquet($files) s
-    SEMI JOIN (SELECT unnest($clips::VARCHAR[]) AS clip) a ON a.clip = s.clip
-    SEMI JOIN clips c ON c.clip = s.clip AND c.part = s.part
+    FROM rows s
     WHERE NOT coalesce(s.clip = $clip AND s.start < $last AND s.stop > $first, false)
     GROUP BY s.clip
 ) n JOIN clips c ON c.clip = n.clip

@@ -1,0 +1,100 @@
+"""Which clips of a very large lake hold a piece: the shortlist's numbers of its windows choose some, compared exactly.
+
+Along 64 directions windows keep most of how far they are apart; of the ten clips nearest by vectors, the 26 nearest by
+these numbers hold nearly all (docs/search.md).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any, Final
+
+import numpy as np
+from motionlake.arrays import Float32Array, Int64Array
+from motionlake.kernels import njit
+from motionlake.lake.catalog import Connection, fetch, reading
+from motionlake.lake.layout import Lake
+from motionlake.retrieval.lake_shortlist import LakeShortlist
+from motionlake.retrieval.protocol import Scope
+from motionlake.retrieval.window_vectors import holding_among
+from motionlake.stages.shortlist_files import CLIPS
+from motionlake.stages.shortlist_windows import WindowNumbers, kind_of
+from numpy.typing import NDArray
+
+SPARE: Final = 16  # clips that are compared exactly beyond those that are asked for
+_THREADS: Final = 2
+
+
+class WindowShortlist:
+    """The windows of a lake's shortlist; as `WindowScan`.
+
+    Args:
+        lake: the lake.
+        files: of its shortlist.
+        windows: of these files.
+
+    Raises:
+        UserError, DamagedError: as `LakeShortlist`.
+    """
+
+    def __init__(self, lake: Lake, files: Sequence[str], windows: WindowNumbers) -> None:
+        self.lake, self._windows = lake, windows
+        self._clips = LakeShortlist(lake, [file for file in files if file.endswith(CLIPS)])
+        with reading(lake) as con:
+            self._vectors = {row["part"]: row["vectors"] for row in fetch(con, "window_files")}
+        self._pool = ThreadPoolExecutor(_THREADS, "windows")
+
+    @staticmethod
+    def open(lake: Lake, files: Sequence[str]) -> WindowShortlist | None:
+        """None where the shortlist has no windows of the encoder that the lake serves.
+
+        Raises:
+            UserError, DamagedError: as `WindowShortlist`.
+        """
+        with reading(lake) as con:
+            kind = kind_of(con)
+        windows = WindowNumbers.open(lake, files, kind)
+        return None if windows is None else WindowShortlist(lake, files, windows)
+
+    def holding(
+        self, con: Connection, descriptor: Float32Array, k: int, scope: Scope, without: Mapping[str, Any]
+    ) -> list[dict[str, Any]]:
+        """As `WindowScan.holding`, but for clips that are nearer than their numbers tell."""
+        apart = self._apart(descriptor) - self._clips.admits(scope.clips)
+        count = min(k + SPARE, int(np.isfinite(apart).sum()))
+        near = np.argpartition(apart, count - 1)[:count] if count else np.zeros(0, dtype=np.int64)
+        names = self._clips.files.table["clip"]
+        return holding_among(
+            self.lake, con, self._vectors, descriptor, k, without, [names[row].as_py() for row in near.tolist()]
+        )
+
+    def _apart(self, descriptor: Float32Array) -> Float32Array:
+        """[n] squared distance of the nearest window of each clip, by its numbers; infinite for a clip without."""
+        windows = self._windows
+        found = np.full(len(windows.starts) - 1, np.inf, dtype=np.float32)
+        query = windows.directions.project(descriptor)
+        cuts = np.searchsorted(windows.starts, np.linspace(0, windows.starts[-1], _THREADS + 1)).tolist()
+        cuts[-1] = len(found)
+
+        def scan(share: int) -> None:
+            nearest_of_clips(windows.places, windows.starts, query, cuts[share], cuts[share + 1], found)
+
+        list(self._pool.map(scan, range(_THREADS)))
+        return found
+
+
+@njit(cache=True, nogil=True, fastmath={"reassoc", "contract"})
+def nearest_of_clips(
+    places: NDArray[np.int8], starts: Int64Array, query: Float32Array, first: int, last: int, found: Float32Array
+) -> None:
+    """Write of clips [first, last) the squared distance of a query [d] from the nearest row of places [N, d]."""
+    for clip in range(first, last):
+        least = np.float32(np.inf)
+        for row in range(starts[clip], starts[clip + 1]):
+            total = np.float32(0.0)
+            for i in range(len(query)):
+                apart = np.float32(places[row, i]) - query[i]
+                total += apart * apart
+            least = min(least, total)
+        found[clip] = least

@@ -1,0 +1,192 @@
+"""The windows of a large lake in its shortlist: by some numbers of each, clips that may hold a piece are chosen.
+
+They are what is left of the vectors of windows along directions of the lake, all in one file, so that a search opens
+neither the vectors nor the codes of every part. Those of clips that stay as they were are taken over.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Container, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import pyarrow as pa
+from motionlake.arrays import Float32Array, Int64Array
+from motionlake.columns import numbers
+from motionlake.lake.catalog import Connection
+from motionlake.lake.integrity import sound, sound_files
+from motionlake.lake.layout import Lake
+from motionlake.motion.sketches import Directions
+from motionlake.stages.reader import LakeReader
+from motionlake.stages.shortlist_before import GROWN
+from motionlake.stages.shortlist_files import (
+    CLIPS,
+    Made,
+    Places,
+    is_of_windows,
+    read_clips,
+    said_of,
+    write_array,
+    write_directions,
+)
+from motionlake.stages.stage import Shard
+from motionlake.stages.submotions import SUBMOTIONS
+from motionlake.stages.windows import WINDOWS, WindowFile
+from numpy.typing import NDArray
+
+DIRECTIONS: Final = 64
+LARGEST: Final = 127
+SPREAD: Final = 16  # parts whose windows directions are fitted to
+KIND: Final = "windows"  # names in what a table of clips says of itself
+FITTED: Final = "windows fitted"
+LAYOUT: Final = 1
+
+
+def kind_of(con: Connection) -> str | None:
+    """What the windows of the lake are told by: those of another kind do not compare. None where there are none."""
+    served = SUBMOTIONS.served(con)
+    return None if served is None else json.dumps([LAYOUT, served.model, SUBMOTIONS.version, WINDOWS.version])
+
+
+@dataclass(frozen=True)
+class WindowNumbers:
+    """Of the windows of n clips, one clip after another, their places along the directions.
+
+    Attributes:
+        places: [N, DIRECTIONS].
+        starts: [n + 1] where those of each clip begin.
+        directions: scaled so that places are whole numbers from -127 to 127.
+        clips: the table of the shortlist's clips.
+    """
+
+    places: NDArray[np.int8]
+    starts: Int64Array
+    directions: Directions
+    clips: pa.Table
+
+    @staticmethod
+    def open(lake: Lake, files: Sequence[str], kind: str | None) -> WindowNumbers | None:
+        """Those of a shortlist's files; None where it has none, or such of another kind.
+
+        Raises:
+            DamagedError: a file is not as it was written.
+        """
+        own = [file for file in files if is_of_windows(file)]
+        if not own:
+            return None
+        clips = read_clips(lake, files)
+        if said_of(clips).get(KIND) != kind:
+            return None
+        mean, matrix, places = map(_array, sound_files(lake, sorted(own, key=_order)))
+        starts = np.concatenate([[0], np.cumsum(numbers(clips[KIND]), dtype=np.int64)])
+        return WindowNumbers(places, starts, Directions(mean, matrix), clips)
+
+
+def _order(file: str) -> int:
+    return next(i for i, end in enumerate(("-mean.npy", "-directions.npy", ".npy")) if file.endswith(end))
+
+
+def _array(path: Path) -> NDArray[Any]:
+    found: NDArray[Any] = np.load(path, mmap_mode="r", allow_pickle=False)
+    return found
+
+
+def windows_to_read(at: LakeReader, there: Sequence[str], clips: pa.Table) -> dict[str, list[str]]:
+    """What a shard of a lake reads of [n] clip and part: of the shortlist with some files what serves on, and codes.
+
+    Directions are fitted anew where the lake has grown much since they were.
+    """
+    files, kind = codes_of_parts(at), kind_of(at.con)
+    own = [file for file in there if is_of_windows(file) or file.endswith(CLIPS)]
+    before = WindowNumbers.open(at.lake, own, kind)
+    if before is None or len(clips) > GROWN * int(said_of(before.clips)[FITTED]):
+        return {"windows": list(files.values())}
+    known = _pairs(before)
+    parts = dict.fromkeys(part for pair in zip(*_names(clips), strict=True) if pair not in known for part in pair[1:])
+    return {"windows": [files[part] for part in parts if part in files], "windows before": own}
+
+
+def codes_of_parts(at: LakeReader) -> dict[str, str]:
+    """The codes of every frames part of the lake as it stands."""
+    return {part.part: WINDOWS.file(part.key) for part in WINDOWS.made(at)}
+
+
+def windows_of_clips(at: LakeReader, shard: Shard, places: Places, clips: pa.Table) -> Made:
+    """Those of all clips: of [n] clip and part. The shard says what is read, as `windows_to_read` does."""
+    kind, read = kind_of(at.con), shard.spec["windows"]
+    before = WindowNumbers.open(at.lake, shard.spec.get("windows before", ()), kind)
+    if before is None:
+        directions, fitted = _fitted(at.lake, read), len(clips)
+        found, others = _nothing(), set(places)
+    else:
+        directions, fitted = before.directions, int(said_of(before.clips)[FITTED])
+        found, others = _taken_over(before, places, clips)
+    found += [_read(at.lake, file, others, places, directions) for file in read]
+    rows, counts, numbers_of = (np.concatenate(each) for each in zip(*found, strict=True))
+    order = np.argsort(np.repeat(rows, counts), kind="stable")
+    every = np.zeros(len(places), dtype=np.int32)
+    every[rows] = counts
+    written = [
+        *write_directions(at.lake, shard.key, KIND, directions),
+        write_array(at.lake, shard.key, KIND, numbers_of[order]),
+    ]
+    return Made({KIND: pa.array(every)}, written, {KIND: str(kind), FITTED: str(fitted)})
+
+
+_Found = tuple[Int64Array, Int64Array, NDArray[np.int8]]  # rows of clips, how many windows of each, and their numbers
+
+
+def _nothing() -> list[_Found]:
+    none = np.zeros(0, dtype=np.int64)
+    return [(none, none, np.zeros((0, DIRECTIONS), dtype=np.int8))]
+
+
+def _pairs(before: WindowNumbers) -> dict[tuple[str, str], int]:
+    """The rows of clips with windows, by clip and part."""
+    counts = np.diff(before.starts)
+    return {pair: row for row, pair in enumerate(zip(*_names(before.clips), strict=True)) if counts[row]}
+
+
+def _taken_over(before: WindowNumbers, places: Places, clips: pa.Table) -> tuple[list[_Found], set[str]]:
+    """What stays of an earlier shortlist, and the clips whose windows it does not hold."""
+    known = _pairs(before)
+    stay = [(known[pair], pair[0]) for pair in zip(*_names(clips), strict=True) if pair in known]
+    if not stay:
+        return _nothing(), set(places)
+    old = np.array([row for row, _ in stay], dtype=np.int64)
+    names, counts = [clip for _, clip in stay], np.diff(before.starts)[old]
+    first = np.repeat(before.starts[old] - np.cumsum(counts) + counts, counts)
+    return [(places.of(names), counts, before.places[first + np.arange(len(first))])], set(places).difference(names)
+
+
+def _names(table: pa.Table) -> tuple[list[str], list[str]]:
+    return table["clip"].to_pylist(), table["part"].to_pylist()
+
+
+def _read(lake: Lake, file: str, wanted: Container[str], places: Mapping[str, int], directions: Directions) -> _Found:
+    held = WindowFile.open(sound(lake, file))
+    runs = {clip: run for clip, run in held.runs.items() if clip in wanted}
+    if not runs:
+        return _nothing()[0]
+    rows = np.concatenate([np.arange(run.start, run.stop) for run in runs.values()])
+    along = directions.project(held.codes[rows] * held.scales[rows, None])
+    counts = np.array([run.stop - run.start for run in runs.values()], dtype=np.int64)
+    at = np.array([places[clip] for clip in runs], dtype=np.int64)
+    return at, counts, np.clip(np.rint(along), -LARGEST, LARGEST).astype(np.int8)
+
+
+def _fitted(lake: Lake, files: Sequence[str]) -> Directions:
+    """Directions of the windows of some parts, scaled to the farthest of these."""
+    some = np.concatenate(list(_some(lake, files)))
+    directions = Directions.of(some, DIRECTIONS)
+    largest = float(np.abs(directions.project(some)).max(initial=0.0)) or 1.0
+    return Directions(directions.mean, directions.matrix * np.float32(LARGEST / largest))
+
+
+def _some(lake: Lake, files: Sequence[str]) -> Iterator[Float32Array]:
+    for file in files[:: max(1, len(files) // SPREAD)]:
+        held = WindowFile.open(sound(lake, file))
+        yield np.asarray(held.codes * held.scales[:, None], dtype=np.float32)

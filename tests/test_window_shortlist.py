@@ -1,0 +1,184 @@
+"""Pieces in a very large lake: the numbers of windows in its shortlist, and answers by them."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from itertools import pairwise
+from pathlib import Path
+from typing import cast
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from motionlake.lake.catalog import fetch, reading
+from motionlake.lake.integrity import sound
+from motionlake.lake.layout import open_lake
+from motionlake.retrieval import window_shortlist
+from motionlake.retrieval.lake_shortlist import shortlist_of
+from motionlake.retrieval.registry import searcher
+from motionlake.retrieval.submotion_search import SubmotionSearcher
+from motionlake.retrieval.window_scan import WindowScan
+from motionlake.retrieval.window_shortlist import WindowShortlist, nearest_of_clips
+from motionlake.stages import shortlist_windows, windows
+from motionlake.stages.shortlist_files import is_of_windows
+from motionlake.stages.shortlist_windows import DIRECTIONS, WindowNumbers, kind_of
+from motionlake.stages.windows import WindowFile
+
+from tests import test_shortlist
+from tests.lakes import made_clips, motionlake, query
+from tests.test_newer_models import newer
+from tests.test_submotion_search import find, longest, run
+
+
+@contextmanager
+def few() -> Iterator[None]:
+    """Within the block any lake is a very large one."""
+    with test_shortlist.few(), pytest.MonkeyPatch.context() as patched:
+        patched.setattr(windows, "MOST", 1)
+        yield
+
+
+@pytest.fixture(scope="module")
+def large(tmp_path_factory: pytest.TempPathFactory, built_lake: Path, scheduler: str) -> Path:
+    root = Path(shutil.copytree(built_lake, tmp_path_factory.mktemp("window-shortlist") / "lake"))
+    with few():
+        done = run(root, scheduler, "windows") | run(root, scheduler, "shortlist")
+        assert (done["windows"] > 0, done["shortlist"]) == (True, 1)
+        assert run(root, scheduler, "all")["shortlist"] == 0
+    return root
+
+
+def held(root: Path) -> WindowNumbers:
+    lake = open_lake(root)
+    with few(), reading(lake) as con:
+        found = WindowNumbers.open(lake, shortlist_of(lake), kind_of(con))
+    assert found is not None
+    return found
+
+
+def scan_of(root: Path, *, exact: bool = False) -> object:
+    return cast(SubmotionSearcher, searcher("range", "submotion", open_lake(root), exact=exact))._scan
+
+
+def test_numbers_are_where_windows_lie(large: Path) -> None:
+    """Every window of every clip, in the order of its clip's windows, to half of a whole number."""
+    found, lake = held(large), open_lake(large)
+    rows = {clip: row for row, clip in enumerate(found.clips["clip"].to_pylist())}
+    seen = 0
+    with reading(lake) as con:
+        files = [row["codes"] for row in fetch(con, "window_files")]
+    for file in files:
+        codes = WindowFile.open(sound(lake, file))
+        for clip, own in codes.runs.items():
+            exact = found.directions.project(codes.codes[own] * codes.scales[own, None])
+            places = found.places[found.starts[rows[clip]] : found.starts[rows[clip] + 1]]
+            np.testing.assert_allclose(places, np.clip(exact, -127, 127), atol=0.51)
+            seen += len(places)
+    assert seen == len(found.places) == found.starts[-1]
+    assert found.places.shape[1] == DIRECTIONS
+    assert 100 < np.abs(found.places.astype(int)).max() <= 127
+
+
+def test_answers_are_those_of_every_window(large: Path, built_lake: Path) -> None:
+    with few():
+        assert isinstance(scan_of(large), WindowShortlist)
+        assert isinstance(scan_of(large, exact=True), WindowScan)
+        for clip, _ in longest(built_lake, 4):
+            for words in ([], ["--mirrored"], ["--own"], ["--dataset", clip.partition("/")[0]], ["-k", 3]):
+                asked = find(built_lake, clip, 3, 33, *words)
+                assert asked.status == 0, asked.err
+                assert find(large, clip, 3, 33, *words).json == asked.json
+    assert scan_of(large) is not None, "a lake that is not so large compares codes"
+    assert not isinstance(scan_of(large), WindowShortlist)
+
+
+def test_few_chosen_clips_hold_the_nearest(large: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(window_shortlist, "SPARE", 1)
+    same = []
+    with few():
+        for clip, frames in longest(large, 9):
+            assert frames >= 20
+            ours, exact = (find(large, clip, 3, frames, "-k", 3, *words).json for words in ([], ["--exact"]))
+            same.append(len({row["clip"] for row in ours} & {row["clip"] for row in exact}) / 3)
+    assert np.mean(same) > 0.9
+
+
+def test_clips_that_stay_are_taken_over(
+    large: Path, tmp_path: Path, scheduler: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    root, before, read = Path(shutil.copytree(large, tmp_path / "lake")), held(large), []
+    own = shortlist_windows._read
+
+    def reading_of(*given: object) -> object:
+        read.append(given[1])
+        return own(*given)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(shortlist_windows, "_read", reading_of)
+    made_clips(tmp_path / "more", 2)
+    (gone, *_) = [clip for clip, _ in longest(root, 1)]
+    assert motionlake("remove", gone, "--lake", root).status == 0
+    assert motionlake("ingest", tmp_path / "more", "--lake", root, "--scheduler", scheduler).status == 0
+    parts = run(root, scheduler, "all")["submotions"]
+    with few():
+        assert run(root, scheduler, "windows")["windows"] == parts
+        assert motionlake("run", "shortlist", "--lake", root).status == 0
+    after = held(root)
+    assert len(read) == parts, "those that came"
+    np.testing.assert_array_equal(after.directions.matrix, before.directions.matrix)
+    clips = [each.clips["clip"].to_pylist() for each in (before, after)]
+    for clip in set(clips[0]) - {gone}:
+        old, new = (
+            each.places[slice(*each.starts[names.index(clip) :][:2])]
+            for each, names in zip((before, after), clips, strict=True)
+        )
+        np.testing.assert_array_equal(old, new)
+    came = min(set(clips[1]) - set(clips[0]))
+    ((frames,),) = query(root, "SELECT frames FROM clips WHERE clip = $clip", clip=came)
+    with few():
+        ours, exact = (find(root, came, 0, frames, "--own", *words) for words in ([], ["--exact"]))
+    assert ours.json == exact.json
+    assert ours.json[0]["clip"] == came
+
+
+def test_windows_of_another_encoder_are_not_read(large: Path, tmp_path: Path, scheduler: str) -> None:
+    root = Path(shutil.copytree(large, tmp_path / "lake"))
+    (clip, _), *_ = longest(root, 1)
+    found = find(root, clip, 3, 33).json
+    newer(root, "submotion")
+    assert run(root, scheduler, "submotions")["submotions"] > 0
+    with few():
+        assert not isinstance(scan_of(root), WindowShortlist)
+        assert find(root, clip, 3, 33).json == found
+        assert run(root, scheduler, "all")["shortlist"] == 1
+        assert isinstance(scan_of(root), WindowShortlist)
+        assert find(root, clip, 3, 33).json == found
+
+
+def test_damaged_numbers_answer_nothing(large: Path, tmp_path: Path) -> None:
+    root = Path(shutil.copytree(large, tmp_path / "lake"))
+    (clip, _), *_ = longest(root, 1)
+    (file,) = (path for path in root.glob("shortlist/*-windows.npy") if is_of_windows(path.name))
+    content = bytearray(file.read_bytes())
+    content[len(content) // 2] ^= 1
+    file.write_bytes(content)
+    with few():
+        asked = find(root, clip, 3, 33)
+        assert (asked.status, asked.out, file.name in asked.err) == (2, "", True)
+        assert motionlake("search", clip, "--lake", root).status == 0, "which does not read them"
+        assert motionlake("repair", "--lake", root).status == 0
+        assert find(root, clip, 3, 33).status == 0
+
+
+@given(st.integers(0, 1000), st.lists(st.integers(0, 4), min_size=1, max_size=9))
+def test_the_nearest_of_each_clip(seed: int, counts: list[int]) -> None:
+    rng, starts = np.random.default_rng(seed), np.cumsum([0, *counts])
+    places = rng.integers(-127, 128, (starts[-1], 5)).astype(np.int8)
+    asked = rng.normal(0, 60, 5).astype(np.float32)
+    found = np.zeros(len(counts), dtype=np.float32)
+    nearest_of_clips(places, starts, asked, 0, len(counts), found)
+    apart = np.square(places.astype(np.float64) - asked).sum(axis=1)
+    wanted = [apart[a:b].min(initial=np.inf) for a, b in pairwise(starts)]
+    np.testing.assert_allclose(found, wanted, rtol=1e-5)
