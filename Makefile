@@ -8,7 +8,7 @@ SITE ?= site
 # The folders of the repository under the names they are imported by, for tools that read the files.
 LINKS = rm -rf .venv/src && mkdir -p .venv/src/motionlake && \
 	ln -s $(CURDIR)/pipeline/* $(CURDIR)/jobs $(CURDIR)/sql .venv/src/motionlake/
-STAGES := frames words embed motifs signatures mirrored postures symbols moves descriptors submotions graph shortlist windows
+STAGES := frames words embed motifs signatures mirrored postures symbols moves descriptors submotions windows graph shortlist
 # What `make demo` takes in: by default the DeepMimic motions, fetched first.
 DATA ?= demo/deepmimic
 DEMO_LAKE = demo/$(notdir $(abspath $(DATA)))-lake

@@ -45,6 +45,22 @@ def test_a_reader_sees_the_catalog_of_now_and_keeps_it(target: Lake) -> None:
         assert roots(con) == ["a", "b"]
 
 
+def test_another_thread_sees_the_catalog_of_now(target: Lake) -> None:
+    """However long somebody keeps an earlier one open: readers of a busy service would never see a new one else."""
+
+    def seen() -> list[str]:
+        with reading(target) as con:
+            return roots(con)
+
+    add_root(target, "a")
+    with ThreadPoolExecutor(1) as pool, reading(target) as con:
+        assert pool.submit(seen).result() == ["a"]
+        add_root(target, "b")
+        assert pool.submit(seen).result() == ["a", "b"]
+        assert (roots(con), seen()) == (["a"], ["a"])
+    assert seen() == ["a", "b"]
+
+
 def test_a_connection_reads_on_what_it_opened(target: Lake) -> None:
     with connect(target.root) as con:
         add_root(target, "a")

@@ -405,7 +405,13 @@ def test_a_new_searcher_is_a_module_and_a_line(two_sets: Lake, monkeypatch: pyte
     import types
 
     module = types.ModuleType("motionlake.retrieval.by_name")
-    module.ByName = lambda lake: Fixed(("clips/a", 0.5))  # type: ignore[attr-defined]
+
+    class ByName(Fixed):
+        def __init__(self, lake: Lake) -> None:
+            LakeSearcher.__init__(self, lake)
+            super().__init__(("clips/a", 0.5))
+
+    module.ByName = ByName  # type: ignore[attr-defined]
     monkeypatch.setitem(sys.modules, "motionlake.retrieval.by_name", module)
     (asked,) = some_queries(two_sets, "clip", 1)
     rows = motionlake("search", asked.name, "--method", "by_name", "--lake", two_sets.root, "--json").json

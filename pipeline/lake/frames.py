@@ -241,9 +241,10 @@ def lengths(path: Path) -> dict[str, tuple[float, int]]:
     return {clip: (rows.column("fps")[0].as_py(), rows.num_rows) for clip, rows in runs(table)}
 
 
-def read_clips(path: Path, clips: Sequence[str]) -> Iterator[Frames]:
-    """Some clips of a frames part, in its order."""
-    yield from (from_table(clip, rows) for clip, rows in read_rows(path, clips, ("fps", *CHANNELS)))
+def read_clips(path: Path, clips: Sequence[str], *, rotations: bool = True) -> Iterator[Frames]:
+    """Some clips of a frames part, in its order, or their joints alone."""
+    columns = ("fps", *(CHANNELS if rotations else PLACES))
+    yield from (from_table(clip, rows) for clip, rows in read_rows(path, clips, columns))
 
 
 def read_rows(path: Path, clips: Sequence[str], columns: Sequence[str]) -> Iterator[tuple[str, pa.Table]]:
@@ -260,9 +261,9 @@ def _may_hold(column: pq.ColumnChunkMetaData, clips: Sequence[str]) -> bool:
     return bounds is None or not bounds.has_min_max or any(bounds.min <= clip <= bounds.max for clip in clips)
 
 
-def read_clip(path: Path, clip: str) -> Frames:
-    """One clip of a frames part. Raises `UserError` where the part does not hold it."""
-    found = next(read_clips(path, [clip]), None)
+def read_clip(path: Path, clip: str, *, rotations: bool = True) -> Frames:
+    """One clip of a frames part, or its joints alone. Raises `UserError` where the part does not hold it."""
+    found = next(read_clips(path, [clip], rotations=rotations), None)
     if found is None:
         raise UserError(f"{path}: does not hold {clip}; the catalog and its parts do not belong together")
     return found

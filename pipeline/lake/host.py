@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
-from threading import Lock
+from threading import Lock, local
 from typing import TYPE_CHECKING, Any, Final
 
 from motionlake import sql
@@ -42,20 +42,26 @@ class _Host:
             settings["threads"] = 1  # choices among equals do not depend on the machine, and memory stays small
         self.con = duckdb.connect(config=settings)
         self._attach = sql.read("attach_for_writing" if writable else "attach")
-        self._catalog: Path | None = None
+        self._catalog: tuple[Path, int] | None = None
         self._users = 0
         self._lock = Lock()
 
     def enter(self, catalog: Path) -> bool:
-        """Attach a catalog for one more user; False where another one is in use."""
+        """Attach a catalog for one more user; False where another one is in use, or an earlier file of that name."""
         with self._lock:
+            now = (catalog, catalog.stat().st_ino if catalog.exists() else 0)
             if self._users == 0:
                 self.con.execute(self._attach, {"catalog": str(catalog)})
-                self._catalog = catalog
-            if self._catalog != catalog:
+                self._catalog = now
+            if self._catalog != now:
                 return False
             self._users += 1
             return True
+
+    def enter_again(self) -> None:
+        """Let one more user in, who reads what another one does."""
+        with self._lock:
+            self._users += 1
 
     def leave(self) -> None:
         with self._lock:
@@ -70,20 +76,30 @@ def _host(process: int, *, writable: bool) -> _Host:
     return _Host(writable=writable)
 
 
+_own: Final = local()  # of a thread, the hosts of the catalogs that it has open
+
+
 atexit.register(_host.cache_clear)  # else DuckDB may tell of objects that are left
 
 
 @contextmanager
 def attached(catalog: Path, *, writable: bool = False) -> Iterator[duckdb.DuckDBPyConnection]:
-    """A connection to a catalog as it stands, or as others of this process that use it now see it.
+    """A connection to a catalog as it stands, or as this thread sees it where it has one open.
+
+    To attach a catalog that this process uses already takes no time.
 
     Raises:
         duckdb.Error: it cannot be opened.
     """
-    host = _host(os.getpid(), writable=writable)
-    if not host.enter(catalog):
+    mine: dict[tuple[Path, bool], _Host] = _own.__dict__.setdefault(f"hosts {os.getpid()}", {})
+    outer = mine.get((catalog, writable))
+    host = outer or _host(os.getpid(), writable=writable)
+    if outer is not None:
+        outer.enter_again()
+    elif not host.enter(catalog):
         host = _Host(writable=writable)
         host.enter(catalog)
+    mine[catalog, writable] = host
     con = host.con.cursor()
     try:
         con.execute(sql.read("use_catalog"))
@@ -91,6 +107,8 @@ def attached(catalog: Path, *, writable: bool = False) -> Iterator[duckdb.DuckDB
     finally:
         con.close()
         host.leave()
+        if outer is None:
+            mine.pop((catalog, writable), None)
 
 
 @contextmanager

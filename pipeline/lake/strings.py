@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import compress
+from typing import Any
 
 import numpy as np
 import pyarrow.compute as pc
@@ -17,6 +18,7 @@ from motionlake.errors import UserError
 from motionlake.lake.catalog import Connection, fetch, fetch_table
 from motionlake.pesta.strings import Repository, SymbolDistances
 from motionlake.pesta.symbols import SymbolString
+from numpy.typing import NDArray
 
 
 @dataclass(frozen=True)
@@ -82,22 +84,33 @@ def read_strings(con: Connection, clips: Sequence[str] | None = None) -> LakeStr
     Raises:
         UserError: there are none yet.
     """
+    distances, model = read_distances(con)
+    rows = fetch_table(con, "symbol_strings", {"clips": None if clips is None else list(clips)})
+    known = [CorpusClip(**row) for row in rows.drop_columns(["symbols", "starts"]).to_pylist()]
+    symbols, starts = (numbers(pc.list_flatten(rows.column(name))) for name in ("symbols", "starts"))
+    return strings_of(known, symbols, starts, numbers(pc.list_value_length(rows.column("symbols"))), distances, model)
+
+
+def read_distances(con: Connection) -> tuple[SymbolDistances, str]:
+    """Those of the symbols of the dictionary that the strings of a lake are over, and its name.
+
+    Raises:
+        UserError: there are no strings yet.
+    """
     codes = fetch(con, "posture_codes")
     if not codes:
         raise UserError("the lake has no symbol strings yet; make them with `motionlake run all`")
-    rows = fetch_table(con, "symbol_strings", {"clips": None if clips is None else list(clips)})
-    known = rows.drop_columns(["symbols", "starts"]).to_pylist()
-    lengths = numbers(pc.list_value_length(rows.column("symbols"))).astype(np.int64)
-    offsets = np.concatenate([[0], np.cumsum(lengths)]).astype(np.int64)
-    starts = numbers(pc.list_flatten(rows.column("starts"))).astype(np.int64)
-    stops = np.append(starts[1:], 0)
-    stops[offsets[1:] - 1] = numbers(rows.column("frames"))
     points = np.array([row["code"] for row in codes], dtype=np.float32)
-    return LakeStrings(
-        [CorpusClip(**row) for row in known],
-        Repository(numbers(pc.list_flatten(rows.column("symbols"))).astype(np.int32), offsets),
-        starts,
-        stops,
-        SymbolDistances(ground_distances(points).astype(np.float32)),
-        codes[0]["model"],
-    )
+    return SymbolDistances(ground_distances(points).astype(np.float32)), codes[0]["model"]
+
+
+def strings_of(
+    clips: list[CorpusClip], symbols: NDArray[Any], starts: NDArray[Any], lengths: NDArray[Any],
+    distances: SymbolDistances, model: str,
+) -> LakeStrings:  # fmt: skip
+    """The strings of n clips, whose symbols [Y] and their first frames [Y] stand one after another."""
+    offsets = np.concatenate([[0], np.cumsum(lengths, dtype=np.int64)])
+    first = starts.astype(np.int64)
+    stops = np.append(first[1:], 0)
+    stops[offsets[1:] - 1] = [clip.frames for clip in clips]
+    return LakeStrings(clips, Repository(symbols.astype(np.int32), offsets), first, stops, distances, model)

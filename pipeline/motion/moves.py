@@ -79,7 +79,7 @@ class Track:
 
     def _turned(self) -> tuple[Float64Array, Float64Array]:
         """Joints and velocity of that."""
-        cosine, sine = heading(self.facing.sum(axis=0))
+        cosine, sine = headings(self.facing.sum(axis=0)[None])[0].tolist()
         turn = np.array([[cosine, 0, sine], [0, 1, 0], [-sine, 0, cosine]])
         joints, velocity = (
             (part.reshape(-1, 15, 3) @ turn).reshape(part.shape) for part in (self.joints, self.velocity)
@@ -117,10 +117,10 @@ def _unit(vectors: Float64Array) -> Float64Array:
     return np.asarray(vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), SILENT))
 
 
-def heading(facing: Float64Array) -> tuple[float, float]:
-    """Cosine and sine of the angle of a sum [2] of `Track.facing`; of none where it tells nothing."""
-    length = float(np.hypot(*facing))
-    return (float(facing[0]) / length, float(facing[1]) / length) if length > SILENT else (1.0, 0.0)
+def headings(facing: Float64Array) -> Float64Array:
+    """[s, 2] cosine and sine of the angles of sums [s, 2] of `Track.facing`; of none where it tells nothing."""
+    lengths = np.hypot(facing[:, 0], facing[:, 1])[:, None]
+    return np.where(lengths > SILENT, facing / np.maximum(lengths, SILENT), (1.0, 0.0))
 
 
 def ends(count: int) -> list[int]:

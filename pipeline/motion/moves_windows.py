@@ -12,7 +12,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from motionlake.arrays import Float32Array, Float64Array, Int64Array
 from motionlake.kernels import njit
-from motionlake.motion.moves import DISPLACEMENT_COUNT, HIPS, JOINTS_COUNT, LEAST, MOST, SILENT, Track, heading
+from motionlake.motion.moves import DISPLACEMENT_COUNT, HIPS, JOINTS_COUNT, LEAST, MOST, SILENT, Track, headings
 
 TEMPI: Final = (0.75, 1.0, 4 / 3)  # lengths of windows, in lengths of the query
 FINER: Final = (0.87, 0.93, 1.0, 1.07, 1.15)  # the same around the best of them
@@ -124,7 +124,7 @@ class _Products:
         found = np.empty(-(-len(starts) // 8) * 8, dtype=np.float32)
         padded = np.append(starts, np.full(len(found) - len(starts), starts[-1]))
         facing = self._facing[padded + width] - self._facing[padded]
-        turns = np.array([heading(one) for one in facing], dtype=np.float32)
+        turns = headings(facing).astype(np.float32)
         _windows(
             self._joints, self._displaced, self._moving, self._placed, self._started, self._path, self._norms,
             self._speeds, self._sizes, padded, turns, width, found,

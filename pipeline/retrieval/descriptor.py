@@ -160,7 +160,7 @@ class DescriptorSearcher(LakeSearcher):
     def _sequence(self, query: Query, mirrored: bool) -> Float32Array:
         from motionlake.deephums.sequence import clip_sequence
 
-        motion = query_motion(self.lake, query, mirrored=mirrored)
+        motion = query_motion(self.lake, query, mirrored=mirrored, rotations=False)
         with about(query.name):
             return clip_sequence(motion.cut()[0], motion.fps)
 

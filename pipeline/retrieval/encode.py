@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 import numpy as np
 from motionlake.arrays import Float32Array, Float64Array
@@ -16,7 +15,7 @@ from motionlake.deep_motifs.query_by_example import words_within
 from motionlake.errors import UserError
 from motionlake.lake.catalog import Connection, fetch, reading
 from motionlake.lake.frames import Frames, frame_range, from_table, read_clip, to_table
-from motionlake.lake.integrity import is_listed, sound, sound_files
+from motionlake.lake.integrity import sound
 from motionlake.lake.layout import Lake
 from motionlake.lake.resolve import resolve_clip
 from motionlake.lake.settings import served_config
@@ -33,6 +32,7 @@ from motionlake.motion.skeleton import mirrored_positions, mirrored_rotations
 from motionlake.retrieval.protocol import Query
 from motionlake.stages.frames import first_body
 from motionlake.stages.motif_model import MOTIF_MODEL, read_motifs
+from motionlake.stages.part_clips import of_clips
 from motionlake.stages.reader import LakeReader
 from motionlake.stages.word_network import WORD_NETWORK
 from motionlake.stages.words import WORDS, read_some_features
@@ -40,8 +40,6 @@ from numpy.typing import NDArray
 
 if TYPE_CHECKING:
     from motionlake.deep_motifs.words.network import TrainedNetwork
-
-THREADS: Final = 2  # that read parts
 
 
 @dataclass(frozen=True)
@@ -117,10 +115,7 @@ def features_of_clips(con: Connection, lake: Lake, config: WordConfig, clips: Se
     """
     parts = {row["clip"]: row["part"] for row in fetch(con, "parts_of", {"clips": list(clips)})}
     files = WORDS.files_of(con, parts.values(), (config,))
-    listed = [files[part] for part in sorted(set(parts.values())) if is_listed(lake, files[part])]
-    with ThreadPoolExecutor(THREADS) as pool:
-        read = pool.map(lambda path: read_some_features(path, parts), sound_files(lake, listed))
-        found = {clip: features for each in read for clip, features in each.items()}
+    found = of_clips(lake, files, parts, read_some_features)
     for clip in clips:
         if clip not in found:
             raise UserError(f"{clip}: has no words yet; make them with `motionlake run all`")
@@ -144,7 +139,8 @@ def words_of_file(lake: Lake, config: WordConfig, path: Path) -> FileWords:
 
 @dataclass(frozen=True)
 class QueryMotion:
-    """A clip that was asked for, whole: positions [F, 21, 3], rotations [F, 21, 4]; the query is frames `asked`."""
+    """A clip that was asked for, whole: positions [F, 21, 3], rotations [F, 21, 4] or none ([F, 0, 4]); the query is
+    its frames `asked`."""
 
     positions: Float64Array
     rotations: Float64Array
@@ -157,8 +153,8 @@ class QueryMotion:
         return self.positions[frames], self.rotations[frames]
 
 
-def query_motion(lake: Lake, query: Query, *, mirrored: bool = False) -> QueryMotion:
-    """The motion of a query, or its mirror image.
+def query_motion(lake: Lake, query: Query, *, mirrored: bool = False, rotations: bool = True) -> QueryMotion:
+    """The motion of a query, or its mirror image; a clip of the lake without rotations where none are used.
 
     Raises:
         UserError: no such clip or file, or it has no such frames.
@@ -171,13 +167,13 @@ def query_motion(lake: Lake, query: Query, *, mirrored: bool = False) -> QueryMo
     else:
         with reading(lake) as con:
             row = fetch(con, "clip", {"clip": resolve_clip(con, query.clip)})[0]
-        stored = read_clip(sound(lake, lake.frames_part(row["dataset"], row["part"])), row["clip"])
+        stored = read_clip(sound(lake, lake.frames_part(row["dataset"], row["part"])), row["clip"], rotations=rotations)
     stored = stored.recorded()
-    positions, rotations, fps = stored.positions.astype(np.float64), stored.rotations.astype(np.float64), stored.fps
+    positions, turned, fps = stored.positions.astype(np.float64), stored.rotations.astype(np.float64), stored.fps
     if mirrored:
         positions = np.asarray(mirrored_positions(positions), dtype=np.float64)
-        rotations = np.asarray(mirrored_rotations(rotations), dtype=np.float64)
-    return QueryMotion(positions, rotations, fps, frame_range(query.name, query.start, query.stop, len(positions)))
+        turned = np.asarray(mirrored_rotations(turned), dtype=np.float64) if turned.shape[1] else turned
+    return QueryMotion(positions, turned, fps, frame_range(query.name, query.start, query.stop, len(positions)))
 
 
 @dataclass(frozen=True)

@@ -56,6 +56,11 @@ class LakeShortlist:
         entry = int(self.entries[row])
         return CorpusClip(*(self.catalog[name][entry].as_py() for name in _FACTS))
 
+    def facts_of(self, rows: Int64Array) -> list[CorpusClip]:
+        """The same of the clips of some rows."""
+        found = self.catalog.select(_FACTS).take(pa.array(self.entries[rows]))
+        return [CorpusClip(**row) for row in found.to_pylist()]
+
     def row(self, clip: str) -> int:
         """Raises `UserError` for a clip that it does not hold, or that was another one when it was made."""
         row = self.place(clip)

@@ -30,38 +30,41 @@ class LakeWords:
         lake: the lake.
         files: of its shortlist.
 
+    Attributes:
+        clips: those of the shortlist.
+
     Raises:
         UserError, DamagedError: as `LakeShortlist`.
     """
 
     def __init__(self, lake: Lake, files: Sequence[str]) -> None:
-        self._clips = LakeShortlist(lake, files)
+        self.clips = LakeShortlist(lake, files)
         self._config = served_config(lake).words
         with reading(lake) as con:
             motifs = fetch(con, "corpus_motifs")
         centroids = np.array([row["centroid"] for row in motifs], dtype=np.float32)
-        if "words" not in self._clips.files.table.column_names:
+        if "words" not in self.clips.files.table.column_names:
             raise UserError(
                 f"{lake.root}: its shortlist was made without words, by an earlier version; make it anew with "
                 "`motionlake run shortlist`"
             )
-        self._words = WordMotifs(*self._clips.files.flat("words"))
+        self._words = WordMotifs(*self.clips.files.flat("words"))
         idf = np.array([row["idf"] for row in motifs], dtype=np.float64)
         self._many = ManyWords(self._words, self._frames_of, idf, ground_distances(centroids))
-        catalog = self._clips.catalog
+        catalog = self.clips.catalog
         self._fps, self._frames = (
-            numbers(catalog[name])[np.maximum(self._clips.entries, 0)] for name in ("fps", "frames")
+            numbers(catalog[name])[np.maximum(self.clips.entries, 0)] for name in ("fps", "frames")
         )
 
     def facts(self, row: int) -> CorpusClip:
         """What the catalog says of a clip."""
-        return self._clips.facts(row)
+        return self.clips.facts(row)
 
     def row(self, clip: str) -> int:
         """Raises `UserError` for a clip that the shortlist does not hold, or that has no words there."""
-        row = self._clips.row(clip)
+        row = self.clips.row(clip)
         if not self._words.counts(np.array([row]))[0]:
-            raise self._clips.files.lacks(row, "signature")
+            raise self.clips.files.lacks(row, "signature")
         return row
 
     def motifs_of(self, query: Query) -> NDArray[np.int32]:
@@ -84,12 +87,11 @@ class LakeWords:
         if asked.clip is not None and not scope.own:
             row = self.row(asked.clip)
             without = (row, asked.start or 0, int(self._frames[row]) if asked.stop is None else asked.stop)
-        return self._many.nearest(query, k, np.isfinite(self._clips.admits(scope.clips)), without)
+        return self._many.nearest(query, k, np.isfinite(self.clips.admits(scope.clips)), without)
 
-    def clips_near(self, query: ExampleQuery, count: int, scope: Scope) -> list[str]:
-        """So many clips, by name, that hold what is likely to be most like a query."""
-        rows = self._many.clips_near(query, count, np.isfinite(self._clips.admits(scope.clips)))
-        return [self.facts(row).clip for row in rows.tolist()]
+    def rows_near(self, query: ExampleQuery, count: int, scope: Scope) -> Int64Array:
+        """The rows of so many clips that hold what is likely to be most like a query."""
+        return self._many.clips_near(query, count, np.isfinite(self.clips.admits(scope.clips)))
 
     @property
     def idf(self) -> Float64Array:

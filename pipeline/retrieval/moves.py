@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from functools import cache
+from typing import Final
 
 import numpy as np
 from motionlake.arrays import Float32Array, Float64Array, Int64Array
@@ -22,6 +24,9 @@ from motionlake.retrieval.matched import asked_frames, matched_moves
 from motionlake.retrieval.protocol import ClipFilter, Finds, LakeSearcher, Query, Scope, about, not_ready
 from motionlake.stages.moves import joints_of, read_tracks
 from motionlake.stages.reader import LakeReader
+from motionlake.threads import limited
+
+THREADS: Final = 2  # that look for a piece, each in clips of its own
 
 
 class _Tracks(LakeSearcher):
@@ -63,7 +68,7 @@ class _Tracks(LakeSearcher):
 
 def track_of_motion(lake: Lake, query: Query, *, mirrored: bool = False) -> Track:
     """The track of a query, from the frames of its clip or file. Raises `UserError` as `query_motion`."""
-    motion = query_motion(lake, query, mirrored=mirrored)
+    motion = query_motion(lake, query, mirrored=mirrored, rotations=False)
     with about(query.name):
         track = Track.of(joints_of(motion.positions, motion.fps))
     return track.cut(*in_track(track, len(motion.positions), *motion.asked))
@@ -153,23 +158,26 @@ class MovesRangeSearcher(_Tracks):
     def _answers(self, query: Query, scope: Scope, *, mirrored: bool) -> list[Hit]:
         if query.clip is not None:
             self._known(query.clip)
-        moves, hits, admits = self.moves(query, mirrored=mirrored), [], scope.admission(self.lake)
-        for clip in self.clips:
-            if not admits(clip):
-                continue
-            track, barred = self._tracks[clip.clip], None
-            pace = max(1, clip.frames - 1) / (len(track.joints) - 1)  # frames of the clip for one of the track
-            first, last = query.start or 0, clip.frames if query.stop is None else query.stop
-            if clip.clip == query.clip and not scope.own:
-                barred = (int(np.floor(first / pace)), int(np.ceil(last / pace)))
-            place = nearest_place(moves, track, barred)
-            if place is None:
-                continue
-            start, stop = round(place.start * pace), round((place.stop - 1) * pace) + 1
-            if barred is not None and place.start < barred[1]:
-                stop = min(stop, first)
-            hits.append(range_hit(clip, start, stop, place.distance))
-        return sorted(hits, key=lambda hit: (hit.distance, hit.clip))
+        moves, admits = self.moves(query, mirrored=mirrored), scope.admission(self.lake)
+        clips = [clip for clip in self.clips if admits(clip)]
+        with limited(1), ThreadPoolExecutor(THREADS) as pool:
+            found = pool.map(lambda clip: self._placed(moves, clip, query, own=scope.own), clips)
+            return sorted((hit for hit in found if hit is not None), key=lambda hit: (hit.distance, hit.clip))
+
+    def _placed(self, moves: Float32Array, clip: CorpusClip, query: Query, *, own: bool) -> Hit | None:
+        """Where in a clip the moves of a query lie; None where it is too short."""
+        track, barred = self._tracks[clip.clip], None
+        pace = max(1, clip.frames - 1) / (len(track.joints) - 1)  # frames of the clip for one of the track
+        first, last = query.start or 0, clip.frames if query.stop is None else query.stop
+        if clip.clip == query.clip and not own:
+            barred = (int(np.floor(first / pace)), int(np.ceil(last / pace)))
+        place = nearest_place(moves, track, barred)
+        if place is None:
+            return None
+        start, stop = round(place.start * pace), round((place.stop - 1) * pace) + 1
+        if barred is not None and place.start < barred[1]:
+            stop = min(stop, first)
+        return range_hit(clip, start, stop, place.distance)
 
     def distances_about(self, moves: Float32Array, clip: str, middles: Int64Array) -> Float64Array:
         """[s] distances of `moves` from the nearest windows about some frames of a clip; infinite where it has none."""

@@ -6,7 +6,8 @@ from collections.abc import Callable, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Final
 
-from motionlake.arrays import Float64Array
+import numpy as np
+from motionlake.arrays import Float64Array, Int64Array
 from motionlake.lake.catalog import reading
 from motionlake.lake.layout import Lake
 from motionlake.retrieval.hits import Hit
@@ -14,6 +15,8 @@ from motionlake.retrieval.protocol import Finds, LakeSearcher, Query, Scope, Sea
 from motionlake.retrieval.query_by_example import WordsSearcher
 
 if TYPE_CHECKING:
+    from motionlake.lake.strings import LakeStrings
+    from motionlake.pesta.strings import SymbolDistances
     from motionlake.retrieval.alignment import AlignmentRangeSearcher
     from motionlake.retrieval.moves import MovesRangeSearcher
 
@@ -40,27 +43,46 @@ class NarrowedSearcher(LakeSearcher):
     def __init__(self, lake: Lake, name: str, every: Callable[[], Searcher]) -> None:
         super().__init__(lake)
         self.name, self._words, self._make_every = name, WordsSearcher(lake), every
+        assert self._words.large is not None
+        self._clips = self._words.large.clips
         self.several = name == "alignment"  # by moves each clip is an answer once
 
     def nearest(self, queries: Sequence[Query], k: int, scope: Scope, *, mirrored: bool) -> list[list[Hit]]:
         return [self._answers(query, k, scope, mirrored=mirrored) for query in queries]
 
     def _answers(self, query: Query, k: int, scope: Scope, *, mirrored: bool) -> list[Hit]:
-        clips = self._words.clips_near(query, max(k, CLIPS[self.name]), scope, mirrored=mirrored)
-        found: list[Hit] = self._among(clips).nearest([query], k, scope, mirrored=mirrored)[0]
+        rows = self._words.rows_near(query, max(k, CLIPS[self.name]), scope, mirrored=mirrored)
+        found: list[Hit] = self._among(rows).nearest([query], k, scope, mirrored=mirrored)[0]
         return found
 
-    def _among(self, clips: Sequence[str]) -> AlignmentRangeSearcher | MovesRangeSearcher:
-        """The method in some clips alone."""
+    def _among(self, rows: Int64Array) -> AlignmentRangeSearcher | MovesRangeSearcher:
+        """The method in the clips of some rows alone."""
         if self.name == "moves":
             from motionlake.retrieval.moves import MovesRangeSearcher
 
-            return MovesRangeSearcher(self.lake, clips)
-        from motionlake.lake.strings import read_strings
+            return MovesRangeSearcher(self.lake, [clip.clip for clip in self._clips.facts_of(rows)])
         from motionlake.retrieval.alignment import AlignmentRangeSearcher
 
+        return AlignmentRangeSearcher(self.lake, strings=self._strings(rows))
+
+    def _strings(self, rows: Int64Array) -> LakeStrings:
+        """The strings of the clips of some rows, which an earlier version's shortlist has without frames."""
+        from motionlake.lake.strings import read_strings, strings_of
+
+        files = self._clips.files
+        if "symbol_starts" not in files.table.column_names:
+            with reading(self.lake) as con:
+                return read_strings(con, [clip.clip for clip in self._clips.facts_of(rows)])
+        kept = rows[np.diff(files.flat("symbols")[1])[rows] > 0]
+        (symbols, lengths), (starts, _) = (files.joined(name, kept) for name in ("symbols", "symbol_starts"))
+        return strings_of(self._clips.facts_of(kept), symbols, starts, lengths, *self._distances)
+
+    @cached_property
+    def _distances(self) -> tuple[SymbolDistances, str]:
+        from motionlake.lake.strings import read_distances
+
         with reading(self.lake) as con:
-            return AlignmentRangeSearcher(self.lake, strings=read_strings(con, clips))
+            return read_distances(con)
 
     def distances(self, queries: Sequence[Query], gallery: Sequence[Query]) -> Float64Array:
         return self._every.distances(queries, gallery)

@@ -185,10 +185,11 @@ class LakeSearcher(ABC):
         check_k(k)
         if not k:
             return [[] for _ in queries]
-        plain = self.nearest(queries, k, scope, mirrored=False)
-        if not scope.mirrored:
-            return [scope.near(hits) for hits in plain]
-        mirrored = self.nearest(queries, k, scope, mirrored=True)
+        with reading(self.lake):  # kept open, since to open it a dozen times takes as long as to compare
+            plain = self.nearest(queries, k, scope, mirrored=False)
+            if not scope.mirrored:
+                return [scope.near(hits) for hits in plain]
+            mirrored = self.nearest(queries, k, scope, mirrored=True)
         pairs = zip(plain, mirrored, strict=True)
         return [scope.near(nearer_of_both(hits, others, k, apart=self.several)) for hits, others in pairs]
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
-from motionlake.arrays import Float64Array
+from motionlake.arrays import Float64Array, Int64Array
 from motionlake.deep_motifs.emd import emd_many
 from motionlake.deep_motifs.query_by_example import LEAST_WORDS, ExampleQuery, find_ranges
 from motionlake.deep_motifs.signatures import Corpus, window_signatures
@@ -45,9 +45,9 @@ class WordsSearcher:
             self.corpus  # noqa: B018 - read now, as a searcher is
 
     @property
-    def large(self) -> bool:
-        """Whether the lake is searched by its shortlist."""
-        return self._large is not None
+    def large(self) -> LakeWords | None:
+        """The words of the shortlist by which a large lake is searched."""
+        return self._large
 
     @cached_property
     def corpus(self) -> Corpus:
@@ -58,7 +58,8 @@ class WordsSearcher:
     def search(self, queries: Sequence[Query], k: int, scope: Scope = EVERYTHING) -> list[list[Hit]]:
         """As `Searcher.search`."""
         check_k(k)
-        return [scope.near(self._ranges(query, k, scope)) for query in queries]
+        with reading(self.lake):  # kept open, as by other searchers
+            return [scope.near(self._ranges(query, k, scope)) for query in queries]
 
     def distances(self, queries: Sequence[Query], gallery: Sequence[Query]) -> Float64Array:
         known, found = self._large or self.corpus, np.zeros((len(queries), len(gallery)))
@@ -96,15 +97,16 @@ class WordsSearcher:
             for hit in found
         ]
 
-    def clips_near(self, query: Query, count: int, scope: Scope, *, mirrored: bool) -> list[str]:
-        """So many clips of a large lake that hold what is likely to be most like a query, and its own.
+    def rows_near(self, query: Query, count: int, scope: Scope, *, mirrored: bool) -> Int64Array:
+        """The rows, in order, of so many clips of a large lake that hold what is likely to be most like a query, and
+        of its own.
 
         Raises:
             UserError: as `search`.
         """
         assert self._large is not None
-        near = self._large.clips_near(ExampleQuery(self._motifs(query, mirrored=mirrored)), count, scope)
-        return near if query.clip is None else sorted({*near, query.clip})
+        near = self._large.rows_near(ExampleQuery(self._motifs(query, mirrored=mirrored)), count, scope)
+        return np.unique(near if query.clip is None else np.append(near, self._large.row(query.clip)))
 
     def _example(self, query: Query, scope: Scope) -> ExampleQuery:
         return ExampleQuery(self._motifs(query), self._motifs(query, mirrored=True) if scope.mirrored else None)

@@ -120,13 +120,13 @@ class SubmotionSearcher(LakeSearcher):
         return fetch(con, "clips_holding", asked)
 
     def _piece(self, query: Query, *, own: bool = True, mirrored: bool = False) -> Piece:
-        motion = query_motion(self.lake, query, mirrored=mirrored)
+        motion = query_motion(self.lake, query, mirrored=mirrored, rotations=self._words.reads_rotations)
         barred = None if own or query.clip is None else (query.clip, *motion.asked)
         return piece_of(query.name, *motion.cut(), motion.fps, self._words, barred)
 
     def _windows(self, query: Query) -> Float32Array:
         """[w, 512] of the windows of a clip, file or range, as the stage makes those of the lake's clips."""
-        motion = query_motion(self.lake, query)
+        motion = query_motion(self.lake, query, rotations=False)
         positions, _ = motion.cut()
         windows = in_sequence(piece_windows(len(positions), motion.fps), len(positions), motion.fps)
         vectors = self._network.embed_windows(clip_sequence(positions, motion.fps), windows)

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
-from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -14,6 +13,7 @@ from motionlake.errors import UserError
 from motionlake.lake.catalog import fetch, reading
 from motionlake.lake.integrity import sound
 from motionlake.lake.layout import Lake
+from motionlake.lake.loaded import loaded
 from motionlake.lake.settings import served_config
 from motionlake.lake.strings import LakeStrings
 from motionlake.motion.features import word_features
@@ -38,16 +38,15 @@ def served_dictionary(lake: Lake, model: str) -> PostureDictionary:
     from motionlake.pesta.dictionary import load_dictionary
 
     try:
-        return load_dictionary(model_file(lake, model))
+        return loaded(load_dictionary, lake, model_file(lake, model))
     except ValueError as error:
         raise UserError(str(error)) from error
 
 
-def model_file(lake: Lake, model: str) -> Path:
-    """The file of a model of that name."""
+def model_file(lake: Lake, model: str) -> str:
+    """The file of a model of that name, relative to the lake."""
     with reading(lake) as con:
-        rows = fetch(con, "model_file", {"model": model})
-    return sound(lake, rows[0]["file"])
+        return str(fetch(con, "model_file", {"model": model})[0]["file"])
 
 
 def encoded(lake: Lake, query: Query, dictionary: PostureDictionary, *, mirrored: bool = False) -> StringQuery:
@@ -56,7 +55,8 @@ def encoded(lake: Lake, query: Query, dictionary: PostureDictionary, *, mirrored
     Raises:
         UserError: no such clip or file, it has no such frames, or these are one symbol.
     """
-    motion = query_motion(lake, query, mirrored=mirrored)
+    used = dictionary.config.frames.reads_rotations
+    motion = query_motion(lake, query, mirrored=mirrored, rotations=used)
     with about(query.name):
         string = _coded(lake, motion, dictionary)
     return string_query(query.name, string, motion.fps, query.clip)
@@ -128,7 +128,7 @@ class ClipStrings:
     @cached_property
     def _fps(self) -> float:
         """Codes a second. Not by `dictionary`: no encoder is needed, nor torch."""
-        _, kept = read_tensors(model_file(self._lake, self._strings.model), DICTIONARY_KEY, "codes")
+        _, kept = read_tensors(sound(self._lake, model_file(self._lake, self._strings.model)), DICTIONARY_KEY, "codes")
         return PosturesConfig(**kept["config"]).fps
 
 

@@ -17,10 +17,10 @@ from motionlake.motion.moves import Track, at_12
 from motionlake.motion.moves_of_clips import moves_of_clips
 from motionlake.motion.skeleton import COMMON
 from motionlake.stages.descriptor_network import sequence_of
-from motionlake.stages.part_clips import clips_of_shard
+from motionlake.stages.part_clips import clips_of_shard, of_clips
 from motionlake.stages.reader import LakeReader
 from motionlake.stages.stage import PART_KEYS, Part, PartStage, Shard, clips_of, part_keys
-from motionlake.stages.words import read_features
+from motionlake.stages.words import read_features, read_some_features
 
 MANY: Final = 20_000  # frames of clips from which their moves are worked out at once
 STEP: Final = 2.0**-14  # body lengths; less than a tenth of a millimetre
@@ -94,11 +94,10 @@ def read_tracks(at: LakeReader, parts: Mapping[str, str]) -> Tracks:
     Raises:
         DamagedError: a part is not as it was written.
     """
-    wanted = set(parts.values())
-    return Tracks({
-        clip: joints for part in MOVES.made(at) if part.part in wanted
-        for clip, joints in read_features(sound(at.lake, MOVES.file(part.key))) if parts.get(clip) == part.part
-    })  # fmt: skip
+    made = {MOVES.file(key) for key in at.done(MOVES.name)}
+    files = MOVES.files_of(at.con, parts.values(), ())
+    there = {part: file for part, file in files.items() if file in made}
+    return Tracks(of_clips(at.lake, there, parts, read_some_features))
 
 
 def tracks_in(lake: Lake, file: str) -> Iterator[tuple[str, Track]]:

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Iterator
+from collections.abc import Callable, Container, Hashable, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from contextvars import ContextVar
+from pathlib import Path
 from typing import Any, Final, TypeVar
 
 from motionlake.lake import frames
-from motionlake.lake.integrity import sound
+from motionlake.lake.integrity import is_listed, sound, sound_files
 from motionlake.lake.layout import Lake
 from motionlake.stages.stage import Shard
 
 T = TypeVar("T")
+READERS: Final = 2  # that read parts side by side
 # What stages that run together have read or worked out of their part; None where a stage runs alone.
 _shared: Final[ContextVar[dict[Hashable, Any] | None]] = ContextVar("_shared", default=None)
 
@@ -36,6 +39,30 @@ def shared(key: Hashable, make: Callable[[], T]) -> T:
         known[key] = make()
     found: T = known[key]
     return found
+
+
+def of_clips(
+    lake: Lake, files: Mapping[str, str], clips: Mapping[str, str], read: Callable[[Path, Container[str]], dict[str, T]]
+) -> dict[str, T]:
+    """What a stage has made of some clips, whose parts are read side by side.
+
+    Args:
+        lake: the lake.
+        files: by frames part, what the stage makes of it; what is not made yet is left out.
+        clips: the part of each clip.
+        read: gives those of some clips of a file.
+
+    Raises:
+        DamagedError: a file is not as it was written.
+    """
+    wanted: dict[str, set[str]] = {}
+    for clip, part in clips.items():
+        if part in files and is_listed(lake, files[part]):
+            wanted.setdefault(files[part], set()).add(clip)
+    names = sorted(wanted)
+    with ThreadPoolExecutor(READERS) as pool:
+        found = pool.map(read, sound_files(lake, names), [wanted[name] for name in names])
+        return {clip: made for part in found for clip, made in part.items()}
 
 
 def stored_clips(lake: Lake, shard: Shard, *, rotations: bool = True) -> Iterator[frames.Frames]:

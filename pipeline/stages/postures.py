@@ -5,7 +5,7 @@ PESTA, sections 5.1 and 5.2.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Container, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -14,12 +14,12 @@ import pyarrow as pa
 from motionlake.columns import numbers, read_parquet
 from motionlake.lake import frames
 from motionlake.lake.catalog import Connection, fetch
-from motionlake.lake.integrity import is_listed, sound
+from motionlake.lake.integrity import sound
 from motionlake.lake.layout import Lake
 from motionlake.lake.loaded import loaded
 from motionlake.lake.models import file_hash
 from motionlake.motion.features import word_features
-from motionlake.stages.part_clips import clips_of_shard
+from motionlake.stages.part_clips import clips_of_shard, of_clips
 from motionlake.stages.posture_dictionary import POSTURE_DICTIONARY
 from motionlake.stages.reader import LakeReader
 from motionlake.stages.stage import PART_KEYS, Part, PartStage, Shard, clips_of, part_keys
@@ -60,17 +60,16 @@ def codes_of_clips(con: Connection, lake: Lake, model: str, clips: Sequence[str]
     dictionary = fetch(con, "model_file", {"model": model})[0]["file"]
     parts = {row["clip"]: row["part"] for row in fetch(con, "parts_of", {"clips": list(clips)})}
     files = POSTURES.files_of(con, parts.values(), (file_hash(sound(lake, dictionary)),))
-    found: dict[str, NDArray[np.int32]] = {}
-    for part in sorted(set(parts.values())):
-        if is_listed(lake, files[part]):
-            coded = read_codes(sound(lake, files[part]))
-            found |= {clip: codes for clip, codes in coded if parts.get(clip) == part}
-    return found
+    return of_clips(lake, files, parts, _some_codes)
 
 
-def read_codes(path: Path) -> Iterator[tuple[str, NDArray[np.int32]]]:
-    """(clip, [T] symbols) of every clip of a part of coded postures, in order."""
-    table = read_parquet(path, ["clip", "symbol"])
+def _some_codes(path: Path, clips: Container[str]) -> dict[str, NDArray[np.int32]]:
+    return {clip: codes for clip, codes in read_codes(path, threads=False) if clip in clips}
+
+
+def read_codes(path: Path, *, threads: bool = True) -> Iterator[tuple[str, NDArray[np.int32]]]:
+    """(clip, [T] symbols) of every clip of a part of coded postures, in order; `threads`: as `read_parquet`."""
+    table = read_parquet(path, ["clip", "symbol"], threads=threads)
     symbols = numbers(table.column("symbol"))
     for clip, rows in frames.runs_of(table.column("clip")):
         yield clip, symbols[rows]

@@ -206,7 +206,8 @@ def _by_alignment(at: LakeReader, shard: Shard, places: Places) -> Made:
 
     table = fetch_table(at.con, "symbol_strings", {"clips": None}).combine_chunks()
     names, strings = table["clip"].to_pylist(), table["symbols"].chunk(0)
-    symbols, starts = numbers(strings.flatten()), np.asarray(numbers(strings.offsets), dtype=np.int64)
+    symbols, frames = numbers(strings.flatten()), numbers(table["starts"].chunk(0).flatten())
+    starts = np.asarray(numbers(strings.offsets), dtype=np.int64)
     starts -= starts[0]
     codes = np.array([row["code"] for row in fetch(at.con, "posture_codes")], dtype=np.float64)
     chosen = range(0, len(names), max(1, len(names) // SAMPLE))
@@ -224,7 +225,8 @@ def _by_alignment(at: LakeReader, shard: Shard, places: Places) -> Made:
     counts = np.zeros(len(places), dtype=np.int64)
     counts[rows] = np.diff(starts)
     order = np.argsort(np.repeat(rows, np.diff(starts)), kind="stable")
-    return Made({"symbols": _lists(counts, symbols[order])}, files)
+    lists = {"symbols": symbols[order], "symbol_starts": frames[order].astype(np.int32)}
+    return Made({name: _lists(counts, values) for name, values in lists.items()}, files)
 
 
 def _lists(counts: Any, values: Any) -> pa.Array:

@@ -96,7 +96,7 @@ def read_features(path: Path) -> Iterator[tuple[str, NDArray[np.float32]]]:
 
 
 def read_some_features(path: Path, clips: Container[str]) -> dict[str, NDArray[np.float32]]:
-    """[T, D] of some clips of a features part; several parts may be read at a time."""
+    """[T, D] of some clips of a features part, of which several may be read at a time."""
     table = read_parquet(path, threads=False)
     return {
         clip: matrix_of(table.slice(rows.start, rows.stop - rows.start), _numbers_in(table))
