@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from motionlake.arrays import Float64Array
-from motionlake.motion.moves import Track, at_12, ends, from_start, heading
+from motionlake.motion.moves import Track, at_12, ends, from_start, headings
 from motionlake.motion.skeleton import COMMON
 from scipy.spatial.transform import Rotation
 
@@ -98,7 +98,8 @@ def test_a_turned_body_faces_ahead_in_the_mean_and_is_else_the_same(seed: int, f
 def test_a_heading_is_a_direction(cosine: float, sine: float) -> None:
     length = np.hypot(cosine, sine)
     expected = (cosine / length, sine / length) if length > 1e-6 else (1, 0)
-    assert heading(np.array([cosine, sine])) == pytest.approx(expected)
+    found = headings(np.array([[cosine, sine], [0, 0], [0, -2]]))
+    assert found.ravel().tolist() == pytest.approx([*expected, 1, 0, 0, -1])
 
 
 @pytest.mark.parametrize("frames", [1, 2, 3, 4, 12, 160, 161, 330])
