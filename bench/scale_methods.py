@@ -3,6 +3,7 @@
 `python -m bench.scale_methods FOLDER` takes the lake in FOLDER/lake that `bench.whole_lake` or `bench.scale_search`
 left. For each way to find clips, and pieces of two seconds inside clips, a process of its own asks for drawn clips one
 after the other; then commands in new processes ask once each, with the lake's files in the page cache and without them.
+Where to compare every clip takes no minutes, the answers are also set beside those of doing so.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ import json
 import resource
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -20,7 +21,8 @@ import numpy as np
 from motionlake.errors import UserError
 from motionlake.lake.catalog import reading
 from motionlake.lake.layout import Lake
-from motionlake.retrieval.protocol import Finds, Query
+from motionlake.retrieval.hits import Hit
+from motionlake.retrieval.protocol import Finds, Query, Searcher
 from motionlake.retrieval.registry import SEARCHERS, searcher
 from threadpoolctl import threadpool_limits
 
@@ -33,6 +35,7 @@ COMMANDS: Final = 3
 K: Final = 10
 LONGER: Final = 1.0  # seconds that a clip lasts more than a piece
 BARS: Final = {"warm_ms": 100.0, "cold_seconds": 3.0}
+QUICK: Final[dict[Finds, tuple[str, ...]]] = {"clip": ("signature",), "range": ("submotion",)}
 COMMAND_OF: Final[dict[Finds, str]] = {"clip": "search", "range": "find"}
 
 
@@ -79,12 +82,12 @@ def warm(lake: Lake, finds: Finds, name: str, asked: Sequence[Query]) -> dict[st
         search.warm_up()
     ready = time.perf_counter() - started
     queries = [Query(query.source) for query in asked] if finds == "clip" else list(asked)
-    spent, refused = [], 0
+    spent, refused, answered = [], 0, {}
     with threadpool_limits(limits=THREADS):
         for number, query in enumerate([*queries[:WARMING], *queries]):
             before = time.perf_counter()
             try:
-                search.search([query], K)
+                (answered[query],) = search.search([query], K)
             except UserError:  # a posture that is held is no string
                 refused += number >= WARMING
                 continue
@@ -95,7 +98,18 @@ def warm(lake: Lake, finds: Finds, name: str, asked: Sequence[Query]) -> dict[st
         "warm_ms": {"median": float(np.median(spent)), "95": float(np.quantile(spent, 0.95)), "least": min(spent)},
         "refused": refused,
         "peak_mib": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
-    }
+    } | ({"recall": recall(searcher(finds, name, lake, exact=True), answered)} if name in QUICK[finds] else {})
+
+
+def recall(exact: Searcher, answered: Mapping[Query, Sequence[Hit]]) -> float:
+    """The mean share of the clips that an exact search answers with which were answers."""
+    shares = []
+    for query, hits in answered.items():
+        (wanted,) = exact.search([query], K)
+        clips = {hit.clip for hit in wanted}
+        if clips:
+            shares.append(len(clips & {hit.clip for hit in hits}) / len(clips))
+    return float(np.mean(shares))
 
 
 def cold(lake: Lake, finds: Finds, name: str, asked: Query, count: int) -> dict[str, list[float]]:

@@ -39,5 +39,6 @@ def test_every_method_is_measured(built_lake: Path, monkeypatch: pytest.MonkeyPa
         found = json.loads(json.dumps(warm(lake, finds, name, asked)))  # type: ignore[arg-type]
         assert 0 < found["warm_ms"]["least"] <= found["warm_ms"]["median"] <= found["warm_ms"]["95"]
         assert found["refused"] < 4
+        assert found.get("recall", 1.0) == 1.0, "a small lake compares every clip"
     times = cold(lake, finds, "moves", asked[0], 1)  # type: ignore[arg-type]
     assert all(len(each) == 1 and each[0] > 0 for each in times.values())
