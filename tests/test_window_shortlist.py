@@ -78,8 +78,10 @@ def test_numbers_are_where_windows_lie(large: Path) -> None:
             np.testing.assert_allclose(places, np.clip(exact, -127, 127), atol=0.51)
             seen += len(places)
     assert seen == len(found.places) == found.starts[-1]
-    assert found.places.shape[1] == DIRECTIONS
-    assert 100 < np.abs(found.places.astype(int)).max() <= 127
+    assert found.places.shape[1] == len(found.steps) == DIRECTIONS
+    assert np.abs(found.places.astype(int)).max() <= 127
+    assert (np.abs(found.places.astype(int)).max(axis=0)[:16] > 40).all(), "along the first directions"
+    assert found.steps[:16].min() > found.steps[-16:].max() > 0, "along the first windows differ most"
 
 
 def test_answers_are_those_of_every_window(large: Path, built_lake: Path) -> None:
@@ -176,9 +178,9 @@ def test_damaged_numbers_answer_nothing(large: Path, tmp_path: Path) -> None:
 def test_the_nearest_of_each_clip(seed: int, counts: list[int]) -> None:
     rng, starts = np.random.default_rng(seed), np.cumsum([0, *counts])
     places = rng.integers(-127, 128, (starts[-1], 5)).astype(np.int8)
-    asked = rng.normal(0, 60, 5).astype(np.float32)
+    asked, steps = rng.normal(0, 60, 5).astype(np.float32), rng.uniform(0.1, 3, 5).astype(np.float32)
     found = np.zeros(len(counts), dtype=np.float32)
-    nearest_of_clips(places, starts, asked, 0, len(counts), found)
-    apart = np.square(places.astype(np.float64) - asked).sum(axis=1)
+    nearest_of_clips(places, starts, asked, steps, 0, len(counts), found)
+    apart = np.square((places.astype(np.float64) - asked) * steps).sum(axis=1)
     wanted = [apart[a:b].min(initial=np.inf) for a, b in pairwise(starts)]
     np.testing.assert_allclose(found, wanted, rtol=1e-5)

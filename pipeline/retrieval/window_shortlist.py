@@ -1,7 +1,7 @@
 """Which clips of a very large lake hold a piece: the shortlist's numbers of its windows choose some, compared exactly.
 
 Along 64 directions windows keep most of how far they are apart; of the ten clips nearest by vectors, the 26 nearest by
-these numbers hold nearly all (docs/search.md).
+these numbers hold nearly all (docs/descriptors.md).
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ class WindowShortlist:
         cuts[-1] = len(found)
 
         def scan(share: int) -> None:
-            nearest_of_clips(windows.places, windows.starts, query, cuts[share], cuts[share + 1], found)
+            nearest_of_clips(windows.places, windows.starts, query, windows.steps, cuts[share], cuts[share + 1], found)
 
         list(self._pool.map(scan, range(_THREADS)))
         return found
@@ -86,15 +86,17 @@ class WindowShortlist:
 
 @njit(cache=True, nogil=True, fastmath={"reassoc", "contract"})
 def nearest_of_clips(
-    places: NDArray[np.int8], starts: Int64Array, query: Float32Array, first: int, last: int, found: Float32Array
-) -> None:
-    """Write of clips [first, last) the squared distance of a query [d] from the nearest row of places [N, d]."""
+    places: NDArray[np.int8], starts: Int64Array, query: Float32Array, steps: Float32Array, first: int, last: int,
+    found: Float32Array,
+) -> None:  # fmt: skip
+    """Write of clips [first, last) the squared distance of a query [d] from the nearest row of places [N, d], both in
+    steps [d]."""
     for clip in range(first, last):
         least = np.float32(np.inf)
         for row in range(starts[clip], starts[clip + 1]):
             total = np.float32(0.0)
             for i in range(len(query)):
-                apart = np.float32(places[row, i]) - query[i]
+                apart = (np.float32(places[row, i]) - query[i]) * steps[i]
                 total += apart * apart
             least = min(least, total)
         found[clip] = least

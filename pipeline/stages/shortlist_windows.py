@@ -39,10 +39,11 @@ from numpy.typing import NDArray
 
 DIRECTIONS: Final = 64
 LARGEST: Final = 127
+SMALLEST: Final = 1e-3  # of the longest step, how long each is at least: few windows differ along few directions
 SPREAD: Final = 16  # parts whose windows directions are fitted to
 KIND: Final = "windows"  # names in what a table of clips says of itself
 FITTED: Final = "windows fitted"
-LAYOUT: Final = 1
+LAYOUT: Final = 2
 
 
 def kind_of(con: Connection) -> str | None:
@@ -58,13 +59,15 @@ class WindowNumbers:
     Attributes:
         places: [N, DIRECTIONS].
         starts: [n + 1] where those of each clip begin.
-        directions: scaled so that places are whole numbers from -127 to 127.
+        directions: along which places are whole numbers of steps, from -127 to 127.
+        steps: [DIRECTIONS] how long a step is; short where windows differ little, else rounding would hide near ones.
         clips: the table of the shortlist's clips.
     """
 
     places: NDArray[np.int8]
     starts: Int64Array
     directions: Directions
+    steps: Float32Array
     clips: pa.Table
 
     @staticmethod
@@ -80,13 +83,13 @@ class WindowNumbers:
         clips = read_clips(lake, files)
         if said_of(clips).get(KIND) != kind:
             return None
-        mean, matrix, places = map(_array, sound_files(lake, sorted(own, key=_order)))
+        mean, matrix, steps, places = map(_array, sound_files(lake, sorted(own, key=_order)))
         starts = np.concatenate([[0], np.cumsum(numbers(clips[KIND]), dtype=np.int64)])
-        return WindowNumbers(places, starts, Directions(mean, matrix), clips)
+        return WindowNumbers(places, starts, Directions(mean, matrix), steps, clips)
 
 
 def _order(file: str) -> int:
-    return next(i for i, end in enumerate(("-mean.npy", "-directions.npy", ".npy")) if file.endswith(end))
+    return next(i for i, end in enumerate(("-mean.npy", "-directions.npy", "-steps.npy", ".npy")) if file.endswith(end))
 
 
 def _array(path: Path) -> NDArray[Any]:
@@ -119,10 +122,10 @@ def windows_of_clips(at: LakeReader, shard: Shard, places: Places, clips: pa.Tab
     kind, read = kind_of(at.con), shard.spec["windows"]
     before = WindowNumbers.open(at.lake, shard.spec.get("windows before", ()), kind)
     if before is None:
-        directions, fitted = _fitted(at.lake, read), len(clips)
+        (directions, steps), fitted = _fitted(at.lake, read), len(clips)
         found, others = _nothing(), set(places)
     else:
-        directions, fitted = before.directions, int(said_of(before.clips)[FITTED])
+        directions, steps, fitted = before.directions, before.steps, int(said_of(before.clips)[FITTED])
         found, others = _taken_over(before, places, clips)
     found += [_read(at.lake, file, others, places, directions) for file in read]
     rows, counts, numbers_of = (np.concatenate(each) for each in zip(*found, strict=True))
@@ -131,6 +134,7 @@ def windows_of_clips(at: LakeReader, shard: Shard, places: Places, clips: pa.Tab
     every[rows] = counts
     written = [
         *write_directions(at.lake, shard.key, KIND, directions),
+        write_array(at.lake, shard.key, f"{KIND}-steps", steps),
         write_array(at.lake, shard.key, KIND, numbers_of[order]),
     ]
     return Made({KIND: pa.array(every)}, written, {KIND: str(kind), FITTED: str(fitted)})
@@ -178,12 +182,14 @@ def _read(lake: Lake, file: str, wanted: Container[str], places: Mapping[str, in
     return at, counts, np.clip(np.rint(along), -LARGEST, LARGEST).astype(np.int8)
 
 
-def _fitted(lake: Lake, files: Sequence[str]) -> Directions:
-    """Directions of the windows of some parts, scaled to the farthest of these."""
+def _fitted(lake: Lake, files: Sequence[str]) -> tuple[Directions, Float32Array]:
+    """Directions of the windows of some parts, and steps by which 127 reach the farthest of these."""
     some = np.concatenate(list(_some(lake, files)))
     directions = Directions.of(some, DIRECTIONS)
-    largest = float(np.abs(directions.project(some)).max(initial=0.0)) or 1.0
-    return Directions(directions.mean, directions.matrix * np.float32(LARGEST / largest))
+    largest = np.abs(directions.project(some)).max(axis=0, initial=0.0)
+    reached = np.maximum(largest, SMALLEST * largest.max()) if largest.any() else np.ones_like(largest)
+    steps = np.asarray(reached / LARGEST, dtype=np.float32)
+    return Directions(directions.mean, directions.matrix / steps), steps
 
 
 def _some(lake: Lake, files: Sequence[str]) -> Iterator[Float32Array]:
