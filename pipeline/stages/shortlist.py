@@ -59,7 +59,7 @@ class Shortlist(ShardStage):
     """One shard for the whole lake."""
 
     name = "shortlist"
-    version = 6  # with windows
+    version = 7  # with windows
     about = "short vectors by which the search of a large lake chooses the clips that it compares"
     reads_catalog = True
     upstream = (*(stage.name for stage in COMPARED.values()), WINDOWS.name)

@@ -37,13 +37,13 @@ from motionlake.stages.submotions import SUBMOTIONS
 from motionlake.stages.windows import WINDOWS, WindowFile
 from numpy.typing import NDArray
 
-DIRECTIONS: Final = 64
+DIRECTIONS: Final = 128
 LARGEST: Final = 127
 SMALLEST: Final = 1e-3  # of the longest step, how long each is at least: few windows differ along few directions
 SPREAD: Final = 16  # parts whose windows directions are fitted to
 KIND: Final = "windows"  # names in what a table of clips says of itself
 FITTED: Final = "windows fitted"
-LAYOUT: Final = 2
+LAYOUT: Final = 3
 
 
 def kind_of(con: Connection) -> str | None:
@@ -128,14 +128,18 @@ def windows_of_clips(at: LakeReader, shard: Shard, places: Places, clips: pa.Tab
         directions, steps, fitted = before.directions, before.steps, int(said_of(before.clips)[FITTED])
         found, others = _taken_over(before, places, clips)
     found += [_read(at.lake, file, others, places, directions) for file in read]
-    rows, counts, numbers_of = (np.concatenate(each) for each in zip(*found, strict=True))
-    order = np.argsort(np.repeat(rows, counts), kind="stable")
     every = np.zeros(len(places), dtype=np.int32)
-    every[rows] = counts
+    for rows, counts, _ in found:
+        every[rows] = counts
+    starts = np.concatenate([[0], np.cumsum(every, dtype=np.int64)])
+    kept = np.empty((starts[-1], DIRECTIONS), dtype=np.int8)
+    while found:  # so that memory holds them once
+        rows, counts, own = found.pop()
+        kept[_ranges(starts[rows], counts)] = own
     written = [
         *write_directions(at.lake, shard.key, KIND, directions),
         write_array(at.lake, shard.key, f"{KIND}-steps", steps),
-        write_array(at.lake, shard.key, KIND, numbers_of[order]),
+        write_array(at.lake, shard.key, KIND, kept),
     ]
     return Made({KIND: pa.array(every)}, written, {KIND: str(kind), FITTED: str(fitted)})
 
@@ -162,8 +166,15 @@ def _taken_over(before: WindowNumbers, places: Places, clips: pa.Table) -> tuple
         return _nothing(), set(places)
     old = np.array([row for row, _ in stay], dtype=np.int64)
     names, counts = [clip for _, clip in stay], np.diff(before.starts)[old]
-    first = np.repeat(before.starts[old] - np.cumsum(counts) + counts, counts)
-    return [(places.of(names), counts, before.places[first + np.arange(len(first))])], set(places).difference(names)
+    return [(places.of(names), counts, before.places[_ranges(before.starts[old], counts)])], set(places).difference(
+        names
+    )
+
+
+def _ranges(starts: Int64Array, counts: Int64Array) -> Int64Array:
+    """The numbers from each start on, so many of each, one range after another."""
+    first = np.repeat(starts - np.cumsum(counts) + counts, counts)
+    return np.asarray(first + np.arange(len(first)))
 
 
 def _names(table: pa.Table) -> tuple[list[str], list[str]]:
