@@ -1,7 +1,7 @@
 """Which clips of a very large lake hold a piece: the shortlist's numbers of its windows choose some, compared exactly.
 
-Along some directions windows keep nearly all of how far they are apart; of the ten clips nearest by vectors, the 26
-nearest by these numbers hold most (docs/descriptors.md).
+Along some directions windows keep nearly all of how far they are apart; of the ten clips nearest by vectors, the 40
+nearest by these numbers hold nearly all (docs/descriptors.md).
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from motionlake.stages.shortlist_files import CLIPS
 from motionlake.stages.shortlist_windows import WindowNumbers, kind_of
 from numpy.typing import NDArray
 
-SPARE: Final = 16  # clips that are compared exactly beyond those that are asked for
+SPARE: Final = 30  # clips that are compared exactly beyond those that are asked for
 _THREADS: Final = 2
 
 
