@@ -69,8 +69,8 @@ def read_descriptors_near(
 
 
 def _vectors(rows: pa.Table, column: str, width: int) -> tuple[list[CorpusClip], Float32Array]:
-    # Not `to_numpy`, which imports pandas.
-    import pyarrow.compute as pc
-
-    flat = np.array(np.from_dlpack(pc.list_flatten(rows[column]).combine_chunks()))
-    return [CorpusClip(**row) for row in rows.drop_columns([column]).to_pylist()], flat.reshape(len(rows), width)
+    found, at = np.empty((len(rows), width), dtype=np.float32), 0
+    for chunk in rows[column].chunks:  # not all at once: they would be in memory twice more
+        found[at : at + len(chunk)] = numbers(chunk.flatten()).reshape(len(chunk), width)
+        at += len(chunk)
+    return [CorpusClip(**row) for row in rows.drop_columns([column]).to_pylist()], found
