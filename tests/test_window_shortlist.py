@@ -114,9 +114,9 @@ def test_clips_that_stay_are_taken_over(
     root, before, read = Path(shutil.copytree(large, tmp_path / "lake")), held(large), []
     own = shortlist_windows._read
 
-    def reading_of(*given: object) -> object:
-        read.append(given[1])
-        return own(*given)  # type: ignore[arg-type]
+    def reading_of(*given: object) -> None:
+        read.append(given[0])
+        own(*given)  # type: ignore[arg-type]
 
     monkeypatch.setattr(shortlist_windows, "_read", reading_of)
     made_clips(tmp_path / "more", 2)

@@ -93,7 +93,7 @@ class Shortlist(ShardStage):
             return None
         (clips,) = fetch(at.con, "digest_of_clips")
         key = config_hash(self.name, self.version, KIND, made, clips["digest"])
-        read = {"moves": list(moves_of_parts(at).values()), "windows": list(codes_of_parts(at).values())}
+        read = {"moves": list(moves_of_parts(at).values()), "windows": codes_of_parts(at)}
         # Named by its datasets: it serves on where a part of them leaves the lake.
         datasets = "+".join(sorted({part.dataset for part in live}))
         return Shard(self.name, key, datasets, datasets, {"methods": methods, **read}, clips["clips"])

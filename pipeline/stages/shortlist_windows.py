@@ -7,14 +7,14 @@ neither the vectors nor the codes of every part. Those of clips that stay as the
 from __future__ import annotations
 
 import json
-from collections.abc import Container, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 import pyarrow as pa
-from motionlake.arrays import Float32Array, Int64Array
+from motionlake.arrays import BoolArray, Float32Array, Int64Array
 from motionlake.columns import numbers
 from motionlake.lake.catalog import Connection
 from motionlake.lake.integrity import sound, sound_files
@@ -97,7 +97,7 @@ def _array(path: Path) -> NDArray[Any]:
     return found
 
 
-def windows_to_read(at: LakeReader, there: Sequence[str], clips: pa.Table) -> dict[str, list[str]]:
+def windows_to_read(at: LakeReader, there: Sequence[str], clips: pa.Table) -> dict[str, Any]:
     """What a shard of a lake reads of [n] clip and part: of the shortlist with some files what serves on, and codes.
 
     Directions are fitted anew where the lake has grown much since they were.
@@ -106,10 +106,10 @@ def windows_to_read(at: LakeReader, there: Sequence[str], clips: pa.Table) -> di
     own = [file for file in there if is_of_windows(file) or file.endswith(CLIPS)]
     before = WindowNumbers.open(at.lake, own, kind)
     if before is None or len(clips) > GROWN * int(said_of(before.clips)[FITTED]):
-        return {"windows": list(files.values())}
+        return {"windows": files}
     known = _pairs(before)
     parts = dict.fromkeys(part for pair in zip(*_names(clips), strict=True) if pair not in known for part in pair[1:])
-    return {"windows": [files[part] for part in parts if part in files], "windows before": own}
+    return {"windows": {part: files[part] for part in parts if part in files}, "windows before": own}
 
 
 def codes_of_parts(at: LakeReader) -> dict[str, str]:
@@ -121,21 +121,26 @@ def windows_of_clips(at: LakeReader, shard: Shard, places: Places, clips: pa.Tab
     """Those of all clips: of [n] clip and part. The shard says what is read, as `windows_to_read` does."""
     kind, read = kind_of(at.con), shard.spec["windows"]
     before = WindowNumbers.open(at.lake, shard.spec.get("windows before", ()), kind)
+    every, others = np.zeros(len(places), dtype=np.int32), np.ones(len(places), dtype=np.bool_)
+    staying: list[tuple[int, slice]] = []
     if before is None:
-        (directions, steps), fitted = _fitted(at.lake, read), len(clips)
-        found, others = _nothing(), set(places)
+        (directions, steps), fitted = _fitted(at.lake, list(read.values())), len(clips)
     else:
         directions, steps, fitted = before.directions, before.steps, int(said_of(before.clips)[FITTED])
-        found, others = _taken_over(before, places, clips)
-    found += [_read(at.lake, file, others, places, directions) for file in read]
-    every = np.zeros(len(places), dtype=np.int32)
-    for rows, counts, _ in found:
-        every[rows] = counts
+        staying = _staying(before, clips)
+    for row, run in staying:
+        every[row], others[row] = run.stop - run.start, False
+    wanted = _wanted(read, clips, others)
+    for file, rows in wanted.items():
+        for row, run in _runs(WindowFile.open(sound(at.lake, file)), rows):
+            every[row] = run.stop - run.start
     starts = np.concatenate([[0], np.cumsum(every, dtype=np.int64)])
-    kept = np.empty((starts[-1], DIRECTIONS), dtype=np.int8)
-    while found:  # so that memory holds them once
-        rows, counts, own = found.pop()
-        kept[_ranges(starts[rows], counts)] = own
+    kept = np.empty((starts[-1], DIRECTIONS), dtype=np.int8)  # filled in place: of a large lake it has 400 MB
+    for row, run in staying:
+        assert before is not None
+        kept[starts[row] : starts[row + 1]] = before.places[run]
+    for file, rows in wanted.items():
+        _read(WindowFile.open(sound(at.lake, file)), rows, directions, starts, kept)
     written = [
         *write_directions(at.lake, shard.key, KIND, directions),
         write_array(at.lake, shard.key, f"{KIND}-steps", steps),
@@ -144,53 +149,44 @@ def windows_of_clips(at: LakeReader, shard: Shard, places: Places, clips: pa.Tab
     return Made({KIND: pa.array(every)}, written, {KIND: str(kind), FITTED: str(fitted)})
 
 
-_Found = tuple[Int64Array, Int64Array, NDArray[np.int8]]  # rows of clips, how many windows of each, and their numbers
-
-
-def _nothing() -> list[_Found]:
-    none = np.zeros(0, dtype=np.int64)
-    return [(none, none, np.zeros((0, DIRECTIONS), dtype=np.int8))]
-
-
 def _pairs(before: WindowNumbers) -> dict[tuple[str, str], int]:
     """The rows of clips with windows, by clip and part."""
     counts = np.diff(before.starts)
     return {pair: row for row, pair in enumerate(zip(*_names(before.clips), strict=True)) if counts[row]}
 
 
-def _taken_over(before: WindowNumbers, places: Places, clips: pa.Table) -> tuple[list[_Found], set[str]]:
-    """What stays of an earlier shortlist, and the clips whose windows it does not hold."""
+def _staying(before: WindowNumbers, clips: pa.Table) -> list[tuple[int, slice]]:
+    """(row, its windows there) of the clips that an earlier shortlist holds as they are."""
     known = _pairs(before)
-    stay = [(known[pair], pair[0]) for pair in zip(*_names(clips), strict=True) if pair in known]
-    if not stay:
-        return _nothing(), set(places)
-    old = np.array([row for row, _ in stay], dtype=np.int64)
-    names, counts = [clip for _, clip in stay], np.diff(before.starts)[old]
-    return [(places.of(names), counts, before.places[_ranges(before.starts[old], counts)])], set(places).difference(
-        names
-    )
+    pairs = ((row, known.get(pair)) for row, pair in enumerate(zip(*_names(clips), strict=True)))
+    return [(row, slice(*before.starts[old : old + 2].tolist())) for row, old in pairs if old is not None]
 
 
-def _ranges(starts: Int64Array, counts: Int64Array) -> Int64Array:
-    """The numbers from each start on, so many of each, one range after another."""
-    first = np.repeat(starts - np.cumsum(counts) + counts, counts)
-    return np.asarray(first + np.arange(len(first)))
+def _wanted(files: Mapping[str, str], clips: pa.Table, others: BoolArray) -> dict[str, dict[str, int]]:
+    """The rows of some clips, by name, of the file of each part: one may hold more, which are other parts' by now."""
+    found: dict[str, dict[str, int]] = {}
+    for row, (clip, part) in enumerate(zip(*_names(clips), strict=True)):
+        if others[row] and part in files:
+            found.setdefault(files[part], {})[clip] = row
+    return found
 
 
 def _names(table: pa.Table) -> tuple[list[str], list[str]]:
     return table["clip"].to_pylist(), table["part"].to_pylist()
 
 
-def _read(lake: Lake, file: str, wanted: Container[str], places: Mapping[str, int], directions: Directions) -> _Found:
-    held = WindowFile.open(sound(lake, file))
-    runs = {clip: run for clip, run in held.runs.items() if clip in wanted}
-    if not runs:
-        return _nothing()[0]
-    rows = np.concatenate([np.arange(run.start, run.stop) for run in runs.values()])
-    along = directions.project(held.codes[rows] * held.scales[rows, None])
-    counts = np.array([run.stop - run.start for run in runs.values()], dtype=np.int64)
-    at = np.array([places[clip] for clip in runs], dtype=np.int64)
-    return at, counts, np.clip(np.rint(along), -LARGEST, LARGEST).astype(np.int8)
+def _runs(held: WindowFile, rows: Mapping[str, int]) -> Iterator[tuple[int, slice]]:
+    """(row, its windows there) of some clips of a part."""
+    yield from ((rows[clip], run) for clip, run in held.runs.items() if clip in rows)
+
+
+def _read(
+    held: WindowFile, rows: Mapping[str, int], directions: Directions, starts: Int64Array, kept: NDArray[np.int8]
+) -> None:
+    """Write the numbers of the windows of some clips of a part where those of each begin."""
+    for row, run in _runs(held, rows):
+        along = directions.project(held.codes[run] * held.scales[run, None])
+        kept[starts[row] : starts[row + 1]] = np.clip(np.rint(along), -LARGEST, LARGEST)
 
 
 def _fitted(lake: Lake, files: Sequence[str]) -> tuple[Directions, Float32Array]:
