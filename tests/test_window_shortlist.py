@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import cast
 
 import numpy as np
+import pyarrow as pa
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -29,8 +30,8 @@ from motionlake.stages.windows import WindowFile
 
 from tests import test_shortlist
 from tests.lakes import made_clips, motionlake, query
-from tests.test_newer_models import newer
 from tests.test_submotion_search import find, longest, run
+from tests.test_windows import with_newer_vectors
 
 
 @contextmanager
@@ -146,11 +147,7 @@ def test_clips_that_stay_are_taken_over(
 
 
 def test_windows_of_another_encoder_are_not_read(large: Path, tmp_path: Path, scheduler: str) -> None:
-    root = Path(shutil.copytree(large, tmp_path / "lake"))
-    (clip, _), *_ = longest(root, 1)
-    found = find(root, clip, 3, 33).json
-    newer(root, "submotion")
-    assert run(root, scheduler, "submotions")["submotions"] > 0
+    root, clip, found = with_newer_vectors(large, tmp_path, scheduler)
     with few():
         assert not isinstance(scan_of(root), WindowShortlist)
         assert find(root, clip, 3, 33).json == found
@@ -172,6 +169,13 @@ def test_damaged_numbers_answer_nothing(large: Path, tmp_path: Path) -> None:
         assert motionlake("search", clip, "--lake", root).status == 0, "which does not read them"
         assert motionlake("repair", "--lake", root).status == 0
         assert find(root, clip, 3, 33).status == 0
+
+
+def test_a_clip_is_read_from_its_part_of_today() -> None:
+    """The part that held it before still holds it, beside clips that stayed there."""
+    clips = pa.table({"clip": ["a", "b", "c", "d"], "part": ["new", "old", "old", "away"]})
+    wanted = shortlist_windows._wanted({"old": "OLD", "new": "NEW"}, clips, np.array([True, True, False, True]))
+    assert wanted == {"NEW": {"a": 0}, "OLD": {"b": 1}}
 
 
 @given(st.integers(0, 1000), st.lists(st.integers(0, 4), min_size=1, max_size=9))

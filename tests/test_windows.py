@@ -6,6 +6,7 @@ import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -66,13 +67,19 @@ def test_answers_are_those_of_every_window(coded_lake: Path, built_lake: Path) -
             assert find(coded_lake, clip, 3, 33, *words).json == asked.json
 
 
-def test_stale_codes_are_not_read(coded_lake: Path, tmp_path: Path, scheduler: str) -> None:
-    """Where windows are made anew, the vectors themselves are compared until their codes are."""
-    root = Path(shutil.copytree(coded_lake, tmp_path / "lake"))
+def with_newer_vectors(lake: Path, folder: Path, scheduler: str) -> tuple[Path, str, Any]:
+    """A copy of a lake with windows by a newer encoder, a clip, and the answers to a piece of it before."""
+    root = Path(shutil.copytree(lake, folder / "lake"))
     (clip, _), *_ = longest(root, 1)
     found = find(root, clip, 3, 33).json
     newer(root, "submotion")
     assert run(root, scheduler, "submotions")["submotions"] > 0
+    return root, clip, found
+
+
+def test_stale_codes_are_not_read(coded_lake: Path, tmp_path: Path, scheduler: str) -> None:
+    """Where windows are made anew, the vectors themselves are compared until their codes are."""
+    root, clip, found = with_newer_vectors(coded_lake, tmp_path, scheduler)
     assert SubmotionSearcher(open_lake(root))._scan is None
     assert find(root, clip, 3, 33).json == found
     with few():

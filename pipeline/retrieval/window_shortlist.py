@@ -1,7 +1,7 @@
 """Which clips of a very large lake hold a piece: the shortlist's numbers of its windows choose some, compared exactly.
 
 Along some directions windows keep nearly all of how far they are apart; of the ten clips nearest by vectors, the 40
-nearest by these numbers hold nearly all (docs/descriptors.md).
+nearest by these numbers hold nearly all (docs/scale.md).
 """
 
 from __future__ import annotations
