@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from functools import cache
-from typing import Final
 
 import numpy as np
 from motionlake.arrays import Float32Array, Float64Array, Int64Array
@@ -24,9 +22,6 @@ from motionlake.retrieval.matched import asked_frames, matched_moves
 from motionlake.retrieval.protocol import ClipFilter, Finds, LakeSearcher, Query, Scope, about, not_ready
 from motionlake.stages.moves import joints_of, read_tracks
 from motionlake.stages.reader import LakeReader
-from motionlake.threads import limited
-
-THREADS: Final = 2  # that look for a piece, each in clips of its own
 
 
 class _Tracks(LakeSearcher):
@@ -159,10 +154,8 @@ class MovesRangeSearcher(_Tracks):
         if query.clip is not None:
             self._known(query.clip)
         moves, admits = self.moves(query, mirrored=mirrored), scope.admission(self.lake)
-        clips = [clip for clip in self.clips if admits(clip)]
-        with limited(1), ThreadPoolExecutor(THREADS) as pool:
-            found = pool.map(lambda clip: self._placed(moves, clip, query, own=scope.own), clips)
-            return sorted((hit for hit in found if hit is not None), key=lambda hit: (hit.distance, hit.clip))
+        found = (self._placed(moves, clip, query, own=scope.own) for clip in self.clips if admits(clip))
+        return sorted((hit for hit in found if hit is not None), key=lambda hit: (hit.distance, hit.clip))
 
     def _placed(self, moves: Float32Array, clip: CorpusClip, query: Query, *, own: bool) -> Hit | None:
         """Where in a clip the moves of a query lie; None where it is too short."""
