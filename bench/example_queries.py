@@ -20,7 +20,6 @@ from motionlake.motion.moves import Track
 from motionlake.retrieval.protocol import Query as Asked
 from motionlake.stages import words
 from motionlake.stages.moves import read_tracks
-from motionlake.stages.reader import LakeReader
 from numpy.typing import NDArray
 from sklearn.metrics import average_precision_score
 
@@ -69,7 +68,7 @@ def takes_of(lake: Lake, sources: Sequence[Path]) -> Takes:
         corpus = read_corpus(con)
         files = [lake.path(file) for file in words.features_files(con, config.words).values()]
         parts = {row["clip"]: row["part"] for row in fetch(con, "clips_with_parts")}
-        tracks = read_tracks(LakeReader(con, lake, config), parts)
+        tracks = read_tracks(lake, parts)
     features = {clip: rows for file in files for clip, rows in words.read_features(file)}
     rows = [
         (f"{source.name}/{row['file']}", row)

@@ -27,7 +27,7 @@ from motionlake.deep_motifs.words.network import load_network
 from motionlake.jobs.run import run
 from motionlake.jobs.session import session
 from motionlake.lake.catalog import Connection, create_catalog, fetch, reading, run_sql, writing
-from motionlake.lake.frames import Frames, columns_of, read_part
+from motionlake.lake.frames import Frames, read_part
 from motionlake.lake.integrity import list_files, sums_of
 from motionlake.lake.layout import Lake
 from motionlake.lake.parts import write_part
@@ -37,6 +37,7 @@ from motionlake.motion.resampling import interpolated
 from motionlake.pesta.dictionary import load_dictionary
 from motionlake.pesta.symbols import symbolise
 from motionlake.stages import moves, symbols
+from motionlake.stages.mapped_part import lists_of, write_mapped
 from motionlake.stages.motif_model import read_motifs
 from motionlake.stages.moves import MOVES, joints_of
 from motionlake.stages.reader import LakeReader
@@ -202,14 +203,14 @@ class _Made:
                   np.concatenate([np.arange(len(w), dtype=np.int32) for w in self._words]),
                   np.concatenate(self._words)]  # fmt: skip
         rows = np.repeat(np.arange(len(names)), [len(each) for each in self._joints])
-        keys = [pa.array(names).take(pa.array(rows)), pa.repeat(part, len(rows)), pa.repeat("", len(rows))]
+        clips = pa.array(names).take(pa.array(rows))
         return {
             "clips": pa.table({"clip": names, "source": [s for _, s, _ in self._clips],
                                "frames": [n for _, _, n in self._clips], "part": [part] * len(names)}),
             "motifs": pa.table({"clip": motifs[0], "word": motifs[1], "motif": pa.array(motifs[2], pa.int32()),
                                 "part": pa.repeat(part, len(motifs[1]))}),
             "strings": symbols.string_rows(names, self._strings, part),
-            "moves": pa.Table.from_arrays([*keys, *columns_of(np.concatenate(self._joints))], schema=moves.ROWS),
+            "moves": pa.table({"clip": clips, moves.JOINTS: lists_of(np.concatenate(self._joints))}),
         }  # fmt: skip
 
 
@@ -242,8 +243,7 @@ def _made_by(stage: PartStage, at: LakeReader, lake: Lake) -> pa.Table:
     for part in stage.parts(at) or []:
         if stage is MOVES:
             table = pq.read_table(lake.root / "made" / f"{part.part}-moves.parquet")
-            keyed = table.set_column(2, "key", pa.repeat(part.key, len(table)))
-            write_part(lake.path(MOVES.file(part.key)), keyed, {"key": part.key})
+            write_mapped(lake.path(MOVES.file(part.key)), table, part.key)
         made.append((part.part, part.key, [MOVES.file(part.key)] if stage is MOVES else []))
     return _shards(stage.name, made)
 

@@ -18,7 +18,6 @@ from motionlake.evaluation.ranking import Questions, SearchScores, score_search
 from motionlake.jobs.run import run
 from motionlake.jobs.session import session
 from motionlake.lake.catalog import reading
-from motionlake.lake.config import load_config
 from motionlake.lake.layout import Lake
 from motionlake.motion import moves
 from motionlake.motion.dtw import dtw_matrix
@@ -27,7 +26,6 @@ from motionlake.retrieval.fused import EVERY
 from motionlake.retrieval.protocol import Query, Scope
 from motionlake.retrieval.registry import searcher
 from motionlake.stages.moves import read_tracks
-from motionlake.stages.reader import LakeReader
 from motionlake.stages.registry import ALL
 
 from bench.canonical_sets import SETS, LabelledSet
@@ -156,7 +154,7 @@ def _distances(lake: Lake, method: str, clips: Sequence[str]) -> Float64Array:
 def _of_joints(lake: Lake, clips: Sequence[str]) -> Float64Array:
     with reading(lake) as con:
         parts = dict(con.execute("SELECT clip, part FROM clips").fetchall())
-        tracks = read_tracks(LakeReader(con, lake, load_config(lake.config_file)), parts)
+        tracks = read_tracks(lake, parts)
     return dtw_matrix([tracks[clip].turned().joints.astype(np.float32) for clip in clips])
 
 

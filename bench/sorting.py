@@ -23,14 +23,12 @@ from motionlake.jobs.run import run
 from motionlake.jobs.session import session
 from motionlake.lake.catalog import Connection, reading
 from motionlake.lake.layout import Lake
-from motionlake.lake.settings import served_config
 from motionlake.motion.dtw import dtw_matrix
 from motionlake.retrieval.classes import LakeClassifier, Method
 from motionlake.retrieval.clusters import fused, group, pair_distances
 from motionlake.retrieval.labelled_clips import SignedClips, signed_clips
 from motionlake.retrieval.protocol import ClipFilter, Query
 from motionlake.stages.moves import read_tracks
-from motionlake.stages.reader import LakeReader
 from motionlake.stages.registry import ALL
 from sklearn.metrics import adjusted_rand_score
 
@@ -64,7 +62,7 @@ def measured(folder: Path, name: str, seed: int) -> Figures:
 
 def _distances(con: Connection, lake: Lake, signed: SignedClips) -> Iterator[tuple[str, Float64Array]]:
     yield from pair_distances(con, lake, signed).items()
-    tracks = read_tracks(LakeReader(con, lake, served_config(lake)), {clip.clip: clip.part for clip in signed.clips})
+    tracks = read_tracks(lake, {clip.clip: clip.part for clip in signed.clips})
     yield DTW[0], dtw_matrix([tracks[clip.clip].turned().joints.astype(np.float32) for clip in signed.clips])
     by_frames = dtw_baseline(lake, signed.clips, True, print)
     assert by_frames is not None

@@ -33,6 +33,12 @@ def _numbers(piece: pa.Array, kind: np.dtype[Any]) -> NDArray[Any]:
     return np.frombuffer(values, kind, len(piece), first) if len(piece) else np.zeros(0, dtype=kind)
 
 
+def column_of(values: NDArray[Any]) -> pa.Array:
+    """[n] numbers as a column, as they lie. Not `pyarrow.array`, which imports pandas as `to_numpy` does."""
+    whole = np.ascontiguousarray(values)
+    return pa.Array.from_buffers(pa.from_numpy_dtype(whole.dtype), len(whole), [None, pa.py_buffer(whole)])
+
+
 def matrix_of(table: pa.Table, columns: Sequence[str]) -> NDArray[Any]:
     """[rows, columns] some columns of numbers of one type, beside each other. Raises `ValueError` for a null.
 

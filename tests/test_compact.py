@@ -75,7 +75,7 @@ def test_rows_stay_and_nothing_is_due(lake: Path, nights: tuple[Path, Path], sch
     assert found["parts"] == planned["parts"] == [NIGHTS, 1]
     assert found["files"] == planned["files"]
     assert len(list(lake.glob("frames/*/*.parquet"))) == len(list(lake.glob("submotions/*.parquet"))) == 1
-    assert len(list(lake.rglob("*.parquet"))) == found["files"][1]  # type: ignore[index]
+    assert sum(path.suffix in (".parquet", ".arrow") for path in lake.rglob("*")) == found["files"][1]  # type: ignore[index]
     assert_same(before, rows(lake))
     assert query(lake, "SELECT clip, frame, root_x FROM frames") == order
     stamps = query(lake, "FROM manifest ORDER BY ALL")
@@ -94,8 +94,9 @@ def test_it_is_what_one_ingest_makes(lake: Path, nights: tuple[Path, Path], tmp_
     assert motionlake("remove", "--dataset", "clips", "--lake", at_once).status == 0
     taken_in(at_once, nights[0], scheduler, "all", "quality")
     for folder in ("frames", "raw", "features", "embeddings", "postures", "moves", "submotions", "quality"):
-        found = {path.relative_to(lake): path.read_bytes() for path in lake.glob(f"{folder}/**/*.parquet")}
-        wanted = {path.relative_to(at_once): path.read_bytes() for path in at_once.glob(f"{folder}/**/*.parquet")}
+        found = {path.relative_to(lake): path.read_bytes() for path in lake.glob(f"{folder}/**/*.[pa]*")}
+        wanted = {path.relative_to(at_once): path.read_bytes() for path in at_once.glob(f"{folder}/**/*.[pa]*")}
+        assert found
         assert found.keys() == wanted.keys(), folder
         assert found == wanted, folder
     keys = "SELECT stage, key, part, rows, files FROM manifest ORDER BY ALL"
@@ -109,7 +110,7 @@ def test_a_lake_goes_on(lake: Path, nights: tuple[Path, Path], tmp_path: Path, s
     source = Path(shutil.copytree(nights[0], tmp_path / "clips"))
     compact(lake)
     plain = query(lake, "SELECT file, sha256 FROM files ORDER BY file")
-    for part in (*lake.glob("frames/*/*.parquet"), *lake.glob("moves/*.parquet")):
+    for part in (*lake.glob("frames/*/*.parquet"), *lake.glob("moves/*.arrow")):
         part.write_bytes(part.read_bytes()[:-9] + b"x" * 9)
     assert motionlake("verify", "--lake", lake).status == 1
     assert motionlake("repair", "--lake", lake).status == 0

@@ -22,7 +22,7 @@ from motionlake.lake.loaded import loaded
 from tests.lakes import Changed, assert_same, motionlake, query, tables
 
 KINDS = (
-    "frames/*/*.parquet", "raw/*/*.parquet", "features/*.parquet", "embeddings/*.parquet", "assigned/*.parquet",
+    "frames/*/*.parquet", "raw/*/*.parquet", "features/*.arrow", "embeddings/*.parquet", "assigned/*.parquet",
     "postures/*.parquet", "models/*", "kept/*.duckdb", "catalog.duckdb", "catalog.sums", "records.zip", "config.toml",
 )  # fmt: skip
 

@@ -18,7 +18,7 @@ from tests.processes import Started, start, start_fresh
 CATALOG = ".catalog.duckdb.*.tmp"
 FRAMES_MOMENTS = ((CATALOG,), ("frames/*/.*.tmp",), ("frames/*/[!.]*.parquet", CATALOG))
 RUN_MOMENTS = (
-    ("features/[!.]*.parquet",),
+    ("features/[!.]*.arrow",),
     ("models/network*",),
     ("models/network*", CATALOG),
     ("models/motifs*", CATALOG),

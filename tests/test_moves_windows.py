@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import random
 from collections.abc import Callable
 from typing import Any
 
@@ -10,11 +9,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from motionlake.arrays import Float32Array, Int64Array
-from motionlake.motion import moves_index, moves_windows, stacks
+from motionlake.arrays import Float32Array
+from motionlake.motion import moves_index, stacks
 from motionlake.motion.moves import Track
 from motionlake.motion.moves_index import MovesIndex, floored, moves_distance
-from motionlake.motion.moves_windows import Place, distances_about, nearest_place, windows_distances
+from motionlake.motion.moves_windows import Place, distances_about, nearest_place, nearest_places, windows_distances
 from motionlake.motion.stacks import Stack, aligned
 
 from tests.test_moves import wandering
@@ -62,29 +61,47 @@ def naive_place(
 barriers = st.none() | st.tuples(st.integers(0, 50), st.integers(0, 50))
 
 
+def tracks(seed: int, frames: int, kind: str) -> Track:
+    """One that wanders, one that comes back to the same places again and again, or one that stands still."""
+    if kind == "wandering":
+        return wandering(seed, frames)
+    joints = np.random.default_rng(seed).normal(size=(1 if kind == "still" else 7, 45))
+    return Track.of(np.resize(joints, (frames, 45)))
+
+
+kinds = st.sampled_from(["wandering", "repeating", "still"])
+
+
 @settings(max_examples=150, deadline=None)
-@given(st.integers(0, 9999), st.integers(4, 40), st.integers(3, 60), barriers, st.booleans())
+@given(st.integers(0, 9999), st.integers(4, 40), st.integers(3, 60), barriers, kinds)
 def test_windows_are_looked_at_as_written(
-    seed: int, length: int, frames: int, between: tuple[int, int] | None, coarse: bool
+    seed: int, length: int, frames: int, between: tuple[int, int] | None, kind: str
 ) -> None:
-    """With distances by chance, so that any window may be the nearest; `coarse` ones are often equal."""
+    """Of windows that are equally near, of which a track that repeats has many, the first one counts."""
     barred = (min(between), max(between) + 1) if between else None
+    query, track = wandering(seed, length).moves(), tracks(seed + 1, frames, kind)
 
-    def chance(start: int, width: int) -> float:
-        return random.Random(f"{seed} {start} {width}").randint(0, 9 if coarse else 10**9)
+    def distance(start: int, width: int) -> float:
+        return float(windows_distances(query, track, np.array([start]), width)[0])
 
-    class Products:
-        def __init__(self, query: Float32Array, track: Track) -> None:
-            self._frames = len(track.joints)
+    assert nearest_place(query, track, barred) == naive_place(distance, length, frames, barred)
 
-        def nearest(self, starts: Int64Array, width: int) -> Place | None:
-            assert all(0 <= start <= self._frames - width for start in starts.tolist())
-            return min((Place(chance(start, width), start, start + width) for start in starts.tolist()), default=None)
 
-    query, track = np.zeros((length, 135), dtype=np.float32), Track.of(np.zeros((frames, 45)))
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(moves_windows, "_Products", Products)
-        assert nearest_place(query, track, barred) == naive_place(chance, length, frames, barred)
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 9999), st.integers(4, 40), st.lists(st.tuples(st.integers(1, 60), kinds, barriers), max_size=12))
+def test_places_in_many_clips_are_those_in_each(
+    seed: int, length: int, asked: list[tuple[int, str, tuple[int, int] | None]]
+) -> None:
+    query = wandering(seed, length).moves()
+    joints = [tracks(seed + i, frames, kind).joints.astype(np.float32) for i, (frames, kind, _) in enumerate(asked)]
+    barred = [(min(between), max(between) + 1) if between else None for _, _, between in asked]
+    alone = [nearest_place(query, Track.of(each), none) for each, none in zip(joints, barred, strict=True)]
+    for threads in (1, 3):
+        together = nearest_places(query, joints, barred, threads)
+        assert [place is None for place in together] == [place is None for place in alone]
+        for one, other in zip(together, alone, strict=True):
+            if one is not None and other is not None:
+                assert one.distance == pytest.approx(other.distance, rel=1e-4, abs=1e-4)
 
 
 @settings(max_examples=8, deadline=None)
@@ -130,8 +147,11 @@ def test_what_stands_still_is_a_window_like_any() -> None:
 def test_a_long_query_is_refused() -> None:
     track = wandering(0, 200)
     assert nearest_place(np.zeros((160, 135), dtype=np.float32), track) is not None
+    long = np.zeros((161, 135), dtype=np.float32)
     with pytest.raises(ValueError, match="at most 160"):
-        nearest_place(np.zeros((161, 135), dtype=np.float32), track)
+        nearest_place(long, track)
+    with pytest.raises(ValueError, match="at most 160"):
+        nearest_places(long, [track.joints.astype(np.float32)], [None])
 
 
 @settings(max_examples=40, deadline=None)

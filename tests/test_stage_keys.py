@@ -12,7 +12,7 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
-import pyarrow.parquet as pq
+import pyarrow as pa
 import pytest
 from motionlake.arrays import Progress
 from motionlake.deep_motifs.config import NetworkConfig
@@ -380,13 +380,13 @@ def test_a_part_is_due_until_it_is_made_and_again_when_what_shapes_it_changes(ma
         assert WORDS.again(at, "no key") is None
         (above,) = at.done("frames")
         assert shard.key == config_hash("words", WORDS.version, above, at.config.words)
-        assert WORDS.files(at) == {shard.part: f"features/{shard.key[:16]}.parquet"}
+        assert WORDS.files(at) == {shard.part: f"features/{shard.key[:16]}.arrow"}
     with opened(made.lake) as one:
         outcome = one.execute(WORDS, [shard], here=True)
     assert (outcome.ok, outcome.clips) == (1, 3)
-    file = made.lake / "features" / f"{shard.key[:16]}.parquet"
+    file = made.lake / "features" / f"{shard.key[:16]}.arrow"
     assert outcome.bytes == file.stat().st_size
-    assert pq.read_schema(file).metadata[b"key"] == shard.key.encode()
+    assert pa.ipc.open_file(file).schema.metadata[b"key"] == shard.key.encode()
     with reader(made) as at:
         assert (WORDS.plan(at), WORDS.due(at)) == ([], 0)
         assert WORDS.again(at, shard.key) == shard

@@ -12,8 +12,10 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 from motionlake.deephums.config import LONGEST, PRETRAINED_DESCRIPTORS, PRETRAINED_SUBMOTION, SHORT, SubmotionConfig
+from motionlake.deephums.piece_encoder import PieceEncoder, greatest
 from motionlake.deephums.sequence import clip_sequence, frames_of, in_sequence, piece_windows
-from motionlake.deephums.submotions import TOGETHER, TrainedSubmotion, greatest, load_submotion, train_submotion
+from motionlake.deephums.submotion_encoder import load_encoder
+from motionlake.deephums.submotions import TOGETHER, TrainedSubmotion, load_submotion, train_submotion
 from motionlake.deephums.submotions import network_of as own_network
 from motionlake.jobs.session import session
 from motionlake.lake.catalog import writing
@@ -163,6 +165,31 @@ def test_a_network_is_the_same_after_reading_it_back(tmp_path: Path, recipe: str
     np.testing.assert_allclose(np.linalg.norm(read.embed(clips), axis=1), 1, atol=1e-5)
     with pytest.raises(ValueError, match="holds no submotion network"):
         load_submotion(PRETRAINED_DESCRIPTORS.file)
+
+
+@given(seed=st.integers(0, 99), count=st.integers(1, 180), still=st.booleans())
+def test_pieces_are_the_same_without_torch(seed: int, count: int, still: bool) -> None:
+    """Of real joints: of length about one, so that bones are not all shorter than the least."""
+    rng = np.random.default_rng(seed)
+    piece = rng.normal(0, 0.5, (count, 15, 3)).astype(np.float32)
+    if still:
+        piece[:] = piece[0]
+    own, other = load_encoder(PRETRAINED_SUBMOTION.file), load_submotion(PRETRAINED_SUBMOTION.file)
+    assert isinstance(own, PieceEncoder)
+    np.testing.assert_allclose(
+        own.embed([piece, piece[: count // 2 + 1]]), other.embed([piece, piece[: count // 2 + 1]]), atol=2e-6
+    )
+    starts = rng.integers(0, count, 5)
+    windows = np.stack([starts, rng.integers(starts + 1, count + 1)], axis=1)
+    np.testing.assert_allclose(own.embed_windows(piece, windows), other.embed_windows(piece, windows), atol=2e-6)
+
+
+def test_the_thesis_s_network_is_read_with_torch(tmp_path: Path) -> None:
+    config = SubmotionConfig(recipe="deephums", hidden=16)
+    TrainedSubmotion(config, own_network(config).eval(), {}).save(tmp_path / "submotion.safetensors")
+    assert isinstance(load_encoder(tmp_path / "submotion.safetensors"), TrainedSubmotion)
+    with pytest.raises(ValueError, match="holds no submotion network"):
+        load_encoder(PRETRAINED_DESCRIPTORS.file)
 
 
 def test_the_pretrained_network_is_the_one_its_description_names() -> None:

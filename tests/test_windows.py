@@ -14,7 +14,7 @@ import pytest
 from motionlake.lake.catalog import fetch, reading
 from motionlake.lake.layout import open_lake
 from motionlake.retrieval.submotion_search import SubmotionSearcher
-from motionlake.retrieval.window_scan import coded_query, nearness
+from motionlake.retrieval.window_codes import CodedPiece
 from motionlake.stages import windows
 from motionlake.stages.windows import WINDOWS, WindowFile
 
@@ -52,8 +52,7 @@ def test_codes_are_the_vectors_rounded(coded_lake: Path) -> None:
             assert found.table[name].to_pylist() == wanted[name].to_pylist()
         exact = np.array(wanted["descriptor"].to_pylist(), dtype=np.float32)
         np.testing.assert_allclose(found.codes * found.scales[:, None], exact, atol=float(found.scales.max()) * 0.51)
-        asked, scale = coded_query(exact[0])
-        near = nearness(found.codes, found.scales, found.squares, asked, scale) + np.square(exact[0]).sum()
+        near = CodedPiece.of(exact[0]).apart(found)
         np.testing.assert_allclose(np.sqrt(np.maximum(near, 0)), np.linalg.norm(exact - exact[0], axis=1), atol=0.02)
 
 

@@ -82,8 +82,12 @@ class ManyWords:
         """So many clips, by index, whose windows may be nearest to a query, by the bounds of their distances."""
         bounds = np.min([side.of_clips(self.words) for side in self._sides(query)], axis=0)
         bounds[~admitted] = np.inf
-        order = np.argsort(bounds, kind="stable")[:count]
-        return np.sort(order[np.isfinite(bounds[order])])
+        there = np.flatnonzero(np.isfinite(bounds))
+        if len(there) <= count:
+            return there
+        farthest = np.partition(bounds[there], count - 1)[count - 1]
+        nearer, alike = there[bounds[there] < farthest], there[bounds[there] == farthest]
+        return np.sort(np.append(nearer, alike[: count - len(nearer)]))
 
     def _sides(self, query: ExampleQuery) -> list[WindowBounds]:
         """Bounds of the query, and of the mirrored query."""

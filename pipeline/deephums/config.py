@@ -13,6 +13,7 @@ DIMENSION: Final = 512
 _WEIGHTS: Final = Path(__file__).parent / "weights"
 RECIPES: Final = ("default", "deephums")
 SUPERVISIONS: Final = ("auto", "labels", "none")
+SUBMOTION_KEY: Final = "submotion_network"  # of the metadata of its files
 
 
 @dataclass(frozen=True)

@@ -18,22 +18,20 @@ import numpy as np
 import torch
 from motionlake.arrays import Float32Array, Int64Array, Progress
 from motionlake.deephums.batches import NO_AUGMENTATION, padded, part_of
-from motionlake.deephums.config import DIMENSION, LONGEST, SHORTEST, SubmotionConfig
+from motionlake.deephums.config import DIMENSION, LONGEST, SHORTEST, SUBMOTION_KEY, SubmotionConfig
 from motionlake.deephums.encoders import CHANNELS, Lstm, motion_of
+from motionlake.deephums.piece_encoder import SCALE, SMALLEST, greatest
 from motionlake.deephums.sequence import BONES, one_cycle
 from motionlake.motion.skeleton import COMMON
 from motionlake.training import Checkpoint, Loop, on_threads, read_network, save_network
 from torch import Tensor, nn
 from torch.nn.functional import cross_entropy, gelu, mse_loss, normalize
 
-METADATA_KEY: Final = "submotion_network"
 CHECKPOINT_EVERY: Final = 100
 MINE_EVERY: Final = 25
 NEAR: Final = 3
 REPORT_EVERY: Final = 10
 TOGETHER: Final = 32  # windows that the network sees at once
-# Brings joints (body lengths) near the range where weights start.
-SCALE: Final = 4.0
 # Body and stance vary between the clips of a batch, so that people are told apart who were never seen.
 BODIES: Final = replace(NO_AUGMENTATION, yaw=0.15, tilt=0.05, scale=0.05, offset=0.02)
 # The filter makes the ends of a piece a little other than the same frames inside its clip.
@@ -88,7 +86,7 @@ def _sizes(clips: Tensor) -> Tensor:
     ends = [[COMMON.index(name) for name in bone] for bone in BONES]
     at_root = torch.cat([torch.zeros_like(clips[:, :, :1]), clips[:, :, 1:]], dim=2)
     bones = at_root[:, :, [a for a, _ in ends]] - at_root[:, :, [b for _, b in ends]]
-    return (bones.norm(dim=3).sum(dim=2) / sum(BONES.values())).clamp(min=1e-3)[..., None, None]  # type: ignore[no-any-return]
+    return (bones.norm(dim=3).sum(dim=2) / sum(BONES.values())).clamp(min=SMALLEST)[..., None, None]  # type: ignore[no-any-return]
 
 
 def network_of(config: SubmotionConfig) -> nn.Module:
@@ -255,13 +253,7 @@ class TrainedSubmotion:
     def save(self, path: Path) -> None:
         """Write it as one safetensors file."""
         kept = {"config": asdict(self.config), "figures": dict(self.metrics)}
-        save_network(path, self.network, METADATA_KEY, kept)
-
-
-def greatest(frames: Float32Array, windows: Int64Array) -> Float32Array:
-    """[n, D] maximum over the frames [T, D] of each of the windows [n, 2], [first, last); none is empty."""
-    ended = np.concatenate([frames, frames[-1:]])  # so that the frame after the last can be named
-    return np.maximum.reduceat(ended, windows.ravel(), axis=0)[::2]
+        save_network(path, self.network, SUBMOTION_KEY, kept)
 
 
 def load_submotion(path: Path) -> TrainedSubmotion:
@@ -270,7 +262,7 @@ def load_submotion(path: Path) -> TrainedSubmotion:
     Raises:
         ValueError: the file holds something else.
     """
-    tensors, kept = read_network(path, METADATA_KEY)
+    tensors, kept = read_network(path, SUBMOTION_KEY)
     config = SubmotionConfig(**kept["config"])
     network = network_of(config)
     network.load_state_dict(tensors)

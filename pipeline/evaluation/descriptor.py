@@ -144,7 +144,7 @@ def evaluate_descriptor(
     network = DESCRIPTORS.served(con)
     if network is None:
         raise UserError(f"{lake.root}: has no descriptors yet; make them with `motionlake run descriptors`")
-    check_served(con, lake, "descriptor", "signature", "alignment")
+    check_served(lake, "descriptor", "signature", "alignment")
     clips = described_clips(con, dataset, column, min_quality)
     chosen = choose(clips.clips, queries, repository)
     notice(f"{chosen.protocol}: {len(chosen.queries)} queries, {len(chosen.repository)} clips to find")

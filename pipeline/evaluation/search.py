@@ -159,7 +159,7 @@ def _dtw(
     lake: Lake, asked: Sequence[SignedClip], known: Sequence[SignedClip], options: LabelledOptions
 ) -> Float64Array | None:
     with lake_reader(lake, served_config(lake)) as at:
-        tracks = read_tracks(at, {clip.clip: clip.part for clip in [*asked, *known]})
+        tracks = read_tracks(at.lake, {clip.clip: clip.part for clip in [*asked, *known]})
     names = sorted(tracks)
     if {clip.clip for clip in [*asked, *known]} - set(names):
         return None

@@ -113,7 +113,7 @@ def evaluate_segmentation(
     Raises:
         UserError: fewer than two clips have segments.
     """
-    check_served(con, lake, "signature")
+    check_served(lake, "signature")
     corpus = read_corpus(con, dataset)
     ranges = segments_of(con, corpus, min_quality)
     clips = sorted({r.clip for r in ranges})

@@ -36,7 +36,7 @@ def evaluate_signatures(con: Connection, lake: Lake, options: LabelledOptions) -
     Raises:
         UserError: no such column, or no two clips with one label.
     """
-    check_served(con, lake, "signature")
+    check_served(lake, "signature")
     signed = options.signed(con).labelled()
     labels = signed.labels
     if len(set(labels)) == len(labels):

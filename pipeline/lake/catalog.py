@@ -10,16 +10,16 @@ from __future__ import annotations
 import errno
 import os
 import weakref
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing, contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, TypeAlias
+from typing import TYPE_CHECKING, Any, Final, TypeAlias, TypeVar
 
 import pyarrow as pa
 from motionlake import sql
 from motionlake.errors import DamagedError, UserError, explained
 from motionlake.lake.catalog_file import announce_catalog, catalog_written, check_catalog
-from motionlake.lake.host import attached, elsewhere, room
+from motionlake.lake.host import attached, elsewhere, room, seen_by_thread
 from motionlake.lake.layout import Lake
 from motionlake.lake.lock import share, unread
 from motionlake.lake.parts import replacing
@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 
 # DuckDB is imported where a connection is used: workers import this module and never open the catalog.
 Connection: TypeAlias = "duckdb.DuckDBPyConnection"
+Found = TypeVar("Found")
 SCHEMA_VERSION: Final = 4  # of the catalog's tables, and of the macros and views over them that this program calls
 # What mends an error of DuckDB with such words.
 _TO_DO: Final = {
@@ -145,18 +146,47 @@ def reading(lake: Lake) -> Iterator[Connection]:
     """
     changed = working_copy(lake)
     with ExitStack() as stack:
+        again = changed is None and seen_by_thread(lake.catalog) is not None  # and so it was checked
         seen = share(lake)
         if seen is not None:
             stack.callback(os.close, seen)
-        if changed is None:
+        if changed is None and not again:
             check_catalog(lake)
         stack.enter_context(_told(lake))
         con = stack.enter_context(attached(changed or lake.catalog, writable=changed is not None))
         run_sql(con, "use_lake", {"root": str(lake.root)})
         if changed is not None:
             con.begin()  # what this command changes meanwhile does not show
-        check_version(con, lake)
+        if not again:
+            check_version(con, lake)
         yield con
+
+
+def remembered(lake: Lake, what: str, find: Callable[[Connection], Found]) -> Found:
+    """What a catalog tells, asked of it once: a process that answers many remembers it until there is a newer one.
+
+    Args:
+        lake: whose catalog it is.
+        what: a name of it.
+        find: asks the catalog.
+
+    Raises:
+        UserError: as `reading`.
+    """
+    kept = _remembered.get((lake.root, what))
+    if kept is None or kept[0] != version(lake):
+        with reading(lake) as con:
+            kept = _remembered[lake.root, what] = version(lake), find(con)
+    found: Found = kept[1]
+    return found
+
+
+def remember(lake: Lake, what: str, found: object) -> None:
+    """Have `remembered` give what the catalog told that this thread reads now."""
+    _remembered[lake.root, what] = version(lake), found
+
+
+_remembered: Final[dict[tuple[Path, str], tuple[tuple[int, int], Any]]] = {}
 
 
 def connect_read_only(lake: Lake) -> Connection:

@@ -43,16 +43,18 @@ class _Host:
         self.con = duckdb.connect(config=settings)
         self._attach = sql.read("attach_for_writing" if writable else "attach")
         self._catalog: tuple[Path, int] | None = None
+        self.seen: tuple[int, int] = (0, 0)  # inode of the catalog's file, and when it was written
         self._users = 0
         self._lock = Lock()
 
     def enter(self, catalog: Path) -> bool:
         """Attach a catalog for one more user; False where another one is in use, or an earlier file of that name."""
         with self._lock:
-            now = (catalog, catalog.stat().st_ino if catalog.exists() else 0)
+            found = catalog.stat() if catalog.exists() else None
+            now = (catalog, found.st_ino if found else 0)
             if self._users == 0:
                 self.con.execute(self._attach, {"catalog": str(catalog)})
-                self._catalog = now
+                self._catalog, self.seen = now, (found.st_ino, found.st_mtime_ns) if found else (0, 0)
             if self._catalog != now:
                 return False
             self._users += 1
@@ -82,6 +84,18 @@ _own: Final = local()  # of a thread, the hosts of the catalogs that it has open
 atexit.register(_host.cache_clear)  # else DuckDB may tell of objects that are left
 
 
+def seen_by_thread(catalog: Path) -> tuple[int, int] | None:
+    """Inode, and time of writing in nanoseconds, of the file of a catalog that this thread has open for reading; None
+    where it has none open."""
+    host = _hosts_of_thread().get((catalog, False))
+    return None if host is None else host.seen
+
+
+def _hosts_of_thread() -> dict[tuple[Path, bool], _Host]:
+    found: dict[tuple[Path, bool], _Host] = _own.__dict__.setdefault(f"hosts {os.getpid()}", {})
+    return found
+
+
 @contextmanager
 def attached(catalog: Path, *, writable: bool = False) -> Iterator[duckdb.DuckDBPyConnection]:
     """A connection to a catalog as it stands, or as this thread sees it where it has one open.
@@ -91,7 +105,7 @@ def attached(catalog: Path, *, writable: bool = False) -> Iterator[duckdb.DuckDB
     Raises:
         duckdb.Error: it cannot be opened.
     """
-    mine: dict[tuple[Path, bool], _Host] = _own.__dict__.setdefault(f"hosts {os.getpid()}", {})
+    mine = _hosts_of_thread()
     outer = mine.get((catalog, writable))
     host = outer or _host(os.getpid(), writable=writable)
     if outer is not None:

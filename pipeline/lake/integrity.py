@@ -21,9 +21,8 @@ from typing import Final, NamedTuple
 
 import pyarrow as pa
 from motionlake.errors import DamagedError
-from motionlake.lake.catalog import Connection, load_rows, reading, run_sql, table_of
+from motionlake.lake.catalog import Connection, load_rows, remember, remembered, run_sql, table_of
 from motionlake.lake.layout import Lake
-from motionlake.lake.working import version
 
 FILE_ROWS: Final = pa.schema(
     {"file": pa.string(), "size": pa.int64(), "mtime_ns": pa.int64(), "crc32": pa.uint32(), "sha256": pa.string()}
@@ -254,8 +253,8 @@ def sound_folder(lake: Lake, folder: str) -> list[Path]:
 
 
 def know(lake: Lake, con: Connection) -> None:
-    """Take the list of files from a connection to the catalog that this process reads now."""
-    _known[lake.root] = (version(lake), listed_in(con))
+    """Take the list of files from a connection to the catalog that this thread reads now."""
+    remember(lake, "files", listed_in(con))
 
 
 def is_listed(lake: Lake, file: str) -> bool:
@@ -305,15 +304,10 @@ def named_files(listed: Listed, by_part: Mapping[str, str], value: object) -> se
 
 
 def _listed(lake: Lake) -> Listed:
-    """What the catalog that this process reads now lists."""
-    now = version(lake)
-    if lake.root not in _known or _known[lake.root][0] != now:
-        with reading(lake) as con:
-            _known[lake.root] = (now, listed_in(con))
-    return _known[lake.root][1]
+    """What the catalog that this thread reads now lists."""
+    return remembered(lake, "files", listed_in)
 
 
 _fetches: Final[dict[Path, Fetch]] = {}
 _given: Final[ContextVar[Listed | None]] = ContextVar("given", default=None)
-_known: Final[dict[Path, tuple[tuple[int, int], Listed]]] = {}
 _checked: Final[dict[Path, tuple[int, int, int, int]]] = {}  # files whose bytes this process has compared

@@ -18,10 +18,10 @@ _MISREAD = re.compile("[,?{}\\\\\udc80-\udcff]")
 
 @dataclass(frozen=True)
 class Lake:
-    """A folder of Parquet parts with one catalog.
+    """A folder of Parquet and Arrow parts with one catalog.
 
     Layout: `catalog.duckdb`, `config.toml`, `frames/dataset=…/<part>.parquet`,
-    `raw/layout=…/<part>.parquet`, `features/<part>.parquet`, `embeddings/<part>.parquet`, `postures/<part>.parquet`,
+    `raw/layout=…/<part>.parquet`, `features/<part>.arrow`, `embeddings/<part>.parquet`, `postures/<part>.parquet`,
     `models/`, `staging/` (rows on their way into the catalog), `annotations.jsonl`; for repairs `catalog.sums`,
     `records.zip` and `kept/`.
     """

@@ -7,11 +7,12 @@ import json
 import shutil
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from motionlake.errors import UserError
-from motionlake.lake.catalog import Connection, fetch, run_sql
+from motionlake.lake.catalog import Connection, fetch, remembered, run_sql
 from motionlake.lake.config import canonical_json
 from motionlake.lake.integrity import FileSums, list_files
 from motionlake.lake.layout import Lake
@@ -60,19 +61,19 @@ def fitting_model(con: Connection, kind: str, key: str) -> Model | None:
     return model if model and model.key == key else None
 
 
-def check_served(con: Connection, lake: Lake, *methods: str) -> None:
+def check_served(lake: Lake, *methods: str) -> None:
     """Refuse to compare clips by what a model has made where there is a newer one, which has made nothing yet.
 
     While a command brings the lake up to date, what is there serves.
 
     Args:
-        con, lake: the lake.
+        lake: the lake.
         methods: ways to compare: "signature", "alignment", "descriptor", "submotion".
 
     Raises:
         UserError: there is a newer model.
     """
-    for row in fetch(con, "models_behind"):
+    for row in remembered(lake, "models behind", partial(fetch, name="models_behind")):
         if row["method"] in methods and not writes_now(lake):
             raise UserError(
                 f"{lake.root}: {row['model']} is newer than what is compared, which {row['served']} has made; bring "

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from difflib import unified_diff
 
 import pyarrow as pa
-from motionlake.lake.catalog import Connection, fetch, load_rows, reading, table_of, writing
+from motionlake.lake.catalog import Connection, fetch, load_rows, reading, remembered, table_of, writing
 from motionlake.lake.config import LakeConfig, load_config
 from motionlake.lake.layout import Lake
 
@@ -51,8 +51,7 @@ def _difference(before: str, after: str) -> str:
 
 def changed_settings(lake: Lake) -> list[tuple[str, str]]:
     """(file, what has changed) since the last run; nothing where no run has found settings yet."""
-    with reading(lake) as con:
-        then = settings_then(con)
+    then = remembered(lake, "settings", settings_then)
     return changes(then, settings_now(lake)) if then else []
 
 

@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from motionlake.lake.catalog_file import announce_catalog, catalog_written, check_catalog
-from motionlake.lake.host import attached, room
+from motionlake.lake.host import attached, room, seen_by_thread
 from motionlake.lake.layout import Lake
 from motionlake.lake.parts import sync_folder
 from motionlake.stopping import held
@@ -168,9 +168,11 @@ def working_copy(lake: Lake) -> Path | None:
 
 
 def version(lake: Lake) -> tuple[int, int]:
-    """What tells the catalog that this process reads now from those before it."""
+    """What tells the catalog that this thread reads now from those before it."""
     path = working_copy(lake)
-    return lake.served() if path is None else (path.stat().st_ino, _working[os.getpid(), lake.root].all_changes)
+    if path is None:
+        return seen_by_thread(lake.catalog) or lake.served()
+    return path.stat().st_ino, _working[os.getpid(), lake.root].all_changes
 
 
 _working: Final[dict[tuple[int, Path], Working]] = {}  # by process, since one that was forked has none

@@ -6,7 +6,8 @@ constants of other modules: numba would keep a kernel with those of before.
 
 from __future__ import annotations
 
-from typing import Final
+from functools import cache
+from typing import Final, NamedTuple
 
 import numpy as np
 from motionlake.arrays import Float32Array, Float64Array, FloatArray, Int64Array
@@ -30,6 +31,27 @@ _SIDES: Final = np.array([[left.start, right.start] for left, right in SIDES])
 Constants = tuple[float, float, int, float]
 
 
+class Smoothing(NamedTuple):
+    """What kernels tell velocity and facing by.
+
+    Attributes:
+        taps: [2 r + 1] of a filter.
+        sides: [s, 2] first columns of left and right joints.
+        silent: a length below which nothing tells a direction.
+    """
+
+    taps: Float64Array
+    sides: Int64Array
+    silent: float
+
+
+@cache
+def smoothing() -> Smoothing:
+    """That of moves."""
+    taps = np.exp(-0.5 * (np.arange(-_REACH, _REACH + 1) / SMOOTHED) ** 2)
+    return Smoothing(taps / taps.sum(), _SIDES, SILENT)
+
+
 def moves_of_clips(joints: Float32Array, starts: Int64Array) -> tuple[Float32Array, Int64Array]:
     """Moves [M, 135] of n clips one after another, and where those of each begin [n + 1].
 
@@ -40,9 +62,8 @@ def moves_of_clips(joints: Float32Array, starts: Int64Array) -> tuple[Float32Arr
     counts = np.minimum(np.diff(starts), MOST)
     first = np.concatenate([[0], np.cumsum(counts)])
     moves = np.empty((first[-1], WIDTH), dtype=np.float32)
-    taps = np.exp(-0.5 * (np.arange(-_REACH, _REACH + 1) / SMOOTHED) ** 2)
     constants = (DISPLACEMENT_COUNT, JOINTS_COUNT, HIPS.start, SILENT)
-    _moves(joints, starts, taps / taps.sum(), _SIDES, constants, first, moves)
+    _moves(joints, starts, smoothing(), constants, first, moves)
     return moves, first
 
 
@@ -61,24 +82,19 @@ def instants_of_clips(frames: FloatArray, starts: Int64Array, count: int) -> Flo
 
 @njit(cache=True, nogil=True)
 def _moves(
-    joints: Float32Array, starts: Int64Array, taps: Float64Array, sides: Int64Array, constants: Constants,
-    first: Int64Array, out: Float32Array,
-) -> None:  # fmt: skip
-    """Kernel of `moves_of_clips`; `taps` [2 r + 1] of the filter, `sides` [s, 2] first columns of left and right."""
+    joints: Float32Array, starts: Int64Array, by: Smoothing, constants: Constants, first: Int64Array, out: Float32Array
+) -> None:
+    """Kernel of `moves_of_clips`."""
     longest = 0
     for clip in range(len(starts) - 1):
         longest = max(longest, starts[clip + 1] - starts[clip])
     width = joints.shape[1]
-    smooth, velocity, turned = np.empty((3, longest, width))
+    turned = np.empty((longest, width))
     for clip in range(len(starts) - 1):
         count = starts[clip + 1] - starts[clip]
         own = joints[starts[clip] : starts[clip + 1]]
-        _smoothed(own, taps, smooth)
-        for t in range(count):
-            before, after = max(t - 1, 0), min(t + 1, count - 1)
-            for d in range(width):
-                velocity[t, d] = (smooth[after, d] - smooth[before, d]) / max(after - before, 1)
-        cosine, sine = _heading(own, sides, constants[3])
+        velocity = velocity_of(own, by)
+        cosine, sine = _heading(facing_of(own, by), by.silent)
         for t in range(count):
             for j in range(0, width, 3):
                 x, z = np.float64(own[t, j]), np.float64(own[t, j + 2])
@@ -103,21 +119,42 @@ def _smoothed(own: Float32Array, taps: Float64Array, smooth: Float64Array) -> No
 
 
 @njit(cache=True, nogil=True)
-def _heading(own: Float32Array, sides: Int64Array, silent: float) -> tuple[float, float]:
-    """Cosine and sine of the angle about y by which a clip [n, D] faces away from +z in the mean."""
-    ahead, aside = 0.0, 0.0
-    across = np.empty(3)
+def velocity_of(own: Float32Array, by: Smoothing) -> Float64Array:
+    """[n, D] as `Track.velocity`, of joints [n, D]."""
+    count, width = own.shape
+    smooth, velocity = np.empty((count, width)), np.zeros((count, width))
+    _smoothed(own, by.taps, smooth)
+    for t in range(count):
+        before, after = max(t - 1, 0), min(t + 1, count - 1)
+        for d in range(width):
+            velocity[t, d] = (smooth[after, d] - smooth[before, d]) / max(after - before, 1)
+    return velocity
+
+
+@njit(cache=True, nogil=True)
+def facing_of(own: Float32Array, by: Smoothing) -> Float64Array:
+    """[n, 2] as `Track.facing`, of joints [n, D]."""
+    found, across = np.empty((len(own), 2)), np.empty(3)
     for t in range(len(own)):
         x = z = 0.0
-        for side in range(len(sides)):
+        for side in range(len(by.sides)):
             for d in range(3):
-                across[d] = np.float64(own[t, sides[side, 0] + d]) - np.float64(own[t, sides[side, 1] + d])
-            length = max(np.sqrt(across[0] ** 2 + across[1] ** 2 + across[2] ** 2), silent)
+                across[d] = np.float64(own[t, by.sides[side, 0] + d]) - np.float64(own[t, by.sides[side, 1] + d])
+            length = max(np.sqrt(across[0] ** 2 + across[1] ** 2 + across[2] ** 2), by.silent)
             x += across[0] / length
             z += across[2] / length
-        length = max(np.sqrt(x**2 + z**2), silent)
-        ahead += x / length
-        aside -= z / length
+        length = max(np.sqrt(x**2 + z**2), by.silent)
+        found[t, 0], found[t, 1] = x / length, -z / length
+    return found
+
+
+@njit(cache=True, nogil=True)
+def _heading(facing: Float64Array, silent: float) -> tuple[float, float]:
+    """Cosine and sine of the angle about y by which a clip [n, D] faces away from +z in the mean."""
+    ahead, aside = 0.0, 0.0
+    for t in range(len(facing)):
+        ahead += facing[t, 0]
+        aside += facing[t, 1]
     length = np.sqrt(ahead**2 + aside**2)
     return (ahead / length, aside / length) if length > silent else (1.0, 0.0)
 

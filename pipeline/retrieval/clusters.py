@@ -20,14 +20,12 @@ from motionlake.errors import UserError
 from motionlake.lake.catalog import Connection
 from motionlake.lake.layout import Lake
 from motionlake.lake.models import check_served
-from motionlake.lake.settings import served_config
 from motionlake.motion.diffusion import way_between
 from motionlake.retrieval.labelled_clips import SignedClip, SignedClips, lake_ground, signed_clips
 from motionlake.retrieval.protocol import EVERYTHING, ClipFilter, Query
 from motionlake.retrieval.registry import ready
 from motionlake.retrieval.weighing import WEIGHTS
 from motionlake.stages.moves import read_tracks
-from motionlake.stages.reader import LakeReader
 
 ClusterMethod = Literal["fused", "signatures"]
 CLUSTER_METHODS: Final[tuple[ClusterMethod, ...]] = get_args(ClusterMethod)
@@ -59,7 +57,7 @@ def clusters_of_lake(
     """
     if method not in CLUSTER_METHODS:
         raise UserError(f"--method {method}: use one of {', '.join(CLUSTER_METHODS)}")
-    check_served(con, lake, "signature", "alignment")
+    check_served(lake, "signature", "alignment")
     signed = signed_clips(con, scope)
     check_count(len(signed.clips), k)
     if method == "signatures":
@@ -104,7 +102,7 @@ def _by_alignment(lake: Lake, clips: list[SignedClip]) -> Float64Array | None:
 def _by_moves(con: Connection, lake: Lake, clips: list[SignedClip]) -> Float64Array | None:
     from motionlake.motion.dtw import dtw_matrix
 
-    tracks = read_tracks(LakeReader(con, lake, served_config(lake)), {clip.clip: clip.part for clip in clips})
+    tracks = read_tracks(lake, {clip.clip: clip.part for clip in clips})
     compared = np.array([clip.clip in tracks for clip in clips])
     return _spread(dtw_matrix([tracks[c.clip].moves() for c in clips if c.clip in tracks]), compared)
 

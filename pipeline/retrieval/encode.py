@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -107,14 +107,17 @@ def serving_models(con: Connection, lake: Lake) -> Models:
     return Models(lake, config.words, network.file, model.file)
 
 
-def features_of_clips(con: Connection, lake: Lake, config: WordConfig, clips: Sequence[str]) -> list[Float32Array]:
-    """[T, D] features of each of some clips of the lake, each part read once.
+def features_of_clips(
+    con: Connection, lake: Lake, config: WordConfig, clips: Sequence[str], parts: Mapping[str, str] | None = None
+) -> list[Float32Array]:
+    """[T, D] features of each of some clips of the lake, each part read once; `parts`: of each clip, where known.
 
     Raises:
         UserError: the lake has no words of one of them yet.
     """
-    parts = {row["clip"]: row["part"] for row in fetch(con, "parts_of", {"clips": list(clips)})}
-    files = WORDS.files_of(con, parts.values(), (config,))
+    if parts is None:
+        parts = {row["clip"]: row["part"] for row in fetch(con, "parts_of", {"clips": list(clips)})}
+    files = WORDS.files_of(lake, parts.values(), (config,))
     found = of_clips(lake, files, parts, read_some_features)
     for clip in clips:
         if clip not in found:

@@ -5,9 +5,7 @@ from __future__ import annotations
 from bisect import bisect_left
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import fields
 from functools import cached_property
-from typing import Final
 
 import numpy as np
 import pyarrow as pa
@@ -18,10 +16,9 @@ from motionlake.lake.catalog import fetch, fetch_table, reading
 from motionlake.lake.layout import Lake
 from motionlake.lake.models import check_served
 from motionlake.motion.moves import KIND
+from motionlake.retrieval.known_clips import KnownClips
 from motionlake.retrieval.protocol import ClipFilter, not_ready
 from motionlake.stages.shortlist_files import MOST, ShortlistFiles
-
-_FACTS: Final = [each.name for each in fields(CorpusClip)]
 
 
 class LakeShortlist:
@@ -30,7 +27,7 @@ class LakeShortlist:
     Attributes:
         lake: which holds it.
         files: that stage "shortlist" made.
-        catalog: what the catalog says of the clips that it holds.
+        known: what the catalog says of all clips.
 
     Raises:
         UserError: the shortlist is of other motifs, postures or moves than the lake serves, or there is a newer model.
@@ -41,25 +38,27 @@ class LakeShortlist:
         with ThreadPoolExecutor(1) as pool, reading(lake) as con:
             opened = pool.submit(ShortlistFiles.open, lake, files)  # and compared with what was written
             served = {row["method"]: row["model"] for row in fetch(con, "models_compared")} | {"moves": KIND}
-            self.catalog = fetch_table(con, "clips_with_parts")
+            self.known = KnownClips(fetch_table(con, "clips_with_parts"))
             self.lake, self.files = lake, opened.result()
             if self._stale(served):
                 raise UserError(
                     f"{lake.root}: its shortlist of clips is of other models than it serves now; make it anew with "
                     "`motionlake run shortlist`"
                 )
-            check_served(con, lake, *self.files.methods)
+            check_served(lake, *self.files.methods)
         self._admitted: dict[ClipFilter, Float32Array] = {}
 
     def facts(self, row: int) -> CorpusClip:
         """What the catalog says of the clip of a row."""
-        entry = int(self.entries[row])
-        return CorpusClip(*(self.catalog[name][entry].as_py() for name in _FACTS))
+        return self.known.facts(int(self.entries[row]))
 
     def facts_of(self, rows: Int64Array) -> list[CorpusClip]:
         """The same of the clips of some rows."""
-        found = self.catalog.select(_FACTS).take(pa.array(self.entries[rows]))
-        return [CorpusClip(**row) for row in found.to_pylist()]
+        return self.known.facts_of(self.entries[rows])
+
+    def parts_of(self, rows: Int64Array) -> dict[str, str]:
+        """By name, the frames part of each of the clips of some rows."""
+        return self.known.parts_of(self.entries[rows])
 
     def row(self, clip: str) -> int:
         """Raises `UserError` for a clip that it does not hold, or that was another one when it was made."""
@@ -92,7 +91,7 @@ class LakeShortlist:
     @cached_property
     def entries(self) -> Int64Array:
         """[n] the row in the catalog of each clip; -1 where it left the lake, or is another one since."""
-        made, known = self.files.table, self.catalog
+        made, known = self.files.table, self.known.table
         if made["clip"].equals(known["clip"]) and made["part"].equals(known["part"]):
             return np.arange(len(made))
         rows = {pair: row for row, pair in enumerate(zip(*_names(known), strict=True))}

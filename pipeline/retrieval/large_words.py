@@ -51,7 +51,7 @@ class LakeWords:
         self._words = WordMotifs(*self.clips.files.flat("words"))
         idf = np.array([row["idf"] for row in motifs], dtype=np.float64)
         self._many = ManyWords(self._words, self._frames_of, idf, ground_distances(centroids))
-        catalog = self.clips.catalog
+        catalog = self.clips.known.table
         self._fps, self._frames = (
             numbers(catalog[name])[np.maximum(self.clips.entries, 0)] for name in ("fps", "frames")
         )

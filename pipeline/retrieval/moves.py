@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Mapping, Sequence
 from functools import cache
+from typing import Final
 
 import numpy as np
 from motionlake.arrays import Float32Array, Float64Array, Int64Array
@@ -12,16 +13,17 @@ from motionlake.errors import UserError
 from motionlake.lake.catalog import fetch, reading
 from motionlake.lake.frames import frame_range
 from motionlake.lake.layout import Lake
-from motionlake.lake.settings import served_config
 from motionlake.motion.moves import FPS, LEAST, MOST, Track
 from motionlake.motion.moves_index import MovesIndex, moves_distance
-from motionlake.motion.moves_windows import distances_about, nearest_place
+from motionlake.motion.moves_windows import distances_about, nearest_place, nearest_places
 from motionlake.retrieval.encode import query_motion
 from motionlake.retrieval.hits import Hit, Match, clip_hit, range_hit
 from motionlake.retrieval.matched import asked_frames, matched_moves
 from motionlake.retrieval.protocol import ClipFilter, Finds, LakeSearcher, Query, Scope, about, not_ready
 from motionlake.stages.moves import joints_of, read_tracks
-from motionlake.stages.reader import LakeReader
+
+TOGETHER: Final = 512  # clips whose places are looked for at once
+THREADS: Final = 2
 
 
 class _Tracks(LakeSearcher):
@@ -29,19 +31,25 @@ class _Tracks(LakeSearcher):
 
     name = "moves"
 
-    def __init__(self, lake: Lake, clips: Collection[str] | None = None) -> None:
-        """Of the whole lake, or of some of its clips. Raises `UserError` where it has no moves yet."""
+    def __init__(self, lake: Lake, some: Mapping[str, tuple[CorpusClip, str]] | None = None) -> None:
+        """Of the whole lake, or of some of its clips, given what is known of each, and its part, by name.
+
+        Raises:
+            UserError: it has no moves yet.
+        """
         super().__init__(lake)
         with reading(lake) as con:
-            if clips is None:
+            if some is None:
                 rows = fetch(con, "clips_with_parts")
+                parts = {row["clip"]: row.pop("part") for row in rows}
+                clips = [CorpusClip(**row) for row in rows]
             else:
-                rows = fetch(con, "some_clips_with_parts", {"clips": list(clips)})
-            parts = {row["clip"]: row.pop("part") for row in rows}
-            self._tracks = read_tracks(LakeReader(con, lake, served_config(lake)), parts)
+                parts = {clip: part for clip, (_, part) in some.items()}
+                clips = [some[clip][0] for clip in sorted(some)]
+            self._tracks = read_tracks(lake, parts)
         if not self._tracks:
             raise UserError(f"{lake.root}: has no moves yet; make them with `motionlake run all`")
-        self.clips = [CorpusClip(**row) for row in rows if row["clip"] in self._tracks]
+        self.clips = [clip for clip in clips if clip.clip in self._tracks]
         self._clips = {clip.clip: clip for clip in self.clips}
 
     def _known(self, clip: str) -> Track:
@@ -75,7 +83,7 @@ def track_of(lake: Lake, query: Query, *, mirrored: bool = False) -> Track:
         return track_of_motion(lake, query, mirrored=mirrored)
     with reading(lake) as con:
         rows = fetch(con, "clip", {"clip": query.clip})
-        known = read_tracks(LakeReader(con, lake, served_config(lake)), {row["clip"]: row["part"] for row in rows})
+        known = read_tracks(lake, {row["clip"]: row["part"] for row in rows})
     if query.clip not in known:
         raise not_ready(lake, query.clip, "moves")
     track, frames = known[query.clip], rows[0]["frames"]
@@ -154,23 +162,30 @@ class MovesRangeSearcher(_Tracks):
         if query.clip is not None:
             self._known(query.clip)
         moves, admits = self.moves(query, mirrored=mirrored), scope.admission(self.lake)
-        found = (self._placed(moves, clip, query, own=scope.own) for clip in self.clips if admits(clip))
-        return sorted((hit for hit in found if hit is not None), key=lambda hit: (hit.distance, hit.clip))
+        clips, found = [clip for clip in self.clips if admits(clip)], list[Hit]()
+        for first in range(0, len(clips), TOGETHER):
+            found += self._placed(moves, clips[first : first + TOGETHER], query, own=scope.own)
+        return sorted(found, key=lambda hit: (hit.distance, hit.clip))
 
-    def _placed(self, moves: Float32Array, clip: CorpusClip, query: Query, *, own: bool) -> Hit | None:
-        """Where in a clip the moves of a query lie; None where it is too short."""
-        track, barred = self._tracks[clip.clip], None
-        pace = max(1, clip.frames - 1) / (len(track.joints) - 1)  # frames of the clip for one of the track
-        first, last = query.start or 0, clip.frames if query.stop is None else query.stop
-        if clip.clip == query.clip and not own:
-            barred = (int(np.floor(first / pace)), int(np.ceil(last / pace)))
-        place = nearest_place(moves, track, barred)
-        if place is None:
-            return None
-        start, stop = round(place.start * pace), round((place.stop - 1) * pace) + 1
-        if barred is not None and place.start < barred[1]:
-            stop = min(stop, first)
-        return range_hit(clip, start, stop, place.distance)
+    def _placed(self, moves: Float32Array, clips: Sequence[CorpusClip], query: Query, *, own: bool) -> list[Hit]:
+        """Where in each of some clips the moves of a query lie, without those that are too short."""
+        joints = [self._tracks.joints(clip.clip) for clip in clips]
+        # Frames of a clip for one of its track.
+        paces = [max(1, clip.frames - 1) / (len(each) - 1) for clip, each in zip(clips, joints, strict=True)]
+        barred = [
+            None if own or clip.clip != query.clip else _in_pace(*_asked(query, clip), pace)
+            for clip, pace in zip(clips, paces, strict=True)
+        ]
+        places = nearest_places(moves, joints, barred, THREADS)
+        found = []
+        for clip, pace, none, place in zip(clips, paces, barred, places, strict=True):
+            if place is None:
+                continue
+            start, stop = round(place.start * pace), round((place.stop - 1) * pace) + 1
+            if none is not None and place.start < none[1]:
+                stop = min(stop, _asked(query, clip)[0])
+            found.append(range_hit(clip, start, stop, place.distance))
+        return found
 
     def distances_about(self, moves: Float32Array, clip: str, middles: Int64Array) -> Float64Array:
         """[s] distances of `moves` from the nearest windows about some frames of a clip; infinite where it has none."""
@@ -189,3 +204,13 @@ class MovesRangeSearcher(_Tracks):
                 f"{LEAST / FPS:.1f} to {MOST / FPS:.0f} s; take other frames"
             )
         return track.moves()
+
+
+def _asked(query: Query, clip: CorpusClip) -> tuple[int, int]:
+    """The frames of its own clip that a query is."""
+    return query.start or 0, clip.frames if query.stop is None else query.stop
+
+
+def _in_pace(first: int, last: int, pace: float) -> tuple[int, int]:
+    """The frames of a track, of which one is so many of the clip, that share any of frames [first, last)."""
+    return int(np.floor(first / pace)), int(np.ceil(last / pace))

@@ -60,7 +60,10 @@ class NarrowedSearcher(LakeSearcher):
         if self.name == "moves":
             from motionlake.retrieval.moves import MovesRangeSearcher
 
-            return MovesRangeSearcher(self.lake, [clip.clip for clip in self._clips.facts_of(rows)])
+            parts = self._clips.parts_of(rows)
+            return MovesRangeSearcher(
+                self.lake, {clip.clip: (clip, parts[clip.clip]) for clip in self._clips.facts_of(rows)}
+            )
         from motionlake.retrieval.alignment import AlignmentRangeSearcher
 
         return AlignmentRangeSearcher(self.lake, strings=self._strings(rows))

@@ -177,8 +177,7 @@ class LakeSearcher(ABC):
     def __init__(self, lake: Lake) -> None:
         self.lake = lake
         if self.compares:
-            with reading(lake) as con:
-                check_served(con, lake, *self.compares)
+            check_served(lake, *self.compares)
 
     def search(self, queries: Sequence[Query], k: int, scope: Scope = EVERYTHING) -> list[list[Hit]]:
         """As `Searcher.search`."""

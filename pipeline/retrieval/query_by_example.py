@@ -37,8 +37,7 @@ class WordsSearcher:
 
     def __init__(self, lake: Lake) -> None:
         self.lake = lake
-        with reading(lake) as con:
-            check_served(con, lake, "signature")
+        check_served(lake, "signature")
         files = shortlist_of(lake)
         self._large = LakeWords(lake, files) if files else None
         if self._large is None:

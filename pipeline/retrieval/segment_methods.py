@@ -23,12 +23,10 @@ from motionlake.errors import UserError
 from motionlake.lake.catalog import Connection, fetch
 from motionlake.lake.integrity import sound
 from motionlake.lake.layout import Lake
-from motionlake.lake.settings import served_config
 from motionlake.motion.moves import Track
 from motionlake.retrieval.encode import FileWords, Models, serving_models
 from motionlake.stages import words
 from motionlake.stages.moves import joints_of, read_tracks
-from motionlake.stages.reader import LakeReader
 
 Config = WordSegmentation | SegmentationConfig
 MethodName = Literal["words", "signatures"]
@@ -141,7 +139,7 @@ class ByWords(SegmentMethod):
             return {}
         wanted = {self.corpus.clips[clip].clip: clip for clip in clips}
         parts = {row["clip"]: row["part"] for row in fetch(self._con, "clips_with_parts") if row["clip"] in wanted}
-        found = read_tracks(LakeReader(self._con, self._lake, served_config(self._lake)), parts)
+        found = read_tracks(self._lake, parts)
         return {wanted[name]: track for name, track in found.items()}
 
 

@@ -65,7 +65,7 @@ class LakeSegmenter:
     ) -> None:
         self._lake, self._lessons, self._config = lake, lessons or Lessons(), config
         with reading(lake) as con:
-            check_served(con, lake, "signature")
+            check_served(lake, "signature")
             self.corpus = corpus or read_corpus(con)
             check_column(con, self._lessons.column)
             self._ranges = taught_ranges(con, self.corpus, self._lessons)

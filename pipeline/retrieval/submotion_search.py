@@ -31,7 +31,7 @@ from motionlake.stages.windows import WINDOWS
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
-    from motionlake.deephums.submotions import TrainedSubmotion
+    from motionlake.deephums.submotion_encoder import SubmotionEncoder
     from motionlake.retrieval.window_scan import WindowScan
     from motionlake.retrieval.window_shortlist import WindowShortlist
 
@@ -99,7 +99,9 @@ class SubmotionSearcher(LakeSearcher):
         without = dict(zip(("clip", "first", "last"), piece.own or (None, 0, 0), strict=True))
         with reading(self.lake) as con:
             rows = self.holding(con, descriptor, k, scope, without)
-            features = features_of_clips(con, self.lake, self._words, [row["clip"] for row in rows])
+            clips = [row["clip"] for row in rows]
+            parts = None if self._scan is None else self._scan.known.some_parts(clips)
+            features = features_of_clips(con, self.lake, self._words, clips, parts)
         hits = []
         for row, held in zip(rows, features, strict=True):
             distance, clip = row.pop("distance"), CorpusClip(**row)
@@ -133,10 +135,10 @@ class SubmotionSearcher(LakeSearcher):
         return vectors.astype(KEPT).astype(np.float32)
 
     @cached_property
-    def _network(self) -> TrainedSubmotion:
-        from motionlake.deephums.submotions import load_submotion
+    def _network(self) -> SubmotionEncoder:
+        from motionlake.deephums.submotion_encoder import load_encoder
 
-        return load_submotion(sound(self.lake, self._file))
+        return load_encoder(sound(self.lake, self._file))
 
 
 def _opened(lake: Lake, shortlist: Sequence[str]) -> WindowScan | WindowShortlist | None:

@@ -4,13 +4,13 @@ where it finds it."""
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from motionlake.arrays import BoolArray, Int32Array
 from motionlake.errors import UserError
-from motionlake.lake.catalog import fetch, reading
+from motionlake.lake.catalog import fetch, reading, remembered
 from motionlake.lake.integrity import sound
 from motionlake.lake.layout import Lake
 from motionlake.lake.loaded import loaded
@@ -45,8 +45,9 @@ def served_dictionary(lake: Lake, model: str) -> PostureDictionary:
 
 def model_file(lake: Lake, model: str) -> str:
     """The file of a model of that name, relative to the lake."""
-    with reading(lake) as con:
-        return str(fetch(con, "model_file", {"model": model})[0]["file"])
+    return str(
+        remembered(lake, f"file of {model}", partial(fetch, name="model_file", parameters={"model": model}))[0]["file"]
+    )
 
 
 def encoded(lake: Lake, query: Query, dictionary: PostureDictionary, *, mirrored: bool = False) -> StringQuery:

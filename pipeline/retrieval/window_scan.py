@@ -1,8 +1,4 @@
-"""Which clips of a lake hold a piece: their windows' codes are scanned, and the nearest clips compared exactly.
-
-The codes (stage "windows") differ from the vectors by rounding alone, so the clips that are nearest by codes hold those
-that are nearest: some more than are asked for are compared by the vectors themselves, which few parts then give.
-"""
+"""Which clips of a lake hold a piece: their windows' codes are scanned, and the nearest clips compared exactly."""
 
 from __future__ import annotations
 
@@ -13,18 +9,17 @@ from functools import cached_property
 from typing import Any, Final
 
 import numpy as np
-from motionlake.arrays import BoolArray, Float32Array, Float64Array, Int64Array
-from motionlake.kernels import njit
+from motionlake.arrays import BoolArray, Float32Array, Int64Array
 from motionlake.lake.catalog import Connection, fetch, fetch_table
 from motionlake.lake.integrity import sound_files
 from motionlake.lake.layout import Lake
+from motionlake.retrieval.known_clips import KnownClips
 from motionlake.retrieval.protocol import Scope
+from motionlake.retrieval.window_codes import CodedPiece, codes_of_files, overlapping
 from motionlake.retrieval.window_vectors import holding_among
-from motionlake.stages.windows import WINDOWS, WindowFile
-from numpy.typing import NDArray
+from motionlake.stages.windows import WindowFile
 
 SPARE: Final = 16  # clips that are compared exactly beyond those that are asked for
-_QUERY_CODE: Final = 8191  # a sum of 512 products stays below 2^31
 _THREADS: Final = 2
 
 
@@ -36,12 +31,14 @@ class WindowScan:
         parts: codes by frames part.
         vectors: by frames part, the file of the vectors themselves, relative to the lake.
         clips: the clips of the lake, by frames part.
+        known: what the catalog says of them.
     """
 
     lake: Lake
     parts: Mapping[str, WindowFile]
     vectors: Mapping[str, str]
     clips: Mapping[str, frozenset[str]]
+    known: KnownClips
 
     @staticmethod
     def open(lake: Lake, con: Connection) -> WindowScan | None:
@@ -51,7 +48,7 @@ class WindowScan:
             DamagedError: a file is not as it was written.
         """
         rows = fetch(con, "window_files")
-        if not rows or any(row["codes_key"] != WINDOWS.key_of(row["key"], ()) for row in rows):
+        if not rows or len(codes_of_files(rows)) < len(rows):
             return None
         paths = sound_files(lake, [row["codes"] for row in rows])
         held: dict[str, set[str]] = {row["part"]: set() for row in rows}
@@ -64,6 +61,7 @@ class WindowScan:
             {row["part"]: WindowFile.open(path) for row, path in zip(rows, paths, strict=True)},
             {row["part"]: row["vectors"] for row in rows},
             {part: frozenset(own) for part, own in held.items()},
+            KnownClips(clips),
         )
 
     def holding(
@@ -79,37 +77,35 @@ class WindowScan:
         if scope.as_parameters(con) != Scope().as_parameters(con):
             admitted = {row["clip"] for row in fetch(con, "clips_admitted", scope.as_parameters(con))}
         near = self._nearest(descriptor, k + SPARE, admitted, without)
-        return holding_among(self.lake, con, self.vectors, descriptor, k, without, near)
+        return holding_among(self.lake, con, self.known, self.vectors, descriptor, k, without, near)
 
     def _nearest(
         self, descriptor: Float32Array, count: int, admitted: set[str] | None, without: Mapping[str, Any]
-    ) -> list[str]:
-        """The clips nearest by codes."""
-        query, scale = coded_query(descriptor)
-        length = float(np.square(descriptor.astype(np.float64)).sum())
+    ) -> dict[str, str]:
+        """The clips nearest by codes, with the part of each."""
+        piece = CodedPiece.of(descriptor)
         runs = self._runs
         distances = np.empty(runs.offsets[-1])
 
         def scan(parts: range) -> None:
             for part in parts:
                 file = runs.files[part]
-                squares = nearness(file.codes, file.scales, file.squares, query, scale) + length
+                squares = piece.apart(file)
                 if (own := file.runs.get(without["clip"])) is not None:
-                    starts, stops = file.bounds()
-                    squares[own][(starts[own] < without["last"]) & (stops[own] > without["first"])] = np.inf
+                    squares[own][overlapping(file, own, without)] = np.inf
                 np.minimum.reduceat(squares, runs.starts[part], out=distances[slice(*runs.offsets[part : part + 2])])
 
         middle = len(runs.files) // 2
         with ThreadPoolExecutor(_THREADS) as pool:
             list(pool.map(scan, (range(middle), range(middle, len(runs.files)))))
         distances[~runs.live] = np.inf
-        chosen: list[str] = []
+        chosen: dict[str, str] = {}
         for at in np.argsort(distances, kind="stable").tolist():
             if len(chosen) == count or not np.isfinite(distances[at]):
                 break
-            clip = runs.names[at][1]
+            part, clip = runs.names[at]
             if admitted is None or clip in admitted:
-                chosen.append(clip)
+                chosen[clip] = part
         return chosen
 
     @cached_property
@@ -142,23 +138,3 @@ class _Runs:
     offsets: Int64Array
     names: Sequence[tuple[str, str]]
     live: BoolArray
-
-
-def coded_query(descriptor: Float32Array) -> tuple[NDArray[np.int16], float]:
-    """Integers [512] and the scale that turns them into the descriptor, but for rounding."""
-    scale = float(np.abs(descriptor).max(initial=0.0)) / _QUERY_CODE or 1.0
-    return np.rint(descriptor / scale).astype(np.int16), scale
-
-
-@njit(cache=True, nogil=True)
-def nearness(
-    codes: NDArray[np.int8], scales: Float32Array, squares: Float32Array, query: NDArray[np.int16], scale: float
-) -> Float64Array:
-    """[n] squared distances of vectors from a query, as their codes [n, d] tell, less its squared length."""
-    found = np.empty(len(codes))
-    for row in range(len(codes)):
-        total = np.int32(0)
-        for i in range(len(query)):
-            total = np.int32(total + np.int32(np.int32(codes[row, i]) * np.int32(query[i])))
-        found[row] = squares[row] - 2.0 * scale * scales[row] * total
-    return found

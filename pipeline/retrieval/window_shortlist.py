@@ -1,7 +1,8 @@
 """Which clips of a very large lake hold a piece: the shortlist's numbers of its windows choose some, compared exactly.
 
 Along some directions windows keep nearly all of how far they are apart; of the ten clips nearest by vectors, the 40
-nearest by these numbers hold nearly all (docs/scale.md).
+nearest by these numbers hold nearly all (docs/scale.md). Codes, which few parts give, tell which of these 40 to compare
+by vectors.
 """
 
 from __future__ import annotations
@@ -15,14 +16,17 @@ from motionlake.arrays import Float32Array, Int64Array
 from motionlake.kernels import njit
 from motionlake.lake.catalog import Connection, fetch, reading
 from motionlake.lake.layout import Lake
+from motionlake.retrieval.known_clips import KnownClips
 from motionlake.retrieval.lake_shortlist import LakeShortlist
 from motionlake.retrieval.protocol import Scope
+from motionlake.retrieval.window_codes import codes_of_files, nearest_of_parts
 from motionlake.retrieval.window_vectors import holding_among
 from motionlake.stages.shortlist_files import CLIPS
 from motionlake.stages.shortlist_windows import WindowNumbers, kind_of
 from numpy.typing import NDArray
 
-SPARE: Final = 30  # clips that are compared exactly beyond those that are asked for
+SPARE: Final = 30  # clips that are compared by codes beyond those that are asked for
+EXACT: Final = 4  # clips that are compared by vectors beyond those
 _THREADS: Final = 2
 
 
@@ -42,8 +46,14 @@ class WindowShortlist:
         self.lake, self._windows = lake, windows
         self._clips = LakeShortlist(lake, [file for file in files if file.endswith(CLIPS)])
         with reading(lake) as con:
-            self._vectors = {row["part"]: row["vectors"] for row in fetch(con, "window_files")}
+            rows = fetch(con, "window_files")
+        self._vectors, self._codes = {row["part"]: row["vectors"] for row in rows}, codes_of_files(rows)
         self._pool = ThreadPoolExecutor(_THREADS, "windows")
+
+    @property
+    def known(self) -> KnownClips:
+        """What the catalog says of the clips."""
+        return self._clips.known
 
     @staticmethod
     def open(lake: Lake, files: Sequence[str]) -> WindowShortlist | None:
@@ -64,10 +74,9 @@ class WindowShortlist:
         apart = self._apart(descriptor) - self._clips.admits(scope.clips)
         count = min(k + SPARE, int(np.isfinite(apart).sum()))
         near = np.argpartition(apart, count - 1)[:count] if count else np.zeros(0, dtype=np.int64)
-        names = self._clips.files.table["clip"]
-        return holding_among(
-            self.lake, con, self._vectors, descriptor, k, without, [names[row].as_py() for row in near.tolist()]
-        )
+        parts = self._clips.parts_of(near)
+        best = nearest_of_parts(self.lake, self._codes, parts, descriptor, k + EXACT, without, self._pool)
+        return holding_among(self.lake, con, self.known, self._vectors, descriptor, k, without, best)
 
     def _apart(self, descriptor: Float32Array) -> Float32Array:
         """[n] squared distance of the nearest window of each clip, by its numbers; infinite for a clip without."""

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Container, Iterator, Mapping, Sequence
 from itertools import pairwise
+from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
@@ -15,26 +16,24 @@ from motionlake.lake.integrity import sound
 from motionlake.lake.layout import Lake
 from motionlake.motion.moves import Track, at_12
 from motionlake.motion.moves_of_clips import moves_of_clips
-from motionlake.motion.skeleton import COMMON
 from motionlake.stages.descriptor_network import sequence_of
+from motionlake.stages.mapped_part import MappedStage, lists_of, read_rows
 from motionlake.stages.part_clips import clips_of_shard, of_clips
 from motionlake.stages.reader import LakeReader
-from motionlake.stages.stage import PART_KEYS, Part, PartStage, Shard, clips_of, part_keys
-from motionlake.stages.words import read_features, read_some_features
+from motionlake.stages.stage import Part, Shard, clips_of
 
 MANY: Final = 20_000  # frames of clips from which their moves are worked out at once
 STEP: Final = 2.0**-14  # body lengths; less than a tenth of a millimetre
-ROWS: Final = pa.schema([*PART_KEYS, *((f"{joint}_{axis}", pa.float32()) for joint in COMMON for axis in "xyz")])
+JOINTS: Final = "joints"  # a column: x, y and z of each
 
 
-class Moves(PartStage):
+class Moves(MappedStage):
     """Joints seen from the body, in body lengths."""
 
     name = "moves"
     about = "joints at 12 frames a second, by whose moves clips are aligned"
     folder = "moves"
-    schema = ROWS
-    version = 2  # without calibration poses
+    version = 3  # parts that are mapped into memory
 
     def spec(self, at: LakeReader, part: Part) -> Mapping[str, Any]:
         return {"clips": clips_of(at.con, part.part)}
@@ -42,8 +41,7 @@ class Moves(PartStage):
     def rows(self, lake: Lake, shard: Shard) -> Iterator[pa.Table]:
         for clip in clips_of_shard(lake, shard, rotations=False):
             joints = _joints(sequence_of(clip))
-            columns = [*part_keys(clip.clip, shard, len(joints)), *frames.columns_of(joints)]
-            yield pa.Table.from_arrays(columns, schema=ROWS)
+            yield pa.table([pa.repeat(clip.clip, len(joints)), lists_of(joints)], names=["clip", JOINTS])
 
 
 MOVES: Final = Moves()
@@ -78,6 +76,10 @@ class Tracks(Mapping[str, Track]):
     def __len__(self) -> int:
         return len(self._joints)
 
+    def joints(self, clip: str) -> Float32Array:
+        """[N, 45] of a clip."""
+        return self._joints[clip]
+
     def moves(self, clips: Sequence[str]) -> list[Float32Array]:
         """[m, 135] of some: of many those of `Track.moves` to rounding, by a kernel that takes a fifth of the time."""
         lengths = [len(self._joints[clip]) for clip in clips]
@@ -88,19 +90,25 @@ class Tracks(Mapping[str, Track]):
         return [moves[start:stop] for start, stop in pairwise(first.tolist())]
 
 
-def read_tracks(at: LakeReader, parts: Mapping[str, str]) -> Tracks:
+def read_tracks(lake: Lake, parts: Mapping[str, str]) -> Tracks:
     """Of some clips, by the frames part of each, those that the stage has made.
 
     Raises:
         DamagedError: a part is not as it was written.
     """
-    made = {MOVES.file(key) for key in at.done(MOVES.name)}
-    files = MOVES.files_of(at.con, parts.values(), ())
-    there = {part: file for part, file in files.items() if file in made}
-    return Tracks(of_clips(at.lake, there, parts, read_some_features))
+    return Tracks(of_clips(lake, MOVES.files_of(lake, parts.values(), ()), parts, _some_joints))
+
+
+def joints_in(lake: Lake, file: str) -> Iterator[tuple[str, Float32Array]]:
+    """Clips of a part with their joints [N, 45]. Raises `DamagedError` where it is not as it was written."""
+    yield from read_rows(sound(lake, file), JOINTS)
 
 
 def tracks_in(lake: Lake, file: str) -> Iterator[tuple[str, Track]]:
-    """Clips of a part with their tracks. Raises `DamagedError` where it is not as it was written."""
-    for clip, joints in read_features(sound(lake, file)):
+    """The same with their tracks."""
+    for clip, joints in joints_in(lake, file):
         yield clip, Track.of(joints)
+
+
+def _some_joints(path: Path, clips: Container[str]) -> dict[str, Float32Array]:
+    return dict(read_rows(path, JOINTS, clips))

@@ -14,7 +14,6 @@ import pyarrow as pa
 from motionlake.columns import numbers, read_parquet
 from motionlake.lake import frames
 from motionlake.lake.catalog import Connection, fetch
-from motionlake.lake.integrity import sound
 from motionlake.lake.layout import Lake
 from motionlake.lake.loaded import loaded
 from motionlake.lake.models import file_hash
@@ -59,7 +58,7 @@ def codes_of_clips(con: Connection, lake: Lake, model: str, clips: Sequence[str]
     """[T] symbols of the postures of clips by a dictionary, parts read once; without clips that are being recoded."""
     dictionary = fetch(con, "model_file", {"model": model})[0]["file"]
     parts = {row["clip"]: row["part"] for row in fetch(con, "parts_of", {"clips": list(clips)})}
-    files = POSTURES.files_of(con, parts.values(), (file_hash(sound(lake, dictionary)),))
+    files = POSTURES.files_of(lake, parts.values(), (loaded(file_hash, lake, dictionary),))
     return of_clips(lake, files, parts, _some_codes)
 
 

@@ -8,11 +8,11 @@ from typing import Final
 import numpy as np
 from motionlake.arrays import Float32Array, Int64Array
 from motionlake.columns import numbers
-from motionlake.lake.integrity import listed_in, sound
+from motionlake.lake.integrity import listed_in
 from motionlake.lake.layout import Lake
 from motionlake.motion.moves import WIDTH
 from motionlake.motion.sketches import Directions, instants, searchable
-from motionlake.stages.moves import MOVES, tracks_in
+from motionlake.stages.moves import MOVES, joints_in, tracks_in
 from motionlake.stages.reader import LakeReader
 from motionlake.stages.shortlist_before import Before, said_of_moves
 from motionlake.stages.shortlist_files import (
@@ -31,7 +31,6 @@ from motionlake.stages.shortlist_files import (
     write_directions,
 )
 from motionlake.stages.stage import Shard
-from motionlake.stages.words import read_features
 
 DIRECTIONS: Final = 24  # of frames of moves, in outlines
 SPREAD: Final = 16  # parts that they are from, at least
@@ -133,7 +132,7 @@ def _moves_in(lake: Lake, file: str, wanted: Container[str]) -> tuple[list[str],
     """The clips of a part that are wanted; their moves [M, D], and where those of each begin [n + 1]."""
     from motionlake.motion.moves_of_clips import moves_of_clips
 
-    known = [(clip, joints) for clip, joints in read_features(sound(lake, file)) if clip in wanted]
+    known = [(clip, joints) for clip, joints in joints_in(lake, file) if clip in wanted]
     starts = np.cumsum([0, *(len(joints) for _, joints in known)], dtype=np.int64)
     if not known:
         return [], np.zeros((0, WIDTH), dtype=np.float32), starts

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any, ClassVar, NamedTuple
 
 import pyarrow as pa
-from motionlake.lake.catalog import Connection, fetch, run_sql
+from motionlake.lake.catalog import Connection, fetch, remembered, run_sql
 from motionlake.lake.config import canonical_json, plain
 from motionlake.lake.integrity import FileSums
 from motionlake.lake.layout import Lake
@@ -278,10 +278,10 @@ class PartStage(ShardStage):
         """The key of what the stage makes, given the key of what it reads, and what `shaping` tells."""
         return self._keys(shaping)[upstream]
 
-    def files_of(self, con: Connection, parts: Iterable[str], shaping: Sequence[Any]) -> dict[str, str]:
+    def files_of(self, lake: Lake, parts: Iterable[str], shaping: Sequence[Any]) -> dict[str, str]:
         """Of some frames parts what a stage that reads these makes of them, whether it is there yet or not."""
-        keys = fetch(con, "keys_of_parts", {"parts": sorted(set(parts))})
-        return {row["part"]: self.file(self.key_of(row["key"], shaping)) for row in keys}
+        keys = remembered(lake, "keys of parts", _keys_of_frames)
+        return {part: self.file(self.key_of(keys[part], shaping)) for part in set(parts) if part in keys}
 
     def _keys(self, shaping: Sequence[Any]) -> _Keys:
         return _keys_of(self.name, self.version, canonical_json([plain(value) for value in shaping]))
@@ -347,3 +347,7 @@ class PartStage(ShardStage):
             files = [str(root / self.entered(r.shard.key)) for r in results]
             parameters = {"parts": [r.shard.part for r in results], "files": files}
             run_sql(con, self.statement, {"model": results[0].shard.spec.get("model"), **parameters})
+
+
+def _keys_of_frames(con: Connection) -> dict[str, str]:
+    return {row["part"]: row["key"] for row in fetch(con, "keys_of_parts")}

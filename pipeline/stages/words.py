@@ -9,33 +9,30 @@ from typing import Any, Final
 
 import numpy as np
 import pyarrow as pa
-from motionlake.columns import matrix_of, read_parquet
-from motionlake.lake import frames
 from motionlake.lake.catalog import Connection
 from motionlake.lake.config import config_hash
 from motionlake.lake.layout import Lake
 from motionlake.lake.parts import write_part
 from motionlake.motion.features import WordConfig, native_ranges, windows, word_features
+from motionlake.stages.mapped_part import MappedStage, lists_of, read_rows
 from motionlake.stages.part_clips import clips_of_shard
 from motionlake.stages.reader import LakeReader
 from motionlake.stages.stage import (
-    PART_KEYS,
     STAGING,
     Part,
-    PartStage,
     Shard,
     clips_of,
     frames_parts,
-    part_keys,
 )
 from numpy.typing import NDArray
 
+FEATURES: Final = "features"  # a column
 WORD_ROWS = pa.schema(
     [("clip", pa.string()), ("word", pa.int32()), ("start", pa.int64()), ("stop", pa.int64()), ("part", pa.string())]
 )
 
 
-class Words(PartStage):
+class Words(MappedStage):
     """Features of frames, and the ranges of words."""
 
     name = "words"
@@ -43,7 +40,7 @@ class Words(PartStage):
     tables = ("words",)
     folder = "features"
     statement = "load_words"
-    version = 2  # without calibration poses
+    version = 3  # parts that are mapped into memory
 
     def shaping(self, at: LakeReader) -> Sequence[Any]:
         return (at.config.words,)
@@ -57,9 +54,7 @@ class Words(PartStage):
         for clip in clips_of_shard(lake, shard, rotations=config.reads_rotations):
             features = word_features(clip.positions.astype(float), clip.rotations.astype(float), clip.fps, config)
             ranges.append(_ranges(clip.clip, shard.part, len(features), clip.fps, len(clip.positions), config))
-            names = [*(name for name, _ in PART_KEYS), *(f"f{i}" for i in range(features.shape[1]))]
-            columns = [*part_keys(clip.clip, shard, len(features)), *frames.columns_of(features)]
-            yield pa.Table.from_arrays(columns, names=names)
+            yield pa.table([pa.repeat(clip.clip, len(features)), lists_of(features)], names=["clip", FEATURES])
         if ranges:
             write_part(lake.path(self.entered(shard.key)), pa.concat_tables(ranges), {})
 
@@ -89,20 +84,9 @@ def _ranges(clip: str, part: str, count: int, fps: float, n_frames: int, config:
 
 def read_features(path: Path) -> Iterator[tuple[str, NDArray[np.float32]]]:
     """(clip, [T, D]) of every clip of a features part, in order."""
-    table = read_parquet(path)
-    matrix = matrix_of(table, _numbers_in(table))
-    for clip, rows in frames.runs_of(table.column("clip")):
-        yield clip, matrix[rows]
+    yield from read_rows(path, FEATURES)
 
 
 def read_some_features(path: Path, clips: Container[str]) -> dict[str, NDArray[np.float32]]:
-    """[T, D] of some clips of a features part, of which several may be read at a time."""
-    table = read_parquet(path, threads=False)
-    return {
-        clip: matrix_of(table.slice(rows.start, rows.stop - rows.start), _numbers_in(table))
-        for clip, rows in frames.runs_of(table.column("clip")) if clip in clips
-    }  # fmt: skip
-
-
-def _numbers_in(table: pa.Table) -> list[str]:
-    return [name for name in table.column_names if name not in {key for key, _ in PART_KEYS}]
+    """[T, D] of some clips of a features part."""
+    return dict(read_rows(path, FEATURES, clips))

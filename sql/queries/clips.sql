@@ -86,7 +86,7 @@ GROUP BY ALL ORDER BY c.dataset, c.part;
 
 -- name: keys_of_parts
 SELECT part, any_value(key) AS key FROM manifest
-WHERE stage IN ('frames', 'synthesize') AND part IN (SELECT unnest($parts::VARCHAR[])) GROUP BY part;
+WHERE stage IN ('frames', 'synthesize') GROUP BY part;
 
 -- name: content
 SELECT clip, content_hash FROM clips ORDER BY clip;

@@ -29,8 +29,9 @@ SELECT part, clip, path, layout FROM clips WHERE part IN (SELECT unnest($parts::
 SELECT part, path, content_hash FROM sources WHERE part IN (SELECT unnest($parts::VARCHAR[])) ORDER BY path;
 
 -- name: count_parts
--- Parquet parts that serve, and their bytes.
-SELECT count(*)::BIGINT AS files, coalesce(sum(size), 0)::BIGINT AS bytes FROM files WHERE file LIKE '%.parquet';
+-- Parts that serve, and their bytes.
+SELECT count(*)::BIGINT AS files, coalesce(sum(size), 0)::BIGINT AS bytes FROM files
+WHERE (file LIKE '%.parquet' OR file LIKE '%.arrow') AND NOT starts_with(file, 'shortlist/');
 
 -- name: merge_shards
 -- A row a stage and part for all that were merged, given as rows of (stage, part) with what came of them.

@@ -54,12 +54,9 @@ LEFT JOIN manifest w ON w.stage = 'windows' AND w.state = 'ok' AND w.part = p.pa
 ORDER BY p.part;
 
 -- name: clips_holding_among
--- As `clips_holding`, of the windows in `rows`.
-SELECT n.distance, n.clip, c.dataset, c.label, c.subject, c.split, c.fps, c.frames, c.format = 'synthetic' AS synthetic
-FROM (
-    SELECT s.clip, min(array_distance(s.descriptor::FLOAT[512], $descriptor::FLOAT[512])) AS distance
-    FROM rows s
-    WHERE NOT coalesce(s.clip = $clip AND s.start < $last AND s.stop > $first, false)
-    GROUP BY s.clip
-) n JOIN clips c ON c.clip = n.clip
-ORDER BY n.distance, n.clip LIMIT $k;
+-- As `clips_holding`, of the windows in `rows`, without what the catalog says of the clips.
+SELECT min(array_distance(descriptor::FLOAT[512], $descriptor::FLOAT[512])) AS distance, clip
+FROM rows
+WHERE NOT coalesce(clip = $clip AND start < $last AND stop > $first, false)
+GROUP BY clip
+ORDER BY distance, clip LIMIT $k;

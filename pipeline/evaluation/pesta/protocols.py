@@ -61,7 +61,7 @@ def evaluate_pesta(
     """
     if unknown := sorted(set(protocols) - set(PROTOCOLS)):
         raise UserError(f"no protocol {', '.join(unknown)}; there are {', '.join(PROTOCOLS)}")
-    check_served(con, lake, "alignment")
+    check_served(lake, "alignment")
     strings, chosen = read_strings(con), options.coded(con)
     measuring = Measuring(con, lake, strings, chosen, options, stride, gaps, progress)
     found = {name: measure(measuring) for name, measure in PROTOCOLS.items() if name in protocols}

@@ -58,7 +58,7 @@ def _signatures(measuring: Measuring, chosen: CodedClips) -> Float32Array | None
     if lacking:
         measuring.options.notice(f"signatures: left out, as {lacking} of {len(chosen.clips)} clips have none")
         return None
-    check_served(measuring.con, measuring.lake, "signature")
+    check_served(measuring.lake, "signature")
     return np.array(chosen.signatures, dtype=np.float32)
 
 
