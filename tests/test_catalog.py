@@ -8,7 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
-from motionlake.lake.catalog import Connection, reading, run_sql, writing
+from motionlake.lake.catalog import Connection, reading, remembered, run_sql, writing
 from motionlake.lake.layout import Lake, open_lake
 from motionlake.retrieval.sql_functions import connect
 
@@ -59,6 +59,28 @@ def test_another_thread_sees_the_catalog_of_now(target: Lake) -> None:
         assert pool.submit(seen).result() == ["a", "b"]
         assert (roots(con), seen()) == (["a"], ["a"])
     assert seen() == ["a", "b"]
+
+
+def test_what_is_remembered_is_of_the_catalog_that_a_thread_reads(target: Lake) -> None:
+    """One that reads an earlier catalog does not have its answers taken for those of now."""
+    asked: list[list[str]] = []
+
+    def find(con: Connection) -> list[str]:
+        asked.append(roots(con))
+        return asked[-1]
+
+    add_root(target, "a")
+    with reading(target):
+        add_root(target, "b")
+        assert remembered(target, "roots", find) == ["a"]
+        assert remembered(target, "roots", find) == ["a"]
+    assert remembered(target, "roots", find) == ["a", "b"]
+    with ThreadPoolExecutor(1) as pool:
+        assert pool.submit(remembered, target, "roots", find).result() == ["a", "b"]
+    assert asked == [["a"], ["a", "b"]]
+    with writing(target) as con:
+        save_root(con, "c")
+    assert remembered(target, "roots", find) == ["a", "b", "c"]
 
 
 def test_a_connection_reads_on_what_it_opened(target: Lake) -> None:
