@@ -21,7 +21,7 @@ from motionlake.lake.lock import locked
 from motionlake.lake.records import keep_records
 from motionlake.lake.run_progress import SharedProgress
 from motionlake.lake.settings import changed_settings, keep_settings
-from motionlake.lake.working import deferred, serve, version
+from motionlake.lake.working import Version, deferred, serve, version
 from motionlake.stages.reader import LakeReader, lake_reader
 from motionlake.stages.stage import Shard, ShardResult, ShardStage
 
@@ -59,7 +59,7 @@ class Session:
     started: datetime = field(default_factory=datetime.now)
     _stack: ExitStack = field(default_factory=ExitStack)
     _client: Client | None = None
-    _version: tuple[int, int] | None = None
+    _version: Version | None = None
     _found: dict[tuple[str, str], Any] = field(default_factory=dict)
 
     @contextmanager

@@ -10,6 +10,7 @@ from typing import Any, cast
 
 import duckdb
 import numpy as np
+import pyarrow as pa
 import pytest
 from motionlake.arrays import Float64Array
 from motionlake.errors import UserError
@@ -20,6 +21,7 @@ from motionlake.retrieval.hits import Hit, nearer_of_both
 from motionlake.retrieval.protocol import Finds, LakeSearcher, Query, Scope
 from motionlake.retrieval.registry import SEARCHERS, methods, ready, searcher
 from motionlake.retrieval.weighing import WEIGHTS
+from motionlake.stages.mapped_part import MappedPart, write_mapped
 
 from tests.lakes import Changed, list_anew, motionlake, query, tables
 
@@ -52,9 +54,12 @@ def two_sets(tmp_path_factory: pytest.TempPathFactory, built_lake: Path) -> Lake
         con.execute(f"CREATE OR REPLACE MACRO quality_verdict(name) AS {VERDICT}")
     lake = open_lake(root)
     # Those of words place the answers of "submotion", those of postures the answers of "alignment".
-    kinds = ("features", "embeddings", "moves", "postures", "submotions")
-    for part in sorted(part for kind in kinds for part in root.glob(f"{kind}/**/*.parquet")):
-        _copy_clips(part)
+    for kind in ("embeddings", "postures", "submotions"):
+        for part in sorted(root.glob(f"{kind}/**/*.parquet")):
+            _copy_clips(part)
+    for kind in ("features", "moves"):
+        for part in sorted(root.glob(f"{kind}/*.arrow")):
+            _copy_mapped(part)
     for part in sorted(root.glob("frames/**/*.parquet")):
         target = root / "frames" / f"dataset={OTHER}" / part.name
         target.parent.mkdir(exist_ok=True)
@@ -72,6 +77,19 @@ def _copy_clips(part: Path) -> None:
             f"INSERT INTO rows SELECT * REPLACE ('{OTHER}' || substr(clip, strpos(clip, '/')) AS clip) FROM rows"
         )
         con.execute(f"COPY (FROM rows ORDER BY clip, rowid) TO '{part}' (FORMAT parquet)")
+
+
+def _copy_mapped(path: Path) -> None:
+    """The same of a part that is mapped."""
+    part = MappedPart.open(path)
+    rows = {clip: part.of(clip) for clip in part.runs}
+    twins = {twin(clip): _named(table, twin(clip)) for clip, table in rows.items()}
+    both = {clip: _named(table, clip) for clip, table in rows.items()} | twins
+    write_mapped(path, pa.concat_tables(both[clip] for clip in sorted(both)), "key")
+
+
+def _named(rows: pa.Table, clip: str) -> pa.Table:
+    return rows.set_column(0, "clip", pa.repeat(clip, rows.num_rows))
 
 
 def twin(clip: str) -> str:

@@ -60,7 +60,9 @@ def test_codes_are_the_vectors_rounded(coded_lake: Path) -> None:
 def test_codes_choose_the_clips_whose_windows_are_near(coded_lake: Path) -> None:
     """Among some clips, without windows that overlap the query's own; clips without codes are not left out."""
     lake = open_lake(coded_lake)
-    windows = query(coded_lake, "SELECT clip, start, stop, descriptor, c.part FROM submotions JOIN clips c USING (clip)")
+    windows = query(
+        coded_lake, "SELECT clip, start, stop, descriptor, c.part FROM submotions JOIN clips c USING (clip)"
+    )
     parts = {clip: part for clip, *_, part in windows}
     with reading(lake) as con:
         files = codes_of_files(fetch(con, "window_files"))

@@ -23,7 +23,7 @@ from motionlake.lake.host import attached, elsewhere, room, seen_by_thread
 from motionlake.lake.layout import Lake
 from motionlake.lake.lock import share, unread
 from motionlake.lake.parts import replacing
-from motionlake.lake.working import deferred, version, working_copy
+from motionlake.lake.working import Version, deferred, version, working_copy
 from motionlake.stopping import held
 
 if TYPE_CHECKING:
@@ -186,7 +186,7 @@ def remember(lake: Lake, what: str, found: object) -> None:
     _remembered[lake.root, what] = version(lake), found
 
 
-_remembered: Final[dict[tuple[Path, str], tuple[tuple[int, int], Any]]] = {}
+_remembered: Final[dict[tuple[Path, str], tuple[Version, Any]]] = {}
 
 
 def connect_read_only(lake: Lake) -> Connection:
@@ -259,7 +259,7 @@ def writing(lake: Lake) -> Iterator[Connection]:
     _written[lake.catalog] = version(lake)
 
 
-_written: Final[dict[Path, tuple[int, int]]] = {}  # catalogs that have their macros from this process
+_written: Final[dict[Path, Version]] = {}  # catalogs that have their macros from this process
 
 
 @contextmanager

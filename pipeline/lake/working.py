@@ -17,7 +17,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, TypeAlias
 
 from motionlake.lake.catalog_file import announce_catalog, catalog_written, check_catalog
 from motionlake.lake.host import attached, room, seen_by_thread
@@ -28,6 +28,7 @@ from motionlake.stopping import held
 if TYPE_CHECKING:
     import duckdb
 
+Version: TypeAlias = tuple[int | str, int]  # of a catalog; no other has the same
 RATIO: Final = 20.0  # seconds between two times at which a catalog is served, by those that it takes
 SPEED: Final = 200e6  # bytes a second at which a catalog is taken to be served before that was measured
 
@@ -167,12 +168,12 @@ def working_copy(lake: Lake) -> Path | None:
     return work.path if work is not None and work.changes else None
 
 
-def version(lake: Lake) -> tuple[int, int]:
+def version(lake: Lake) -> Version:
     """What tells the catalog that this thread reads now from those before it."""
     path = working_copy(lake)
     if path is None:
         return seen_by_thread(lake.catalog) or lake.served()
-    return path.stat().st_ino, _working[os.getpid(), lake.root].all_changes
+    return path.name, _working[os.getpid(), lake.root].all_changes
 
 
 _working: Final[dict[tuple[int, Path], Working]] = {}  # by process, since one that was forked has none

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from motionlake.arrays import Float32Array, Float64Array
@@ -169,7 +169,7 @@ def query_motion(lake: Lake, query: Query, *, mirrored: bool = False, rotations:
         stored = from_table(query.name, to_table(frames, "", steps.position_step, steps.rotation_step))
     else:
         with reading(lake) as con:
-            row = fetch(con, "clip", {"clip": resolve_clip(con, query.clip)})[0]
+            row = _row_of(con, query.clip)
         stored = read_clip(sound(lake, lake.frames_part(row["dataset"], row["part"])), row["clip"], rotations=rotations)
     stored = stored.recorded()
     positions, turned, fps = stored.positions.astype(np.float64), stored.rotations.astype(np.float64), stored.fps
@@ -177,6 +177,12 @@ def query_motion(lake: Lake, query: Query, *, mirrored: bool = False, rotations:
         positions = np.asarray(mirrored_positions(positions), dtype=np.float64)
         turned = np.asarray(mirrored_rotations(turned), dtype=np.float64) if turned.shape[1] else turned
     return QueryMotion(positions, turned, fps, frame_range(query.name, query.start, query.stop, len(positions)))
+
+
+def _row_of(con: Connection, clip: str) -> dict[str, Any]:
+    """What the catalog says of a clip, which is mostly named in full. Raises `UserError` as `resolve_clip`."""
+    rows = fetch(con, "clip", {"clip": clip}) or fetch(con, "clip", {"clip": resolve_clip(con, clip)})
+    return rows[0]
 
 
 @dataclass(frozen=True)
@@ -207,7 +213,7 @@ def asked_words(con: Connection, lake: Lake, query: Query, *, least: int = 1) ->
         starts, stops, frames, fps = file.ranges[:, 0], file.ranges[:, 1], file.frames, file.fps
         features = file.features
     else:
-        row = fetch(con, "clip", {"clip": resolve_clip(con, query.clip)})[0]
+        row = _row_of(con, query.clip)
         frames, fps = row["frames"], row["fps"]
         known = fetch(con, "clip_motifs", {"clip": query.clip})
         if not known:

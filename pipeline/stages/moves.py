@@ -12,6 +12,7 @@ import pyarrow as pa
 from motionlake.arrays import Float32Array, Float64Array
 from motionlake.deephums.sequence import clip_sequence
 from motionlake.lake import frames
+from motionlake.lake.catalog import Connection, fetch, remembered
 from motionlake.lake.integrity import sound
 from motionlake.lake.layout import Lake
 from motionlake.motion.moves import Track, at_12
@@ -96,7 +97,9 @@ def read_tracks(lake: Lake, parts: Mapping[str, str]) -> Tracks:
     Raises:
         DamagedError: a part is not as it was written.
     """
-    return Tracks(of_clips(lake, MOVES.files_of(lake, parts.values(), ()), parts, _some_joints))
+    made = remembered(lake, "moves made", _made)
+    files = {part: file for part, file in MOVES.files_of(lake, parts.values(), ()).items() if file in made}
+    return Tracks(of_clips(lake, files, parts, _some_joints))
 
 
 def joints_in(lake: Lake, file: str) -> Iterator[tuple[str, Float32Array]]:
@@ -108,6 +111,10 @@ def tracks_in(lake: Lake, file: str) -> Iterator[tuple[str, Track]]:
     """The same with their tracks."""
     for clip, joints in joints_in(lake, file):
         yield clip, Track.of(joints)
+
+
+def _made(con: Connection) -> set[str]:
+    return {MOVES.file(row["key"]) for row in fetch(con, "done_keys", {"stage": MOVES.name})}
 
 
 def _some_joints(path: Path, clips: Container[str]) -> dict[str, Float32Array]:
