@@ -97,13 +97,14 @@ def _in_order(types: dict[str, str]) -> list[str]:
 
 
 def _parts(lake: Path, clean: Clean, soft: bool) -> dict[str, Any]:
-    """Every Parquet part, named by its folder and its place there by clip: file names are hashes of other things."""
+    """Every part, named by its folder and its place there by clip: file names are hashes of other things."""
     found: dict[str, Any] = {}
     folders: dict[str, list[tuple[str, str, Any]]] = {}
-    for path in sorted(lake.rglob("*.parquet")):
+    for path in sorted(path for path in lake.rglob("*") if path.suffix in (".parquet", ".arrow")):
         folder = path.parent.relative_to(lake).as_posix()
-        if folder.partition("/")[0] != "models":
-            rows = pq.read_table(path, partitioning=None)
+        if folder.partition("/")[0] not in ("models", "shortlist"):
+            mapped = path.suffix == ".arrow"
+            rows = pa.ipc.open_file(path).read_all() if mapped else pq.read_table(path, partitioning=None)
             first = str(rows["clip"][0]) if "clip" in rows.column_names and rows.num_rows else ""
             folders.setdefault(folder, []).append((first, path.name, rows))
     for folder, parts in folders.items():
