@@ -1,6 +1,6 @@
 """Parts that a search maps into memory: Arrow files of one batch, of which a few clips are read without all others.
 
-To open one takes a twentieth of the time of a Parquet part, and some search opens sixty for each query.
+To open one takes much less time than a Parquet part, and some search opens sixty for each query.
 """
 
 from __future__ import annotations
