@@ -26,7 +26,7 @@ from motionlake.stages.shortlist_windows import WindowNumbers, kind_of
 from numpy.typing import NDArray
 
 SPARE: Final = 30  # clips that are compared by codes beyond those that are asked for
-EXACT: Final = 4  # clips that are compared by vectors beyond those
+EXACT: Final = 10  # clips that are compared by vectors beyond those
 _THREADS: Final = 2
 
 
