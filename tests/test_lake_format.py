@@ -6,6 +6,7 @@ import json
 import re
 from pathlib import Path
 
+import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 from motionlake.lake import frames
@@ -73,12 +74,13 @@ def test_the_page_has_every_folder(built_lake: Path) -> None:
     assert named >= {path.name for path in built_lake.iterdir() if path.is_dir()}
 
 
-@pytest.mark.parametrize("folder", ["features", "embeddings", "assigned", "postures"])
+@pytest.mark.parametrize("folder", ["features", "moves", "embeddings", "assigned", "postures"])
 def test_columns_of_parts_are_as_the_page_says(built_lake: Path, folder: str) -> None:
     row = next(line for line in section("## Files").splitlines() if line.startswith(f"| `{folder}/"))
-    named = [name for name in re.findall(r"`(\w+)`", row) if name != folder]
-    part = next(built_lake.glob(f"{folder}/*.parquet"))
-    assert pq.read_schema(part).names[: len(named)] == named
+    named = re.findall(r"`(\w+)`", row)
+    part = next(path for path in built_lake.glob(f"{folder}/*") if path.suffix in (".parquet", ".arrow"))
+    schema = pa.ipc.open_file(part).schema if part.suffix == ".arrow" else pq.read_schema(part)
+    assert schema.names[: len(named)] == named
 
 
 def test_the_page_has_the_present_versions_and_the_footer(built_lake: Path) -> None:
