@@ -232,7 +232,7 @@ def measure(seconds: float, writers: int, readers: int, seed: int, clips: int) -
             tally.error(words, last.err)
         held = check(lake, writing, base, tally)
         kept = {row[0] for row in query(lake, "SELECT unnest(files) FROM manifest UNION SELECT file FROM models")}
-        left = [p for f in ("frames", "raw", "features") for p in (lake / f).rglob("*.parquet")]
+        left = [p for f in ("frames", "raw", "features") for p in (lake / f).rglob("*.[pa]*")]
         if stray := [p.name for p in left if p.relative_to(lake).as_posix() not in kept]:
             tally.error(["the lake"], f"keeps {len(stray)} parts that no catalog names")
     return {

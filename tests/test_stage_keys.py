@@ -412,7 +412,7 @@ def test_a_part_of_no_clips_is_refused(made: Made) -> None:
         (shard,) = WORDS.plan(at)
     with pytest.raises(ValueError, match="holds no clip"):
         WORDS.run(made.lake, replace(shard, spec={**shard.spec, "clips": []}))
-    assert not (made.lake / "features" / f"{shard.key[:16]}.parquet").exists()
+    assert not (made.lake / WORDS.file(shard.key)).exists()
 
 
 def test_word_networks_made_before_an_option_was_added_keep_their_key(made: Made) -> None:
