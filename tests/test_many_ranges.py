@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from unittest import mock
 
 import numpy as np
@@ -129,6 +130,21 @@ def test_clips_near_a_query_hold_the_nearest() -> None:
         hits.append(best.clip in chosen)
     assert np.mean(hits) > 0.9
     assert lake.clips_near(query(0, 6, K), 100, admitted).tolist() == np.flatnonzero(admitted).tolist()
+
+
+@settings(max_examples=30, deadline=None)
+@given(seed=st.integers(0, 99), count=st.integers(1, 50), twins=st.integers(1, 4))
+def test_clips_near_a_query_are_those_of_the_least_bounds(seed: int, count: int, twins: int) -> None:
+    """Of clips with equal bounds, of which there are many where clips have twins, the first."""
+    corpus = made_corpus(seed, [12] * 10)
+    motifs = np.concatenate([corpus.motifs] * twins).astype(np.uint16)
+    offsets = np.arange(10 * twins + 1) * 12
+    alone = words_of(corpus)
+    lake = replace(alone, words=WordMotifs(motifs, offsets))
+    asked, admitted = query(seed, 6, K), np.random.default_rng(seed).random(10 * twins) < 0.8
+    bounds = np.min([side.of_clips(lake.words) for side in lake._sides(asked)], axis=0)
+    first = [row for row in np.argsort(bounds, kind="stable").tolist() if admitted[row]][:count]
+    assert lake.clips_near(asked, count, admitted).tolist() == sorted(first)
 
 
 @settings(max_examples=40, deadline=None)
