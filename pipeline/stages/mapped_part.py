@@ -17,7 +17,6 @@ from motionlake.columns import column_of, numbers
 from motionlake.lake.layout import Lake
 from motionlake.lake.merging import Order
 from motionlake.lake.parts import replacing
-from motionlake.stages.part_clips import MAPPED
 from motionlake.stages.stage import PartStage, Shard, ShardResult
 from numpy.typing import NDArray
 
@@ -28,7 +27,7 @@ class MappedStage(PartStage):
     """A stage whose parts are mapped; the first column is "clip", which `rows` may spell as strings."""
 
     def file(self, key: str) -> str:
-        return f"{self.folder}/{key[:16]}{MAPPED}"
+        return f"{self.folder}/{key[:16]}.arrow"
 
     def run(self, root: Path, shard: Shard, /) -> ShardResult:
         started = time.perf_counter()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Container, Hashable, Iterator, Mapping
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from contextvars import ContextVar
 from pathlib import Path
@@ -15,8 +14,6 @@ from motionlake.lake.layout import Lake
 from motionlake.stages.stage import Shard
 
 T = TypeVar("T")
-MAPPED: Final = ".arrow"  # how the names of parts end that are mapped into memory
-READERS: Final = 2  # that read parts side by side
 # What stages that run together have read or worked out of their part; None where a stage runs alone.
 _shared: Final[ContextVar[dict[Hashable, Any] | None]] = ContextVar("_shared", default=None)
 
@@ -45,7 +42,7 @@ def shared(key: Hashable, make: Callable[[], T]) -> T:
 def of_clips(
     lake: Lake, files: Mapping[str, str], clips: Mapping[str, str], read: Callable[[Path, Container[str]], dict[str, T]]
 ) -> dict[str, T]:
-    """What a stage has made of some clips; parts that are not mapped are read side by side.
+    """What a stage has made of some clips, each part read once.
 
     Args:
         lake: the lake.
@@ -62,10 +59,8 @@ def of_clips(
             wanted.setdefault(files[part], set()).add(clip)
     names = sorted(wanted)
     paths, clips_of = sound_files(lake, names), [wanted[name] for name in names]
-    if all(path.suffix == MAPPED for path in paths):  # of which little is read: threads would wait for one another
-        return {clip: made for part in map(read, paths, clips_of) for clip, made in part.items()}
-    with ThreadPoolExecutor(READERS) as pool:
-        return {clip: made for part in pool.map(read, paths, clips_of) for clip, made in part.items()}
+    # One after another: so little is read of each that threads would wait for one another.
+    return {clip: made for part in map(read, paths, clips_of) for clip, made in part.items()}
 
 
 def stored_clips(lake: Lake, shard: Shard, *, rotations: bool = True) -> Iterator[frames.Frames]:
