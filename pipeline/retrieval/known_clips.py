@@ -35,18 +35,13 @@ class KnownClips:
         found = self.table.select(["clip", "part"]).take(column_of(entries))
         return dict(zip(found["clip"].to_pylist(), found["part"].to_pylist(), strict=True))
 
-    def entry(self, clip: str) -> int | None:
-        """The row of a clip; None where there is no such clip."""
-        names = self.table["clip"]
-        at = bisect_left(range(len(names)), clip, key=lambda row: names[row].as_py())
-        return at if at < len(names) and names[at].as_py() == clip else None
+    def entries(self, clips: Iterable[str]) -> Int64Array:
+        """The rows of some clips, without those that there are not."""
+        found = (row_of(self.table["clip"], clip) for clip in clips)
+        return np.array([entry for entry in found if entry is not None], dtype=np.int64)
 
-    def some_facts(self, clips: Iterable[str]) -> dict[str, CorpusClip]:
-        """What is said of some clips, without those that there are not."""
-        entries = ((clip, self.entry(clip)) for clip in clips)
-        return {clip: self.facts(entry) for clip, entry in entries if entry is not None}
 
-    def some_parts(self, clips: Iterable[str]) -> dict[str, str]:
-        """The frames parts of some clips, without those that there are not."""
-        entries = [entry for clip in clips if (entry := self.entry(clip)) is not None]
-        return self.parts_of(np.array(entries, dtype=np.int64))
+def row_of(names: pa.ChunkedArray, clip: str) -> int | None:
+    """Where a clip is among names in order, all different; None where it is not."""
+    at = bisect_left(range(len(names)), clip, key=lambda row: names[row].as_py())
+    return at if at < len(names) and names[at].as_py() == clip else None

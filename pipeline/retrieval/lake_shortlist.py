@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from bisect import bisect_left
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import cached_property
@@ -16,7 +15,7 @@ from motionlake.lake.catalog import fetch, fetch_table, reading
 from motionlake.lake.layout import Lake
 from motionlake.lake.models import check_served
 from motionlake.motion.moves import KIND
-from motionlake.retrieval.known_clips import KnownClips
+from motionlake.retrieval.known_clips import KnownClips, row_of
 from motionlake.retrieval.protocol import ClipFilter, not_ready
 from motionlake.stages.shortlist_files import MOST, ShortlistFiles
 
@@ -69,10 +68,8 @@ class LakeShortlist:
 
     def place(self, clip: str) -> int | None:
         """The row of a clip; None where `row` raises."""
-        names = self.files.table["clip"]
-        row = bisect_left(range(len(names)), clip, key=lambda at: names[at].as_py())
-        known = row < len(names) and names[row].as_py() == clip and self.entries[row] >= 0
-        return row if known else None
+        row = row_of(self.files.table["clip"], clip)
+        return row if row is not None and self.entries[row] >= 0 else None
 
     def admits(self, kept: ClipFilter) -> Float32Array:
         """[n] 0 for the clips that may be answers, minus infinity for all others."""

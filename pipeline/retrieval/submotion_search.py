@@ -100,7 +100,8 @@ class SubmotionSearcher(LakeSearcher):
         with reading(self.lake) as con:
             rows = self.holding(con, descriptor, k, scope, without)
             clips = [row["clip"] for row in rows]
-            parts = None if self._scan is None else self._scan.known.some_parts(clips)
+            known = None if self._scan is None else self._scan.known
+            parts = None if known is None else known.parts_of(known.entries(clips))
             features = features_of_clips(con, self.lake, self._words, clips, parts)
         hits = []
         for row, held in zip(rows, features, strict=True):

@@ -51,7 +51,7 @@ def holding_among(
         return []
     asked = {"descriptor": descriptor.tolist(), "k": k, **without}
     found = {clip: distance for distance, clip in rows_of(con, "clips_holding_among", pa.concat_tables(windows), asked)}
-    return [{"distance": found[clip], **asdict(facts)} for clip, facts in known.some_facts(found).items()]
+    return [{"distance": found[facts.clip], **asdict(facts)} for facts in known.facts_of(known.entries(found))]
 
 
 def _windows(path: Path, clips: Collection[str]) -> pa.Table:

@@ -49,10 +49,6 @@ SELECT clip, dataset, path FROM clips ORDER BY clip;
 SELECT clip, dataset, label, subject, split, fps, frames, format = 'synthetic' AS synthetic, part FROM clips
 ORDER BY clip;
 
--- name: some_clips_with_parts
-SELECT clip, dataset, label, subject, split, fps, frames, format = 'synthetic' AS synthetic, part FROM clips
-WHERE clip IN (SELECT unnest($clips::VARCHAR[])) ORDER BY clip;
-
 -- name: clips_admitted
 SELECT clip FROM clips
 WHERE ($dataset::VARCHAR IS NULL OR dataset = $dataset) AND ($split::VARCHAR IS NULL OR split = $split)
