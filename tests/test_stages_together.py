@@ -40,7 +40,7 @@ def undone(lake: Path) -> Path:
         con.execute("DELETE FROM manifest WHERE stage IN $stages", {"stages": list(READERS)})
         con.execute("DELETE FROM files WHERE split_part(file, '/', 1) IN $folders", {"folders": list(FOLDERS)})
     for folder in FOLDERS:
-        for path in (lake / folder).glob("*.parquet"):
+        for path in (lake / folder).iterdir():
             path.unlink()
     return lake
 

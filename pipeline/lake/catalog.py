@@ -165,6 +165,8 @@ def reading(lake: Lake) -> Iterator[Connection]:
 def remembered(lake: Lake, what: str, find: Callable[[Connection], Found]) -> Found:
     """What a catalog tells, asked of it once: a process that answers many remembers it until there is a newer one.
 
+    Who gets it does not change it.
+
     Args:
         lake: whose catalog it is.
         what: a name of it.
