@@ -183,7 +183,8 @@ def test_pieces_in_the_clips_that_words_find_near(large: Path, method: str, monk
         assert ours == exact
     monkeypatch.setitem(narrowed.CLIPS, method, 3)
     ours, _ = by_words(large, method, asked, Scope(own=True), 3)
-    assert ours[0].clip == clip
+    nearest = {hit.clip for hit in ours if hit.distance == ours[0].distance}
+    assert clip in nearest, "beside others where made clips have the same symbols"
     assert len({hit.clip for hit in ours}) <= 4
     with few():
         by = searcher("range", method, open_lake(large))

@@ -143,7 +143,8 @@ def test_clips_that_stay_are_taken_over(
     with few():
         ours, exact = (find(root, came, 0, frames, "--own", *words) for words in ([], ["--exact"]))
     assert ours.json == exact.json
-    assert ours.json[0]["clip"] == came
+    nearest = {row["clip"] for row in ours.json if row["distance"] == ours.json[0]["distance"]}
+    assert came in nearest, "beside its twin, where the lake is of made clips too"
 
 
 def test_windows_of_another_encoder_are_not_read(large: Path, tmp_path: Path, scheduler: str) -> None:
